@@ -1,0 +1,35 @@
+//! Pictures through an acoustic modem.
+//!
+//! A vehicle and its topside hold the same trained 3D Gaussian Splatting scene, the [`Prior`]. For
+//! each camera frame the [`Encoder`] finds the [`Pose`] at which the prior looks most like the
+//! frame, and packs that pose with a coded difference picture; the [`Decoder`] renders the prior at
+//! the pose and adds the difference. Everything that touches pixels runs as Vulkan compute.
+//!
+//! ```no_run
+//! # fn main() -> Result<(), nvsprior::Error> {
+//! # let (camera, frame, start) = todo!();
+//! use nvsprior::{Decoder, Encoder, EncoderOptions, Engine, Prior};
+//!
+//! let engine = Engine::new(&Default::default())?;
+//! let prior = Prior::open("prior.ply".as_ref(), &Default::default())?;
+//! let mut encoder = Encoder::new(&engine, &prior, &camera, EncoderOptions::default())?;
+//! let encoded = encoder.encode(&frame, Some(start))?;
+//!
+//! let mut decoder = Decoder::new(&engine, &prior)?;
+//! let decoded = decoder.decode(&encoded.packet)?;
+//! assert_eq!(decoded.picture, encoded.picture);
+//! # Ok(()) }
+//! ```
+//!
+//! The layers, each knowing only those to its right: encoder/decoder → [`refine`], [`residual`],
+//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of every GPU stage.
+
+pub mod camera;
+pub mod picture;
+pub mod pose;
+pub mod prior;
+
+pub use camera::Camera;
+pub use picture::Picture;
+pub use pose::Pose;
+pub use prior::RenderOptions;

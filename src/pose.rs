@@ -1,0 +1,156 @@
+//! Camera poses: world-to-camera rigid motions.
+
+use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// A world-to-camera rigid motion, `X_c = R X_w + t`. Lengths in the prior's own unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Unit quaternion of `R`.
+    pub rotation: DQuat,
+    /// `t`, in camera axes.
+    pub translation: DVec3,
+}
+
+/// A pose step `τ = (ρ, θ)`: translation then rotation vector (radians), applied from the left.
+pub type Step = [f64; 6];
+
+impl Pose {
+    /// The pose whose camera stands at the world's origin and looks along +z.
+    pub const IDENTITY: Pose = Pose { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+
+    /// From `q = (w, x, y, z)` of any length but zero, and `t`. `None` where that is no pose.
+    pub fn from_wxyz(q: [f64; 4], t: [f64; 3]) -> Option<Pose> {
+        let rotation = DQuat::from_xyzw(q[1], q[2], q[3], q[0]);
+        let length = rotation.length();
+        let finite = length.is_finite() && t.iter().all(|v| v.is_finite());
+        (finite && length > 1e-6)
+            .then(|| Pose { rotation: rotation * (1.0 / length), translation: DVec3::from(t) })
+    }
+
+    /// The quaternion as (w, x, y, z).
+    pub fn wxyz(&self) -> [f64; 4] {
+        let q = self.rotation;
+        [q.w, q.x, q.y, q.z]
+    }
+
+    /// Whether every component is a finite number.
+    pub fn is_finite(&self) -> bool {
+        self.rotation.is_finite() && self.translation.is_finite()
+    }
+
+    /// `R` as a matrix.
+    pub fn matrix(&self) -> DMat3 {
+        DMat3::from_quat(self.rotation)
+    }
+
+    /// The camera's position in the world, `−Rᵀ t`.
+    pub fn centre(&self) -> DVec3 {
+        self.rotation.conjugate() * -self.translation
+    }
+
+    /// The pose with rotation `R` whose camera stands at `centre`.
+    pub fn from_centre(rotation: DQuat, centre: DVec3) -> Pose {
+        Pose { rotation, translation: rotation * -centre }
+    }
+
+    /// `Exp(τ) ∘ self`, the left perturbation `dp_c = ρ + θ × p_c`.
+    pub fn stepped(&self, tau: &Step) -> Pose {
+        Pose::exp(tau).after(self)
+    }
+
+    /// `self ∘ first`: apply `first`, then `self`.
+    pub fn after(&self, first: &Pose) -> Pose {
+        Pose {
+            rotation: (self.rotation * first.rotation).normalize(),
+            translation: self.rotation * first.translation + self.translation,
+        }
+    }
+
+    /// The inverse motion.
+    pub fn inverse(&self) -> Pose {
+        let rotation = self.rotation.conjugate();
+        Pose { rotation, translation: rotation * -self.translation }
+    }
+
+    /// The exponential map of SE(3) (Barfoot, State Estimation for Robotics, eq. 8.30–8.33).
+    pub fn exp(tau: &Step) -> Pose {
+        let rho = DVec3::new(tau[0], tau[1], tau[2]);
+        let theta = DVec3::new(tau[3], tau[4], tau[5]);
+        let angle2 = theta.length_squared();
+        let angle = angle2.sqrt();
+        // (1 − cos a)/a² and (a − sin a)/a³, by series where the quotients lose digits.
+        let (b, c) = if angle < 1e-4 {
+            (0.5 - angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0)
+        } else {
+            ((1.0 - angle.cos()) / angle2, (angle - angle.sin()) / (angle2 * angle))
+        };
+        let cross = theta.cross(rho);
+        Pose {
+            rotation: DQuat::from_scaled_axis(theta),
+            translation: rho + b * cross + c * theta.cross(cross),
+        }
+    }
+
+    /// The pose that constant velocity predicts after `before`, `self`: the last relative motion
+    /// once more.
+    pub fn predicted(&self, before: &Pose) -> Pose {
+        self.after(&before.inverse()).after(self)
+    }
+
+    /// Angle between the two rotations, radians.
+    pub fn angle_to(&self, other: &Pose) -> f64 {
+        let relative = self.rotation * other.rotation.conjugate();
+        2.0 * relative.xyz().length().atan2(relative.w.abs())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(a: &Pose, b: &Pose) -> bool {
+        a.angle_to(b) < 1e-12 && (a.translation - b.translation).length() < 1e-12
+    }
+
+    #[test]
+    fn exp_is_a_one_parameter_group() {
+        let tau = [0.3, -0.2, 0.5, 0.7, -1.1, 0.4];
+        let half = tau.map(|v| v / 2.0);
+        let twice = Pose::exp(&half).after(&Pose::exp(&half));
+        assert!(close(&twice, &Pose::exp(&tau)));
+        assert!(close(&Pose::exp(&tau).after(&Pose::exp(&tau.map(|v| -v))), &Pose::IDENTITY));
+    }
+
+    #[test]
+    fn small_steps_move_points_as_the_convention_says() {
+        let tau = [1e-7, 2e-7, -1e-7, 3e-7, -2e-7, 1e-7];
+        let pose = Pose::from_wxyz([0.9, 0.1, -0.3, 0.2], [1.0, 2.0, 3.0]).unwrap();
+        let p = pose.rotation * DVec3::new(0.4, -0.7, 2.0) + pose.translation;
+        let stepped = pose.stepped(&tau);
+        let moved = stepped.rotation * DVec3::new(0.4, -0.7, 2.0) + stepped.translation;
+        let expected = DVec3::new(1e-7, 2e-7, -1e-7) + DVec3::new(3e-7, -2e-7, 1e-7).cross(p);
+        assert!((moved - p - expected).length() < 1e-12);
+    }
+
+    #[test]
+    fn centre_round_trips() {
+        let pose = Pose::from_wxyz([0.9, 0.1, -0.3, 0.2], [1.0, 2.0, 3.0]).unwrap();
+        assert!(close(&Pose::from_centre(pose.rotation, pose.centre()), &pose));
+    }
+
+    #[test]
+    fn prediction_repeats_the_last_motion() {
+        let before = Pose::from_wxyz([0.9, 0.1, -0.3, 0.2], [1.0, 2.0, 3.0]).unwrap();
+        let tau = [0.1, 0.0, -0.2, 0.02, 0.01, -0.03];
+        let now = before.stepped(&tau);
+        assert!(close(&now.predicted(&before), &now.stepped(&tau)));
+    }
+
+    #[test]
+    fn refuses_what_is_no_pose() {
+        assert!(Pose::from_wxyz([0.0; 4], [0.0; 3]).is_none());
+        assert!(Pose::from_wxyz([f64::NAN, 0.0, 0.0, 1.0], [0.0; 3]).is_none());
+        assert!(Pose::from_wxyz([1.0, 0.0, 0.0, 0.0], [f64::INFINITY, 0.0, 0.0]).is_none());
+    }
+}
