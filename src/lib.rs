@@ -33,3 +33,4 @@ pub use camera::Camera;
 pub use picture::Picture;
 pub use pose::Pose;
 pub use prior::RenderOptions;
+pub mod vulkan;
