@@ -32,4 +32,4 @@ pub mod prior;
 pub use camera::Camera;
 pub use picture::Picture;
 pub use pose::Pose;
-pub use prior::RenderOptions;
+pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
