@@ -22,7 +22,8 @@
 //! ```
 //!
 //! The layers, each knowing only those to its right: encoder/decoder → [`refine`], [`residual`],
-//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of every GPU stage.
+//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of every
+//! GPU stage.
 
 pub mod camera;
 pub mod picture;

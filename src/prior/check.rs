@@ -8,6 +8,10 @@ use super::Splats;
 /// room for the products of a covariance.
 pub const MAX_LOG_SCALE: f32 = 40.0;
 
+/// What an infinite opacity logit becomes, its sign kept. Converters of quantised scenes write an
+/// opacity of exactly 1 as an infinite logit; at 20 the opacity is 1 to the last bit of an f32.
+pub const INFINITE_LOGIT: f32 = 20.0;
+
 /// Shortest quaternion that still names a rotation.
 const MIN_QUATERNION: f64 = 1e-6;
 
@@ -50,6 +54,12 @@ pub struct Dropped {
 /// Length of a quaternion, in f64: no finite f32 overflows it.
 pub(super) fn quaternion_length(q: [f32; 4]) -> f64 {
     q.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Replaces infinite opacity logits by ±[`INFINITE_LOGIT`]; says how many there were.
+pub(super) fn clamp_logits(splats: &mut Splats) -> usize {
+    let infinite = splats.opacity_logits.iter_mut().filter(|logit| logit.is_infinite());
+    infinite.map(|logit| *logit = INFINITE_LOGIT.copysign(*logit)).count()
 }
 
 /// Drops unsound splats from `splats`, whose arrays agree; says which, ordered by first index.
@@ -116,7 +126,7 @@ mod tests {
     fn drops_and_counts_each_kind() {
         let mut splats = sample_splats(8, 1);
         let sound = splats.clone();
-        splats.opacity_logits[1] = f32::INFINITY;
+        splats.opacity_logits[1] = f32::NAN;
         splats.sh[12 * 4 + 11] = f32::NAN;
         splats.rotations[2] = [1e-7, 0.0, 0.0, -1e-7];
         splats.log_scales[6] = [0.0, 40.5, 0.0];
@@ -134,6 +144,16 @@ mod tests {
         assert_eq!(splats.rotations, kept.map(|i| sound.rotations[i]));
         assert_eq!(splats.sh[12..24], sound.sh[36..48]);
         assert_eq!(splats.check_shape().ok(), Some(()));
+    }
+
+    #[test]
+    fn infinite_logits_are_limits_not_faults() {
+        let mut splats = sample_splats(3, 0);
+        splats.opacity_logits = vec![f32::INFINITY, 0.5, f32::NEG_INFINITY];
+        let prior = Prior::from_splats(splats, RenderOptions::INRIA).unwrap();
+        assert_eq!(prior.splats().opacity_logits, [INFINITE_LOGIT, 0.5, -INFINITE_LOGIT]);
+        assert_eq!((prior.report().kept, prior.report().clamped_logits), (3, 2));
+        assert_eq!(1.0 / (1.0 + (-INFINITE_LOGIT).exp()), 1.0);
     }
 
     #[test]

@@ -13,7 +13,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-pub use check::{Dropped, Fault, MAX_LOG_SCALE};
+pub use check::{Dropped, Fault, INFINITE_LOGIT, MAX_LOG_SCALE};
 pub use error::PriorError;
 pub use frame::PriorFrame;
 pub use identity::PriorId;
@@ -178,6 +178,8 @@ pub struct LoadReport {
     pub kept: usize,
     /// Splats left out, by reason; empty where all were sound.
     pub dropped: Vec<Dropped>,
+    /// Splats whose opacity logit was infinite, and became ±[`INFINITE_LOGIT`].
+    pub clamped_logits: usize,
     /// Comments in the file's header, as they stand there.
     pub comments: Vec<String>,
 }
@@ -236,11 +238,13 @@ impl Prior {
         if read > Self::MAX_SPLATS {
             return Err(PriorError::TooMany { count: read });
         }
+        let clamped_logits = check::clamp_logits(&mut splats);
         let dropped = check::drop_unsound(&mut splats);
         if let (true, Some(first)) = (splats.is_empty(), dropped.first()) {
             return Err(PriorError::AllDropped { read, fault: first.fault });
         }
-        let report = LoadReport { format, read, kept: splats.len(), dropped, comments };
+        let kept = splats.len();
+        let report = LoadReport { format, read, kept, dropped, clamped_logits, comments };
         let id = PriorId::of(&splats, &options);
         let frame = PriorFrame::of(&splats.positions);
         Ok(Prior { splats, options, id, frame, report })

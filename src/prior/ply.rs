@@ -2,8 +2,8 @@
 //!
 //! Element `vertex`, one row per splat: `x y z`, `f_dc_0..2` and `f_rest_*` (spherical harmonics),
 //! `opacity` (logit), `scale_0..2` (logarithms), `rot_0..3` (w, x, y, z). Text or binary of either
-//! byte order, any order of properties, any scalar type; other properties (`nx`…) and other elements
-//! are passed over. The number of `f_rest_*` gives the degree: 0, 9, 24 or 45 of them for degree 0
+//! byte order, any order of properties, any scalar type; other properties (`nx`…) and elements are
+//! passed over. The number of `f_rest_*` gives the degree: 0, 9, 24 or 45 of them for degree 0
 //! to 3. They run channel by channel in the file (all of red first), coefficient by coefficient in
 //! [`Splats::sh`].
 //!
