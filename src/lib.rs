@@ -29,9 +29,16 @@ pub mod camera;
 pub mod picture;
 pub mod pose;
 pub mod prior;
+pub mod render;
 pub mod vulkan;
 
+mod engine;
+/// Constants, layouts and maths that shaders and host share.
+#[path = "../shaders-rs/src/shared.rs"]
+pub mod shared;
+
 pub use camera::Camera;
+pub use engine::Engine;
 pub use picture::Picture;
 pub use pose::Pose;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
