@@ -29,6 +29,7 @@ pub mod camera;
 pub mod picture;
 pub mod pose;
 pub mod prior;
+pub mod refine;
 pub mod render;
 pub mod vulkan;
 
