@@ -22,15 +22,17 @@
 //! ```
 //!
 //! The layers, each knowing only those to its right: encoder/decoder → [`refine`], [`residual`],
-//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of every
-//! GPU stage.
+//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of
+//! every GPU stage.
 
 pub mod camera;
+pub mod packet;
 pub mod picture;
 pub mod pose;
 pub mod prior;
 
 pub use camera::Camera;
+pub use packet::Packet;
 pub use picture::Picture;
 pub use pose::Pose;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
