@@ -30,9 +30,11 @@ pub mod packet;
 pub mod picture;
 pub mod pose;
 pub mod prior;
+pub mod residual;
 
 pub use camera::Camera;
 pub use packet::Packet;
 pub use picture::Picture;
 pub use pose::Pose;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
+pub use residual::Rate;
