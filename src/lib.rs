@@ -22,15 +22,17 @@
 //! ```
 //!
 //! The layers, each knowing only those to its right: encoder/decoder → [`refine`], [`residual`],
-//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of every
-//! GPU stage.
+//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of
+//! every GPU stage.
 
 pub mod camera;
+pub mod packet;
 pub mod picture;
 pub mod pose;
 pub mod prior;
 pub mod refine;
 pub mod render;
+pub mod residual;
 pub mod vulkan;
 
 mod engine;
@@ -40,6 +42,8 @@ pub mod shared;
 
 pub use camera::Camera;
 pub use engine::Engine;
+pub use packet::Packet;
 pub use picture::Picture;
 pub use pose::Pose;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
+pub use residual::Rate;

@@ -14,6 +14,13 @@ pub struct PriorFrame {
 }
 
 impl PriorFrame {
+    /// The unit of lengths in packets: `spread`, but at least 2⁻²³ of the distance from the origin
+    /// (the resolution of f32 there), so that f64 tells steps of 2⁻¹⁷ units apart everywhere.
+    pub fn unit(&self) -> f64 {
+        let distance = self.centre.iter().map(|v| f64::from(v.abs())).fold(0.0, f64::max);
+        f64::from(self.spread).max(distance * 2_f64.powi(-23))
+    }
+
     /// The frame of finite `positions`, of which there is at least one.
     pub(super) fn of(positions: &[[f32; 3]]) -> PriorFrame {
         let axes = [0, 1, 2].map(|axis| deviations(positions, axis));
