@@ -160,8 +160,7 @@ impl Encoder {
             .ok_or(Error::NoStart { frame: self.frame })?;
         let found = refine(&mut self.objective, &start.pose, start.coarsest, refine_options)?;
 
-        let pose =
-            QuantisedPose::quantise(&found.pose, &self.scene.frame(), self.options.profile)?;
+        let pose = QuantisedPose::quantise(&found.pose, &self.scene.frame(), self.options.profile)?;
         let quantised = pose.dequantise(&self.scene.frame());
         let mut render = Picture::new(frame.width, frame.height);
         self.objective.renderer().picture(&quantised, &mut render)?;
@@ -231,8 +230,7 @@ fn objective(
 ) -> Result<Objective, Error> {
     camera.check()?;
     let factors = options.factors.clone();
-    let plan =
-        Plan { factors, jacobians: options.refine.jacobians(), profiled: false };
+    let plan = Plan { factors, jacobians: options.refine.jacobians(), profiled: false };
     let pyramid = Pyramid::new(camera, &options.factors);
     Ok(Objective::new(engine.renderer(scene, camera, plan)?, pyramid))
 }

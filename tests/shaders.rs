@@ -61,8 +61,11 @@ fn modules_are_valid() {
     }
     for name in modules() {
         let file = root().join(format!("spv/{name}.spv"));
-        let out =
-            Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(&file).output().unwrap();
+        let out = Command::new("spirv-val")
+            .args(["--target-env", "vulkan1.2"])
+            .arg(&file)
+            .output()
+            .unwrap();
         assert!(out.status.success(), "{name}: {}", String::from_utf8_lossy(&out.stderr));
     }
 }

@@ -51,9 +51,8 @@ pub(super) fn minimise(
     start: &Pose,
     options: &BfgsOptions,
 ) -> Result<Outcome, Error> {
-    let mut evaluate = |pose: &Pose| {
-        objective.evaluate(0, Jacobian::Exact, pose).map(|e| (e.mse(), e.gradient()))
-    };
+    let mut evaluate =
+        |pose: &Pose| objective.evaluate(0, Jacobian::Exact, pose).map(|e| (e.mse(), e.gradient()));
     let (mut f, gradient) = evaluate(start)?;
     let mut place = Place { pose: *start, gradient };
     let mut hessian = InverseHessian::new();
@@ -122,8 +121,8 @@ impl InverseHessian {
         let yhy = dot(y, &hy);
         for i in 0..6 {
             for j in 0..6 {
-                self.h[i][j] += rho * (1.0 + rho * yhy) * s[i] * s[j]
-                    - rho * (hy[i] * s[j] + s[i] * hy[j]);
+                self.h[i][j] +=
+                    rho * (1.0 + rho * yhy) * s[i] * s[j] - rho * (hy[i] * s[j] + s[i] * hy[j]);
             }
         }
     }

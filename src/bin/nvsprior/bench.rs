@@ -57,8 +57,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let prior = args.prior.open()?;
     let scene = engine.upload(&prior)?;
-    std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("making {}", args.out.display()))?;
+    std::fs::create_dir_all(&args.out).with_context(|| format!("making {}", args.out.display()))?;
     let bar = progress(inputs.len() * args.optimizers.len(), "measuring");
     let mut runs = Vec::new();
     for &optimizer in &args.optimizers {

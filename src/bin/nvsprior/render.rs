@@ -59,8 +59,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         frame_file::write_png(path, &to_picture(&camera, pixels))?;
     }
     if let Some(path) = &args.raw {
-        write_npy(path, &camera, pixels)
-            .with_context(|| format!("writing {}", path.display()))?;
+        write_npy(path, &camera, pixels).with_context(|| format!("writing {}", path.display()))?;
     }
     args.device.check(&engine)
 }

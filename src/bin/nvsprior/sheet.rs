@@ -18,11 +18,9 @@ pub struct SheetRow {
 
 /// Writes the rows as one PNG.
 pub fn write(path: &Path, rows: &[SheetRow]) -> anyhow::Result<()> {
-    let cell = rows.iter().fold((0, 0), |(w, h), row| {
-        (row.camera.width.max(w), row.camera.height.max(h))
-    });
-    let (width, height) =
-        (4 * (cell.0 + GAP) + GAP, rows.len() as u32 * (cell.1 + GAP) + GAP);
+    let cell =
+        rows.iter().fold((0, 0), |(w, h), row| (row.camera.width.max(w), row.camera.height.max(h)));
+    let (width, height) = (4 * (cell.0 + GAP) + GAP, rows.len() as u32 * (cell.1 + GAP) + GAP);
     let mut sheet = image::RgbImage::from_pixel(width, height, image::Rgb([24, 24, 24]));
     for (y, row) in rows.iter().enumerate() {
         let shown = difference(&row.camera, &row.render);
