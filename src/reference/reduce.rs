@@ -8,9 +8,8 @@ use super::Sample;
 pub fn reduce(samples: &[Sample], frame: &[f32]) -> NormalEquations {
     let mut sums = NormalEquations { jtj: [[0.0; 6]; 6], jtr: [0.0; 6], square: 0.0, residuals: 0 };
     for (sample, target) in samples.iter().zip(frame.chunks_exact(3)) {
-        for channel in 0..3 {
+        for (channel, d) in sample.jacobian.iter().enumerate() {
             let residual = sample.rgb[channel] - f64::from(target[channel]);
-            let d = sample.jacobian[channel];
             for row in 0..6 {
                 for column in 0..6 {
                     sums.jtj[row][column] += d[row] * d[column];
