@@ -70,7 +70,8 @@ pub fn random_splats(seed: u64, count: usize, sh_degree: u32) -> Splats {
         splats.positions.push([x, y, z]);
         splats.log_scales.push(random.triple(-4.0, -1.6));
         splats.rotations.push(std::array::from_fn(|_| random.within(-1.0, 1.0)));
-        splats.opacity_logits.push(random.within(-4.0, 5.0));
+        // About one in four is opaque enough for the clamp of alpha.
+        splats.opacity_logits.push(random.within(-4.0, 7.5));
         splats.sh.extend(random.triple(-1.8, 1.8));
         let rest = splats.sh_stride() - 3;
         splats.sh.extend(std::iter::repeat_with(|| random.within(-0.25, 0.25)).take(rest));
