@@ -9,8 +9,8 @@ use crate::{Camera, Prior};
 /// A device with all pipelines built; make it once, share it between encoders and decoders.
 #[derive(Clone)]
 pub struct Engine {
-    device: Device,
-    kernels: Arc<Kernels>,
+    pub(crate) device: Device,
+    pub(crate) kernels: Arc<Kernels>,
 }
 
 impl Engine {

@@ -31,6 +31,8 @@ pub mod packet;
 pub mod picture;
 pub mod pose;
 pub mod prior;
+#[cfg(feature = "reference")]
+pub mod reference;
 pub mod refine;
 pub mod render;
 pub mod residual;

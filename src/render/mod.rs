@@ -4,6 +4,9 @@
 pub(crate) mod bin;
 pub(crate) mod derive;
 mod kernels;
+#[cfg(feature = "reference")]
+#[doc(hidden)]
+pub mod probe;
 pub(crate) mod project;
 pub(crate) mod radix;
 pub(crate) mod ranges;
