@@ -25,6 +25,8 @@
 //! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of every GPU stage.
 
 pub mod camera;
+#[cfg(feature = "mapping")]
+pub mod mapping;
 pub mod picture;
 pub mod pose;
 pub mod prior;

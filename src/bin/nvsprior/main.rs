@@ -1,1 +1,5 @@
+//! The command-line tool.
+
+mod demo;
+
 fn main() {}
