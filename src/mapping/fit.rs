@@ -10,15 +10,33 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::harmonics;
-use super::raster::{Geometry, Projection};
+use super::project::Geometry;
+use super::raster::Projection;
 use super::{MappingOptions, View};
+use crate::prior::Splats;
 
 /// Views are summed in so many groups, each in its own order, and then group by group: the sum
 /// does not depend on how many threads there are.
 const GROUPS: usize = 8;
 
+/// Solves for the colours of splats, from those they have, in `options.sweeps` steps; `done` is
+/// told after each.
+pub fn fit_colours(
+    splats: &mut Splats,
+    views: &[View],
+    options: &MappingOptions,
+    done: &mut dyn FnMut(),
+) {
+    let geometry = Geometry::of(splats);
+    let terms = harmonics::count(splats.sh_degree);
+    let system = System { geometry: &geometry, views, options, terms };
+    let mut x: Vec<Vec3> = splats.sh.chunks_exact(3).map(Vec3::from_slice).collect();
+    system.solve(&mut x, done);
+    splats.sh = x.iter().flat_map(Vec3::to_array).collect();
+}
+
 /// The linear system of one geometry and its views.
-pub struct Fit<'a> {
+struct System<'a> {
     geometry: &'a Geometry,
     views: &'a [View],
     options: &'a MappingOptions,
@@ -26,13 +44,9 @@ pub struct Fit<'a> {
     terms: usize,
 }
 
-impl<'a> Fit<'a> {
-    pub fn new(geometry: &'a Geometry, views: &'a [View], options: &'a MappingOptions) -> Fit<'a> {
-        Fit { geometry, views, options, terms: harmonics::count(options.sh_degree) }
-    }
-
-    /// Improves coefficients (`terms` per splat) by `sweeps` steps; `done` is told after each.
-    pub fn solve(&self, x: &mut [Vec3], sweeps: u32, done: &mut dyn FnMut()) {
+impl System<'_> {
+    /// Improves coefficients, `terms` per splat.
+    fn solve(&self, x: &mut [Vec3], done: &mut dyn FnMut()) {
         let inverse_diagonal = self.inverse_diagonal();
         let precondition = |r: &[Vec3]| -> Vec<Vec3> {
             std::iter::zip(r, &inverse_diagonal).map(|(r, d)| *r * *d).collect()
@@ -42,22 +56,21 @@ impl<'a> Fit<'a> {
         let mut z = precondition(&residual);
         let mut direction = z.clone();
         let mut rz = dot(&residual, &z);
-        for _ in 0..sweeps {
+        for _ in 0..self.options.sweeps {
             let mut image = self.pulled(&direction, false);
             self.damp(&direction, &mut image, 1.0);
             let step = rz / dot(&direction, &image);
-            // Also ends where the residual is zero and the step 0/0.
-            if !(step > 0.0) {
-                break;
+            // Not where the residual is zero and the step 0/0.
+            if step > 0.0 {
+                add_scaled(x, step, &direction);
+                add_scaled(&mut residual, -step, &image);
+                z = precondition(&residual);
+                let next = dot(&residual, &z);
+                for (d, z) in std::iter::zip(&mut direction, &z) {
+                    *d = *z + *d * (next / rz) as f32;
+                }
+                rz = next;
             }
-            add_scaled(x, step, &direction);
-            add_scaled(&mut residual, -step, &image);
-            z = precondition(&residual);
-            let next = dot(&residual, &z);
-            for (d, z) in std::iter::zip(&mut direction, &z) {
-                *d = *z + *d * (next / rz) as f32;
-            }
-            rz = next;
             done();
         }
     }
@@ -65,7 +78,7 @@ impl<'a> Fit<'a> {
     /// `Aᵀ (b − A x)` where `against_pictures`, else `AᵀA x`.
     fn pulled(&self, x: &[Vec3], against_pictures: bool) -> Vec<Vec3> {
         let background = Vec3::from(self.options.render.background);
-        self.summed(vec![Vec3::ZERO; x.len()], |view, projection, sum: &mut Vec<Vec3>| {
+        self.summed(vec![Vec3::ZERO; x.len()], |view, projection, sum: &mut [Vec3]| {
             let directions = self.directions(view);
             let colours = self.colours(x, &directions, if against_pictures { 0.5 } else { 0.0 });
             let mut gradient = vec![Vec3::ZERO; colours.len()];
@@ -103,7 +116,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Adds up, in a fixed order, what `add` makes of every view.
-    fn summed<T>(&self, zero: Vec<T>, add: impl Fn(&View, &Projection, &mut Vec<T>) + Sync) -> Vec<T>
+    fn summed<T>(&self, zero: Vec<T>, add: impl Fn(&View, &Projection, &mut [T]) + Sync) -> Vec<T>
     where
         T: Copy + Send + Sync + std::ops::AddAssign,
     {

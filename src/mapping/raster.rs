@@ -3,62 +3,21 @@
 //! The picture of splats with colours `c` is `Σ wᵢ cᵢ + T · background`, where the weights follow
 //! from geometry and opacity alone: `wᵢ = αᵢ Π (1 − αⱼ)` over the splats `j` before `i`. For a
 //! fixed geometry the picture is therefore linear in the colours, and this module offers that
-//! linear map and its transpose, tile by tile. Constants as in the GPU renderer: low-pass 0.3 px²,
-//! cut at 1/255, stop at a transmittance of 1e-4.
+//! linear map and its transpose, tile by tile. Constants as in the GPU renderer: cut at 1/255, stop at a transmittance of 1e-4.
 
-use glam::{Mat3, Quat, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 
-use crate::prior::{RenderOptions, Splats};
+use super::project::{Geometry, Projected, Projector};
+use crate::prior::RenderOptions;
 use crate::{Camera, Pose};
 
 /// Side of a tile, pixels.
 const TILE: usize = 16;
 const TILE_PIXELS: usize = TILE * TILE;
-/// Added to the diagonal of every projected covariance, px².
-const LOW_PASS: f32 = 0.3;
 /// Smallest alpha that is blended.
 const ALPHA_MIN: f32 = 1.0 / 255.0;
 /// Blending ends before the transmittance falls to this.
 const TRANSMITTANCE_MIN: f32 = 1e-4;
-/// Standard deviations beyond which no splat reaches.
-const REACH: f32 = 3.33;
-
-/// What decides the weights: where splats are, how they spread, how opaque they are.
-pub struct Geometry {
-    pub positions: Vec<Vec3>,
-    covariances: Vec<Mat3>,
-    opacities: Vec<f32>,
-}
-
-impl Geometry {
-    pub fn of(splats: &Splats) -> Geometry {
-        let covariance = |(q, s): (&[f32; 4], &[f32; 3])| {
-            let axes = Mat3::from_quat(Quat::from_xyzw(q[1], q[2], q[3], q[0]).normalize());
-            let m = axes * Mat3::from_diagonal(Vec3::from(*s).exp());
-            m * m.transpose()
-        };
-        let opacity = |logit: &f32| 1.0 / (1.0 + (-logit).exp());
-        Geometry {
-            positions: splats.positions.iter().copied().map(Vec3::from).collect(),
-            covariances: splats.rotations.iter().zip(&splats.log_scales).map(covariance).collect(),
-            opacities: splats.opacity_logits.iter().map(opacity).collect(),
-        }
-    }
-}
-
-/// A splat in the picture.
-struct Projected {
-    mean: Vec2,
-    /// Inverse of the 2D covariance: xx, xy, yy.
-    conic: [f32; 3],
-    opacity: f32,
-    depth: f32,
-    /// First and last pixel that it may touch, columns then rows.
-    low: [usize; 2],
-    high: [usize; 2],
-    /// Which splat of the geometry.
-    index: u32,
-}
 
 /// All splats in a view, front to back, sorted into tiles.
 pub struct Projection {
@@ -78,6 +37,17 @@ struct Weight {
     /// Place in `Projection::splats`.
     slot: u32,
     weight: f32,
+    alpha: f32,
+}
+
+/// Derivatives by what a splat is in the picture.
+#[derive(Clone, Copy, Default)]
+pub struct ImageGradient {
+    pub colour: Vec3,
+    pub mean: Vec2,
+    /// By xx, xy, yy of the conic, xy standing for both places.
+    pub conic: [f32; 3],
+    pub opacity_logit: f32,
 }
 
 /// Working memory of a tile, kept from tile to tile.
@@ -105,9 +75,22 @@ impl Projection {
         Projection { splats, tile_starts, tile_splats, width, height, alpha_max }
     }
 
-    /// For every pixel: blends `colours` (one per splat of the geometry) to a value, asks `pull`
-    /// what to hand back for (pixel, value, transmittance), and adds that times each weight to
-    /// `gradient` (one per splat). With a `pull` that answers zero this is plain rendering.
+    /// Renders: tells `write` each pixel and its value, in the order of the tiles.
+    pub fn render(&self, colours: &[Vec3], background: Vec3, mut write: impl FnMut(usize, Vec3)) {
+        let mut tile = Tile::default();
+        for index in 0..self.tiles() {
+            self.blend(index, &mut tile);
+            for (inside, value) in self.values(&tile, colours, background).iter().enumerate() {
+                if let Some(pixel) = self.pixel_of(index, inside) {
+                    write(pixel, *value);
+                }
+            }
+        }
+    }
+
+    /// The linear map and its transpose at once: asks `pull` for every pixel what to hand back for
+    /// its (place, value, transmittance), and adds that times each weight to `gradient`, one per
+    /// splat of the geometry.
     pub fn sweep(
         &self,
         colours: &[Vec3],
@@ -115,13 +98,9 @@ impl Projection {
         mut pull: impl FnMut(usize, Vec3, f32) -> Vec3,
     ) {
         let mut tile = Tile::default();
-        for index in 0..self.tile_starts.len() - 1 {
+        for index in 0..self.tiles() {
             self.blend(index, &mut tile);
-            let mut values = [Vec3::ZERO; TILE_PIXELS];
-            for w in &tile.weights {
-                let splat = self.splats[w.slot as usize].index as usize;
-                values[w.pixel as usize] += w.weight * colours[splat];
-            }
+            let mut values = self.values(&tile, colours, Vec3::ZERO);
             for (inside, value) in values.iter_mut().enumerate() {
                 *value = match self.pixel_of(index, inside) {
                     Some(pixel) => pull(pixel, *value, tile.transmittance[inside]),
@@ -135,15 +114,86 @@ impl Projection {
         }
     }
 
+    /// Derivatives, by every splat in view, of a loss of the rendered picture; `pull` gives the
+    /// loss's derivative by a pixel's value (pixel, value with the background).
+    pub fn backward(
+        &self,
+        colours: &[Vec3],
+        background: Vec3,
+        mut pull: impl FnMut(usize, Vec3) -> Vec3,
+    ) -> Vec<ImageGradient> {
+        let mut gradients = vec![ImageGradient::default(); self.splats.len()];
+        let mut tile = Tile::default();
+        for index in 0..self.tiles() {
+            self.blend(index, &mut tile);
+            let mut values = self.values(&tile, colours, background);
+            for (inside, value) in values.iter_mut().enumerate() {
+                let pixel = self.pixel_of(index, inside);
+                *value = pixel.map_or(Vec3::ZERO, |pixel| pull(pixel, *value));
+            }
+            // What each pixel shows of all that lies behind the splat at hand.
+            let mut behind: Vec<Vec3> =
+                tile.transmittance.iter().map(|t| *t * background).collect();
+            for w in tile.weights.iter().rev() {
+                let colour = colours[self.splats[w.slot as usize].index as usize];
+                let pixel = w.pixel as usize;
+                let gradient = &mut gradients[w.slot as usize];
+                gradient.colour += w.weight * values[pixel];
+                let by_alpha = values[pixel]
+                    .dot(colour * (w.weight / w.alpha) - behind[pixel] / (1.0 - w.alpha));
+                behind[pixel] += w.weight * colour;
+                self.add_shape(index, w, by_alpha, gradient);
+            }
+        }
+        gradients
+    }
+
+    /// From the derivative by alpha in one pixel to those by mean, conic and opacity.
+    fn add_shape(&self, tile: usize, w: &Weight, by_alpha: f32, gradient: &mut ImageGradient) {
+        if w.alpha >= self.alpha_max {
+            return;
+        }
+        let splat = &self.splats[w.slot as usize];
+        let [left, upper] = self.corner(tile);
+        let (x, y) = (left + w.pixel as usize % TILE, upper + w.pixel as usize / TILE);
+        let (dx, dy) = (x as f32 + 0.5 - splat.mean.x, y as f32 + 0.5 - splat.mean.y);
+        let [xx, xy, yy] = splat.conic;
+        let by_power = by_alpha * w.alpha;
+        gradient.mean += by_power * Vec2::new(xx * dx + xy * dy, xy * dx + yy * dy);
+        gradient.conic[0] -= 0.5 * by_power * dx * dx;
+        gradient.conic[1] -= by_power * dx * dy;
+        gradient.conic[2] -= 0.5 * by_power * dy * dy;
+        gradient.opacity_logit += by_power * (1.0 - splat.opacity);
+    }
+
+    /// The splats in view, in the order of `backward`'s derivatives.
+    pub fn splats(&self) -> &[Projected] {
+        &self.splats
+    }
+
     /// Adds every splat's sum of squared weights to `sums`: the diagonal of the normal equations.
     pub fn add_squared_weights(&self, sums: &mut [f32]) {
         let mut tile = Tile::default();
-        for index in 0..self.tile_starts.len() - 1 {
+        for index in 0..self.tiles() {
             self.blend(index, &mut tile);
             for w in &tile.weights {
                 sums[self.splats[w.slot as usize].index as usize] += w.weight * w.weight;
             }
         }
+    }
+
+    /// Values of a blended tile's pixels.
+    fn values(&self, tile: &Tile, colours: &[Vec3], background: Vec3) -> [Vec3; TILE_PIXELS] {
+        let mut values = std::array::from_fn(|inside| tile.transmittance[inside] * background);
+        for w in &tile.weights {
+            let splat = self.splats[w.slot as usize].index as usize;
+            values[w.pixel as usize] += w.weight * colours[splat];
+        }
+        values
+    }
+
+    fn tiles(&self) -> usize {
+        self.tile_starts.len() - 1
     }
 
     fn columns(&self) -> usize {
@@ -186,115 +236,51 @@ impl Projection {
         let range = |axis: usize| {
             splat.low[axis].max(corner[axis])..(splat.high[axis] + 1).min(corner[axis] + TILE)
         };
+        // Alpha is above the cut where `xx dx² + 2 xy dx dy + yy dy² ≤ 2 ln(255 opacity)`.
+        let level = 2.0 * (255.0 * splat.opacity).ln();
+        let columns = range(0);
         let mut closed = 0;
         for y in range(1) {
             let dy = y as f32 + 0.5 - splat.mean.y;
-            for x in range(0) {
-                let pixel = (y - corner[1]) * TILE + x - corner[0];
+            let discriminant = (xy * dy).powi(2) - xx * (yy * dy * dy - level);
+            if !(discriminant >= 0.0) {
+                continue;
+            }
+            let middle = splat.mean.x - 0.5 - xy * dy / xx;
+            // A hair more than needed: the cut itself is tested per pixel.
+            let half = discriminant.sqrt() / xx + 1e-3;
+            let first = columns.start.max((middle - half).ceil() as usize);
+            let last = columns.end.min((middle + half).floor() as usize + 1);
+            for x in first..last {
                 let dx = x as f32 + 0.5 - splat.mean.x;
                 let power = -0.5 * (xx * dx * dx + yy * dy * dy) - xy * dx * dy;
-                if !tile.open[pixel] || !(power <= 0.0) {
-                    continue;
-                }
-                let alpha = (splat.opacity * power.exp()).min(self.alpha_max);
-                if !(alpha >= ALPHA_MIN) {
-                    continue;
-                }
-                let before = tile.transmittance[pixel];
-                let after = before * (1.0 - alpha);
-                if after <= TRANSMITTANCE_MIN {
-                    tile.open[pixel] = false;
-                    closed += 1;
-                    continue;
-                }
-                tile.transmittance[pixel] = after;
-                tile.weights.push(Weight { pixel: pixel as u8, slot, weight: alpha * before });
+                let pixel = (y - corner[1]) * TILE + x - corner[0];
+                closed += usize::from(self.blend_pixel(slot, pixel, power, tile));
             }
         }
         closed
     }
-}
 
-/// A view, ready to project splats.
-struct Projector<'a> {
-    camera: &'a Camera,
-    options: &'a RenderOptions,
-    rotation: Mat3,
-    translation: Vec3,
-    /// Bounds of x/z and y/z in the Jacobian: the frustum and 0.3 half-widths beyond.
-    slopes: [(f32, f32); 2],
-}
-
-impl<'a> Projector<'a> {
-    fn new(camera: &'a Camera, pose: &Pose, options: &'a RenderOptions) -> Projector<'a> {
-        let bounds = |side: u32, focal: f32, centre: f32| {
-            let side = side as f32;
-            let margin = 0.15 * side / focal;
-            (-centre / focal - margin, (side - centre) / focal + margin)
-        };
-        Projector {
-            camera,
-            options,
-            rotation: pose.matrix().as_mat3(),
-            translation: pose.translation.as_vec3(),
-            slopes: [
-                bounds(camera.width, camera.fx, camera.cx),
-                bounds(camera.height, camera.fy, camera.cy),
-            ],
+    /// Blends one splat into one pixel; whether that closed the pixel.
+    #[inline]
+    fn blend_pixel(&self, slot: u32, pixel: usize, power: f32, tile: &mut Tile) -> bool {
+        if !tile.open[pixel] || !(power <= 0.0) {
+            return false;
         }
+        let alpha = (self.splats[slot as usize].opacity * power.exp()).min(self.alpha_max);
+        if !(alpha >= ALPHA_MIN) {
+            return false;
+        }
+        let before = tile.transmittance[pixel];
+        let after = before * (1.0 - alpha);
+        if after <= TRANSMITTANCE_MIN {
+            tile.open[pixel] = false;
+            return true;
+        }
+        tile.transmittance[pixel] = after;
+        tile.weights.push(Weight { pixel: pixel as u8, slot, weight: alpha * before, alpha });
+        false
     }
-
-    /// The splat in the picture; `None` where it cannot touch a pixel.
-    fn project(&self, geometry: &Geometry, index: usize) -> Option<Projected> {
-        let p = self.rotation * geometry.positions[index] + self.translation;
-        if !(p.z > self.options.near) {
-            return None;
-        }
-        let Camera { fx, fy, cx, cy, .. } = *self.camera;
-        let mean = Vec2::new(fx * p.x / p.z + cx, fy * p.y / p.z + cy);
-        let [xx, xy, yy] = self.covariance(&geometry.covariances[index], p);
-        let (wide, high) = (xx + LOW_PASS, yy + LOW_PASS);
-        let determinant = wide * high - xy * xy;
-        if !(determinant > 0.0) {
-            return None;
-        }
-        let mut opacity = geometry.opacities[index];
-        if self.options.antialiased {
-            opacity *= ((xx * yy - xy * xy) / determinant).max(2.5e-5).sqrt();
-        }
-        let reach = REACH.min((2.0 * (255.0 * opacity).ln()).sqrt());
-        let extent = reach * Vec2::new(wide.sqrt(), high.sqrt());
-        let (low_x, high_x) = pixels(mean.x, extent.x, self.camera.width)?;
-        let (low_y, high_y) = pixels(mean.y, extent.y, self.camera.height)?;
-        Some(Projected {
-            mean,
-            conic: [high / determinant, -xy / determinant, wide / determinant],
-            opacity,
-            depth: p.z,
-            low: [low_x, low_y],
-            high: [high_x, high_y],
-            index: index as u32,
-        })
-    }
-
-    /// `J R Σ Rᵀ Jᵀ` as xx, xy, yy (Zwicker et al., "EWA Splatting", 2002, eq. 31).
-    fn covariance(&self, covariance: &Mat3, p: Vec3) -> [f32; 3] {
-        let Camera { fx, fy, .. } = *self.camera;
-        let [across, down] = self.slopes;
-        let (u, v) = ((p.x / p.z).clamp(across.0, across.1), (p.y / p.z).clamp(down.0, down.1));
-        let to_world = self.rotation.transpose();
-        let row_x = to_world * Vec3::new(fx / p.z, 0.0, -fx * u / p.z);
-        let row_y = to_world * Vec3::new(0.0, fy / p.z, -fy * v / p.z);
-        let (spread_x, spread_y) = (*covariance * row_x, *covariance * row_y);
-        [row_x.dot(spread_x), row_x.dot(spread_y), row_y.dot(spread_y)]
-    }
-}
-
-/// First and last pixel whose centre lies within `extent` of `mean`, cut to the picture.
-fn pixels(mean: f32, extent: f32, side: u32) -> Option<(usize, usize)> {
-    let low = (mean - extent - 0.5).ceil().max(0.0);
-    let high = (mean + extent - 0.5).floor().min(side as f32 - 1.0);
-    (low <= high).then_some((low as usize, high as usize))
 }
 
 /// Lists, tile by tile, the splats that may touch it, keeping their order.
@@ -326,6 +312,7 @@ fn into_tiles(splats: &[Projected], width: usize, height: usize) -> (Vec<usize>,
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::prior::Splats;
 
     const CAMERA: Camera = Camera { width: 50, height: 37, fx: 40.0, fy: 40.0, cx: 25.0, cy: 18.5 };
 
@@ -386,7 +373,7 @@ mod tests {
         let geometry = Geometry::of(&splats);
         let view = Projection::new(&geometry, &CAMERA, &Pose::IDENTITY, &RenderOptions::INRIA);
         // σ = 40 · 0.1 / 2 px; the pixel (27, 18) has its centre 2.5 px to the right of the mean.
-        let expected = 0.5 * (-0.5f32 * 2.5 * 2.5 / (4.0 + LOW_PASS)).exp();
+        let expected = 0.5 * (-0.5f32 * 2.5 * 2.5 / (4.0 + 0.3)).exp();
         view.sweep(&[Vec3::ONE], &mut [Vec3::ZERO], |pixel, value, _| {
             if pixel == 18 * 50 + 27 {
                 assert!((value.x - expected).abs() < 1e-6, "{} against {expected}", value.x);

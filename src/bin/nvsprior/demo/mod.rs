@@ -108,10 +108,8 @@ fn draw(
     run_tag: u32,
 ) -> DemoFrame {
     // Runs lie hours apart: the water's surface is not at the same moment of its motion.
-    let light = Light {
-        time: time as f32 + 1000.0 * run_tag as f32,
-        caustics: conditions.caustics,
-    };
+    let light =
+        Light { time: time as f32 + 1000.0 * run_tag as f32, caustics: conditions.caustics };
     let radiance = trace::draw(scene, &CAMERA, &pose, &light);
     let disturbance = Disturbance { snow: conditions.snow, noise: conditions.noise };
     let seed = (run_tag << 24) | index as u32;

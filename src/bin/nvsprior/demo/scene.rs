@@ -94,7 +94,9 @@ impl Scene {
     /// Distance to the nearest surface as far as `reach`, negative inside a solid.
     pub fn distance(&self, p: Vec3, reach: f32) -> f32 {
         let near = self.groups.iter().filter(|g| g.distance_to_bounds(p) < reach);
-        near.flat_map(|g| &g.solids).chain(&self.basin.solids).fold(reach, |d, s| d.min(s.distance(p)))
+        near.flat_map(|g| &g.solids)
+            .chain(&self.basin.solids)
+            .fold(reach, |d, s| d.min(s.distance(p)))
     }
 }
 
@@ -152,9 +154,9 @@ fn pipes() -> impl Iterator<Item = Solid> {
     let feet: Vec<Vec3> = pile_feet().collect();
     let across = [(0, 1), (2, 3), (4, 5)];
     let along = [(0, 2), (2, 4), (1, 3), (3, 5)];
-    let level = [0.55, 1.5, 2.62].into_iter().flat_map(move |z| {
-        across.into_iter().chain(along).map(move |pair| (pair, z, z))
-    });
+    let level = [0.55, 1.5, 2.62]
+        .into_iter()
+        .flat_map(move |z| across.into_iter().chain(along).map(move |pair| (pair, z, z)));
     let braces = [((0, 2), 0.4, 2.4), ((2, 4), 2.4, 0.4), ((1, 3), 2.4, 0.4), ((3, 5), 0.4, 2.4)];
     level.chain(braces).enumerate().map(move |(i, ((a, b), z_a, z_b))| {
         let (from, to) = (feet[a] + Vec3::Z * z_a, feet[b] + Vec3::Z * z_b);

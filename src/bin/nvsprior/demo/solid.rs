@@ -120,8 +120,7 @@ impl Solid {
             Shape::Cylinder { radius, half_length } => Vec3::new(radius, radius, half_length),
         };
         let axes = [self.axes.x_axis, self.axes.y_axis, self.axes.z_axis];
-        let reach =
-            axes[0].abs() * half.x + axes[1].abs() * half.y + axes[2].abs() * half.z;
+        let reach = axes[0].abs() * half.x + axes[1].abs() * half.y + axes[2].abs() * half.z;
         (self.centre - reach, self.centre + reach)
     }
 }

@@ -6,10 +6,10 @@ use nvsprior::mapping::SurfacePoint;
 use nvsprior::{Camera, Pose};
 use rayon::prelude::*;
 
+use super::CAMERA;
 use super::scene::{BASIN, Scene};
 use super::solid::{Ray, Shape, Solid};
 use super::trajectory::mapping_poses;
-use super::CAMERA;
 
 /// Cells are never larger than this, metres.
 const COARSEST: f32 = 0.6;

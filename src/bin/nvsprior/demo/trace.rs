@@ -44,7 +44,9 @@ pub fn draw(scene: &Scene, camera: &Camera, pose: &Pose, light: &Light) -> Vec<V
             let sum: Vec3 = SAMPLES
                 .iter()
                 .enumerate()
-                .map(|(lamp, (dx, dy))| sample(scene, &eye, light, lamp, x as f32 + dx, y as f32 + dy))
+                .map(|(lamp, (dx, dy))| {
+                    sample(scene, &eye, light, lamp, x as f32 + dx, y as f32 + dy)
+                })
                 .sum();
             *pixel = sum / SAMPLES.len() as f32;
         }

@@ -17,14 +17,15 @@ const SPEED: f64 = 0.25;
 pub fn mapping_poses() -> Vec<Pose> {
     // (camera height, pitch below the horizon, clearance to the structure, pictures), m and degrees.
     let rows = [(0.75, 2.0, 2.5, 24), (1.75, 10.0, 2.7, 24), (2.9, 24.0, 2.7, 24)];
-    let around = rows.into_iter().enumerate().flat_map(|(row, (height, pitch, clearance, count))| {
-        (0..count).map(move |i: u32| {
-            let share = (f64::from(i) + row as f64 / 3.0) / f64::from(count);
-            let loop_ = Loop { clearance };
-            let (place, inward) = loop_.at(share * loop_.length());
-            looking(place.extend(height), inward, -f64::to_radians(pitch))
-        })
-    });
+    let around =
+        rows.into_iter().enumerate().flat_map(|(row, (height, pitch, clearance, count))| {
+            (0..count).map(move |i: u32| {
+                let share = (f64::from(i) + row as f64 / 3.0) / f64::from(count);
+                let loop_ = Loop { clearance };
+                let (place, inward) = loop_.at(share * loop_.length());
+                looking(place.extend(height), inward, -f64::to_radians(pitch))
+            })
+        });
     let passes = [-1.3, 1.3].into_iter().flat_map(|x| {
         (0..6).map(move |i| {
             let centre = DVec3::new(x, -2.75 + 1.1 * f64::from(i), 4.9);
@@ -142,7 +143,8 @@ mod tests {
         for run in [Run::T1, Run::T2] {
             for i in 0..900 {
                 let time = f64::from(i) / FRAME_RATE;
-                let (a, b) = (inspection_pose(run, time), inspection_pose(run, time + 1.0 / FRAME_RATE));
+                let (a, b) =
+                    (inspection_pose(run, time), inspection_pose(run, time + 1.0 / FRAME_RATE));
                 let moved = (a.centre() - b.centre()).length();
                 assert!(moved < 0.15 && a.angle_to(&b) < 0.06, "{run:?} at {time}: {moved}");
             }
