@@ -27,6 +27,8 @@
 //! every GPU stage.
 
 pub mod camera;
+#[cfg(feature = "mapping")]
+pub mod mapping;
 pub mod packet;
 pub mod picture;
 pub mod pose;

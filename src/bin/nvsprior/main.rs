@@ -1,9 +1,11 @@
 //! `nvsprior`: encodes frames against a prior, decodes packets, renders, inspects, measures.
 
 mod args;
+mod basin;
 mod bench;
 mod camera_file;
 mod decode;
+mod demo;
 mod encode;
 mod frame_file;
 mod inspect;
@@ -36,6 +38,7 @@ enum Command {
     Render(render::Args),
     Inspect(inspect::Args),
     Bench(bench::Args),
+    Demo(demo::Args),
 }
 
 fn main() -> ExitCode {
@@ -45,6 +48,7 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Demo(args) => demo::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,0 +1,118 @@
+//! The basin: a scene of the paper's kind that the program draws itself, seen through water
+//! on a mapping run and two inspection runs. It shares no code with the splat renderer.
+
+mod export;
+mod material;
+mod noise;
+mod safety_line;
+mod scene;
+mod sensor;
+mod solid;
+mod surface;
+mod trace;
+mod trajectory;
+mod water;
+
+use nvsprior::{Camera, Picture, Pose};
+
+pub use export::{ExportError, write_run};
+pub use surface::surface_points;
+
+use scene::Scene;
+use sensor::Disturbance;
+use trajectory::FRAME_RATE;
+use water::Light;
+
+/// The camera of all runs: 320 × 180 pixels, 70° wide (`fx = 160 / tan 35°`).
+pub const CAMERA: Camera =
+    Camera { width: 320, height: 180, fx: 228.503_7, fy: 228.503_7, cx: 160.0, cy: 90.0 };
+
+/// The inspection runs, some time after the mapping run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Run {
+    /// The scene as mapped.
+    T1,
+    /// With a new metallic object beside the structure and the vehicle's safety line in view.
+    T2,
+}
+
+/// What may make a frame differ from the still scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Conditions {
+    /// Height of the moving caustics relative to the lamps' light.
+    pub caustics: f32,
+    /// Specks of marine snow in each frame.
+    pub snow: u32,
+    /// Standard deviation of the sensor's noise, in steps of the 8-bit picture.
+    pub noise: f32,
+}
+
+impl Conditions {
+    /// A calm indoor basin.
+    pub const BASIN: Conditions = Conditions { caustics: 0.10, snow: 6, noise: 1.0 };
+    /// Nothing but the scene and the water.
+    pub const STILL: Conditions = Conditions { caustics: 0.0, snow: 0, noise: 0.0 };
+}
+
+/// A picture of a run.
+#[derive(Clone, Debug)]
+pub struct DemoFrame {
+    /// File name without folder, such as `0001.png`.
+    pub name: String,
+    /// What the camera saw.
+    pub picture: Picture,
+    /// Where the camera truly was.
+    pub pose: Pose,
+    /// Seconds since the run began.
+    pub time: f64,
+}
+
+/// The frames of the mapping run M1, each drawn when asked for.
+pub fn mapping_run(conditions: Conditions) -> impl ExactSizeIterator<Item = DemoFrame> {
+    let scene = Scene::mapped();
+    trajectory::mapping_poses().into_iter().enumerate().map(move |(index, pose)| {
+        // The mapping run takes its time: a picture every 4 seconds.
+        draw(&scene, &conditions, pose, index, 4.0 * index as f64, 0)
+    })
+}
+
+/// The first `frames` frames of an inspection run, each drawn when asked for.
+pub fn inspection_run(
+    run: Run,
+    frames: usize,
+    conditions: Conditions,
+) -> impl ExactSizeIterator<Item = DemoFrame> {
+    let (scene, tag) = match run {
+        Run::T1 => (Scene::mapped(), 1),
+        Run::T2 => (Scene::with_new_object(), 2),
+    };
+    (0..frames).map(move |index| {
+        let time = index as f64 / FRAME_RATE;
+        let pose = trajectory::inspection_pose(run, time);
+        match run {
+            Run::T1 => draw(&scene, &conditions, pose, index, time, tag),
+            Run::T2 => {
+                let seen = scene.clone().with(safety_line::solids(&pose, time));
+                draw(&seen, &conditions, pose, index, time, tag)
+            }
+        }
+    })
+}
+
+fn draw(
+    scene: &Scene,
+    conditions: &Conditions,
+    pose: Pose,
+    index: usize,
+    time: f64,
+    run_tag: u32,
+) -> DemoFrame {
+    // Runs lie hours apart: the water's surface is not at the same moment of its motion.
+    let light =
+        Light { time: time as f32 + 1000.0 * run_tag as f32, caustics: conditions.caustics };
+    let radiance = trace::draw(scene, &CAMERA, &pose, &light);
+    let disturbance = Disturbance { snow: conditions.snow, noise: conditions.noise };
+    let seed = (run_tag << 24) | index as u32;
+    let picture = sensor::expose(radiance, CAMERA.width, CAMERA.height, &disturbance, seed);
+    DemoFrame { name: format!("{:04}.png", index + 1), picture, pose, time }
+}

@@ -1,0 +1,66 @@
+//! Drawing the scene: one ray per sample, four samples per pixel.
+
+use glam::{Mat3, Vec3};
+use nvsprior::{Camera, Pose};
+use rayon::prelude::*;
+
+use super::material::{Spot, albedo};
+use super::scene::Scene;
+use super::solid::Ray;
+use super::water::{LAMP_COUNT, Light, VEIL, through_water};
+
+/// Samples per pixel: a 2 × 2 grid, each lit by a lamp of its own.
+const SAMPLES: [(f32, f32); LAMP_COUNT] = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)];
+
+/// Rays of a posed camera.
+pub struct Eye {
+    camera: Camera,
+    origin: Vec3,
+    to_world: Mat3,
+}
+
+impl Eye {
+    pub fn new(camera: &Camera, pose: &Pose) -> Eye {
+        let to_world = pose.matrix().transpose().as_mat3();
+        Eye { camera: *camera, origin: pose.centre().as_vec3(), to_world }
+    }
+
+    /// The ray through a picture point, and the cosine of its angle to the optical axis.
+    pub fn ray(&self, x: f32, y: f32) -> (Ray, f32) {
+        let Camera { fx, fy, cx, cy, .. } = self.camera;
+        let d = Vec3::new((x - cx) / fx, (y - cy) / fy, 1.0);
+        let cosine = d.length_recip();
+        (Ray { origin: self.origin, direction: self.to_world * d * cosine }, cosine)
+    }
+}
+
+/// Radiance of every pixel, linear RGB, row-major, as seen through the water.
+pub fn draw(scene: &Scene, camera: &Camera, pose: &Pose, light: &Light) -> Vec<Vec3> {
+    let eye = Eye::new(camera, pose);
+    let width = camera.width as usize;
+    let mut radiance = vec![Vec3::ZERO; camera.pixels()];
+    radiance.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let sum: Vec3 = SAMPLES
+                .iter()
+                .enumerate()
+                .map(|(lamp, (dx, dy))| {
+                    sample(scene, &eye, light, lamp, x as f32 + dx, y as f32 + dy)
+                })
+                .sum();
+            *pixel = sum / SAMPLES.len() as f32;
+        }
+    });
+    radiance
+}
+
+fn sample(scene: &Scene, eye: &Eye, light: &Light, lamp: usize, x: f32, y: f32) -> Vec3 {
+    let (ray, _) = eye.ray(x, y);
+    let Some(hit) = scene.hit(&ray) else { return VEIL };
+    // Samples lie half a pixel apart; a slanting surface stretches them, up to a limit.
+    let slant = hit.normal.dot(ray.direction).abs().max(0.3);
+    let footprint = 0.5 * hit.t / (eye.camera.fx * slant);
+    let spot = Spot { solid: hit.solid, position: hit.position, normal: hit.normal, footprint };
+    let reflected = albedo(&spot) * light.on(scene, hit.position, hit.normal, lamp);
+    through_water(reflected, hit.t)
+}

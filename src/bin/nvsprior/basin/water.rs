@@ -1,0 +1,101 @@
+//! What the water does to light: attenuation and backscatter that differ by wavelength, and the
+//! light that comes down through the surface.
+
+use glam::{Vec2, Vec3};
+
+use super::noise::value_noise;
+use super::scene::{BASIN, Scene};
+use super::solid::Ray;
+
+/// Loss of a surface's radiance along the line of sight, `β_d`, per metre and channel.
+const ATTENUATION: Vec3 = Vec3::new(0.19, 0.07, 0.06);
+/// Growth of the veil along the line of sight, `β_b`, per metre and channel.
+const BACKSCATTER: Vec3 = Vec3::new(0.16, 0.12, 0.11);
+/// Radiance of water without end, `B∞`, linear RGB.
+pub const VEIL: Vec3 = Vec3::new(0.012, 0.070, 0.095);
+/// Loss of the light on its way down from the surface, per metre and channel.
+const DOWNWELLING: Vec3 = Vec3::new(0.09, 0.03, 0.025);
+/// Directions towards the hall's four lamps (before normalisation).
+const LAMPS: [Vec3; LAMP_COUNT] = [
+    Vec3::new(0.35, 0.10, 1.0),
+    Vec3::new(0.25, 0.42, 1.0),
+    Vec3::new(-0.05, 0.30, 1.0),
+    Vec3::new(0.08, -0.02, 1.0),
+];
+
+/// Number of lamps above the basin.
+pub const LAMP_COUNT: usize = 4;
+
+/// Radiance after `range` metres of water: `C = J exp(−β_d z) + B∞ (1 − exp(−β_b z))`
+/// (Akkaynak and Treibitz, "A Revised Underwater Image Formation Model", CVPR 2018, eq. 20).
+pub fn through_water(radiance: Vec3, range: f32) -> Vec3 {
+    radiance * (-ATTENUATION * range).exp() + VEIL * (Vec3::ONE - (-BACKSCATTER * range).exp())
+}
+
+/// The light at one moment.
+#[derive(Clone, Copy)]
+pub struct Light {
+    /// Seconds since the run began; moves the caustics.
+    pub time: f32,
+    /// Height of the caustics relative to the lamps' light.
+    pub caustics: f32,
+}
+
+impl Light {
+    /// Irradiance of a surface point over π, linear RGB, with `lamp` standing for all lamps: their
+    /// mean over the samples of a pixel is the light of all of them.
+    pub fn on(&self, scene: &Scene, position: Vec3, normal: Vec3, lamp: usize) -> Vec3 {
+        let outside = position + normal * 2e-3;
+        let reach = 0.35;
+        let open = scene.distance(outside + normal * reach, reach).max(0.0) / reach;
+        let diffuse = (0.50 + 0.22 * normal.z) * (0.4 + 0.6 * open);
+        let direction = LAMPS[lamp].normalize();
+        let facing = normal.dot(direction);
+        let lit = facing > 0.0 && !scene.shadowed(&Ray { origin: outside, direction });
+        let direct = if lit { 0.95 * facing * self.caustic(position, direction) } else { 0.0 };
+        (-DOWNWELLING * (BASIN.1.z - position.z)).exp() * (diffuse + direct)
+    }
+
+    /// Focusing of the lamps' light by waves: bright ridges that drift, about 1 in the mean.
+    fn caustic(&self, position: Vec3, direction: Vec3) -> f32 {
+        if self.caustics == 0.0 {
+            return 1.0;
+        }
+        let on_surface = position.truncate() - direction.truncate() * (position.z / direction.z);
+        let ridge = |scale: f32, drift: Vec2, seed| {
+            let p = (on_surface + drift * self.time) * scale;
+            1.0 - value_noise(p.extend(0.25 * self.time), seed).abs()
+        };
+        let pattern = ridge(1.1, Vec2::new(0.10, 0.04), 5) * ridge(1.9, Vec2::new(-0.06, 0.09), 6);
+        let mean = 0.43;
+        1.0 + self.caustics * (pattern - mean) / mean
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn water_keeps_the_near_and_veils_the_far() {
+        let red = Vec3::new(0.8, 0.1, 0.1);
+        assert_eq!(through_water(red, 0.0), red);
+        assert!((through_water(red, 1e3) - VEIL).abs().max_element() < 1e-6);
+        assert!(through_water(red, 3.0).x < 0.6 * red.x);
+    }
+
+    #[test]
+    fn the_structure_casts_shadows_and_caustics_average_out() {
+        let scene = Scene::mapped();
+        let light = Light { time: 0.0, caustics: 0.0 };
+        let open = light.on(&scene, Vec3::new(4.5, -4.0, 0.0), Vec3::Z, 0);
+        let beneath = light.on(&scene, Vec3::new(1.3, 1.9, 0.0), Vec3::Z, 0);
+        assert!(beneath.y < 0.7 * open.y, "{beneath} against {open}");
+        let moving = Light { time: 3.0, caustics: 1.0 };
+        let mean = (0..4000)
+            .map(|i| Vec3::new((i % 63) as f32 * 0.31, (i / 63) as f32 * 0.29, 0.0))
+            .map(|p| moving.caustic(p, Vec3::Z) / 4000.0)
+            .sum::<f32>();
+        assert!((mean - 1.0).abs() < 0.1, "{mean}");
+    }
+}
