@@ -2,7 +2,7 @@
 
 use bytemuck::AnyBitPattern;
 
-use crate::shared::{Counters, DERIVATIVES, RADIX, RADIX_BLOCK, RECORD};
+use crate::shared::{BIN_BLOCK, Counters, DERIVATIVES, Params, RADIX, RADIX_BLOCK, RECORD};
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
 use crate::{Camera, Engine, Pose};
 
@@ -34,6 +34,28 @@ pub fn sort(engine: &Engine, keys: &[u32], values: &[u32]) -> Result<(Vec<u32>, 
     recorder.finish()?.run()?;
     let read = |buffer| read::<u32>(device, buffer, count as usize);
     Ok((read(&keys[sorted])?, read(&values[sorted])?))
+}
+
+/// Stages `bin_count` and `bin_scan` alone, for splats in the order of their indices: the pairs that
+/// the picture needs, and where each block's begin.
+pub fn count_pairs(engine: &Engine, tile_counts: &[u32]) -> Result<(u32, Vec<u32>), Error> {
+    let (device, kernels) = (&engine.device, &*engine.kernels);
+    let count = tile_counts.len() as u32;
+    let blocks = count.div_ceil(BIN_BLOCK);
+    let params = Params { splats: count, pair_capacity: u32::MAX, ..Params::default() };
+    let params = Buffer::from_slice(device, "parameters", &[params])?;
+    let order: Vec<u32> = (0..count).collect();
+    let order = Buffer::from_slice(device, "depth order", &order)?;
+    let tile_counts = Buffer::from_slice(device, "tile counts", tile_counts)?;
+    let sums = Buffer::new::<u32>(device, "block sums", blocks as usize, Memory::Device)?;
+    let counters = Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?;
+    let mut recorder = Recorder::new(device)?;
+    let buffers = [&params, &order, &tile_counts, &sums];
+    recorder.dispatch(&kernels.bin_count, &buffers, &[], [blocks, 1, 1])?;
+    recorder.dispatch(&kernels.bin_scan, &[&params, &sums, &counters], &[], [1, 1, 1])?;
+    recorder.finish()?.run()?;
+    let needed = read::<Counters>(device, &counters, 1)?[0].pairs_needed;
+    Ok((needed, read(device, &sums, blocks as usize)?))
 }
 
 /// What every stage before the blending left, up to the pairs that there was room for.
