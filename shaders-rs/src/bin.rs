@@ -9,8 +9,8 @@ use spirv_std::spirv;
 
 const EACH: u32 = BIN_BLOCK / GROUP;
 
-/// The sum, or the largest number where it would wrap: then the host hears of too many pairs, not of
-/// a few.
+/// The sum, or the largest number where it would wrap: then the host hears of too many pairs, not
+/// of a few.
 fn saturating(a: u32, b: u32) -> u32 {
     let sum = a.wrapping_add(b);
     if sum < a { u32::MAX } else { sum }
