@@ -124,8 +124,7 @@ fn damped_step(equations: &NormalEquations, damping: f64) -> Option<([f64; 6], f
     let solution = solve(&matrix, &right)?;
     let step: [f64; 6] = std::array::from_fn(|i| solution[i] * scale[i]);
     // 2 δᵀ(−Jᵀr) − δᵀ JᵀJ δ, with JᵀJ δ taken from the system: all terms positive.
-    let expected: f64 =
-        (0..6).map(|i| solution[i] * (right[i] + damping * solution[i])).sum();
+    let expected: f64 = (0..6).map(|i| solution[i] * (right[i] + damping * solution[i])).sum();
     (step.iter().all(|v| v.is_finite()) && expected.is_finite()).then_some((step, expected))
 }
 

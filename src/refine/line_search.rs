@@ -82,7 +82,11 @@ fn zoom<P: Copy>(
         let margin = 0.1 * width;
         if (right - t).min(t - left) < margin {
             if slow || t >= right || t <= left {
-                t = if (t - right).abs() < (t - left).abs() { right - margin } else { left + margin };
+                t = if (t - right).abs() < (t - left).abs() {
+                    right - margin
+                } else {
+                    left + margin
+                };
                 slow = false;
             } else {
                 slow = true;
@@ -137,7 +141,11 @@ mod tests {
     #[test]
     fn meets_the_wolfe_conditions() {
         for first in [1e-3, 0.1, 1.0, 50.0] {
-            let p = search(|t| (t - 2.0).powi(2) + 0.3 * t.sin(), |t| 2.0 * (t - 2.0) + 0.3 * t.cos(), first);
+            let p = search(
+                |t| (t - 2.0).powi(2) + 0.3 * t.sin(),
+                |t| 2.0 * (t - 2.0) + 0.3 * t.cos(),
+                first,
+            );
             let slope = -4.0 + 0.3;
             assert!(p.f <= 4.0 + C1 * p.t * slope && p.slope.abs() <= -C2 * slope, "from {first}");
         }

@@ -84,8 +84,7 @@ impl Starts {
         threshold: f64,
     ) -> Result<Option<Start>, Error> {
         let whole = objective.levels() - 1;
-        let from_outside =
-            |pose| Start { pose, kind: StartKind::External, coarsest: whole };
+        let from_outside = |pose| Start { pose, kind: StartKind::External, coarsest: whole };
         let Some((pose, kind)) = self.better_candidate(objective, jacobian)? else {
             return Ok(external.map(from_outside));
         };

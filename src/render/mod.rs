@@ -18,6 +18,6 @@ mod view;
 mod workspace;
 
 pub use kernels::Kernels;
-pub use renderer::{Jacobian, Plan, Renderer};
+pub use renderer::{Jacobian, Plan, Renderer, to_byte};
 pub use scene::Scene;
 pub use view::NormalEquations;

@@ -38,10 +38,15 @@ pub(crate) fn record(
         let to = 1 - from;
         let constants = [what.index(), pass * RADIX.ilog2()];
         let (k, r) = (kernels, &mut *recorder);
-        what.dispatch(r, &k.radix_count, &[counters, &keys[from], histogram], &constants, counters)?;
+        what.dispatch(
+            r,
+            &k.radix_count,
+            &[counters, &keys[from], histogram],
+            &constants,
+            counters,
+        )?;
         r.dispatch(&k.radix_scan, &[counters, histogram], &constants, [1, 1, 1])?;
-        let buffers =
-            [counters, histogram, &keys[from], &values[from], &keys[to], &values[to]];
+        let buffers = [counters, histogram, &keys[from], &values[from], &keys[to], &values[to]];
         what.dispatch(r, &k.radix_scatter, &buffers, &constants, counters)?;
         from = to;
     }

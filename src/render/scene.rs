@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat};
 
-use crate::prior::Splats;
+use crate::prior::{PriorFrame, Splats};
 use crate::shared::GEOMETRY_PLANES;
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
@@ -15,6 +15,7 @@ pub struct Scene {
     pub(crate) sh_degree: u32,
     pub(crate) options: RenderOptions,
     id: PriorId,
+    frame: PriorFrame,
 }
 
 impl Scene {
@@ -28,12 +29,18 @@ impl Scene {
             sh_degree: splats.sh_degree,
             options: *prior.options(),
             id: prior.id(),
+            frame: prior.frame(),
         })
     }
 
     /// Identity of the prior.
     pub fn id(&self) -> PriorId {
         self.id
+    }
+
+    /// The frame in which packets state camera positions.
+    pub fn frame(&self) -> PriorFrame {
+        self.frame
     }
 
     /// Number of splats.

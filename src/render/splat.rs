@@ -28,8 +28,7 @@ pub(crate) fn record_flow(
     sorted: usize,
 ) -> Result<(), Error> {
     let pairs = &work.pair_splats[sorted];
-    let buffers =
-        [&view.params, &view.ranges, pairs, &work.records, &view.frame, &view.partials];
+    let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.frame, &view.partials];
     recorder.dispatch(&kernels.splat_flow, &buffers, &[], [view.tiles[0], view.tiles[1], 1])
 }
 
@@ -45,7 +44,6 @@ pub(crate) fn record_exact(
     let Some(derivatives) = &work.derivatives else { return Ok(()) };
     let pairs = &work.pair_splats[sorted];
     let (frame, partials) = (&view.frame, &view.partials);
-    let buffers =
-        [&view.params, &view.ranges, pairs, &work.records, frame, partials, derivatives];
+    let buffers = [&view.params, &view.ranges, pairs, &work.records, frame, partials, derivatives];
     recorder.dispatch(&kernels.splat_exact, &buffers, &[], [view.tiles[0], view.tiles[1], 1])
 }

@@ -70,7 +70,12 @@ impl View {
             tiles,
             params: Buffer::new::<Params>(device, "parameters", 1, Memory::Upload)?,
             ranges: Buffer::new::<[u32; 2]>(device, "tile ranges", count, Memory::Device)?,
-            image: Buffer::new::<f32>(device, "picture", pixels * PIXEL as usize, Memory::Readback)?,
+            image: Buffer::new::<f32>(
+                device,
+                "picture",
+                pixels * PIXEL as usize,
+                Memory::Readback,
+            )?,
             frame: Buffer::new::<[f32; 3]>(device, "frame", pixels, Memory::Upload)?,
             partials: Buffer::new::<[f32; SUMS as usize]>(
                 device,

@@ -53,8 +53,7 @@ impl Shared {
     fn allocate(&mut self, name: &'static str, bytes: u64, memory: Memory) -> Result<(), Error> {
         let failed = |reason: String| Error::Memory { buffer: name, bytes, reason };
         // SAFETY: the buffer was just made on this device.
-        let requirements =
-            unsafe { self.device.device.get_buffer_memory_requirements(self.raw) };
+        let requirements = unsafe { self.device.device.get_buffer_memory_requirements(self.raw) };
         let location = match memory {
             Memory::Device => MemoryLocation::GpuOnly,
             Memory::Upload => MemoryLocation::CpuToGpu,

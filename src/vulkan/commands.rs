@@ -323,7 +323,9 @@ impl Commands {
         // SAFETY: `&mut self`: this command buffer is not in flight; the queue is held for the
         // submission alone; the fence is unsignalled before and reset after.
         unsafe {
-            device.queue_submit(*queue, &submits, self.fence).map_err(Error::of("vkQueueSubmit"))?;
+            device
+                .queue_submit(*queue, &submits, self.fence)
+                .map_err(Error::of("vkQueueSubmit"))?;
             drop(queue);
             device
                 .wait_for_fences(&fences, true, u64::MAX)

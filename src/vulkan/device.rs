@@ -193,8 +193,8 @@ impl Instance {
             .enabled_layer_names(&layers)
             .enabled_extension_names(&extensions);
         // SAFETY: `info` and what it points to live through the call.
-        let instance = unsafe { entry.create_instance(&info, None) }
-            .map_err(Error::of("vkCreateInstance"))?;
+        let instance =
+            unsafe { entry.create_instance(&info, None) }.map_err(Error::of("vkCreateInstance"))?;
         let mut this =
             Instance { messages: Default::default(), messenger: None, instance, _entry: entry };
         if validation {
@@ -204,7 +204,9 @@ impl Instance {
     }
 
     fn listen(&mut self) -> Result<(), Error> {
-        use vk::{DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Kind};
+        use vk::{
+            DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Kind,
+        };
         let debug = ext::debug_utils::Instance::new(&self._entry, &self.instance);
         let user = Arc::as_ptr(&self.messages).cast_mut().cast();
         let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
@@ -221,10 +223,7 @@ impl Instance {
     }
 
     /// The device asked for, or the one of the best kind.
-    fn choose(
-        &self,
-        wanted: Option<&str>,
-    ) -> Result<(vk::PhysicalDevice, u32, DeviceInfo), Error> {
+    fn choose(&self, wanted: Option<&str>) -> Result<(vk::PhysicalDevice, u32, DeviceInfo), Error> {
         // SAFETY: a plain query.
         let devices = unsafe { self.instance.enumerate_physical_devices() }
             .map_err(Error::of("vkEnumeratePhysicalDevices"))?;
@@ -246,7 +245,11 @@ impl Instance {
         }
         let (device, family, info, _) = best.ok_or_else(|| Error::NoDevice {
             wanted: wanted.map(|w| format!(" \"{w}\"")).unwrap_or_default(),
-            found: if passed_over.is_empty() { "none found".into() } else { passed_over.join(", ") },
+            found: if passed_over.is_empty() {
+                "none found".into()
+            } else {
+                passed_over.join(", ")
+            },
         })?;
         Ok((device, family, info))
     }
@@ -254,8 +257,9 @@ impl Instance {
     fn describe(&self, device: vk::PhysicalDevice) -> (DeviceInfo, u32) {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
-        let mut properties =
-            vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup).push_next(&mut driver);
+        let mut properties = vk::PhysicalDeviceProperties2::default()
+            .push_next(&mut subgroup)
+            .push_next(&mut driver);
         // SAFETY: the chained structures live through the call.
         unsafe { self.instance.get_physical_device_properties2(device, &mut properties) };
         let p = properties.properties;
