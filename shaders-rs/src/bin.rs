@@ -9,7 +9,14 @@ use spirv_std::spirv;
 
 const EACH: u32 = BIN_BLOCK / GROUP;
 
-/// Exclusive prefix sum over the workgroup (Hillis–Steele), and the total.
+/// The sum, or the largest number where it would wrap: then the host hears of too many pairs, not
+/// of a few.
+fn saturating(a: u32, b: u32) -> u32 {
+    let sum = a.wrapping_add(b);
+    if sum < a { u32::MAX } else { sum }
+}
+
+/// Exclusive prefix sum over the workgroup (Hillis–Steele), and the total; both saturate.
 fn scan(value: u32, lane: u32, shared: &mut [u32; GROUP as usize]) -> (u32, u32) {
     let lane = lane as usize;
     shared[lane] = value;
@@ -18,7 +25,7 @@ fn scan(value: u32, lane: u32, shared: &mut [u32; GROUP as usize]) -> (u32, u32)
     while reach < GROUP as usize {
         let mut sum = shared[lane];
         if lane >= reach {
-            sum += shared[lane - reach];
+            sum = saturating(sum, shared[lane - reach]);
         }
         barrier();
         shared[lane] = sum;
@@ -80,9 +87,9 @@ pub fn bin_scan(
         }
         let (prefix, total) = scan(value, lane, shared);
         if block < blocks {
-            block_sums[block as usize] = before + prefix;
+            block_sums[block as usize] = saturating(before, prefix);
         }
-        before += total;
+        before = saturating(before, total);
         first += GROUP;
         barrier();
     }

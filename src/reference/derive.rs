@@ -114,8 +114,8 @@ fn d_ln_alpha(view: &View, sharp: &DMat2, smooth: &DMat2, d: &DMat2) -> f64 {
     0.5 * (d_ln_det(sharp) - d_ln_det(smooth))
 }
 
-/// d(rgb)/dρ, `R (I − d̂d̂ᵀ) / ‖·‖` times the harmonics' gradient; θ leaves the camera's centre where
-/// it is. A channel that the clamp at 0 holds does not change.
+/// d(rgb)/dρ, `R (I − d̂d̂ᵀ) / ‖·‖` times the harmonics' gradient; θ leaves the camera's centre
+/// where it is. A channel that the clamp at 0 holds does not change.
 fn colour(view: &View, splat: &Splat, s: &Projected) -> [DVec3; 3] {
     let (d, distance) = splat.direction(view);
     let (_, gradients) = harmonics::evaluate(splat.sh, d);

@@ -1,5 +1,5 @@
 //! Real spherical harmonics, degrees 0–3, as polynomials of the unit direction. Signs and constants
-//! as in Inria's trainer. Written as tables of monomials, so that the gradients follow mechanically.
+//! as in Inria's trainer. Written as tables of monomials: the gradients follow mechanically.
 
 use glam::DVec3;
 

@@ -1,6 +1,6 @@
-//! Which pixels hang on a close decision. Alpha's cut at 1/255, the transmittance stop and the depth
-//! order make true jumps; where a value lies within rounding of one, f32 and f64 may land on either
-//! side, and both are right.
+//! Which pixels hang on a close decision. Alpha's cut at 1/255, the transmittance stop and the
+//! depth order make true jumps; where a value lies within rounding of one, f32 and f64 may land on
+//! either side, and both are right.
 
 use glam::DVec2;
 

@@ -2,14 +2,14 @@
 
 use bytemuck::AnyBitPattern;
 
-use crate::shared::{Counters, DERIVATIVES, RADIX, RADIX_BLOCK, RECORD};
+use crate::shared::{BIN_BLOCK, Counters, DERIVATIVES, Params, RADIX, RADIX_BLOCK, RECORD};
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
 use crate::{Camera, Engine, Pose};
 
 use super::radix::Keys;
 use super::view::View;
 use super::workspace::Workspace;
-use super::{Scene, bin, derive, project, radix, ranges};
+use super::{Kernels, Scene, bin, derive, project, radix, ranges};
 
 /// Sorts keys with values in four passes, as the splats by depth are.
 ///
@@ -34,6 +34,28 @@ pub fn sort(engine: &Engine, keys: &[u32], values: &[u32]) -> Result<(Vec<u32>, 
     recorder.finish()?.run()?;
     let read = |buffer| read::<u32>(device, buffer, count as usize);
     Ok((read(&keys[sorted])?, read(&values[sorted])?))
+}
+
+/// Stages `bin_count` and `bin_scan` alone, for splats in the order of their indices: the pairs
+/// that the picture needs, and where each block's begin.
+pub fn count_pairs(engine: &Engine, tile_counts: &[u32]) -> Result<(u32, Vec<u32>), Error> {
+    let (device, kernels) = (&engine.device, &*engine.kernels);
+    let count = tile_counts.len() as u32;
+    let blocks = count.div_ceil(BIN_BLOCK);
+    let params = Params { splats: count, pair_capacity: u32::MAX, ..Params::default() };
+    let params = Buffer::from_slice(device, "parameters", &[params])?;
+    let order: Vec<u32> = (0..count).collect();
+    let order = Buffer::from_slice(device, "depth order", &order)?;
+    let tile_counts = Buffer::from_slice(device, "tile counts", tile_counts)?;
+    let sums = Buffer::new::<u32>(device, "block sums", blocks as usize, Memory::Device)?;
+    let counters = Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?;
+    let mut recorder = Recorder::new(device)?;
+    let buffers = [&params, &order, &tile_counts, &sums];
+    recorder.dispatch(&kernels.bin_count, &buffers, &[], [blocks, 1, 1])?;
+    recorder.dispatch(&kernels.bin_scan, &[&params, &sums, &counters], &[], [1, 1, 1])?;
+    recorder.finish()?.run()?;
+    let needed = read::<Counters>(device, &counters, 1)?[0].pairs_needed;
+    Ok((needed, read(device, &sums, blocks as usize)?))
 }
 
 /// What every stage before the blending left, up to the pairs that there was room for.
@@ -76,46 +98,67 @@ pub fn stages(
     let mut view = View::new(device, camera)?;
     view.set_pose(scene, pair_capacity, pose);
 
-    let mut recorder = Recorder::new(device)?;
-    let r = &mut recorder;
-    project::record(r, kernels, scene, &view, &work)?;
-    derive::record(r, kernels, scene, &view, &work)?;
-    r.fill(&work.counters, scene.splats);
-    let (counters, histogram) = (&work.counters, &work.histogram);
-    let depth = Keys::Depth { count: scene.splats };
-    let (keys, order) = (&work.depth_keys, &work.depth_order);
-    let by_depth = radix::record(r, kernels, counters, histogram, depth, 4, keys, order)?;
-    bin::record(r, kernels, scene, &view, &work, by_depth)?;
-    recorder.finish()?.run()?;
+    let by_depth = emit_pairs(device, kernels, scene, &view, &work)?;
     // The sort by tile writes over the pairs as emitted: they are read before it.
-    let splats = scene.splats as usize;
-    let counts = read::<Counters>(device, counters, 1)?[0];
-    let pairs = counts.sort[1] as usize;
-    let emitted_tiles = read(device, &work.pair_tiles[0], pairs)?;
-    let emitted_splats = read(device, &work.pair_splats[0], pairs)?;
-
-    let mut recorder = Recorder::new(device)?;
-    let r = &mut recorder;
-    let passes = radix::passes(view.tile_count() + 1);
-    let (tiles, values) = (&work.pair_tiles, &work.pair_splats);
-    let by_tile =
-        radix::record(r, kernels, counters, histogram, Keys::Tile, passes, tiles, values)?;
-    ranges::record(r, kernels, &view, &work, by_tile)?;
-    recorder.finish()?.run()?;
+    let counters = read::<Counters>(device, &work.counters, 1)?[0];
+    let (splats, pairs) = (scene.splats as usize, counters.sort[1] as usize);
+    let pair_tiles = read(device, &work.pair_tiles[0], pairs)?;
+    let pair_splats = read(device, &work.pair_splats[0], pairs)?;
+    let by_tile = sort_pairs(device, kernels, &view, &work)?;
     let derivatives = work.derivatives.as_ref().map(|d| read(device, d, splats));
     Ok(Stages {
         records: read(device, &work.records, splats)?,
         tile_counts: read(device, &work.tile_counts, splats)?,
         derivatives: derivatives.transpose()?.unwrap_or_default(),
-        depth_keys: read(device, &keys[by_depth], splats)?,
-        order: read(device, &order[by_depth], splats)?,
-        pairs_needed: counts.pairs_needed,
-        pair_tiles: emitted_tiles,
-        pair_splats: emitted_splats,
-        sorted_tiles: read(device, &tiles[by_tile], pairs)?,
-        sorted_splats: read(device, &values[by_tile], pairs)?,
+        depth_keys: read(device, &work.depth_keys[by_depth], splats)?,
+        order: read(device, &work.depth_order[by_depth], splats)?,
+        pairs_needed: counters.pairs_needed,
+        pair_tiles,
+        pair_splats,
+        sorted_tiles: read(device, &work.pair_tiles[by_tile], pairs)?,
+        sorted_splats: read(device, &work.pair_splats[by_tile], pairs)?,
         ranges: read(device, &view.ranges, view.tile_count() as usize)?,
     })
+}
+
+/// Runs the stages up to the pairs in depth order; returns which of the depth orders is sorted.
+fn emit_pairs(
+    device: &Device,
+    kernels: &Kernels,
+    scene: &Scene,
+    view: &View,
+    work: &Workspace,
+) -> Result<usize, Error> {
+    let mut recorder = Recorder::new(device)?;
+    let r = &mut recorder;
+    project::record(r, kernels, scene, view, work)?;
+    derive::record(r, kernels, scene, view, work)?;
+    let (counters, histogram) = (&work.counters, &work.histogram);
+    r.fill(counters, scene.splats);
+    let depth = Keys::Depth { count: scene.splats };
+    let (keys, order) = (&work.depth_keys, &work.depth_order);
+    let by_depth = radix::record(r, kernels, counters, histogram, depth, 4, keys, order)?;
+    bin::record(r, kernels, scene, view, work, by_depth)?;
+    recorder.finish()?.run()?;
+    Ok(by_depth)
+}
+
+/// Sorts the pairs by tile and finds the ranges; returns which of the pair buffers is sorted.
+fn sort_pairs(
+    device: &Device,
+    kernels: &Kernels,
+    view: &View,
+    work: &Workspace,
+) -> Result<usize, Error> {
+    let mut recorder = Recorder::new(device)?;
+    let r = &mut recorder;
+    let (counters, histogram) = (&work.counters, &work.histogram);
+    let passes = radix::passes(view.tile_count() + 1);
+    let (tiles, splats) = (&work.pair_tiles, &work.pair_splats);
+    let sorted = radix::record(r, kernels, counters, histogram, Keys::Tile, passes, tiles, splats)?;
+    ranges::record(r, kernels, view, work, sorted)?;
+    recorder.finish()?.run()?;
+    Ok(sorted)
 }
 
 /// The first `count` values of a buffer that only the device sees.

@@ -41,6 +41,11 @@ impl Plan {
 /// A level's buffers and its recorded commands.
 struct Level {
     view: View,
+    recorded: Recorded,
+}
+
+/// What a level can be asked for.
+struct Recorded {
     draw: Commands,
     flow: Option<Commands>,
     exact: Option<Commands>,
@@ -90,27 +95,29 @@ impl Renderer {
         for factor in renderer.plan.factors.clone() {
             let camera = camera.reduced(factor);
             if camera.width > 0 && camera.height > 0 {
-                let level = renderer.level(View::new(device, &camera)?)?;
-                renderer.levels.push(level);
+                let view = View::new(device, &camera)?;
+                let recorded = renderer.record_all(&renderer.work, &view)?;
+                renderer.levels.push(Level { view, recorded });
                 renderer.renders.push(0);
             }
         }
         Ok(renderer)
     }
 
-    fn level(&self, view: View) -> Result<Level, Error> {
+    fn record_all(&self, work: &Workspace, view: &View) -> Result<Recorded, Error> {
         let sums = |jacobian| {
             let wanted = self.plan.jacobians.contains(&jacobian);
-            wanted.then(|| self.record(&view, Job::Sums(jacobian))).transpose()
+            wanted.then(|| self.record(work, view, Job::Sums(jacobian))).transpose()
         };
-        let flow = sums(Jacobian::Flow)?;
-        let exact = sums(Jacobian::Exact)?;
-        let draw = self.record(&view, Job::Draw)?;
-        Ok(Level { view, draw, flow, exact })
+        Ok(Recorded {
+            flow: sums(Jacobian::Flow)?,
+            exact: sums(Jacobian::Exact)?,
+            draw: self.record(work, view, Job::Draw)?,
+        })
     }
 
-    fn record(&self, view: &View, job: Job) -> Result<Commands, Error> {
-        let (kernels, scene, work) = (&*self.kernels, &*self.scene, &self.work);
+    fn record(&self, work: &Workspace, view: &View, job: Job) -> Result<Commands, Error> {
+        let (kernels, scene) = (&*self.kernels, &*self.scene);
         let mut recorder = if self.plan.profiled {
             Recorder::profiled(&self.device)?
         } else {
@@ -151,7 +158,7 @@ impl Renderer {
     fn run(&mut self, level: usize, job: Job, pose: &Pose) -> Result<(), Error> {
         loop {
             let capacity = self.work.pair_capacity;
-            let Level { view, draw, flow, exact } = &mut self.levels[level];
+            let Level { view, recorded: Recorded { draw, flow, exact } } = &mut self.levels[level];
             view.set_pose(&self.scene, capacity, pose);
             let commands = match job {
                 Job::Draw => Some(draw),
@@ -168,14 +175,17 @@ impl Renderer {
         }
     }
 
+    /// Makes room for more pairs. Where that fails, everything is as before.
     fn grow(&mut self, pairs: u32) -> Result<(), Error> {
         let room = pairs.saturating_add(pairs / 4);
         let exact = self.plan.jacobians.contains(&Jacobian::Exact);
-        self.work = Workspace::new(&self.device, &self.scene, room, exact)?;
-        for Level { view, .. } in std::mem::take(&mut self.levels) {
-            let level = self.level(view)?;
-            self.levels.push(level);
+        let work = Workspace::new(&self.device, &self.scene, room, exact)?;
+        let recorded: Result<Vec<Recorded>, Error> =
+            self.levels.iter().map(|level| self.record_all(&work, &level.view)).collect();
+        for (level, recorded) in self.levels.iter_mut().zip(recorded?) {
+            level.recorded = recorded;
         }
+        self.work = work;
         Ok(())
     }
 
@@ -252,7 +262,7 @@ impl Renderer {
         level: usize,
         jacobian: Option<Jacobian>,
     ) -> Result<Vec<StageTime>, Error> {
-        let level = &self.levels[level];
+        let level = &self.levels[level].recorded;
         let commands = match jacobian {
             None => Some(&level.draw),
             Some(Jacobian::Flow) => level.flow.as_ref(),

@@ -10,8 +10,8 @@ use nvsprior::{Camera, Pose, Prior};
 use crate::common;
 
 // On lavapipe colours agree to 2e-6 in random scenes where no decision is close, and to 5e-6 in the
-// reef prior, whose picture with all close decisions is at 97 dB. Other devices' exponentials may be
-// less exact than that.
+// reef prior, whose picture with all close decisions is at 97 dB. Other devices' exponentials may
+// be less exact than that.
 /// Least PSNR of linear RGB, clamped to [0, 1], in dB.
 const LEAST_PSNR: f64 = 75.0;
 /// Most that a colour may be off, beyond what close decisions explain: an eighth of an 8-bit step.

@@ -8,8 +8,8 @@ use crate::common::{self, camera, random_frame, random_pose, random_prior, rando
 
 const BOTH: [Jacobian; 2] = [Jacobian::Flow, Jacobian::Exact];
 
-/// Most that an entry may be off, relative to what Cauchy–Schwarz bounds it by. On lavapipe the worst
-/// is 9e-6, in the reef prior.
+/// Most that an entry may be off, relative to what Cauchy–Schwarz bounds it by. On lavapipe the
+/// worst is 9e-6, in the reef prior.
 const TOLERANCE: f64 = 1e-4;
 
 fn renderer(prior: &Prior, camera: &Camera) -> Renderer {

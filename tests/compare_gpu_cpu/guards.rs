@@ -2,6 +2,8 @@
 
 use nvsprior::prior::{Fault, Splats};
 use nvsprior::render::Plan;
+use nvsprior::shared::TILE;
+use nvsprior::vulkan::Error;
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 
 use crate::common::{self, camera, random_pose, random_splats};
@@ -144,4 +146,25 @@ fn more_pairs_than_room_at_first() {
     splats.opacity_logits.iter_mut().for_each(|o| *o = -3.0);
     let prior = Prior::from_splats(splats, OPTIONS).unwrap();
     assert_same("grown", &prior, &camera(320, 180), &random_pose(94));
+}
+
+#[test]
+fn more_pairs_than_the_device_holds_is_an_error_each_time() {
+    let engine = common::engine();
+    let (camera, count) = (camera(1024, 1024), 3_000);
+    let pairs = u64::from((camera.width / TILE).pow(2)) * count as u64;
+    if engine.device().storage_range >= 4 * pairs {
+        println!("skipped: {} holds {pairs} pairs", engine.device());
+        return;
+    }
+    let prior = prior_at(&vec![[0.0, 0.0, 3.0]; count], 3.0);
+    let scene = engine.upload(&prior).unwrap();
+    let mut renderer = engine.renderer(&scene, &camera, Plan::picture()).unwrap();
+    for _ in 0..2 {
+        let refused = renderer.draw(&Pose::IDENTITY);
+        assert!(matches!(refused, Err(Error::BufferTooLarge { .. })), "{refused:?}");
+    }
+    let away = Pose::exp(&[0.0, 0.0, -10.0, 0.0, 0.0, 0.0]);
+    assert_background(renderer.draw(&away).unwrap());
+    common::assert_silent(&engine);
 }

@@ -5,10 +5,10 @@ use nvsprior::reference::derive::{Motion, derive};
 use nvsprior::reference::project::Projected;
 use nvsprior::reference::{Twin, Twist, bin, radix, ranges};
 use nvsprior::render::probe::{self, Stages};
-use nvsprior::shared::{CULLED, TILE};
+use nvsprior::shared::{BIN_BLOCK, CULLED, TILE};
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 
-use crate::common::{self, camera, random_pose, random_prior, random_splats};
+use crate::common::{self, Random, camera, random_pose, random_prior, random_splats};
 
 /// Room that no scene here exceeds.
 const ROOM: u32 = 1 << 20;
@@ -188,6 +188,35 @@ fn pairs_by_tile_and_their_ranges() {
         assert!(stages.sorted_splats == splats, "{width}×{height}: splats keep depth order");
         let count = width.div_ceil(TILE) * height.div_ceil(TILE);
         assert!(stages.ranges == ranges::ranges(&tiles, count), "{width}×{height}: ranges");
+    }
+}
+
+#[test]
+fn pairs_are_counted_over_many_blocks() {
+    let engine = common::engine();
+    let mut random = Random::new(59);
+    // One block, 256 blocks and more: the scan takes 256 at a time.
+    for count in [1, 1_023, 1_024, 1_025, 262_144, 262_145, 600_000] {
+        let counts: Vec<u32> = (0..count).map(|_| (random.bits() % 90) as u32).collect();
+        let (needed, begins) = probe::count_pairs(&engine, &counts).unwrap();
+        assert_eq!(needed, counts.iter().sum::<u32>(), "{count} splats");
+        let mut next = 0;
+        for (block, begin) in counts.chunks(BIN_BLOCK as usize).zip(begins) {
+            assert_eq!(begin, next, "{count} splats");
+            next += block.iter().sum::<u32>();
+        }
+    }
+    common::assert_silent(&engine);
+}
+
+#[test]
+fn more_pairs_than_32_bits_count_are_told() {
+    // As many tiles a splat as the largest picture has; the true sums wrap to less than the room.
+    let tiles = (Camera::MAX_SIDE / TILE).pow(2);
+    for count in [(1 << 32) / tiles as usize + 1, 400_000] {
+        let counts = vec![tiles; count];
+        let (needed, _) = probe::count_pairs(&common::engine(), &counts).unwrap();
+        assert_eq!(needed, u32::MAX, "{count} splats");
     }
 }
 
