@@ -15,7 +15,7 @@ mod water;
 
 use nvsprior::{Camera, Picture, Pose};
 
-pub use export::{ExportError, write_run};
+pub use export::write_run;
 pub use surface::surface_points;
 
 use scene::Scene;
@@ -50,8 +50,6 @@ pub struct Conditions {
 impl Conditions {
     /// A calm indoor basin.
     pub const BASIN: Conditions = Conditions { caustics: 0.10, snow: 6, noise: 1.0 };
-    /// Nothing but the scene and the water.
-    pub const STILL: Conditions = Conditions { caustics: 0.0, snow: 0, noise: 0.0 };
 }
 
 /// A picture of a run.
