@@ -25,8 +25,11 @@ impl Picture {
 
     /// From row-major RGB bytes; `None` where their number does not fit the size.
     pub fn from_rgb(width: u32, height: u32, data: Vec<u8>) -> Option<Picture> {
-        (data.len() == width as usize * height as usize * 3)
-            .then_some(Picture { width, height, data })
+        (data.len() == width as usize * height as usize * 3).then_some(Picture {
+            width,
+            height,
+            data,
+        })
     }
 
     /// Mean over pixels and channels of the squared difference, values in [0, 1].

@@ -51,6 +51,13 @@ pub struct Dropped {
     pub first: usize,
 }
 
+impl fmt::Display for Dropped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Dropped { fault, count, first } = self;
+        write!(f, "{count} splats dropped, first splat {first}: {fault}")
+    }
+}
+
 /// Length of a quaternion, in f64: no finite f32 overflows it.
 pub(super) fn quaternion_length(q: [f32; 4]) -> f64 {
     q.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt()
