@@ -2,10 +2,10 @@
 //!
 //! **Compact**, 16 bytes. The camera's centre is stated in the prior's frame ([`PriorFrame`]):
 //! three signed 24-bit numbers of steps of 2⁻¹⁷ of its unit, which reaches 64 units to either side.
-//! Then the rotation as "smallest three" in 56 bits: from the top, two bits that name the quaternion's
-//! largest component, then the other three in order, 18 bits each: `131072 + round(131071 √2 q)`,
-//! with the sign of the quaternion such that the largest is positive. A rotation is off by at most
-//! 2·10⁻⁵ rad, a centre by half a step an axis.
+//! Then the rotation as "smallest three" in 56 bits: from the top, two bits that name the
+//! quaternion's largest component, then the other three in order, 18 bits each:
+//! `131072 + round(131071 √2 q)`, with the sign of the quaternion such that the largest is
+//! positive. A rotation is off by at most 2·10⁻⁵ rad, a centre by half a step an axis.
 //!
 //! **Paper**, 28 bytes: translation (x, y, z) and quaternion (w, x, y, z) as f32, as in the paper.
 //! Also taken for a pose whose centre lies beyond the compact one's reach.
