@@ -51,15 +51,73 @@ pub(super) fn minimise(
 ) -> Result<Outcome, Error> {
     let coarsest = coarsest.min(objective.levels() - 1);
     let mut pose = *start;
-    for level in (1..=coarsest).rev() {
-        let (tolerance, renders) = (options.coarse_tolerance, options.coarse_renders);
-        let search = Search { level, jacobian, tolerance, renders, damping: options.damping };
-        pose = search.run(objective, &pose)?.0.pose;
+    let mut finest = coarsest;
+    if coarsest > HYPOTHESIS_LEVEL {
+        pose = best_hypothesis(objective, start, coarsest, jacobian, options)?;
+        finest = HYPOTHESIS_LEVEL - 1;
     }
+    pose = descend(objective, &pose, (1..=finest).rev(), jacobian, options)?.pose;
     let (tolerance, renders) = (options.tolerance, options.renders);
     let search = Search { level: 0, jacobian, tolerance, renders, damping: options.damping };
     let (place, stop) = search.run(objective, &pose)?;
     Ok(Outcome { pose: place.pose, mse: place.equations.mse(), stop })
+}
+
+/// Level down to which several starts are followed, where the search begins above it.
+const HYPOTHESIS_LEVEL: usize = 2;
+/// Most rounds of phase correlation.
+const TURNS: usize = 3;
+
+/// Follows the start itself and the start turned by phase correlation down to
+/// [`HYPOTHESIS_LEVEL`]; the better of the two there. A coarse level's wrong valley catches the one
+/// or the other, rarely both, and coarse levels cost little.
+fn best_hypothesis(
+    objective: &mut Objective,
+    start: &Pose,
+    coarsest: usize,
+    jacobian: Jacobian,
+    options: &GaussNewtonOptions,
+) -> Result<Pose, Error> {
+    let levels = || (HYPOTHESIS_LEVEL..=coarsest).rev();
+    let plain = descend(objective, start, levels(), jacobian, options)?;
+    let mut turned = *start;
+    let mut error = objective.evaluate(HYPOTHESIS_LEVEL, jacobian, start)?.square;
+    for _ in 0..TURNS {
+        let next = objective.turned(&turned)?;
+        let next_error = objective.evaluate(HYPOTHESIS_LEVEL, jacobian, &next)?.square;
+        if !(next_error < error) {
+            break;
+        }
+        (turned, error) = (next, next_error);
+    }
+    let level = HYPOTHESIS_LEVEL;
+    let turned = descend(objective, &turned, level..=level, jacobian, options)?;
+    let better = if turned.square < plain.square { turned } else { plain };
+    Ok(better.pose)
+}
+
+/// A pose with its Σ r² at the level that found it.
+struct Found {
+    pose: Pose,
+    square: f64,
+}
+
+/// Searches level after level; an infinite error where there is none.
+fn descend(
+    objective: &mut Objective,
+    start: &Pose,
+    levels: impl Iterator<Item = usize>,
+    jacobian: Jacobian,
+    options: &GaussNewtonOptions,
+) -> Result<Found, Error> {
+    let mut found = Found { pose: *start, square: f64::INFINITY };
+    for level in levels {
+        let (tolerance, renders) = (options.coarse_tolerance, options.coarse_renders);
+        let search = Search { level, jacobian, tolerance, renders, damping: options.damping };
+        let (place, _) = search.run(objective, &found.pose)?;
+        found = Found { pose: place.pose, square: place.equations.square };
+    }
+    Ok(found)
 }
 
 /// One level's search.

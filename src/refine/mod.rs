@@ -9,6 +9,7 @@ mod bfgs;
 mod gauss_newton;
 mod line_search;
 mod objective;
+mod phase_correlation;
 mod pyramid;
 mod starts;
 

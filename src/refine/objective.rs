@@ -7,6 +7,8 @@ use crate::vulkan::Error;
 use crate::{Picture, Pose};
 
 use super::Pyramid;
+use super::phase_correlation::PhaseCorrelation;
+use crate::shared::PIXEL;
 
 /// One evaluation, for reports of error against run time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,9 +25,13 @@ pub struct Evaluation {
 pub struct Objective {
     renderer: Renderer,
     pyramid: Pyramid,
+    correlation: PhaseCorrelation,
     trace: Vec<Evaluation>,
     since: Instant,
 }
+
+/// Level at which phase correlation compares.
+const CORRELATION_LEVEL: usize = 2;
 
 /// Evaluations that a trace has room for; the rest of a longer search is not traced.
 const TRACE: usize = 4096;
@@ -33,7 +39,11 @@ const TRACE: usize = 4096;
 impl Objective {
     /// Wraps a renderer whose plan has the factors of `pyramid`.
     pub fn new(renderer: Renderer, pyramid: Pyramid) -> Objective {
-        Objective { renderer, pyramid, trace: Vec::with_capacity(TRACE), since: Instant::now() }
+        let level = CORRELATION_LEVEL.min(renderer.levels() - 1);
+        let camera = renderer.camera(level);
+        let correlation = PhaseCorrelation::new(camera.width as usize, camera.height as usize);
+        let (trace, since) = (Vec::with_capacity(TRACE), Instant::now());
+        Objective { renderer, pyramid, correlation, trace, since }
     }
 
     /// Sets the frame to match and begins a new trace.
@@ -71,6 +81,27 @@ impl Objective {
         Ok(equations)
     }
 
+    /// The pose turned so that the render lies over the frame as a whole, by phase correlation of
+    /// their luma; the same pose where they already do to a pixel. Roll is what it does not see.
+    pub fn turned(&mut self, pose: &Pose) -> Result<Pose, Error> {
+        let level = CORRELATION_LEVEL.min(self.levels() - 1);
+        let camera = *self.renderer.camera(level);
+        let render = self.renderer.draw_level(level, pose)?.chunks_exact(PIXEL as usize);
+        let frame = self.pyramid.level(level).chunks_exact(3);
+        let [dx, dy] = self.correlation.shift(frame.map(luma), render.map(luma));
+        if dx == 0.0 && dy == 0.0 {
+            return Ok(*pose);
+        }
+        Ok(pose.stepped(&[
+            0.0,
+            0.0,
+            0.0,
+            f64::from(-dy / camera.fy),
+            f64::from(dx / camera.fx),
+            0.0,
+        ]))
+    }
+
     /// Evaluations since the frame was set, in order.
     pub fn trace(&self) -> &[Evaluation] {
         &self.trace
@@ -85,4 +116,9 @@ impl Objective {
     pub fn levels(&self) -> usize {
         self.renderer.levels()
     }
+}
+
+/// Luma of a pixel that begins with R, G, B (ITU-R BT.601).
+fn luma(pixel: &[f32]) -> f32 {
+    0.299 * pixel[0] + 0.587 * pixel[1] + 0.114 * pixel[2]
 }

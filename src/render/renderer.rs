@@ -203,11 +203,16 @@ impl Renderer {
         &self.levels[level].view.camera
     }
 
-    /// Draws level 0: height × width × 5 floats (linear R, G, B before clamping, depth Σ wᵢ zᵢ,
-    /// transmittance).
+    /// Draws level 0; see [`draw_level`](Self::draw_level).
     pub fn draw(&mut self, pose: &Pose) -> Result<&[f32], Error> {
-        self.run(0, Job::Draw, pose)?;
-        let view = &self.levels[0].view;
+        self.draw_level(0, pose)
+    }
+
+    /// Draws a level: height × width × 5 floats (linear R, G, B before clamping, depth Σ wᵢ zᵢ,
+    /// transmittance).
+    pub fn draw_level(&mut self, level: usize, pose: &Pose) -> Result<&[f32], Error> {
+        self.run(level, Job::Draw, pose)?;
+        let view = &self.levels[level].view;
         Ok(view.image.read(view.camera.pixels() * PIXEL as usize))
     }
 

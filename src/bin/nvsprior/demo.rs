@@ -30,7 +30,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
     /// Frames of each inspection run, three a second
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 8)]
     frames: usize,
     /// Quality of the difference pictures, 0 to 100
     #[arg(long, value_name = "Q", default_value_t = 20.0)]
