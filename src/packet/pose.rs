@@ -2,10 +2,10 @@
 //!
 //! **Compact**, 16 bytes. The camera's centre is stated in the prior's frame ([`PriorFrame`]):
 //! three signed 24-bit numbers of steps of 2⁻¹⁷ of its unit, which reaches 64 units to either side.
-//! Then the rotation as "smallest three" in 56 bits: from the top, two bits that name the quaternion's
-//! largest component, then the other three in order, 18 bits each: `131072 + round(131071 √2 q)`,
-//! with the sign of the quaternion such that the largest is positive. A rotation is off by at most
-//! 2·10⁻⁵ rad, a centre by half a step an axis.
+//! Then the rotation as "smallest three" in 56 bits: from the top, two bits that name the
+//! quaternion's largest component, then the other three in order, 18 bits each:
+//! `131072 + round(131071 √2 q)`, with the sign of the quaternion such that the largest is
+//! positive. A rotation is off by at most 2·10⁻⁵ rad, a centre by half a step an axis.
 //!
 //! **Paper**, 28 bytes: translation (x, y, z) and quaternion (w, x, y, z) as f32, as in the paper.
 //! Also taken for a pose whose centre lies beyond the compact one's reach.
@@ -95,9 +95,8 @@ impl QuantisedPose {
         frame: &PriorFrame,
         profile: PoseProfile,
     ) -> Result<QuantisedPose, PacketError> {
-        let pose =
-            Pose::from_wxyz(pose.wxyz(), pose.translation.into()).ok_or(PacketError::Pose)?;
-        let mut codes = vec![round(&pose, frame, profile)?];
+        Pose::from_wxyz(pose.wxyz(), pose.translation.into()).ok_or(PacketError::Pose)?;
+        let mut codes = vec![round(pose, frame, profile)?];
         for _ in 0..MAX_SETTLING {
             let last = codes[codes.len() - 1];
             let next = round(&last.dequantise(frame), frame, last.profile())?;
@@ -121,10 +120,7 @@ impl QuantisedPose {
             }
             Code::Paper { translation, wxyz: [w, x, y, z] } => {
                 let q = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
-                Pose {
-                    rotation: q.normalize(),
-                    translation: DVec3::from(translation.map(f64::from)),
-                }
+                Pose { rotation: unit(q), translation: DVec3::from(translation.map(f64::from)) }
             }
         }
     }
@@ -195,12 +191,20 @@ impl Code {
     }
 }
 
+/// A quaternion at unit length; one that is there but for f32 rounding stays as it is. (Normalised
+/// again and again, its small components would creep while the large ones round back.)
+fn unit(q: DQuat) -> DQuat {
+    let length = q.length();
+    if (length - 1.0).abs() < 1e-6 { q } else { q * (1.0 / length) }
+}
+
 /// One rounding of a pose, in the profile that can hold it.
 fn round(
     pose: &Pose,
     frame: &PriorFrame,
     profile: PoseProfile,
 ) -> Result<QuantisedPose, PacketError> {
+    let pose = &Pose { rotation: unit(pose.rotation), ..*pose };
     if profile == PoseProfile::Compact
         && let Some(code) = round_compact(pose, frame)
     {

@@ -216,6 +216,22 @@ fn quantising_settles_where_components_tie() {
     }
 }
 
+/// A pose whose float32 quaternion has a length that its normalised form rounds differently from:
+/// found by the property test below.
+#[test]
+fn quantising_settles_in_the_paper_profile() {
+    let wxyz = [
+        0.667_865_603_208_103_8,
+        0.006_764_864_739_636_958,
+        -0.732_187_603_347_517_4,
+        -0.133_458_156_821_396_45,
+    ];
+    let pose = Pose::from_wxyz(wxyz, [0.0; 3]).unwrap();
+    let code = QuantisedPose::quantise(&pose, &FRAME, PoseProfile::Paper).unwrap();
+    let again = QuantisedPose::quantise(&code.dequantise(&FRAME), &FRAME, PoseProfile::Paper);
+    assert_eq!(again, Ok(code));
+}
+
 /// Every error of two bits in the latent part, of one bit too; an odd number of bits is found
 /// because the polynomial has the factor x + 1.
 #[test]

@@ -1,9 +1,10 @@
 //! Camera files: `cameras.json` and nerfstudio's `transforms.json`.
 //!
 //! `cameras.json` holds `width`, `height`, `fx`, `fy`, `cx`, `cy` and `images`, each with `file`,
-//! `index` (time order), `split`, `qvec` (w, x, y, z), `tvec` of the OpenCV world-to-camera pose, and
-//! intrinsics of its own where they differ. `transforms.json` holds OpenGL camera-to-world matrices
-//! (nerfstudio's data conventions), which are turned into the former.
+//! `index` (time order), `split`, `qvec` (w, x, y, z), `tvec` of the OpenCV world-to-camera pose,
+//! and intrinsics of its own where they differ. `transforms.json` holds OpenGL camera-to-world
+//! matrices (nerfstudio's data conventions), which are turned into the former. They are taken as
+//! they stand: a prior exported after nerfstudio's own scaling and centring lies in another frame.
 
 use std::path::{Path, PathBuf};
 
@@ -37,7 +38,8 @@ pub enum CameraFileError {
     Read { path: PathBuf, error: std::io::Error },
     #[error("{}: not JSON: {error}", path.display())]
     Json { path: PathBuf, error: serde_json::Error },
-    #[error("{}: neither \"images\" (cameras.json) nor \"frames\" (transforms.json) in it", path.display())]
+    #[error("{}: neither \"images\" (cameras.json) nor \"frames\" (transforms.json) in it",
+        path.display())]
     Format { path: PathBuf },
     #[error("{}: {view}: {what}", path.display())]
     View { path: PathBuf, view: String, what: String },
@@ -49,6 +51,9 @@ pub enum CameraFileError {
 
 /// Distortion coefficients that nerfstudio may write; the renderer is a pinhole.
 const DISTORTION: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
+
+/// Its names of cameras that are pinholes but for the distortion.
+const PINHOLE_MODELS: [&str; 3] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE"];
 
 impl CameraFile {
     /// Reads a camera file of either kind, told by its content.
@@ -75,7 +80,7 @@ impl CameraFile {
             let view = if opencv { entry.opencv_view() } else { entry.nerfstudio_view() };
             let view = view.map_err(|what| CameraFileError::View {
                 path: own.clone(),
-                view: format!("view {order}"),
+                view: entry.label(),
                 what,
             })?;
             views.push(view);
@@ -121,6 +126,12 @@ impl Entry<'_> {
         let value = self.value.get(key).or_else(|| self.root.get(key));
         let number = value.and_then(Value::as_f64).filter(|v| v.is_finite());
         number.ok_or_else(|| format!("\"{key}\" is missing or no finite number"))
+    }
+
+    /// What to call it in an error: where it stands, and its name if it has one.
+    fn label(&self) -> String {
+        let name = self.text("file").or_else(|_| self.text("file_path"));
+        format!("view {} {}", self.order, name.unwrap_or_default()).trim_end().to_owned()
     }
 
     fn text(&self, key: &str) -> Result<&str, String> {
@@ -175,6 +186,12 @@ impl Entry<'_> {
         if let Some(key) = DISTORTION.iter().find(coefficient) {
             return Err(format!("distortion \"{key}\" is not zero; undistort the pictures first"));
         }
+        let model = self.value.get("camera_model").or_else(|| self.root.get("camera_model"));
+        if let Some(model) = model.filter(|m| !PINHOLE_MODELS.iter().any(|known| *m == known)) {
+            return Err(format!(
+                "camera model {model} is no pinhole; undistort the pictures first"
+            ));
+        }
         let name = self.text("file_path")?.to_owned();
         let camera = self.camera(["w", "h", "fl_x", "fl_y", "cx", "cy"])?;
         let pose = if self.value.get("transform_matrix").is_some() {
@@ -186,8 +203,8 @@ impl Entry<'_> {
         Ok((self.order as f64, View { file, name, split: None, camera, pose }))
     }
 
-    /// An OpenGL camera-to-world matrix as an OpenCV world-to-camera pose: y and z of the camera turn
-    /// round, then the motion is inverted.
+    /// An OpenGL camera-to-world matrix as an OpenCV world-to-camera pose: y and z of the camera
+    /// turn round, then the motion is inverted.
     fn opengl_pose(&self) -> Result<Pose, String> {
         let wrong = "\"transform_matrix\" is no rigid 4×4 matrix";
         let rows = self.value["transform_matrix"].as_array().ok_or(wrong)?;
@@ -233,9 +250,10 @@ mod tests {
         serde_json::json!({
             "width": 320, "height": 180, "fx": 270.0, "fy": 271.0, "cx": 160.0, "cy": 90.0,
             "images": [
-                {"index": 5, "file": "b/2.png", "split": "b", "qvec": [1, 0, 0, 0], "tvec": [1, 2, 3]},
-                {"index": 2, "file": "a/1.png", "split": "a", "qvec": [2, 0, 0, 0], "tvec": [0, 0, 1],
-                 "fx": 100.0},
+                {"index": 5, "file": "b/2.png", "split": "b",
+                 "qvec": [1, 0, 0, 0], "tvec": [1, 2, 3]},
+                {"index": 2, "file": "a/1.png", "split": "a",
+                 "qvec": [2, 0, 0, 0], "tvec": [0, 0, 1], "fx": 100.0},
             ]
         })
     }
@@ -259,7 +277,7 @@ mod tests {
         let mut value = opencv();
         value["images"][1]["tvec"] = serde_json::json!([1, 2]);
         let error = parse(value).unwrap_err().to_string();
-        assert!(error.contains("view 1") && error.contains("tvec"), "{error}");
+        assert!(error.contains("view 1 a/1.png: ") && error.contains("tvec"), "{error}");
         for quaternion in [serde_json::json!([0, 0, 0, 0]), serde_json::json!([1, null, 0, 0, 0])] {
             let mut value = opencv();
             value["images"][0]["qvec"] = quaternion;
@@ -278,7 +296,8 @@ mod tests {
     fn nerfstudio() -> Value {
         // A camera at (1, 2, 3) that looks along world −z with y up: OpenGL's identity.
         serde_json::json!({
-            "w": 1280, "h": 720, "fl_x": 1000.0, "fl_y": 1000.0, "cx": 640.0, "cy": 360.0, "k1": 0.0,
+            "w": 1280, "h": 720, "fl_x": 1000.0, "fl_y": 1000.0, "cx": 640.0, "cy": 360.0,
+            "k1": 0.0, "camera_model": "OPENCV",
             "frames": [{"file_path": "images/f.png", "transform_matrix":
                 [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]}]
         })
@@ -295,10 +314,13 @@ mod tests {
     }
 
     #[test]
-    fn distortion_and_skewed_matrices_are_refused() {
+    fn distorting_lenses_and_skewed_matrices_are_refused() {
         let mut value = nerfstudio();
         value["k1"] = 0.1.into();
         assert!(parse(value).unwrap_err().to_string().contains("k1"));
+        let mut value = nerfstudio();
+        value["camera_model"] = "OPENCV_FISHEYE".into();
+        assert!(parse(value).unwrap_err().to_string().contains("OPENCV_FISHEYE"));
         let mut value = nerfstudio();
         value["frames"][0]["transform_matrix"][0][0] = 2.into();
         assert!(parse(value).is_err());

@@ -13,24 +13,40 @@ pub enum FrameFileError {
     Image { path: PathBuf, error: image::ImageError },
     #[error("{}: {error}", path.display())]
     Csv { path: PathBuf, error: csv::Error },
-    #[error("{}: column \"{column}\" is missing; the header must name file,qw,qx,qy,qz,tx,ty,tz", path.display())]
+    #[error("{}: {}×{} is of another shape than the camera's {}×{}; resizing would distort it",
+        path.display(), found.0, found.1, expected.0, expected.1)]
+    Shape { path: PathBuf, found: (u32, u32), expected: (u32, u32) },
+    #[error("{}: column \"{column}\" is missing; the header must name {}",
+        path.display(), COLUMNS.join(","))]
     Column { path: PathBuf, column: &'static str },
     #[error("{}: row {row}: {what}", path.display())]
     Row { path: PathBuf, row: usize, what: String },
 }
 
-/// Reads a PNG, JPEG or WebP, resized (Lanczos, 3 lobes) where its size is another.
+/// How far the ratio of the sides may be off, for sizes that were rounded to whole pixels.
+const SHAPE_TOLERANCE: f64 = 0.01;
+
+/// Reads a PNG, JPEG or WebP, resized (Lanczos, 3 lobes) where its size is another of the same
+/// shape. Alpha is dropped, grey becomes RGB, 16 bits become 8.
 pub fn read_frame(path: &Path, width: u32, height: u32) -> Result<Picture, FrameFileError> {
     let failed = |error| FrameFileError::Image { path: path.to_path_buf(), error };
     let reader = image::ImageReader::open(path).map_err(|e| failed(e.into()))?;
     let reader = reader.with_guessed_format().map_err(|e| failed(e.into()))?;
     let picture = reader.decode().map_err(failed)?.to_rgb8();
-    let picture = if picture.dimensions() == (width, height) {
+    let (found, expected) = (picture.dimensions(), (width, height));
+    let picture = if found == expected {
         picture
-    } else {
+    } else if same_shape(found, expected) {
         image::imageops::resize(&picture, width, height, FilterType::Lanczos3)
+    } else {
+        return Err(FrameFileError::Shape { path: path.to_path_buf(), found, expected });
     };
     Ok(Picture { width, height, data: picture.into_raw() })
+}
+
+fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
+    let ratio = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
+    (ratio(a) / ratio(b) - 1.0).abs() <= SHAPE_TOLERANCE
 }
 
 /// Writes a PNG.
@@ -68,7 +84,9 @@ pub fn read_poses(path: &Path) -> Result<HashMap<String, Pose>, FrameFileError> 
             Pose::from_wxyz(q, t).ok_or_else(|| "no pose".to_owned())
         };
         let wrong = |what| FrameFileError::Row { path: path.to_path_buf(), row: row + 1, what };
-        poses.insert(field(0).to_owned(), pose().map_err(wrong)?);
+        if poses.insert(field(0).to_owned(), pose().map_err(wrong)?).is_some() {
+            return Err(wrong(format!("\"{}\" stands there twice", field(0))));
+        }
     }
     Ok(poses)
 }
@@ -85,6 +103,8 @@ mod tests {
         write_png(&path, &picture).unwrap();
         assert_eq!(read_frame(&path, 4, 2).unwrap(), picture);
         assert_eq!(read_frame(&path, 2, 1).unwrap().data.len(), 6);
+        let error = read_frame(&path, 2, 2).unwrap_err();
+        assert!(matches!(error, FrameFileError::Shape { found: (4, 2), expected: (2, 2), .. }));
         let grey = image::GrayImage::from_pixel(3, 3, image::Luma([7]));
         grey.save(&path).unwrap();
         assert_eq!(read_frame(&path, 3, 3).unwrap().data, vec![7; 27]);
@@ -98,6 +118,9 @@ mod tests {
         let path = folder.path().join("p.csv");
         std::fs::write(&path, "tx,ty,tz,qw,qx,qy,qz,file\n1,2,3, 1,0,0,0, a.png\n").unwrap();
         assert_eq!(read_poses(&path).unwrap()["a.png"].translation.z, 3.0);
+        let row = "a,1,0,0,0,1,2,3\n";
+        std::fs::write(&path, format!("file,qw,qx,qy,qz,tx,ty,tz\n{row}{row}")).unwrap();
+        assert!(read_poses(&path).unwrap_err().to_string().contains("row 2: \"a\""));
         std::fs::write(&path, "file,qw\n").unwrap();
         assert!(read_poses(&path).unwrap_err().to_string().contains("\"qx\""));
         std::fs::write(&path, "file,qw,qx,qy,qz,tx,ty,tz\na,0,0,0,0,1,2,3\n").unwrap();
