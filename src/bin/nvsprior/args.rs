@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use nvsprior::refine::Optimizer;
 use nvsprior::render::Scene;
 use nvsprior::vulkan::DeviceOptions;
-use nvsprior::{Engine, Prior, RenderOverrides};
+use nvsprior::{Camera, Engine, Prior, RenderOverrides};
 
 /// The prior and how to render it.
 #[derive(clap::Args)]
@@ -90,6 +90,25 @@ impl PriorArgs {
     pub fn upload(&self, engine: &Engine) -> anyhow::Result<Arc<Scene>> {
         let prior = self.open()?;
         engine.upload(&prior).with_context(|| format!("uploading {}", self.prior.display()))
+    }
+}
+
+/// The size that frames are encoded at.
+#[derive(clap::Args)]
+pub struct SizeArgs {
+    /// Frames wider than this are reduced to it, as in the paper; 0 keeps every size
+    #[arg(long, value_name = "PIXELS", default_value_t = 320)]
+    width: u32,
+}
+
+impl SizeArgs {
+    /// The camera at the size that its frames are encoded at.
+    pub fn reduced(&self, camera: &Camera) -> Camera {
+        if self.width == 0 || camera.width <= self.width {
+            return *camera;
+        }
+        let height = f64::from(camera.height) * f64::from(self.width) / f64::from(camera.width);
+        camera.resized(self.width, (height.round() as u32).max(1))
     }
 }
 

@@ -53,7 +53,7 @@ struct OptimizerRun {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let inputs = args.input.frames()?;
-    let first = inputs.first().context("no frames to encode")?;
+    let first = &inputs[0];
     let engine = args.device.open()?;
     let prior = args.prior.open()?;
     let scene = engine.upload(&prior)?;

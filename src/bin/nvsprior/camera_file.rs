@@ -139,23 +139,29 @@ impl Entry<'_> {
     }
 
     fn numbers<const N: usize>(&self, key: &str) -> Result<[f64; N], String> {
-        let values = self.value[key].as_array().map(|a| a.iter().filter_map(Value::as_f64));
-        let values: Vec<f64> = values.map(Iterator::collect).unwrap_or_default();
-        <[f64; N]>::try_from(values).map_err(|_| format!("\"{key}\" is not {N} numbers"))
+        floats(&self.value[key]).ok_or_else(|| format!("\"{key}\" is not {N} numbers"))
+    }
+
+    /// A side of a picture, pixels. Frames may be larger than what is rendered.
+    fn side(&self, key: &str) -> Result<u32, String> {
+        let value = self.number(key)?;
+        let whole = value.fract() == 0.0 && (1.0..=65_535.0).contains(&value);
+        whole
+            .then_some(value as u32)
+            .ok_or_else(|| format!("\"{key}\" is {value}: no picture side"))
     }
 
     /// Width, height, fx, fy, cx, cy by their names in the file.
     fn camera(&self, names: [&str; 6]) -> Result<Camera, String> {
-        let [width, height, fx, fy, cx, cy] = names.map(|name| self.number(name));
+        let [width, height, fx, fy, cx, cy] = names;
         let camera = Camera {
-            width: side(width?),
-            height: side(height?),
-            fx: fx? as f32,
-            fy: fy? as f32,
-            cx: cx? as f32,
-            cy: cy? as f32,
+            width: self.side(width)?,
+            height: self.side(height)?,
+            fx: self.number(fx)? as f32,
+            fy: self.number(fy)? as f32,
+            cx: self.number(cx)? as f32,
+            cy: self.number(cy)? as f32,
         };
-        // Frames may be larger than what is rendered: sides are checked when the encoder is made.
         let intrinsics = Camera { width: 1, height: 1, ..camera };
         intrinsics.check().map_err(|e| e.to_string())?;
         Ok(camera)
@@ -200,12 +206,11 @@ impl Entry<'_> {
     /// An OpenGL camera-to-world matrix as an OpenCV world-to-camera pose: y and z of the camera
     /// turn round, then the motion is inverted.
     fn opengl_pose(&self) -> Result<Pose, String> {
-        let rows = self.value["transform_matrix"].as_array().cloned().unwrap_or_default();
-        let values: Vec<f64> =
-            rows.iter().filter_map(Value::as_array).flatten().filter_map(Value::as_f64).collect();
         let wrong = "\"transform_matrix\" is no rigid 4×4 matrix";
-        let m = <[f64; 16]>::try_from(values).map_err(|_| wrong)?;
-        let m = DMat4::from_cols_array(&m).transpose();
+        let rows = self.value["transform_matrix"].as_array().ok_or(wrong)?;
+        let rows: Option<Vec<[f64; 4]>> = rows.iter().map(floats).collect();
+        let rows = rows.and_then(|rows| <[_; 4]>::try_from(rows).ok()).ok_or(wrong)?;
+        let m = DMat4::from_cols_array_2d(&rows).transpose();
         let flip = DMat3::from_diagonal(glam::DVec3::new(1.0, -1.0, -1.0));
         let rotation = DMat3::from_mat4(m) * flip;
         let error = rotation * rotation.transpose() - DMat3::IDENTITY;
@@ -218,9 +223,10 @@ impl Entry<'_> {
     }
 }
 
-/// A side in pixels; what is no sensible number becomes 0, which no encoder accepts.
-fn side(value: f64) -> u32 {
-    if value.fract() == 0.0 && (1.0..=65_535.0).contains(&value) { value as u32 } else { 0 }
+/// Exactly `N` numbers.
+fn floats<const N: usize>(value: &Value) -> Option<[f64; N]> {
+    let values: Option<Vec<f64>> = value.as_array()?.iter().map(Value::as_f64).collect();
+    values?.try_into().ok()
 }
 
 /// nerfstudio leaves out endings at times.
@@ -272,9 +278,17 @@ mod tests {
         value["images"][1]["tvec"] = serde_json::json!([1, 2]);
         let error = parse(value).unwrap_err().to_string();
         assert!(error.contains("view 1 a/1.png: ") && error.contains("tvec"), "{error}");
-        let mut value = opencv();
-        value["images"][0]["qvec"] = serde_json::json!([0, 0, 0, 0]);
-        assert!(parse(value).is_err());
+        for quaternion in [serde_json::json!([0, 0, 0, 0]), serde_json::json!([1, null, 0, 0, 0])] {
+            let mut value = opencv();
+            value["images"][0]["qvec"] = quaternion;
+            assert!(parse(value).unwrap_err().to_string().contains("qvec"));
+        }
+        for width in [0.0, 320.5, 1e9] {
+            let mut value = opencv();
+            value["width"] = width.into();
+            let error = parse(value).unwrap_err().to_string();
+            assert!(error.contains(&format!("\"width\" is {width}")), "{error}");
+        }
         assert!(parse(serde_json::json!({"a": 1})).is_err());
         assert!(CameraFile::parse("{", Path::new("x")).is_err());
     }
@@ -309,6 +323,9 @@ mod tests {
         assert!(parse(value).unwrap_err().to_string().contains("OPENCV_FISHEYE"));
         let mut value = nerfstudio();
         value["frames"][0]["transform_matrix"][0][0] = 2.into();
+        assert!(parse(value).is_err());
+        let mut value = nerfstudio();
+        value["frames"][0]["transform_matrix"][3] = serde_json::json!([0, 0, 0, null, 1]);
         assert!(parse(value).is_err());
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use nvsprior::Decoder;
 
-use crate::args::{DeviceArgs, PriorArgs, progress};
+use crate::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use crate::camera_file::CameraFile;
 use crate::frame_file;
 
@@ -28,6 +28,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     #[command(flatten)]
+    size: SizeArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -38,7 +40,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut decoder = Decoder::new(&engine, &scene);
     if let Some(path) = &args.cameras {
         for view in &CameraFile::open(path)?.views {
-            decoder.add_camera(&view.camera)?;
+            let camera = args.size.reduced(&view.camera);
+            decoder
+                .add_camera(&camera)
+                .with_context(|| format!("{}: {}", path.display(), view.name))?;
         }
     }
     std::fs::create_dir_all(&args.frames)

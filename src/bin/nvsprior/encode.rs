@@ -9,7 +9,7 @@ use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::{Camera, Encoder, EncoderOptions, Pose, Rate};
 
-use crate::args::{DeviceArgs, OptimizerArg, PriorArgs, StepArg, progress};
+use crate::args::{DeviceArgs, OptimizerArg, PriorArgs, SizeArgs, StepArg, progress};
 use crate::camera_file::{CameraFile, View};
 use crate::frame_file;
 use crate::sheet::{self, SheetRow};
@@ -59,9 +59,8 @@ pub struct InputArgs {
     /// Only the first so many frames
     #[arg(long, value_name = "N")]
     pub limit: Option<usize>,
-    /// Frames wider than this are reduced to it, as in the paper; 0 keeps every size
-    #[arg(long, value_name = "PIXELS", default_value_t = 320)]
-    pub width: u32,
+    #[command(flatten)]
+    pub size: SizeArgs,
     /// Moves the first frame's start: ρx,ρy,ρz,θx,θy,θz in the prior's unit and degrees
     #[arg(long, value_name = "STEP", allow_hyphen_values = true)]
     pub start_offset: Option<StepArg>,
@@ -163,33 +162,30 @@ pub struct Input {
 }
 
 impl InputArgs {
-    /// The frames, in time order.
+    /// The frames, in time order; at least one.
     pub fn frames(&self) -> anyhow::Result<Vec<Input>> {
         let file = CameraFile::open(&self.cameras)?;
         let mut views = file.select(self.split.as_deref())?;
         views.truncate(self.limit.unwrap_or(usize::MAX));
+        anyhow::ensure!(!views.is_empty(), "{}: no frames to encode", self.cameras.display());
         let csv = match self.starts.as_str() {
             "first" | "camera-file" => None,
             path => Some(frame_file::read_poses(Path::new(path))?),
         };
         let mut names = HashSet::new();
         let distinct = views.iter().all(|view| names.insert(stem(&view.file)));
-        let inputs = views.iter().enumerate().map(|(index, view)| Input {
-            path: view.file.clone(),
-            file: view.name.clone(),
-            name: if distinct { stem(&view.file) } else { flat_name(&view.name) },
-            camera: self.resized(&view.camera),
-            external: self.external(index, view, csv.as_ref()),
-        });
-        Ok(inputs.collect())
-    }
-
-    fn resized(&self, camera: &Camera) -> Camera {
-        if self.width == 0 || camera.width <= self.width {
-            return *camera;
-        }
-        let height = f64::from(camera.height) * f64::from(self.width) / f64::from(camera.width);
-        camera.resized(self.width, (height.round() as u32).max(1))
+        let input = |(index, view): (usize, &View)| {
+            let camera = self.size.reduced(&view.camera);
+            camera.check().with_context(|| format!("{}: {}", self.cameras.display(), view.name))?;
+            Ok(Input {
+                path: view.file.clone(),
+                file: view.name.clone(),
+                name: if distinct { stem(&view.file) } else { flat_name(&view.name) },
+                camera,
+                external: self.external(index, view, csv.as_ref()),
+            })
+        };
+        views.iter().enumerate().map(input).collect()
     }
 
     fn external(
@@ -221,7 +217,7 @@ fn flat_name(name: &str) -> String {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let frames = args.input.frames()?;
-    let first = frames.first().context("no frames to encode")?;
+    let first = &frames[0];
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let mut options = args.refine.options();

@@ -50,7 +50,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         format!("{}: {} has no pose; give one with --pose", args.cameras.display(), args.frame)
     })?;
     let camera = view.camera;
-    camera.check()?;
+    camera.check().with_context(|| format!("{}: {}", args.cameras.display(), args.frame))?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let mut renderer = engine.renderer(&scene, &camera, Plan::picture())?;

@@ -12,8 +12,11 @@ pub struct Row {
     pub stats: FrameStats,
 }
 
-/// The figures of a row, those that have a mean first.
-const FIGURES: [(&str, fn(&FrameStats) -> f64); 6] = [
+/// A figure's name, and how to take it from a frame's.
+type Figure = (&'static str, fn(&FrameStats) -> f64);
+
+/// The figures that have a mean.
+const FIGURES: [Figure; 6] = [
     ("bytes", |s| s.bytes as f64),
     ("latent_bytes", |s| s.latent_bytes as f64),
     ("render_psnr", |s| s.render_psnr),
