@@ -37,4 +37,4 @@ shaders-check: shader-toolchain
 	cd shaders-rs && CARGO_TARGET_DIR=$(SHADER_TARGET) cargo run --release -p nvsprior-shaders-build -- --check
 
 clean:
-	rm -rf target demo-out
+	rm -rf target demo-out bench-out

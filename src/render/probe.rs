@@ -6,7 +6,7 @@ use crate::shared::{BIN_BLOCK, Counters, DERIVATIVES, Params, RADIX, RADIX_BLOCK
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
 use crate::{Camera, Engine, Pose};
 
-use super::radix::Keys;
+use super::radix::{Keys, Sort};
 use super::view::View;
 use super::workspace::Workspace;
 use super::{Kernels, Scene, bin, derive, project, radix, ranges};
@@ -30,7 +30,18 @@ pub fn sort(engine: &Engine, keys: &[u32], values: &[u32]) -> Result<(Vec<u32>, 
     let depth = Keys::Depth { count };
     let r = &mut recorder;
     let kernels = &engine.kernels;
-    let sorted = radix::record(r, kernels, &counters, &histogram, depth, 4, &keys, &values)?;
+    let sorted = radix::record(
+        r,
+        kernels,
+        &Sort {
+            what: depth,
+            passes: 4,
+            counters: &counters,
+            histogram: &histogram,
+            keys: &keys,
+            values: &values,
+        },
+    )?;
     recorder.finish()?.run()?;
     let read = |buffer| read::<u32>(device, buffer, count as usize);
     Ok((read(&keys[sorted])?, read(&values[sorted])?))
@@ -137,7 +148,11 @@ fn emit_pairs(
     r.fill(counters, scene.splats);
     let depth = Keys::Depth { count: scene.splats };
     let (keys, order) = (&work.depth_keys, &work.depth_order);
-    let by_depth = radix::record(r, kernels, counters, histogram, depth, 4, keys, order)?;
+    let by_depth = radix::record(
+        r,
+        kernels,
+        &Sort { what: depth, passes: 4, counters, histogram, keys, values: order },
+    )?;
     bin::record(r, kernels, scene, view, work, by_depth)?;
     recorder.finish()?.run()?;
     Ok(by_depth)
@@ -155,7 +170,11 @@ fn sort_pairs(
     let (counters, histogram) = (&work.counters, &work.histogram);
     let passes = radix::passes(view.tile_count() + 1);
     let (tiles, splats) = (&work.pair_tiles, &work.pair_splats);
-    let sorted = radix::record(r, kernels, counters, histogram, Keys::Tile, passes, tiles, splats)?;
+    let sorted = radix::record(
+        r,
+        kernels,
+        &Sort { what: Keys::Tile, passes, counters, histogram, keys: tiles, values: splats },
+    )?;
     ranges::record(r, kernels, view, work, sorted)?;
     recorder.finish()?.run()?;
     Ok(sorted)

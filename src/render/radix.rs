@@ -21,18 +21,23 @@ pub(crate) fn passes(limit: u32) -> u32 {
     (u32::BITS - limit.saturating_sub(1).leading_zeros()).div_ceil(RADIX.ilog2()).max(1)
 }
 
-/// Sorts `keys[0]` with `values[0]` in `passes` passes of 8 bits; returns which of the two buffers
-/// holds the result.
+/// A sort of `keys[0]` with `values[0]` in passes of 8 bits, which swap between the buffers.
+pub(crate) struct Sort<'a> {
+    pub what: Keys,
+    pub passes: u32,
+    pub counters: &'a Buffer,
+    pub histogram: &'a Buffer,
+    pub keys: &'a [Buffer; 2],
+    pub values: &'a [Buffer; 2],
+}
+
+/// Records a sort; returns which of the two buffers holds the result.
 pub(crate) fn record(
     recorder: &mut Recorder,
     kernels: &Kernels,
-    counters: &Buffer,
-    histogram: &Buffer,
-    what: Keys,
-    passes: u32,
-    keys: &[Buffer; 2],
-    values: &[Buffer; 2],
+    sort: &Sort,
 ) -> Result<usize, Error> {
+    let Sort { what, passes, counters, histogram, keys, values } = *sort;
     let mut from = 0;
     for pass in 0..passes {
         let to = 1 - from;

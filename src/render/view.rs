@@ -36,13 +36,10 @@ impl NormalEquations {
     /// From the 28 sums of stage `reduce`: the upper triangle row by row, Jᵀr, Σ r².
     pub fn from_sums(sums: &[f64; SUMS as usize], residuals: usize) -> NormalEquations {
         let mut jtj = [[0.0; 6]; 6];
-        let mut next = sums.iter();
-        for row in 0..6 {
-            for column in row..6 {
-                let value = *next.next().unwrap_or(&0.0);
-                jtj[row][column] = value;
-                jtj[column][row] = value;
-            }
+        let upper = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
+        for ((row, column), value) in upper.zip(sums) {
+            jtj[row][column] = *value;
+            jtj[column][row] = *value;
         }
         let mut jtr = [0.0; 6];
         jtr.copy_from_slice(&sums[21..27]);

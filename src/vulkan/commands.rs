@@ -115,7 +115,10 @@ impl Recorder {
         groups: &Buffer,
         offset: u64,
     ) -> Result<(), Error> {
-        assert!(offset % 4 == 0 && offset + 12 <= groups.bytes(), "indirect words out of bounds");
+        assert!(
+            offset.is_multiple_of(4) && offset + 12 <= groups.bytes(),
+            "indirect words out of bounds"
+        );
         let raw = groups.shared.raw;
         self.commands.buffers.push(groups.shared.clone());
         self.stage(kernel, buffers, push, |device, commands| {
