@@ -193,8 +193,15 @@ impl Instance {
             .enabled_layer_names(&layers)
             .enabled_extension_names(&extensions);
         // SAFETY: `info` and what it points to live through the call.
-        let instance =
-            unsafe { entry.create_instance(&info, None) }.map_err(Error::of("vkCreateInstance"))?;
+        let made = unsafe { entry.create_instance(&info, None) };
+        let instance = made.map_err(|result| match result {
+            // What the loader says where no driver is installed.
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => Error::NoDevice {
+                wanted: String::new(),
+                found: "no Vulkan driver is installed".into(),
+            },
+            result => Error::of("vkCreateInstance")(result),
+        })?;
         let mut this =
             Instance { messages: Default::default(), messenger: None, instance, _entry: entry };
         if validation {

@@ -55,8 +55,14 @@ impl Dive {
 
     /// Runs the tool in the dive's folder; spaces part the arguments.
     pub fn run(&self, args: &str) -> Run {
+        self.run_with(args, &[])
+    }
+
+    /// The same with environment variables set.
+    pub fn run_with(&self, args: &str, environment: &[(&str, &str)]) -> Run {
         let output = Command::new(env!("CARGO_BIN_EXE_nvsprior"))
             .args(args.split_whitespace())
+            .envs(environment.iter().copied())
             .current_dir(self.folder.path())
             .output()
             .unwrap();

@@ -39,6 +39,14 @@ fn wrong_usage_ends_with_2() {
 }
 
 #[test]
+fn without_a_driver_it_says_what_to_install() {
+    let dive = Dive::new();
+    let none = [("VK_ICD_FILENAMES", "none.json"), ("VK_DRIVER_FILES", "none.json")];
+    let render = "render --prior prior.ply --cameras cameras.json --frame images/0.png --out a.png";
+    dive.run_with(render, &none).ends_with(1).says("apt-get install mesa-vulkan-drivers");
+}
+
+#[test]
 fn missing_things_are_named() {
     let dive = Dive::new();
     let encode = "encode --packets p --prior prior.ply --cameras";

@@ -18,7 +18,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some("--check") => true,
         Some(other) => return Err(format!("unknown argument {other}; there is only --check").into()),
     };
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("no parent folder")?;
+    // As `cargo run` has it now, not as it was when this was compiled: the target folder is shared by
+    // all checkouts of a user.
+    let package = std::env::var("CARGO_MANIFEST_DIR").map_err(|_| "run me by `cargo run`")?;
+    let root = Path::new(&package).parent().ok_or("no parent folder")?;
     let modules = build(root)?;
     let manifest = manifest(root, &modules)?;
     let out = root.join("spv");
