@@ -26,6 +26,8 @@
 //! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of
 //! every GPU stage.
 
+#![deny(unsafe_code)]
+
 pub mod camera;
 #[cfg(feature = "mapping")]
 pub mod mapping;
@@ -38,6 +40,7 @@ pub mod reference;
 pub mod refine;
 pub mod render;
 pub mod residual;
+#[allow(unsafe_code)] // The only place with any; each block says why it is sound.
 pub mod vulkan;
 
 mod decoder;
