@@ -12,26 +12,49 @@
 //!
 //! let engine = Engine::new(&Default::default())?;
 //! let prior = Prior::open("prior.ply".as_ref(), &Default::default())?;
-//! let mut encoder = Encoder::new(&engine, &prior, &camera, EncoderOptions::default())?;
+//! let scene = engine.upload(&prior)?;
+//! let mut encoder = Encoder::new(&engine, &scene, &camera, EncoderOptions::default())?;
 //! let encoded = encoder.encode(&frame, Some(start))?;
 //!
-//! let mut decoder = Decoder::new(&engine, &prior)?;
+//! let mut decoder = Decoder::new(&engine, &scene);
 //! let decoded = decoder.decode(&encoded.packet)?;
 //! assert_eq!(decoded.picture, encoded.picture);
 //! # Ok(()) }
 //! ```
 //!
 //! The layers, each knowing only those to its right: encoder/decoder → [`refine`], [`residual`],
-//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of every GPU stage.
+//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of
+//! every GPU stage.
 
 pub mod camera;
 #[cfg(feature = "mapping")]
 pub mod mapping;
+pub mod packet;
 pub mod picture;
 pub mod pose;
 pub mod prior;
+#[cfg(feature = "reference")]
+pub mod reference;
+pub mod refine;
+pub mod render;
+pub mod residual;
+pub mod vulkan;
+
+mod decoder;
+mod encoder;
+mod engine;
+mod error;
+/// Constants, layouts and maths that shaders and host share.
+#[path = "../shaders-rs/src/shared.rs"]
+pub mod shared;
 
 pub use camera::Camera;
+pub use decoder::{Decoded, Decoder};
+pub use encoder::{Encoded, Encoder, EncoderOptions, FrameStats};
+pub use engine::Engine;
+pub use error::Error;
+pub use packet::Packet;
 pub use picture::Picture;
 pub use pose::Pose;
-pub use prior::RenderOptions;
+pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
+pub use residual::Rate;

@@ -162,7 +162,7 @@ impl System<'_> {
 
     /// The entry of `D` for a coefficient.
     fn damping(&self, k: usize) -> f32 {
-        if k % self.terms == 0 { self.options.damping } else { self.options.view_damping }
+        if k.is_multiple_of(self.terms) { self.options.damping } else { self.options.view_damping }
     }
 
     /// `sum += sign · D x`.

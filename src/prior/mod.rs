@@ -1,6 +1,22 @@
 //! The prior: a trained 3D Gaussian Splatting scene that vehicle and topside share.
 
+mod check;
+mod error;
+mod frame;
+mod identity;
+pub mod ply;
+
+use std::fmt;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
+
+pub use check::{Dropped, Fault, INFINITE_LOGIT, MAX_LOG_SCALE};
+pub use error::PriorError;
+pub use frame::PriorFrame;
+pub use identity::PriorId;
 
 /// How a prior was trained to be rendered; stored with it, and part of its identity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,6 +37,47 @@ impl RenderOptions {
         RenderOptions { near: 0.2, alpha_max: 0.99, antialiased: false, background: [0.0; 3] };
     /// As gsplat (nerfstudio's Splatfacto) renders.
     pub const GSPLAT: RenderOptions = RenderOptions { near: 0.01, ..RenderOptions::INRIA };
+
+    /// Checks that the renderer's formulas hold: `near` finite and positive, `alpha_max` strictly
+    /// between 0 and 1, background within `[0, 1]`.
+    pub fn check(&self) -> Result<(), PriorError> {
+        let refuse = |option, value| Err(PriorError::Option { option, value });
+        if !(self.near.is_finite() && self.near > 0.0) {
+            return refuse("near", self.near);
+        }
+        if !(self.alpha_max > 0.0 && self.alpha_max < 1.0) {
+            return refuse("alpha_max", self.alpha_max);
+        }
+        match self.background.into_iter().find(|v| !(0.0..=1.0).contains(v)) {
+            Some(value) => refuse("background", value),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What a user says against the options found in a prior's file; `None` leaves the file's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RenderOverrides {
+    /// In place of [`RenderOptions::near`].
+    pub near: Option<f32>,
+    /// In place of [`RenderOptions::alpha_max`].
+    pub alpha_max: Option<f32>,
+    /// In place of [`RenderOptions::antialiased`].
+    pub antialiased: Option<bool>,
+    /// In place of [`RenderOptions::background`].
+    pub background: Option<[f32; 3]>,
+}
+
+impl RenderOverrides {
+    /// `options` with what is given here put in their place.
+    pub fn over(&self, options: RenderOptions) -> RenderOptions {
+        RenderOptions {
+            near: self.near.unwrap_or(options.near),
+            alpha_max: self.alpha_max.unwrap_or(options.alpha_max),
+            antialiased: self.antialiased.unwrap_or(options.antialiased),
+            background: self.background.unwrap_or(options.background),
+        }
+    }
 }
 
 /// Trained parameters of all splats, as files hold them: scales as logarithms, opacities as logits.
@@ -38,4 +95,288 @@ pub struct Splats {
     pub sh: Vec<f32>,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
+}
+
+impl Splats {
+    /// Highest degree of spherical harmonics.
+    pub const MAX_SH_DEGREE: u32 = 3;
+
+    /// Number of splats.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// Floats of spherical harmonics per splat: `3 (degree + 1)²`.
+    pub fn sh_stride(&self) -> usize {
+        3 * (self.sh_degree as usize + 1).pow(2)
+    }
+
+    /// Rotation of splat `index` at unit length, (w, x, y, z). The stored one may have any length,
+    /// and is kept as trained, so that reading and writing a prior does not change its identity.
+    pub fn unit_rotation(&self, index: usize) -> [f32; 4] {
+        let q = self.rotations[index];
+        let length = check::quaternion_length(q);
+        q.map(|v| (f64::from(v) / length) as f32)
+    }
+
+    /// Checks that the degree is known and that all arrays hold the same number of splats.
+    pub fn check_shape(&self) -> Result<(), PriorError> {
+        if self.sh_degree > Self::MAX_SH_DEGREE {
+            return Err(PriorError::ShDegree { degree: self.sh_degree });
+        }
+        let expected = self.len();
+        let lengths = [
+            ("log_scales", self.log_scales.len(), expected),
+            ("rotations", self.rotations.len(), expected),
+            ("opacity_logits", self.opacity_logits.len(), expected),
+            ("sh", self.sh.len(), expected * self.sh_stride()),
+        ];
+        match lengths.into_iter().find(|(_, found, expected)| found != expected) {
+            Some((array, found, expected)) => Err(PriorError::Shape { array, found, expected }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Where a prior's splats came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PriorFormat {
+    /// Handed over in memory.
+    Memory,
+    /// A PLY file in text.
+    PlyAscii,
+    /// A binary PLY file, little endian.
+    PlyLittleEndian,
+    /// A binary PLY file, big endian.
+    PlyBigEndian,
+}
+
+impl fmt::Display for PriorFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            PriorFormat::Memory => "memory",
+            PriorFormat::PlyAscii => "PLY, ascii",
+            PriorFormat::PlyLittleEndian => "PLY, binary little endian",
+            PriorFormat::PlyBigEndian => "PLY, binary big endian",
+        })
+    }
+}
+
+/// What loading a prior found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadReport {
+    /// Container the splats came in.
+    pub format: PriorFormat,
+    /// Splats in the file.
+    pub read: usize,
+    /// Splats kept.
+    pub kept: usize,
+    /// Splats left out, by reason; empty where all were sound.
+    pub dropped: Vec<Dropped>,
+    /// Splats whose opacity logit was infinite, and became ±[`INFINITE_LOGIT`].
+    pub clamped_logits: usize,
+    /// Comments in the file's header, as they stand there.
+    pub comments: Vec<String>,
+}
+
+/// A checked, immutable prior: at least one splat, every parameter usable by the renderer.
+#[derive(Clone, Debug)]
+pub struct Prior {
+    splats: Splats,
+    options: RenderOptions,
+    id: PriorId,
+    frame: PriorFrame,
+    report: LoadReport,
+}
+
+impl Prior {
+    /// Most splats a prior may hold: what a 32-bit index reaches.
+    pub const MAX_SPLATS: usize = u32::MAX as usize;
+
+    /// Reads a prior from a file, its format told by the content. See [`ply`] for where the render
+    /// options come from; `overrides` has the last word.
+    pub fn open(path: &Path, overrides: &RenderOverrides) -> Result<Prior, PriorError> {
+        let name = path.display().to_string();
+        let bytes = read_prior_file(path).map_err(|e| PriorError::Read(e).in_file(&name))?;
+        Prior::from_bytes(&bytes, &name, overrides)
+    }
+
+    /// Reads a prior from a file's content; `name` stands for the file in errors.
+    pub fn from_bytes(
+        bytes: &[u8],
+        name: &str,
+        overrides: &RenderOverrides,
+    ) -> Result<Prior, PriorError> {
+        let build = |file: ply::PlyScene| {
+            Prior::build(file.splats, overrides.over(file.options), file.format, file.comments)
+        };
+        ply::read_ply(bytes).and_then(build).map_err(|error| error.in_file(name))
+    }
+
+    /// Makes a prior of splats in memory. Unsound splats are dropped and counted, as from a file.
+    pub fn from_splats(splats: Splats, options: RenderOptions) -> Result<Prior, PriorError> {
+        Prior::build(splats, options, PriorFormat::Memory, Vec::new())
+    }
+
+    fn build(
+        mut splats: Splats,
+        options: RenderOptions,
+        format: PriorFormat,
+        comments: Vec<String>,
+    ) -> Result<Prior, PriorError> {
+        options.check()?;
+        splats.check_shape()?;
+        let read = splats.len();
+        if read == 0 {
+            return Err(PriorError::Empty);
+        }
+        if read > Self::MAX_SPLATS {
+            return Err(PriorError::TooMany { count: read });
+        }
+        let clamped_logits = check::clamp_logits(&mut splats);
+        let dropped = check::drop_unsound(&mut splats);
+        if let (true, Some(first)) = (splats.is_empty(), dropped.first()) {
+            return Err(PriorError::AllDropped { read, fault: first.fault });
+        }
+        let kept = splats.len();
+        let report = LoadReport { format, read, kept, dropped, clamped_logits, comments };
+        let id = PriorId::of(&splats, &options);
+        let frame = PriorFrame::of(&splats.positions);
+        Ok(Prior { splats, options, id, frame, report })
+    }
+
+    /// Number of splats; never zero.
+    #[allow(clippy::len_without_is_empty)] // A prior is never empty.
+    pub fn len(&self) -> usize {
+        self.splats.len()
+    }
+
+    /// The trained parameters.
+    pub fn splats(&self) -> &Splats {
+        &self.splats
+    }
+
+    /// How to render it.
+    pub fn options(&self) -> &RenderOptions {
+        &self.options
+    }
+
+    /// Its identity: equal on both sides of a link, or their pictures differ.
+    pub fn id(&self) -> PriorId {
+        self.id
+    }
+
+    /// Where it lies and how large it is: the frame in which packets state camera positions.
+    pub fn frame(&self) -> PriorFrame {
+        self.frame
+    }
+
+    /// What loading found.
+    pub fn report(&self) -> &LoadReport {
+        &self.report
+    }
+}
+
+/// Reads the file, but no further than its first bytes where they show another format, so that a
+/// wrong path (a device, a video) costs neither time nor memory.
+fn read_prior_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    let mut bytes = Vec::new();
+    (&mut file).take(ply::MAGIC.len() as u64).read_to_end(&mut bytes)?;
+    if bytes == ply::MAGIC {
+        file.read_to_end(&mut bytes)?;
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// `count` sound splats of the degree, every parameter a different number.
+    pub(crate) fn sample_splats(count: usize, sh_degree: u32) -> Splats {
+        let mut next = 0.0;
+        let mut value = || {
+            next += 0.0625;
+            next
+        };
+        let mut splats = Splats { sh_degree, ..Splats::default() };
+        for _ in 0..count {
+            splats.positions.push(std::array::from_fn(|_| value()));
+            splats.log_scales.push(std::array::from_fn(|_| -value() / 100.0));
+            splats.rotations.push(std::array::from_fn(|_| value()));
+            splats.opacity_logits.push(value());
+            let stride = splats.sh_stride();
+            splats.sh.extend(std::iter::repeat_with(&mut value).take(stride));
+        }
+        splats
+    }
+
+    #[test]
+    fn refuses_options_that_cannot_render() {
+        let splats = sample_splats(1, 0);
+        for options in [
+            RenderOptions { near: 0.0, ..RenderOptions::INRIA },
+            RenderOptions { near: f32::NAN, ..RenderOptions::INRIA },
+            RenderOptions { alpha_max: 1.0, ..RenderOptions::INRIA },
+            RenderOptions { background: [0.0, f32::NAN, 0.0], ..RenderOptions::INRIA },
+        ] {
+            let refused = Prior::from_splats(splats.clone(), options);
+            assert!(matches!(refused, Err(PriorError::Option { .. })), "{options:?}");
+        }
+    }
+
+    #[test]
+    fn refuses_arrays_that_disagree() {
+        let mut splats = sample_splats(3, 1);
+        splats.sh.pop();
+        let refused = Prior::from_splats(splats, RenderOptions::INRIA);
+        assert!(matches!(refused, Err(PriorError::Shape { array: "sh", found: 35, expected: 36 })));
+        let splats = Splats { sh_degree: 4, ..sample_splats(1, 0) };
+        assert!(matches!(
+            Prior::from_splats(splats, RenderOptions::INRIA),
+            Err(PriorError::ShDegree { degree: 4 })
+        ));
+        assert!(matches!(
+            Prior::from_splats(Splats::default(), RenderOptions::INRIA),
+            Err(PriorError::Empty)
+        ));
+    }
+
+    #[test]
+    fn overrides_replace_only_what_they_name() {
+        let overrides = RenderOverrides { near: Some(0.5), ..RenderOverrides::default() };
+        let expected = RenderOptions { near: 0.5, ..RenderOptions::GSPLAT };
+        assert_eq!(overrides.over(RenderOptions::GSPLAT), expected);
+    }
+
+    #[test]
+    fn unit_rotation_has_unit_length_at_any_magnitude() {
+        let mut splats = sample_splats(1, 0);
+        for scale in [1e-5, 1.0, 1e30] {
+            splats.rotations[0] = [0.0, 3.0 * scale, 0.0, -4.0 * scale];
+            let unit = splats.unit_rotation(0);
+            let error = unit.iter().zip([0.0, 0.6, 0.0, -0.8]).map(|(a, b)| (a - b).abs());
+            assert!(error.fold(0.0, f32::max) < 1e-6, "{unit:?}");
+        }
+    }
+
+    #[test]
+    fn opening_what_is_no_prior_names_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("absent.ply");
+        let error = Prior::open(&path, &RenderOverrides::default()).unwrap_err();
+        let PriorError::InFile { error: inner, .. } = &error else { panic!("{error:?}") };
+        assert!(matches!(**inner, PriorError::Read(_)));
+        assert!(error.to_string().contains("absent.ply"));
+        let path = folder.path().join("empty.ply");
+        std::fs::write(&path, b"").unwrap();
+        let error = Prior::open(&path, &RenderOverrides::default()).unwrap_err();
+        assert!(error.to_string().contains("empty.ply"), "{error}");
+    }
 }

@@ -1,1 +1,123 @@
-fn main(){}
+//! Builds the stages of `nvsprior-shaders` into `spv/`, one module an entry point, and writes the
+//! manifest that ties them to their sources. With `--check`: builds elsewhere and compares.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use spirv_builder::{Capability, ModuleResult, ShaderPanicStrategy, SpirvBuilder, SpirvMetadata};
+
+const TOOLCHAIN: &str = "nightly-2026-08-15";
+const TARGET: &str = "spirv-unknown-vulkan1.2";
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let check = match std::env::args().nth(1).as_deref() {
+        None => false,
+        Some("--check") => true,
+        Some(other) => return Err(format!("unknown argument {other}; there is only --check").into()),
+    };
+    // As `cargo run` has it now, not as it was when this was compiled: the target folder is shared by
+    // all checkouts of a user.
+    let package = std::env::var("CARGO_MANIFEST_DIR").map_err(|_| "run me by `cargo run`")?;
+    let root = Path::new(&package).parent().ok_or("no parent folder")?;
+    let modules = build(root)?;
+    let manifest = manifest(root, &modules)?;
+    let out = root.join("spv");
+    if check { compare(&out, &modules, &manifest) } else { write(&out, &modules, &manifest) }
+}
+
+/// Entry point → SPIR-V, validated.
+fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
+    let mut builder = SpirvBuilder::new(root, TARGET)
+        .multimodule(true)
+        .release(true)
+        .deny_warnings(false)
+        .spirv_metadata(SpirvMetadata::None)
+        .shader_panic_strategy(ShaderPanicStrategy::SilentExit)
+        .capability(Capability::VulkanMemoryModel);
+    builder.toolchain_overwrite = Some(TOOLCHAIN.into());
+    let result = builder.build()?;
+    let ModuleResult::MultiModule(files) = result.module else {
+        return Err("the builder returned one module for all entry points".into());
+    };
+    let mut modules = BTreeMap::new();
+    for (entry, file) in files {
+        let name = entry.rsplit("::").next().unwrap_or(&entry).to_owned();
+        validate(&file)?;
+        modules.insert(name, fs::read(&file)?);
+    }
+    Ok(modules)
+}
+
+fn validate(file: &Path) -> Result<(), Box<dyn Error>> {
+    let status = Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(file).status()?;
+    if status.success() { Ok(()) } else { Err(format!("spirv-val refuses {}", file.display()).into()) }
+}
+
+/// FNV-1a, 64 bits, of the shader sources in the order of their names: enough to notice a change,
+/// and simple enough to be repeated by the test that compares it.
+fn source_hash(root: &Path) -> Result<String, Box<dyn Error>> {
+    let mut files: Vec<PathBuf> =
+        fs::read_dir(root.join("src"))?.map(|e| e.map(|e| e.path())).collect::<Result<_, _>>()?;
+    files.sort();
+    let mut hash = 0xcbf2_9ce4_8422_2325u64;
+    for file in files {
+        for byte in fs::read(&file)? {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+    Ok(format!("{hash:016x}"))
+}
+
+fn manifest(root: &Path, modules: &BTreeMap<String, Vec<u8>>) -> Result<String, Box<dyn Error>> {
+    let names: Vec<&String> = modules.keys().collect();
+    let manifest = serde_json::json!({
+        "sources_fnv1a64": source_hash(root)?,
+        "rust_gpu": "0.11.0",
+        "toolchain": TOOLCHAIN,
+        "target": TARGET,
+        "modules": names,
+    });
+    Ok(serde_json::to_string_pretty(&manifest)? + "\n")
+}
+
+fn write(
+    out: &Path,
+    modules: &BTreeMap<String, Vec<u8>>,
+    manifest: &str,
+) -> Result<(), Box<dyn Error>> {
+    fs::create_dir_all(out)?;
+    for entry in fs::read_dir(out)? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|e| e == "spv") {
+            fs::remove_file(path)?;
+        }
+    }
+    for (name, spirv) in modules {
+        fs::write(out.join(format!("{name}.spv")), spirv)?;
+        println!("{name}.spv: {} bytes", spirv.len());
+    }
+    Ok(fs::write(out.join("manifest.json"), manifest)?)
+}
+
+fn compare(
+    out: &Path,
+    modules: &BTreeMap<String, Vec<u8>>,
+    manifest: &str,
+) -> Result<(), Box<dyn Error>> {
+    let mut different: Vec<String> = modules
+        .iter()
+        .filter(|(name, spirv)| fs::read(out.join(format!("{name}.spv"))).ok().as_ref() != Some(*spirv))
+        .map(|(name, _)| format!("{name}.spv"))
+        .collect();
+    if fs::read_to_string(out.join("manifest.json")).ok().as_deref() != Some(manifest) {
+        different.push("manifest.json".into());
+    }
+    if different.is_empty() {
+        println!("{} modules agree with their sources", modules.len());
+        return Ok(());
+    }
+    Err(format!("rebuilt modules differ from spv/: {}; run `make shaders`", different.join(", ")).into())
+}

@@ -1,5 +1,60 @@
-//! The command-line tool.
+//! `nvsprior`: encodes frames against a prior, decodes packets, renders, inspects, measures.
 
+mod args;
+mod basin;
+mod bench;
+mod camera_file;
+mod decode;
 mod demo;
+mod encode;
+mod frame_file;
+mod inspect;
+mod render;
+mod sheet;
+mod summary;
 
-fn main() {}
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Pictures through an acoustic modem: image compression against a 3D Gaussian Splatting prior.
+///
+/// Vehicle and topside hold the same trained scene. For each frame, `encode` finds the pose at which
+/// the scene looks most like the frame, and writes it with a coded difference picture to a packet;
+/// `decode` renders the scene at that pose and adds the difference.
+///
+/// Exit codes: 0 done, 1 something failed (named on standard error), 2 wrong usage.
+#[derive(Parser)]
+#[command(version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Encode(encode::Args),
+    Decode(decode::Args),
+    Render(render::Args),
+    Inspect(inspect::Args),
+    Bench(bench::Args),
+    Demo(demo::Args),
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Encode(args) => encode::run(&args),
+        Command::Decode(args) => decode::run(&args),
+        Command::Render(args) => render::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
+        Command::Bench(args) => bench::run(&args),
+        Command::Demo(args) => demo::run(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("nvsprior: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,4 +1,4 @@
-//! The demo: a basin scene of the paper's kind that the program draws itself, seen through water
+//! The basin: a scene of the paper's kind that the program draws itself, seen through water
 //! on a mapping run and two inspection runs. It shares no code with the splat renderer.
 
 mod export;
@@ -15,7 +15,7 @@ mod water;
 
 use nvsprior::{Camera, Picture, Pose};
 
-pub use export::{ExportError, write_run};
+pub use export::write_run;
 pub use surface::surface_points;
 
 use scene::Scene;

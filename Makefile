@@ -1,0 +1,40 @@
+# nvsprior: `make demo` runs the main job on the embedded scene, `make test` passes the tests.
+
+# Where the shader builder is kept between builds, outside of the tree: it takes minutes to build.
+SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
+SHADER_TOOLCHAIN := nightly-2026-08-15
+
+.PHONY: help demo test bench lint shaders shaders-check shader-toolchain clean
+
+help:
+	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
+	@echo "make test           all tests"
+	@echo "make lint           formatting and clippy"
+	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/spv from their Rust sources"
+	@echo "make shaders-check  rebuild them elsewhere and compare"
+
+demo:
+	@scripts/setup.sh run
+	cargo run --release --bin nvsprior -- demo --out demo-out
+
+test:
+	@scripts/setup.sh run test
+	cargo test
+
+lint:
+	cargo fmt --check
+	cargo clippy --all-targets -- -D warnings
+
+shader-toolchain:
+	@scripts/setup.sh shaders
+	rustup toolchain install $(SHADER_TOOLCHAIN) --profile minimal \
+		--component rust-src,rustc-dev,llvm-tools
+
+shaders: shader-toolchain
+	cd shaders-rs && CARGO_TARGET_DIR=$(SHADER_TARGET) cargo run --release -p nvsprior-shaders-build
+
+shaders-check: shader-toolchain
+	cd shaders-rs && CARGO_TARGET_DIR=$(SHADER_TARGET) cargo run --release -p nvsprior-shaders-build -- --check
+
+clean:
+	rm -rf target demo-out bench-out

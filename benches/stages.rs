@@ -1,0 +1,119 @@
+//! Time of the steps of a frame, on the tests' wall and, where its data lies beside the project, on
+//! the reef: `cargo bench --bench stages`.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+#[path = "../tests/scene/mod.rs"]
+mod scene;
+
+use std::hint::black_box;
+use std::sync::Arc;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use nvsprior::packet::{Latent, PoseProfile, QuantisedPose};
+use nvsprior::prior::ply::write_ply;
+use nvsprior::render::{Jacobian, Plan, Scene};
+use nvsprior::residual::{decode_residual, encode_residual};
+use nvsprior::vulkan::DeviceOptions;
+use nvsprior::{Camera, Engine, Packet, Picture, Pose, Prior, Rate};
+
+/// A prior and a place to look at it from.
+struct View {
+    name: &'static str,
+    prior: Prior,
+    camera: Camera,
+    pose: Pose,
+}
+
+fn views() -> Vec<View> {
+    let wall =
+        View { name: "wall", prior: scene::wall(1), camera: scene::CAMERA, pose: scene::pose(0.0) };
+    let reef = common::reef_prior().map(|prior| {
+        let (camera, pose) = (common::REEF_CAMERA, common::reef_pose());
+        View { name: "reef", prior, camera, pose }
+    });
+    std::iter::once(wall).chain(reef).collect()
+}
+
+/// Without validation, which would be measured too.
+fn engine() -> Engine {
+    Engine::new(&DeviceOptions::default()).expect("a Vulkan device")
+}
+
+/// Pictures and normal equations at full resolution, submission and wait included.
+fn render(criterion: &mut Criterion) {
+    let engine = engine();
+    for View { name, prior, camera, pose } in views() {
+        let scene = engine.upload(&prior).expect("room for the prior");
+        let jacobians = vec![Jacobian::Flow, Jacobian::Exact];
+        let plan = Plan { factors: vec![1], jacobians, profiled: false };
+        let mut renderer = engine.renderer(&scene, &camera, plan).expect("a renderer");
+        let frame = common::random_frame(1, &camera);
+        renderer.set_frame(0, &frame);
+        let mut group = criterion.benchmark_group(format!("render {name}"));
+        group.bench_function("picture", |b| b.iter(|| renderer.draw(&pose).expect("a picture")[0]));
+        for (kind, jacobian) in [("flow", Jacobian::Flow), ("exact", Jacobian::Exact)] {
+            group.bench_function(format!("normal equations, {kind}"), |b| {
+                b.iter(|| renderer.normal_equations(0, jacobian, &pose).expect("sums").mse())
+            });
+        }
+        group.finish();
+    }
+}
+
+/// What the camera saw, and the render at the right pose.
+fn camera_and_render(engine: &Engine, scene: &Arc<Scene>) -> (Picture, Picture) {
+    let pose = scene::pose(0.0);
+    let mut render = Picture::new(scene::CAMERA.width, scene::CAMERA.height);
+    let mut renderer = engine.renderer(scene, &scene::CAMERA, Plan::picture()).expect("a renderer");
+    renderer.picture(&pose, &mut render).expect("a render");
+    (scene::frame(engine, scene, &pose), render)
+}
+
+/// Difference pictures and packets of the wall.
+fn code(criterion: &mut Criterion) {
+    let engine = engine();
+    let scene = engine.upload(&scene::wall(1)).expect("room for the prior");
+    let (camera, render) = camera_and_render(&engine, &scene);
+    let quality = Rate::Quality(10.0);
+    let coded = encode_residual(&camera, &render, quality, 0).expect("a coded residual");
+    let mut group = criterion.benchmark_group("residual wall");
+    for (name, rate) in [("quality 10", quality), ("300 bytes", Rate::Bytes(300))] {
+        group.bench_function(format!("encode, {name}"), |b| {
+            b.iter(|| encode_residual(black_box(&camera), &render, rate, 0).expect("a residual"))
+        });
+    }
+    group.bench_function("decode", |b| {
+        b.iter(|| decode_residual(black_box(&render), &coded.residual))
+    });
+    group.finish();
+
+    let pose = QuantisedPose::quantise(&scene::pose(0.0), &scene.frame(), PoseProfile::Compact);
+    let latent = Latent::new(0, scene.id(), &scene::CAMERA, pose.expect("a pose in range"), false)
+        .expect("a camera that fits the header");
+    let packet = Packet { latent, camera: Some(scene::CAMERA), residual: coded.residual };
+    let bytes = packet.encode().expect("a packet");
+    let mut group = criterion.benchmark_group("packet");
+    group.bench_function("encode", |b| b.iter(|| black_box(&packet).encode()));
+    group.bench_function("decode", |b| b.iter(|| Packet::decode(black_box(&bytes))));
+    group.finish();
+}
+
+/// Reading a prior's file, checks and identity included.
+fn load(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("load");
+    group.sample_size(20);
+    for View { name, prior, .. } in views() {
+        let mut bytes = Vec::new();
+        write_ply(prior.splats(), prior.options(), &mut bytes).expect("a file in memory");
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                Prior::from_bytes(black_box(&bytes), name, &Default::default()).expect("a prior")
+            })
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, render, code, load);
+criterion_main!(benches);

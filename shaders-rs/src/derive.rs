@@ -1,0 +1,179 @@
+//! Stage `derive`: how each splat's mean, covariance, opacity and colour change with the pose
+//! (exact Jacobian only). With `T' = Exp(τ) T`, `dp = ρ + θ × p` and `dV = θ × V`.
+//!
+//! A splat has twelve `Vec4`s: for ρ then θ the gradients (xyz) of u, v, Σ₀₀, Σ₀₁, Σ₁₁ and ln α; the
+//! w components of the first nine hold d(rgb)/dρ, row by row.
+
+use crate::project::{self, Splat};
+use crate::shared::{self, DERIVATIVES, DILATION, Params, cross, dot};
+use spirv_std::glam::{UVec3, Vec4};
+use spirv_std::spirv;
+
+/// The linearised projection of one splat.
+struct Linear<'a> {
+    params: &'a Params,
+    splat: &'a Splat,
+    ray: [f32; 2],
+    inside: [bool; 2],
+    m0: [f32; 3],
+    m1: [f32; 3],
+}
+
+/// Derivatives along one motion: u, v, Σ₀₀, Σ₀₁, Σ₁₁, ln α.
+type Along = [f32; 6];
+
+impl Linear<'_> {
+    /// Derivative of one row of `M`, `m = f/z (V_k − ray V_z)`.
+    fn row(&self, k: usize, m: [f32; 3], dp: [f32; 3], turned: &[[f32; 3]; 3]) -> [f32; 3] {
+        let z = self.splat.camera[2];
+        let scale = self.params.focal[k] / z;
+        let ray = self.ray[k];
+        let d_ray = if self.inside[k] { (dp[k] - ray * dp[2]) / z } else { 0.0 };
+        let along = |a: usize| {
+            -m[a] * dp[2] / z
+                + scale * (turned[a][k] - ray * turned[a][2] - d_ray * self.splat.axes[a][2])
+        };
+        [along(0), along(1), along(2)]
+    }
+
+    /// Derivatives along the motion that moves the centre by `dp` and turns the axes to `turned`.
+    fn along(&self, dp: [f32; 3], turned: &[[f32; 3]; 3]) -> Along {
+        let p = self.splat.camera;
+        let (fx, fy) = (self.params.focal[0], self.params.focal[1]);
+        let z = p[2];
+        let d0 = self.row(0, self.m0, dp, turned);
+        let d1 = self.row(1, self.m1, dp, turned);
+        let (da, dc) = (2.0 * dot(self.m0, d0), 2.0 * dot(self.m1, d1));
+        let db = dot(self.m0, d1) + dot(self.m1, d0);
+        [
+            fx * (dp[0] - p[0] / z * dp[2]) / z,
+            fy * (dp[1] - p[1] / z * dp[2]) / z,
+            da,
+            db,
+            dc,
+            self.ln_alpha(d0, d1, da + dc),
+        ]
+    }
+
+    /// Derivative of the logarithm of the anti-aliasing compensation `√(det₀/det)`.
+    fn ln_alpha(&self, d0: [f32; 3], d1: [f32; 3], d_trace: f32) -> f32 {
+        let minors = cross(self.m0, self.m1);
+        let det0 = dot(minors, minors);
+        let trace = dot(self.m0, self.m0) + dot(self.m1, self.m1);
+        let det = det0 + DILATION * trace + DILATION * DILATION;
+        if (self.params.antialiased == 0) | !(det0 > 2.5e-5 * det) {
+            return 0.0;
+        }
+        let d_det0 = 2.0 * (dot(minors, cross(d0, self.m1)) + dot(minors, cross(self.m0, d1)));
+        0.5 * (d_det0 / det0 - (d_det0 + DILATION * d_trace) / det)
+    }
+
+    fn translation(&self, axis: [f32; 3]) -> Along {
+        self.along(axis, &[[0.0; 3]; 3])
+    }
+
+    fn rotation(&self, axis: [f32; 3]) -> Along {
+        let v = &self.splat.axes;
+        let turned = [cross(axis, v[0]), cross(axis, v[1]), cross(axis, v[2])];
+        self.along(cross(axis, self.splat.camera), &turned)
+    }
+}
+
+const X: [f32; 3] = [1.0, 0.0, 0.0];
+const Y: [f32; 3] = [0.0, 1.0, 0.0];
+const Z: [f32; 3] = [0.0, 0.0, 1.0];
+
+/// Gradient of the spherical harmonics with respect to the (unnormalised) direction, times the
+/// coefficients: d(rgb)/d(x, y, z).
+fn sh_gradient(params: &Params, sh: &[f32], i: usize, d: [f32; 3]) -> [[f32; 3]; 3] {
+    let n = params.splats as usize;
+    let basis = shared::sh_basis_gradient(d);
+    let mut out = [[0.0; 3]; 3];
+    let count = shared::sh_coefficients(params.sh_degree) as usize;
+    let mut k = 1;
+    while k < count {
+        let b = basis[k];
+        let at = k * 3 * n + i;
+        let rgb = [sh[at], sh[at + n], sh[at + 2 * n]];
+        out = [
+            [out[0][0] + b[0] * rgb[0], out[0][1] + b[1] * rgb[0], out[0][2] + b[2] * rgb[0]],
+            [out[1][0] + b[0] * rgb[1], out[1][1] + b[1] * rgb[1], out[1][2] + b[2] * rgb[1]],
+            [out[2][0] + b[0] * rgb[2], out[2][1] + b[1] * rgb[2], out[2][2] + b[2] * rgb[2]],
+        ];
+        k += 1;
+    }
+    out
+}
+
+/// d(colour)/dρ of one channel: `(I − d̂d̂ᵀ) Rᵀ / ‖·‖`, turned into camera axes. The centre moves by
+/// −Rᵀρ, so the point moves by +Rᵀρ against it.
+fn colour_derivative(params: &Params, d: [f32; 3], inverse: f32, gradient: [f32; 3]) -> [f32; 3] {
+    let radial = dot(gradient, d);
+    let tangent = [
+        (gradient[0] - radial * d[0]) * inverse,
+        (gradient[1] - radial * d[1]) * inverse,
+        (gradient[2] - radial * d[2]) * inverse,
+    ];
+    shared::transform(&params.rotation, tangent)
+}
+
+fn with(xyz: [f32; 3], w: f32) -> Vec4 {
+    Vec4::new(xyz[0], xyz[1], xyz[2], w)
+}
+
+/// One invocation a splat; those that touch no tile are left out.
+#[spirv(compute(threads(256)))]
+pub fn derive(
+    #[spirv(global_invocation_id)] id: UVec3,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] tile_counts: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] derivatives: &mut [Vec4],
+) {
+    let i = id.x as usize;
+    if id.x >= params.splats {
+        return;
+    }
+    if tile_counts[i] == 0 {
+        return;
+    }
+    let splat = project::load(params, geometry, i);
+    let (ray, inside) = shared::clamped_ray(params, splat.camera);
+    let (m0, m1) = shared::projected_axes(params, splat.camera[2], ray, &splat.axes);
+    let linear = Linear { params, splat: &splat, ray, inside, m0, m1 };
+    let (tx, ty, tz) = (linear.translation(X), linear.translation(Y), linear.translation(Z));
+    let (rx, ry, rz) = (linear.rotation(X), linear.rotation(Y), linear.rotation(Z));
+
+    let (d, inverse) = shared::direction(params, splat.world);
+    let gradient = sh_gradient(params, sh, i, d);
+    let colour = records[i * shared::RECORD as usize + 2];
+    // A colour that the clamp at 0 holds does not change.
+    let mut red = colour_derivative(params, d, inverse, gradient[0]);
+    let mut green = colour_derivative(params, d, inverse, gradient[1]);
+    let mut blue = colour_derivative(params, d, inverse, gradient[2]);
+    if !(colour.x > 0.0) {
+        red = [0.0; 3];
+    }
+    if !(colour.y > 0.0) {
+        green = [0.0; 3];
+    }
+    if !(colour.z > 0.0) {
+        blue = [0.0; 3];
+    }
+
+    let at = i * DERIVATIVES as usize;
+    derivatives[at] = with([tx[0], ty[0], tz[0]], red[0]);
+    derivatives[at + 1] = with([rx[0], ry[0], rz[0]], red[1]);
+    derivatives[at + 2] = with([tx[1], ty[1], tz[1]], red[2]);
+    derivatives[at + 3] = with([rx[1], ry[1], rz[1]], green[0]);
+    derivatives[at + 4] = with([tx[2], ty[2], tz[2]], green[1]);
+    derivatives[at + 5] = with([rx[2], ry[2], rz[2]], green[2]);
+    derivatives[at + 6] = with([tx[3], ty[3], tz[3]], blue[0]);
+    derivatives[at + 7] = with([rx[3], ry[3], rz[3]], blue[1]);
+    derivatives[at + 8] = with([tx[4], ty[4], tz[4]], blue[2]);
+    derivatives[at + 9] = with([rx[4], ry[4], rz[4]], 0.0);
+    derivatives[at + 10] = with([tx[5], ty[5], tz[5]], 0.0);
+    derivatives[at + 11] = with([rx[5], ry[5], rz[5]], 0.0);
+}

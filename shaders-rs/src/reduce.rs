@@ -1,0 +1,141 @@
+//! Stage `reduce`: sums of the normal equations, over a workgroup and over tiles, in a fixed order.
+
+use crate::shared::{Params, SPLAT_THREADS, SUMS};
+use spirv_std::arch::workgroup_memory_barrier_with_group_sync as barrier;
+use spirv_std::glam::Vec3;
+use spirv_std::spirv;
+
+/// Shared memory that [`Sums::store`] needs.
+pub type Scratch = [f32; (SUMS * SPLAT_THREADS) as usize];
+
+/// The normal equations of some pixels: JᵀJ in 3×3 blocks (ρρ, ρθ, θθ), Jᵀr, r².
+#[derive(Clone, Copy)]
+pub struct Sums {
+    /// Rows of the ρρ block.
+    pub rr: [Vec3; 3],
+    /// Rows of the ρθ block.
+    pub rt: [Vec3; 3],
+    /// Rows of the θθ block.
+    pub tt: [Vec3; 3],
+    pub gradient: [Vec3; 2],
+    pub square: f32,
+}
+
+impl Sums {
+    pub const ZERO: Sums = Sums {
+        rr: [Vec3::ZERO; 3],
+        rt: [Vec3::ZERO; 3],
+        tt: [Vec3::ZERO; 3],
+        gradient: [Vec3::ZERO; 2],
+        square: 0.0,
+    };
+
+    /// Adds one channel of one pixel: its derivative with respect to ρ and θ, and its residual.
+    pub fn add(self, rho: Vec3, theta: Vec3, residual: f32) -> Sums {
+        Sums {
+            rr: [
+                self.rr[0] + rho * rho.x,
+                self.rr[1] + rho * rho.y,
+                self.rr[2] + rho * rho.z,
+            ],
+            rt: [
+                self.rt[0] + theta * rho.x,
+                self.rt[1] + theta * rho.y,
+                self.rt[2] + theta * rho.z,
+            ],
+            tt: [
+                self.tt[0] + theta * theta.x,
+                self.tt[1] + theta * theta.y,
+                self.tt[2] + theta * theta.z,
+            ],
+            gradient: [self.gradient[0] + rho * residual, self.gradient[1] + theta * residual],
+            square: self.square + residual * residual,
+        }
+    }
+
+    /// Sums over the tile's invocations and writes the tile's row of `partials`.
+    pub fn store(&self, lane: u32, tile: u32, scratch: &mut Scratch, partials: &mut [f32]) {
+        let mut at = (lane * SUMS) as usize;
+        let mut push = |v: f32| {
+            scratch[at] = v;
+            at += 1;
+        };
+        let (rr, rt, tt) = (&self.rr, &self.rt, &self.tt);
+        // The upper triangle, row by row.
+        push(rr[0].x);
+        push(rr[0].y);
+        push(rr[0].z);
+        push(rt[0].x);
+        push(rt[0].y);
+        push(rt[0].z);
+        push(rr[1].y);
+        push(rr[1].z);
+        push(rt[1].x);
+        push(rt[1].y);
+        push(rt[1].z);
+        push(rr[2].z);
+        push(rt[2].x);
+        push(rt[2].y);
+        push(rt[2].z);
+        push(tt[0].x);
+        push(tt[0].y);
+        push(tt[0].z);
+        push(tt[1].y);
+        push(tt[1].z);
+        push(tt[2].z);
+        push(self.gradient[0].x);
+        push(self.gradient[0].y);
+        push(self.gradient[0].z);
+        push(self.gradient[1].x);
+        push(self.gradient[1].y);
+        push(self.gradient[1].z);
+        push(self.square);
+        barrier();
+        let mut k = lane;
+        while k < SUMS {
+            let mut sum = 0.0;
+            let mut other = 0;
+            while other < SPLAT_THREADS {
+                sum += scratch[(other * SUMS + k) as usize];
+                other += 1;
+            }
+            partials[(tile * SUMS + k) as usize] = sum;
+            k += SPLAT_THREADS;
+        }
+    }
+}
+
+const LANES: u32 = 8;
+const COLUMNS: u32 = 32;
+
+/// Sums the tiles' rows. One workgroup: eight invocations a sum, then one over the eight.
+#[spirv(compute(threads(256)))]
+pub fn reduce(
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] scratch: &mut [f32; (LANES * COLUMNS) as usize],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] partials: &[f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sums: &mut [f32],
+) {
+    let k = lane % COLUMNS;
+    let tiles = params.tiles_x * params.tiles_y;
+    let mut sum = 0.0;
+    if k < SUMS {
+        let mut tile = lane / COLUMNS;
+        while tile < tiles {
+            sum += partials[(tile * SUMS + k) as usize];
+            tile += LANES;
+        }
+    }
+    scratch[lane as usize] = sum;
+    barrier();
+    if lane < SUMS {
+        let mut total = 0.0;
+        let mut part = 0;
+        while part < LANES {
+            total += scratch[(part * COLUMNS + lane) as usize];
+            part += 1;
+        }
+        sums[lane as usize] = total;
+    }
+}

@@ -1,0 +1,352 @@
+//! Constants, buffer layouts and maths that the shaders and the host share. The host compiles this
+//! file natively (`nvsprior::shared`), so nothing here may need the GPU.
+
+#[cfg(target_arch = "spirv")]
+use spirv_std::num_traits::Float;
+
+/// Side of a square tile, pixels.
+pub const TILE: u32 = 8;
+/// Invocations of a splatting workgroup: one per column of [`ROWS`] pixels.
+pub const SPLAT_THREADS: u32 = TILE * TILE / ROWS;
+/// Pixels of one column that one invocation blends: a splat's record is loaded once for all.
+pub const ROWS: u32 = 4;
+/// Invocations of a one-splat-each or one-pair-each workgroup.
+pub const GROUP: u32 = 256;
+/// Splats that one workgroup counts or emits while binning.
+pub const BIN_BLOCK: u32 = 1024;
+/// Digits of one radix pass: 8 bits.
+pub const RADIX: u32 = 256;
+/// Invocations of a radix scatter workgroup; each ranks a contiguous run alone, which makes the
+/// sort stable at any subgroup size.
+pub const SCATTER_THREADS: u32 = 32;
+/// Keys of one radix block.
+pub const RADIX_BLOCK: u32 = 4096;
+/// f32 planes of the `geometry` buffer: position, opacity, 3×3 axes.
+pub const GEOMETRY_PLANES: u32 = 13;
+/// `Vec4`s of a projected splat's record.
+pub const RECORD: u32 = 3;
+/// `Vec4`s of a projected splat's pose derivatives, exact Jacobian only; see stage `derive`.
+pub const DERIVATIVES: u32 = 12;
+/// Sums of the normal equations: 21 of JᵀJ (upper triangle, row by row), 6 of Jᵀr, 1 of r².
+pub const SUMS: u32 = 28;
+/// Floats of a rendered pixel: linear R, G, B, depth Σ wᵢ zᵢ, transmittance.
+pub const PIXEL: u32 = 5;
+/// Depth key of a splat that touches no tile: sorts behind all others.
+pub const CULLED: u32 = u32::MAX;
+
+/// Low-pass added to the diagonal of the 2D covariance, pixels² (Kerbl et al. 2023).
+pub const DILATION: f32 = 0.3;
+/// Alpha below this is skipped.
+pub const ALPHA_MIN: f32 = 1.0 / 255.0;
+/// A pixel is finished before the splat that would bring its transmittance to this or below.
+pub const TRANSMITTANCE_STOP: f32 = 1e-4;
+/// Largest extent of a splat, standard deviations.
+pub const EXTENT_MAX: f32 = 3.33;
+/// Frustum margin of the projection Jacobian, in tan(fov/2).
+pub const FRUSTUM_MARGIN: f32 = 0.3;
+
+/// What one render needs to know; written by the host before each submission.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(not(target_arch = "spirv"), derive(bytemuck::Pod, bytemuck::Zeroable))]
+pub struct Params {
+    /// World-to-camera rotation, row-major.
+    pub rotation: [f32; 9],
+    /// World-to-camera translation.
+    pub translation: [f32; 3],
+    /// Camera centre in the world.
+    pub centre: [f32; 3],
+    /// Focal lengths, pixels.
+    pub focal: [f32; 2],
+    /// Principal point, pixels.
+    pub principal: [f32; 2],
+    /// Background, linear RGB.
+    pub background: [f32; 3],
+    /// Near plane.
+    pub near: f32,
+    /// Clamp of alpha.
+    pub alpha_max: f32,
+    /// 1: opacity compensates the low-pass (gsplat's anti-aliased mode).
+    pub antialiased: u32,
+    /// Picture width, pixels.
+    pub width: u32,
+    /// Picture height, pixels.
+    pub height: u32,
+    /// Tiles across.
+    pub tiles_x: u32,
+    /// Tiles down.
+    pub tiles_y: u32,
+    /// Number of splats.
+    pub splats: u32,
+    /// Degree of the spherical harmonics.
+    pub sh_degree: u32,
+    /// Room for (tile, splat) pairs.
+    pub pair_capacity: u32,
+}
+
+/// What the stages tell each other and, after the render, the host.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(not(target_arch = "spirv"), derive(bytemuck::Pod, bytemuck::Zeroable))]
+pub struct Counters {
+    /// Keys to sort: `[0]` splats by depth, `[1]` pairs by tile.
+    pub sort: [u32; 2],
+    /// Pairs that the picture needs; more than the capacity means that some were left out.
+    pub pairs_needed: u32,
+    /// Splats that touch a tile.
+    pub visible: u32,
+    /// Indirect dispatch over radix blocks of pairs.
+    pub radix_groups: [u32; 3],
+    /// Indirect dispatch over pairs.
+    pub pair_groups: [u32; 3],
+}
+
+/// A splat as seen from the camera, before anything of the picture is known.
+#[derive(Clone, Copy, Default)]
+pub struct Projected {
+    /// Mean, pixels.
+    pub mean: [f32; 2],
+    /// Factor `(l11, l21, l22)` of the conic: `q = (l11 dx + l21 dy)² + (l22 dy)²`.
+    pub conic: [f32; 3],
+    /// Standard deviations along the picture's axes, pixels.
+    pub sigma: [f32; 2],
+    /// Opacity, compensated where anti-aliased.
+    pub opacity: f32,
+    /// Camera z.
+    pub depth: f32,
+}
+
+/// The larger of two; a NaN gives `b`.
+pub fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two; a NaN gives `b`.
+pub fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// `x` limited to `[low, high]`; a NaN gives `low`.
+pub fn clamp(x: f32, low: f32, high: f32) -> f32 {
+    min(max(x, low), high)
+}
+
+/// Scalar product.
+pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Vector product.
+pub fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// A row-major 3×3 matrix times a vector.
+pub fn transform(m: &[f32; 9], v: [f32; 3]) -> [f32; 3] {
+    [
+        m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
+        m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
+        m[6] * v[0] + m[7] * v[1] + m[8] * v[2],
+    ]
+}
+
+/// The point where the projection is linearised: `(x/z, y/z)` limited to the frustum plus a margin
+/// (gsplat), and whether each was inside.
+pub fn clamped_ray(params: &Params, p: [f32; 3]) -> ([f32; 2], [bool; 2]) {
+    let inverse_z = 1.0 / p[2];
+    let x = p[0] * inverse_z;
+    let y = p[1] * inverse_z;
+    let margin_x = FRUSTUM_MARGIN * 0.5 * params.width as f32 / params.focal[0];
+    let margin_y = FRUSTUM_MARGIN * 0.5 * params.height as f32 / params.focal[1];
+    let low_x = -params.principal[0] / params.focal[0] - margin_x;
+    let low_y = -params.principal[1] / params.focal[1] - margin_y;
+    let high_x = (params.width as f32 - params.principal[0]) / params.focal[0] + margin_x;
+    let high_y = (params.height as f32 - params.principal[1]) / params.focal[1] + margin_y;
+    let inside = [(x >= low_x) & (x <= high_x), (y >= low_y) & (y <= high_y)];
+    ([clamp(x, low_x, high_x), clamp(y, low_y, high_y)], inside)
+}
+
+/// Rows of `M = J V`: the 2D covariance is `M Mᵀ`. `axes` holds the columns of `V`, the splat's
+/// scaled axes in camera coordinates.
+pub fn projected_axes(
+    params: &Params,
+    z: f32,
+    ray: [f32; 2],
+    axes: &[[f32; 3]; 3],
+) -> ([f32; 3], [f32; 3]) {
+    let sx = params.focal[0] / z;
+    let sy = params.focal[1] / z;
+    let m0 = [
+        sx * (axes[0][0] - ray[0] * axes[0][2]),
+        sx * (axes[1][0] - ray[0] * axes[1][2]),
+        sx * (axes[2][0] - ray[0] * axes[2][2]),
+    ];
+    let m1 = [
+        sy * (axes[0][1] - ray[1] * axes[0][2]),
+        sy * (axes[1][1] - ray[1] * axes[1][2]),
+        sy * (axes[2][1] - ray[1] * axes[2][2]),
+    ];
+    (m0, m1)
+}
+
+/// Projects a splat (Zwicker et al. 2001; Kerbl et al. 2023). `opacity` 0 in the result: culled.
+///
+/// The determinant comes as `|m0 × m1|² + 0.3 tr + 0.09` (Cauchy–Binet), and the conic as its
+/// triangular factor: neither cancels, however thin the splat.
+pub fn project(params: &Params, p: [f32; 3], axes: &[[f32; 3]; 3], opacity: f32) -> Projected {
+    let mut out = Projected { depth: p[2], ..Default::default() };
+    if !(p[2] > params.near) {
+        return out;
+    }
+    let (ray, _) = clamped_ray(params, p);
+    let (m0, m1) = projected_axes(params, p[2], ray, axes);
+    let (a0, b, c0) = (dot(m0, m0), dot(m0, m1), dot(m1, m1));
+    let (a, c) = (a0 + DILATION, c0 + DILATION);
+    let minors = cross(m0, m1);
+    let det0 = dot(minors, minors);
+    let det = det0 + DILATION * (a0 + c0) + DILATION * DILATION;
+    let finite = (det > 0.0) & (det < f32::MAX);
+    if !finite {
+        return out;
+    }
+    let mut alpha = opacity;
+    if params.antialiased != 0 {
+        alpha *= max(det0 / det, 2.5e-5).sqrt();
+    }
+    if !(alpha >= ALPHA_MIN) {
+        return out;
+    }
+    let inverse_z = 1.0 / p[2];
+    out.mean = [
+        params.focal[0] * p[0] * inverse_z + params.principal[0],
+        params.focal[1] * p[1] * inverse_z + params.principal[1],
+    ];
+    let l11 = (c / det).sqrt();
+    out.conic = [l11, -l11 * b / c, 1.0 / c.sqrt()];
+    out.sigma = [a.sqrt(), c.sqrt()];
+    out.opacity = alpha;
+    out
+}
+
+/// The first pixel distance, in standard deviations, at which alpha is below [`ALPHA_MIN`].
+pub fn extent(opacity: f32) -> f32 {
+    min((2.0 * (opacity / ALPHA_MIN).ln()).sqrt(), EXTENT_MAX)
+}
+
+/// Tiles `[x0, y0, x1, y1)` that the splat's bounding box touches; empty where it misses the
+/// picture. Every limit is applied in floating point, before the conversion to integers.
+pub fn tile_box(params: &Params, s: &Projected) -> [u32; 4] {
+    let k = extent(s.opacity);
+    let tiles = [params.tiles_x as f32, params.tiles_y as f32];
+    let scale = 1.0 / TILE as f32;
+    // Half a pixel each way: a box that reaches no pixel centre touches nothing, but rounding may.
+    let ex = k * s.sigma[0] + 0.5;
+    let ey = k * s.sigma[1] + 0.5;
+    [
+        clamp(((s.mean[0] - ex) * scale).floor(), 0.0, tiles[0]) as u32,
+        clamp(((s.mean[1] - ey) * scale).floor(), 0.0, tiles[1]) as u32,
+        clamp(((s.mean[0] + ex) * scale).floor() + 1.0, 0.0, tiles[0]) as u32,
+        clamp(((s.mean[1] + ey) * scale).floor() + 1.0, 0.0, tiles[1]) as u32,
+    ]
+}
+
+/// Whether the splat can reach [`ALPHA_MIN`] at a pixel centre of the tile: the least value of the
+/// convex form `q` over the box of centres, against the cut with a margin for rounding.
+pub fn touches_tile(mean: [f32; 2], conic: [f32; 3], opacity: f32, tile: [u32; 2]) -> bool {
+    let low = [(tile[0] * TILE) as f32 + 0.5 - mean[0], (tile[1] * TILE) as f32 + 0.5 - mean[1]];
+    let high = [low[0] + (TILE - 1) as f32, low[1] + (TILE - 1) as f32];
+    let cut = 2.0 * (opacity / ALPHA_MIN).ln() * 1.001 + 1e-2;
+    least_on_box(conic, low, high) <= cut
+}
+
+/// The least value of `(l11 x + l21 y)² + (l22 y)²` over a box.
+fn least_on_box(l: [f32; 3], low: [f32; 2], high: [f32; 2]) -> f32 {
+    let inside_x = (low[0] <= 0.0) & (high[0] >= 0.0);
+    let inside_y = (low[1] <= 0.0) & (high[1] >= 0.0);
+    if inside_x & inside_y {
+        return 0.0;
+    }
+    // The minimum lies on an edge that faces the centre: at most one vertical, one horizontal.
+    let x = clamp(0.0, low[0], high[0]);
+    let y = clamp(0.0, low[1], high[1]);
+    // On the vertical edge the best y solves (l21² + l22²) y = −l11 l21 x.
+    let best_y = clamp(-l[0] * l[1] * x / (l[1] * l[1] + l[2] * l[2]), low[1], high[1]);
+    // On the horizontal edge the first square can vanish: l11 x = −l21 y.
+    let best_x = clamp(-l[1] * y / l[0], low[0], high[0]);
+    let on_vertical = if inside_x { f32::MAX } else { conic_form(l, x, best_y) };
+    let on_horizontal = if inside_y { f32::MAX } else { conic_form(l, best_x, y) };
+    min(on_vertical, on_horizontal)
+}
+
+/// `q = dᵀ Q d` from the conic's factor.
+pub fn conic_form(l: [f32; 3], dx: f32, dy: f32) -> f32 {
+    let u = l[0] * dx + l[1] * dy;
+    let w = l[2] * dy;
+    u * u + w * w
+}
+
+/// Number of coefficients of a degree.
+pub const fn sh_coefficients(degree: u32) -> u32 {
+    (degree + 1) * (degree + 1)
+}
+
+/// Real spherical harmonics at the unit direction `d`, degrees 0–3, signs and constants as Inria's.
+pub fn sh_basis(d: [f32; 3]) -> [f32; 16] {
+    let (x, y, z) = (d[0], d[1], d[2]);
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    [
+        0.282_094_8,
+        -0.488_602_52 * y,
+        0.488_602_52 * z,
+        -0.488_602_52 * x,
+        1.092_548_5 * x * y,
+        -1.092_548_5 * y * z,
+        0.315_391_57 * (2.0 * zz - xx - yy),
+        -1.092_548_5 * x * z,
+        0.546_274_24 * (xx - yy),
+        -0.590_043_6 * y * (3.0 * xx - yy),
+        2.890_611_4 * x * y * z,
+        -0.457_045_8 * y * (4.0 * zz - xx - yy),
+        0.373_176_34 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+        -0.457_045_8 * x * (4.0 * zz - xx - yy),
+        1.445_305_7 * z * (xx - yy),
+        -0.590_043_6 * x * (xx - 3.0 * yy),
+    ]
+}
+
+/// The unit direction from the camera's centre to a point, and one over the distance.
+pub fn direction(params: &Params, position: [f32; 3]) -> ([f32; 3], f32) {
+    let v = [
+        position[0] - params.centre[0],
+        position[1] - params.centre[1],
+        position[2] - params.centre[2],
+    ];
+    let inverse = 1.0 / max(dot(v, v).sqrt(), 1e-20);
+    ([v[0] * inverse, v[1] * inverse, v[2] * inverse], inverse)
+}
+
+/// Gradients of [`sh_basis`] with respect to `d`, taken as free coordinates.
+pub fn sh_basis_gradient(d: [f32; 3]) -> [[f32; 3]; 16] {
+    let (x, y, z) = (d[0], d[1], d[2]);
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let (c1, c2, c3) = (0.488_602_52, 1.092_548_5, 0.315_391_57);
+    let (c5, c6, c7, c8) = (0.590_043_6, 2.890_611_4, 0.457_045_8, 0.373_176_34);
+    [
+        [0.0, 0.0, 0.0],
+        [0.0, -c1, 0.0],
+        [0.0, 0.0, c1],
+        [-c1, 0.0, 0.0],
+        [c2 * y, c2 * x, 0.0],
+        [0.0, -c2 * z, -c2 * y],
+        [-2.0 * c3 * x, -2.0 * c3 * y, 4.0 * c3 * z],
+        [-c2 * z, 0.0, -c2 * x],
+        [c2 * x, -c2 * y, 0.0],
+        [-6.0 * c5 * x * y, -3.0 * c5 * (xx - yy), 0.0],
+        [c6 * y * z, c6 * x * z, c6 * x * y],
+        [2.0 * c7 * x * y, -c7 * (4.0 * zz - xx - 3.0 * yy), -8.0 * c7 * y * z],
+        [-6.0 * c8 * x * z, -6.0 * c8 * y * z, 3.0 * c8 * (2.0 * zz - xx - yy)],
+        [-c7 * (4.0 * zz - 3.0 * xx - yy), 2.0 * c7 * x * y, -8.0 * c7 * x * z],
+        [c6 * x * z, -c6 * y * z, 0.5 * c6 * (xx - yy)],
+        [-3.0 * c5 * (xx - yy), 6.0 * c5 * x * y, 0.0],
+    ]
+}

@@ -1,0 +1,170 @@
+//! Stage `splat_exact`: blending with the exact pose Jacobian of what is drawn (order, tile lists and
+//! cuts held fixed): `dα = α (d ln α − v·dμ + ½ vᵀ dΣ v)`, `dC += c (T dα + α dT) + α T dc`,
+//! `dT ← (1 − α) dT − T dα`.
+
+use crate::reduce::{Scratch, Sums};
+use crate::shared::{DERIVATIVES, Params, TRANSMITTANCE_STOP};
+use crate::splat::{Hit, Record, first_pixel};
+use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4, Vec4Swizzles};
+use spirv_std::spirv;
+
+/// A derivative with respect to the pose, ρ then θ.
+#[derive(Clone, Copy)]
+struct Twist {
+    rho: Vec3,
+    theta: Vec3,
+}
+
+impl Twist {
+    const ZERO: Twist = Twist { rho: Vec3::ZERO, theta: Vec3::ZERO };
+
+    fn plus(self, other: Twist, scale: f32) -> Twist {
+        Twist { rho: self.rho + other.rho * scale, theta: self.theta + other.theta * scale }
+    }
+}
+
+/// What stage `derive` wrote of one splat.
+#[derive(Clone, Copy)]
+struct Derivatives {
+    u: Twist,
+    v: Twist,
+    s00: Twist,
+    s01: Twist,
+    s11: Twist,
+    ln_alpha: Twist,
+    red: Vec3,
+    green: Vec3,
+    blue: Vec3,
+}
+
+impl Derivatives {
+    fn load(derivatives: &[Vec4], splat: u32) -> Derivatives {
+        let at = (splat * DERIVATIVES) as usize;
+        let (a, b, c) = (derivatives[at], derivatives[at + 1], derivatives[at + 2]);
+        let (d, e, f) = (derivatives[at + 3], derivatives[at + 4], derivatives[at + 5]);
+        let (g, h, i) = (derivatives[at + 6], derivatives[at + 7], derivatives[at + 8]);
+        let (j, k, l) = (derivatives[at + 9], derivatives[at + 10], derivatives[at + 11]);
+        Derivatives {
+            u: Twist { rho: a.xyz(), theta: b.xyz() },
+            v: Twist { rho: c.xyz(), theta: d.xyz() },
+            s00: Twist { rho: e.xyz(), theta: f.xyz() },
+            s01: Twist { rho: g.xyz(), theta: h.xyz() },
+            s11: Twist { rho: i.xyz(), theta: j.xyz() },
+            ln_alpha: Twist { rho: k.xyz(), theta: l.xyz() },
+            red: Vec3::new(a.w, b.w, c.w),
+            green: Vec3::new(d.w, e.w, f.w),
+            blue: Vec3::new(g.w, h.w, i.w),
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Pixel {
+    rgb: Vec3,
+    transmittance: f32,
+    live: f32,
+    d_r: Twist,
+    d_g: Twist,
+    d_b: Twist,
+    d_transmittance: Twist,
+}
+
+const EMPTY: Pixel = Pixel {
+    rgb: Vec3::ZERO,
+    transmittance: 1.0,
+    live: 1.0,
+    d_r: Twist::ZERO,
+    d_g: Twist::ZERO,
+    d_b: Twist::ZERO,
+    d_transmittance: Twist::ZERO,
+};
+
+fn blend(p: Pixel, s: &Record, d: &Derivatives, alpha_max: f32, dx: f32, dy: f32) -> Pixel {
+    let hit = Hit::at(s, alpha_max, dx, dy);
+    let next = p.transmittance * (1.0 - hit.alpha);
+    let live = if next > TRANSMITTANCE_STOP { p.live } else { 0.0 };
+    let alpha = hit.alpha * live;
+    let weight = alpha * p.transmittance;
+    let slope = if hit.clamped { 0.0 } else { alpha };
+    let v0 = s.conic[0] * hit.u;
+    let v1 = s.conic[1] * hit.u + s.conic[2] * hit.w;
+    let d_ln = d
+        .ln_alpha
+        .plus(d.u, -v0)
+        .plus(d.v, -v1)
+        .plus(d.s00, 0.5 * v0 * v0)
+        .plus(d.s01, v0 * v1)
+        .plus(d.s11, 0.5 * v1 * v1);
+    let d_weight = Twist::ZERO.plus(d_ln, slope * p.transmittance).plus(p.d_transmittance, alpha);
+    let channel = |before: Twist, colour: f32, d_colour: Vec3| {
+        let moved = before.plus(d_weight, colour);
+        Twist { rho: moved.rho + d_colour * weight, theta: moved.theta }
+    };
+    Pixel {
+        rgb: p.rgb + Vec3::from_array(s.rgb) * weight,
+        transmittance: p.transmittance - weight,
+        live,
+        d_r: channel(p.d_r, s.rgb[0], d.red),
+        d_g: channel(p.d_g, s.rgb[1], d.green),
+        d_b: channel(p.d_b, s.rgb[2], d.blue),
+        d_transmittance: p.d_transmittance.plus(d_weight, -1.0),
+    }
+}
+
+/// Adds one pixel to the normal equations; outside of the picture nothing.
+fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) -> Sums {
+    if (x >= params.width) | (y >= params.height) {
+        return sums;
+    }
+    let at = ((y * params.width + x) * 3) as usize;
+    let t = p.transmittance;
+    let bg = params.background;
+    let d = p.d_r.plus(p.d_transmittance, bg[0]);
+    let sums = sums.add(d.rho, d.theta, p.rgb.x + t * bg[0] - frame[at]);
+    let d = p.d_g.plus(p.d_transmittance, bg[1]);
+    let sums = sums.add(d.rho, d.theta, p.rgb.y + t * bg[1] - frame[at + 1]);
+    let d = p.d_b.plus(p.d_transmittance, bg[2]);
+    sums.add(d.rho, d.theta, p.rgb.z + t * bg[2] - frame[at + 2])
+}
+
+/// One workgroup a tile.
+#[spirv(compute(threads(16)))]
+pub fn splat_exact(
+    #[spirv(workgroup_id)] group: UVec3,
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] frame: &[f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] partials: &mut [f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] derivatives: &[Vec4],
+) {
+    let [x, y] = first_pixel(group, lane);
+    let tile = group.y * params.tiles_x + group.x;
+    let range = ranges[tile as usize];
+    let alpha_max = params.alpha_max;
+    let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
+    let (mut p0, mut p1, mut p2, mut p3) = (EMPTY, EMPTY, EMPTY, EMPTY);
+    let mut at = range.x;
+    while at < range.y {
+        let splat = pair_splats[at as usize];
+        let s = Record::load(records, splat);
+        let d = Derivatives::load(derivatives, splat);
+        let (dx, dy) = (s.mean[0] - px, s.mean[1] - py);
+        p0 = blend(p0, &s, &d, alpha_max, dx, dy);
+        p1 = blend(p1, &s, &d, alpha_max, dx, dy - 1.0);
+        p2 = blend(p2, &s, &d, alpha_max, dx, dy - 2.0);
+        p3 = blend(p3, &s, &d, alpha_max, dx, dy - 3.0);
+        at += 1;
+        if p0.live + p1.live + p2.live + p3.live == 0.0 {
+            break;
+        }
+    }
+    let sums = add(Sums::ZERO, params, frame, x, y, &p0);
+    let sums = add(sums, params, frame, x, y + 1, &p1);
+    let sums = add(sums, params, frame, x, y + 2, &p2);
+    let sums = add(sums, params, frame, x, y + 3, &p3);
+    sums.store(lane, tile, scratch, partials);
+}

@@ -1,0 +1,274 @@
+//! `nvsprior encode`: frames in, packets out.
+
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::ValueEnum;
+use nvsprior::packet::PoseProfile;
+use nvsprior::render::Jacobian;
+use nvsprior::{Camera, Encoder, EncoderOptions, Pose, Rate};
+
+use crate::args::{DeviceArgs, OptimizerArg, PriorArgs, SizeArgs, StepArg, progress};
+use crate::camera_file::{CameraFile, View};
+use crate::frame_file;
+use crate::sheet::{self, SheetRow};
+use crate::summary::{self, Row};
+
+/// Encode the frames of a camera file to packets
+///
+/// Frames are taken in time order. The first one starts from its pose in the camera file (or the CSV
+/// file), moved by --start-offset; each later one from the frame before or from where constant
+/// velocity leads, if the prior looks enough like the frame there (--threshold), else from a pose
+/// given for it with --starts.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    prior: PriorArgs,
+    #[command(flatten)]
+    input: InputArgs,
+    #[command(flatten)]
+    refine: RefineArgs,
+    #[command(flatten)]
+    rate: RateArgs,
+    /// Folder for the packets, NAME.nvsp; made where it is missing
+    #[arg(long, value_name = "DIR")]
+    packets: PathBuf,
+    /// Summary to write (JSON)
+    #[arg(long, value_name = "FILE")]
+    summary: Option<PathBuf>,
+    /// Folder for the reconstructed pictures (PNG), as the topside will see them
+    #[arg(long, value_name = "DIR")]
+    frames_out: Option<PathBuf>,
+    /// Contact sheet to write (PNG): camera | render | difference | reconstruction
+    #[arg(long, value_name = "FILE")]
+    sheet: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Which frames, and where they start.
+#[derive(clap::Args)]
+pub struct InputArgs {
+    /// cameras.json, or nerfstudio's transforms.json
+    #[arg(long, value_name = "FILE")]
+    pub cameras: PathBuf,
+    /// Only the frames of this split of the camera file
+    #[arg(long, value_name = "NAME")]
+    pub split: Option<String>,
+    /// Only the first so many frames
+    #[arg(long, value_name = "N")]
+    pub limit: Option<usize>,
+    #[command(flatten)]
+    pub size: SizeArgs,
+    /// Moves the first frame's start: ρx,ρy,ρz,θx,θy,θz in the prior's unit and degrees
+    #[arg(long, value_name = "STEP", allow_hyphen_values = true)]
+    pub start_offset: Option<StepArg>,
+    /// Poses from outside: `first` (the camera file's, first frame only), `camera-file` (the camera
+    /// file's, every frame), or a CSV file (file,qw,qx,qy,qz,tx,ty,tz)
+    #[arg(long, value_name = "FROM", default_value = "first")]
+    pub starts: String,
+}
+
+/// How to find poses.
+#[derive(clap::Args)]
+pub struct RefineArgs {
+    /// Optimiser
+    #[arg(long, value_enum, default_value = "gauss-newton")]
+    pub optimizer: OptimizerArg,
+    /// Pose Jacobian of gauss-newton
+    #[arg(long, value_enum, default_value = "flow")]
+    pub jacobian: JacobianArg,
+    /// A frame starts from the one before where the mean squared error there (values in [0, 1]) is
+    /// below this; 1e-2 suits real footage
+    #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
+    pub threshold: f64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum JacobianArg {
+    Flow,
+    Exact,
+}
+
+/// How fine the difference picture is.
+#[derive(clap::Args)]
+struct RateArgs {
+    /// Coder of the difference picture
+    #[arg(long, value_enum, default_value = "webp")]
+    residual: ResidualArg,
+    /// Quality of the difference picture, 0 to 100 [default: 10]
+    #[arg(long, value_name = "Q", group = "rate")]
+    quality: Option<f32>,
+    /// Bytes of the whole packet, never exceeded
+    #[arg(long, value_name = "N", group = "rate")]
+    bytes: Option<usize>,
+    /// PSNR to reach at the least bytes, dB
+    #[arg(long, value_name = "DB", group = "rate")]
+    psnr: Option<f64>,
+    /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
+    #[arg(long, value_enum, default_value = "compact")]
+    profile: ProfileArg,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum ResidualArg {
+    Webp,
+    None,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ProfileArg {
+    Compact,
+    Paper,
+}
+
+impl RateArgs {
+    fn rate(&self) -> Option<Rate> {
+        let rate = match (self.bytes, self.psnr) {
+            (Some(bytes), _) => Rate::Bytes(bytes),
+            (_, Some(psnr)) => Rate::Psnr(psnr),
+            _ => Rate::Quality(self.quality.unwrap_or(10.0)),
+        };
+        (self.residual == ResidualArg::Webp).then_some(rate)
+    }
+}
+
+impl RefineArgs {
+    /// Encoder options with these refinement options, the rest at their defaults.
+    pub fn options(&self) -> EncoderOptions {
+        let mut options = EncoderOptions { threshold: self.threshold, ..Default::default() };
+        options.refine.optimizer = self.optimizer.into();
+        options.refine.jacobian = match self.jacobian {
+            JacobianArg::Flow => Jacobian::Flow,
+            JacobianArg::Exact => Jacobian::Exact,
+        };
+        options
+    }
+}
+
+/// A frame to encode.
+pub struct Input {
+    /// Its file, for reading and for messages.
+    pub path: PathBuf,
+    /// Its name in the camera file.
+    pub file: String,
+    /// Name of what is written about it, without ending.
+    pub name: String,
+    /// The camera at the size that it is encoded at.
+    pub camera: Camera,
+    /// Its pose from outside.
+    pub external: Option<Pose>,
+}
+
+impl InputArgs {
+    /// The frames, in time order; at least one.
+    pub fn frames(&self) -> anyhow::Result<Vec<Input>> {
+        let file = CameraFile::open(&self.cameras)?;
+        let mut views = file.select(self.split.as_deref())?;
+        views.truncate(self.limit.unwrap_or(usize::MAX));
+        anyhow::ensure!(!views.is_empty(), "{}: no frames to encode", self.cameras.display());
+        let csv = match self.starts.as_str() {
+            "first" | "camera-file" => None,
+            path => Some(frame_file::read_poses(Path::new(path))?),
+        };
+        let mut names = HashSet::new();
+        let distinct = views.iter().all(|view| names.insert(stem(&view.file)));
+        let input = |(index, view): (usize, &View)| {
+            let camera = self.size.reduced(&view.camera);
+            camera.check().with_context(|| format!("{}: {}", self.cameras.display(), view.name))?;
+            Ok(Input {
+                path: view.file.clone(),
+                file: view.name.clone(),
+                name: if distinct { stem(&view.file) } else { flat_name(&view.name) },
+                camera,
+                external: self.external(index, view, csv.as_ref()),
+            })
+        };
+        views.iter().enumerate().map(input).collect()
+    }
+
+    fn external(
+        &self,
+        index: usize,
+        view: &View,
+        csv: Option<&HashMap<String, Pose>>,
+    ) -> Option<Pose> {
+        let pose = match csv {
+            Some(poses) => poses.get(&view.name).copied(),
+            None if index == 0 || self.starts == "camera-file" => view.pose,
+            None => None,
+        };
+        match self.start_offset {
+            Some(offset) if index == 0 => pose.map(|p| p.stepped(&offset.0)),
+            _ => pose,
+        }
+    }
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// A file name from a path, where stems alone are not distinct.
+fn flat_name(name: &str) -> String {
+    stem(Path::new(&name.replace(['/', '\\'], "_")))
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let frames = args.input.frames()?;
+    let first = &frames[0];
+    let engine = args.device.open()?;
+    let scene = args.prior.upload(&engine)?;
+    let mut options = args.refine.options();
+    options.rate = args.rate.rate();
+    options.profile = match args.rate.profile {
+        ProfileArg::Compact => PoseProfile::Compact,
+        ProfileArg::Paper => PoseProfile::Paper,
+    };
+    let mut encoder = Encoder::new(&engine, &scene, &first.camera, options)?;
+    for folder in [Some(&args.packets), args.frames_out.as_ref()].into_iter().flatten() {
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    }
+    let bar = progress(frames.len(), "encoding");
+    let (mut rows, mut pictures) = (Vec::new(), Vec::new());
+    for frame in &frames {
+        let encoding = || format!("encoding {}", frame.path.display());
+        let (row, picture) = encode(args, &mut encoder, frame).with_context(encoding)?;
+        rows.push(row);
+        pictures.extend(picture);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    summary::print(&rows);
+    if let Some(path) = &args.summary {
+        summary::write(path, &rows)?;
+    }
+    if let Some(path) = &args.sheet {
+        sheet::write(path, &pictures)?;
+    }
+    args.device.check(&engine)
+}
+
+/// Encodes one frame and writes what was asked for; its pictures where a sheet was.
+fn encode(
+    args: &Args,
+    encoder: &mut Encoder,
+    input: &Input,
+) -> anyhow::Result<(Row, Option<SheetRow>)> {
+    encoder.set_camera(&input.camera)?;
+    let (width, height) = (input.camera.width, input.camera.height);
+    let frame = frame_file::read_frame(&input.path, width, height)?;
+    let encoded = encoder.encode(&frame, input.external)?;
+    let packet = args.packets.join(&input.name).with_added_extension("nvsp");
+    std::fs::write(&packet, &encoded.packet)
+        .with_context(|| format!("writing {}", packet.display()))?;
+    if let Some(folder) = &args.frames_out {
+        let path = folder.join(&input.name).with_added_extension("png");
+        frame_file::write_png(&path, &encoded.picture)?;
+    }
+    let row = Row { file: input.file.clone(), stats: encoded.stats };
+    let (render, reconstruction) = (encoded.render, encoded.picture);
+    let sheet = args.sheet.is_some().then_some(SheetRow { camera: frame, render, reconstruction });
+    Ok((row, sheet))
+}

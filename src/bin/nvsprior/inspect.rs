@@ -1,0 +1,67 @@
+//! `nvsprior inspect`: what is in a prior.
+
+use std::path::PathBuf;
+
+use nvsprior::Prior;
+
+use crate::args::OverrideArgs;
+
+/// Print what is in a prior
+#[derive(clap::Args)]
+pub struct Args {
+    /// The trained scene, a .ply as Inria's or nerfstudio's trainer writes it
+    #[arg(value_name = "PRIOR")]
+    prior: PathBuf,
+    #[command(flatten)]
+    overrides: OverrideArgs,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
+    let (splats, report, options) = (prior.splats(), prior.report(), prior.options());
+    let row = |name: &str, value: String| println!("{name:14} {value}");
+    row("file", args.prior.display().to_string());
+    row("format", report.format.to_string());
+    row("identity", prior.id().to_string());
+    row("splats", format!("{} of {} read", report.kept, report.read));
+    for dropped in &report.dropped {
+        row("dropped", dropped.to_string());
+    }
+    if report.clamped_logits > 0 {
+        row("full opacity", format!("{} splats had an infinite logit", report.clamped_logits));
+    }
+    let coefficients = splats.sh_stride() / 3;
+    row("SH degree", format!("{} ({coefficients} coefficients a channel)", splats.sh_degree));
+    row("near plane", options.near.to_string());
+    row("alpha clamp", options.alpha_max.to_string());
+    row("anti-aliased", if options.antialiased { "yes" } else { "no" }.into());
+    row("background", format!("{:?}", options.background));
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let values = splats.positions.iter().map(|p| p[axis]).collect();
+        row(name, spread(values));
+    }
+    let scales = splats.log_scales.iter().flatten().map(|s| s.exp()).collect();
+    row("scales", spread(scales));
+    let opacities = splats.opacity_logits.iter().map(|l| 1.0 / (1.0 + (-l).exp())).collect();
+    row("opacities", spread(opacities));
+    let frame = prior.frame();
+    row("frame", format!("centre {:?}, spread {}", frame.centre, frame.spread));
+    for comment in &report.comments {
+        row("comment", comment.clone());
+    }
+    Ok(())
+}
+
+/// Least, percentiles and greatest of values.
+fn spread(mut values: Vec<f32>) -> String {
+    values.sort_by(f32::total_cmp);
+    let at = |share: f64| values[((values.len() - 1) as f64 * share) as usize];
+    format!(
+        "{:.4} … {:.4}, 1 % {:.4}, median {:.4}, 99 % {:.4}",
+        at(0.0),
+        at(1.0),
+        at(0.01),
+        at(0.5),
+        at(0.99)
+    )
+}

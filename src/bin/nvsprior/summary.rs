@@ -1,0 +1,81 @@
+//! The per-frame summary of an encoding run, as JSON and as a table.
+
+use std::path::Path;
+
+use anyhow::Context;
+use nvsprior::FrameStats;
+use serde_json::{Value, json};
+
+/// A frame's file name and figures.
+pub struct Row {
+    pub file: String,
+    pub stats: FrameStats,
+}
+
+/// A figure's name, and how to take it from a frame's.
+type Figure = (&'static str, fn(&FrameStats) -> f64);
+
+/// The figures that have a mean.
+const FIGURES: [Figure; 6] = [
+    ("bytes", |s| s.bytes as f64),
+    ("latent_bytes", |s| s.latent_bytes as f64),
+    ("render_psnr", |s| s.render_psnr),
+    ("psnr", |s| s.psnr),
+    ("full_renders", |s| f64::from(s.full_renders)),
+    ("milliseconds", |s| s.milliseconds),
+];
+
+/// Mean of a figure over rows; 0 of none.
+pub fn mean(rows: &[Row], figure: impl Fn(&FrameStats) -> f64) -> f64 {
+    let sum: f64 = rows.iter().map(|row| figure(&row.stats)).sum();
+    sum / rows.len().max(1) as f64
+}
+
+fn frame(row: &Row) -> Value {
+    let s = &row.stats;
+    json!({
+        "file": row.file,
+        "bytes": s.bytes,
+        "latent_bytes": s.latent_bytes,
+        "render_psnr": s.render_psnr,
+        "psnr": s.psnr,
+        "full_renders": s.full_renders,
+        "renders_by_level": s.renders,
+        "milliseconds": s.milliseconds,
+        "start": s.start.name(),
+        "rate_kept": s.rate_kept,
+    })
+}
+
+/// Writes `{"frames": […], "mean": {…}}`.
+pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
+    let means = FIGURES.map(|(name, figure)| (name.to_owned(), json!(mean(rows, figure))));
+    let summary = json!({
+        "frames": rows.iter().map(frame).collect::<Vec<_>>(),
+        "mean": Value::Object(means.into_iter().collect()),
+    });
+    let text = serde_json::to_string_pretty(&summary)? + "\n";
+    std::fs::write(path, text).with_context(|| format!("writing {}", path.display()))
+}
+
+/// Prints the table.
+pub fn print(rows: &[Row]) {
+    println!(
+        "{:24} {:>7} {:>9} {:>9} {:>8} {:>9}  start",
+        "frame", "bytes", "render dB", "PSNR dB", "renders", "ms"
+    );
+    for Row { file, stats: s } in rows {
+        println!(
+            "{file:24} {:7} {:9.2} {:9.2} {:8} {:9.1}  {}{}",
+            s.bytes,
+            s.render_psnr,
+            s.psnr,
+            s.full_renders,
+            s.milliseconds,
+            s.start.name(),
+            if s.rate_kept { "" } else { ", rate not kept" },
+        );
+    }
+    let [bytes, _, render, psnr, renders, ms] = FIGURES.map(|(_, figure)| mean(rows, figure));
+    println!("{:24} {bytes:7.0} {render:9.2} {psnr:9.2} {renders:8.1} {ms:9.1}", "mean");
+}

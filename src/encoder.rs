@@ -1,0 +1,236 @@
+//! The vehicle's side: frames in, packets out.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::packet::{Latent, PoseProfile, QuantisedPose, Residual};
+use crate::refine::{
+    Evaluation, Objective, Pyramid, RefineOptions, StartKind, Starts, Stop, refine,
+};
+use crate::render::{Plan, Scene};
+use crate::residual::encode_residual;
+use crate::{Camera, Engine, Error, Packet, Picture, Pose, Rate};
+
+/// How to encode.
+#[derive(Clone, Debug)]
+pub struct EncoderOptions {
+    /// How to refine poses.
+    pub refine: RefineOptions,
+    /// A frame starts from the one before where the mean squared error there, values in [0, 1], is
+    /// below this (paper: 1e-3 in a basin, 1e-2 on real footage).
+    pub threshold: f64,
+    /// How fine the difference picture is; `None`: none is sent.
+    pub rate: Option<Rate>,
+    /// How poses are written.
+    pub profile: PoseProfile,
+    /// The camera is sent with the first frame, when it changes, and every so many frames for a
+    /// topside that missed it; 0: no repeats.
+    pub camera_interval: u32,
+    /// Reduction factors of the pyramid, finest first, beginning with 1.
+    pub factors: Vec<u32>,
+}
+
+impl Default for EncoderOptions {
+    fn default() -> Self {
+        EncoderOptions {
+            refine: RefineOptions::default(),
+            threshold: 1e-3,
+            rate: Some(Rate::Quality(10.0)),
+            profile: PoseProfile::Compact,
+            camera_interval: 64,
+            factors: vec![1, 2, 4, 8],
+        }
+    }
+}
+
+/// What encoding a frame took and gave.
+#[derive(Clone, Debug)]
+pub struct FrameStats {
+    /// Number of the frame.
+    pub frame: u32,
+    /// Bytes of the packet.
+    pub bytes: usize,
+    /// Of them, the latent part.
+    pub latent_bytes: usize,
+    /// PSNR of the render at the quantised pose, dB.
+    pub render_psnr: f64,
+    /// PSNR of what the topside will show, dB.
+    pub psnr: f64,
+    /// Renders at full resolution, all of them: judging the start, refining, the final picture.
+    pub full_renders: u32,
+    /// Renders by level, finest first.
+    pub renders: Vec<u32>,
+    /// Time of all of it, milliseconds.
+    pub milliseconds: f64,
+    /// Where the refinement started.
+    pub start: StartKind,
+    /// Why it stopped.
+    pub stop: Stop,
+    /// Whether the residual's rate was kept; true where none was asked for.
+    pub rate_kept: bool,
+}
+
+/// An encoded frame.
+#[derive(Clone, Debug)]
+pub struct Encoded {
+    /// The bytes to send.
+    pub packet: Vec<u8>,
+    /// What the topside will show, byte for byte on the same device.
+    pub picture: Picture,
+    /// The prior's render at the quantised pose.
+    pub render: Picture,
+    /// The pose as the packet holds it.
+    pub pose: Pose,
+    /// What it took.
+    pub stats: FrameStats,
+}
+
+/// Encodes the frames of one camera, in order.
+pub struct Encoder {
+    engine: Engine,
+    scene: Arc<Scene>,
+    camera: Camera,
+    options: EncoderOptions,
+    objective: Objective,
+    starts: Starts,
+    frame: u32,
+    /// Frames since the camera was last sent; `None`: not yet.
+    camera_age: Option<u32>,
+}
+
+impl Encoder {
+    /// Makes an encoder of frames of `camera`'s size.
+    pub fn new(
+        engine: &Engine,
+        scene: &Arc<Scene>,
+        camera: &Camera,
+        options: EncoderOptions,
+    ) -> Result<Encoder, Error> {
+        let objective = objective(engine, scene, camera, &options)?;
+        Ok(Encoder {
+            engine: engine.clone(),
+            scene: scene.clone(),
+            camera: *camera,
+            options,
+            objective,
+            starts: Starts::default(),
+            frame: 0,
+            camera_age: None,
+        })
+    }
+
+    /// Frames from here on come from another camera, or at another size. Poses carry over.
+    pub fn set_camera(&mut self, camera: &Camera) -> Result<(), Error> {
+        if *camera != self.camera {
+            self.objective = objective(&self.engine, &self.scene, camera, &self.options)?;
+            self.camera = *camera;
+            self.camera_age = None;
+        }
+        Ok(())
+    }
+
+    /// The camera of the next frame.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Encodes a frame. `external`: its pose as sensors or an estimator have it, used where the frame
+    /// before is no good start.
+    ///
+    /// # Errors
+    /// A frame that cannot be encoded changes nothing: the next one goes on from the one before.
+    pub fn encode(&mut self, frame: &Picture, external: Option<Pose>) -> Result<Encoded, Error> {
+        let since = Instant::now();
+        let (expected, found) =
+            ((self.camera.width, self.camera.height), (frame.width, frame.height));
+        if expected != found {
+            return Err(Error::FrameSize { expected, found });
+        }
+        let before = self.objective.renderer().renders().to_vec();
+        self.objective.set_frame(frame);
+        let refine_options = &self.options.refine;
+        let start = self
+            .starts
+            .choose(
+                &mut self.objective,
+                refine_options.judging(),
+                external.filter(Pose::is_finite),
+                self.options.threshold,
+            )?
+            .ok_or(Error::NoStart { frame: self.frame })?;
+        let found = refine(&mut self.objective, &start.pose, start.coarsest, refine_options)?;
+
+        let pose = QuantisedPose::quantise(&found.pose, &self.scene.frame(), self.options.profile)?;
+        let quantised = pose.dequantise(&self.scene.frame());
+        let mut render = Picture::new(frame.width, frame.height);
+        self.objective.renderer().picture(&quantised, &mut render)?;
+        let uncertain = start.kind == StartKind::BestOfBad;
+        let latent = Latent::new(self.frame, self.scene.id(), &self.camera, pose, uncertain)?;
+        let camera = self.camera_due().then_some(self.camera);
+        let mut packet = Packet { latent, camera, residual: Residual::None };
+        let (picture, rate_kept) = self.code_residual(frame, &render, &mut packet)?;
+        let bytes = packet.encode()?;
+
+        let after = self.objective.renderer().renders();
+        let renders: Vec<u32> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
+        let stats = FrameStats {
+            frame: self.frame,
+            bytes: bytes.len(),
+            latent_bytes: latent.encoded_len(),
+            render_psnr: render.psnr(frame),
+            psnr: picture.psnr(frame),
+            full_renders: renders[0],
+            renders,
+            milliseconds: since.elapsed().as_secs_f64() * 1e3,
+            start: start.kind,
+            stop: found.stop,
+            rate_kept,
+        };
+        self.camera_age = Some(if camera.is_some() { 1 } else { self.camera_age.unwrap_or(0) + 1 });
+        self.frame = self.frame.wrapping_add(1);
+        self.starts.push(quantised);
+        Ok(Encoded { packet: bytes, picture, render, pose: quantised, stats })
+    }
+
+    /// Codes the difference picture into the packet; returns what the topside will show.
+    fn code_residual(
+        &self,
+        frame: &Picture,
+        render: &Picture,
+        packet: &mut Packet,
+    ) -> Result<(Picture, bool), Error> {
+        let Some(rate) = self.options.rate else { return Ok((render.clone(), true)) };
+        let needed = packet.encoded_len();
+        if let Rate::Bytes(budget) = rate
+            && budget < needed
+        {
+            return Err(Error::Budget { budget, needed });
+        }
+        let coded = encode_residual(frame, render, rate, needed)?;
+        packet.residual = coded.residual;
+        Ok((coded.reconstruction, coded.reached))
+    }
+
+    fn camera_due(&self) -> bool {
+        let interval = self.options.camera_interval;
+        self.camera_age.is_none_or(|age| interval > 0 && age >= interval)
+    }
+
+    /// Evaluations of the last frame's refinement, in order: error against run time.
+    pub fn trace(&self) -> &[Evaluation] {
+        self.objective.trace()
+    }
+}
+
+fn objective(
+    engine: &Engine,
+    scene: &Arc<Scene>,
+    camera: &Camera,
+    options: &EncoderOptions,
+) -> Result<Objective, Error> {
+    camera.check()?;
+    let factors = options.factors.clone();
+    let plan = Plan { factors, jacobians: options.refine.jacobians(), profiled: false };
+    let pyramid = Pyramid::new(camera, &options.factors);
+    Ok(Objective::new(engine.renderer(scene, camera, plan)?, pyramid))
+}

@@ -1,0 +1,56 @@
+//! The library's error.
+
+use crate::camera::CameraError;
+use crate::packet::PacketError;
+use crate::prior::PriorError;
+use crate::residual::ResidualError;
+
+/// Anything that can fail, by the layer that failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The device.
+    #[error(transparent)]
+    Vulkan(#[from] crate::vulkan::Error),
+    /// A prior's file or its splats.
+    #[error(transparent)]
+    Prior(#[from] PriorError),
+    /// A camera that cannot be rendered with.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// A packet.
+    #[error(transparent)]
+    Packet(#[from] PacketError),
+    /// A difference picture.
+    #[error(transparent)]
+    Residual(#[from] ResidualError),
+    /// A frame's size is not the camera's.
+    #[error("frame of {}×{} pixels for a camera of {}×{}", found.0, found.1, expected.0, expected.1)]
+    FrameSize {
+        /// The camera's width and height.
+        expected: (u32, u32),
+        /// The frame's.
+        found: (u32, u32),
+    },
+    /// A byte budget cannot hold a packet without any residual.
+    #[error("a budget of {budget} bytes: pose and camera alone take {needed}")]
+    Budget {
+        /// The budget.
+        budget: usize,
+        /// Bytes of the packet without residual.
+        needed: usize,
+    },
+    /// The first frame came without a pose to start from.
+    #[error("frame {frame}: no pose to start from, neither from outside nor from a frame before")]
+    NoStart {
+        /// Number of the frame.
+        frame: u32,
+    },
+    /// A packet's camera was sent in an earlier packet that did not arrive.
+    #[error("frame {frame}: its camera (tag {tag:#04x}) was sent in a packet that is missing")]
+    CameraUnknown {
+        /// Number of the frame.
+        frame: u32,
+        /// Tag of the camera.
+        tag: u8,
+    },
+}

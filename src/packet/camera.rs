@@ -1,0 +1,60 @@
+//! The camera part, and the tag by which a latent part names its camera.
+
+use crate::Camera;
+
+use super::bytes::{Reader, crc16};
+use super::latent::size_bytes;
+use super::{Latent, PacketError, Part};
+
+/// Length of the part, bytes.
+pub(super) const LEN: usize = 18;
+
+/// Names a camera in the latent part, so that a decoder notices when the camera it remembers is not
+/// the one meant: the low byte of the camera part's check.
+///
+/// # Errors
+/// Where the camera's size does not fit a packet.
+pub fn camera_tag(camera: &Camera) -> Result<u8, PacketError> {
+    let size = size_bytes(camera.width, camera.height)?;
+    Ok(crc16(&[&size, &intrinsics(camera)]) as u8)
+}
+
+pub(super) fn encode(camera: &Camera, latent: &Latent) -> Result<[u8; LEN], PacketError> {
+    camera.check()?;
+    let found = camera_tag(camera)?;
+    let same_size = (camera.width, camera.height) == (latent.width, latent.height);
+    if found != latent.camera_tag || !same_size {
+        return Err(PacketError::CameraTag { expected: latent.camera_tag, found });
+    }
+    let fields = intrinsics(camera);
+    let check = crc16(&[&size_bytes(camera.width, camera.height)?, &fields]);
+    let mut part = [0; LEN];
+    part[..16].copy_from_slice(&fields);
+    part[16..].copy_from_slice(&check.to_le_bytes());
+    Ok(part)
+}
+
+pub(super) fn decode(bytes: &[u8], latent: &Latent) -> Result<Camera, PacketError> {
+    let mut reader = Reader::new(bytes, Part::Camera, LEN)?;
+    let [fx, fy, cx, cy] = [(); 4].map(|()| f32::from_le_bytes(reader.take()));
+    let check = crc16(&[&size_bytes(latent.width, latent.height)?, reader.taken()]);
+    if check != u16::from_le_bytes(reader.take()) {
+        return Err(PacketError::Check(Part::Camera));
+    }
+    let found = check as u8;
+    if found != latent.camera_tag {
+        return Err(PacketError::CameraTag { expected: latent.camera_tag, found });
+    }
+    let camera = Camera { width: latent.width, height: latent.height, fx, fy, cx, cy };
+    camera.check()?;
+    Ok(camera)
+}
+
+fn intrinsics(camera: &Camera) -> [u8; 16] {
+    let mut bytes = [0; 16];
+    let fields = [camera.fx, camera.fy, camera.cx, camera.cy];
+    for (slot, value) in bytes.chunks_exact_mut(4).zip(fields) {
+        slot.copy_from_slice(&value.to_le_bytes());
+    }
+    bytes
+}

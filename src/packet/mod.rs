@@ -1,0 +1,143 @@
+//! The wire format: one frame, one packet.
+//!
+//! A packet is a *latent part*, which makes a picture by itself, and up to two parts after it. All
+//! numbers are little endian, all floats IEEE 754.
+//!
+//! | byte | latent part |
+//! |---|---|
+//! | 0 | high four bits `0xB`, low four bits the version, 1 |
+//! | 1 | flags, below |
+//! | 2–4 | frame number, modulo 2²⁴ |
+//! | 5–8 | prior id |
+//! | 9–11 | 12 bits width − 1, 12 bits height − 1 |
+//! | 12–… | pose: compact 16 bytes, paper 28 bytes; see [`pose`] |
+//! | next | camera tag: low byte of the camera check below |
+//! | next 2 | CRC-16/IBM-3740 of all bytes before |
+//!
+//! | bits | flags |
+//! |---|---|
+//! | 0–1 | pose profile: 1 compact, 2 paper |
+//! | 2 | uncertain start: the pose was searched from one that may be far off |
+//! | 3 | the camera part follows |
+//! | 4–7 | residual: 0 none asked for, 1 left out for want of bytes, 2 and up its [`Coder`] |
+//!
+//! So the latent part has 31 bytes in the compact profile, one frame of the smallest modems, and 43
+//! in the paper's. That CRC finds every error of one, two or any odd number of bits in a part this
+//! short (its polynomial has order 32,767 and the factor x + 1), and every burst of up to sixteen.
+//!
+//! | bytes | camera part |
+//! |---|---|
+//! | 16 | fx, fy, cx, cy as f32 |
+//! | 2 | CRC-16/IBM-3740 of bytes 9–11 of the latent part and of these 16 |
+//!
+//! | bytes | residual part |
+//! |---|---|
+//! | 1–4 | payload length, seven bits a byte, low bits first, high bit set on all but the last |
+//! | length | payload |
+//! | 4 | CRC-32 (IEEE) of the latent part, the length and the payload |
+//!
+//! The residual's check covers the latent part too, so that a residual is never added to the
+//! picture of another frame when parts travel apart. Bytes after the last part are passed over:
+//! modems pad.
+//!
+//! A decoder that holds no camera whose tag is the packet's cannot use the packet, and one that
+//! holds another prior must not ([`Latent::check_prior`]). A single flipped bit is always detected;
+//! in the residual part, where it may hit the length, it is missed with a chance of 2⁻³².
+
+mod bytes;
+mod camera;
+mod error;
+mod latent;
+pub mod pose;
+mod residual;
+
+use crate::Camera;
+
+pub use camera::camera_tag;
+pub use error::{PacketError, Part};
+pub use latent::Latent;
+pub use pose::{PoseProfile, QuantisedPose};
+pub use residual::{Coder, Residual, residual_part_len};
+
+/// Length of the camera part, bytes.
+pub const CAMERA_PART_LEN: usize = camera::LEN;
+
+/// One frame as it travels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Packet {
+    /// What makes a picture by itself.
+    pub latent: Latent,
+    /// The camera, sent when it changed and as a refresh now and then.
+    pub camera: Option<Camera>,
+    /// The difference picture.
+    pub residual: Residual,
+}
+
+/// What a packet with damaged parts still gives.
+#[derive(Clone, Debug)]
+pub struct Salvage {
+    /// The latent part: sound, or there would be nothing.
+    pub latent: Latent,
+    /// The camera part, `None` where none was sent.
+    pub camera: Result<Option<Camera>, PacketError>,
+    /// The residual part.
+    pub residual: Result<Residual, PacketError>,
+}
+
+impl Packet {
+    /// The bytes to send.
+    ///
+    /// # Errors
+    /// Where the picture size does not fit the header, the camera is not the one that the latent
+    /// part is about, or the payload has 2²⁸ bytes or more.
+    pub fn encode(&self) -> Result<Vec<u8>, PacketError> {
+        let residual = residual::code_of(&self.residual);
+        let mut bytes = self.latent.encode(self.camera.is_some(), residual)?;
+        let latent_len = bytes.len();
+        if let Some(camera) = &self.camera {
+            bytes.extend(camera::encode(camera, &self.latent)?);
+        }
+        if let Residual::Coded { payload, .. } = &self.residual {
+            let part = residual::encode(payload, &bytes[..latent_len])?;
+            bytes.extend(part);
+        }
+        Ok(bytes)
+    }
+
+    /// Length of [`Packet::encode`]'s bytes.
+    pub fn encoded_len(&self) -> usize {
+        let camera = if self.camera.is_some() { CAMERA_PART_LEN } else { 0 };
+        let residual = match &self.residual {
+            Residual::None | Residual::Omitted => 0,
+            Residual::Coded { payload, .. } => residual_part_len(payload.len()),
+        };
+        self.latent.encoded_len() + camera + residual
+    }
+
+    /// Reads a packet all of whose parts are sound.
+    pub fn decode(bytes: &[u8]) -> Result<Packet, PacketError> {
+        let Salvage { latent, camera, residual } = Packet::salvage(bytes)?;
+        Ok(Packet { latent, camera: camera?, residual: residual? })
+    }
+
+    /// Reads what is sound in a truncated or damaged packet.
+    ///
+    /// # Errors
+    /// Where the latent part is not sound: nothing can be made of the packet then.
+    pub fn salvage(bytes: &[u8]) -> Result<Salvage, PacketError> {
+        let (latent, follows, rest) = Latent::read(bytes)?;
+        let latent_bytes = &bytes[..bytes.len() - rest.len()];
+        // The camera part's length is fixed, so damage in it does not hide the residual part.
+        let (camera, rest) = if follows.camera {
+            let camera = camera::decode(rest, &latent).map(Some);
+            (camera, rest.get(CAMERA_PART_LEN..).unwrap_or(&[]))
+        } else {
+            (Ok(None), rest)
+        };
+        let residual = residual::decode(follows.residual, rest, latent_bytes);
+        Ok(Salvage { latent, camera, residual })
+    }
+}
+
+#[cfg(test)]
+mod tests;

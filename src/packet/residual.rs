@@ -1,0 +1,105 @@
+//! The residual part: a coded difference picture, or why there is none.
+
+use super::bytes::Reader;
+use super::{PacketError, Part};
+
+/// Longest payload, bytes: four groups of seven bits.
+pub(super) const MAX_PAYLOAD: usize = (1 << 28) - 1;
+/// Bytes of the CRC-32.
+const CHECK_LEN: usize = 4;
+
+const CODE_NONE: u8 = 0;
+const CODE_OMITTED: u8 = 1;
+
+/// How a difference picture is coded; the number is the code in a packet's flags.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Coder {
+    /// A VP8 key frame without what the packet's header says already.
+    Vp8 = 2,
+    /// A whole WebP file.
+    WebP = 3,
+}
+
+/// The difference picture of a packet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Residual {
+    /// None was asked for, or the render alone was good enough.
+    None,
+    /// One was asked for, but the byte budget could not hold any.
+    Omitted,
+    /// A coded difference picture.
+    Coded {
+        /// How it is coded.
+        coder: Coder,
+        /// Its bytes.
+        payload: Vec<u8>,
+    },
+}
+
+/// Length of the residual part that holds a payload of this length, bytes.
+pub fn residual_part_len(payload: usize) -> usize {
+    length_field(payload).count() + payload + CHECK_LEN
+}
+
+/// What the flags say about a residual.
+pub(super) fn code_of(residual: &Residual) -> u8 {
+    match residual {
+        Residual::None => CODE_NONE,
+        Residual::Omitted => CODE_OMITTED,
+        Residual::Coded { coder, .. } => *coder as u8,
+    }
+}
+
+pub(super) fn encode(payload: &[u8], latent: &[u8]) -> Result<Vec<u8>, PacketError> {
+    if payload.len() > MAX_PAYLOAD {
+        return Err(PacketError::PayloadLength);
+    }
+    let mut part: Vec<u8> = length_field(payload.len()).collect();
+    part.extend(payload);
+    part.extend(check(latent, &part).to_le_bytes());
+    Ok(part)
+}
+
+pub(super) fn decode(code: u8, bytes: &[u8], latent: &[u8]) -> Result<Residual, PacketError> {
+    let coder = match code {
+        CODE_NONE => return Ok(Residual::None),
+        CODE_OMITTED => return Ok(Residual::Omitted),
+        code if code == Coder::Vp8 as u8 => Coder::Vp8,
+        code if code == Coder::WebP as u8 => Coder::WebP,
+        code => return Err(PacketError::Coder(code)),
+    };
+    let (length, field) = read_length(bytes)?;
+    let mut reader = Reader::new(bytes, Part::Residual, field + length + CHECK_LEN)?;
+    let checked = reader.skip(field + length);
+    if check(latent, checked) != u32::from_le_bytes(reader.take()) {
+        return Err(PacketError::Check(Part::Residual));
+    }
+    Ok(Residual::Coded { coder, payload: checked[field..].to_vec() })
+}
+
+fn check(latent: &[u8], part: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(latent);
+    hasher.update(part);
+    hasher.finalize()
+}
+
+/// The length as the part starts with it: seven bits a byte, low bits first.
+fn length_field(length: usize) -> impl Iterator<Item = u8> {
+    let groups = std::iter::successors(Some(length), |rest| Some(rest >> 7).filter(|r| *r > 0));
+    groups.map(|rest| (rest & 0x7F) as u8 | if rest >> 7 > 0 { 0x80 } else { 0 })
+}
+
+/// The payload's length, and how many bytes say so.
+fn read_length(bytes: &[u8]) -> Result<(usize, usize), PacketError> {
+    let mut length = 0;
+    for index in 0..4 {
+        let [byte] = Reader::new(bytes.get(index..).unwrap_or(&[]), Part::Residual, 1)?.take();
+        length |= usize::from(byte & 0x7F) << (7 * index);
+        if byte & 0x80 == 0 {
+            return Ok((length, index + 1));
+        }
+    }
+    Err(PacketError::PayloadLength)
+}

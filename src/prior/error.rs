@@ -1,0 +1,128 @@
+//! Why a prior cannot be used.
+
+use super::{Fault, Prior, Splats};
+
+/// Why a prior cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum PriorError {
+    /// The file cannot be read.
+    #[error("{0}")]
+    Read(#[source] std::io::Error),
+    /// A prior cannot be written.
+    #[error("writing a prior: {0}")]
+    Write(#[source] std::io::Error),
+    /// The content is of no format known here.
+    #[error("not a PLY file")]
+    UnknownFormat,
+    /// The header breaks the format's grammar.
+    #[error("PLY header: {reason}")]
+    Header {
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The header names no vertex element.
+    #[error("no element \"vertex\" in the PLY header")]
+    NoVertices,
+    /// A property that every splat needs is not there.
+    #[error("property \"{property}\" is missing: no scene as Inria or nerfstudio write it")]
+    MissingProperty {
+        /// Its name.
+        property: String,
+    },
+    /// A property that splats need stands there twice, or as a list.
+    #[error("property \"{property}\" must be one number per splat")]
+    BadProperty {
+        /// Its name.
+        property: String,
+    },
+    /// The number of `f_rest_*` properties belongs to no degree of spherical harmonics.
+    #[error("{found} properties f_rest_*: spherical harmonics need 0, 9, 24 or 45")]
+    ShProperties {
+        /// How many there are.
+        found: usize,
+    },
+    /// The file is shorter than its header says.
+    #[error("truncated: the header promises {needed} bytes or more, the file has {found}")]
+    Truncated {
+        /// Least size that the header can stand for, bytes.
+        needed: u128,
+        /// Size of the file, bytes.
+        found: usize,
+    },
+    /// A splat cannot be read.
+    #[error("splat {splat}, before byte {offset}: {reason}")]
+    Row {
+        /// Index of the splat.
+        splat: usize,
+        /// Where reading stopped, bytes from the start of the file.
+        offset: u64,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A render option in the header's comments cannot be understood. It is not passed over, since
+    /// two sides that understand different options would render different pictures.
+    #[error("unknown render option in \"comment {comment}\"")]
+    Comment {
+        /// The comment.
+        comment: String,
+    },
+    /// There are no splats.
+    #[error("no splats")]
+    Empty,
+    /// There are more splats than an index reaches.
+    #[error("{count} splats: more than {}", Prior::MAX_SPLATS)]
+    TooMany {
+        /// How many.
+        count: usize,
+    },
+    /// Not one splat is sound.
+    #[error("none of the {read} splats is usable; the first has a {fault}")]
+    AllDropped {
+        /// How many there are.
+        read: usize,
+        /// What the first one suffers from.
+        fault: Fault,
+    },
+    /// A render option lies outside its range.
+    #[error(
+        "render option {option} = {value}: near must be finite and positive, \
+         alpha_max in (0, 1), background in [0, 1]"
+    )]
+    Option {
+        /// Its name.
+        option: &'static str,
+        /// Its value.
+        value: f32,
+    },
+    /// The degree of the spherical harmonics is not known.
+    #[error("spherical harmonics of degree {degree}: at most {}", Splats::MAX_SH_DEGREE)]
+    ShDegree {
+        /// The degree.
+        degree: u32,
+    },
+    /// Two arrays of one set of splats disagree.
+    #[error("array {array} holds {found} entries where {expected} are due")]
+    Shape {
+        /// Name of the array.
+        array: &'static str,
+        /// Entries it has.
+        found: usize,
+        /// Entries that the positions and the degree ask for.
+        expected: usize,
+    },
+    /// One of the above, about the content of a file.
+    #[error("{file}: {error}")]
+    InFile {
+        /// The file.
+        file: String,
+        /// What is wrong with it.
+        error: Box<PriorError>,
+    },
+}
+
+impl PriorError {
+    /// The same error, naming the file that it is about.
+    pub(super) fn in_file(self, file: &str) -> PriorError {
+        PriorError::InFile { file: file.to_owned(), error: Box::new(self) }
+    }
+}

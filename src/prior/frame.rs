@@ -1,0 +1,92 @@
+//! The frame in which packets state camera positions.
+
+/// Where a prior lies and how large it is, by medians, so that a few stray splats do not count.
+///
+/// Both sides compute it from the same splats with the same comparisons, hence to the same bits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PriorFrame {
+    /// Per axis the lower median of the splats' positions.
+    pub centre: [f32; 3],
+    /// Largest of the three median absolute deviations from `centre`, the prior's unit. Where that
+    /// is zero (half the splats share a coordinate on every axis), the largest deviation, and 1 for
+    /// a prior of one point: always positive and finite.
+    pub spread: f32,
+}
+
+impl PriorFrame {
+    /// The unit of lengths in packets: `spread`, but at least 2⁻²³ of the distance from the origin
+    /// (the resolution of f32 there), so that f64 tells steps of 2⁻¹⁷ units apart everywhere.
+    pub fn unit(&self) -> f64 {
+        let distance = self.centre.iter().map(|v| f64::from(v.abs())).fold(0.0, f64::max);
+        f64::from(self.spread).max(distance * 2_f64.powi(-23))
+    }
+
+    /// The frame of finite `positions`, of which there is at least one.
+    pub(super) fn of(positions: &[[f32; 3]]) -> PriorFrame {
+        let axes = [0, 1, 2].map(|axis| deviations(positions, axis));
+        let largest = |pick: fn(&Axis) -> f64| axes.iter().map(pick).fold(0.0, f64::max);
+        let spread = [largest(|a| a.median), largest(|a| a.most), 1.0]
+            .into_iter()
+            .map(|s| (s as f32).min(f32::MAX))
+            .find(|s| *s > 0.0)
+            .unwrap_or(1.0);
+        PriorFrame { centre: axes.map(|a| a.centre), spread }
+    }
+}
+
+/// One axis: the median, and the median and the largest of the deviations from it.
+struct Axis {
+    centre: f32,
+    median: f64,
+    most: f64,
+}
+
+fn deviations(positions: &[[f32; 3]], axis: usize) -> Axis {
+    let mut values: Vec<f64> = positions.iter().map(|p| f64::from(p[axis])).collect();
+    let centre = lower_median(&mut values);
+    values.iter_mut().for_each(|v| *v = (*v - centre).abs());
+    let most = values.iter().copied().fold(0.0, f64::max);
+    Axis { centre: centre as f32, median: lower_median(&mut values), most }
+}
+
+/// The lower of the two middle values where their number is even: a value that is there, so nothing
+/// is rounded.
+fn lower_median(values: &mut [f64]) -> f64 {
+    let middle = (values.len() - 1) / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strays_do_not_count() {
+        let mut positions: Vec<[f32; 3]> =
+            (0..101).map(|i| [i as f32, 5.0 + 0.1 * i as f32, -3.0]).collect();
+        let frame = PriorFrame::of(&positions);
+        assert_eq!(frame.centre, [50.0, 10.0, -3.0]);
+        assert_eq!(frame.spread, 25.0);
+        positions[3] = [1e30, -1e30, f32::MAX];
+        let with_stray = PriorFrame::of(&positions);
+        assert!((with_stray.centre[0] - 50.0).abs() <= 1.0);
+        assert!((with_stray.spread - 25.0).abs() <= 1.0);
+    }
+
+    #[test]
+    fn order_does_not_matter() {
+        let mut positions: Vec<[f32; 3]> =
+            (0..50_u32).map(|i| [(i * 37 % 50) as f32, (i * 11 % 7) as f32, 0.0]).collect();
+        let frame = PriorFrame::of(&positions);
+        positions.reverse();
+        assert_eq!(PriorFrame::of(&positions), frame);
+    }
+
+    #[test]
+    fn spread_is_positive_and_finite() {
+        assert_eq!(PriorFrame::of(&[[1.0; 3]]).spread, 1.0);
+        assert_eq!(PriorFrame::of(&[[1.0; 3], [1.0; 3], [1.0, 1.0, 4.0]]).spread, 3.0);
+        let far = PriorFrame::of(&[[f32::MIN; 3], [f32::MAX; 3], [f32::MAX; 3]]);
+        assert_eq!(far.spread, f32::MAX);
+    }
+}

@@ -1,0 +1,93 @@
+//! The identity of a prior: whether both sides of a link hold the same one.
+
+use std::fmt;
+
+use super::{RenderOptions, Splats};
+
+/// Identity of a prior: the first four bytes, little endian, of the BLAKE3 hash of all that shapes
+/// its pictures, so of the render options, the degree and every parameter kept. File format, order
+/// of properties and dropped splats leave it alone; the order of splats does not (it breaks ties
+/// between equal depths).
+///
+/// It guards against mistakes, not against forgers: two different priors agree by chance once in
+/// 2³² pairs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct PriorId(pub u32);
+
+impl PriorId {
+    /// Bytes as in a packet.
+    pub fn to_bytes(self) -> [u8; 4] {
+        self.0.to_le_bytes()
+    }
+
+    /// From a packet's bytes.
+    pub fn from_bytes(bytes: [u8; 4]) -> PriorId {
+        PriorId(u32::from_le_bytes(bytes))
+    }
+
+    pub(super) fn of(splats: &Splats, options: &RenderOptions) -> PriorId {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(b"nvsprior prior 1");
+        hash_floats(&mut hasher, &[options.near, options.alpha_max]);
+        hasher.update(&[u8::from(options.antialiased)]);
+        hash_floats(&mut hasher, &options.background);
+        hasher.update(&splats.sh_degree.to_le_bytes());
+        hasher.update(&(splats.len() as u64).to_le_bytes());
+        hash_floats(&mut hasher, splats.positions.as_flattened());
+        hash_floats(&mut hasher, splats.log_scales.as_flattened());
+        hash_floats(&mut hasher, splats.rotations.as_flattened());
+        hash_floats(&mut hasher, &splats.opacity_logits);
+        hash_floats(&mut hasher, &splats.sh);
+        let hash = *hasher.finalize().as_bytes();
+        PriorId::from_bytes([hash[0], hash[1], hash[2], hash[3]])
+    }
+}
+
+impl fmt::Display for PriorId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:08x}", self.0)
+    }
+}
+
+/// Hashes floats as little-endian bytes, a buffer at a time.
+fn hash_floats(hasher: &mut blake3::Hasher, values: &[f32]) {
+    let mut buffer = Vec::with_capacity(4096);
+    for chunk in values.chunks(1024) {
+        buffer.clear();
+        buffer.extend(chunk.iter().flat_map(|v| v.to_le_bytes()));
+        hasher.update(&buffer);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::sample_splats;
+    use super::*;
+
+    #[test]
+    fn the_hash_is_part_of_the_wire_format() {
+        let id = PriorId::of(&sample_splats(5, 1), &RenderOptions::INRIA);
+        assert_eq!(id.to_string(), "5d4dcd04");
+        assert_eq!(PriorId::from_bytes(id.to_bytes()), id);
+    }
+
+    #[test]
+    fn every_parameter_counts() {
+        let splats = sample_splats(5, 1);
+        let id = PriorId::of(&splats, &RenderOptions::INRIA);
+        let changed = |change: fn(&mut Splats)| {
+            let mut other = splats.clone();
+            change(&mut other);
+            PriorId::of(&other, &RenderOptions::INRIA)
+        };
+        assert_ne!(changed(|s| s.positions[4][2] += 1e-3), id);
+        assert_ne!(changed(|s| s.log_scales[0][0] += 1e-3), id);
+        assert_ne!(changed(|s| s.rotations[1][3] += 1e-3), id);
+        assert_ne!(changed(|s| s.opacity_logits[2] += 1e-3), id);
+        assert_ne!(changed(|s| s.sh[59] += 1e-3), id);
+        assert_ne!(changed(|s| s.positions.swap(0, 1)), id);
+        assert_ne!(PriorId::of(&splats, &RenderOptions::GSPLAT), id);
+        let antialiased = RenderOptions { antialiased: true, ..RenderOptions::INRIA };
+        assert_ne!(PriorId::of(&splats, &antialiased), id);
+    }
+}

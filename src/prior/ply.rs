@@ -1,0 +1,458 @@
+//! PLY files as Inria's trainer and nerfstudio write them.
+//!
+//! Element `vertex`, one row per splat: `x y z`, `f_dc_0..2` and `f_rest_*` (spherical harmonics),
+//! `opacity` (logit), `scale_0..2` (logarithms), `rot_0..3` (w, x, y, z). Text or binary of either
+//! byte order, any order of properties, any scalar type; other properties (`nx`…) and elements are
+//! passed over. The number of `f_rest_*` gives the degree: 0, 9, 24 or 45 of them for degree 0
+//! to 3. They run channel by channel in the file (all of red first), coefficient by coefficient in
+//! [`Splats::sh`].
+//!
+//! **Render options** come from the header's comments, since the format has no place for them:
+//!
+//! 1. a comment that contains "nerfstudio" (any case) means [`RenderOptions::GSPLAT`], none means
+//!    [`RenderOptions::INRIA`];
+//! 2. comments `nvsprior near 0.2`, `nvsprior alpha_max 0.99`, `nvsprior antialiased 0` (or 1) and
+//!    `nvsprior background 0 0 0`, as [`write_ply`] leaves them, replace single options. Any other
+//!    comment that starts with `nvsprior` is refused.
+
+use std::io::{BufRead, Cursor, Read, Write};
+use std::str::FromStr;
+
+use serde::de::{DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
+
+use super::{Prior, PriorError, PriorFormat, RenderOptions, Splats};
+
+/// How a PLY file starts.
+pub const MAGIC: &[u8] = b"ply";
+
+/// First word of the comments that hold render options.
+const COMMENT_PREFIX: &str = "nvsprior";
+
+/// Properties that are read, in the order in which [`SplatSink::push`] wants their values.
+#[rustfmt::skip]
+const PROPERTIES: [&str; 59] = [
+    "x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "opacity",
+    "f_dc_0", "f_dc_1", "f_dc_2",
+    "f_rest_0", "f_rest_1", "f_rest_2", "f_rest_3", "f_rest_4", "f_rest_5", "f_rest_6", "f_rest_7",
+    "f_rest_8", "f_rest_9", "f_rest_10", "f_rest_11", "f_rest_12", "f_rest_13", "f_rest_14",
+    "f_rest_15", "f_rest_16", "f_rest_17", "f_rest_18", "f_rest_19", "f_rest_20", "f_rest_21",
+    "f_rest_22", "f_rest_23", "f_rest_24", "f_rest_25", "f_rest_26", "f_rest_27", "f_rest_28",
+    "f_rest_29", "f_rest_30", "f_rest_31", "f_rest_32", "f_rest_33", "f_rest_34", "f_rest_35",
+    "f_rest_36", "f_rest_37", "f_rest_38", "f_rest_39", "f_rest_40", "f_rest_41", "f_rest_42",
+    "f_rest_43", "f_rest_44",
+];
+
+/// How many of [`PROPERTIES`] a file of degree 0 has; `f_rest_*` follow them.
+const BASE_PROPERTIES: usize = 14;
+
+/// What a PLY file holds: splats as they stand there, not yet checked.
+#[derive(Debug)]
+pub struct PlyScene {
+    /// The splats.
+    pub splats: Splats,
+    /// Render options by the header's comments.
+    pub options: RenderOptions,
+    /// Which encoding.
+    pub format: PriorFormat,
+    /// The header's comments.
+    pub comments: Vec<String>,
+}
+
+/// Reads the content of a PLY file. Memory grows with the content's size, whatever the header says.
+pub fn read_ply(bytes: &[u8]) -> Result<PlyScene, PriorError> {
+    if !bytes.starts_with(MAGIC) {
+        return Err(PriorError::UnknownFormat);
+    }
+    let (header, body) = read_header(bytes)?;
+    let layout = Layout::of(&header)?;
+    check_length(&header, layout.element, body, bytes.len())?;
+    let options = options_of(&header.comments)?;
+    let splats = read_splats(bytes, header.format, &layout)?;
+    let format = match header.format {
+        PlyFormat::Ascii => PriorFormat::PlyAscii,
+        PlyFormat::BinaryLittleEndian => PriorFormat::PlyLittleEndian,
+        PlyFormat::BinaryBigEndian => PriorFormat::PlyBigEndian,
+    };
+    Ok(PlyScene { splats, options, format, comments: header.comments })
+}
+
+/// The header, and how many bytes it takes.
+fn read_header(bytes: &[u8]) -> Result<(PlyHeader, usize), PriorError> {
+    let mut cursor = Cursor::new(bytes);
+    let header = PlyReader::from_reader(&mut cursor)
+        .map_err(|e| PriorError::Header { reason: e.0.to_string() })?
+        .header()
+        .clone();
+    Ok((header, cursor.position() as usize))
+}
+
+/// Where the splats lie in a file.
+struct Layout {
+    /// Index of the element `vertex`.
+    element: usize,
+    /// Number of splats.
+    count: usize,
+    /// Degree of the spherical harmonics.
+    sh_degree: u32,
+}
+
+impl Layout {
+    fn of(header: &PlyHeader) -> Result<Layout, PriorError> {
+        let element = header
+            .elem_defs
+            .iter()
+            .position(|e| e.name == "vertex")
+            .ok_or(PriorError::NoVertices)?;
+        let vertex = &header.elem_defs[element];
+        if vertex.count == 0 {
+            return Err(PriorError::Empty);
+        }
+        if vertex.count > Prior::MAX_SPLATS {
+            return Err(PriorError::TooMany { count: vertex.count });
+        }
+        let found = vertex.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
+        let sh_degree = (0..=Splats::MAX_SH_DEGREE)
+            .find(|degree| rest_properties(*degree) == found)
+            .ok_or(PriorError::ShProperties { found })?;
+        for name in &PROPERTIES[..BASE_PROPERTIES + found] {
+            check_property(vertex, name)?;
+        }
+        Ok(Layout { element, count: vertex.count, sh_degree })
+    }
+
+    /// The properties to read.
+    fn properties(&self) -> &'static [&'static str] {
+        &PROPERTIES[..BASE_PROPERTIES + rest_properties(self.sh_degree)]
+    }
+}
+
+/// Number of `f_rest_*` properties of a degree: `3 ((degree + 1)² − 1)`.
+fn rest_properties(degree: u32) -> usize {
+    3 * ((degree as usize + 1).pow(2) - 1)
+}
+
+fn check_property(vertex: &ElementDef, name: &str) -> Result<(), PriorError> {
+    let mut named = vertex.properties.iter().filter(|p| p.name == name);
+    match (named.next(), named.next()) {
+        (None, _) => Err(PriorError::MissingProperty { property: name.to_owned() }),
+        (Some(property), None) if matches!(property.property_type, PropertyType::Scalar(_)) => {
+            Ok(())
+        }
+        _ => Err(PriorError::BadProperty { property: name.to_owned() }),
+    }
+}
+
+/// Checks that the content can hold what the header promises up to the last splat, so that nothing
+/// is allocated for, or looped over, on a lying header's word.
+fn check_length(
+    header: &PlyHeader,
+    last_element: usize,
+    body: usize,
+    found: usize,
+) -> Result<(), PriorError> {
+    let elements = &header.elem_defs[..=last_element];
+    let rows: u128 =
+        elements.iter().map(|e| e.count as u128 * least_row_bytes(e, header.format)).sum();
+    // The last number of a text needs no white space after it.
+    let end = u128::from(header.format == PlyFormat::Ascii);
+    let needed = (body as u128 + rows).saturating_sub(end);
+    if needed > found as u128 {
+        return Err(PriorError::Truncated { needed, found });
+    }
+    Ok(())
+}
+
+/// Fewest bytes that one row can take: exact for binary rows without lists.
+fn least_row_bytes(element: &ElementDef, format: PlyFormat) -> u128 {
+    let bytes = |property_type: &PropertyType| {
+        let scalar = match property_type {
+            _ if format == PlyFormat::Ascii => return 2,
+            PropertyType::Scalar(scalar) => scalar,
+            PropertyType::List { count_type, .. } => count_type,
+        };
+        match scalar {
+            ScalarType::I8 | ScalarType::U8 => 1,
+            ScalarType::I16 | ScalarType::U16 => 2,
+            ScalarType::I32 | ScalarType::U32 | ScalarType::F32 => 4,
+            ScalarType::F64 => 8,
+        }
+    };
+    element.properties.iter().map(|p| bytes(&p.property_type)).sum()
+}
+
+fn read_splats(bytes: &[u8], format: PlyFormat, layout: &Layout) -> Result<Splats, PriorError> {
+    let mut cursor = Cursor::new(bytes);
+    // The reader wants white space after every number of a text, also after the last one.
+    let tail: &[u8] = if format == PlyFormat::Ascii { b"\n" } else { b"" };
+    let mut sink = SplatSink::new(layout);
+    let mut reader = PlyReader::from_reader((&mut cursor).chain(tail))
+        .map_err(|e| PriorError::Header { reason: e.0.to_string() })?;
+    let read = read_elements(&mut reader, layout, &mut sink);
+    drop(reader);
+    read.map_err(|e| PriorError::Row {
+        splat: sink.splats.len(),
+        offset: cursor.position(),
+        reason: e.0.to_string(),
+    })?;
+    Ok(sink.splats)
+}
+
+/// Passes over the elements before the splats, then reads those into `sink`.
+fn read_elements<R: BufRead>(
+    mut reader: &mut PlyReader<R>,
+    layout: &Layout,
+    sink: &mut SplatSink,
+) -> Result<(), serde_ply::DeserializeError> {
+    for _ in 0..layout.element {
+        let has_rows = reader.current_element().is_some_and(|e| !e.properties.is_empty());
+        reader.next_value_seed(SkipRows { has_rows })?;
+    }
+    reader.next_value_seed(sink)
+}
+
+/// Passes over the rows of one element.
+struct SkipRows {
+    /// Rows without properties take no bytes, so that their number is not bounded by the content.
+    has_rows: bool,
+}
+
+impl<'de> DeserializeSeed<'de> for SkipRows {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        if self.has_rows { deserializer.deserialize_seq(self) } else { Ok(()) }
+    }
+}
+
+impl<'de> Visitor<'de> for SkipRows {
+    type Value = ();
+
+    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("rows")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<(), A::Error> {
+        while rows.next_element_seed(SkipRow)?.is_some() {}
+        Ok(())
+    }
+}
+
+/// Passes over one row.
+struct SkipRow;
+
+impl<'de> DeserializeSeed<'de> for SkipRow {
+    type Value = IgnoredAny;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<IgnoredAny, D::Error> {
+        deserializer.deserialize_map(IgnoredAny)
+    }
+}
+
+/// Collects splats row by row.
+struct SplatSink {
+    splats: Splats,
+    properties: &'static [&'static str],
+}
+
+impl SplatSink {
+    fn new(layout: &Layout) -> SplatSink {
+        let mut splats = Splats { sh_degree: layout.sh_degree, ..Splats::default() };
+        splats.positions.reserve_exact(layout.count);
+        splats.log_scales.reserve_exact(layout.count);
+        splats.rotations.reserve_exact(layout.count);
+        splats.opacity_logits.reserve_exact(layout.count);
+        splats.sh.reserve_exact(layout.count * splats.sh_stride());
+        SplatSink { splats, properties: layout.properties() }
+    }
+
+    /// Appends a splat given by the values of [`PROPERTIES`], as many as the degree has.
+    fn push(&mut self, v: &[f32; PROPERTIES.len()]) {
+        self.splats.positions.push([v[0], v[1], v[2]]);
+        self.splats.log_scales.push([v[3], v[4], v[5]]);
+        self.splats.rotations.push([v[6], v[7], v[8], v[9]]);
+        self.splats.opacity_logits.push(v[10]);
+        self.splats.sh.extend(&v[11..BASE_PROPERTIES]);
+        let per_channel = (self.properties.len() - BASE_PROPERTIES) / 3;
+        let rest = &v[BASE_PROPERTIES..self.properties.len()];
+        for coefficient in 0..per_channel {
+            self.splats.sh.extend([0, 1, 2].map(|c| rest[c * per_channel + coefficient]));
+        }
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for &mut SplatSink {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for &mut SplatSink {
+    type Value = ();
+
+    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("splats")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<(), A::Error> {
+        while let Some(values) = rows.next_element_seed(Row(self.properties))? {
+            self.push(&values);
+        }
+        Ok(())
+    }
+}
+
+/// Reads one splat: the values of these properties, in this order. Values are converted to f32;
+/// what does not fit becomes infinite, and is dropped by the check that follows.
+#[derive(Clone, Copy)]
+struct Row(&'static [&'static str]);
+
+impl<'de> DeserializeSeed<'de> for Row {
+    type Value = [f32; PROPERTIES.len()];
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_struct("vertex", self.0, self)
+    }
+}
+
+impl<'de> Visitor<'de> for Row {
+    type Value = [f32; PROPERTIES.len()];
+
+    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("the properties of a splat")
+    }
+
+    /// Binary rows of scalars: the library sorts the values.
+    fn visit_seq<A: SeqAccess<'de>>(self, mut row: A) -> Result<Self::Value, A::Error> {
+        let mut values = [0.0; PROPERTIES.len()];
+        for (index, value) in values[..self.0.len()].iter_mut().enumerate() {
+            *value = row
+                .next_element()?
+                .ok_or_else(|| serde::de::Error::invalid_length(index, &self))?;
+        }
+        Ok(values)
+    }
+
+    /// Rows of text or with lists: values come in the file's order.
+    fn visit_map<A: MapAccess<'de>>(self, mut row: A) -> Result<Self::Value, A::Error> {
+        let mut values = [0.0; PROPERTIES.len()];
+        while let Some(index) = row.next_key_seed(PropertyIndex(self.0))? {
+            match index {
+                Some(index) => values[index] = row.next_value()?,
+                None => {
+                    row.next_value::<IgnoredAny>()?;
+                }
+            }
+        }
+        Ok(values)
+    }
+}
+
+/// Which of these properties a name is.
+struct PropertyIndex(&'static [&'static str]);
+
+impl<'de> DeserializeSeed<'de> for PropertyIndex {
+    type Value = Option<usize>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_identifier(self)
+    }
+}
+
+impl Visitor<'_> for PropertyIndex {
+    type Value = Option<usize>;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("the name of a property")
+    }
+
+    fn visit_bytes<E>(self, name: &[u8]) -> Result<Self::Value, E> {
+        Ok(self.0.iter().position(|property| property.as_bytes() == name))
+    }
+}
+
+/// The render options that a header's comments name.
+fn options_of(comments: &[String]) -> Result<RenderOptions, PriorError> {
+    let gsplat = comments.iter().any(|c| c.to_ascii_lowercase().contains("nerfstudio"));
+    let mut options = if gsplat { RenderOptions::GSPLAT } else { RenderOptions::INRIA };
+    for comment in comments {
+        let words: Vec<&str> = comment.split_whitespace().collect();
+        if let [COMMENT_PREFIX, rest @ ..] = words.as_slice() {
+            set_option(&mut options, rest)
+                .ok_or_else(|| PriorError::Comment { comment: comment.clone() })?;
+        }
+    }
+    Ok(options)
+}
+
+/// Sets the option that the words name; `None` where they name none.
+fn set_option(options: &mut RenderOptions, words: &[&str]) -> Option<()> {
+    let number = |word: &str| f32::from_str(word).ok();
+    match words {
+        ["near", value] => options.near = number(value)?,
+        ["alpha_max", value] => options.alpha_max = number(value)?,
+        ["antialiased", "0"] => options.antialiased = false,
+        ["antialiased", "1"] => options.antialiased = true,
+        ["background", r, g, b] => options.background = [number(r)?, number(g)?, number(b)?],
+        _ => return None,
+    }
+    Some(())
+}
+
+/// Writes splats as a binary PLY file with Inria's list of properties (normals zero), and the
+/// options as comments; [`read_ply`] gives both back unchanged.
+pub fn write_ply(
+    splats: &Splats,
+    options: &RenderOptions,
+    mut writer: impl Write,
+) -> Result<(), PriorError> {
+    splats.check_shape()?;
+    let mut bytes = header_text(splats, options).into_bytes();
+    let stride = splats.sh_stride();
+    for (i, position) in splats.positions.iter().enumerate() {
+        let sh = &splats.sh[i * stride..(i + 1) * stride];
+        let rest = (0..3).flat_map(|channel| sh[3..].iter().skip(channel).step_by(3));
+        let row = position
+            .iter()
+            .chain(&[0.0; 3])
+            .chain(&sh[..3])
+            .chain(rest)
+            .chain([&splats.opacity_logits[i]])
+            .chain(&splats.log_scales[i])
+            .chain(&splats.rotations[i]);
+        bytes.extend(row.flat_map(|v| v.to_le_bytes()));
+        writer.write_all(&bytes).map_err(PriorError::Write)?;
+        bytes.clear();
+    }
+    // The header alone, where there are no splats.
+    writer.write_all(&bytes).and_then(|()| writer.flush()).map_err(PriorError::Write)
+}
+
+fn header_text(splats: &Splats, options: &RenderOptions) -> String {
+    let RenderOptions { near, alpha_max, antialiased, background: [r, g, b] } = options;
+    let comments = [
+        format!("near {near}"),
+        format!("alpha_max {alpha_max}"),
+        format!("antialiased {}", u8::from(*antialiased)),
+        format!("background {r} {g} {b}"),
+    ]
+    .map(|c| format!("comment {COMMENT_PREFIX} {c}\n"))
+    .concat();
+    let rest = &PROPERTIES[BASE_PROPERTIES..BASE_PROPERTIES + rest_properties(splats.sh_degree)];
+    let properties: String = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]
+        .iter()
+        .chain(rest)
+        .chain(&["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"])
+        .map(|name| format!("property float {name}\n"))
+        .collect();
+    format!(
+        "ply\nformat binary_little_endian 1.0\n{comments}element vertex {}\n\
+         {properties}end_header\n",
+        splats.len()
+    )
+}
+
+#[cfg(test)]
+mod tests;

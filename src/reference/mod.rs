@@ -1,0 +1,149 @@
+//! An f64 CPU twin of every GPU stage, same names: the oracle of the tests. It follows the textbook
+//! formulas, not the reformulations that keep the shaders' f32 exact, so that it checks those too.
+//!
+//! A pixel has five channels: linear R, G, B before clamping, depth Σ wᵢ zᵢ, transmittance. All are
+//! `Σ wᵢ payloadᵢ + T · background`: the payload of depth is z over a background of 0, that of
+//! transmittance is 0 over a background of 1.
+
+pub mod bin;
+pub mod derive;
+pub mod harmonics;
+pub mod project;
+pub mod radix;
+pub mod ranges;
+pub mod reduce;
+pub mod risk;
+pub mod splat;
+pub mod splat_exact;
+pub mod splat_flow;
+
+use rayon::prelude::*;
+
+use crate::render::{Jacobian, NormalEquations};
+use crate::{Camera, Pose, Prior, RenderOptions};
+
+use project::{Projected, Splat};
+use risk::WatchedPixel;
+use splat_exact::MovingPixel;
+
+/// The five channels of a pixel.
+pub type Channels = [f64; 5];
+
+/// A derivative with respect to the pose step τ = (ρ, θ).
+pub type Twist = [f64; 6];
+
+/// `a + scale · b`.
+pub(crate) fn plus(a: Twist, scale: f64, b: Twist) -> Twist {
+    std::array::from_fn(|k| a[k] + scale * b[k])
+}
+
+/// What all splats of a picture are seen through.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Where it stands.
+    pub pose: &'a Pose,
+    /// How the prior is rendered.
+    pub options: &'a RenderOptions,
+}
+
+/// A picture of the twin, row-major.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// R, G, B, depth, transmittance of each pixel.
+    pub pixels: Vec<Channels>,
+    /// By how much each channel would change if the close decisions in the pixel (the cuts, the
+    /// order) fell the other way; see [`risk`].
+    pub risk: Vec<Channels>,
+}
+
+/// A pixel with its pose derivatives.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Linear R, G, B before clamping.
+    pub rgb: [f64; 3],
+    /// d(rgb)/dτ.
+    pub jacobian: [Twist; 3],
+}
+
+/// A prior ready to be rendered in f64.
+pub struct Twin<'a> {
+    prior: &'a Prior,
+    splats: Vec<Splat<'a>>,
+}
+
+impl<'a> Twin<'a> {
+    /// Activates the prior's splats.
+    pub fn new(prior: &'a Prior) -> Twin<'a> {
+        let splats = prior.splats();
+        Twin { prior, splats: (0..splats.len()).map(|i| Splat::new(splats, i)).collect() }
+    }
+
+    /// The prior's splats, activated.
+    pub fn splats(&self) -> &[Splat<'a>] {
+        &self.splats
+    }
+
+    /// The view of this prior from a pose.
+    pub fn view<'v>(&'v self, camera: &'v Camera, pose: &'v Pose) -> View<'v> {
+        View { camera, pose, options: self.prior.options() }
+    }
+
+    /// All splats in front of the near plane, nearest first, ties by index.
+    pub fn project(&self, view: &View) -> Vec<Projected> {
+        let each = |(i, splat)| project::project(view, i as u32, splat);
+        let mut seen: Vec<Projected> =
+            self.splats.par_iter().enumerate().filter_map(each).collect();
+        seen.sort_by(|a, b| a.camera.z.total_cmp(&b.camera.z).then(a.index.cmp(&b.index)));
+        seen
+    }
+
+    /// The picture from a pose.
+    pub fn render(&self, camera: &Camera, pose: &Pose) -> Rendered {
+        let view = self.view(camera, pose);
+        let background = splat::background(view.options);
+        let seen = self.project(&view);
+        let blend = |pixel: &mut WatchedPixel, i: usize, centre| {
+            pixel.blend(&seen[i], view.options, centre);
+        };
+        splat::blend_rows(&seen, camera, &WatchedPixel::default(), blend)
+            .par_iter()
+            .map(|p| (p.value(&background), p.risk(&background)))
+            .unzip::<_, _, Vec<_>, Vec<_>>()
+            .into()
+    }
+
+    /// The picture with each pixel's pose Jacobian. Order and cuts are held fixed.
+    pub fn samples(&self, camera: &Camera, pose: &Pose, jacobian: Jacobian) -> Vec<Sample> {
+        let view = self.view(camera, pose);
+        let seen = self.project(&view);
+        let pixels = match jacobian {
+            Jacobian::Flow => splat_flow::blend(&view, &seen),
+            Jacobian::Exact => splat_exact::blend(&view, &seen, &self.splats),
+        };
+        let sample = |p: &MovingPixel| p.sample(view.options.background);
+        pixels.iter().map(sample).collect()
+    }
+
+    /// The normal equations against a frame of height × width × 3 floats in [0, 1].
+    ///
+    /// # Panics
+    /// Where the number of floats is not the camera's.
+    pub fn normal_equations(
+        &self,
+        camera: &Camera,
+        pose: &Pose,
+        frame: &[f32],
+        jacobian: Jacobian,
+    ) -> NormalEquations {
+        assert_eq!(frame.len(), camera.pixels() * 3, "floats of the frame");
+        reduce::reduce(&self.samples(camera, pose, jacobian), frame)
+    }
+}
+
+impl From<(Vec<Channels>, Vec<Channels>)> for Rendered {
+    fn from((pixels, risk): (Vec<Channels>, Vec<Channels>)) -> Rendered {
+        Rendered { pixels, risk }
+    }
+}

@@ -1,0 +1,158 @@
+//! iNVS, inverse novel view synthesis: the pose at which the prior looks most like a frame.
+//!
+//! One [`Objective`], the mean squared error over pixels and channels (the paper's eq. mse, averaged
+//! over channels too), and four optimisers on it. Poses move by left perturbations
+//! `T' = Exp(τ) T`; all optimisers work on τ.
+
+mod adam;
+mod bfgs;
+mod gauss_newton;
+mod line_search;
+mod objective;
+mod phase_correlation;
+mod pyramid;
+mod starts;
+
+pub use adam::AdamOptions;
+pub use bfgs::BfgsOptions;
+pub use gauss_newton::GaussNewtonOptions;
+pub use objective::{Evaluation, Objective};
+pub use pyramid::Pyramid;
+pub use starts::{Start, StartKind, Starts};
+
+use crate::Pose;
+use crate::render::Jacobian;
+use crate::vulkan::Error;
+
+/// Which optimiser refines the pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Optimizer {
+    /// Gauss–Newton with Levenberg–Marquardt damping, over the pyramid.
+    #[default]
+    GaussNewton,
+    /// BFGS at full resolution, the paper's choice.
+    Bfgs,
+    /// Adam at full resolution.
+    Adam,
+    /// Adam until it converges, then BFGS.
+    AdamBfgs,
+}
+
+impl Optimizer {
+    /// Name in reports and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Optimizer::GaussNewton => "gauss-newton",
+            Optimizer::Bfgs => "bfgs",
+            Optimizer::Adam => "adam",
+            Optimizer::AdamBfgs => "adam-bfgs",
+        }
+    }
+}
+
+/// Options of the refinement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefineOptions {
+    /// The optimiser.
+    pub optimizer: Optimizer,
+    /// Jacobian of Gauss–Newton; the gradient methods always use the exact one.
+    pub jacobian: Jacobian,
+    /// Options of Gauss–Newton.
+    pub gauss_newton: GaussNewtonOptions,
+    /// Options of BFGS.
+    pub bfgs: BfgsOptions,
+    /// Options of Adam.
+    pub adam: AdamOptions,
+}
+
+impl Default for RefineOptions {
+    fn default() -> Self {
+        RefineOptions {
+            optimizer: Optimizer::default(),
+            jacobian: Jacobian::Flow,
+            gauss_newton: GaussNewtonOptions::default(),
+            bfgs: BfgsOptions::default(),
+            adam: AdamOptions::default(),
+        }
+    }
+}
+
+impl RefineOptions {
+    /// The Jacobians that a refinement with these options asks a renderer for.
+    pub fn jacobians(&self) -> Vec<Jacobian> {
+        match self.optimizer {
+            Optimizer::GaussNewton => vec![self.jacobian],
+            _ => vec![Jacobian::Exact],
+        }
+    }
+
+    /// The Jacobian with which starts are judged.
+    pub fn judging(&self) -> Jacobian {
+        self.jacobians()[0]
+    }
+}
+
+/// Why an optimiser stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The gradient is below its tolerance.
+    Gradient,
+    /// The step or the decrease that it brought is below its tolerance.
+    Progress,
+    /// No step along the direction decreased the error.
+    NoDescent,
+    /// The number of iterations is used up.
+    Iterations,
+}
+
+/// What an optimiser found: never worse than its start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// The best pose seen at full resolution.
+    pub pose: Pose,
+    /// Its mean squared error at full resolution.
+    pub mse: f64,
+    /// Why the search ended.
+    pub stop: Stop,
+}
+
+/// Refines a pose. `coarsest`: the level at which Gauss–Newton begins.
+pub fn refine(
+    objective: &mut Objective,
+    start: &Pose,
+    coarsest: usize,
+    options: &RefineOptions,
+) -> Result<Outcome, Error> {
+    match options.optimizer {
+        Optimizer::GaussNewton => gauss_newton::minimise(
+            objective,
+            start,
+            coarsest,
+            options.jacobian,
+            &options.gauss_newton,
+        ),
+        Optimizer::Bfgs => bfgs::minimise(objective, start, &options.bfgs),
+        Optimizer::Adam => adam::minimise(objective, start, &options.adam),
+        Optimizer::AdamBfgs => {
+            let first = adam::minimise(objective, start, &options.adam)?;
+            bfgs::minimise(objective, &first.pose, &options.bfgs)
+        }
+    }
+}
+
+fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn scaled(a: &[f64; 6], factor: f64) -> [f64; 6] {
+    a.map(|v| v * factor)
+}
+
+fn minus(a: &[f64; 6], b: &[f64; 6]) -> [f64; 6] {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+/// Largest absolute component; a NaN counts as infinite.
+fn norm_max(a: &[f64; 6]) -> f64 {
+    a.iter().fold(0.0, |m: f64, v| if v.is_nan() { f64::INFINITY } else { m.max(v.abs()) })
+}

@@ -1,0 +1,120 @@
+//! Where a frame's refinement starts.
+//!
+//! As in the paper: the previous frame's pose where the prior, rendered there, is nearer to the frame
+//! than a threshold; else the pose supplied from outside. The pose that constant velocity predicts
+//! stands beside the previous one. Which of the two is better is told by a coarse level of the
+//! pyramid, at a fraction of a render; the threshold is then applied to the better one at full
+//! resolution.
+
+use crate::Pose;
+use crate::render::Jacobian;
+use crate::vulkan::Error;
+
+use super::Objective;
+
+/// Where a start came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StartKind {
+    /// The previous frame's pose.
+    Previous,
+    /// Constant velocity from the two frames before.
+    Predicted,
+    /// Supplied from outside.
+    External,
+    /// Nothing passed the threshold and nothing came from outside: the best candidate, unsure.
+    BestOfBad,
+}
+
+impl StartKind {
+    /// Name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            StartKind::Previous => "previous",
+            StartKind::Predicted => "predicted",
+            StartKind::External => "external",
+            StartKind::BestOfBad => "uncertain",
+        }
+    }
+}
+
+/// A start for the refinement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// The pose.
+    pub pose: Pose,
+    /// Where it came from.
+    pub kind: StartKind,
+    /// Level of the pyramid to begin at.
+    pub coarsest: usize,
+}
+
+/// Poses of the frames before.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Starts {
+    last: Option<Pose>,
+    before_last: Option<Pose>,
+}
+
+/// Level at which candidates are compared, and at which a frame that follows its predecessor begins.
+const NEAR_LEVEL: usize = 2;
+
+impl Starts {
+    /// Notes the pose found for a frame.
+    pub fn push(&mut self, pose: Pose) {
+        self.before_last = self.last.replace(pose);
+    }
+
+    /// Forgets all frames.
+    pub fn clear(&mut self) {
+        *self = Starts::default();
+    }
+
+    /// Whether the next frame needs a pose from outside.
+    pub fn is_empty(&self) -> bool {
+        self.last.is_none()
+    }
+
+    /// Chooses the start of the next frame; `None` where there is neither a frame before nor a pose
+    /// from outside. `threshold`: mean squared error, values in [0, 1].
+    pub fn choose(
+        &self,
+        objective: &mut Objective,
+        jacobian: Jacobian,
+        external: Option<Pose>,
+        threshold: f64,
+    ) -> Result<Option<Start>, Error> {
+        let whole = objective.levels() - 1;
+        let from_outside = |pose| Start { pose, kind: StartKind::External, coarsest: whole };
+        let Some((pose, kind)) = self.better_candidate(objective, jacobian)? else {
+            return Ok(external.map(from_outside));
+        };
+        let mse = objective.evaluate(0, jacobian, &pose)?.mse();
+        Ok(Some(match external {
+            _ if mse < threshold => Start { pose, kind, coarsest: NEAR_LEVEL.min(whole) },
+            Some(pose) => from_outside(pose),
+            None => Start { pose, kind: StartKind::BestOfBad, coarsest: whole },
+        }))
+    }
+
+    /// The better of the previous pose and the predicted one, by a coarse level.
+    fn better_candidate(
+        &self,
+        objective: &mut Objective,
+        jacobian: Jacobian,
+    ) -> Result<Option<(Pose, StartKind)>, Error> {
+        let Some(last) = self.last else { return Ok(None) };
+        let Some(before) = self.before_last else {
+            return Ok(Some((last, StartKind::Previous)));
+        };
+        let predicted = last.predicted(&before);
+        let level = NEAR_LEVEL.min(objective.levels() - 1);
+        let stay = objective.evaluate(level, jacobian, &last)?.mse();
+        let go_on = objective.evaluate(level, jacobian, &predicted)?.mse();
+        let predicted_is_better = go_on < stay;
+        Ok(Some(if predicted_is_better {
+            (predicted, StartKind::Predicted)
+        } else {
+            (last, StartKind::Previous)
+        }))
+    }
+}

@@ -1,0 +1,46 @@
+//! The compute pipelines of all stages, built once per engine from the committed SPIR-V.
+
+use crate::vulkan::{Device, Error, Kernel};
+
+/// Defines [`Kernels`]: a field per entry point, with its shader file, its number of storage buffers
+/// and its words of push constants.
+macro_rules! kernels {
+    ($($(#[$doc:meta])* $file:ident :: $name:ident ($bindings:literal, $push:literal);)*) => {
+        /// Pipelines of all stages.
+        pub struct Kernels {
+            $($(#[$doc])* pub(crate) $name: Kernel,)*
+        }
+
+        impl Kernels {
+            /// Builds every pipeline.
+            pub fn new(device: &Device) -> Result<Kernels, Error> {
+                Ok(Kernels {
+                    $($name: Kernel::new(
+                        device,
+                        stringify!($name),
+                        concat!(stringify!($file), "::", stringify!($name)),
+                        include_bytes!(concat!("../../shaders-rs/spv/", stringify!($name), ".spv")),
+                        $bindings,
+                        $push,
+                    )?,)*
+                })
+            }
+        }
+    };
+}
+
+kernels! {
+    project::project(7, 0);
+    bin::bin_count(4, 0);
+    bin::bin_scan(3, 0);
+    bin::bin_emit(7, 0);
+    radix::radix_count(3, 2);
+    radix::radix_scan(2, 2);
+    radix::radix_scatter(6, 2);
+    ranges::ranges(4, 0);
+    splat::splat(5, 0);
+    splat_flow::splat_flow(6, 0);
+    derive::derive(6, 0);
+    splat_exact::splat_exact(7, 0);
+    reduce::reduce(3, 0);
+}

@@ -1,0 +1,97 @@
+//! The prior as the device holds it; shared by every renderer of it.
+
+use glam::{DMat3, DQuat};
+
+use crate::prior::{PriorFrame, Splats};
+use crate::shared::GEOMETRY_PLANES;
+use crate::vulkan::{Buffer, Device, Error};
+use crate::{Prior, PriorId, RenderOptions};
+
+/// A prior's splats on the device, activated and laid out in planes.
+pub struct Scene {
+    pub(crate) geometry: Buffer,
+    pub(crate) sh: Buffer,
+    pub(crate) splats: u32,
+    pub(crate) sh_degree: u32,
+    pub(crate) options: RenderOptions,
+    id: PriorId,
+    frame: PriorFrame,
+}
+
+impl Scene {
+    /// Uploads a prior.
+    pub fn new(device: &Device, prior: &Prior) -> Result<Scene, Error> {
+        let splats = prior.splats();
+        Ok(Scene {
+            geometry: Buffer::from_slice(device, "geometry", &geometry(splats))?,
+            sh: Buffer::from_slice(device, "spherical harmonics", &sh_planes(splats))?,
+            splats: splats.len() as u32,
+            sh_degree: splats.sh_degree,
+            options: *prior.options(),
+            id: prior.id(),
+            frame: prior.frame(),
+        })
+    }
+
+    /// Identity of the prior.
+    pub fn id(&self) -> PriorId {
+        self.id
+    }
+
+    /// The frame in which packets state camera positions.
+    pub fn frame(&self) -> PriorFrame {
+        self.frame
+    }
+
+    /// Number of splats.
+    pub fn splats(&self) -> u32 {
+        self.splats
+    }
+}
+
+/// A splat's scaled axes in the world, the columns of `R S`: the covariance is their `A Aᵀ`, which
+/// stays positive however thin the splat.
+pub(crate) fn scaled_axes(splats: &Splats, i: usize) -> DMat3 {
+    let [w, x, y, z] = splats.unit_rotation(i).map(f64::from);
+    let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+    let scale = splats.log_scales[i].map(|s| f64::from(s).exp());
+    DMat3::from_cols(
+        rotation.x_axis * scale[0],
+        rotation.y_axis * scale[1],
+        rotation.z_axis * scale[2],
+    )
+}
+
+/// Opacity from its logit.
+pub(crate) fn opacity(splats: &Splats, i: usize) -> f64 {
+    1.0 / (1.0 + (-f64::from(splats.opacity_logits[i])).exp())
+}
+
+/// Planes of position, opacity and axes, computed in f64 and rounded once.
+fn geometry(splats: &Splats) -> Vec<f32> {
+    let n = splats.len();
+    let mut planes = vec![0.0; n * GEOMETRY_PLANES as usize];
+    for i in 0..n {
+        let axes = scaled_axes(splats, i).to_cols_array();
+        let values = splats.positions[i]
+            .into_iter()
+            .chain([opacity(splats, i) as f32])
+            .chain(axes.map(|v| v as f32));
+        for (plane, value) in values.enumerate() {
+            planes[plane * n + i] = value;
+        }
+    }
+    planes
+}
+
+/// A plane per coefficient and channel.
+fn sh_planes(splats: &Splats) -> Vec<f32> {
+    let (n, stride) = (splats.len(), splats.sh_stride());
+    let mut planes = vec![0.0; n * stride];
+    for (i, coefficients) in splats.sh.chunks_exact(stride).enumerate() {
+        for (k, value) in coefficients.iter().enumerate() {
+            planes[k * n + i] = *value;
+        }
+    }
+    planes
+}

@@ -1,0 +1,49 @@
+//! Stages `splat`, `splat_flow`, `splat_exact`: blending, alone or with a pose Jacobian.
+
+use crate::vulkan::{Error, Recorder};
+
+use super::Kernels;
+use super::view::View;
+use super::workspace::Workspace;
+
+/// The picture, depth and transmittance.
+pub(crate) fn record(
+    recorder: &mut Recorder,
+    kernels: &Kernels,
+    view: &View,
+    work: &Workspace,
+    sorted: usize,
+) -> Result<(), Error> {
+    let pairs = &work.pair_splats[sorted];
+    let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.image];
+    recorder.dispatch(&kernels.splat, &buffers, &[], [view.tiles[0], view.tiles[1], 1])
+}
+
+/// Each tile's share of the normal equations, from the optical-flow Jacobian.
+pub(crate) fn record_flow(
+    recorder: &mut Recorder,
+    kernels: &Kernels,
+    view: &View,
+    work: &Workspace,
+    sorted: usize,
+) -> Result<(), Error> {
+    let pairs = &work.pair_splats[sorted];
+    let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.frame, &view.partials];
+    recorder.dispatch(&kernels.splat_flow, &buffers, &[], [view.tiles[0], view.tiles[1], 1])
+}
+
+/// Each tile's share of the normal equations, from the exact Jacobian. Nothing where the workspace
+/// was made without room for derivatives.
+pub(crate) fn record_exact(
+    recorder: &mut Recorder,
+    kernels: &Kernels,
+    view: &View,
+    work: &Workspace,
+    sorted: usize,
+) -> Result<(), Error> {
+    let Some(derivatives) = &work.derivatives else { return Ok(()) };
+    let pairs = &work.pair_splats[sorted];
+    let (frame, partials) = (&view.frame, &view.partials);
+    let buffers = [&view.params, &view.ranges, pairs, &work.records, frame, partials, derivatives];
+    recorder.dispatch(&kernels.splat_exact, &buffers, &[], [view.tiles[0], view.tiles[1], 1])
+}

@@ -1,0 +1,137 @@
+use super::super::decode_residual;
+use super::*;
+
+/// A textured picture, and a render of it that is blurred, off in brightness, and blind to a blob.
+fn sample() -> (Picture, Picture) {
+    let (width, height) = (96, 64);
+    let mut camera = Picture::new(width, height);
+    let mut render = Picture::new(width, height);
+    for i in 0..(width * height * 3) as usize {
+        let (x, y, c) = (i / 3 % 96, i / 288, i % 3);
+        let (fx, fy) = (x as f64, y as f64);
+        let smooth = 110.0 + 60.0 * (0.09 * fx).sin() + 30.0 * (0.13 * fy + c as f64).cos();
+        let noise = ((x * 7919 + y * 104_729) % 13) as f64 - 6.0;
+        let blob = if (fx - 60.0).hypot(fy - 30.0) < 12.0 { 45.0 } else { 0.0 };
+        camera.data[i] = (smooth + noise + blob) as u8;
+        render.data[i] = (smooth * 0.94) as u8;
+    }
+    (camera, render)
+}
+
+/// What every coded residual must be: what its own numbers say, and what the decoder will get.
+fn check_honest(coded: &CodedResidual, camera: &Picture, render: &Picture) {
+    assert_eq!(decode_residual(render, &coded.residual).as_ref(), Ok(&coded.reconstruction));
+    assert_eq!(coded.psnr, camera.psnr(&coded.reconstruction));
+    assert_eq!(coded.quality.is_some(), matches!(coded.residual, Residual::Coded { .. }));
+}
+
+fn part_len(residual: &Residual) -> usize {
+    match residual {
+        Residual::Coded { payload, .. } => residual_part_len(payload.len()),
+        _ => 0,
+    }
+}
+
+#[test]
+fn a_budget_is_never_exceeded_and_well_used() {
+    let (camera, render) = sample();
+    let overhead = 31;
+    let mut last = f64::NEG_INFINITY;
+    let (mut coded_any, mut finest) = (false, false);
+    for budget in (0..4000).step_by(53) {
+        let coded = encode_residual(&camera, &render, Rate::Bytes(budget), overhead).unwrap();
+        check_honest(&coded, &camera, &render);
+        let used = part_len(&coded.residual);
+        assert!(used == 0 || overhead + used <= budget, "{used} of {budget}");
+        assert_eq!(coded.reached, coded.residual != Residual::Omitted);
+        if coded.quality.is_some() {
+            coded_any = true;
+            finest |= coded.quality > Some(95.0);
+            assert!(finest || overhead + used > budget * 7 / 10 - 40, "{used} of {budget}");
+            // Not quite monotone: a quantiser step may cost bytes and gain nothing.
+            assert!(coded.psnr > last - 0.3, "{budget}: {} after {last}", coded.psnr);
+            last = coded.psnr;
+        } else {
+            assert!(!coded_any, "nothing coded for {budget} bytes");
+        }
+    }
+    assert!(last > camera.psnr(&render) + 8.0);
+}
+
+#[test]
+fn no_room_and_no_need_are_told_apart() {
+    let (camera, render) = sample();
+    let coded = encode_residual(&camera, &render, Rate::Bytes(50), 50).unwrap();
+    assert_eq!((coded.residual, coded.reached), (Residual::Omitted, false));
+    assert_eq!(coded.reconstruction, render);
+    let coded = encode_residual(&camera, &camera, Rate::Bytes(5000), 50).unwrap();
+    assert_eq!((coded.residual, coded.reached), (Residual::None, true));
+}
+
+#[test]
+fn a_target_is_reached_with_few_bytes() {
+    let (camera, render) = sample();
+    let alone = camera.psnr(&render);
+    let (mut last, mut last_len) = (0.0, 0);
+    for target in [alone - 1.0, alone + 1.0, alone + 3.0, alone + 6.0, alone + 10.0] {
+        let coded = encode_residual(&camera, &render, Rate::Psnr(target), 0).unwrap();
+        check_honest(&coded, &camera, &render);
+        assert!(coded.reached && coded.psnr >= target, "{} for {target}", coded.psnr);
+        assert!(coded.psnr >= last);
+        let len = part_len(&coded.residual);
+        assert!(len >= last_len);
+        assert_eq!(len == 0, target < alone);
+        (last, last_len) = (coded.psnr, len);
+        if let Some(quality) = coded.quality {
+            let coarser = Rate::Quality(quality * 0.8);
+            let coarser = encode_residual(&camera, &render, coarser, 0).unwrap();
+            assert!(coarser.psnr < target || part_len(&coarser.residual) >= len);
+        }
+    }
+}
+
+#[test]
+fn a_target_out_of_reach_gives_the_best_and_says_so() {
+    let (camera, render) = sample();
+    let coded = encode_residual(&camera, &render, Rate::Psnr(90.0), 0).unwrap();
+    assert!(!coded.reached);
+    assert!(coded.quality > Some(95.0));
+    check_honest(&coded, &camera, &render);
+}
+
+#[test]
+fn quality_is_taken_as_given() {
+    let (camera, render) = sample();
+    let coded = encode_residual(&camera, &render, Rate::Quality(30.0), 0).unwrap();
+    assert_eq!((coded.quality, coded.probes), (Some(30.0), 1));
+    check_honest(&coded, &camera, &render);
+}
+
+#[test]
+fn refuses_bad_rates_and_sizes() {
+    let (camera, render) = sample();
+    for rate in [Rate::Quality(f32::NAN), Rate::Quality(100.5), Rate::Psnr(f64::NAN)] {
+        assert!(matches!(encode_residual(&camera, &render, rate, 0), Err(ResidualError::Rate(_))));
+    }
+    let small = Picture::new(8, 8);
+    let refused = encode_residual(&camera, &small, Rate::Quality(50.0), 0).err();
+    let size = ResidualError::Size { expected: (96, 64), found: (8, 8) };
+    assert_eq!(refused, Some(size));
+    let broken = Picture { data: vec![0; 5], ..render.clone() };
+    let refused = encode_residual(&broken, &render, Rate::Quality(50.0), 0).err();
+    assert_eq!(refused, Some(ResidualError::Shape { width: 96, height: 64, bytes: 5 }));
+}
+
+#[test]
+fn levels_span_libwebps_quantisers_evenly() {
+    // QualityToCompression of libwebp's quant_enc.c.
+    let compression = |quality: f32| {
+        let c = f64::from(quality) / 100.0;
+        let linear = if c < 0.75 { c * (2.0 / 3.0) } else { 2.0 * c - 1.0 };
+        linear.cbrt()
+    };
+    for step in 0..=16 {
+        let level = f64::from(step) / 16.0;
+        assert!((compression(quality_of(level)) - level).abs() < 1e-6);
+    }
+}

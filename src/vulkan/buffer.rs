@@ -1,0 +1,160 @@
+//! Storage buffers.
+
+use std::sync::Arc;
+
+use ash::vk;
+use bytemuck::{AnyBitPattern, NoUninit};
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+use super::device::Inner;
+use super::{Device, Error, Recorder};
+
+/// Who reads and writes a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Memory {
+    /// Only the device.
+    Device,
+    /// The host writes, the device reads.
+    Upload,
+    /// The device writes, the host reads.
+    Readback,
+}
+
+/// A storage buffer.
+pub struct Buffer {
+    pub(super) shared: Arc<Shared>,
+    name: &'static str,
+    bytes: u64,
+}
+
+/// Handle and memory, kept alive by the buffer and by every command that uses it.
+pub(super) struct Shared {
+    pub raw: vk::Buffer,
+    allocation: Option<Allocation>,
+    device: Arc<Inner>,
+}
+
+impl Drop for Shared {
+    fn drop(&mut self) {
+        // SAFETY: submissions wait for their end, and recorded commands hold this handle.
+        unsafe { self.device.device.destroy_buffer(self.raw, None) };
+        if let (Some(allocation), Ok(mut allocator)) =
+            (self.allocation.take(), self.device.allocator.lock())
+            && let Some(allocator) = allocator.as_mut()
+        {
+            // A failure to free can only leak, and a destructor has nobody to tell.
+            let _ = allocator.free(allocation);
+        }
+    }
+}
+
+impl Shared {
+    fn allocate(&mut self, name: &'static str, bytes: u64, memory: Memory) -> Result<(), Error> {
+        let failed = |reason: String| Error::Memory { buffer: name, bytes, reason };
+        // SAFETY: the buffer was just made on this device.
+        let requirements = unsafe { self.device.device.get_buffer_memory_requirements(self.raw) };
+        let location = match memory {
+            Memory::Device => MemoryLocation::GpuOnly,
+            Memory::Upload => MemoryLocation::CpuToGpu,
+            Memory::Readback => MemoryLocation::GpuToCpu,
+        };
+        let mut guard = self.device.allocator.lock().map_err(|e| failed(e.to_string()))?;
+        let allocator = guard.as_mut().ok_or_else(|| failed("the device is closing".into()))?;
+        let description = AllocationCreateDesc {
+            name,
+            requirements,
+            location,
+            linear: true,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        };
+        let allocation = allocator.allocate(&description).map_err(|e| failed(e.to_string()))?;
+        let (memory, offset) = (
+            // SAFETY: the memory stays with this struct, which frees it after its last use.
+            unsafe { allocation.memory() },
+            allocation.offset(),
+        );
+        self.allocation = Some(allocation);
+        // SAFETY: the memory is large enough by `requirements`, and bound once.
+        unsafe { self.device.device.bind_buffer_memory(self.raw, memory, offset) }
+            .map_err(Error::of("vkBindBufferMemory"))
+    }
+}
+
+impl Buffer {
+    /// A buffer of `count` values of `T` (at least one), contents undefined.
+    pub fn new<T>(
+        device: &Device,
+        name: &'static str,
+        count: usize,
+        memory: Memory,
+    ) -> Result<Buffer, Error> {
+        let bytes = (count.max(1) as u64).saturating_mul(size_of::<T>() as u64).max(4);
+        let limit = device.inner.info.storage_range;
+        if bytes > limit {
+            return Err(Error::BufferTooLarge { buffer: name, bytes, limit });
+        }
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::INDIRECT_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_SRC
+            | vk::BufferUsageFlags::TRANSFER_DST;
+        let info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
+        let inner = &device.inner;
+        // SAFETY: a valid description.
+        let raw = unsafe { inner.device.create_buffer(&info, None) }
+            .map_err(Error::of("vkCreateBuffer"))?;
+        let mut shared = Shared { raw, allocation: None, device: inner.clone() };
+        shared.allocate(name, bytes, memory)?;
+        Ok(Buffer { shared: Arc::new(shared), name, bytes })
+    }
+
+    /// A buffer that the device only reads, filled with `data`. Where host and device share memory
+    /// it is written in place, else through a staging copy.
+    pub fn from_slice<T: NoUninit>(
+        device: &Device,
+        name: &'static str,
+        data: &[T],
+    ) -> Result<Buffer, Error> {
+        let mut upload = Buffer::new::<T>(device, name, data.len(), Memory::Upload)?;
+        upload.write(data);
+        if device.info().unified {
+            return Ok(upload);
+        }
+        let buffer = Buffer::new::<T>(device, name, data.len(), Memory::Device)?;
+        let mut recorder = Recorder::new(device)?;
+        recorder.copy(&upload, &buffer)?;
+        recorder.finish()?.run()?;
+        Ok(buffer)
+    }
+
+    /// Size in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Writes from the start.
+    ///
+    /// # Panics
+    /// Where the buffer was not made for uploads, or is smaller than `data`.
+    pub fn write<T: NoUninit>(&mut self, data: &[T]) {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        assert!(bytes.len() as u64 <= self.bytes, "{} bytes into {}", bytes.len(), self.name);
+        let mapped = self.shared.allocation.as_ref().and_then(|a| a.mapped_ptr());
+        let mapped = mapped.expect("only upload buffers are written");
+        // SAFETY: the mapping spans the buffer's bytes, `&mut self` is the only host access, and
+        // submissions return after the device has finished.
+        unsafe {
+            std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapped.as_ptr().cast(), bytes.len());
+        }
+    }
+
+    /// The values the device left, `count` of them.
+    ///
+    /// # Panics
+    /// Where the buffer was not made for reading back, or holds fewer.
+    pub fn read<T: AnyBitPattern>(&self, count: usize) -> &[T] {
+        let mapped = self.shared.allocation.as_ref().and_then(|a| a.mapped_slice());
+        let mapped = mapped.expect("only readback buffers are read");
+        bytemuck::cast_slice(&mapped[..count * size_of::<T>()])
+    }
+}

@@ -1,0 +1,363 @@
+//! Command buffers: recorded once, run many times.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::buffer::Shared;
+use super::device::Inner;
+use super::kernel::Pipeline;
+use super::{Buffer, Device, Error, Kernel};
+
+/// Time that the device spent in one stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StageTime {
+    /// The stage's name.
+    pub name: &'static str,
+    /// Milliseconds.
+    pub milliseconds: f64,
+}
+
+/// Descriptor sets that one pool of a recording holds; a fuller recording takes another pool.
+const SETS_PER_POOL: u32 = 64;
+/// Most storage buffers of one kernel.
+const BUFFERS_PER_SET: u32 = 8;
+
+/// Records dispatches; each waits for what was recorded before it.
+pub struct Recorder {
+    commands: Commands,
+    sets_left: u32,
+    profiled: bool,
+}
+
+/// A recorded command buffer with all that it uses.
+pub struct Commands {
+    device: Arc<Inner>,
+    pool: vk::CommandPool,
+    buffer: vk::CommandBuffer,
+    fence: vk::Fence,
+    descriptor_pools: Vec<vk::DescriptorPool>,
+    queries: vk::QueryPool,
+    stages: Vec<&'static str>,
+    buffers: Vec<Arc<Shared>>,
+    pipelines: Vec<Arc<Pipeline>>,
+}
+
+/// Most stages a profiled recording measures.
+const QUERIES: u32 = 256;
+
+impl Drop for Commands {
+    fn drop(&mut self) {
+        let device = &self.device.device;
+        // SAFETY: `run` waits for the end, so nothing is in flight; null handles are allowed.
+        unsafe {
+            device.destroy_fence(self.fence, None);
+            device.destroy_query_pool(self.queries, None);
+            for pool in &self.descriptor_pools {
+                device.destroy_descriptor_pool(*pool, None);
+            }
+            device.destroy_command_pool(self.pool, None);
+        }
+    }
+}
+
+impl Recorder {
+    /// Begins a recording.
+    pub fn new(device: &Device) -> Result<Recorder, Error> {
+        Recorder::begin(device, false)
+    }
+
+    /// Begins a recording whose stages are timed by the device.
+    pub fn profiled(device: &Device) -> Result<Recorder, Error> {
+        Recorder::begin(device, true)
+    }
+
+    fn begin(device: &Device, profiled: bool) -> Result<Recorder, Error> {
+        let mut commands = Commands {
+            device: device.inner.clone(),
+            pool: vk::CommandPool::null(),
+            buffer: vk::CommandBuffer::null(),
+            fence: vk::Fence::null(),
+            descriptor_pools: Vec::new(),
+            queries: vk::QueryPool::null(),
+            stages: Vec::new(),
+            buffers: Vec::new(),
+            pipelines: Vec::new(),
+        };
+        commands.make(profiled)?;
+        Ok(Recorder { commands, sets_left: 0, profiled })
+    }
+
+    /// Records a dispatch of `groups` workgroups. `buffers` go to bindings 0, 1, …
+    ///
+    /// # Panics
+    /// Where the numbers of buffers or push constants are not the kernel's.
+    pub fn dispatch(
+        &mut self,
+        kernel: &Kernel,
+        buffers: &[&Buffer],
+        push: &[u32],
+        groups: [u32; 3],
+    ) -> Result<(), Error> {
+        self.stage(kernel, buffers, push, |device, commands| {
+            // SAFETY: recording is open and the pipeline with its set is bound.
+            unsafe { device.cmd_dispatch(commands, groups[0], groups[1], groups[2]) }
+        })
+    }
+
+    /// As [`dispatch`](Self::dispatch), with the numbers of workgroups read from three words of
+    /// `groups` at byte `offset` when the device gets there.
+    pub fn dispatch_indirect(
+        &mut self,
+        kernel: &Kernel,
+        buffers: &[&Buffer],
+        push: &[u32],
+        groups: &Buffer,
+        offset: u64,
+    ) -> Result<(), Error> {
+        assert!(
+            offset.is_multiple_of(4) && offset + 12 <= groups.bytes(),
+            "indirect words out of bounds"
+        );
+        let raw = groups.shared.raw;
+        self.commands.buffers.push(groups.shared.clone());
+        self.stage(kernel, buffers, push, |device, commands| {
+            // SAFETY: as above; the words lie inside the buffer, which this recording keeps.
+            unsafe { device.cmd_dispatch_indirect(commands, raw, offset) }
+        })
+    }
+
+    fn stage(
+        &mut self,
+        kernel: &Kernel,
+        buffers: &[&Buffer],
+        push: &[u32],
+        dispatch: impl FnOnce(&ash::Device, vk::CommandBuffer),
+    ) -> Result<(), Error> {
+        let pipeline = kernel.shared.clone();
+        assert_eq!(buffers.len(), pipeline.bindings as usize, "buffers of {}", pipeline.name);
+        assert_eq!(push.len() * 4, pipeline.push_bytes as usize, "constants of {}", pipeline.name);
+        let set = self.bind(&pipeline, buffers)?;
+        let inner = self.commands.device.clone();
+        let (device, commands) = (&inner.device, self.commands.buffer);
+        // SAFETY: recording is open; pipeline, layout and set belong together.
+        unsafe {
+            let point = vk::PipelineBindPoint::COMPUTE;
+            device.cmd_bind_pipeline(commands, point, pipeline.pipeline);
+            device.cmd_bind_descriptor_sets(commands, point, pipeline.layout, 0, &[set], &[]);
+            if !push.is_empty() {
+                let bytes = bytemuck::cast_slice(push);
+                let compute = vk::ShaderStageFlags::COMPUTE;
+                device.cmd_push_constants(commands, pipeline.layout, compute, 0, bytes);
+            }
+        }
+        dispatch(device, commands);
+        self.barrier(pipeline.name);
+        self.commands.pipelines.push(pipeline);
+        Ok(())
+    }
+
+    /// Fills a buffer with a word.
+    pub fn fill(&mut self, buffer: &Buffer, word: u32) {
+        let raw = buffer.shared.raw;
+        // SAFETY: recording is open; the recording keeps the buffer.
+        unsafe {
+            let device = &self.commands.device.device;
+            device.cmd_fill_buffer(self.commands.buffer, raw, 0, vk::WHOLE_SIZE, word);
+        }
+        self.commands.buffers.push(buffer.shared.clone());
+        self.barrier("fill");
+    }
+
+    /// Copies as much of `from` as `to` holds.
+    pub fn copy(&mut self, from: &Buffer, to: &Buffer) -> Result<(), Error> {
+        let region = [vk::BufferCopy::default().size(from.bytes().min(to.bytes()))];
+        // SAFETY: as above; the region lies inside both.
+        unsafe {
+            self.commands.device.device.cmd_copy_buffer(
+                self.commands.buffer,
+                from.shared.raw,
+                to.shared.raw,
+                &region,
+            );
+        }
+        self.commands.buffers.extend([from.shared.clone(), to.shared.clone()]);
+        self.barrier("copy");
+        Ok(())
+    }
+
+    /// Ends the recording.
+    pub fn finish(self) -> Result<Commands, Error> {
+        // SAFETY: recording is open.
+        unsafe { self.commands.device.device.end_command_buffer(self.commands.buffer) }
+            .map_err(Error::of("vkEndCommandBuffer"))?;
+        Ok(self.commands)
+    }
+
+    /// Makes all that was written visible to what follows, host included, and notes the time.
+    fn barrier(&mut self, name: &'static str) {
+        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+        let device = &self.commands.device.device;
+        let commands = self.commands.buffer;
+        let memory = [vk::MemoryBarrier::default()
+            .src_access_mask(Access::SHADER_WRITE | Access::TRANSFER_WRITE)
+            .dst_access_mask(
+                Access::SHADER_READ
+                    | Access::SHADER_WRITE
+                    | Access::TRANSFER_READ
+                    | Access::TRANSFER_WRITE
+                    | Access::INDIRECT_COMMAND_READ
+                    | Access::HOST_READ,
+            )];
+        let from = Stage::COMPUTE_SHADER | Stage::TRANSFER;
+        let to = from | Stage::DRAW_INDIRECT | Stage::HOST;
+        let flags = vk::DependencyFlags::empty();
+        // SAFETY: recording is open.
+        unsafe { device.cmd_pipeline_barrier(commands, from, to, flags, &memory, &[], &[]) };
+        let query = self.commands.stages.len() as u32 + 1;
+        if self.profiled && query < QUERIES {
+            // SAFETY: the pool has QUERIES entries, reset at the start of the recording.
+            unsafe {
+                let all = Stage::BOTTOM_OF_PIPE;
+                device.cmd_write_timestamp(commands, all, self.commands.queries, query);
+            }
+            self.commands.stages.push(name);
+        }
+    }
+
+    /// A descriptor set with `buffers` at bindings 0, 1, …
+    fn bind(&mut self, kernel: &Pipeline, buffers: &[&Buffer]) -> Result<vk::DescriptorSet, Error> {
+        if self.sets_left == 0 {
+            self.commands.add_descriptor_pool()?;
+            self.sets_left = SETS_PER_POOL;
+        }
+        self.sets_left -= 1;
+        let device = &self.commands.device.device;
+        let layouts = [kernel.set_layout];
+        let pool = self.commands.descriptor_pools.last().copied().unwrap_or_default();
+        let info =
+            vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+        // SAFETY: the pool has room for the set and for BUFFERS_PER_SET buffers in each.
+        let set = unsafe { device.allocate_descriptor_sets(&info) }
+            .map_err(Error::of("vkAllocateDescriptorSets"))?[0];
+        let infos: Vec<_> = buffers
+            .iter()
+            .map(|b| {
+                [vk::DescriptorBufferInfo::default().buffer(b.shared.raw).range(vk::WHOLE_SIZE)]
+            })
+            .collect();
+        let writes: Vec<_> = (0..)
+            .zip(&infos)
+            .map(|(binding, info)| {
+                vk::WriteDescriptorSet::default()
+                    .dst_set(set)
+                    .dst_binding(binding)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .buffer_info(info)
+            })
+            .collect();
+        // SAFETY: set, buffers and infos are alive; the recording keeps the buffers.
+        unsafe { device.update_descriptor_sets(&writes, &[]) };
+        self.commands.buffers.extend(buffers.iter().map(|b| b.shared.clone()));
+        Ok(set)
+    }
+}
+
+impl Commands {
+    fn make(&mut self, profiled: bool) -> Result<(), Error> {
+        let device = &self.device.device;
+        let info =
+            vk::CommandPoolCreateInfo::default().queue_family_index(self.device.queue_family);
+        // SAFETY: valid descriptions throughout; handles go into `self`, which destroys them.
+        unsafe {
+            self.pool = device
+                .create_command_pool(&info, None)
+                .map_err(Error::of("vkCreateCommandPool"))?;
+            let info = vk::CommandBufferAllocateInfo::default()
+                .command_pool(self.pool)
+                .level(vk::CommandBufferLevel::PRIMARY)
+                .command_buffer_count(1);
+            self.buffer = device
+                .allocate_command_buffers(&info)
+                .map_err(Error::of("vkAllocateCommandBuffers"))?[0];
+            self.fence = device
+                .create_fence(&vk::FenceCreateInfo::default(), None)
+                .map_err(Error::of("vkCreateFence"))?;
+            device
+                .begin_command_buffer(self.buffer, &vk::CommandBufferBeginInfo::default())
+                .map_err(Error::of("vkBeginCommandBuffer"))?;
+            if profiled {
+                let info = vk::QueryPoolCreateInfo::default()
+                    .query_type(vk::QueryType::TIMESTAMP)
+                    .query_count(QUERIES);
+                self.queries = device
+                    .create_query_pool(&info, None)
+                    .map_err(Error::of("vkCreateQueryPool"))?;
+                device.cmd_reset_query_pool(self.buffer, self.queries, 0, QUERIES);
+                let top = vk::PipelineStageFlags::TOP_OF_PIPE;
+                device.cmd_write_timestamp(self.buffer, top, self.queries, 0);
+            }
+        }
+        Ok(())
+    }
+
+    fn add_descriptor_pool(&mut self) -> Result<(), Error> {
+        let sizes = [vk::DescriptorPoolSize::default()
+            .ty(vk::DescriptorType::STORAGE_BUFFER)
+            .descriptor_count(SETS_PER_POOL * BUFFERS_PER_SET)];
+        let info =
+            vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
+        // SAFETY: a valid description.
+        let pool = unsafe { self.device.device.create_descriptor_pool(&info, None) }
+            .map_err(Error::of("vkCreateDescriptorPool"))?;
+        self.descriptor_pools.push(pool);
+        Ok(())
+    }
+
+    /// Submits and waits for the end.
+    pub fn run(&mut self) -> Result<(), Error> {
+        let device = &self.device.device;
+        let buffers = [self.buffer];
+        let submits = [vk::SubmitInfo::default().command_buffers(&buffers)];
+        let fences = [self.fence];
+        // A poisoned lock means that another thread panicked between two Vulkan calls; the queue
+        // itself is still whole.
+        let queue = self.device.queue.lock().unwrap_or_else(|e| e.into_inner());
+        // SAFETY: `&mut self`: this command buffer is not in flight; the queue is held for the
+        // submission alone; the fence is unsignalled before and reset after.
+        unsafe {
+            device
+                .queue_submit(*queue, &submits, self.fence)
+                .map_err(Error::of("vkQueueSubmit"))?;
+            drop(queue);
+            device
+                .wait_for_fences(&fences, true, u64::MAX)
+                .map_err(Error::of("vkWaitForFences"))?;
+            device.reset_fences(&fences).map_err(Error::of("vkResetFences"))
+        }
+    }
+
+    /// Device times of the last run's stages, in order; empty where the recording is not profiled.
+    pub fn stage_times(&self) -> Result<Vec<StageTime>, Error> {
+        let mut ticks = vec![0u64; self.stages.len() + 1];
+        if self.stages.is_empty() {
+            return Ok(Vec::new());
+        }
+        // SAFETY: all these queries were written by the last run, which has ended.
+        unsafe {
+            self.device.device.get_query_pool_results(
+                self.queries,
+                0,
+                &mut ticks,
+                vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT,
+            )
+        }
+        .map_err(Error::of("vkGetQueryPoolResults"))?;
+        let to_ms = f64::from(self.device.timestamp_period) * 1e-6;
+        let times = std::iter::zip(&self.stages, ticks.windows(2)).map(|(&name, t)| StageTime {
+            name,
+            milliseconds: t[1].saturating_sub(t[0]) as f64 * to_ms,
+        });
+        Ok(times.collect())
+    }
+}

@@ -1,0 +1,337 @@
+//! Instance, device and queue.
+
+use std::ffi::{CStr, CString, c_void};
+use std::sync::{Arc, Mutex};
+
+use ash::{Entry, ext, vk};
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+
+use super::Error;
+
+const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// How to choose and open a device.
+#[derive(Clone, Debug, Default)]
+pub struct DeviceOptions {
+    /// Part of the device's name, or its index. Default: a discrete GPU before an integrated one
+    /// before a CPU.
+    pub device: Option<String>,
+    /// Run under the Khronos validation layer and keep its messages.
+    pub validation: bool,
+}
+
+/// What a device says of itself.
+#[derive(Clone, Debug)]
+pub struct DeviceInfo {
+    /// Its name.
+    pub name: String,
+    /// `discrete GPU`, `integrated GPU`, `CPU`, …
+    pub kind: &'static str,
+    /// Driver's name and version text.
+    pub driver: String,
+    /// Vulkan version.
+    pub api: (u32, u32),
+    /// Invocations of a subgroup.
+    pub subgroup: u32,
+    /// Shared memory of a workgroup, bytes.
+    pub shared_memory: u32,
+    /// Largest storage buffer, bytes.
+    pub storage_range: u64,
+    /// Whether host and device share one memory, so that nothing needs staging.
+    pub unified: bool,
+}
+
+impl std::fmt::Display for DeviceInfo {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{} ({}, {}, Vulkan {}.{}, subgroup {})",
+            self.name, self.kind, self.driver, self.api.0, self.api.1, self.subgroup
+        )
+    }
+}
+
+/// An opened device with one compute queue. Clones share it.
+#[derive(Clone)]
+pub struct Device {
+    pub(super) inner: Arc<Inner>,
+}
+
+/// What lives as long as anything made on the device.
+pub(super) struct Inner {
+    // Dropped by hand, in this order, before the device and the instance.
+    pub allocator: Mutex<Option<Allocator>>,
+    pub queue: Mutex<vk::Queue>,
+    pub queue_family: u32,
+    pub device: ash::Device,
+    pub info: DeviceInfo,
+    pub timestamp_period: f32,
+    instance: Instance,
+}
+
+struct Instance {
+    messages: Arc<Mutex<Vec<String>>>,
+    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    instance: ash::Instance,
+    // The loader library must outlive every call through it.
+    _entry: Entry,
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: the device is gone (Inner drops it first), and nothing else uses the instance.
+        unsafe {
+            if let Some((debug, messenger)) = self.messenger.take() {
+                debug.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.instance.destroy_instance(None);
+        }
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        // The allocator frees its memory through the device.
+        if let Ok(allocator) = self.allocator.get_mut() {
+            allocator.take();
+        }
+        // SAFETY: buffers, kernels and commands hold this Inner, so all are gone.
+        unsafe { self.device.destroy_device(None) };
+    }
+}
+
+impl Device {
+    /// Opens the best device, or the one asked for.
+    pub fn open(options: &DeviceOptions) -> Result<Device, Error> {
+        // SAFETY: the library loaded is the system's Vulkan loader.
+        let entry = unsafe { Entry::load() }.map_err(|e| Error::NoLoader(e.to_string()))?;
+        let instance = Instance::new(entry, options.validation)?;
+        let (physical, queue_family, info) = instance.choose(options.device.as_deref())?;
+        let device = instance.open(physical, queue_family)?;
+        // SAFETY: the queue family was asked for when the device was made.
+        let queue = unsafe { device.get_device_queue(queue_family, 0) };
+        // SAFETY: `physical` is a device of this instance.
+        let limits = unsafe { instance.instance.get_physical_device_properties(physical) }.limits;
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.instance.clone(),
+            device: device.clone(),
+            physical_device: physical,
+            debug_settings: Default::default(),
+            buffer_device_address: false,
+            allocation_sizes: Default::default(),
+        });
+        let allocator = match allocator {
+            Ok(allocator) => allocator,
+            Err(e) => {
+                // SAFETY: nothing was made on the device yet.
+                unsafe { device.destroy_device(None) };
+                let reason = e.to_string();
+                return Err(Error::Memory { buffer: "allocator", bytes: 0, reason });
+            }
+        };
+        Ok(Device {
+            inner: Arc::new(Inner {
+                allocator: Mutex::new(Some(allocator)),
+                queue: Mutex::new(queue),
+                queue_family,
+                device,
+                info,
+                timestamp_period: limits.timestamp_period,
+                instance,
+            }),
+        })
+    }
+
+    /// What the device says of itself.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.inner.info
+    }
+
+    /// Messages of the validation layer so far; empty where validation is off.
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.inner.instance.messages.lock().map(|m| m.clone()).unwrap_or_default()
+    }
+}
+
+/// Keeps a message of the validation layer.
+unsafe extern "system" fn keep_message(
+    _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    user: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: the layer passes valid data; `user` is the mutex that Instance keeps alive.
+    let (text, messages) = unsafe {
+        let text = (*data).message_as_c_str().map(|s| s.to_string_lossy().into_owned());
+        (text.unwrap_or_default(), &*user.cast::<Mutex<Vec<String>>>())
+    };
+    if let Ok(mut messages) = messages.lock() {
+        messages.push(text);
+    }
+    vk::FALSE
+}
+
+impl Instance {
+    fn new(entry: Entry, validation: bool) -> Result<Instance, Error> {
+        let app = vk::ApplicationInfo::default()
+            .application_name(c"nvsprior")
+            .api_version(vk::API_VERSION_1_2);
+        let mut layers = Vec::new();
+        let mut extensions = Vec::new();
+        if validation {
+            // SAFETY: a plain query.
+            let present = unsafe { entry.enumerate_instance_layer_properties() }
+                .map_err(Error::of("vkEnumerateInstanceLayerProperties"))?;
+            if !present.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
+                return Err(Error::NoValidationLayer);
+            }
+            layers.push(VALIDATION_LAYER.as_ptr());
+            extensions.push(ext::debug_utils::NAME.as_ptr());
+        }
+        let info = vk::InstanceCreateInfo::default()
+            .application_info(&app)
+            .enabled_layer_names(&layers)
+            .enabled_extension_names(&extensions);
+        // SAFETY: `info` and what it points to live through the call.
+        let made = unsafe { entry.create_instance(&info, None) };
+        let instance = made.map_err(|result| match result {
+            // What the loader says where no driver is installed.
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => Error::NoDevice {
+                wanted: String::new(),
+                found: "no Vulkan driver is installed".into(),
+            },
+            result => Error::of("vkCreateInstance")(result),
+        })?;
+        let mut this =
+            Instance { messages: Default::default(), messenger: None, instance, _entry: entry };
+        if validation {
+            this.listen()?;
+        }
+        Ok(this)
+    }
+
+    fn listen(&mut self) -> Result<(), Error> {
+        use vk::{
+            DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Kind,
+        };
+        let debug = ext::debug_utils::Instance::new(&self._entry, &self.instance);
+        let user = Arc::as_ptr(&self.messages).cast_mut().cast();
+        let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(Severity::WARNING | Severity::ERROR)
+            .message_type(Kind::VALIDATION | Kind::PERFORMANCE)
+            .pfn_user_callback(Some(keep_message))
+            .user_data(user);
+        // SAFETY: the mutex behind `user` lives as long as this Instance, which destroys the
+        // messenger first.
+        let messenger = unsafe { debug.create_debug_utils_messenger(&info, None) }
+            .map_err(Error::of("vkCreateDebugUtilsMessengerEXT"))?;
+        self.messenger = Some((debug, messenger));
+        Ok(())
+    }
+
+    /// The device asked for, or the one of the best kind.
+    fn choose(&self, wanted: Option<&str>) -> Result<(vk::PhysicalDevice, u32, DeviceInfo), Error> {
+        // SAFETY: a plain query.
+        let devices = unsafe { self.instance.enumerate_physical_devices() }
+            .map_err(Error::of("vkEnumeratePhysicalDevices"))?;
+        let mut best = None;
+        let mut passed_over = Vec::new();
+        for (index, device) in devices.into_iter().enumerate() {
+            let (info, rank) = self.describe(device);
+            if wanted.is_some_and(|w| !info.name.contains(w) && w != index.to_string()) {
+                passed_over.push(format!("{} is not the one", info.name));
+                continue;
+            }
+            match self.queue_family(device) {
+                Err(reason) => passed_over.push(format!("{} {reason}", info.name)),
+                Ok(family) if best.as_ref().is_none_or(|(_, _, _, r)| rank < *r) => {
+                    best = Some((device, family, info, rank));
+                }
+                Ok(_) => {}
+            }
+        }
+        let (device, family, info, _) = best.ok_or_else(|| Error::NoDevice {
+            wanted: wanted.map(|w| format!(" \"{w}\"")).unwrap_or_default(),
+            found: if passed_over.is_empty() {
+                "none found".into()
+            } else {
+                passed_over.join(", ")
+            },
+        })?;
+        Ok((device, family, info))
+    }
+
+    fn describe(&self, device: vk::PhysicalDevice) -> (DeviceInfo, u32) {
+        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default()
+            .push_next(&mut subgroup)
+            .push_next(&mut driver);
+        // SAFETY: the chained structures live through the call.
+        unsafe { self.instance.get_physical_device_properties2(device, &mut properties) };
+        let p = properties.properties;
+        let (kind, rank) = match p.device_type {
+            vk::PhysicalDeviceType::DISCRETE_GPU => ("discrete GPU", 0),
+            vk::PhysicalDeviceType::INTEGRATED_GPU => ("integrated GPU", 1),
+            vk::PhysicalDeviceType::VIRTUAL_GPU => ("virtual GPU", 2),
+            vk::PhysicalDeviceType::CPU => ("CPU", 3),
+            _ => ("other", 4),
+        };
+        let text = |s: Result<&CStr, _>| s.unwrap_or(c"?").to_string_lossy().into_owned();
+        let info = DeviceInfo {
+            name: text(p.device_name_as_c_str()),
+            kind,
+            driver: text(driver.driver_info_as_c_str()),
+            api: (vk::api_version_major(p.api_version), vk::api_version_minor(p.api_version)),
+            subgroup: subgroup.subgroup_size,
+            shared_memory: p.limits.max_compute_shared_memory_size,
+            storage_range: u64::from(p.limits.max_storage_buffer_range),
+            unified: matches!(rank, 1 | 3),
+        };
+        (info, rank)
+    }
+
+    /// A compute queue family of a device that fits, or why it does not.
+    fn queue_family(&self, device: vk::PhysicalDevice) -> Result<u32, &'static str> {
+        // SAFETY: plain queries on a device of this instance.
+        let (properties, families) = unsafe {
+            (
+                self.instance.get_physical_device_properties(device),
+                self.instance.get_physical_device_queue_family_properties(device),
+            )
+        };
+        if properties.api_version < vk::API_VERSION_1_2 {
+            return Err("is older than Vulkan 1.2");
+        }
+        let mut vulkan12 = vk::PhysicalDeviceVulkan12Features::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut vulkan12);
+        // SAFETY: the chained structures live through the call.
+        unsafe { self.instance.get_physical_device_features2(device, &mut features) };
+        if vulkan12.vulkan_memory_model == vk::FALSE {
+            return Err("lacks vulkanMemoryModel");
+        }
+        families
+            .iter()
+            .position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE))
+            .map(|i| i as u32)
+            .ok_or("has no compute queue")
+    }
+
+    fn open(&self, physical: vk::PhysicalDevice, family: u32) -> Result<ash::Device, Error> {
+        let priorities = [1.0];
+        let queues = [vk::DeviceQueueCreateInfo::default()
+            .queue_family_index(family)
+            .queue_priorities(&priorities)];
+        let mut vulkan12 = vk::PhysicalDeviceVulkan12Features::default().vulkan_memory_model(true);
+        let info =
+            vk::DeviceCreateInfo::default().queue_create_infos(&queues).push_next(&mut vulkan12);
+        // SAFETY: `physical` has the family and the feature (`queue_family` checked both).
+        unsafe { self.instance.create_device(physical, &info, None) }
+            .map_err(Error::of("vkCreateDevice"))
+    }
+}
+
+/// A kernel's entry point as Vulkan wants it; names come from the committed manifest, without NULs.
+pub(super) fn c_name(name: &str) -> CString {
+    CString::new(name.replace('\0', "")).unwrap_or_default()
+}

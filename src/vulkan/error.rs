@@ -1,0 +1,73 @@
+//! What can go wrong below the renderer.
+
+use ash::vk;
+
+/// A failure of the Vulkan layer, naming the call or thing that failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The Vulkan loader library is missing.
+    #[error(
+        "no Vulkan loader ({0}); install a Vulkan driver: on Debian or Ubuntu `apt-get install \
+         libvulkan1 mesa-vulkan-drivers` (a CPU driver that works everywhere), else your GPU's"
+    )]
+    NoLoader(String),
+    /// No device that can run the engine.
+    #[error(
+        "no Vulkan device fits{wanted}: {found}. nvsprior needs Vulkan 1.2 with the \
+         vulkanMemoryModel feature; on Debian or Ubuntu `apt-get install mesa-vulkan-drivers` \
+         brings a CPU driver that works everywhere"
+    )]
+    NoDevice {
+        /// What was asked for, if anything.
+        wanted: String,
+        /// Devices seen and why each was passed over.
+        found: String,
+    },
+    /// Validation was asked for and its layer is not installed.
+    #[error("validation layer VK_LAYER_KHRONOS_validation is not installed")]
+    NoValidationLayer,
+    /// A Vulkan call failed.
+    #[error("{call} failed: {result:?}")]
+    Call {
+        /// Name of the Vulkan function.
+        call: &'static str,
+        /// What it returned.
+        result: vk::Result,
+    },
+    /// The device was lost; the engine must be opened again.
+    #[error("device lost in {call}")]
+    DeviceLost {
+        /// Name of the Vulkan function that noticed.
+        call: &'static str,
+    },
+    /// Memory could not be had.
+    #[error("no memory for buffer {buffer} of {bytes} bytes: {reason}")]
+    Memory {
+        /// Which buffer.
+        buffer: &'static str,
+        /// Its size.
+        bytes: u64,
+        /// The allocator's reason.
+        reason: String,
+    },
+    /// A buffer is larger than the device lets a shader see.
+    #[error("buffer {buffer} needs {bytes} bytes; this device's storage buffers hold {limit}")]
+    BufferTooLarge {
+        /// Which buffer.
+        buffer: &'static str,
+        /// Size needed.
+        bytes: u64,
+        /// `maxStorageBufferRange` of the device.
+        limit: u64,
+    },
+}
+
+impl Error {
+    /// For `map_err`: wraps a result code with the name of its call.
+    pub(super) fn of(call: &'static str) -> impl Fn(vk::Result) -> Error {
+        move |result| match result {
+            vk::Result::ERROR_DEVICE_LOST => Error::DeviceLost { call },
+            result => Error::Call { call, result },
+        }
+    }
+}

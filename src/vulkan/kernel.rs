@@ -1,0 +1,124 @@
+//! Compute pipelines.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::device::{Inner, c_name};
+use super::{Device, Error};
+
+/// A compute pipeline whose storage buffers are bindings 0, 1, … of set 0.
+#[derive(Clone)]
+pub struct Kernel {
+    pub(super) shared: Arc<Pipeline>,
+}
+
+pub(super) struct Pipeline {
+    pub name: &'static str,
+    pub bindings: u32,
+    pub push_bytes: u32,
+    pub pipeline: vk::Pipeline,
+    pub layout: vk::PipelineLayout,
+    pub set_layout: vk::DescriptorSetLayout,
+    device: Arc<Inner>,
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        let device = &self.device.device;
+        // SAFETY: recorded commands hold this Pipeline, so none uses it any more. Destroying a null
+        // handle, left by a construction that failed, is allowed.
+        unsafe {
+            device.destroy_pipeline(self.pipeline, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
+
+impl Kernel {
+    /// Builds the pipeline of a module's entry point, which must use `bindings` storage buffers and
+    /// `push_words` words of push constants.
+    pub fn new(
+        device: &Device,
+        name: &'static str,
+        entry: &str,
+        spirv: &[u8],
+        bindings: u32,
+        push_words: u32,
+    ) -> Result<Kernel, Error> {
+        let inner = device.inner.clone();
+        let mut pipeline = Pipeline {
+            name,
+            bindings,
+            push_bytes: push_words * 4,
+            pipeline: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            device: inner,
+        };
+        pipeline.make_layout()?;
+        pipeline.make_pipeline(entry, spirv)?;
+        Ok(Kernel { shared: Arc::new(pipeline) })
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        self.shared.name
+    }
+}
+
+impl Pipeline {
+    fn make_layout(&mut self) -> Result<(), Error> {
+        let device = &self.device.device;
+        let bindings: Vec<_> = (0..self.bindings)
+            .map(|binding| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(binding)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        // SAFETY: a valid description that lives through the call.
+        self.set_layout = unsafe { device.create_descriptor_set_layout(&info, None) }
+            .map_err(Error::of("vkCreateDescriptorSetLayout"))?;
+        let push = [vk::PushConstantRange::default()
+            .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            .size(self.push_bytes)];
+        let sets = [self.set_layout];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+        if self.push_bytes > 0 {
+            info = info.push_constant_ranges(&push);
+        }
+        // SAFETY: as above; the set layout was just made.
+        self.layout = unsafe { device.create_pipeline_layout(&info, None) }
+            .map_err(Error::of("vkCreatePipelineLayout"))?;
+        Ok(())
+    }
+
+    fn make_pipeline(&mut self, entry: &str, spirv: &[u8]) -> Result<(), Error> {
+        let device = &self.device.device;
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(spirv);
+        let info = vk::ShaderModuleCreateInfo::default().code(&words);
+        // SAFETY: the module is one of those committed, which passed spirv-val.
+        let module = unsafe { device.create_shader_module(&info, None) }
+            .map_err(Error::of("vkCreateShaderModule"))?;
+        let entry = c_name(entry);
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(&entry);
+        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
+        // SAFETY: layout and module are valid; the module may go once the pipeline is made.
+        let made = unsafe {
+            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None);
+            device.destroy_shader_module(module, None);
+            made
+        };
+        let pipelines = made.map_err(|(_, r)| Error::of("vkCreateComputePipelines")(r))?;
+        self.pipeline = pipelines[0];
+        Ok(())
+    }
+}

@@ -1,0 +1,15 @@
+//! The only place that names Vulkan: device choice, memory, pipelines, commands. What it offers
+//! above is safe: buffers know their sizes, recorded commands keep alive what they use, and a
+//! submission returns when the device has finished.
+
+mod buffer;
+mod commands;
+mod device;
+mod error;
+mod kernel;
+
+pub use buffer::{Buffer, Memory};
+pub use commands::{Commands, Recorder, StageTime};
+pub use device::{Device, DeviceInfo, DeviceOptions};
+pub use error::Error;
+pub use kernel::Kernel;

@@ -1,0 +1,130 @@
+//! `nvsprior encode`: what it writes, at every kind of rate, from every kind of start.
+
+use serde_json::Value;
+
+use crate::dive::{Dive, FRAMES, name, pictures};
+use crate::scene::{CAMERA, pose};
+
+/// Bytes of the latent part, and of the camera part that the first packet carries too.
+const LATENT: u64 = 31;
+const CAMERA_PART: u64 = 18;
+
+fn frames(summary: &Value) -> &[Value] {
+    summary["frames"].as_array().unwrap()
+}
+
+fn packet(dive: &Dive, t: usize) -> Vec<u8> {
+    dive.bytes(&format!("packets/{t}.nvsp"))
+}
+
+#[test]
+fn a_dive_is_encoded_and_decoded_by_two_processes() {
+    let dive = Dive::new();
+    let summary = dive.encode(
+        "--start-offset 0.05,-0.04,0.06,1.1,-1.7,1.1 --optimizer gauss-newton --residual webp \
+         --quality 10 --threshold 1 --frames-out seen --sheet sheet.png",
+    );
+    check_summary(&dive, &summary);
+    dive.run("decode --prior prior.ply --packets packets --frames topside").ends_with(0);
+    for (t, row) in frames(&summary).iter().enumerate() {
+        let decoded = dive.picture(&format!("topside/{t}.png"));
+        assert_eq!(decoded, dive.picture(&format!("seen/{t}.png")), "frame {t}");
+        let psnr = decoded.psnr(&pictures()[t]);
+        assert!((psnr - row["psnr"].as_f64().unwrap()).abs() < 1e-9, "frame {t}: {psnr} dB");
+        assert!(psnr > 30.0, "frame {t}: {psnr} dB");
+    }
+    assert!(!dive.path("topside/3.png").exists(), "a frame of another split");
+    let sheet = dive.picture("sheet.png");
+    let gap = 4;
+    let width = 4 * (CAMERA.width + gap) + gap;
+    assert_eq!((sheet.width, sheet.height), (width, 3 * (CAMERA.height + gap) + gap));
+}
+
+/// Names, order and figures of the frames, and their means.
+fn check_summary(dive: &Dive, summary: &Value) {
+    let rows = frames(summary);
+    assert_eq!(rows.len(), FRAMES);
+    for (t, row) in rows.iter().enumerate() {
+        assert_eq!(row["file"], name(t));
+        assert_eq!(row["bytes"], packet(dive, t).len());
+        assert_eq!(row["latent_bytes"], LATENT);
+        assert!(row["psnr"].as_f64() > row["render_psnr"].as_f64());
+        assert_eq!(row["start"], ["external", "previous", "predicted"][t]);
+    }
+    for figure in ["bytes", "latent_bytes", "render_psnr", "psnr", "full_renders", "milliseconds"] {
+        let values = rows.iter().map(|row| row[figure].as_f64().unwrap());
+        let mean = values.clone().sum::<f64>() / FRAMES as f64;
+        assert!((summary["mean"][figure].as_f64().unwrap() - mean).abs() < 1e-9, "{figure}");
+        assert!(values.into_iter().all(|v| v > 0.0), "{figure}");
+    }
+}
+
+#[test]
+fn the_same_frames_give_the_same_packets() {
+    let dive = Dive::new();
+    dive.encode("");
+    let whole: Vec<_> = (0..FRAMES).map(|t| packet(&dive, t)).collect();
+    std::fs::remove_dir_all(dive.path("packets")).unwrap();
+    let summary = dive.encode("--limit 2");
+    assert_eq!(frames(&summary).len(), 2);
+    assert_eq!([packet(&dive, 0), packet(&dive, 1)], whole[..2]);
+    assert!(!dive.path("packets/2.nvsp").exists());
+}
+
+#[test]
+fn a_budget_is_never_exceeded() {
+    let dive = Dive::new();
+    for budget in [49, 300] {
+        let summary = dive.encode(&format!("--bytes {budget}"));
+        for (t, row) in frames(&summary).iter().enumerate() {
+            assert!(packet(&dive, t).len() <= budget, "frame {t} at {budget}");
+            assert!(row["rate_kept"].is_boolean());
+        }
+    }
+}
+
+#[test]
+fn a_wanted_psnr_is_reached_at_fewer_bytes_than_a_higher_one() {
+    let dive = Dive::new();
+    let mut bytes = Vec::new();
+    for wanted in [36.0, 41.0] {
+        let summary = dive.encode(&format!("--psnr {wanted}"));
+        for row in frames(&summary) {
+            assert_eq!(row["rate_kept"], true, "{row}");
+            assert!(row["psnr"].as_f64().unwrap() >= wanted, "{row}");
+        }
+        bytes.push(summary["mean"]["bytes"].as_f64().unwrap());
+    }
+    assert!(bytes[0] < bytes[1], "{bytes:?}");
+}
+
+#[test]
+fn without_residual_a_packet_is_a_pose_and_the_first_one_a_camera_too() {
+    let dive = Dive::new();
+    let summary = dive.encode("--residual none --optimizer bfgs");
+    let bytes: Vec<_> = frames(&summary).iter().map(|row| row["bytes"].as_u64().unwrap()).collect();
+    assert_eq!(bytes, [LATENT + CAMERA_PART, LATENT, LATENT]);
+    let summary = dive.encode("--residual none --profile paper --jacobian exact");
+    assert_eq!(summary["mean"]["latent_bytes"], 43.0);
+}
+
+/// Kinds of the starts where no frame is near enough to the one before.
+fn starts(dive: &Dive, args: &str) -> Vec<Value> {
+    let summary = dive.encode(&format!("--residual none --threshold 0 {args}"));
+    frames(&summary).iter().map(|row| row["start"].clone()).collect()
+}
+
+#[test]
+fn poses_from_outside_come_from_the_camera_file_or_from_a_csv_file() {
+    let dive = Dive::new();
+    assert_eq!(starts(&dive, ""), ["external", "uncertain", "uncertain"]);
+    assert_eq!(starts(&dive, "--starts camera-file"), ["external"; FRAMES]);
+    let row = |t: usize| {
+        let pose = pose(t as f64);
+        let ([w, x, y, z], p) = (pose.wxyz(), pose.translation);
+        format!("{},{w},{x},{y},{z},{},{},{}\n", name(t), p.x, p.y, p.z)
+    };
+    let header = "file,qw,qx,qy,qz,tx,ty,tz\n";
+    std::fs::write(dive.path("poses.csv"), format!("{header}{}{}", row(0), row(2))).unwrap();
+    assert_eq!(starts(&dive, "--starts poses.csv"), ["external", "uncertain", "external"]);
+}

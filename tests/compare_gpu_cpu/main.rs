@@ -1,0 +1,14 @@
+//! Holds every GPU stage against its f64 twin on the CPU.
+#![cfg(feature = "reference")]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod difference;
+mod equations;
+mod guards;
+mod jacobian;
+mod pictures;
+mod sorting;
+mod stages;
+mod subgroups;

@@ -1,0 +1,30 @@
+//! The same order and picture at other subgroup sizes: lavapipe takes its own from a variable,
+//! which it reads once a process.
+
+use std::process::Command;
+
+use crate::common;
+
+#[test]
+fn other_sizes_sort_and_draw_the_same() {
+    let engine = common::engine();
+    if !engine.device().name.contains("llvmpipe") {
+        println!("skipped: {} has one subgroup size", engine.device());
+        return;
+    }
+    for (bits, subgroup) in [(128, 4), (256, 8), (512, 16)] {
+        let output = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "--nocapture", "--test-threads=1"])
+            .args(["sorting::random_keys", "pictures::every_sh_degree"])
+            .env("LP_NATIVE_VECTOR_WIDTH", bits.to_string())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        let complaint = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "subgroup {subgroup}: {said}\n{complaint}");
+        assert!(said.contains("2 passed"), "subgroup {subgroup}: {said}");
+        if !said.contains(&format!("subgroup {subgroup})")) {
+            println!("skipped: this processor does not take subgroup {subgroup}");
+        }
+    }
+}

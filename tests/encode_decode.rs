@@ -1,0 +1,194 @@
+//! Frames in, packets out, pictures back, through the public API.
+
+mod scene;
+
+use glam::DVec3;
+use nvsprior::packet::{Latent, PoseProfile};
+use nvsprior::refine::{Optimizer, StartKind};
+use nvsprior::{Decoder, Encoder, EncoderOptions, Error, Pose, Rate};
+use scene::{CAMERA, assert_silent, clean_frame, engine, frame, pose, wall};
+
+const OFFSET: [f64; 6] = [0.05, -0.04, 0.06, 0.02, -0.03, 0.02];
+
+/// How far the wall's corners and centre move between two poses, pixels. (Poses themselves are a
+/// poor measure: before a wall, shifting and turning nearly stand for each other.)
+fn pose_error(a: &Pose, b: &Pose) -> f64 {
+    let at = |pose: &Pose, p: DVec3| {
+        let c = pose.rotation * p + pose.translation;
+        c.truncate() / c.z * f64::from(CAMERA.fx)
+    };
+    let points = [(0.0, 0.0), (-2.0, -1.0), (2.0, -1.0), (-2.0, 1.0), (2.0, 1.0)];
+    let moved = points.map(|(x, y)| DVec3::new(x, y, 4.0)).map(|p| (at(a, p) - at(b, p)).length());
+    moved.into_iter().fold(0.0, f64::max)
+}
+
+#[test]
+fn a_dive_comes_back_as_the_encoder_predicted() {
+    let engine = engine();
+    let scene = engine.upload(&wall(1)).unwrap();
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
+    let mut decoder = Decoder::new(&engine, &scene);
+    for t in 0..4u8 {
+        let truth = pose(t.into());
+        let frame = clean_frame(&engine, &scene, &truth);
+        let start = (t == 0).then(|| truth.stepped(&OFFSET));
+        let encoded = encoder.encode(&frame, start).unwrap();
+        assert!(pose_error(&encoded.pose, &truth) < 0.3, "frame {t}: {:?}", encoded.stats);
+        assert!(encoded.stats.psnr > encoded.stats.render_psnr);
+        assert_eq!(encoded.stats.latent_bytes, 31);
+        let decoded = decoder.decode(&encoded.packet).unwrap();
+        assert_eq!(decoded.picture, encoded.picture, "frame {t}");
+        assert_eq!(decoded.frame, u32::from(t));
+        assert!(decoded.damage.is_none());
+    }
+    assert_silent(&engine);
+}
+
+#[test]
+fn every_optimiser_finds_the_pose_and_none_ends_worse_than_it_began() {
+    let engine = engine();
+    let scene = engine.upload(&wall(2)).unwrap();
+    let truth = pose(0.0);
+    let frame = clean_frame(&engine, &scene, &truth);
+    let near = truth.stepped(&OFFSET.map(|v| v * 0.3));
+    let optimizers =
+        [Optimizer::GaussNewton, Optimizer::Bfgs, Optimizer::Adam, Optimizer::AdamBfgs];
+    for optimizer in optimizers {
+        let mut options = EncoderOptions { rate: None, ..EncoderOptions::default() };
+        options.refine.optimizer = optimizer;
+        options.refine.adam.epochs = 60;
+        let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+        let encoded = encoder.encode(&frame, Some(near)).unwrap();
+        let full = || encoder.trace().iter().filter(|e| e.level == 0);
+        let best = full().map(|e| e.mse).fold(f64::INFINITY, f64::min);
+        let reached = 10f64.powf(-encoded.stats.render_psnr / 10.0);
+        // Eight bits and the quantised pose are between the two.
+        assert!(reached < best * 1.05 + 1e-5, "{}: {reached} for {best}", optimizer.name());
+        let error = pose_error(&encoded.pose, &truth);
+        // The gradient methods stop by their tolerances, Adam here by its epochs.
+        let limit = match optimizer {
+            Optimizer::GaussNewton => 0.2,
+            Optimizer::Bfgs | Optimizer::AdamBfgs => 0.5,
+            Optimizer::Adam => 2.0,
+        };
+        assert!(error < limit, "{}: off by {error} pixels", optimizer.name());
+    }
+    assert_silent(&engine);
+}
+
+#[test]
+fn starts_follow_the_paper() {
+    let engine = engine();
+    let scene = engine.upload(&wall(3)).unwrap();
+    let options = |threshold| EncoderOptions { threshold, rate: None, ..EncoderOptions::default() };
+    let frames: Vec<_> = (0..3).map(|t| frame(&engine, &scene, &pose(t.into()))).collect();
+    let run = |threshold, external: Option<Pose>| {
+        let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options(threshold)).unwrap();
+        let starts = [Some(pose(0.0)), external, external];
+        let encode = |(frame, start)| encoder.encode(frame, start).unwrap();
+        let encoded: Vec<_> = frames.iter().zip(starts).map(encode).collect();
+        let uncertain = Latent::decode(&encoded[1].packet).unwrap().uncertain_start;
+        (encoded.iter().map(|e| e.stats.start).collect::<Vec<_>>(), uncertain)
+    };
+    let (kinds, uncertain) = run(1.0, Some(pose(1.0)));
+    assert_eq!(kinds, [StartKind::External, StartKind::Previous, StartKind::Predicted]);
+    assert!(!uncertain);
+    let (kinds, uncertain) = run(0.0, Some(pose(1.0)));
+    assert_eq!(kinds, [StartKind::External; 3]);
+    assert!(!uncertain);
+    let (kinds, uncertain) = run(0.0, None);
+    assert_eq!(kinds[1..], [StartKind::BestOfBad; 2]);
+    assert!(uncertain);
+}
+
+#[test]
+fn the_first_frame_needs_a_pose_and_a_failed_frame_changes_nothing() {
+    let engine = engine();
+    let scene = engine.upload(&wall(4)).unwrap();
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
+    let picture = frame(&engine, &scene, &pose(0.0));
+    assert!(matches!(encoder.encode(&picture, None), Err(Error::NoStart { frame: 0 })));
+    let nan = Pose { translation: glam::DVec3::NAN, ..pose(0.0) };
+    assert!(matches!(encoder.encode(&picture, Some(nan)), Err(Error::NoStart { frame: 0 })));
+    let other = nvsprior::Picture::new(8, 8);
+    assert!(matches!(encoder.encode(&other, Some(pose(0.0))), Err(Error::FrameSize { .. })));
+    assert_eq!(encoder.encode(&picture, Some(pose(0.0))).unwrap().stats.frame, 0);
+}
+
+#[test]
+fn a_budget_holds_for_the_whole_packet() {
+    let engine = engine();
+    let scene = engine.upload(&wall(5)).unwrap();
+    let picture = frame(&engine, &scene, &pose(0.0));
+    for (budget, profile) in [
+        (49, PoseProfile::Compact),
+        (64, PoseProfile::Paper),
+        (256, PoseProfile::Compact),
+        (600, PoseProfile::Compact),
+        (1024, PoseProfile::Paper),
+    ] {
+        let rate = Some(Rate::Bytes(budget));
+        let options = EncoderOptions { rate, profile, ..EncoderOptions::default() };
+        let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+        let encoded = encoder.encode(&picture, Some(pose(0.0))).unwrap();
+        assert!(encoded.packet.len() <= budget, "{} for {budget}", encoded.packet.len());
+        assert_eq!(encoded.stats.rate_kept, encoded.packet.len() > 64, "at {budget}");
+        let decoded = Decoder::new(&engine, &scene).decode(&encoded.packet).unwrap();
+        assert_eq!(decoded.picture, encoded.picture);
+    }
+    let options = EncoderOptions { rate: Some(Rate::Bytes(20)), ..EncoderOptions::default() };
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+    assert!(matches!(
+        encoder.encode(&picture, Some(pose(0.0))),
+        Err(Error::Budget { budget: 20, needed: 49 })
+    ));
+}
+
+#[test]
+fn encoding_twice_gives_the_same_bytes() {
+    let engine = engine();
+    let scene = engine.upload(&wall(6)).unwrap();
+    let picture = frame(&engine, &scene, &pose(0.5));
+    let encode = || {
+        let mut encoder =
+            Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
+        encoder.encode(&picture, Some(pose(0.0))).unwrap().packet
+    };
+    assert_eq!(encode(), encode());
+}
+
+#[test]
+fn a_decoder_refuses_what_it_cannot_show_and_shows_what_it_can() {
+    let engine = engine();
+    let scene = engine.upload(&wall(7)).unwrap();
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
+    let encode = |encoder: &mut Encoder, t: f64| {
+        let picture = frame(&engine, &scene, &pose(t));
+        encoder.encode(&picture, Some(pose(t))).unwrap()
+    };
+    let first = encode(&mut encoder, 0.0);
+    let second = encode(&mut encoder, 1.0);
+
+    let other = engine.upload(&wall(8)).unwrap();
+    let refused = Decoder::new(&engine, &other).decode(&first.packet);
+    assert!(matches!(refused, Err(Error::Packet(_))), "another prior");
+
+    // The second packet names its camera only: after a loss, the topside must be told of it.
+    let mut decoder = Decoder::new(&engine, &scene);
+    let lost = decoder.decode(&second.packet);
+    assert!(matches!(lost, Err(Error::CameraUnknown { frame: 1, .. })));
+    decoder.add_camera(&CAMERA).unwrap();
+    assert_eq!(decoder.decode(&second.packet).unwrap().picture, second.picture);
+
+    // The latent part alone makes a picture; a damaged residual leaves it.
+    let alone = decoder.decode(&second.packet[..31]).unwrap();
+    assert_eq!(alone.picture, second.render);
+    assert!(alone.damage.is_some());
+    let mut damaged = second.packet.clone();
+    *damaged.last_mut().unwrap() ^= 1;
+    let decoded = decoder.decode(&damaged).unwrap();
+    assert_eq!(decoded.picture, second.render);
+    assert!(decoded.damage.is_some());
+    damaged[5] ^= 1;
+    assert!(decoder.decode(&damaged).is_err());
+}

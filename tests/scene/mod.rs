@@ -1,0 +1,92 @@
+//! A small scene with texture at several scales and relief, and frames of it: what the tests of
+//! encoder, decoder and command line dive at.
+#![allow(dead_code)] // Each test file uses its own part.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nvsprior::prior::Splats;
+use nvsprior::render::{Plan, Scene};
+use nvsprior::vulkan::DeviceOptions;
+use nvsprior::{Camera, Engine, Picture, Pose, Prior, RenderOptions};
+
+pub const CAMERA: Camera =
+    Camera { width: 160, height: 90, fx: 130.0, fy: 130.0, cx: 80.0, cy: 45.0 };
+
+/// A number in [0, 1) from an index (SplitMix64).
+fn noise(index: u64) -> f32 {
+    let mut z = index.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
+}
+
+/// A wall of 80 × 60 splats with relief, at z ≈ 4; `seed` changes its colours.
+pub fn wall(seed: u64) -> Prior {
+    let (columns, rows) = (80, 60);
+    let mut splats = Splats::default();
+    for i in 0..columns * rows {
+        let (x, y) = ((i % columns) as f32 * 0.1 - 4.0, (i / columns) as f32 * 0.1 - 3.0);
+        let relief = 0.4 * (1.3 * x).sin() * (1.7 * y).cos();
+        splats.positions.push([x, y, 4.0 + relief]);
+        splats.log_scales.push([-2.6, -2.6, -5.0]);
+        splats.rotations.push([1.0, 0.0, 0.0, 0.0]);
+        splats.opacity_logits.push(3.0);
+        for channel in 0..3 {
+            let patch = (i / columns / 6 * 20 + i % columns / 6) as u64;
+            let coarse = noise(seed * 1000 + patch * 3 + channel);
+            let fine = noise(seed * 7777 + i as u64 * 3 + channel);
+            splats.sh.push((0.6 * coarse + 0.4 * fine - 0.5) * 3.0);
+        }
+    }
+    Prior::from_splats(splats, RenderOptions::INRIA).unwrap()
+}
+
+/// The pose of frame `t` of a slow dive along the wall.
+pub fn pose(t: f64) -> Pose {
+    Pose::IDENTITY.stepped(&[0.05 * t, -0.02 * t, 0.01 * t, 0.004 * t, 0.006 * t, -0.003 * t])
+}
+
+/// An engine under the validation layer, where that is installed.
+pub fn engine() -> Engine {
+    let validated = DeviceOptions { validation: true, ..DeviceOptions::default() };
+    Engine::new(&validated).unwrap_or_else(|error| {
+        println!("without validation: {error}");
+        Engine::new(&DeviceOptions::default()).unwrap()
+    })
+}
+
+/// The scene as the camera sees it, with a little noise.
+pub fn clean_frame(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
+    let mut picture = Picture::new(CAMERA.width, CAMERA.height);
+    let mut renderer = engine.renderer(scene, &CAMERA, Plan::picture()).unwrap();
+    renderer.picture(pose, &mut picture).unwrap();
+    for (i, value) in picture.data.iter_mut().enumerate() {
+        *value = value.saturating_add((noise(i as u64) * 4.0) as u8);
+    }
+    picture
+}
+
+/// The same with a patch that the prior does not know. It pulls the best pose aside a little.
+pub fn frame(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
+    let mut picture = clean_frame(engine, scene, pose);
+    for (i, value) in picture.data.iter_mut().enumerate() {
+        let (x, y) = (i / 3 % 160, i / 3 / 160);
+        if (30..50).contains(&x) && (20..40).contains(&y) {
+            *value = value.saturating_add(60);
+        }
+    }
+    picture
+}
+
+/// Fails where the validation layer complained.
+pub fn assert_silent(engine: &Engine) {
+    assert_eq!(engine.validation_messages(), Vec::<String>::new());
+}
+
+/// Writes the wall as a .ply.
+pub fn write_prior(path: &Path, prior: &Prior) {
+    let mut bytes = Vec::new();
+    nvsprior::prior::ply::write_ply(prior.splats(), prior.options(), &mut bytes).unwrap();
+    std::fs::write(path, bytes).unwrap();
+}
