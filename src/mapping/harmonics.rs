@@ -30,3 +30,13 @@ pub fn colours(splats: &Splats, centre: Vec3) -> Vec<Vec3> {
         })
         .collect()
 }
+
+/// The derivative by a splat's position of `gradient · colour`, through the direction in which the
+/// splat is seen; `own` are its coefficients and `offset` goes from the camera to it.
+pub fn by_position(own: &[f32], gradient: Vec3, offset: Vec3) -> Vec3 {
+    let Some(terms) = own.get(3..12) else { return Vec3::ZERO };
+    let [y, z, x] = std::array::from_fn(|k| gradient.dot(Vec3::from_slice(&terms[3 * k..])));
+    let by_direction = C1 * Vec3::new(-x, -y, z);
+    let direction = offset.normalize_or_zero();
+    (by_direction - direction * direction.dot(by_direction)) * offset.length_recip()
+}

@@ -123,10 +123,8 @@ impl<'a> Projector<'a> {
         self.rotation * position + self.translation
     }
 
-    /// What a change of the splat's place in the picture means for its parameters.
-    ///
-    /// The covariance's dependence on the position is left out: for splats much smaller than their
-    /// distance it is small against the movement of the mean.
+    /// From derivatives by mean and conic (xx, xy, yy; xy standing for both places) to those by
+    /// the splat's own place and shape. Where the Jacobian is clamped, its change is left out.
     pub fn pull_back(
         &self,
         geometry: &Geometry,
@@ -135,29 +133,43 @@ impl<'a> Projector<'a> {
         by_conic: [f32; 3],
     ) -> ShapeGradient {
         let index = splat.index as usize;
-        let rows = self.rows(self.to_camera(geometry.positions[index]));
+        let p = self.to_camera(geometry.positions[index]);
+        let rows = self.rows(p);
         let [xx, xy, yy] = splat.conic;
         let conic = Mat2::from_cols(Vec2::new(xx, xy), Vec2::new(xy, yy));
         let [gxx, gxy, gyy] = by_conic;
         let by_conic = Mat2::from_cols(Vec2::new(gxx, gxy / 2.0), Vec2::new(gxy / 2.0, gyy));
         // d(Σ⁻¹) = −Σ⁻¹ dΣ Σ⁻¹.
         let by_covariance = -(conic * by_conic * conic);
+        // The projected covariance is Σₖ (M aₖ)(M aₖ)ᵀ over the splat's axes aₖ, M the two rows.
         let axes = geometry.axes[index];
-        let flat = [axes.x_axis, axes.y_axis, axes.z_axis].map(|a| rows.map(|row| row.dot(a)));
-        let pulled = flat.map(|a| by_covariance * Vec2::from(a));
-        // Along axis k the world sees Gₖ = Mᵀ G M aₖ; turning by ω moves aₖ by ω × aₖ.
-        let by_axis = pulled.map(|g| 2.0 * (rows[0] * g.x + rows[1] * g.y));
+        let axes = [axes.x_axis, axes.y_axis, axes.z_axis];
+        let by_flat =
+            axes.map(|a| 2.0 * (by_covariance * Vec2::new(rows[0].dot(a), rows[1].dot(a))));
+        let by_axis = by_flat.map(|g| rows[0] * g.x + rows[1] * g.y);
+        let by_row =
+            |row: usize| -> Vec3 { std::iter::zip(axes, by_flat).map(|(a, g)| a * g[row]).sum() };
+        let by_rows = [by_row(0), by_row(1)];
         ShapeGradient {
-            position: rows[0] * by_mean.x + rows[1] * by_mean.y,
-            log_scale: Vec3::new(
-                by_axis[0].dot(axes.x_axis),
-                by_axis[1].dot(axes.y_axis),
-                by_axis[2].dot(axes.z_axis),
-            ),
-            turn: axes.x_axis.cross(by_axis[0])
-                + axes.y_axis.cross(by_axis[1])
-                + axes.z_axis.cross(by_axis[2]),
+            position: rows[0] * by_mean.x + rows[1] * by_mean.y + self.by_jacobian(p, by_rows),
+            log_scale: Vec3::from_array(std::array::from_fn(|k| by_axis[k].dot(axes[k]))),
+            // Turning by ω moves aₖ by ω × aₖ.
+            turn: std::iter::zip(axes, by_axis).map(|(a, g)| a.cross(g)).sum(),
         }
+    }
+
+    /// What the derivatives by the rows of `J R` say about the position, through `J`.
+    fn by_jacobian(&self, p: Vec3, by_rows: [Vec3; 2]) -> Vec3 {
+        let Camera { fx, fy, .. } = *self.camera;
+        let [x, y] = by_rows.map(|row| self.rotation * row);
+        let z2 = p.z * p.z;
+        let slope = Vec2::new(p.x, p.y) / p.z;
+        let by_p = Vec3::new(
+            -fx * x.z,
+            -fy * y.z,
+            fx * (2.0 * slope.x * x.z - x.x) + fy * (2.0 * slope.y * y.z - y.y),
+        );
+        self.rotation.transpose() * by_p / z2
     }
 
     /// `J R Σ Rᵀ Jᵀ` as xx, xy, yy (Zwicker et al., "EWA Splatting", 2002, eq. 31).

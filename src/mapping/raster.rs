@@ -3,7 +3,8 @@
 //! The picture of splats with colours `c` is `Σ wᵢ cᵢ + T · background`, where the weights follow
 //! from geometry and opacity alone: `wᵢ = αᵢ Π (1 − αⱼ)` over the splats `j` before `i`. For a
 //! fixed geometry the picture is therefore linear in the colours, and this module offers that
-//! linear map and its transpose, tile by tile. Constants as in the GPU renderer: cut at 1/255, stop at a transmittance of 1e-4.
+//! linear map and its transpose, tile by tile. Constants as in the GPU renderer: cut
+//! at 1/255, stop at a transmittance of 1e-4.
 
 use glam::{Vec2, Vec3};
 

@@ -114,3 +114,40 @@ fn draw(
     let picture = sensor::expose(radiance, CAMERA.width, CAMERA.height, &disturbance, seed);
     DemoFrame { name: format!("{:04}.png", index + 1), picture, pose, time }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nothing but the scene and the water.
+    const STILL: Conditions = Conditions { caustics: 0.0, snow: 0, noise: 0.0 };
+
+    #[test]
+    fn runs_are_the_same_every_time_and_on_any_number_of_threads() {
+        let draw = |threads, run| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| inspection_run(run, 2, Conditions::BASIN).nth(1).unwrap().picture)
+        };
+        for run in [Run::T1, Run::T2] {
+            assert_eq!(draw(1, run), draw(3, run));
+        }
+        assert_ne!(draw(2, Run::T1), draw(2, Run::T2));
+    }
+
+    #[test]
+    fn conditions_disturb_the_still_scene_a_little() {
+        let first = |conditions| mapping_run(conditions).next().unwrap().picture;
+        let psnr = first(Conditions::BASIN).psnr(&first(STILL));
+        assert!((30.0..45.0).contains(&psnr), "{psnr} dB");
+    }
+
+    #[test]
+    fn the_line_and_the_object_show_in_t2() {
+        let frame = inspection_run(Run::T2, 1, STILL).next().unwrap();
+        let empty = draw(&Scene::mapped(), &STILL, frame.pose, 0, frame.time, 2);
+        let changed =
+            std::iter::zip(frame.picture.data.chunks_exact(3), empty.picture.data.chunks_exact(3));
+        let changed = changed.filter(|(a, b)| a[0].abs_diff(b[0]) > 20).count();
+        assert!((1000..15_000).contains(&changed), "{changed} pixels");
+    }
+}

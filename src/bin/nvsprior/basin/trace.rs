@@ -25,12 +25,11 @@ impl Eye {
         Eye { camera: *camera, origin: pose.centre().as_vec3(), to_world }
     }
 
-    /// The ray through a picture point, and the cosine of its angle to the optical axis.
-    pub fn ray(&self, x: f32, y: f32) -> (Ray, f32) {
+    /// The ray through a picture point, pixels.
+    pub fn ray(&self, x: f32, y: f32) -> Ray {
         let Camera { fx, fy, cx, cy, .. } = self.camera;
-        let d = Vec3::new((x - cx) / fx, (y - cy) / fy, 1.0);
-        let cosine = d.length_recip();
-        (Ray { origin: self.origin, direction: self.to_world * d * cosine }, cosine)
+        let through = Vec3::new((x - cx) / fx, (y - cy) / fy, 1.0);
+        Ray { origin: self.origin, direction: (self.to_world * through).normalize() }
     }
 }
 
@@ -55,7 +54,7 @@ pub fn draw(scene: &Scene, camera: &Camera, pose: &Pose, light: &Light) -> Vec<V
 }
 
 fn sample(scene: &Scene, eye: &Eye, light: &Light, lamp: usize, x: f32, y: f32) -> Vec3 {
-    let (ray, _) = eye.ray(x, y);
+    let ray = eye.ray(x, y);
     let Some(hit) = scene.hit(&ray) else { return VEIL };
     // Samples lie half a pixel apart; a slanting surface stretches them, up to a limit.
     let slant = hit.normal.dot(ray.direction).abs().max(0.3);
@@ -63,4 +62,27 @@ fn sample(scene: &Scene, eye: &Eye, light: &Light, lamp: usize, x: f32, y: f32) 
     let spot = Spot { solid: hit.solid, position: hit.position, normal: hit.normal, footprint };
     let reflected = albedo(&spot) * light.on(scene, hit.position, hit.normal, lamp);
     through_water(reflected, hit.t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::CAMERA;
+    use super::super::trajectory::mapping_poses;
+    use super::*;
+
+    #[test]
+    fn rays_end_at_points_that_project_back_onto_their_pixels() {
+        let scene = Scene::mapped();
+        for pose in mapping_poses() {
+            let eye = Eye::new(&CAMERA, &pose);
+            for (x, y) in [(3.5, 4.5), (160.0, 90.0), (310.0, 20.0), (77.0, 171.0)] {
+                let ray = eye.ray(x, y);
+                let hit = scene.hit(&ray).unwrap();
+                let p = (pose.rotation * hit.position.as_dvec3() + pose.translation).as_vec3();
+                let (u, v) = (CAMERA.fx * p.x / p.z + CAMERA.cx, CAMERA.fy * p.y / p.z + CAMERA.cy);
+                assert!((u - x).abs() < 0.01 && (v - y).abs() < 0.01, "({x}, {y}): ({u}, {v})");
+                assert!((p.length() - hit.t).abs() < 1e-3 && hit.normal.dot(ray.direction) < 0.0);
+            }
+        }
+    }
 }

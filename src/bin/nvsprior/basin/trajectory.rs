@@ -15,7 +15,7 @@ const SPEED: f64 = 0.25;
 
 /// Poses of the mapping run: rows around the structure, then passes over it.
 pub fn mapping_poses() -> Vec<Pose> {
-    // (camera height, pitch below the horizon, clearance to the structure, pictures), m and degrees.
+    // Camera height (m), pitch below the horizon (degrees), clearance (m), pictures.
     let rows = [(0.75, 2.0, 2.5, 24), (1.75, 10.0, 2.7, 24), (2.9, 24.0, 2.7, 24)];
     let around =
         rows.into_iter().enumerate().flat_map(|(row, (height, pitch, clearance, count))| {
