@@ -5,19 +5,18 @@ set -eu
 
 missing=""
 need() { missing="$missing $1"; }
+any() { for file in "$@"; do [ ! -e "$file" ] || return 0; done; return 1; }
 
 command -v cc >/dev/null || need gcc
 for part in "$@"; do
     case $part in
     run)
         ldconfig -p 2>/dev/null | grep -q 'libvulkan\.so\.1' || need libvulkan1
-        ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json >/dev/null 2>&1 ||
-            need mesa-vulkan-drivers
+        any /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json || need mesa-vulkan-drivers
         ;;
     test)
-        ls /usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json \
-            /etc/vulkan/explicit_layer.d/VkLayer_khronos_validation.json >/dev/null 2>&1 ||
-            need vulkan-validationlayers
+        layer=vulkan/explicit_layer.d/VkLayer_khronos_validation.json
+        any "/usr/share/$layer" "/etc/$layer" || need vulkan-validationlayers
         command -v spirv-val >/dev/null || need spirv-tools
         ;;
     shaders)
