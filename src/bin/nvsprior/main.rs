@@ -42,6 +42,8 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    // A reader that closes the pipe (`| head`) ends the program; it is no error to panic about.
+    sigpipe::reset();
     let result = match Cli::parse().command {
         Command::Encode(args) => encode::run(&args),
         Command::Decode(args) => decode::run(&args),
