@@ -3,37 +3,12 @@
 //! tile is stable: so each tile's list ends up in depth order.
 
 use crate::shared::{self, BIN_BLOCK, Counters, GROUP, Params, Projected};
+use crate::scan::{saturating, scan};
 use spirv_std::arch::workgroup_memory_barrier_with_group_sync as barrier;
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::spirv;
 
 const EACH: u32 = BIN_BLOCK / GROUP;
-
-/// The sum, or the largest number where it would wrap: then the host hears of too many pairs, not
-/// of a few.
-fn saturating(a: u32, b: u32) -> u32 {
-    let sum = a.wrapping_add(b);
-    if sum < a { u32::MAX } else { sum }
-}
-
-/// Exclusive prefix sum over the workgroup (Hillis–Steele), and the total; both saturate.
-fn scan(value: u32, lane: u32, shared: &mut [u32; GROUP as usize]) -> (u32, u32) {
-    let lane = lane as usize;
-    shared[lane] = value;
-    barrier();
-    let mut reach = 1;
-    while reach < GROUP as usize {
-        let mut sum = shared[lane];
-        if lane >= reach {
-            sum = saturating(sum, shared[lane - reach]);
-        }
-        barrier();
-        shared[lane] = sum;
-        barrier();
-        reach *= 2;
-    }
-    (shared[lane] - value, shared[GROUP as usize - 1])
-}
 
 /// Tiles touched by the run of splats that an invocation owns, in depth order.
 fn run_count(params: &Params, order: &[u32], tile_counts: &[u32], first: u32) -> u32 {

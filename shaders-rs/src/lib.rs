@@ -10,6 +10,7 @@ pub mod project;
 pub mod radix;
 pub mod ranges;
 pub mod reduce;
+pub mod scan;
 pub mod splat;
 pub mod splat_exact;
 pub mod splat_flow;

@@ -1,7 +1,8 @@
 //! Stages `radix_count`, `radix_scan`, `radix_scatter`: one stable pass of a least-significant-digit
 //! radix sort, 8 bits. No subgroup operation takes part, so the order cannot depend on their size.
 
-use crate::shared::{Counters, RADIX, RADIX_BLOCK, SCATTER_THREADS};
+use crate::scan::scan;
+use crate::shared::{Counters, GROUP, RADIX, RADIX_BLOCK, SCATTER_THREADS};
 use spirv_std::arch::{atomic_i_add, workgroup_memory_barrier_with_group_sync as barrier};
 use spirv_std::glam::UVec3;
 use spirv_std::memory::{Scope, Semantics};
@@ -52,11 +53,12 @@ pub fn radix_count(
     histogram[(group.x * RADIX + lane) as usize] = bins[lane as usize];
 }
 
-/// Turns the histograms into first positions: by digit, then by block. One workgroup.
+/// Turns the histograms into first positions: by digit, then by block. One workgroup, an invocation a
+/// digit.
 #[spirv(compute(threads(256)))]
 pub fn radix_scan(
     #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] totals: &mut [u32; RADIX as usize],
+    #[spirv(workgroup)] totals: &mut [u32; GROUP as usize],
     #[spirv(push_constant)] pass: &Pass,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &mut [u32],
@@ -68,24 +70,10 @@ pub fn radix_scan(
         total += histogram[(block * RADIX + lane) as usize];
         block += 1;
     }
-    let lane = lane as usize;
-    totals[lane] = total;
-    barrier();
-    let mut reach = 1;
-    while reach < RADIX as usize {
-        let mut sum = totals[lane];
-        if lane >= reach {
-            sum += totals[lane - reach];
-        }
-        barrier();
-        totals[lane] = sum;
-        barrier();
-        reach *= 2;
-    }
-    let mut before = totals[lane] - total;
+    let (mut before, _) = scan(total, lane, totals);
     block = 0;
     while block < blocks {
-        let at = block as usize * RADIX as usize + lane;
+        let at = (block * RADIX + lane) as usize;
         let here = histogram[at];
         histogram[at] = before;
         before += here;

@@ -4,6 +4,7 @@
 pub(crate) mod bin;
 pub(crate) mod derive;
 mod kernels;
+mod lists;
 #[cfg(feature = "reference")]
 #[doc(hidden)]
 pub mod probe;

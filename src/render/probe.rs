@@ -9,7 +9,7 @@ use crate::{Camera, Engine, Pose};
 use super::radix::{Keys, Sort};
 use super::view::View;
 use super::workspace::Workspace;
-use super::{Kernels, Scene, bin, derive, project, radix, ranges};
+use super::{Kernels, Scene, derive, lists, radix};
 
 /// Sorts keys with values in four passes, as the splats by depth are.
 ///
@@ -142,18 +142,8 @@ fn emit_pairs(
 ) -> Result<usize, Error> {
     let mut recorder = Recorder::new(device)?;
     let r = &mut recorder;
-    project::record(r, kernels, scene, view, work)?;
+    let by_depth = lists::record_pairs(r, kernels, scene, view, work)?;
     derive::record(r, kernels, scene, view, work)?;
-    let (counters, histogram) = (&work.counters, &work.histogram);
-    r.fill(counters, scene.splats);
-    let depth = Keys::Depth { count: scene.splats };
-    let (keys, order) = (&work.depth_keys, &work.depth_order);
-    let by_depth = radix::record(
-        r,
-        kernels,
-        &Sort { what: depth, passes: 4, counters, histogram, keys, values: order },
-    )?;
-    bin::record(r, kernels, scene, view, work, by_depth)?;
     recorder.finish()?.run()?;
     Ok(by_depth)
 }
@@ -166,16 +156,7 @@ fn sort_pairs(
     work: &Workspace,
 ) -> Result<usize, Error> {
     let mut recorder = Recorder::new(device)?;
-    let r = &mut recorder;
-    let (counters, histogram) = (&work.counters, &work.histogram);
-    let passes = radix::passes(view.tile_count() + 1);
-    let (tiles, splats) = (&work.pair_tiles, &work.pair_splats);
-    let sorted = radix::record(
-        r,
-        kernels,
-        &Sort { what: Keys::Tile, passes, counters, histogram, keys: tiles, values: splats },
-    )?;
-    ranges::record(r, kernels, view, work, sorted)?;
+    let sorted = lists::record_ranges(&mut recorder, kernels, view, work)?;
     recorder.finish()?.run()?;
     Ok(sorted)
 }

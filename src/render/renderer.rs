@@ -6,10 +6,9 @@ use crate::shared::{Counters, PIXEL};
 use crate::vulkan::{Commands, Device, Error, Recorder, StageTime};
 use crate::{Camera, Picture, Pose};
 
-use super::radix::{Keys, Sort};
 use super::view::{NormalEquations, View};
 use super::workspace::Workspace;
-use super::{Kernels, Scene, bin, derive, project, radix, ranges, reduce, splat};
+use super::{Kernels, Scene, derive, lists, reduce, splat};
 
 /// Which pose Jacobian the normal equations are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,26 +123,8 @@ impl Renderer {
             Recorder::new(&self.device)?
         };
         let r = &mut recorder;
-        project::record(r, kernels, scene, view, work)?;
-        let (counters, histogram) = (&work.counters, &work.histogram);
-        r.fill(counters, scene.splats);
-        let depth = Keys::Depth { count: scene.splats };
-        let (keys, order) = (&work.depth_keys, &work.depth_order);
-        let order = radix::record(
-            r,
-            kernels,
-            &Sort { what: depth, passes: 4, counters, histogram, keys, values: order },
-        )?;
-        bin::record(r, kernels, scene, view, work, order)?;
-        // One value more than there are tiles: padding sorts behind the last.
-        let passes = radix::passes(view.tile_count() + 1);
-        let (tiles, splats) = (&work.pair_tiles, &work.pair_splats);
-        let sorted = radix::record(
-            r,
-            kernels,
-            &Sort { what: Keys::Tile, passes, counters, histogram, keys: tiles, values: splats },
-        )?;
-        ranges::record(r, kernels, view, work, sorted)?;
+        lists::record_pairs(r, kernels, scene, view, work)?;
+        let sorted = lists::record_ranges(r, kernels, view, work)?;
         match job {
             Job::Draw => splat::record(r, kernels, view, work, sorted)?,
             Job::Sums(Jacobian::Flow) => {
