@@ -64,16 +64,6 @@ impl Starts {
         self.before_last = self.last.replace(pose);
     }
 
-    /// Forgets all frames.
-    pub fn clear(&mut self) {
-        *self = Starts::default();
-    }
-
-    /// Whether the next frame needs a pose from outside.
-    pub fn is_empty(&self) -> bool {
-        self.last.is_none()
-    }
-
     /// Chooses the start of the next frame; `None` where there is neither a frame before nor a pose
     /// from outside. `threshold`: mean squared error, values in [0, 1].
     pub fn choose(

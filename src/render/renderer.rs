@@ -244,11 +244,6 @@ impl Renderer {
         &self.renders
     }
 
-    /// (tile, splat) pairs of the last render.
-    pub fn pairs(&self) -> u32 {
-        self.counters().pairs_needed
-    }
-
     /// Device times of the stages of a level's last draw, or of its last normal equations.
     pub fn stage_times(
         &self,

@@ -42,11 +42,6 @@ impl Scene {
     pub fn frame(&self) -> PriorFrame {
         self.frame
     }
-
-    /// Number of splats.
-    pub fn splats(&self) -> u32 {
-        self.splats
-    }
 }
 
 /// A splat's scaled axes in the world, the columns of `R S`: the covariance is their `A Aᵀ`, which

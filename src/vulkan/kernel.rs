@@ -61,11 +61,6 @@ impl Kernel {
         pipeline.make_pipeline(entry, spirv)?;
         Ok(Kernel { shared: Arc::new(pipeline) })
     }
-
-    /// Its name.
-    pub fn name(&self) -> &'static str {
-        self.shared.name
-    }
 }
 
 impl Pipeline {
