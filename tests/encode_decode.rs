@@ -1,12 +1,14 @@
 //! Frames in, packets out, pictures back, through the public API.
 
+mod common;
 mod scene;
 
+use common::{assert_silent, engine};
 use glam::DVec3;
 use nvsprior::packet::{Latent, PoseProfile};
 use nvsprior::refine::{Optimizer, StartKind};
 use nvsprior::{Decoder, Encoder, EncoderOptions, Error, Pose, Rate};
-use scene::{CAMERA, assert_silent, clean_frame, engine, frame, pose, wall};
+use scene::{CAMERA, clean_frame, frame, pose, wall};
 
 const OFFSET: [f64; 6] = [0.05, -0.04, 0.06, 0.02, -0.03, 0.02];
 

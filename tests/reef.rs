@@ -1,12 +1,12 @@
 //! The reef set's figures: real footage, held-out stretch. Runs where the data lies beside the
 //! project.
 
-mod scene;
+mod common;
 
 use std::path::{Path, PathBuf};
 
+use common::{Random, assert_silent, engine, reef_file};
 use nvsprior::{Camera, Decoder, Encoder, EncoderOptions, Picture, Pose, Prior};
-use scene::engine;
 
 /// Render alone, dB, that an f64 prototype reached on the frames of `test_block`.
 const RENDER_PSNR: [f64; 12] =
@@ -14,13 +14,9 @@ const RENDER_PSNR: [f64; 12] =
 /// Its mean residual bytes and PSNR at WebP quality 10.
 const RESIDUAL: (f64, f64) = (750.0, 31.43);
 
+/// The folder of the reef set, where that lies beside the repository.
 fn reef() -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/reef");
-    if !path.join("prior.ply").exists() {
-        println!("skipped: no reef data at {}", path.display());
-        return None;
-    }
-    Some(path)
+    reef_file("cameras.json")?.parent().map(Path::to_path_buf)
 }
 
 /// File, camera and pose of the held-out frames.
@@ -47,14 +43,6 @@ fn frames(reef: &Path) -> Vec<(PathBuf, Camera, Pose)> {
         .collect()
 }
 
-/// A number in [−1, 1) from an index (SplitMix64).
-fn noise(index: u64) -> f64 {
-    let mut z = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
-
 /// Starts off by up to 0.11 units and 3° an axis, the paper's bounds, on the frame that the pyramid
 /// alone failed on most (four of six starts).
 #[test]
@@ -72,16 +60,16 @@ fn perturbed_starts_reach_the_optimum() {
         encoder.encode(&frame, Some(start)).unwrap().stats.render_psnr
     };
     let best = reach(pose);
+    let mut random = Random::new(0);
     for start in 0..5 {
-        let limit = |axis: u64| if axis < 3 { 0.11 } else { 3f64.to_radians() };
         let tau = std::array::from_fn(|axis| {
-            let axis = axis as u64;
-            limit(axis) * noise(start * 6 + axis)
+            let limit = if axis < 3 { 0.11 } else { 3f64.to_radians() };
+            limit * f64::from(random.within(-1.0, 1.0))
         });
         let reached = reach(pose.stepped(&tau));
         assert!(reached > best - 0.1, "start {start}, {tau:?}: {reached} dB of {best}");
     }
-    scene::assert_silent(&engine);
+    assert_silent(&engine);
 }
 
 #[test]
@@ -114,5 +102,5 @@ fn the_default_reaches_the_prototype_s_figures() {
     assert!(render / count > prototype - 0.05, "{}", render / count);
     assert!(bytes / count <= RESIDUAL.0, "{} bytes", bytes / count);
     assert!(psnr / count >= RESIDUAL.1 - 0.1, "{} dB", psnr / count);
-    scene::assert_silent(&engine);
+    assert_silent(&engine);
 }

@@ -8,7 +8,8 @@ use nvsprior::{Camera, Picture, Pose};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::scene::{CAMERA, engine, frame, pose, wall, write_prior};
+use crate::common::engine;
+use crate::scene::{CAMERA, frame, pose, wall, write_prior};
 
 /// Frames of split `dive`; one more is of split `survey`.
 pub const FRAMES: usize = 3;

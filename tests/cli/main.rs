@@ -1,6 +1,8 @@
 //! The command line, as scripts use it: arguments, files, exit codes.
 
 mod bench;
+#[path = "../common/mod.rs"]
+mod common;
 mod decode;
 mod dive;
 mod encode;

@@ -7,18 +7,16 @@ use std::sync::Arc;
 
 use nvsprior::prior::Splats;
 use nvsprior::render::{Plan, Scene};
-use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Picture, Pose, Prior, RenderOptions};
+
+use crate::common::Random;
 
 pub const CAMERA: Camera =
     Camera { width: 160, height: 90, fx: 130.0, fy: 130.0, cx: 80.0, cy: 45.0 };
 
-/// A number in [0, 1) from an index (SplitMix64).
+/// A number in [0, 1) from an index.
 fn noise(index: u64) -> f32 {
-    let mut z = index.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 40) as f32 / (1 << 24) as f32
+    Random::at(index).within(0.0, 1.0)
 }
 
 /// A wall of 80 × 60 splats with relief, at z ≈ 4; `seed` changes its colours.
@@ -47,15 +45,6 @@ pub fn pose(t: f64) -> Pose {
     Pose::IDENTITY.stepped(&[0.05 * t, -0.02 * t, 0.01 * t, 0.004 * t, 0.006 * t, -0.003 * t])
 }
 
-/// An engine under the validation layer, where that is installed.
-pub fn engine() -> Engine {
-    let validated = DeviceOptions { validation: true, ..DeviceOptions::default() };
-    Engine::new(&validated).unwrap_or_else(|error| {
-        println!("without validation: {error}");
-        Engine::new(&DeviceOptions::default()).unwrap()
-    })
-}
-
 /// The scene as the camera sees it, with a little noise.
 pub fn clean_frame(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
     let mut picture = Picture::new(CAMERA.width, CAMERA.height);
@@ -77,11 +66,6 @@ pub fn frame(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
         }
     }
     picture
-}
-
-/// Fails where the validation layer complained.
-pub fn assert_silent(engine: &Engine) {
-    assert_eq!(engine.validation_messages(), Vec::<String>::new());
 }
 
 /// Writes the wall as a .ply.
