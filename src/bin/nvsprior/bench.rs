@@ -13,7 +13,6 @@ use nvsprior::{Encoder, EncoderOptions, Engine, FrameStats};
 
 use crate::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use crate::encode::{Input, InputArgs};
-use crate::frame_file;
 
 /// Measure error against run time: for each optimiser the PSNR reached after each render
 ///
@@ -82,12 +81,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 fn measure(encoder: &mut Encoder, input: &Input) -> anyhow::Result<FrameRun> {
-    encoder.set_camera(&input.camera)?;
-    let (width, height) = (input.camera.width, input.camera.height);
-    let frame = frame_file::read_frame(&input.path, width, height)?;
-    let encoded = encoder
-        .encode(&frame, input.external)
-        .with_context(|| format!("encoding {}", input.path.display()))?;
+    let (_, encoded) = input.encode(encoder)?;
     let trace = encoder.trace().to_vec();
     Ok(FrameRun { file: input.file.clone(), trace, stats: encoded.stats })
 }

@@ -7,7 +7,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
-use nvsprior::{Camera, Encoder, EncoderOptions, Pose, Rate};
+use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Picture, Pose, Rate};
 
 use crate::args::{DeviceArgs, OptimizerArg, PriorArgs, SizeArgs, StepArg, progress};
 use crate::camera_file::{CameraFile, View};
@@ -161,6 +161,18 @@ pub struct Input {
     pub external: Option<Pose>,
 }
 
+impl Input {
+    /// Reads the frame and encodes it as its camera's next one; gives back both.
+    pub fn encode(&self, encoder: &mut Encoder) -> anyhow::Result<(Picture, Encoded)> {
+        let encoding = || format!("encoding {}", self.path.display());
+        encoder.set_camera(&self.camera).with_context(encoding)?;
+        let Camera { width, height, .. } = self.camera;
+        let frame = frame_file::read_frame(&self.path, width, height).with_context(encoding)?;
+        let encoded = encoder.encode(&frame, self.external).with_context(encoding)?;
+        Ok((frame, encoded))
+    }
+}
+
 impl InputArgs {
     /// The frames, in time order; at least one.
     pub fn frames(&self) -> anyhow::Result<Vec<Input>> {
@@ -233,8 +245,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let bar = progress(frames.len(), "encoding");
     let (mut rows, mut pictures) = (Vec::new(), Vec::new());
     for frame in &frames {
-        let encoding = || format!("encoding {}", frame.path.display());
-        let (row, picture) = encode(args, &mut encoder, frame).with_context(encoding)?;
+        let (row, picture) = encode(args, &mut encoder, frame)?;
         rows.push(row);
         pictures.extend(picture);
         bar.inc(1);
@@ -256,10 +267,7 @@ fn encode(
     encoder: &mut Encoder,
     input: &Input,
 ) -> anyhow::Result<(Row, Option<SheetRow>)> {
-    encoder.set_camera(&input.camera)?;
-    let (width, height) = (input.camera.width, input.camera.height);
-    let frame = frame_file::read_frame(&input.path, width, height)?;
-    let encoded = encoder.encode(&frame, input.external)?;
+    let (frame, encoded) = input.encode(encoder)?;
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
     std::fs::write(&packet, &encoded.packet)
         .with_context(|| format!("writing {}", packet.display()))?;
