@@ -50,13 +50,13 @@ pub(super) fn minimise(
     options: &GaussNewtonOptions,
 ) -> Result<Outcome, Error> {
     let coarsest = coarsest.min(objective.levels() - 1);
-    let mut pose = *start;
-    let mut finest = coarsest;
-    if coarsest > HYPOTHESIS_LEVEL {
-        pose = best_hypothesis(objective, start, coarsest, jacobian, options)?;
-        finest = HYPOTHESIS_LEVEL - 1;
-    }
-    pose = descend(objective, &pose, (1..=finest).rev(), jacobian, options)?.pose;
+    let (pose, next) = if coarsest > HYPOTHESIS_LEVEL {
+        let pose = best_hypothesis(objective, start, coarsest, jacobian, options)?;
+        (pose, HYPOTHESIS_LEVEL - 1)
+    } else {
+        (*start, coarsest)
+    };
+    let pose = descend(objective, &pose, (1..=next).rev(), jacobian, options)?.pose;
     let (tolerance, renders) = (options.tolerance, options.renders);
     let search = Search { level: 0, jacobian, tolerance, renders, damping: options.damping };
     let (place, stop) = search.run(objective, &pose)?;
@@ -84,6 +84,9 @@ fn best_hypothesis(
     let mut error = objective.evaluate(HYPOTHESIS_LEVEL, jacobian, start)?.square;
     for _ in 0..TURNS {
         let next = objective.turned(&turned)?;
+        if next == turned {
+            break;
+        }
         let next_error = objective.evaluate(HYPOTHESIS_LEVEL, jacobian, &next)?.square;
         if !(next_error < error) {
             break;

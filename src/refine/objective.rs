@@ -3,12 +3,12 @@
 use std::time::Instant;
 
 use crate::render::{Jacobian, NormalEquations, Renderer};
+use crate::shared::PIXEL;
 use crate::vulkan::Error;
 use crate::{Picture, Pose};
 
 use super::Pyramid;
 use super::phase_correlation::PhaseCorrelation;
-use crate::shared::PIXEL;
 
 /// One evaluation, for reports of error against run time.
 #[derive(Clone, Copy, Debug, PartialEq)]
