@@ -13,7 +13,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use nvsprior::packet::{Latent, PoseProfile, QuantisedPose};
 use nvsprior::prior::ply::write_ply;
 use nvsprior::render::{Jacobian, Plan, Scene};
-use nvsprior::residual::{decode_residual, encode_residual};
+use nvsprior::residual::{ResidualDecoder, ResidualEncoder};
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Packet, Picture, Pose, Prior, Rate};
 
@@ -76,15 +76,25 @@ fn code(criterion: &mut Criterion) {
     let scene = engine.upload(&scene::wall(1)).expect("room for the prior");
     let (camera, render) = camera_and_render(&engine, &scene);
     let quality = Rate::Quality(10.0);
-    let coded = encode_residual(&camera, &render, quality, 0).expect("a coded residual");
+    let (width, height) = (camera.width, camera.height);
+    let mut encoder = ResidualEncoder::new(width, height);
     let mut group = criterion.benchmark_group("residual wall");
     for (name, rate) in [("quality 10", quality), ("300 bytes", Rate::Bytes(300))] {
         group.bench_function(format!("encode, {name}"), |b| {
-            b.iter(|| encode_residual(black_box(&camera), &render, rate, 0).expect("a residual"))
+            b.iter(|| {
+                let coded = encoder.encode(black_box(&camera), &render, rate, 0);
+                coded.expect("a residual").psnr
+            })
         });
     }
+    let coded = encoder.encode(&camera, &render, quality, 0).expect("a coded residual");
+    let mut decoder = ResidualDecoder::new(width, height);
     group.bench_function("decode", |b| {
-        b.iter(|| decode_residual(black_box(&render), &coded.residual))
+        let mut picture = render.clone();
+        b.iter(|| {
+            picture.clone_from(black_box(&render));
+            decoder.add(&coded.residual, &mut picture)
+        })
     });
     group.finish();
 

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::packet::{Latent, PacketError, Residual};
+use crate::packet::{Latent, Residual, Salvage};
 use crate::render::{Plan, Renderer, Scene};
-use crate::residual::decode_residual;
+use crate::residual::ResidualDecoder;
 use crate::{Camera, Engine, Error, Packet, Picture, Pose};
 
 /// A decoded frame.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Decoded {
     /// The picture.
     pub picture: Picture,
@@ -18,7 +18,9 @@ pub struct Decoded {
     pub pose: Pose,
     /// The vehicle was not sure of the pose.
     pub uncertain: bool,
-    /// What of the packet could not be used: then the picture is the render alone.
+    /// Rows, from the top, that the residual reached; the others are the render alone.
+    pub rows: u32,
+    /// What of the packet could not be used.
     pub damage: Option<Error>,
 }
 
@@ -27,7 +29,25 @@ pub struct Decoder {
     engine: Engine,
     scene: Arc<Scene>,
     cameras: Vec<Camera>,
-    renderer: Option<(Camera, Renderer)>,
+    view: Option<View>,
+}
+
+/// What one camera's packets take.
+struct View {
+    camera: Camera,
+    renderer: Renderer,
+    residual: ResidualDecoder,
+}
+
+/// What is known of a packet's bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trust {
+    /// Nothing: parts whose check does not match are left out.
+    #[default]
+    Whole,
+    /// They are the undamaged start of a packet, as [`modem`](crate::modem) gives it: of a residual
+    /// that is cut short, the rows that arrived are shown.
+    Start,
 }
 
 /// Cameras that a decoder remembers: one per tag.
@@ -36,12 +56,7 @@ const CAMERAS: usize = 256;
 impl Decoder {
     /// Makes a decoder of packets about an uploaded prior.
     pub fn new(engine: &Engine, scene: &Arc<Scene>) -> Decoder {
-        Decoder {
-            engine: engine.clone(),
-            scene: scene.clone(),
-            cameras: Vec::new(),
-            renderer: None,
-        }
+        Decoder { engine: engine.clone(), scene: scene.clone(), cameras: Vec::new(), view: None }
     }
 
     /// Tells the decoder of a camera, for packets that only name it.
@@ -61,45 +76,78 @@ impl Decoder {
     /// # Errors
     /// Where the latent part is damaged, is about another prior, or names a camera that never came.
     pub fn decode(&mut self, bytes: &[u8]) -> Result<Decoded, Error> {
-        let salvage = Packet::salvage(bytes)?;
-        let latent = salvage.latent;
-        latent.check_prior(self.scene.id())?;
-        let mut damage: Option<Error> = None;
-        match salvage.camera {
-            Ok(Some(camera)) => self.add_camera(&camera)?,
-            Ok(None) => {}
-            Err(error) => damage = Some(error.into()),
-        }
-        let pose = latent.pose.dequantise(&self.scene.frame());
-        let render = self.render(&latent, &pose)?;
-        let picture = match residual(&render, salvage.residual) {
-            Ok(picture) => picture,
-            Err(error) => {
-                damage = Some(error);
-                render
-            }
-        };
-        let Latent { frame, uncertain_start: uncertain, .. } = latent;
-        Ok(Decoded { picture, frame, pose, uncertain, damage })
+        let mut decoded = Decoded::default();
+        self.decode_into(bytes, Trust::Whole, &mut decoded)?;
+        Ok(decoded)
     }
 
-    fn render(&mut self, latent: &Latent, pose: &Pose) -> Result<Picture, Error> {
-        // The newest camera whose tag fits.
+    /// [`Decoder::decode`], in place of what `decoded` held, or of the start of a packet. From the
+    /// second sound packet of a camera on, nothing is allocated for it, but where a view of the prior
+    /// needs more room than any before.
+    pub fn decode_into(
+        &mut self,
+        bytes: &[u8],
+        trust: Trust,
+        decoded: &mut Decoded,
+    ) -> Result<(), Error> {
+        let mut salvage = Packet::salvage(bytes)?;
+        let latent = salvage.latent;
+        latent.check_prior(self.scene.id())?;
+        let camera_damage = match std::mem::replace(&mut salvage.camera, Ok(None)) {
+            Ok(Some(camera)) => self.add_camera(&camera).err(),
+            Ok(None) => None,
+            Err(error) => Some(error.into()),
+        };
+        let pose = latent.pose.dequantise(&self.scene.frame());
+        let view = self.view(&latent)?;
+        decoded.picture.resize(latent.width, latent.height);
+        view.renderer.picture(&pose, &mut decoded.picture)?;
+        (decoded.frame, decoded.pose) = (latent.frame, pose);
+        decoded.uncertain = latent.uncertain_start;
+        let rows = view.add_residual(&salvage, trust, &mut decoded.picture);
+        (decoded.damage, decoded.rows) = match rows {
+            Ok((rows, damage)) => (damage.or(camera_damage), rows),
+            Err(error) => (Some(error), 0),
+        };
+        Ok(())
+    }
+
+    /// What renders for the newest camera whose tag fits.
+    fn view(&mut self, latent: &Latent) -> Result<&mut View, Error> {
         let named = self.cameras.iter().rev().find(|c| latent.check_camera(c).is_ok());
         let (frame, tag) = (latent.frame, latent.camera_tag);
         let camera = *named.ok_or(Error::CameraUnknown { frame, tag })?;
-        if self.renderer.as_ref().is_none_or(|(held, _)| *held != camera) {
-            let renderer = self.engine.renderer(&self.scene, &camera, Plan::picture())?;
-            self.renderer = Some((camera, renderer));
-        }
-        let mut picture = Picture::new(camera.width, camera.height);
-        if let Some((_, renderer)) = &mut self.renderer {
-            renderer.picture(pose, &mut picture)?;
-        }
-        Ok(picture)
+        let view = match self.view.take() {
+            Some(view) if view.camera == camera => view,
+            _ => View {
+                camera,
+                renderer: self.engine.renderer(&self.scene, &camera, Plan::picture())?,
+                residual: ResidualDecoder::new(camera.width, camera.height),
+            },
+        };
+        Ok(self.view.insert(view))
     }
 }
 
-fn residual(render: &Picture, part: Result<Residual, PacketError>) -> Result<Picture, Error> {
-    Ok(decode_residual(render, &part?)?)
+impl View {
+    /// Turns the render into the picture. The rows that a residual reached, and what was damaged.
+    fn add_residual(
+        &mut self,
+        salvage: &Salvage,
+        trust: Trust,
+        picture: &mut Picture,
+    ) -> Result<(u32, Option<Error>), Error> {
+        match (&salvage.residual, &salvage.residual_start) {
+            (Ok(Residual::None | Residual::Omitted), _) => Ok((0, None)),
+            (Ok(residual), _) => {
+                self.residual.add(residual, picture)?;
+                Ok((picture.height, None))
+            }
+            (Err(error), Some(start)) if trust == Trust::Start => {
+                let rows = self.residual.add_start(start, picture)?;
+                Ok((rows, Some(error.clone().into())))
+            }
+            (Err(error), _) => Err(error.clone().into()),
+        }
+    }
 }

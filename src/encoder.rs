@@ -5,10 +5,10 @@ use std::time::Instant;
 
 use crate::packet::{Latent, PoseProfile, QuantisedPose, Residual};
 use crate::refine::{
-    Evaluation, Objective, Pyramid, RefineOptions, StartKind, Starts, Stop, refine,
+    Evaluation, Objective, Outcome, Pyramid, RefineOptions, Start, StartKind, Starts, Stop, refine,
 };
 use crate::render::{Plan, Scene};
-use crate::residual::encode_residual;
+use crate::residual::ResidualEncoder;
 use crate::{Camera, Engine, Error, Packet, Picture, Pose, Rate};
 
 /// How to encode.
@@ -44,7 +44,7 @@ impl Default for EncoderOptions {
 }
 
 /// What encoding a frame took and gave.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct FrameStats {
     /// Number of the frame.
     pub frame: u32,
@@ -71,7 +71,7 @@ pub struct FrameStats {
 }
 
 /// An encoded frame.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Encoded {
     /// The bytes to send.
     pub packet: Vec<u8>,
@@ -92,7 +92,10 @@ pub struct Encoder {
     camera: Camera,
     options: EncoderOptions,
     objective: Objective,
+    residual: ResidualEncoder,
     starts: Starts,
+    /// Renders by level before the frame.
+    renders_before: Vec<u32>,
     frame: u32,
     /// Frames since the camera was last sent; `None`: not yet.
     camera_age: Option<u32>,
@@ -113,7 +116,9 @@ impl Encoder {
             camera: *camera,
             options,
             objective,
+            residual: ResidualEncoder::new(camera.width, camera.height),
             starts: Starts::default(),
+            renders_before: Vec::new(),
             frame: 0,
             camera_age: None,
         })
@@ -123,6 +128,9 @@ impl Encoder {
     pub fn set_camera(&mut self, camera: &Camera) -> Result<(), Error> {
         if *camera != self.camera {
             self.objective = objective(&self.engine, &self.scene, camera, &self.options)?;
+            if (camera.width, camera.height) != (self.camera.width, self.camera.height) {
+                self.residual = ResidualEncoder::new(camera.width, camera.height);
+            }
             self.camera = *camera;
             self.camera_age = None;
         }
@@ -140,75 +148,104 @@ impl Encoder {
     /// # Errors
     /// A frame that cannot be encoded changes nothing: the next one goes on from the one before.
     pub fn encode(&mut self, frame: &Picture, external: Option<Pose>) -> Result<Encoded, Error> {
+        let mut encoded = Encoded::default();
+        self.encode_into(frame, external, &mut encoded)?;
+        Ok(encoded)
+    }
+
+    /// [`Encoder::encode`], in place of what `encoded` held. From the second frame on, nothing is
+    /// allocated for it, but where a view of the prior needs more room than any before.
+    pub fn encode_into(
+        &mut self,
+        frame: &Picture,
+        external: Option<Pose>,
+        encoded: &mut Encoded,
+    ) -> Result<(), Error> {
         let since = Instant::now();
-        let (expected, found) =
-            ((self.camera.width, self.camera.height), (frame.width, frame.height));
-        if expected != found {
-            return Err(Error::FrameSize { expected, found });
-        }
-        let before = self.objective.renderer().renders().to_vec();
+        self.check_frame(frame)?;
+        self.renders_before.clear();
+        self.renders_before.extend_from_slice(self.objective.renderer().renders());
         self.objective.set_frame(frame);
-        let refine_options = &self.options.refine;
-        let start = self
-            .starts
-            .choose(
-                &mut self.objective,
-                refine_options.judging(),
-                external.filter(Pose::is_finite),
-                self.options.threshold,
-            )?
-            .ok_or(Error::NoStart { frame: self.frame })?;
-        let found = refine(&mut self.objective, &start.pose, start.coarsest, refine_options)?;
+        let (start, found) = self.find_pose(external)?;
 
         let pose = QuantisedPose::quantise(&found.pose, &self.scene.frame(), self.options.profile)?;
         let quantised = pose.dequantise(&self.scene.frame());
-        let mut render = Picture::new(frame.width, frame.height);
-        self.objective.renderer().picture(&quantised, &mut render)?;
+        encoded.render.resize(frame.width, frame.height);
+        self.objective.renderer().picture(&quantised, &mut encoded.render)?;
         let uncertain = start.kind == StartKind::BestOfBad;
         let latent = Latent::new(self.frame, self.scene.id(), &self.camera, pose, uncertain)?;
         let camera = self.camera_due().then_some(self.camera);
-        let mut packet = Packet { latent, camera, residual: Residual::None };
-        let (picture, rate_kept) = self.code_residual(frame, &render, &mut packet)?;
-        let bytes = packet.encode()?;
+        let rate_kept = self.write_packet(frame, latent, camera, encoded)?;
 
-        let after = self.objective.renderer().renders();
-        let renders: Vec<u32> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
-        let stats = FrameStats {
-            frame: self.frame,
-            bytes: bytes.len(),
-            latent_bytes: latent.encoded_len(),
-            render_psnr: render.psnr(frame),
-            psnr: picture.psnr(frame),
-            full_renders: renders[0],
-            renders,
-            milliseconds: since.elapsed().as_secs_f64() * 1e3,
-            start: start.kind,
-            stop: found.stop,
-            rate_kept,
-        };
+        encoded.pose = quantised;
+        let stats = &mut encoded.stats;
+        stats.renders.clear();
+        let renders = self.objective.renderer().renders().iter().zip(&self.renders_before);
+        stats.renders.extend(renders.map(|(after, before)| after - before));
+        stats.full_renders = stats.renders[0];
+        stats.frame = self.frame;
+        stats.bytes = encoded.packet.len();
+        stats.latent_bytes = latent.encoded_len();
+        stats.render_psnr = encoded.render.psnr(frame);
+        stats.psnr = encoded.picture.psnr(frame);
+        stats.start = start.kind;
+        stats.stop = found.stop;
+        stats.rate_kept = rate_kept;
+        stats.milliseconds = since.elapsed().as_secs_f64() * 1e3;
         self.camera_age = Some(if camera.is_some() { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         self.frame = self.frame.wrapping_add(1);
         self.starts.push(quantised);
-        Ok(Encoded { packet: bytes, picture, render, pose: quantised, stats })
+        Ok(())
     }
 
-    /// Codes the difference picture into the packet; returns what the topside will show.
-    fn code_residual(
-        &self,
+    /// Whether the frame is whole and of the camera's size.
+    fn check_frame(&self, frame: &Picture) -> Result<(), Error> {
+        let expected = (self.camera.width, self.camera.height);
+        let found = (frame.width, frame.height);
+        if expected != found || frame.data.len() != self.camera.pixels() * 3 {
+            return Err(Error::FrameSize { expected, found });
+        }
+        Ok(())
+    }
+
+    fn find_pose(&mut self, external: Option<Pose>) -> Result<(Start, Outcome), Error> {
+        let options = &self.options.refine;
+        let external = external.filter(Pose::is_finite);
+        let (jacobian, threshold) = (options.jacobian(), self.options.threshold);
+        let start = self
+            .starts
+            .choose(&mut self.objective, jacobian, external, threshold)?
+            .ok_or(Error::NoStart { frame: self.frame })?;
+        let found = refine(&mut self.objective, &start.pose, start.coarsest, options)?;
+        Ok((start, found))
+    }
+
+    /// Codes the difference picture and writes the packet, and the picture that the topside will
+    /// show; whether the rate was kept.
+    fn write_packet(
+        &mut self,
         frame: &Picture,
-        render: &Picture,
-        packet: &mut Packet,
-    ) -> Result<(Picture, bool), Error> {
-        let Some(rate) = self.options.rate else { return Ok((render.clone(), true)) };
+        latent: Latent,
+        camera: Option<Camera>,
+        encoded: &mut Encoded,
+    ) -> Result<bool, Error> {
+        let mut packet = Packet { latent, camera, residual: Residual::None };
+        let Some(rate) = self.options.rate else {
+            encoded.picture.clone_from(&encoded.render);
+            packet.write(&mut encoded.packet)?;
+            return Ok(true);
+        };
         let needed = packet.encoded_len();
         if let Rate::Bytes(budget) = rate
             && budget < needed
         {
             return Err(Error::Budget { budget, needed });
         }
-        let coded = encode_residual(frame, render, rate, needed)?;
+        let coded = self.residual.encode(frame, &encoded.render, rate, needed)?;
         packet.residual = coded.residual;
-        Ok((coded.reconstruction, coded.reached))
+        encoded.picture.clone_from(coded.reconstruction);
+        packet.write(&mut encoded.packet)?;
+        Ok(coded.reached)
     }
 
     fn camera_due(&self) -> bool {
@@ -230,7 +267,7 @@ fn objective(
 ) -> Result<Objective, Error> {
     camera.check()?;
     let factors = options.factors.clone();
-    let plan = Plan { factors, jacobians: options.refine.jacobians(), profiled: false };
+    let plan = Plan { factors, jacobians: vec![options.refine.jacobian()], profiled: false };
     let pyramid = Pyramid::new(camera, &options.factors);
     Ok(Objective::new(engine.renderer(scene, camera, plan)?, pyramid))
 }

@@ -29,6 +29,8 @@
 #![deny(unsafe_code)]
 
 pub mod camera;
+#[allow(unsafe_code)] // With `vulkan` the only places with any; each block says why it is sound.
+pub mod capi;
 #[cfg(feature = "mapping")]
 pub mod mapping;
 pub mod packet;
@@ -40,7 +42,7 @@ pub mod reference;
 pub mod refine;
 pub mod render;
 pub mod residual;
-#[allow(unsafe_code)] // The only place with any; each block says why it is sound.
+#[allow(unsafe_code)]
 pub mod vulkan;
 
 mod decoder;
@@ -52,7 +54,7 @@ mod error;
 pub mod shared;
 
 pub use camera::Camera;
-pub use decoder::{Decoded, Decoder};
+pub use decoder::{Decoded, Decoder, Trust};
 pub use encoder::{Encoded, Encoder, EncoderOptions, FrameStats};
 pub use engine::Engine;
 pub use error::Error;

@@ -1,7 +1,7 @@
 //! 8-bit RGB pictures and the figures that compare them.
 
 /// An 8-bit RGB picture, row-major without padding.
-#[derive(Clone, PartialEq, Eq)]
+#[derive(PartialEq, Eq, Default)]
 pub struct Picture {
     /// Width, pixels.
     pub width: u32,
@@ -14,6 +14,18 @@ pub struct Picture {
 impl std::fmt::Debug for Picture {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Picture({}×{})", self.width, self.height)
+    }
+}
+
+impl Clone for Picture {
+    fn clone(&self) -> Picture {
+        Picture { width: self.width, height: self.height, data: self.data.clone() }
+    }
+
+    /// Allocates only beyond the largest size that `self` had.
+    fn clone_from(&mut self, other: &Picture) {
+        (self.width, self.height) = (other.width, other.height);
+        self.data.clone_from(&other.data);
     }
 }
 
@@ -30,6 +42,12 @@ impl Picture {
             height,
             data,
         })
+    }
+
+    /// Gives it another size; its pixels are then of no use. Allocates only beyond its largest size.
+    pub fn resize(&mut self, width: u32, height: u32) {
+        (self.width, self.height) = (width, height);
+        self.data.resize(width as usize * height as usize * 3, 0);
     }
 
     /// Mean over pixels and channels of the squared difference, values in [0, 1].

@@ -15,6 +15,12 @@ pub struct Pose {
 /// A pose step `τ = (ρ, θ)`: translation then rotation vector (radians), applied from the left.
 pub type Step = [f64; 6];
 
+impl Default for Pose {
+    fn default() -> Pose {
+        Pose::IDENTITY
+    }
+}
+
 impl Pose {
     /// The pose whose camera stands at the world's origin and looks along +z.
     pub const IDENTITY: Pose = Pose { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };

@@ -37,13 +37,6 @@ impl<'a> Reader<'a> {
         field
     }
 
-    /// The next `length` bytes; panics as [`Reader::take`] does.
-    pub(super) fn skip(&mut self, length: usize) -> &'a [u8] {
-        let start = self.at;
-        self.at += length;
-        &self.bytes[start..self.at]
-    }
-
     /// All bytes taken so far.
     pub(super) fn taken(&self) -> &'a [u8] {
         &self.bytes[..self.at]

@@ -90,19 +90,26 @@ impl Latent {
         encoded_len(self.pose.profile())
     }
 
-    pub(super) fn encode(&self, camera: bool, residual: u8) -> Result<Vec<u8>, PacketError> {
+    /// Writes the part at the start of an empty packet.
+    pub(super) fn write(
+        &self,
+        camera: bool,
+        residual: u8,
+        bytes: &mut Vec<u8>,
+    ) -> Result<(), PacketError> {
         let flags = self.pose.profile().code()
             | if self.uncertain_start { FLAG_UNCERTAIN } else { 0 }
             | if camera { FLAG_CAMERA } else { 0 }
             | residual << 4;
-        let mut bytes = vec![MAGIC << 4 | VERSION, flags];
-        bytes.extend(to_u24(self.frame));
-        bytes.extend(self.prior.to_bytes());
-        bytes.extend(size_bytes(self.width, self.height)?);
-        self.pose.write(&mut bytes);
+        bytes.extend_from_slice(&[MAGIC << 4 | VERSION, flags]);
+        bytes.extend_from_slice(&to_u24(self.frame));
+        bytes.extend_from_slice(&self.prior.to_bytes());
+        bytes.extend_from_slice(&size_bytes(self.width, self.height)?);
+        self.pose.write(bytes);
         bytes.push(self.camera_tag);
-        bytes.extend(crc16(&[&bytes]).to_le_bytes());
-        Ok(bytes)
+        let check = crc16(&[bytes]);
+        bytes.extend_from_slice(&check.to_le_bytes());
+        Ok(())
     }
 
     /// The latent part, what follows, and the bytes after it.

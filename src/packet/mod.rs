@@ -57,51 +57,61 @@ pub use camera::camera_tag;
 pub use error::{PacketError, Part};
 pub use latent::Latent;
 pub use pose::{PoseProfile, QuantisedPose};
-pub use residual::{Coder, Residual, residual_part_len};
+pub use residual::{Coder, Residual, ResidualStart, residual_part_len};
 
 /// Length of the camera part, bytes.
 pub const CAMERA_PART_LEN: usize = camera::LEN;
 
 /// One frame as it travels.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Packet {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Packet<'a> {
     /// What makes a picture by itself.
     pub latent: Latent,
     /// The camera, sent when it changed and as a refresh now and then.
     pub camera: Option<Camera>,
     /// The difference picture.
-    pub residual: Residual,
+    pub residual: Residual<'a>,
 }
 
 /// What a packet with damaged parts still gives.
 #[derive(Clone, Debug)]
-pub struct Salvage {
+pub struct Salvage<'a> {
     /// The latent part: sound, or there would be nothing.
     pub latent: Latent,
     /// The camera part, `None` where none was sent.
     pub camera: Result<Option<Camera>, PacketError>,
     /// The residual part.
-    pub residual: Result<Residual, PacketError>,
+    pub residual: Result<Residual<'a>, PacketError>,
+    /// The residual's start, where only its end is missing. Nothing checks it: it is of use where the
+    /// bytes are known to be the true start of a packet.
+    pub residual_start: Option<ResidualStart<'a>>,
 }
 
-impl Packet {
+impl<'a> Packet<'a> {
     /// The bytes to send.
     ///
     /// # Errors
     /// Where the picture size does not fit the header, the camera is not the one that the latent
     /// part is about, or the payload has 2²⁸ bytes or more.
     pub fn encode(&self) -> Result<Vec<u8>, PacketError> {
+        let mut bytes = Vec::with_capacity(self.encoded_len());
+        self.write(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// [`Packet::encode`], in place of the content of `bytes`.
+    pub fn write(&self, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
+        bytes.clear();
         let residual = residual::code_of(&self.residual);
-        let mut bytes = self.latent.encode(self.camera.is_some(), residual)?;
+        self.latent.write(self.camera.is_some(), residual, bytes)?;
         let latent_len = bytes.len();
         if let Some(camera) = &self.camera {
-            bytes.extend(camera::encode(camera, &self.latent)?);
+            bytes.extend_from_slice(&camera::encode(camera, &self.latent)?);
         }
         if let Residual::Coded { payload, .. } = &self.residual {
-            let part = residual::encode(payload, &bytes[..latent_len])?;
-            bytes.extend(part);
+            residual::write(payload, latent_len, bytes)?;
         }
-        Ok(bytes)
+        Ok(())
     }
 
     /// Length of [`Packet::encode`]'s bytes.
@@ -115,8 +125,8 @@ impl Packet {
     }
 
     /// Reads a packet all of whose parts are sound.
-    pub fn decode(bytes: &[u8]) -> Result<Packet, PacketError> {
-        let Salvage { latent, camera, residual } = Packet::salvage(bytes)?;
+    pub fn decode(bytes: &'a [u8]) -> Result<Packet<'a>, PacketError> {
+        let Salvage { latent, camera, residual, .. } = Packet::salvage(bytes)?;
         Ok(Packet { latent, camera: camera?, residual: residual? })
     }
 
@@ -124,7 +134,7 @@ impl Packet {
     ///
     /// # Errors
     /// Where the latent part is not sound: nothing can be made of the packet then.
-    pub fn salvage(bytes: &[u8]) -> Result<Salvage, PacketError> {
+    pub fn salvage(bytes: &'a [u8]) -> Result<Salvage<'a>, PacketError> {
         let (latent, follows, rest) = Latent::read(bytes)?;
         let latent_bytes = &bytes[..bytes.len() - rest.len()];
         // The camera part's length is fixed, so damage in it does not hide the residual part.
@@ -134,8 +144,8 @@ impl Packet {
         } else {
             (Ok(None), rest)
         };
-        let residual = residual::decode(follows.residual, rest, latent_bytes);
-        Ok(Salvage { latent, camera, residual })
+        let (residual, residual_start) = residual::decode(follows.residual, rest, latent_bytes);
+        Ok(Salvage { latent, camera, residual, residual_start })
     }
 }
 

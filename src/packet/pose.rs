@@ -96,17 +96,16 @@ impl QuantisedPose {
         profile: PoseProfile,
     ) -> Result<QuantisedPose, PacketError> {
         Pose::from_wxyz(pose.wxyz(), pose.translation.into()).ok_or(PacketError::Pose)?;
-        let mut codes = vec![round(pose, frame, profile)?];
-        for _ in 0..MAX_SETTLING {
-            let last = codes[codes.len() - 1];
+        let mut codes = [round(pose, frame, profile)?; MAX_SETTLING + 1];
+        for count in 1..=MAX_SETTLING {
+            let last = codes[count - 1];
             let next = round(&last.dequantise(frame), frame, last.profile())?;
-            if let Some(start) = codes.iter().position(|code| *code == next) {
-                codes.drain(..start);
-                break;
+            if let Some(start) = codes[..count].iter().position(|code| *code == next) {
+                return Ok(least(&codes[start..count]));
             }
-            codes.push(next);
+            codes[count] = next;
         }
-        codes.into_iter().min_by_key(QuantisedPose::bytes).ok_or(PacketError::Pose)
+        Ok(least(&codes))
     }
 
     /// The pose, to the same bits wherever it is computed.
@@ -133,25 +132,30 @@ impl QuantisedPose {
         }
     }
 
-    fn bytes(&self) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(self.profile().encoded_len());
-        self.write(&mut bytes);
-        bytes
+    pub(super) fn write(&self, bytes: &mut Vec<u8>) {
+        bytes.extend_from_slice(&self.bytes()[..self.profile().encoded_len()]);
     }
 
-    pub(super) fn write(&self, bytes: &mut Vec<u8>) {
+    /// The bytes of the longest profile, zeros after those of a shorter one.
+    fn bytes(&self) -> [u8; 28] {
+        let mut bytes = [0; 28];
         match self.0 {
             Code::Compact { centre, largest, small } => {
-                bytes.extend(centre.into_iter().flat_map(|v| to_u24(v as u32)));
+                for (to, value) in bytes.chunks_exact_mut(3).zip(centre) {
+                    to.copy_from_slice(&to_u24(value as u32));
+                }
                 let rotation = small
                     .iter()
                     .fold(largest as u64, |bits, v| bits << SMALL_BITS | (v + SMALL_ZERO) as u64);
-                bytes.extend(&rotation.to_le_bytes()[..7]);
+                bytes[9..16].copy_from_slice(&rotation.to_le_bytes()[..7]);
             }
             Code::Paper { translation, wxyz } => {
-                bytes.extend(translation.iter().chain(&wxyz).flat_map(|v| v.to_le_bytes()));
+                for (to, value) in bytes.chunks_exact_mut(4).zip(translation.iter().chain(&wxyz)) {
+                    to.copy_from_slice(&value.to_le_bytes());
+                }
             }
         }
+        bytes
     }
 
     /// Takes a pose's bytes, all of them also where they are refused.
@@ -196,6 +200,12 @@ impl Code {
 fn unit(q: DQuat) -> DQuat {
     let length = q.length();
     if (length - 1.0).abs() < 1e-6 { q } else { q * (1.0 / length) }
+}
+
+/// The least of some codes, by their bytes.
+fn least(codes: &[QuantisedPose]) -> QuantisedPose {
+    let less = |a: QuantisedPose, b: &QuantisedPose| if b.bytes() < a.bytes() { *b } else { a };
+    codes[1..].iter().fold(codes[0], less)
 }
 
 /// One rounding of a pose, in the profile that can hold it.

@@ -22,8 +22,8 @@ pub enum Coder {
 }
 
 /// The difference picture of a packet.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Residual {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Residual<'a> {
     /// None was asked for, or the render alone was good enough.
     None,
     /// One was asked for, but the byte budget could not hold any.
@@ -33,8 +33,19 @@ pub enum Residual {
         /// How it is coded.
         coder: Coder,
         /// Its bytes.
-        payload: Vec<u8>,
+        payload: &'a [u8],
     },
+}
+
+/// The start of a coded difference picture whose end is missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ResidualStart<'a> {
+    /// How it is coded.
+    pub coder: Coder,
+    /// Its first bytes. No check covers them.
+    pub payload: &'a [u8],
+    /// How many bytes it has in all.
+    pub payload_len: usize,
 }
 
 /// Length of the residual part that holds a payload of this length, bytes.
@@ -51,31 +62,66 @@ pub(super) fn code_of(residual: &Residual) -> u8 {
     }
 }
 
-pub(super) fn encode(payload: &[u8], latent: &[u8]) -> Result<Vec<u8>, PacketError> {
+/// Appends the part to a packet that begins with `latent_len` bytes of latent part.
+pub(super) fn write(
+    payload: &[u8],
+    latent_len: usize,
+    packet: &mut Vec<u8>,
+) -> Result<(), PacketError> {
     if payload.len() > MAX_PAYLOAD {
         return Err(PacketError::PayloadLength);
     }
-    let mut part: Vec<u8> = length_field(payload.len()).collect();
-    part.extend(payload);
-    part.extend(check(latent, &part).to_le_bytes());
-    Ok(part)
+    let start = packet.len();
+    packet.extend(length_field(payload.len()));
+    packet.extend_from_slice(payload);
+    let check = check(&packet[..latent_len], &packet[start..]);
+    packet.extend_from_slice(&check.to_le_bytes());
+    Ok(())
 }
 
-pub(super) fn decode(code: u8, bytes: &[u8], latent: &[u8]) -> Result<Residual, PacketError> {
+/// The residual, and where only its end is missing its start.
+pub(super) fn decode<'a>(
+    code: u8,
+    bytes: &'a [u8],
+    latent: &[u8],
+) -> (Result<Residual<'a>, PacketError>, Option<ResidualStart<'a>>) {
+    let (coder, length, field) = match read_head(code, bytes) {
+        Ok(Head::Coded { coder, length, field }) => (coder, length, field),
+        Ok(Head::Uncoded(residual)) => return (Ok(residual), None),
+        Err(error) => return (Err(error), None),
+    };
+    let needed = field + length + CHECK_LEN;
+    let Some(part) = bytes.get(..needed) else {
+        let payload = &bytes[field..bytes.len().min(field + length)];
+        let start = ResidualStart { coder, payload, payload_len: length };
+        let error = PacketError::TooShort { part: Part::Residual, needed, found: bytes.len() };
+        return (Err(error), Some(start));
+    };
+    let (checked, found) = part.split_at(field + length);
+    let residual = if check(latent, checked).to_le_bytes() == found {
+        Ok(Residual::Coded { coder, payload: &checked[field..] })
+    } else {
+        Err(PacketError::Check(Part::Residual))
+    };
+    (residual, None)
+}
+
+/// What flags and length field say.
+enum Head {
+    Uncoded(Residual<'static>),
+    Coded { coder: Coder, length: usize, field: usize },
+}
+
+fn read_head(code: u8, bytes: &[u8]) -> Result<Head, PacketError> {
     let coder = match code {
-        CODE_NONE => return Ok(Residual::None),
-        CODE_OMITTED => return Ok(Residual::Omitted),
+        CODE_NONE => return Ok(Head::Uncoded(Residual::None)),
+        CODE_OMITTED => return Ok(Head::Uncoded(Residual::Omitted)),
         code if code == Coder::Vp8 as u8 => Coder::Vp8,
         code if code == Coder::WebP as u8 => Coder::WebP,
         code => return Err(PacketError::Coder(code)),
     };
     let (length, field) = read_length(bytes)?;
-    let mut reader = Reader::new(bytes, Part::Residual, field + length + CHECK_LEN)?;
-    let checked = reader.skip(field + length);
-    if check(latent, checked) != u32::from_le_bytes(reader.take()) {
-        return Err(PacketError::Check(Part::Residual));
-    }
-    Ok(Residual::Coded { coder, payload: checked[field..].to_vec() })
+    Ok(Head::Coded { coder, length, field })
 }
 
 fn check(latent: &[u8], part: &[u8]) -> u32 {

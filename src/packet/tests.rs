@@ -18,12 +18,12 @@ fn latent(profile: PoseProfile) -> Latent {
     Latent::new(0x0102_0304, PriorId(0xd4a5_d0ed), &CAMERA, pose, true).unwrap()
 }
 
-fn packet(profile: PoseProfile, camera: bool, residual: Residual) -> Packet {
+fn packet(profile: PoseProfile, camera: bool, residual: Residual<'_>) -> Packet<'_> {
     Packet { latent: latent(profile), camera: camera.then_some(CAMERA), residual }
 }
 
-fn coded(payload: &[u8]) -> Residual {
-    Residual::Coded { coder: Coder::Vp8, payload: payload.to_vec() }
+fn coded(payload: &[u8]) -> Residual<'_> {
+    Residual::Coded { coder: Coder::Vp8, payload }
 }
 
 fn hex(bytes: &[u8]) -> String {
@@ -98,6 +98,11 @@ fn a_truncated_packet_still_yields_its_latent() {
         assert_eq!(salvage.latent, packet.latent);
         assert_eq!(salvage.camera.is_ok(), len >= 31 + 18);
         assert_eq!(salvage.residual.map_err(|e| part_of(&e)), Err(Some(Part::Residual)));
+        let start = salvage.residual_start;
+        assert_eq!(start.is_some(), len >= 31 + 18 + 2, "the length has two bytes");
+        let Some(start) = start else { continue };
+        assert_eq!((start.coder, start.payload_len), (Coder::Vp8, 300));
+        assert_eq!(start.payload, &[7; 300][..(len - 51).min(300)]);
     }
 }
 
@@ -164,7 +169,9 @@ fn names_what_is_wrong() {
 #[test]
 fn an_unknown_coder_leaves_the_latent() {
     let latent = latent(PoseProfile::Compact);
-    let salvage = Packet::salvage(&latent.encode(false, 15).unwrap()).unwrap();
+    let mut bytes = Vec::new();
+    latent.write(false, 15, &mut bytes).unwrap();
+    let salvage = Packet::salvage(&bytes).unwrap();
     assert_eq!(salvage.latent, latent);
     assert_eq!(salvage.residual, Err(PacketError::Coder(15)));
 }
@@ -250,13 +257,14 @@ fn two_flipped_bits_are_detected() {
     }
 }
 
-fn any_residual() -> impl Strategy<Value = Residual> {
+/// Payloads live on to the end of the tests, which spares them an owner.
+fn any_residual() -> impl Strategy<Value = Residual<'static>> {
     let payload = proptest::collection::vec(any::<u8>(), 0..400);
     prop_oneof![
         Just(Residual::None),
         Just(Residual::Omitted),
         (payload, prop_oneof![Just(Coder::Vp8), Just(Coder::WebP)])
-            .prop_map(|(payload, coder)| Residual::Coded { coder, payload }),
+            .prop_map(|(payload, coder)| Residual::Coded { coder, payload: payload.leak() }),
     ]
 }
 
@@ -279,7 +287,7 @@ prop_compose! {
         (frame, prior, uncertain) in (0..Latent::FRAMES, any::<u32>(), any::<bool>()),
         with_camera in any::<bool>(),
         residual in any_residual(),
-    ) -> Packet {
+    ) -> Packet<'static> {
         let camera = Camera { width, height, fx, fy: fx * 1.01, cx, cy: -cx };
         let pose = QuantisedPose::quantise(&pose, &FRAME, profile).unwrap();
         let latent = Latent::new(frame, PriorId(prior), &camera, pose, uncertain).unwrap();
@@ -317,7 +325,8 @@ proptest! {
         camera in any::<bool>(),
         residual in 0_u8..16,
     ) {
-        let mut bytes = latent(PoseProfile::Compact).encode(camera, residual).unwrap();
+        let mut bytes = Vec::new();
+        latent(PoseProfile::Compact).write(camera, residual, &mut bytes).unwrap();
         bytes.extend(tail);
         prop_assert!(Packet::salvage(&bytes).is_ok());
     }

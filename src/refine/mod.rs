@@ -78,22 +78,17 @@ impl Default for RefineOptions {
 }
 
 impl RefineOptions {
-    /// The Jacobians that a refinement with these options asks a renderer for.
-    pub fn jacobians(&self) -> Vec<Jacobian> {
+    /// The Jacobian that a refinement with these options asks a renderer for.
+    pub fn jacobian(&self) -> Jacobian {
         match self.optimizer {
-            Optimizer::GaussNewton => vec![self.jacobian],
-            _ => vec![Jacobian::Exact],
+            Optimizer::GaussNewton => self.jacobian,
+            _ => Jacobian::Exact,
         }
-    }
-
-    /// The Jacobian with which starts are judged.
-    pub fn judging(&self) -> Jacobian {
-        self.jacobians()[0]
     }
 }
 
 /// Why an optimiser stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stop {
     /// The gradient is below its tolerance.
     Gradient,
@@ -102,6 +97,7 @@ pub enum Stop {
     /// No step along the direction decreased the error.
     NoDescent,
     /// The number of iterations is used up.
+    #[default]
     Iterations,
 }
 

@@ -13,13 +13,14 @@ use crate::vulkan::Error;
 use super::Objective;
 
 /// Where a start came from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StartKind {
     /// The previous frame's pose.
     Previous,
     /// Constant velocity from the two frames before.
     Predicted,
     /// Supplied from outside.
+    #[default]
     External,
     /// Nothing passed the threshold and nothing came from outside: the best candidate, unsure.
     BestOfBad,

@@ -7,24 +7,31 @@ use crate::Picture;
 /// # Panics
 /// Where the sizes differ.
 pub fn difference(camera: &Picture, render: &Picture) -> Picture {
-    combine(camera, render, |c, r| (c - r).clamp(-128, 127) + 128)
+    let mut into = Picture::new(camera.width, camera.height);
+    difference_into(camera, render, &mut into);
+    into
 }
 
-/// `clamp(render + difference − 128, 0, 255)` in every channel: undoes [`difference`] where it did
-/// not clamp.
+/// [`difference`], into a picture of the same size.
 ///
 /// # Panics
 /// Where the sizes differ.
-pub fn apply(render: &Picture, difference: &Picture) -> Picture {
-    combine(render, difference, |r, d| (r + d - 128).clamp(0, 255))
+pub(super) fn difference_into(camera: &Picture, render: &Picture, into: &mut Picture) {
+    for other in [render, &*into] {
+        assert_eq!((camera.width, camera.height), (other.width, other.height), "sizes differ");
+    }
+    let values = std::iter::zip(&camera.data, &render.data);
+    for (to, (&c, &r)) in into.data.iter_mut().zip(values) {
+        *to = ((i16::from(c) - i16::from(r)).clamp(-128, 127) + 128) as u8;
+    }
 }
 
-/// A picture made of two, value by value; `f` must stay within a byte.
-fn combine(a: &Picture, b: &Picture, f: impl Fn(i16, i16) -> i16) -> Picture {
-    assert_eq!((a.width, a.height), (b.width, b.height), "picture sizes differ");
-    let values = std::iter::zip(&a.data, &b.data);
-    let data = values.map(|(a, b)| f(i16::from(*a), i16::from(*b)) as u8).collect();
-    Picture { width: a.width, height: a.height, data }
+/// `clamp(render + difference − 128, 0, 255)`, in place, byte by byte: undoes [`difference`] where
+/// it did not clamp.
+pub fn add(difference: &[u8], render: &mut [u8]) {
+    for (to, &d) in render.iter_mut().zip(difference) {
+        *to = (i16::from(*to) + i16::from(d) - 128).clamp(0, 255) as u8;
+    }
 }
 
 #[cfg(test)]
@@ -42,9 +49,10 @@ mod tests {
     }
 
     #[test]
-    fn applying_undoes_the_difference_within_its_range() {
+    fn adding_undoes_the_difference_within_its_range() {
         let (camera, render) = all_pairs();
-        let back = apply(&render, &difference(&camera, &render));
+        let mut back = render.clone();
+        add(&difference(&camera, &render).data, &mut back.data);
         for (i, c) in camera.data.iter().enumerate() {
             let offset = i16::from(*c) - i16::from(render.data[i]);
             let lost = (offset - offset.clamp(-128, 127)).unsigned_abs();
@@ -59,9 +67,9 @@ mod tests {
     }
 
     #[test]
-    fn applying_saturates() {
-        let pixel = |v| Picture::from_rgb(1, 1, vec![v; 3]).unwrap();
-        assert_eq!(apply(&pixel(200), &pixel(255)), pixel(255));
-        assert_eq!(apply(&pixel(50), &pixel(0)), pixel(0));
+    fn adding_saturates() {
+        let mut render = [200, 50, 7];
+        add(&[255, 0, 128], &mut render);
+        assert_eq!(render, [255, 0, 7]);
     }
 }

@@ -8,10 +8,11 @@ mod rate;
 mod webp;
 
 use crate::Picture;
-use crate::packet::{Coder, Residual};
+use crate::packet::{Residual, ResidualStart};
 
-pub use difference::{apply, difference};
-pub use rate::{CodedResidual, Rate, encode_residual};
+pub use difference::{add, difference};
+pub use rate::{CodedResidual, Rate, ResidualEncoder};
+pub use webp::Webp;
 
 /// Why a residual cannot be coded or decoded.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -45,36 +46,64 @@ pub enum ResidualError {
     Payload(&'static str),
 }
 
-/// The picture that a packet's residual makes of the render.
-///
-/// # Errors
-/// Where the payload is no picture of the render's size. Nothing is allocated for one that is not.
-pub fn decode_residual(render: &Picture, residual: &Residual) -> Result<Picture, ResidualError> {
-    match residual {
-        Residual::None | Residual::Omitted => Ok(render.clone()),
-        Residual::Coded { coder, payload } => {
-            check_shape(render)?;
-            let difference = decode_difference(*coder, payload, render)?;
-            Ok(apply(render, &difference))
+/// Longest payload of a difference picture of a size: libwebp's on noise at quality 100, with room
+/// (see the tests of `webp`).
+pub fn max_payload_len(width: u32, height: u32) -> usize {
+    3 * (width as usize).next_multiple_of(16) * (height as usize).next_multiple_of(16) + 1024
+}
+
+/// Adds residuals to renders of one size, in memory of its own.
+pub struct ResidualDecoder {
+    webp: Webp,
+    difference: Picture,
+}
+
+impl ResidualDecoder {
+    /// For pictures of a size.
+    pub fn new(width: u32, height: u32) -> ResidualDecoder {
+        ResidualDecoder { webp: Webp::new(width, height), difference: Picture::new(width, height) }
+    }
+
+    /// Turns a render into the picture that a residual makes of it; nothing is changed on an error.
+    ///
+    /// # Errors
+    /// Where the payload is no picture of the render's size.
+    pub fn add(&mut self, residual: &Residual, render: &mut Picture) -> Result<(), ResidualError> {
+        if let Residual::Coded { coder, payload } = residual {
+            check_size(&self.difference, render)?;
+            self.webp.decode(*coder, payload, &mut self.difference)?;
+            difference::add(&self.difference.data, &mut render.data);
         }
+        Ok(())
+    }
+
+    /// As [`ResidualDecoder::add`], with the rows that the start of a payload holds; their number.
+    pub fn add_start(
+        &mut self,
+        start: &ResidualStart,
+        render: &mut Picture,
+    ) -> Result<u32, ResidualError> {
+        check_size(&self.difference, render)?;
+        let rows = self.webp.decode_start(start, &mut self.difference)?;
+        let bytes = rows * render.width as usize * 3;
+        difference::add(&self.difference.data[..bytes], &mut render.data[..bytes]);
+        Ok(rows as u32)
     }
 }
 
-fn decode_difference(
-    coder: Coder,
-    payload: &[u8],
-    render: &Picture,
-) -> Result<Picture, ResidualError> {
-    match coder {
-        Coder::Vp8 => webp::decode_vp8(payload, render.width, render.height),
-        Coder::WebP => webp::decode_file(payload, render.width, render.height),
+/// Checks that a picture is whole and has the size of another.
+fn check_size(of: &Picture, picture: &Picture) -> Result<(), ResidualError> {
+    let (expected, found) = ((of.width, of.height), (picture.width, picture.height));
+    if expected != found {
+        return Err(ResidualError::Size { expected, found });
     }
+    check_shape(picture)
 }
 
 fn check_shape(picture: &Picture) -> Result<(), ResidualError> {
     let Picture { width, height, ref data } = *picture;
     let bytes = data.len();
-    if bytes == width as usize * height as usize * 3 {
+    if bytes > 0 && bytes == width as usize * height as usize * 3 {
         Ok(())
     } else {
         Err(ResidualError::Shape { width, height, bytes })

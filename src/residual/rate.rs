@@ -1,9 +1,10 @@
 //! How many bytes a residual takes: by quality, by a budget, or by the picture wanted.
 
 use crate::Picture;
-use crate::packet::{Residual, residual_part_len};
+use crate::packet::{Coder, Residual, residual_part_len};
 
-use super::{ResidualError, apply, check_shape, decode_difference, difference, webp};
+use super::difference::{add, difference_into};
+use super::{ResidualError, Webp, check_size, max_payload_len};
 
 /// What decides how finely the difference picture is coded.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,11 +19,11 @@ pub enum Rate {
 
 /// A coded difference picture, and what the decoder will make of it.
 #[derive(Clone, Debug)]
-pub struct CodedResidual {
+pub struct CodedResidual<'a> {
     /// What to put in the packet.
-    pub residual: Residual,
+    pub residual: Residual<'a>,
     /// The picture that the decoder will show, from the actual payload.
-    pub reconstruction: Picture,
+    pub reconstruction: &'a Picture,
     /// Its PSNR against the camera's picture, dB.
     pub psnr: f64,
     /// Libwebp's quality; `None` where there is no difference picture.
@@ -37,115 +38,185 @@ pub struct CodedResidual {
 /// Steps of the bisection. Libwebp has 128 quantisers, so seven steps tell them all apart.
 const STEPS: u32 = 7;
 
-/// Codes what the camera saw and the render did not. `overhead` is the length of everything else
-/// that counts against [`Rate::Bytes`]: the packet's latent and camera part, link headers. The
-/// residual part's own length and check are counted here.
-///
-/// Under a budget or a target, where no difference picture makes the render any better, none is
-/// coded.
-pub fn encode_residual(
-    camera: &Picture,
-    render: &Picture,
-    rate: Rate,
-    overhead: usize,
-) -> Result<CodedResidual, ResidualError> {
-    let found = (render.width, render.height);
-    if found != (camera.width, camera.height) {
-        return Err(ResidualError::Size { expected: (camera.width, camera.height), found });
-    }
-    check_shape(camera)?;
-    check_shape(render)?;
-    let mut coder = Prober { camera, render, difference: difference(camera, render), probes: 0 };
-    match rate {
-        Rate::Quality(quality) if (0.0..=100.0).contains(&quality) => {
-            let probe = coder.probe(quality)?;
-            Ok(coder.coded(probe, true))
-        }
-        Rate::Bytes(budget) => coder.within(budget, overhead),
-        Rate::Psnr(target) if !target.is_nan() => coder.reaching(target),
-        Rate::Quality(_) | Rate::Psnr(_) => Err(ResidualError::Rate(rate)),
-    }
+/// Codes difference pictures of one size, in memory of its own.
+pub struct ResidualEncoder {
+    webp: Webp,
+    difference: Picture,
+    /// What libwebp made of the difference.
+    decoded: Picture,
+    /// The coding to keep, and the one just tried.
+    best: Probe,
+    trial: Probe,
+    probes: u32,
 }
 
 /// One coding of the difference picture.
 struct Probe {
     quality: f32,
-    residual: Residual,
-    /// Length of the residual part.
-    part_len: usize,
+    coder: Coder,
+    payload: Vec<u8>,
     reconstruction: Picture,
     psnr: f64,
 }
 
-struct Prober<'a> {
-    camera: &'a Picture,
-    render: &'a Picture,
-    difference: Picture,
-    probes: u32,
+impl Probe {
+    fn new(width: u32, height: u32) -> Probe {
+        Probe {
+            quality: 0.0,
+            coder: Coder::Vp8,
+            payload: Vec::with_capacity(max_payload_len(width, height)),
+            reconstruction: Picture::new(width, height),
+            psnr: f64::NEG_INFINITY,
+        }
+    }
+
+    /// Length of the residual part.
+    fn part_len(&self) -> usize {
+        residual_part_len(self.payload.len())
+    }
 }
 
-impl Prober<'_> {
-    fn probe(&mut self, quality: f32) -> Result<Probe, ResidualError> {
+/// What the search came to.
+enum Found {
+    /// The best coding.
+    Coded,
+    /// No difference picture, and why.
+    Uncoded(Residual<'static>),
+}
+
+impl ResidualEncoder {
+    /// For pictures of a size.
+    pub fn new(width: u32, height: u32) -> ResidualEncoder {
+        ResidualEncoder {
+            webp: Webp::new(width, height),
+            difference: Picture::new(width, height),
+            decoded: Picture::new(width, height),
+            best: Probe::new(width, height),
+            trial: Probe::new(width, height),
+            probes: 0,
+        }
+    }
+
+    /// Codes what the camera saw and the render did not. `overhead` is the length of everything else
+    /// that counts against [`Rate::Bytes`]: the packet's latent and camera part, link headers. The
+    /// residual part's own length and check are counted here.
+    ///
+    /// Under a budget or a target, where no difference picture makes the render any better, none is
+    /// coded.
+    pub fn encode<'a>(
+        &'a mut self,
+        camera: &Picture,
+        render: &'a Picture,
+        rate: Rate,
+        overhead: usize,
+    ) -> Result<CodedResidual<'a>, ResidualError> {
+        check_size(&self.difference, camera)?;
+        check_size(&self.difference, render)?;
+        difference_into(camera, render, &mut self.difference);
+        self.probes = 0;
+        let (found, reached) = match rate {
+            Rate::Quality(quality) if (0.0..=100.0).contains(&quality) => {
+                self.probe(camera, render, quality)?;
+                self.keep();
+                (Found::Coded, true)
+            }
+            Rate::Bytes(budget) => self.within(camera, render, budget, overhead)?,
+            Rate::Psnr(target) if !target.is_nan() => self.reaching(camera, render, target)?,
+            Rate::Quality(_) | Rate::Psnr(_) => return Err(ResidualError::Rate(rate)),
+        };
+        let Probe { quality, coder, ref payload, ref reconstruction, psnr } = self.best;
+        let probes = self.probes;
+        Ok(match found {
+            Found::Coded => {
+                let residual = Residual::Coded { coder, payload };
+                let quality = Some(quality);
+                CodedResidual { residual, reconstruction, psnr, quality, probes, reached }
+            }
+            Found::Uncoded(residual) => {
+                let (psnr, quality) = (camera.psnr(render), None);
+                CodedResidual { residual, reconstruction: render, psnr, quality, probes, reached }
+            }
+        })
+    }
+
+    /// Codes at a quality; the outcome is in `trial`.
+    fn probe(
+        &mut self,
+        camera: &Picture,
+        render: &Picture,
+        quality: f32,
+    ) -> Result<(), ResidualError> {
         self.probes += 1;
-        let (coder, payload) = webp::encode(&self.difference, quality)?;
-        let decoded = decode_difference(coder, &payload, self.render)?;
-        let reconstruction = apply(self.render, &decoded);
-        let psnr = self.camera.psnr(&reconstruction);
-        let part_len = residual_part_len(payload.len());
-        let residual = Residual::Coded { coder, payload };
-        Ok(Probe { quality, residual, part_len, reconstruction, psnr })
+        let trial = &mut self.trial;
+        trial.quality = quality;
+        trial.coder = self.webp.encode(&self.difference, quality, &mut trial.payload)?;
+        self.webp.decode(trial.coder, &trial.payload, &mut self.decoded)?;
+        trial.reconstruction.data.copy_from_slice(&render.data);
+        add(&self.decoded.data, &mut trial.reconstruction.data);
+        trial.psnr = camera.psnr(&trial.reconstruction);
+        Ok(())
+    }
+
+    /// Keeps the coding just tried.
+    fn keep(&mut self) {
+        std::mem::swap(&mut self.best, &mut self.trial);
     }
 
     /// The best picture within the budget.
-    fn within(mut self, budget: usize, overhead: usize) -> Result<CodedResidual, ResidualError> {
+    fn within(
+        &mut self,
+        camera: &Picture,
+        render: &Picture,
+        budget: usize,
+        overhead: usize,
+    ) -> Result<(Found, bool), ResidualError> {
         let room = budget.saturating_sub(overhead);
         if room <= residual_part_len(0) {
-            return Ok(self.uncoded(Residual::Omitted, false));
+            return Ok((Found::Uncoded(Residual::Omitted), false));
         }
-        let fits = |probe: &Probe| probe.part_len <= room;
-        let best =
-            self.bisect(fits, |new, old| fits(new) && !(fits(old) && old.psnr >= new.psnr))?;
-        Ok(if fits(&best) {
-            self.if_better(best, true)
+        let fits = |probe: &Probe| probe.part_len() <= room;
+        let preferred =
+            |new: &Probe, old: &Probe| fits(new) && !(fits(old) && old.psnr >= new.psnr);
+        self.bisect(camera, render, fits, preferred)?;
+        Ok(if fits(&self.best) {
+            (self.if_better(camera, render), true)
         } else {
-            self.uncoded(Residual::Omitted, false)
+            (Found::Uncoded(Residual::Omitted), false)
         })
     }
 
     /// The fewest bytes that reach the target, or the best picture there is.
-    fn reaching(mut self, target: f64) -> Result<CodedResidual, ResidualError> {
-        if self.camera.psnr(self.render) >= target {
-            return Ok(self.uncoded(Residual::None, true));
+    fn reaching(
+        &mut self,
+        camera: &Picture,
+        render: &Picture,
+        target: f64,
+    ) -> Result<(Found, bool), ResidualError> {
+        if camera.psnr(render) >= target {
+            return Ok((Found::Uncoded(Residual::None), true));
         }
         let reaches = |probe: &Probe| probe.psnr >= target;
-        let best = self.bisect(
-            |probe| !reaches(probe),
-            |new, old| match (reaches(new), reaches(old)) {
-                (true, true) => new.part_len < old.part_len,
-                (false, false) => new.psnr > old.psnr,
-                (new, _) => new,
-            },
-        )?;
-        let reached = reaches(&best);
-        Ok(self.if_better(best, reached))
+        let preferred = |new: &Probe, old: &Probe| match (reaches(new), reaches(old)) {
+            (true, true) => new.part_len() < old.part_len(),
+            (false, false) => new.psnr > old.psnr,
+            (new, _) => new,
+        };
+        self.bisect(camera, render, |probe| !reaches(probe), preferred)?;
+        Ok((self.if_better(camera, render), reaches(&self.best)))
     }
 
     /// Codes at qualities that close in on the one where `finer` turns from true to false; at the
-    /// end of the range too, where no such turn was met. The probe that is `preferred` over all
-    /// others met.
+    /// end of the range too, where no such turn was met. The one that is `preferred` over all others
+    /// met ends in `best`.
     fn bisect(
         &mut self,
+        camera: &Picture,
+        render: &Picture,
         finer: impl Fn(&Probe) -> bool,
         preferred: impl Fn(&Probe, &Probe) -> bool,
-    ) -> Result<Probe, ResidualError> {
+    ) -> Result<(), ResidualError> {
         let (mut low, mut high) = (0.0, 1.0);
-        let mut best = self.probe(quality_of(0.5))?;
-        if finer(&best) {
-            low = 0.5
-        } else {
-            high = 0.5
-        }
-        for step in 1..=STEPS {
+        for step in 0..=STEPS {
             let level = if step < STEPS {
                 0.5 * (low + high)
             } else if low == 0.0 {
@@ -155,43 +226,24 @@ impl Prober<'_> {
             } else {
                 break;
             };
-            let probe = self.probe(quality_of(level))?;
-            if finer(&probe) {
+            self.probe(camera, render, quality_of(level))?;
+            if finer(&self.trial) {
                 low = level
             } else {
                 high = level
             }
-            if preferred(&probe, &best) {
-                best = probe;
+            if step == 0 || preferred(&self.trial, &self.best) {
+                self.keep();
             }
         }
-        Ok(best)
+        Ok(())
     }
 
-    fn if_better(self, probe: Probe, reached: bool) -> CodedResidual {
-        if probe.psnr > self.camera.psnr(self.render) {
-            self.coded(probe, reached)
+    fn if_better(&self, camera: &Picture, render: &Picture) -> Found {
+        if self.best.psnr > camera.psnr(render) {
+            Found::Coded
         } else {
-            self.uncoded(Residual::None, reached)
-        }
-    }
-
-    fn coded(self, probe: Probe, reached: bool) -> CodedResidual {
-        let Probe { quality, residual, reconstruction, psnr, .. } = probe;
-        let quality = Some(quality);
-        CodedResidual { residual, reconstruction, psnr, quality, probes: self.probes, reached }
-    }
-
-    fn uncoded(self, residual: Residual, reached: bool) -> CodedResidual {
-        let reconstruction = self.render.clone();
-        let psnr = self.camera.psnr(self.render);
-        CodedResidual {
-            residual,
-            reconstruction,
-            psnr,
-            quality: None,
-            probes: self.probes,
-            reached,
+            Found::Uncoded(Residual::None)
         }
     }
 }

@@ -11,10 +11,9 @@
 //! | 26–29 | width and height, 14 bits each, scale 0 | no |
 //! | 30–… | partitions, a zero after an odd number of bytes | yes, less one last zero |
 
-use webp::{BitstreamFeatures, BitstreamFormat, Decoder, Encoder, WebPConfig};
-
 use crate::Picture;
-use crate::packet::Coder;
+use crate::capi::libwebp::{Arena, Lossy, decode_rgb, decode_rows, encode_rgb, features};
+use crate::packet::{Coder, ResidualStart};
 
 use super::{ResidualError, check_shape};
 
@@ -23,84 +22,174 @@ const CONTAINER_LEN: usize = 20;
 const TAG_LEN: usize = 3;
 const START_CODE: [u8; 3] = [0x9D, 0x01, 0x2A];
 /// Libwebp's slowest and best search.
-const METHOD: i32 = 6;
+const METHOD: u8 = 6;
 
-/// Codes a picture at a quality of 0 to 100.
-pub(super) fn encode(picture: &Picture, quality: f32) -> Result<(Coder, Vec<u8>), ResidualError> {
-    check_shape(picture)?;
-    let mut config = WebPConfig::new()
-        .map_err(|()| ResidualError::Encode("library of another version".to_owned()))?;
-    config.quality = quality;
-    config.method = METHOD;
-    // Segments shift bits to where an eye would see errors, not to where the error is. On the
-    // reef's held-out frames one segment takes 12 to 14 % fewer bytes from 30.5 to 32 dB and 7 %
-    // fewer at 33 dB than libwebp's four; the smallest payload falls from 307 to 253 bytes.
-    config.segments = 1;
-    let file = Encoder::from_rgb(&picture.data, picture.width, picture.height)
-        .encode_advanced(&config)
-        .map_err(|error| ResidualError::Encode(format!("{error:?}")))?;
-    Ok(match strip(&file, picture.width, picture.height) {
-        Some(payload) => (Coder::Vp8, payload),
-        None => (Coder::WebP, file.to_vec()),
-    })
+/// Libwebp with all the memory that pictures of one size need.
+pub struct Webp {
+    arena: Arena,
+    /// The file last coded, or the one being decoded.
+    file: Vec<u8>,
+    /// What a decoder would make of a payload.
+    rebuilt: Vec<u8>,
 }
 
-/// Decodes what [`encode`] made with [`Coder::Vp8`].
-pub(super) fn decode_vp8(
-    payload: &[u8],
-    width: u32,
-    height: u32,
-) -> Result<Picture, ResidualError> {
-    let file = rebuild(payload, width, height)
-        .ok_or(ResidualError::Payload("shorter than a VP8 frame tag, or beyond a RIFF file"))?;
-    decode_file(&file, width, height)
-}
-
-/// Decodes a lossy WebP file of the given size; refuses others before anything is allocated.
-pub(super) fn decode_file(file: &[u8], width: u32, height: u32) -> Result<Picture, ResidualError> {
-    let features =
-        BitstreamFeatures::new(file).ok_or(ResidualError::Payload("not a WebP picture"))?;
-    let found = (features.width(), features.height());
-    if found != (width, height) {
-        return Err(ResidualError::Size { expected: (width, height), found });
+impl Webp {
+    /// For pictures of a size; larger ones do too, but cost allocations.
+    pub fn new(width: u32, height: u32) -> Webp {
+        let file = || Vec::with_capacity(super::max_payload_len(width, height) + CONTAINER_LEN + 8);
+        let arena = Arena::with_capacity(arena_len(width, height));
+        Webp { arena, file: file(), rebuilt: file() }
     }
-    let lossy = matches!(features.format(), Some(BitstreamFormat::Lossy));
-    if !lossy || features.has_alpha() || features.has_animation() {
+
+    /// A picture as a WebP file, at a quality of 0 to 100 with 1 to 4 segments.
+    pub fn encode_file(
+        &mut self,
+        picture: &Picture,
+        quality: f32,
+        segments: u8,
+    ) -> Result<&[u8], ResidualError> {
+        check_shape(picture)?;
+        let Picture { width, height, ref data } = *picture;
+        let how = Lossy { quality, method: METHOD, segments };
+        encode_rgb(data, width, height, how, &mut self.arena, &mut self.file)
+            .map_err(ResidualError::Encode)?;
+        Ok(&self.file)
+    }
+
+    /// Decodes a lossy WebP file of the size of `into`; refuses others before anything is decoded.
+    pub fn decode_file(&mut self, file: &[u8], into: &mut Picture) -> Result<(), ResidualError> {
+        check_shape(into)?;
+        check_file(file, into)?;
+        decode_rgb(file, into.width, &mut into.data, &mut self.arena)
+            .ok_or(ResidualError::Payload("damaged VP8 frame"))
+    }
+
+    /// Codes a picture, into `payload`, at a quality of 0 to 100.
+    pub(super) fn encode(
+        &mut self,
+        picture: &Picture,
+        quality: f32,
+        payload: &mut Vec<u8>,
+    ) -> Result<Coder, ResidualError> {
+        // Segments shift bits to where an eye would see errors, not to where the error is. On the
+        // reef's held-out frames one segment takes 12 to 14 % fewer bytes from 30.5 to 32 dB and
+        // 7 % fewer at 33 dB than libwebp's four; the smallest payload falls from 307 to 253 bytes.
+        self.encode_file(picture, quality, 1)?;
+        payload.clear();
+        let (width, height) = (picture.width, picture.height);
+        if strip(&self.file, width, height, payload, &mut self.rebuilt).is_none() {
+            payload.clear();
+            payload.extend_from_slice(&self.file);
+            return Ok(Coder::WebP);
+        }
+        Ok(Coder::Vp8)
+    }
+
+    /// Decodes what [`Webp::encode`] made, into a picture of its size.
+    pub(super) fn decode(
+        &mut self,
+        coder: Coder,
+        payload: &[u8],
+        into: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        match coder {
+            Coder::WebP => self.decode_file(payload, into),
+            Coder::Vp8 => {
+                let mut file = std::mem::take(&mut self.rebuilt);
+                let built = rebuild(payload, payload.len(), into.width, into.height, &mut file);
+                let decoded = match built {
+                    Some(()) => self.decode_file(&file, into),
+                    None => Err(NO_FRAME),
+                };
+                self.rebuilt = file;
+                decoded
+            }
+        }
+    }
+
+    /// Decodes the rows that the start of a payload holds; their number.
+    pub(super) fn decode_start(
+        &mut self,
+        start: &ResidualStart,
+        into: &mut Picture,
+    ) -> Result<usize, ResidualError> {
+        check_shape(into)?;
+        let ResidualStart { coder, payload, payload_len } = *start;
+        let file = match coder {
+            Coder::WebP => payload,
+            Coder::Vp8 => {
+                rebuild(payload, payload_len, into.width, into.height, &mut self.rebuilt)
+                    .ok_or(NO_FRAME)?;
+                &self.rebuilt
+            }
+        };
+        check_file(file, into)?;
+        decode_rows(file, into.width, &mut into.data, &mut self.arena)
+            .ok_or(ResidualError::Payload("damaged VP8 frame"))
+    }
+}
+
+const NO_FRAME: ResidualError =
+    ResidualError::Payload("shorter than a VP8 frame tag, or beyond a RIFF file");
+
+/// Bytes that libwebp takes at most to code or decode a picture, with room: measured on noise at
+/// quality 100, where it takes up to 33 bytes a pixel and 180 KB beside (see the test).
+fn arena_len(width: u32, height: u32) -> usize {
+    48 * (width as usize).next_multiple_of(16) * (height as usize).next_multiple_of(16) + (1 << 19)
+}
+
+/// Refuses a file that is not a plain lossy picture of the size of `into`.
+fn check_file(file: &[u8], into: &Picture) -> Result<(), ResidualError> {
+    let features = features(file).ok_or(ResidualError::Payload("not a WebP picture"))?;
+    let (expected, found) = ((into.width, into.height), (features.width, features.height));
+    if found != expected {
+        return Err(ResidualError::Size { expected, found });
+    }
+    if !features.plain_lossy {
         return Err(ResidualError::Payload("not a plain lossy WebP picture"));
     }
-    let image = Decoder::new(file).decode().ok_or(ResidualError::Payload("damaged VP8 frame"))?;
-    Picture::from_rgb(width, height, image.to_vec())
-        .ok_or(ResidualError::Payload("not an RGB picture"))
+    Ok(())
 }
 
-/// What [`rebuild`] needs to make this very file again; `None` where it could not.
-fn strip(file: &[u8], width: u32, height: u32) -> Option<Vec<u8>> {
+/// Writes what [`rebuild`] needs to make this very file again; `None` where it could not.
+fn strip(
+    file: &[u8],
+    width: u32,
+    height: u32,
+    payload: &mut Vec<u8>,
+    rebuilt: &mut Vec<u8>,
+) -> Option<()> {
     let tag = file.get(CONTAINER_LEN..CONTAINER_LEN + TAG_LEN)?;
     let partitions = file.get(CONTAINER_LEN + TAG_LEN + START_CODE.len() + 4..)?;
-    let payload = [tag, partitions.strip_suffix(&[0]).unwrap_or(partitions)].concat();
-    (rebuild(&payload, width, height).as_deref() == Some(file)).then_some(payload)
+    payload.extend_from_slice(tag);
+    payload.extend_from_slice(partitions.strip_suffix(&[0]).unwrap_or(partitions));
+    rebuild(payload, payload.len(), width, height, rebuilt)?;
+    (rebuilt == file).then_some(())
 }
 
-/// The WebP file around a payload; `None` where the payload or the size cannot be in one.
-fn rebuild(payload: &[u8], width: u32, height: u32) -> Option<Vec<u8>> {
+/// Writes the WebP file around a payload of `len` bytes, of which `payload` may be the start alone;
+/// `None` where the payload or the size cannot be in one.
+fn rebuild(payload: &[u8], len: usize, width: u32, height: u32, file: &mut Vec<u8>) -> Option<()> {
     let (tag, partitions) = payload.split_at_checked(TAG_LEN)?;
     let side = |v: u32| u16::try_from(v).ok().filter(|v| *v < 1 << 14).map(u16::to_le_bytes);
-    let frame_len = TAG_LEN + START_CODE.len() + 4 + partitions.len();
+    let frame_len = len.checked_add(START_CODE.len() + 4)?;
     let padding = frame_len % 2;
     let chunk_len = u32::try_from(frame_len + padding).ok()?;
     let riff_len = chunk_len.checked_add(12)?;
-    let mut file = Vec::with_capacity(CONTAINER_LEN + frame_len + padding);
-    file.extend(b"RIFF");
-    file.extend(riff_len.to_le_bytes());
-    file.extend(b"WEBPVP8 ");
-    file.extend(chunk_len.to_le_bytes());
-    file.extend(tag);
-    file.extend(START_CODE);
-    file.extend(side(width)?);
-    file.extend(side(height)?);
-    file.extend(partitions);
-    file.resize(file.len() + padding, 0);
-    Some(file)
+    file.clear();
+    file.extend_from_slice(b"RIFF");
+    file.extend_from_slice(&riff_len.to_le_bytes());
+    file.extend_from_slice(b"WEBPVP8 ");
+    file.extend_from_slice(&chunk_len.to_le_bytes());
+    file.extend_from_slice(tag);
+    file.extend_from_slice(&START_CODE);
+    file.extend_from_slice(&side(width)?);
+    file.extend_from_slice(&side(height)?);
+    file.extend_from_slice(partitions);
+    if payload.len() == len && padding > 0 {
+        file.push(0);
+    }
+    Some(())
 }
 
 #[cfg(test)]
@@ -117,50 +206,132 @@ mod tests {
         picture
     }
 
+    /// A picture's payload.
+    fn coded(picture: &Picture, quality: f32) -> Vec<u8> {
+        let mut payload = Vec::new();
+        let mut webp = Webp::new(picture.width, picture.height);
+        assert_eq!(webp.encode(picture, quality, &mut payload), Ok(Coder::Vp8));
+        payload
+    }
+
+    fn rebuilt(payload: &[u8], width: u32, height: u32) -> Vec<u8> {
+        let mut file = Vec::new();
+        rebuild(payload, payload.len(), width, height, &mut file).unwrap();
+        file
+    }
+
+    fn decode(
+        coder: Coder,
+        payload: &[u8],
+        (width, height): (u32, u32),
+    ) -> Result<Picture, ResidualError> {
+        let mut picture = Picture::new(width, height);
+        Webp::new(width, height).decode(coder, payload, &mut picture).map(|()| picture)
+    }
+
     #[test]
     fn stripping_saves_27_bytes_and_loses_nothing() {
         for (width, height) in [(1, 1), (17, 33), (64, 48)] {
             for quality in [0.0, 3.5, 20.0, 50.0, 75.0, 100.0] {
                 let picture = sample(width, height);
-                let (coder, payload) = encode(&picture, quality).unwrap();
-                assert_eq!(coder, Coder::Vp8);
-                let file = rebuild(&payload, width, height).unwrap();
+                let payload = coded(&picture, quality);
+                let file = rebuilt(&payload, width, height);
                 assert!(payload.len() + 27 <= file.len());
-                assert_eq!(strip(&file, width, height).as_ref(), Some(&payload));
-                let ours = decode_vp8(&payload, width, height).unwrap();
-                assert_eq!(ours.data, *Decoder::new(&file).decode().unwrap());
-                assert_eq!(decode_file(&file, width, height), Ok(ours));
+                let mut webp = Webp::new(width, height);
+                assert_eq!(webp.encode_file(&picture, quality, 1).unwrap(), file);
+                let ours = decode(Coder::Vp8, &payload, (width, height)).unwrap();
+                assert_eq!(decode(Coder::WebP, &file, (width, height)), Ok(ours));
             }
         }
     }
 
     #[test]
     fn other_shapes_are_kept_whole() {
-        let (_, payload) = encode(&sample(17, 33), 50.0).unwrap();
-        let file = rebuild(&payload, 17, 33).unwrap();
-        assert_eq!(strip(&file, 17, 32), None);
+        let file = rebuilt(&coded(&sample(17, 33), 50.0), 17, 33);
+        let strip = |file: &[u8], height| strip(file, 17, height, &mut Vec::new(), &mut Vec::new());
+        assert_eq!(strip(&file, 33), Some(()));
+        assert_eq!(strip(&file, 32), None);
         for index in [0, 4, 8, 12, 16, 23, 26, 29] {
             let mut other = file.clone();
             other[index] ^= 0x40;
-            assert_eq!(strip(&other, 17, 33), None, "byte {index}");
+            assert_eq!(strip(&other, 33), None, "byte {index}");
         }
-        assert_eq!(strip(&file[..25], 17, 33), None);
+        assert_eq!(strip(&file[..25], 33), None);
     }
 
     #[test]
     fn refuses_pictures_of_another_size_or_kind() {
         let picture = sample(16, 16);
-        let (_, payload) = encode(&picture, 50.0).unwrap();
-        let file = rebuild(&payload, 16, 16).unwrap();
+        let payload = coded(&picture, 50.0);
+        let file = rebuilt(&payload, 16, 16);
         let size = ResidualError::Size { expected: (32, 16), found: (16, 16) };
-        assert_eq!(decode_file(&file, 32, 16), Err(size));
-        let lossless = Encoder::from_rgb(&picture.data, 16, 16).encode_lossless();
-        assert!(matches!(decode_file(&lossless, 16, 16), Err(ResidualError::Payload(_))));
-        let alpha = Encoder::from_rgba(&[99; 1024], 16, 16).encode(50.0);
-        assert!(matches!(decode_file(&alpha, 16, 16), Err(ResidualError::Payload(_))));
-        assert!(matches!(decode_vp8(&[1, 2], 16, 16), Err(ResidualError::Payload(_))));
-        assert!(encode(&Picture::new(0, 4), 50.0).is_err());
-        assert!(encode(&Picture { width: 9, ..picture }, 50.0).is_err());
+        assert_eq!(decode(Coder::WebP, &file, (32, 16)), Err(size));
+        let image = image::RgbImage::from_raw(16, 16, picture.data.clone()).unwrap();
+        let mut lossless = std::io::Cursor::new(Vec::new());
+        image.write_to(&mut lossless, image::ImageFormat::WebP).unwrap();
+        let kind = decode(Coder::WebP, lossless.get_ref(), (16, 16));
+        assert_eq!(kind, Err(ResidualError::Payload("not a plain lossy WebP picture")));
+        assert_eq!(decode(Coder::Vp8, &[1, 2], (16, 16)), Err(NO_FRAME));
+        let mut webp = Webp::new(16, 16);
+        let mut encode = |picture: &Picture| webp.encode(picture, 50.0, &mut Vec::new());
+        assert!(encode(&Picture::new(0, 4)).is_err());
+        assert!(encode(&Picture { width: 9, ..picture }).is_err());
+    }
+
+    #[test]
+    fn libwebp_never_leaves_its_arena() {
+        let mut state = 1u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        for (width, height) in [(1, 1), (3, 700), (700, 3), (320, 180), (640, 360)] {
+            let mut picture = Picture::new(width, height);
+            picture.data.fill_with(&mut noise);
+            let mut webp = Webp::new(width, height);
+            let mut payload = Vec::with_capacity(super::super::max_payload_len(width, height));
+            let before = [payload.capacity(), webp.file.capacity(), webp.rebuilt.capacity()];
+            for quality in [0.0, 30.0, 100.0] {
+                let coder = webp.encode(&picture, quality, &mut payload).unwrap();
+                webp.decode(coder, &payload, &mut Picture::new(width, height)).unwrap();
+                let start = ResidualStart {
+                    coder,
+                    payload: &payload[..payload.len() / 2],
+                    payload_len: payload.len(),
+                };
+                let _ = webp.decode_start(&start, &mut Picture::new(width, height));
+            }
+            let (peak, room) = (webp.arena.peak(), arena_len(width, height));
+            assert!(peak > 0 && peak * 5 < room * 4, "{width}×{height}: {peak} of {room}");
+            assert_eq!(webp.arena.spilled(), 0);
+            let after = [payload.capacity(), webp.file.capacity(), webp.rebuilt.capacity()];
+            assert_eq!(before, after, "{width}×{height}: {}", payload.len());
+        }
+    }
+
+    #[test]
+    fn the_start_of_a_payload_gives_its_first_rows() {
+        let picture = sample(96, 80);
+        let payload = coded(&picture, 60.0);
+        let whole = decode(Coder::Vp8, &payload, (96, 80)).unwrap();
+        let mut webp = Webp::new(96, 80);
+        let mut last = 0;
+        for len in 0..payload.len() {
+            let start = ResidualStart {
+                coder: Coder::Vp8,
+                payload: &payload[..len],
+                payload_len: payload.len(),
+            };
+            let mut into = Picture::new(96, 80);
+            let Ok(rows) = webp.decode_start(&start, &mut into) else {
+                assert!(len < TAG_LEN + 4, "{len} bytes are refused");
+                continue;
+            };
+            assert!(rows >= last, "{len} bytes give {rows} rows, one less {last}");
+            assert_eq!(into.data[..rows * 96 * 3], whole.data[..rows * 96 * 3], "{len} bytes");
+            last = rows;
+        }
+        assert!((40..80).contains(&last), "{last} rows of all but the last byte");
     }
 
     proptest! {
@@ -168,23 +339,33 @@ mod tests {
         fn arbitrary_payloads_never_panic(
             bytes in proptest::collection::vec(any::<u8>(), 0..300),
             tag in any::<bool>(),
+            more in 0usize..300,
         ) {
-            let _ = decode_file(&bytes, 16, 16);
+            let _ = decode(Coder::WebP, &bytes, (16, 16));
             // A plausible frame tag lets the rest reach the decoder's inner loops.
             let start: &[u8] = if tag { &[0x90, 0x01, 0x00] } else { &[] };
-            let _ = decode_vp8(&[start, &bytes[..]].concat(), 16, 16);
+            let payload = [start, &bytes[..]].concat();
+            let _ = decode(Coder::Vp8, &payload, (16, 16));
+            let mut into = Picture::new(16, 16);
+            for coder in [Coder::Vp8, Coder::WebP] {
+                let payload_len = payload.len() + more;
+                let start = ResidualStart { coder, payload: &payload, payload_len };
+                if let Ok(rows) = Webp::new(16, 16).decode_start(&start, &mut into) {
+                    prop_assert!(rows <= 16);
+                }
+            }
         }
 
         #[test]
         fn damaged_payloads_give_a_picture_of_the_size_or_an_error(
             damage in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         ) {
-            let (_, mut payload) = encode(&sample(40, 24), 60.0).unwrap();
+            let mut payload = coded(&sample(40, 24), 60.0);
             for (index, value) in damage {
                 let index = index.index(payload.len());
                 payload[index] = value;
             }
-            if let Ok(picture) = decode_vp8(&payload, 40, 24) {
+            if let Ok(picture) = decode(Coder::Vp8, &payload, (40, 24)) {
                 prop_assert_eq!((picture.width, picture.height), (40, 24));
             }
         }

@@ -11,6 +11,7 @@ use nvsprior::mapping::{MappingOptions, View, make_prior};
 use nvsprior::prior::ply::write_ply;
 use nvsprior::refine::Optimizer;
 use nvsprior::render::Scene;
+use nvsprior::residual::Webp;
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
 
 use crate::args::{DeviceArgs, progress};
@@ -208,18 +209,14 @@ impl Dive<'_> {
 /// The smallest WebP of a picture that reaches a PSNR, by bisection of the quality; the best one
 /// where none does. Bytes and PSNR.
 fn webp_at_psnr(picture: &Picture, psnr: f64) -> anyhow::Result<(usize, f64)> {
-    let code = |quality: f32| -> anyhow::Result<(usize, f64)> {
-        let Picture { width, height, ref data } = *picture;
-        let mut config =
-            webp::WebPConfig::new().map_err(|()| anyhow::anyhow!("libwebp: no configuration"))?;
-        config.quality = quality;
-        config.method = 6;
-        let encoder = webp::Encoder::from_rgb(data, width, height);
-        let coded =
-            encoder.encode_advanced(&config).map_err(|e| anyhow::anyhow!("libwebp: {e:?}"))?;
-        let shown = webp::Decoder::new(&coded).decode().context("libwebp reads its own file")?;
-        let shown = Picture::from_rgb(width, height, shown.to_vec()).context("RGB was coded")?;
-        Ok((coded.len(), shown.psnr(picture)))
+    /// Libwebp's default.
+    const SEGMENTS: u8 = 4;
+    let mut webp = Webp::new(picture.width, picture.height);
+    let mut shown = Picture::new(picture.width, picture.height);
+    let mut code = |quality: f32| -> anyhow::Result<(usize, f64)> {
+        let file = webp.encode_file(picture, quality, SEGMENTS)?.to_vec();
+        webp.decode_file(&file, &mut shown)?;
+        Ok((file.len(), shown.psnr(picture)))
     };
     let (mut low, mut high) = (0.0, 100.0);
     let mut best = code(high)?;

@@ -1,4 +1,4 @@
-use super::super::decode_residual;
+use super::super::ResidualDecoder;
 use super::*;
 
 /// A textured picture, and a render of it that is blurred, off in brightness, and blind to a blob.
@@ -20,8 +20,11 @@ fn sample() -> (Picture, Picture) {
 
 /// What every coded residual must be: what its own numbers say, and what the decoder will get.
 fn check_honest(coded: &CodedResidual, camera: &Picture, render: &Picture) {
-    assert_eq!(decode_residual(render, &coded.residual).as_ref(), Ok(&coded.reconstruction));
-    assert_eq!(coded.psnr, camera.psnr(&coded.reconstruction));
+    let mut shown = render.clone();
+    let mut decoder = ResidualDecoder::new(render.width, render.height);
+    assert_eq!(decoder.add(&coded.residual, &mut shown), Ok(()));
+    assert_eq!(shown, *coded.reconstruction);
+    assert_eq!(coded.psnr, camera.psnr(coded.reconstruction));
     assert_eq!(coded.quality.is_some(), matches!(coded.residual, Residual::Coded { .. }));
 }
 
@@ -35,11 +38,12 @@ fn part_len(residual: &Residual) -> usize {
 #[test]
 fn a_budget_is_never_exceeded_and_well_used() {
     let (camera, render) = sample();
+    let mut encoder = ResidualEncoder::new(96, 64);
     let overhead = 31;
     let mut last = f64::NEG_INFINITY;
     let (mut coded_any, mut finest) = (false, false);
     for budget in (0..4000).step_by(53) {
-        let coded = encode_residual(&camera, &render, Rate::Bytes(budget), overhead).unwrap();
+        let coded = encoder.encode(&camera, &render, Rate::Bytes(budget), overhead).unwrap();
         check_honest(&coded, &camera, &render);
         let used = part_len(&coded.residual);
         assert!(used == 0 || overhead + used <= budget, "{used} of {budget}");
@@ -61,30 +65,32 @@ fn a_budget_is_never_exceeded_and_well_used() {
 #[test]
 fn no_room_and_no_need_are_told_apart() {
     let (camera, render) = sample();
-    let coded = encode_residual(&camera, &render, Rate::Bytes(50), 50).unwrap();
+    let mut encoder = ResidualEncoder::new(96, 64);
+    let coded = encoder.encode(&camera, &render, Rate::Bytes(50), 50).unwrap();
     assert_eq!((coded.residual, coded.reached), (Residual::Omitted, false));
-    assert_eq!(coded.reconstruction, render);
-    let coded = encode_residual(&camera, &camera, Rate::Bytes(5000), 50).unwrap();
+    assert_eq!(*coded.reconstruction, render);
+    let coded = encoder.encode(&camera, &camera, Rate::Bytes(5000), 50).unwrap();
     assert_eq!((coded.residual, coded.reached), (Residual::None, true));
 }
 
 #[test]
 fn a_target_is_reached_with_few_bytes() {
     let (camera, render) = sample();
+    let mut encoder = ResidualEncoder::new(96, 64);
     let alone = camera.psnr(&render);
     let (mut last, mut last_len) = (0.0, 0);
     for target in [alone - 1.0, alone + 1.0, alone + 3.0, alone + 6.0, alone + 10.0] {
-        let coded = encode_residual(&camera, &render, Rate::Psnr(target), 0).unwrap();
+        let coded = encoder.encode(&camera, &render, Rate::Psnr(target), 0).unwrap();
         check_honest(&coded, &camera, &render);
         assert!(coded.reached && coded.psnr >= target, "{} for {target}", coded.psnr);
         assert!(coded.psnr >= last);
-        let len = part_len(&coded.residual);
+        let (len, quality) = (part_len(&coded.residual), coded.quality);
         assert!(len >= last_len);
         assert_eq!(len == 0, target < alone);
         (last, last_len) = (coded.psnr, len);
-        if let Some(quality) = coded.quality {
+        if let Some(quality) = quality {
             let coarser = Rate::Quality(quality * 0.8);
-            let coarser = encode_residual(&camera, &render, coarser, 0).unwrap();
+            let coarser = encoder.encode(&camera, &render, coarser, 0).unwrap();
             assert!(coarser.psnr < target || part_len(&coarser.residual) >= len);
         }
     }
@@ -93,7 +99,8 @@ fn a_target_is_reached_with_few_bytes() {
 #[test]
 fn a_target_out_of_reach_gives_the_best_and_says_so() {
     let (camera, render) = sample();
-    let coded = encode_residual(&camera, &render, Rate::Psnr(90.0), 0).unwrap();
+    let mut encoder = ResidualEncoder::new(96, 64);
+    let coded = encoder.encode(&camera, &render, Rate::Psnr(90.0), 0).unwrap();
     assert!(!coded.reached);
     assert!(coded.quality > Some(95.0));
     check_honest(&coded, &camera, &render);
@@ -102,7 +109,8 @@ fn a_target_out_of_reach_gives_the_best_and_says_so() {
 #[test]
 fn quality_is_taken_as_given() {
     let (camera, render) = sample();
-    let coded = encode_residual(&camera, &render, Rate::Quality(30.0), 0).unwrap();
+    let mut encoder = ResidualEncoder::new(96, 64);
+    let coded = encoder.encode(&camera, &render, Rate::Quality(30.0), 0).unwrap();
     assert_eq!((coded.quality, coded.probes), (Some(30.0), 1));
     check_honest(&coded, &camera, &render);
 }
@@ -110,15 +118,16 @@ fn quality_is_taken_as_given() {
 #[test]
 fn refuses_bad_rates_and_sizes() {
     let (camera, render) = sample();
+    let mut encoder = ResidualEncoder::new(96, 64);
     for rate in [Rate::Quality(f32::NAN), Rate::Quality(100.5), Rate::Psnr(f64::NAN)] {
-        assert!(matches!(encode_residual(&camera, &render, rate, 0), Err(ResidualError::Rate(_))));
+        assert!(matches!(encoder.encode(&camera, &render, rate, 0), Err(ResidualError::Rate(_))));
     }
     let small = Picture::new(8, 8);
-    let refused = encode_residual(&camera, &small, Rate::Quality(50.0), 0).err();
+    let refused = encoder.encode(&camera, &small, Rate::Quality(50.0), 0).err();
     let size = ResidualError::Size { expected: (96, 64), found: (8, 8) };
     assert_eq!(refused, Some(size));
     let broken = Picture { data: vec![0; 5], ..render.clone() };
-    let refused = encode_residual(&broken, &render, Rate::Quality(50.0), 0).err();
+    let refused = encoder.encode(&broken, &render, Rate::Quality(50.0), 0).err();
     assert_eq!(refused, Some(ResidualError::Shape { width: 96, height: 64, bytes: 5 }));
 }
 

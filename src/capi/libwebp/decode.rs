@@ -1,0 +1,83 @@
+//! Decoding, of whole files and of the beginnings of files.
+
+use std::ffi::c_int;
+use std::mem::MaybeUninit;
+use std::ptr::null_mut;
+
+use libwebp_sys as sys;
+
+use super::Arena;
+
+/// What a file's header says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Features {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// One lossy picture without alpha: what [`super::encode_rgb`] makes.
+    pub plain_lossy: bool,
+}
+
+/// Format of a lossy picture in libwebp's features.
+const LOSSY: c_int = 1;
+
+/// Reads the header of a file; `None` where it is none of a WebP file.
+pub(crate) fn features(file: &[u8]) -> Option<Features> {
+    let mut found = MaybeUninit::zeroed();
+    // SAFETY: pointer and length are those of a slice; the structure is plain numbers.
+    let (status, found) = unsafe {
+        let status = sys::WebPGetFeatures(file.as_ptr(), file.len(), found.as_mut_ptr());
+        (status, found.assume_init())
+    };
+    if status != sys::VP8StatusCode::VP8_STATUS_OK {
+        return None;
+    }
+    Some(Features {
+        width: u32::try_from(found.width).ok()?,
+        height: u32::try_from(found.height).ok()?,
+        plain_lossy: found.format == LOSSY && found.has_alpha == 0 && found.has_animation == 0,
+    })
+}
+
+/// Decodes a file of pixels of the given width into `rgb`, without padding; `None` where it is
+/// damaged, or its rows are not as many as `rgb` has room for.
+pub(crate) fn decode_rgb(file: &[u8], width: u32, rgb: &mut [u8], arena: &mut Arena) -> Option<()> {
+    let stride = c_int::try_from(width).ok()?.checked_mul(3)?;
+    // SAFETY: pointers and lengths are those of slices; libwebp refuses a picture that does not fit.
+    let decoded = arena.lend(|| unsafe {
+        sys::WebPDecodeRGBInto(file.as_ptr(), file.len(), rgb.as_mut_ptr(), rgb.len(), stride)
+    });
+    (!decoded.is_null()).then_some(())
+}
+
+/// Decodes the beginning of a file as [`decode_rgb`] does a whole one, as far as it goes; the number
+/// of rows written, or `None` where it is damaged.
+pub(crate) fn decode_rows(
+    start: &[u8],
+    width: u32,
+    rgb: &mut [u8],
+    arena: &mut Arena,
+) -> Option<usize> {
+    let stride = c_int::try_from(width).ok()?.checked_mul(3)?;
+    let mut rows = 0;
+    // SAFETY: pointers and lengths are those of slices that outlive the decoder, which is deleted
+    // before the arena ends; null where no place is asked for.
+    let status = arena.lend(|| unsafe {
+        let mode = sys::WEBP_CSP_MODE::MODE_RGB;
+        let decoder = sys::WebPINewRGB(mode, rgb.as_mut_ptr(), rgb.len(), stride);
+        if decoder.is_null() {
+            return sys::VP8StatusCode::VP8_STATUS_OUT_OF_MEMORY;
+        }
+        let status = sys::WebPIUpdate(decoder, start.as_ptr(), start.len());
+        sys::WebPIDecGetRGB(decoder, &mut rows, null_mut(), null_mut(), null_mut());
+        sys::WebPIDelete(decoder);
+        status
+    });
+    match status {
+        sys::VP8StatusCode::VP8_STATUS_OK | sys::VP8StatusCode::VP8_STATUS_SUSPENDED => {
+            usize::try_from(rows).ok()
+        }
+        _ => None,
+    }
+}

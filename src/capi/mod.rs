@@ -1,0 +1,3 @@
+//! Where Rust and C meet. With `vulkan`, the only place with `unsafe` code.
+
+pub(crate) mod libwebp;
