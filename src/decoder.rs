@@ -59,6 +59,17 @@ impl Decoder {
         Decoder { engine: engine.clone(), scene: scene.clone(), cameras: Vec::new(), view: None }
     }
 
+    /// Goes on with another engine, after the device of the old one was lost, and the same prior
+    /// uploaded there. The cameras known carry over.
+    pub fn move_to(&mut self, engine: &Engine, scene: &Arc<Scene>) -> Result<(), Error> {
+        let (expected, found) = (self.scene.id(), scene.id());
+        if expected != found {
+            return Err(Error::PriorChanged { expected, found });
+        }
+        (self.engine, self.scene, self.view) = (engine.clone(), scene.clone(), None);
+        Ok(())
+    }
+
     /// Tells the decoder of a camera, for packets that only name it.
     pub fn add_camera(&mut self, camera: &Camera) -> Result<(), Error> {
         camera.check()?;

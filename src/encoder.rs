@@ -3,12 +3,14 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::packet::{Latent, PoseProfile, QuantisedPose, Residual};
+use crate::packet::{
+    CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, Residual, residual_part_len,
+};
 use crate::refine::{
     Evaluation, Objective, Outcome, Pyramid, RefineOptions, Start, StartKind, Starts, Stop, refine,
 };
 use crate::render::{Plan, Scene};
-use crate::residual::ResidualEncoder;
+use crate::residual::{ResidualEncoder, max_payload_len};
 use crate::{Camera, Engine, Error, Packet, Picture, Pose, Rate};
 
 /// How to encode.
@@ -26,6 +28,8 @@ pub struct EncoderOptions {
     /// The camera is sent with the first frame, when it changes, and every so many frames for a
     /// topside that missed it; 0: no repeats.
     pub camera_interval: u32,
+    /// Number of the first frame.
+    pub first_frame: u32,
     /// Reduction factors of the pyramid, finest first, beginning with 1.
     pub factors: Vec<u32>,
 }
@@ -38,6 +42,7 @@ impl Default for EncoderOptions {
             rate: Some(Rate::Quality(10.0)),
             profile: PoseProfile::Compact,
             camera_interval: 64,
+            first_frame: 0,
             factors: vec![1, 2, 4, 8],
         }
     }
@@ -85,6 +90,23 @@ pub struct Encoded {
     pub stats: FrameStats,
 }
 
+impl Encoded {
+    /// With room for every frame of a size.
+    pub fn with_room(width: u32, height: u32) -> Encoded {
+        Encoded {
+            packet: Vec::with_capacity(packet_bound(width, height)),
+            picture: Picture::new(width, height),
+            render: Picture::new(width, height),
+            ..Encoded::default()
+        }
+    }
+}
+
+/// Most bytes of a packet about a picture of this size, in either profile and with the camera.
+pub fn packet_bound(width: u32, height: u32) -> usize {
+    LONGEST_LATENT + CAMERA_PART_LEN + residual_part_len(max_payload_len(width, height))
+}
+
 /// Encodes the frames of one camera, in order.
 pub struct Encoder {
     engine: Engine,
@@ -114,12 +136,12 @@ impl Encoder {
             engine: engine.clone(),
             scene: scene.clone(),
             camera: *camera,
+            frame: options.first_frame,
             options,
             objective,
             residual: ResidualEncoder::new(camera.width, camera.height),
             starts: Starts::default(),
             renders_before: Vec::new(),
-            frame: 0,
             camera_age: None,
         })
     }
@@ -134,6 +156,23 @@ impl Encoder {
             self.camera = *camera;
             self.camera_age = None;
         }
+        Ok(())
+    }
+
+    /// How fine the difference pictures are from here on: links change.
+    pub fn set_rate(&mut self, rate: Option<Rate>) {
+        self.options.rate = rate;
+    }
+
+    /// Goes on with another engine, after the device of the old one was lost, and the same prior
+    /// uploaded there. Frame numbers and poses carry over; where it fails, all is as before.
+    pub fn move_to(&mut self, engine: &Engine, scene: &Arc<Scene>) -> Result<(), Error> {
+        let (expected, found) = (self.scene.id(), scene.id());
+        if expected != found {
+            return Err(Error::PriorChanged { expected, found });
+        }
+        self.objective = objective(engine, scene, &self.camera, &self.options)?;
+        (self.engine, self.scene) = (engine.clone(), scene.clone());
         Ok(())
     }
 

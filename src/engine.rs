@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::render::{Kernels, Plan, Renderer, Scene};
-use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error};
+use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
 
 /// A device with all pipelines built; make it once, share it between encoders and decoders.
@@ -24,6 +24,11 @@ impl Engine {
     /// The device, in words: `{}` of it is the one-line banner.
     pub fn device(&self) -> &DeviceInfo {
         self.device.info()
+    }
+
+    /// Device memory in use.
+    pub fn memory(&self) -> MemoryUse {
+        self.device.memory()
     }
 
     /// Messages of the validation layer so far; empty where validation is off.

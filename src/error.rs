@@ -45,6 +45,14 @@ pub enum Error {
         /// Number of the frame.
         frame: u32,
     },
+    /// A coder was to go on with another prior than its own.
+    #[error("prior {found} in the place of {expected}")]
+    PriorChanged {
+        /// Identity of the prior so far.
+        expected: crate::PriorId,
+        /// Identity of the other.
+        found: crate::PriorId,
+    },
     /// A packet's camera was sent in an earlier packet that did not arrive.
     #[error("frame {frame}: its camera (tag {tag:#04x}) was sent in a packet that is missing")]
     CameraUnknown {

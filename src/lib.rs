@@ -55,7 +55,7 @@ pub mod shared;
 
 pub use camera::Camera;
 pub use decoder::{Decoded, Decoder, Trust};
-pub use encoder::{Encoded, Encoder, EncoderOptions, FrameStats};
+pub use encoder::{Encoded, Encoder, EncoderOptions, FrameStats, packet_bound};
 pub use engine::Engine;
 pub use error::Error;
 pub use packet::Packet;

@@ -26,6 +26,18 @@ impl fmt::Display for Part {
     }
 }
 
+impl PacketError {
+    /// The part that cannot be read, where it is known.
+    pub fn part(&self) -> Option<Part> {
+        match self {
+            PacketError::TooShort { part, .. } | PacketError::Check(part) => Some(*part),
+            PacketError::Coder(_) | PacketError::PayloadLength => Some(Part::Residual),
+            PacketError::Camera(_) | PacketError::CameraTag { .. } => Some(Part::Camera),
+            _ => None,
+        }
+    }
+}
+
 /// Why a packet cannot be made or read.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PacketError {

@@ -12,7 +12,7 @@ const MAGIC: u8 = 0xB;
 /// Version of the format, low four bits of the first byte.
 pub(super) const VERSION: u8 = 1;
 /// Bytes of the latent part that are not the pose.
-const FIXED_LEN: usize = 15;
+pub(super) const FIXED_LEN: usize = 15;
 
 const FLAG_UNCERTAIN: u8 = 1 << 2;
 const FLAG_CAMERA: u8 = 1 << 3;

@@ -59,6 +59,9 @@ pub use latent::Latent;
 pub use pose::{PoseProfile, QuantisedPose};
 pub use residual::{Coder, Residual, ResidualStart, residual_part_len};
 
+/// Length of the latent part in the paper's profile, the longer one, bytes.
+pub const LONGEST_LATENT: usize = latent::FIXED_LEN + pose::LONGEST;
+
 /// Length of the camera part, bytes.
 pub const CAMERA_PART_LEN: usize = camera::LEN;
 

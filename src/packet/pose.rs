@@ -30,6 +30,8 @@ const SMALL_BITS: u32 = 18;
 const SMALL_ZERO: i32 = 1 << (SMALL_BITS - 1);
 /// Code steps per unit of a small component: the largest magnitude, 1/√2, takes the last step.
 const SMALL_STEPS: f64 = (SMALL_ZERO - 1) as f64 * SQRT_2;
+/// Bytes of the longer profile.
+pub(super) const LONGEST: usize = 28;
 /// Rounds after which quantisation has settled, with room; see [`QuantisedPose::quantise`].
 const MAX_SETTLING: usize = 16;
 
@@ -64,7 +66,7 @@ impl PoseProfile {
     pub fn encoded_len(self) -> usize {
         match self {
             PoseProfile::Compact => 16,
-            PoseProfile::Paper => 28,
+            PoseProfile::Paper => LONGEST,
         }
     }
 }
@@ -137,8 +139,8 @@ impl QuantisedPose {
     }
 
     /// The bytes of the longest profile, zeros after those of a shorter one.
-    fn bytes(&self) -> [u8; 28] {
-        let mut bytes = [0; 28];
+    fn bytes(&self) -> [u8; LONGEST] {
+        let mut bytes = [0; LONGEST];
         match self.0 {
             Code::Compact { centre, largest, small } => {
                 for (to, value) in bytes.chunks_exact_mut(3).zip(centre) {

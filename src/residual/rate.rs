@@ -150,6 +150,10 @@ impl ResidualEncoder {
         let trial = &mut self.trial;
         trial.quality = quality;
         trial.coder = self.webp.encode(&self.difference, quality, &mut trial.payload)?;
+        let (width, height) = (camera.width, camera.height);
+        if trial.payload.len() > max_payload_len(width, height) {
+            return Err(ResidualError::Encode(format!("{} bytes", trial.payload.len())));
+        }
         self.webp.decode(trial.coder, &trial.payload, &mut self.decoded)?;
         trial.reconstruction.data.copy_from_slice(&render.data);
         add(&self.decoded.data, &mut trial.reconstruction.data);

@@ -51,6 +51,17 @@ impl std::fmt::Display for DeviceInfo {
     }
 }
 
+/// Device memory in use by all that was made on a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemoryUse {
+    /// Bytes in buffers.
+    pub used: u64,
+    /// Bytes taken from the driver for them.
+    pub reserved: u64,
+    /// Buffers.
+    pub buffers: u64,
+}
+
 /// An opened device with one compute queue. Clones share it.
 #[derive(Clone)]
 pub struct Device {
@@ -145,6 +156,17 @@ impl Device {
     /// What the device says of itself.
     pub fn info(&self) -> &DeviceInfo {
         &self.inner.info
+    }
+
+    /// Device memory in use.
+    pub fn memory(&self) -> MemoryUse {
+        let allocator = self.inner.allocator.lock().unwrap_or_else(|e| e.into_inner());
+        let report = allocator.as_ref().map(Allocator::generate_report).unwrap_or_default();
+        MemoryUse {
+            used: report.total_allocated_bytes,
+            reserved: report.total_capacity_bytes,
+            buffers: report.allocations.len() as u64,
+        }
     }
 
     /// Messages of the validation layer so far; empty where validation is off.

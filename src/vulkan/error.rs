@@ -63,6 +63,18 @@ pub enum Error {
 }
 
 impl Error {
+    /// Whether host or device memory ran out.
+    pub fn is_out_of_memory(&self) -> bool {
+        use vk::Result as R;
+        match self {
+            Error::Memory { .. } | Error::BufferTooLarge { .. } => true,
+            Error::Call { result, .. } => {
+                matches!(*result, R::ERROR_OUT_OF_HOST_MEMORY | R::ERROR_OUT_OF_DEVICE_MEMORY)
+            }
+            _ => false,
+        }
+    }
+
     /// For `map_err`: wraps a result code with the name of its call.
     pub(super) fn of(call: &'static str) -> impl Fn(vk::Result) -> Error {
         move |result| match result {

@@ -1,0 +1,1110 @@
+/* nvsprior: pictures through an acoustic modem, against a 3D Gaussian Splatting prior.
+ *
+ * A vehicle and its topside hold the same trained scene, the prior. For each camera frame an encoder
+ * finds the pose at which the prior looks most like the frame, and packs the pose with a coded
+ * difference picture; a decoder renders the prior at the pose and adds the difference. Packets travel
+ * in modem frames; a reassembler puts them together from what arrives.
+ *
+ * The contract of every function:
+ *
+ * Status. What can fail returns an nvsp_status: NVSP_OK (0), NVSP_PENDING, or an error below zero.
+ *   nvsp_status_text gives it in words; nvsp_..._last_error on the handle gives the particulars. After
+ *   an error nothing was written through any pointer, nothing that was good is lost, and the handle
+ *   may be used on, except after NVSP_ERR_INTERNAL (then NVSP_ERR_POISONED) and
+ *   NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen).
+ * Ownership. nvsp_..._create and nvsp_prior_open hand over a handle, which nvsp_..._destroy ends, in
+ *   any order: what a handle needs of another it keeps alive. All other memory is the caller's, and is
+ *   read or written during the call alone. Texts that are returned are static.
+ * Threads. An engine and a prior may be used by any number of threads at once. An encoder, a decoder
+ *   or a reassembler by one at a time: a second one gets NVSP_ERR_BUSY, and harms nothing. Nobody may
+ *   use a handle while, or after, it is destroyed.
+ * Waiting. A call waits where its comment says so, and then for the device alone. Nothing waits for
+ *   another program, a file (but for nvsp_prior_open) or a network.
+ * Memory. A call allocates where its comment says so. Encoding, decoding, splitting and reassembly
+ *   allocate nothing on the host once they have run a first time.
+ * Structures that begin with struct_size are set up by NVSP_INIT(&structure), which makes every field
+ *   zero, its default. Fields will only ever be appended.
+ * Units. Angles in radians, pixels from the upper left corner, lengths in the prior's own unit, PSNR
+ *   in dB against 255.
+ * Signals and forks. The library installs no signal handlers. A child of fork may not use handles of
+ *   its parent.
+ */
+
+#ifndef NVSPRIOR_H
+#define NVSPRIOR_H
+
+#include <stddef.h>
+#include <stdint.h>
+/* Sets a structure up for use: all defaults. Returns an nvsp_status. */
+#define NVSP_INIT(structure) nvsp_struct_init((structure), sizeof *(structure), NVSP_ABI_VERSION)
+
+
+// Version of the ABI that this header describes.
+#define NVSP_ABI_VERSION 1
+
+// A call failed.
+#define NVSP_LOG_ERROR 1
+
+// Something is not as it should be, and work goes on.
+#define NVSP_LOG_WARNING 2
+
+// What was chosen and loaded.
+#define NVSP_LOG_INFO 3
+
+// Run under the Khronos validation layer, which must be installed; its messages are logged as
+// warnings when the engine is destroyed or reopened. For tests; slow.
+#define NVSP_ENGINE_VALIDATION 1
+
+// `near_plane` is given.
+#define NVSP_PRIOR_NEAR 1
+
+// `alpha_max` is given.
+#define NVSP_PRIOR_ALPHA_MAX 2
+
+// `antialiased` is given.
+#define NVSP_PRIOR_ANTIALIASED 4
+
+// `background` is given.
+#define NVSP_PRIOR_BACKGROUND 8
+
+// Three bytes a pixel: red, green, blue.
+#define NVSP_FORMAT_RGB8 1
+
+// Three bytes a pixel: blue, green, red.
+#define NVSP_FORMAT_BGR8 2
+
+// Four bytes a pixel: red, green, blue, alpha, which is ignored in images and 255 in pictures.
+#define NVSP_FORMAT_RGBA8 3
+
+// Plane 0: Y; plane 1: U and V in turn, one pair for two by two pixels. Images only.
+#define NVSP_FORMAT_NV12 4
+
+// Planes Y, U, V; one U and V for two by two pixels. Images only.
+#define NVSP_FORMAT_I420 5
+
+// BT.601, limited range: what most cameras and V4L2 deliver.
+#define NVSP_COLOUR_BT601_LIMITED 0
+
+// BT.601, full range: JPEG.
+#define NVSP_COLOUR_BT601_FULL 1
+
+// BT.709, limited range: HDTV, most H.264 decoders.
+#define NVSP_COLOUR_BT709_LIMITED 2
+
+// BT.709, full range.
+#define NVSP_COLOUR_BT709_FULL 3
+
+// Quality 10.
+#define NVSP_RATE_DEFAULT 0
+
+// Quality of the difference picture, 0 to 100.
+#define NVSP_RATE_QUALITY 1
+
+// Bytes of the whole packet, never exceeded.
+#define NVSP_RATE_BYTES 2
+
+// PSNR to reach at the least bytes, dB.
+#define NVSP_RATE_PSNR 3
+
+// No difference picture: the pose alone.
+#define NVSP_RATE_NONE 4
+
+// Gauss-Newton over an image pyramid: the fastest.
+#define NVSP_OPTIMIZER_GAUSS_NEWTON 0
+
+// BFGS at full resolution, the paper's.
+#define NVSP_OPTIMIZER_BFGS 1
+
+// Adam at full resolution.
+#define NVSP_OPTIMIZER_ADAM 2
+
+// Adam, then BFGS.
+#define NVSP_OPTIMIZER_ADAM_BFGS 3
+
+// The pose in 16 bytes.
+#define NVSP_PROFILE_COMPACT 0
+
+// The pose in 28 bytes, as in the paper.
+#define NVSP_PROFILE_PAPER 1
+
+// For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
+#define NVSP_CAMERA_ONCE UINT32_MAX
+
+// The pose was searched from a start that may be far off: it may be wrong.
+#define NVSP_FRAME_UNCERTAIN 1
+
+// The rate asked for was not kept: the budget holds no difference picture, or the best one falls
+// short of the PSNR.
+#define NVSP_FRAME_RATE_MISSED 2
+
+// The frame started from the pose given with it.
+#define NVSP_START_HINT 0
+
+// It started from the pose of the frame before.
+#define NVSP_START_PREVIOUS 1
+
+// It started from where constant velocity leads.
+#define NVSP_START_PREDICTED 2
+
+// Nothing was near, and no pose was given: it started from the best there was.
+#define NVSP_START_UNCERTAIN 3
+
+// The gradient became small.
+#define NVSP_STOP_GRADIENT 0
+
+// The steps became small.
+#define NVSP_STOP_PROGRESS 1
+
+// No step made the error smaller.
+#define NVSP_STOP_NO_DESCENT 2
+
+// The iterations were used up.
+#define NVSP_STOP_ITERATIONS 3
+
+// What the topside will show of the last frame.
+#define NVSP_PICTURE_SHOWN 0
+
+// The prior's render alone.
+#define NVSP_PICTURE_RENDER 1
+
+// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives
+// it. Of a difference picture that is cut short, the rows that arrived are then shown. Without this,
+// a difference picture is shown where it is whole and its check matches.
+#define NVSP_DECODE_START 1
+
+// `pose` is given.
+#define NVSP_HEADER_POSE 2
+
+// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do.
+#define NVSP_MTU_31 31
+
+#define NVSP_MTU_64 64
+
+#define NVSP_MTU_256 256
+
+#define NVSP_MTU_1024 1024
+
+// The modem hands over no damaged frames: a packet's first frame then counts as sound to its end.
+#define NVSP_MODEM_CHECKS 1
+
+// The packet is complete.
+#define NVSP_EVENT_COMPLETE 1
+
+// The packet has more bytes at its start than before: nvsp_reassembler_fetch gives a better picture.
+#define NVSP_EVENT_GROWN 2
+
+// The frame is kept until others come: one before it is missing.
+#define NVSP_EVENT_KEPT 3
+
+// The frame was there already.
+#define NVSP_EVENT_DUPLICATE 4
+
+// All frames of the packet are there and its own checks do not match; all but the first were
+// forgotten and may come again.
+#define NVSP_EVENT_DAMAGED 5
+
+// Decodes packets, in any order. One thread at a time may use it.
+typedef struct nvsp_decoder nvsp_decoder;
+
+// Encodes the frames of one camera, in order. One thread at a time may use it.
+typedef struct nvsp_encoder nvsp_encoder;
+
+// An opened Vulkan device with all pipelines built. Any number of threads may use it at once.
+typedef struct nvsp_engine nvsp_engine;
+
+// A trained scene on the device. Any number of threads, encoders and decoders may use it at once.
+typedef struct nvsp_prior nvsp_prior;
+
+// Puts packets together from modem frames. One thread at a time may use it.
+typedef struct nvsp_reassembler nvsp_reassembler;
+
+// What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
+typedef int32_t nvsp_status;
+
+// Receives messages of an engine and of everything made with it: NVSP_LOG_ERROR, NVSP_LOG_WARNING or
+// NVSP_LOG_INFO, and a text that is valid during the call. Called on whichever thread is inside the
+// library (or on an encoder's own thread, see nvsp_encode_begin), also on several at once; it must
+// not call the library, nor unwind. No call comes for a frame that succeeds.
+typedef void (*nvsp_log_callback)(void *user, int32_t level, const char *message);
+
+// How to open an engine; all zero: the best device, nothing logged.
+typedef struct nvsp_engine_options {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Part of the device's name, or its number as text. NULL: a discrete GPU before an integrated
+  // one before a CPU.
+  const char *device;
+  // Receives messages; NULL: none are passed on.
+  nvsp_log_callback log;
+  // Passed to `log` as it is.
+  void *log_user;
+  // NVSP_ENGINE_* bits.
+  uint32_t flags;
+  // Zero.
+  uint32_t reserved;
+} nvsp_engine_options;
+
+// A device in words, and the memory it gave.
+typedef struct nvsp_engine_info {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Name, kind, driver and Vulkan version of the device, ending in NUL.
+  char device[256];
+  // Bytes of device memory in use by everything made with the engine.
+  uint64_t memory_used;
+  // Bytes of device memory taken from the driver for that.
+  uint64_t memory_reserved;
+  // Vulkan buffers in use.
+  uint64_t buffers;
+} nvsp_engine_info;
+
+// Render options against those found in a prior's file; part of the prior's identity, so both sides
+// of a link must give the same.
+typedef struct nvsp_prior_options {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // NVSP_PRIOR_* bits: which of the fields below count.
+  uint32_t given;
+  // Splats whose camera z is not above this are culled, in the prior's unit; above 0.
+  float near_plane;
+  // Alpha is clamped to this; between 0 and 1.
+  float alpha_max;
+  // Not 0: gsplat's anti-aliased mode.
+  uint32_t antialiased;
+  // Linear RGB behind everything, 0 to 1.
+  float background[3];
+} nvsp_prior_options;
+
+// What a prior is.
+typedef struct nvsp_prior_info {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Identity of splats and render options; packets carry it.
+  uint32_t id;
+  // Splats in use.
+  uint32_t splats;
+  // Splats of the file that were unsound and left out.
+  uint32_t dropped;
+  // Degree of the spherical harmonics, 0 to 3.
+  uint32_t sh_degree;
+  // Near plane in use.
+  float near_plane;
+  // Clamp of alpha in use.
+  float alpha_max;
+  // Whether the anti-aliased mode is in use.
+  uint32_t antialiased;
+  // Background in use.
+  float background[3];
+  // Median position of the splats, the prior's unit.
+  float centre[3];
+  // Spread of the positions around it, the prior's unit.
+  float spread;
+} nvsp_prior_info;
+
+// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers
+// [0, 1) x [0, 1).
+typedef struct nvsp_camera {
+  // Pixels, 1 to 4096.
+  uint32_t width;
+  // Pixels, 1 to 4096.
+  uint32_t height;
+  // Focal lengths, pixels, above 0.
+  float fx;
+  float fy;
+  // Principal point, pixels.
+  float cx;
+  float cy;
+} nvsp_camera;
+
+// How to encode; all zero: the defaults.
+typedef struct nvsp_encoder_options {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // NVSP_RATE_*: what decides how fine the difference picture is.
+  uint32_t rate;
+  // Of NVSP_RATE_*, its number: quality, bytes or dB.
+  float rate_value;
+  // NVSP_OPTIMIZER_*.
+  uint32_t optimizer;
+  // NVSP_PROFILE_*.
+  uint32_t profile;
+  // A frame starts from the one before where the mean squared error there, values in [0, 1], is
+  // below this; 0: 1e-3, which suits a basin. 1e-2 suits real footage.
+  float threshold;
+  // Levels of the image pyramid, 1 to 6; 0: 4.
+  uint32_t levels;
+  // The camera (18 bytes) is sent every so many frames for a topside that missed it; 0: 64.
+  uint32_t camera_interval;
+  // Number of the first frame; packets carry it modulo 2^24.
+  uint32_t first_frame;
+} nvsp_encoder_options;
+
+// A camera's image; read during the call only. Its size may be another than the camera's, which it
+// is then scaled to; its shape may not (1 % is tolerated).
+typedef struct nvsp_image {
+  // NVSP_FORMAT_*.
+  uint32_t format;
+  // NVSP_COLOUR_*; counts for NV12 and I420.
+  uint32_t colour;
+  // Pixels, 1 to 16384.
+  uint32_t width;
+  // Pixels, 1 to 16384.
+  uint32_t height;
+  // First byte of each plane that the format has.
+  const uint8_t *planes[3];
+  // Bytes from one row to the next, of each plane.
+  size_t strides[3];
+  // Bytes of each plane: none is read beyond them.
+  size_t sizes[3];
+} nvsp_image;
+
+// Where a camera stands: x_camera = R x_world + t.
+typedef struct nvsp_pose {
+  // Quaternion of R: w, x, y, z. Any length but zero.
+  double rotation[4];
+  // t, in the prior's unit.
+  double translation[3];
+} nvsp_pose;
+
+// What encoding a frame took and gave.
+typedef struct nvsp_frame_stats {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Number of the frame.
+  uint32_t frame;
+  // Bytes of the packet.
+  uint32_t bytes;
+  // Of them, the latent part, which is a picture by itself.
+  uint32_t latent_bytes;
+  // Renders of the prior at full resolution that the frame took.
+  uint32_t full_renders;
+  // NVSP_START_*.
+  uint32_t start;
+  // NVSP_STOP_*: why the refinement ended.
+  uint32_t stop;
+  // NVSP_FRAME_* bits.
+  uint32_t flags;
+  // Zero.
+  uint32_t reserved;
+  // PSNR of the prior's render against the frame, dB.
+  double render_psnr;
+  // PSNR of what the topside will show, dB.
+  double psnr;
+  // Time that the frame took, milliseconds; scaling and conversion not counted.
+  double milliseconds;
+  // The pose as the packet holds it.
+  struct nvsp_pose pose;
+} nvsp_frame_stats;
+
+// A place for a picture.
+typedef struct nvsp_picture {
+  // NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8 or NVSP_FORMAT_RGBA8.
+  uint32_t format;
+  // Zero.
+  uint32_t reserved;
+  // First byte.
+  uint8_t *pixels;
+  // Bytes from one row to the next; those behind a row are left as they are.
+  size_t stride;
+  // Bytes of the place: none is written beyond them.
+  size_t size;
+} nvsp_picture;
+
+// What decoding a packet gave, beside the picture.
+typedef struct nvsp_decoded {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Number of the frame, modulo 2^24.
+  uint32_t frame;
+  // Pixels.
+  uint32_t width;
+  // Pixels.
+  uint32_t height;
+  // NVSP_FRAME_UNCERTAIN, or 0.
+  uint32_t flags;
+  // Rows, from the top, that the difference picture reached; the others are the prior's render
+  // alone.
+  uint32_t rows;
+  // NVSP_OK, or what was wrong with parts of the packet that the picture does without:
+  // NVSP_ERR_RESIDUAL or NVSP_ERR_PACKET (the camera's part).
+  nvsp_status damage;
+  // The pose.
+  struct nvsp_pose pose;
+} nvsp_decoded;
+
+// What a packet says first, without rendering.
+typedef struct nvsp_header {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Identity of the prior that the packet is about; see nvsp_prior_info.
+  uint32_t prior_id;
+  // Number of the frame, modulo 2^24.
+  uint32_t frame;
+  // Pixels.
+  uint32_t width;
+  // Pixels.
+  uint32_t height;
+  // NVSP_FRAME_UNCERTAIN and NVSP_HEADER_POSE bits.
+  uint32_t flags;
+  // NVSP_PROFILE_*.
+  uint32_t profile;
+  // Bytes of the latent part, which is a picture by itself.
+  uint32_t latent_bytes;
+  // Zero.
+  uint32_t reserved;
+  // The pose, where it is given: the compact profile states it relative to the prior.
+  struct nvsp_pose pose;
+} nvsp_header;
+
+// How to put packets together.
+typedef struct nvsp_reassembler_options {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Packets of up to this many bytes can become complete; of longer ones, so much of the start is
+  // kept. 0: 65536.
+  uint32_t max_packet_bytes;
+  // NVSP_MODEM_CHECKS, or 0.
+  uint32_t flags;
+} nvsp_reassembler_options;
+
+// What has come of a packet.
+typedef struct nvsp_reassembly {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Frame number of the packet, modulo 2^24.
+  uint32_t frame;
+  // Bytes of its start that are there, without a gap and each vouched for by a check.
+  uint32_t bytes;
+  // 1: these are the whole packet; else 0.
+  uint32_t complete;
+  // Modem frames of it that came.
+  uint32_t frames;
+  // Modem frames that it has; 0: too little came to tell.
+  uint32_t expected;
+  // Of nvsp_reassembler_push, what the modem frame brought: NVSP_EVENT_*; else 0. Where it is
+  // NVSP_EVENT_KEPT or NVSP_EVENT_DUPLICATE, the other fields are those of the newest packet, or
+  // zero where there is none.
+  uint32_t event;
+} nvsp_reassembly;
+
+// Counts since the reassembler was made.
+typedef struct nvsp_reassembler_statistics {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Modem frames that became part of a packet.
+  uint64_t accepted;
+  // Modem frames that were there already.
+  uint64_t duplicates;
+  // Modem frames refused.
+  uint64_t rejected;
+  // Modem frames that wait for the first of their packet, now.
+  uint64_t waiting;
+  // Packets completed.
+  uint64_t completed;
+  // Times that a packet was all there and its own checks did not match.
+  uint64_t damaged;
+  // Packets displaced by newer ones before they were complete.
+  uint64_t incomplete;
+} nvsp_reassembler_statistics;
+
+// Done.
+#define NVSP_OK 0
+
+// Not done yet: ask again later.
+#define NVSP_PENDING 1
+
+// A pointer that must not be NULL is NULL.
+#define NVSP_ERR_NULL -1
+
+// An argument or a field is out of its range; the text names it.
+#define NVSP_ERR_ARGUMENT -2
+
+// A structure's struct_size is none that this library knows; see NVSP_INIT.
+#define NVSP_ERR_STRUCT_SIZE -3
+
+// A structure was made for an ABI version that this library does not speak.
+#define NVSP_ERR_ABI_VERSION -4
+
+// The destination is too small; the text tells how many bytes are needed.
+#define NVSP_ERR_BUFFER_TOO_SMALL -5
+
+// Another thread is inside a call on this handle, or a frame that was begun is not finished.
+#define NVSP_ERR_BUSY -6
+
+// There is nothing to finish or to fetch.
+#define NVSP_ERR_STATE -7
+
+// An earlier call on this handle failed with NVSP_ERR_INTERNAL; destroy it.
+#define NVSP_ERR_POISONED -8
+
+// No Vulkan loader, or no device that fits; the text says what was found and what to install.
+#define NVSP_ERR_NO_DEVICE -9
+
+// The device was lost. See nvsp_engine_reopen.
+#define NVSP_ERR_DEVICE_LOST -10
+
+// Host or device memory could not be had; the text names the buffer and its size.
+#define NVSP_ERR_MEMORY -11
+
+// A Vulkan call failed; the text names it.
+#define NVSP_ERR_VULKAN -12
+
+// A file cannot be read.
+#define NVSP_ERR_FILE -13
+
+// The content of a prior is not sound; the text names the splat or the byte.
+#define NVSP_ERR_PRIOR -14
+
+// A camera cannot be rendered with.
+#define NVSP_ERR_CAMERA -15
+
+// An image's size, shape, strides or planes do not fit.
+#define NVSP_ERR_IMAGE -16
+
+// The first frame came without a pose to start from.
+#define NVSP_ERR_NO_START -17
+
+// The byte budget does not even hold the pose.
+#define NVSP_ERR_BUDGET -18
+
+// The bytes are no packet, or its latent part is damaged.
+#define NVSP_ERR_PACKET -19
+
+// The packet is about another prior than the one at hand.
+#define NVSP_ERR_OTHER_PRIOR -20
+
+// The packet's camera was sent in an earlier packet, which is missing.
+#define NVSP_ERR_CAMERA_UNKNOWN -21
+
+// The difference picture is damaged or cut short.
+#define NVSP_ERR_RESIDUAL -22
+
+// The bytes are no modem frame of a packet, or the packet does not fit the modem.
+#define NVSP_ERR_MODEM -23
+
+// A fault of the library itself; the handle is of no use any more.
+#define NVSP_ERR_INTERNAL -24
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+// Zeroes a structure of `size` bytes and enters its size and the caller's ABI version: what the
+// macro NVSP_INIT calls. The structure then means all defaults.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE (size below 8 or above 4096) or
+// NVSP_ERR_ABI_VERSION.
+//
+// Preconditions:
+// `structure` is NULL or has room for `size` bytes.
+nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version);
+
+// The library's version, as in "0.1.0"; static.
+const char *nvsp_version(void);
+
+// The ABI version that the library speaks. A program made for another NVSP_ABI_VERSION is refused by
+// NVSP_INIT and by every call that takes a structure.
+uint32_t nvsp_abi_version(void);
+
+// A status in a few words of English; static, never NULL, also for numbers that are no status.
+const char *nvsp_status_text(nvsp_status status);
+
+// Opens a device and builds the pipelines; takes from tens of milliseconds to seconds. `options`
+// may be NULL. A failure's text goes to the options' `log`, as there is no handle to ask yet.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown
+// flags, or a name that is no UTF-8), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
+//
+// Preconditions:
+// The options' pointers are valid; `log` is as nvsp_log_callback asks.
+nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
+                               struct nvsp_engine **engine);
+
+// Opens the device again, with the options that the engine was made with: after
+// NVSP_ERR_DEVICE_LOST. What was made with the engine before stays on the lost device, where every
+// call fails with NVSP_ERR_DEVICE_LOST. So, next, open the prior again, move encoders and decoders to
+// it with nvsp_encoder_reopen and nvsp_decoder_reopen, which keep their state, and destroy the old
+// prior. Where the device cannot be opened, the engine is left as it was; try again later.
+//
+// Fails as nvsp_engine_create does.
+//
+// Preconditions:
+// `engine` is NULL or a live engine.
+nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine);
+
+// Describes the engine's device and its memory. Allocates.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
+//
+// Preconditions:
+// `engine` is NULL or a live engine; `info` is NULL or was initialised by NVSP_INIT.
+nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info);
+
+// Copies the text of the last failed call on the engine, or of making a prior, an encoder or a
+// decoder with it, into `text`, at most `size` bytes with the NUL at the end; empty where none
+// failed.
+//
+// Fails with NVSP_ERR_NULL, or with NVSP_ERR_BUFFER_TOO_SMALL where `size` is 0.
+//
+// Preconditions:
+// `engine` is NULL or a live engine; `text` is NULL or has room for `size` bytes.
+nvsp_status nvsp_engine_last_error(const struct nvsp_engine *engine, char *text, size_t size);
+
+// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it work on: the device is
+// closed when the last of them is gone.
+//
+// Preconditions:
+// `engine` is NULL or a live engine that no other thread is using; it is dead afterwards.
+void nvsp_engine_destroy(struct nvsp_engine *engine);
+
+// Reads a prior from a .ply file, as Inria's trainer and nerfstudio write it, checks it and copies
+// it to the device. Unsound splats are left out and logged as a warning. `options` may be NULL. The
+// file is not needed afterwards, and no copy of it is kept in host memory. While it runs it takes
+// memory in proportion to the file's size: at most four times that.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+// NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
+// is the engine's.
+//
+// Preconditions:
+// `engine` is NULL or a live engine; `path` is NULL or ends in NUL; `options` is NULL or was
+// initialised by NVSP_INIT.
+nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
+                            const char *path,
+                            const struct nvsp_prior_options *options,
+                            struct nvsp_prior **prior);
+
+// nvsp_prior_open, from the content of a .ply file in memory, which is not needed afterwards.
+//
+// Fails as nvsp_prior_open does, but for NVSP_ERR_FILE.
+//
+// Preconditions:
+// As for nvsp_prior_open; `bytes` is NULL or has `size` bytes.
+nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
+                                   const uint8_t *bytes,
+                                   size_t size,
+                                   const struct nvsp_prior_options *options,
+                                   struct nvsp_prior **prior);
+
+// Describes a prior.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
+//
+// Preconditions:
+// `prior` is NULL or a live prior; `info` is NULL or was initialised by NVSP_INIT.
+nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info);
+
+// The text of the last failed call on the prior; as nvsp_engine_last_error.
+//
+// Preconditions:
+// `prior` is NULL or a live prior; `text` is NULL or has room for `size` bytes.
+nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, size_t size);
+
+// Ends a prior; NULL is allowed. Encoders and decoders made with it work on: its device memory goes
+// with the last of them.
+//
+// Preconditions:
+// `prior` is NULL or a live prior that no other thread is using; it is dead afterwards.
+void nvsp_prior_destroy(struct nvsp_prior *prior);
+
+// Makes an encoder of frames seen by `camera`. Allocates all that a frame takes, on host and device.
+// `options` may be NULL.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+// NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
+// engine's.
+//
+// Preconditions:
+// Pointers are NULL or valid; `prior` was opened with `engine`.
+nvsp_status nvsp_encoder_create(struct nvsp_engine *engine,
+                                const struct nvsp_prior *prior,
+                                const struct nvsp_camera *camera,
+                                const struct nvsp_encoder_options *options,
+                                struct nvsp_encoder **encoder);
+
+// Frames from here on are coded at another rate: NVSP_RATE_* and its number.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Preconditions:
+// `encoder` is NULL or a live encoder.
+nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder, uint32_t mode, float value);
+
+// Frames from here on are seen by another camera, or at another size; the next packet carries it.
+// Allocates as nvsp_encoder_create does. Where it fails, the old camera stays.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
+// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+//
+// Preconditions:
+// Pointers are NULL or valid.
+nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera);
+
+// Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
+// prior, by its identity. Frame numbers and poses carry over. Where it fails, all is as before.
+// See nvsp_engine_reopen.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY, NVSP_ERR_POISONED,
+// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+//
+// Preconditions:
+// Pointers are NULL or live handles; `prior` was opened with `engine`.
+nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
+                                const struct nvsp_engine *engine,
+                                const struct nvsp_prior *prior);
+
+// Bytes that hold every packet of frames of a camera of this size, in either profile and with the
+// camera; 0 where there is no camera of this size. With NVSP_RATE_BYTES the budget will do too.
+size_t nvsp_packet_bound(uint32_t width, uint32_t height);
+
+// Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the
+// device. `hint` is the pose as sensors or an estimator have it, used where the frame before is no
+// good start; NULL where nothing is known, which the first frame cannot do with. `stats` may be
+// NULL. Allocates nothing from the second frame on, but where a view of the prior needs more room
+// on the device than any before it.
+//
+// The same frames, poses and calls give the same packets, byte for byte, on the same device and
+// driver.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+// NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
+// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: then the frame counts as not seen; and
+// with NVSP_ERR_BUFFER_TOO_SMALL: then the packet is kept until the next frame is encoded, and
+// nvsp_encode_finish fetches it.
+//
+// Preconditions:
+// Pointers are NULL or valid; `packet` has room for `size` bytes.
+nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
+                        const struct nvsp_image *image,
+                        const struct nvsp_pose *hint,
+                        uint8_t *packet,
+                        size_t size,
+                        size_t *written,
+                        struct nvsp_frame_stats *stats);
+
+// Begins to encode a frame on the encoder's own thread, which the first such call starts, and
+// returns at once: the image is read, and scaled, during the call. Until the frame is finished, other
+// calls on the encoder fail with NVSP_ERR_BUSY, but for nvsp_encode_poll, nvsp_encode_wait,
+// nvsp_encode_finish and nvsp_encoder_destroy. A packet of an earlier frame that was not fetched is
+// dropped.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED or
+// NVSP_ERR_MEMORY (no thread); what the frame itself fails with, nvsp_encode_finish tells.
+//
+// Preconditions:
+// Pointers are NULL or valid.
+nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
+                              const struct nvsp_image *image,
+                              const struct nvsp_pose *hint);
+
+// Whether the frame that was begun has ended, well or not: NVSP_OK, or NVSP_PENDING. Never waits.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where none was
+// begun.
+//
+// Preconditions:
+// `encoder` is NULL or a live encoder.
+nvsp_status nvsp_encode_poll(struct nvsp_encoder *encoder);
+
+// As nvsp_encode_poll, but waits for the frame's end for up to so many milliseconds.
+//
+// Preconditions:
+// As there.
+nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds);
+
+// Fetches the packet of the frame that was begun, or that nvsp_encode had no room for; NVSP_PENDING
+// where it has not ended. Never waits.
+//
+// Fails with NVSP_ERR_STATE where there is none, else as nvsp_encode does; after
+// NVSP_ERR_BUFFER_TOO_SMALL the packet is still there.
+//
+// Preconditions:
+// As for nvsp_encode.
+nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
+                               uint8_t *packet,
+                               size_t size,
+                               size_t *written,
+                               struct nvsp_frame_stats *stats);
+
+// Copies a picture of the last frame encoded, of the camera's size: NVSP_PICTURE_*.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_BUSY,
+// NVSP_ERR_POISONED, or NVSP_ERR_STATE where there is none.
+//
+// Preconditions:
+// Pointers are NULL or valid.
+nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
+                                     uint32_t which,
+                                     const struct nvsp_picture *picture);
+
+// The text of the last failed call on the encoder; as nvsp_engine_last_error.
+//
+// Preconditions:
+// `encoder` is NULL or a live encoder; `text` is NULL or has room for `size` bytes.
+nvsp_status nvsp_encoder_last_error(const struct nvsp_encoder *encoder, char *text, size_t size);
+
+// Ends an encoder; NULL is allowed. Waits for a frame that was begun.
+//
+// Preconditions:
+// `encoder` is NULL or a live encoder that no other thread is using; it is dead afterwards.
+void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
+
+// Makes a decoder of packets about a prior. Device memory for pictures is taken with the first
+// packet of a camera.
+//
+// Fails with NVSP_ERR_NULL or NVSP_ERR_MEMORY; the text is the engine's.
+//
+// Preconditions:
+// Pointers are NULL or valid; `prior` was opened with `engine`.
+nvsp_status nvsp_decoder_create(struct nvsp_engine *engine,
+                                const struct nvsp_prior *prior,
+                                struct nvsp_decoder **decoder);
+
+// Tells the decoder of a camera, for packets that only name it: a topside that joins late need not
+// wait for its next repeat. The last 256 cameras are known.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Preconditions:
+// Pointers are NULL or valid.
+nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera);
+
+// Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
+// prior, by its identity. The cameras known carry over. See nvsp_engine_reopen.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Preconditions:
+// Pointers are NULL or live handles; `prior` was opened with `engine`.
+nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
+                                const struct nvsp_engine *engine,
+                                const struct nvsp_prior *prior);
+
+// Decodes a packet, of `size` bytes, and waits for it: for a lock of the device's queue, and for the
+// device. `flags`: NVSP_DECODE_START, or 0. `picture` is where the picture goes, of the size that
+// the packet's header says (nvsp_decode_header); NULL: it is not wanted. `info` may be NULL.
+// Whatever the bytes are, the call gives a picture or an error. Allocates nothing from the second
+// sound packet of a camera on, but where a view of the prior needs more room on the device than any
+// before it; what it allocates does not exceed 64 bytes a pixel of the packet's size, 2 MiB, and the
+// renderer's device memory.
+//
+// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
+// device and driver.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+// NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR,
+// NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; and with
+// NVSP_ERR_BUFFER_TOO_SMALL: then the picture is kept until the next packet is decoded, and
+// nvsp_decode_finish fetches it.
+//
+// Preconditions:
+// Pointers are NULL or valid; `packet` has `size` bytes.
+nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
+                        const uint8_t *packet,
+                        size_t size,
+                        uint32_t flags,
+                        const struct nvsp_picture *picture,
+                        struct nvsp_decoded *info);
+
+// Begins to decode a packet on the decoder's own thread, which the first such call starts, and
+// returns at once. Until it is finished, other calls on the decoder fail with NVSP_ERR_BUSY, but for
+// nvsp_decode_poll, nvsp_decode_wait, nvsp_decode_finish and nvsp_decoder_destroy.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_MEMORY
+// (no thread); what the packet itself fails with, nvsp_decode_finish tells.
+//
+// Preconditions:
+// As for nvsp_decode.
+nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
+                              const uint8_t *packet,
+                              size_t size,
+                              uint32_t flags);
+
+// Whether the packet that was begun has ended, well or not: NVSP_OK, or NVSP_PENDING. Never waits.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where none was
+// begun.
+//
+// Preconditions:
+// `decoder` is NULL or a live decoder.
+nvsp_status nvsp_decode_poll(struct nvsp_decoder *decoder);
+
+// As nvsp_decode_poll, but waits for the end for up to so many milliseconds.
+//
+// Preconditions:
+// As there.
+nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds);
+
+// Fetches the picture of the packet that was begun, or that nvsp_decode had no room for;
+// NVSP_PENDING where it has not ended. Never waits.
+//
+// Fails with NVSP_ERR_STATE where there is none, else as nvsp_decode does; after
+// NVSP_ERR_BUFFER_TOO_SMALL the picture is still there.
+//
+// Preconditions:
+// As for nvsp_decode.
+nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
+                               const struct nvsp_picture *picture,
+                               struct nvsp_decoded *info);
+
+// The text of the last failed call on the decoder; as nvsp_engine_last_error.
+//
+// Preconditions:
+// `decoder` is NULL or a live decoder; `text` is NULL or has room for `size` bytes.
+nvsp_status nvsp_decoder_last_error(const struct nvsp_decoder *decoder, char *text, size_t size);
+
+// Ends a decoder; NULL is allowed. Waits for a packet that was begun.
+//
+// Preconditions:
+// `decoder` is NULL or a live decoder that no other thread is using; it is dead afterwards.
+void nvsp_decoder_destroy(struct nvsp_decoder *decoder);
+
+// Reads what a packet says first, from its first 31 bytes (43 in the paper's profile) or more,
+// without device and rendering. `prior` may be NULL; the pose of a compact packet is given where it
+// is the prior that the packet is about. Allocates nothing; any threads may call it.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
+// NVSP_ERR_PACKET.
+//
+// Preconditions:
+// Pointers are NULL or valid; `packet` has `size` bytes.
+nvsp_status nvsp_decode_header(const uint8_t *packet,
+                               size_t size,
+                               const struct nvsp_prior *prior,
+                               struct nvsp_header *header);
+
+// How many modem frames of at most `mtu` bytes (31 to 65535) a packet of `packet_size` bytes takes.
+// The first one costs no bytes, each other one four. Allocates nothing; any threads may call it.
+//
+// Fails with NVSP_ERR_NULL, or with NVSP_ERR_MODEM where the MTU is out of range or the packet too
+// long for 4096 frames.
+//
+// Preconditions:
+// `count` is NULL or valid.
+nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *count);
+
+// Writes modem frame `index` of a packet, 0 first, into `frame`: at most `mtu` bytes. It may be
+// padded to any length. Frame 0 holds the latent part, a picture by itself: send it first, and again
+// if anything. Allocates nothing; any threads may call it.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_MODEM where
+// the bytes are no sound packet, or the MTU or the index is out of range.
+//
+// Preconditions:
+// Pointers are NULL or valid; `packet` has `packet_size` bytes, `frame` room for `size`.
+nvsp_status nvsp_modem_frame(const uint8_t *packet,
+                             size_t packet_size,
+                             uint32_t mtu,
+                             uint32_t index,
+                             uint8_t *frame,
+                             size_t size,
+                             size_t *written);
+
+// Makes a reassembler of packets that were split for the same `mtu` (31 to 65535). `options` may be
+// NULL. All its memory is taken here: at most eight times max_packet_bytes and 16 bytes for each
+// frame of as many packets.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
+// NVSP_ERR_MODEM (the MTU).
+//
+// Preconditions:
+// Pointers are NULL or valid.
+nvsp_status nvsp_reassembler_create(uint32_t mtu,
+                                    const struct nvsp_reassembler_options *options,
+                                    struct nvsp_reassembler **reassembler);
+
+// Takes a modem frame, in whatever order they come, repeated, padded or damaged. `state`, which may
+// be NULL, tells what it brought. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+// NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_MODEM where it is no frame of a packet, or damaged:
+// then nothing that was there is lost.
+//
+// Preconditions:
+// Pointers are NULL or valid; `frame` has `size` bytes.
+nvsp_status nvsp_reassembler_push(struct nvsp_reassembler *reassembler,
+                                  const uint8_t *frame,
+                                  size_t size,
+                                  struct nvsp_reassembly *state);
+
+// Copies what has come of the newest packet into `packet`: a packet, or the start of one, for
+// nvsp_decode with NVSP_DECODE_START, which makes the best picture of it that there is. It stays
+// until newer packets take its place. `state` may be NULL. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+// NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE where nothing came
+// that makes a picture.
+//
+// Preconditions:
+// Pointers are NULL or valid; `packet` has room for `size` bytes.
+nvsp_status nvsp_reassembler_fetch(struct nvsp_reassembler *reassembler,
+                                   uint8_t *packet,
+                                   size_t size,
+                                   size_t *written,
+                                   struct nvsp_reassembly *state);
+
+// Writes the indices of modem frames of the newest packet to ask its sender for again, at most
+// `room` of them, and their number. Before enough came to tell how many there are, the first one
+// that is missing. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where no first
+// frame of a packet came.
+//
+// Preconditions:
+// Pointers are NULL or valid; `indices` has room for `room` numbers.
+nvsp_status nvsp_reassembler_missing(struct nvsp_reassembler *reassembler,
+                                     uint32_t *indices,
+                                     uint32_t room,
+                                     uint32_t *count);
+
+// Copies the counts.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or
+// NVSP_ERR_POISONED.
+//
+// Preconditions:
+// Pointers are NULL or valid.
+nvsp_status nvsp_reassembler_get_statistics(struct nvsp_reassembler *reassembler,
+                                            struct nvsp_reassembler_statistics *statistics);
+
+// The text of the last failed call on the reassembler; as nvsp_engine_last_error.
+//
+// Preconditions:
+// `reassembler` is NULL or live; `text` is NULL or has room for `size` bytes.
+nvsp_status nvsp_reassembler_last_error(const struct nvsp_reassembler *reassembler,
+                                        char *text,
+                                        size_t size);
+
+// Ends a reassembler; NULL is allowed.
+//
+// Preconditions:
+// `reassembler` is NULL or live, and no other thread is using it; it is dead afterwards.
+void nvsp_reassembler_destroy(struct nvsp_reassembler *reassembler);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* NVSPRIOR_H */

@@ -1,0 +1,441 @@
+//! The decoder's handle, and packet headers.
+
+use std::ffi::c_char;
+use std::time::Duration;
+
+use crate::packet::{LONGEST_LATENT, Latent, PoseProfile};
+use crate::prior::PriorFrame;
+use crate::{Decoded, Decoder, Trust, packet_bound};
+
+use super::engine::{EngineContent, nvsp_engine};
+use super::handle::Handle;
+use super::image::{self, nvsp_camera, nvsp_picture, nvsp_pose};
+use super::prior::{PriorContent, nvsp_prior};
+use super::status::*;
+use super::structs::{Out, versioned};
+use super::worker::Worker;
+
+/// Decodes packets, in any order. One thread at a time may use it.
+#[allow(non_camel_case_types)]
+pub struct nvsp_decoder {
+    _opaque: [u8; 0],
+}
+
+/// What a decoder works on.
+struct Core {
+    decoder: Decoder,
+    packet: Vec<u8>,
+    trust: Trust,
+    decoded: Decoded,
+}
+
+type Content = Worker<Core>;
+
+/// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives
+/// it. Of a difference picture that is cut short, the rows that arrived are then shown. Without this,
+/// a difference picture is shown where it is whole and its check matches.
+pub const NVSP_DECODE_START: u32 = 1;
+
+/// What decoding a packet gave, beside the picture.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_decoded {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Number of the frame, modulo 2^24.
+    pub frame: u32,
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// NVSP_FRAME_UNCERTAIN, or 0.
+    pub flags: u32,
+    /// Rows, from the top, that the difference picture reached; the others are the prior's render
+    /// alone.
+    pub rows: u32,
+    /// NVSP_OK, or what was wrong with parts of the packet that the picture does without:
+    /// NVSP_ERR_RESIDUAL or NVSP_ERR_PACKET (the camera's part).
+    pub damage: nvsp_status,
+    /// The pose.
+    pub pose: nvsp_pose,
+}
+versioned!(nvsp_decoded, 88);
+
+/// `pose` is given.
+pub const NVSP_HEADER_POSE: u32 = 2;
+
+/// What a packet says first, without rendering.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_header {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Identity of the prior that the packet is about; see nvsp_prior_info.
+    pub prior_id: u32,
+    /// Number of the frame, modulo 2^24.
+    pub frame: u32,
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// NVSP_FRAME_UNCERTAIN and NVSP_HEADER_POSE bits.
+    pub flags: u32,
+    /// NVSP_PROFILE_*.
+    pub profile: u32,
+    /// Bytes of the latent part, which is a picture by itself.
+    pub latent_bytes: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// The pose, where it is given: the compact profile states it relative to the prior.
+    pub pose: nvsp_pose,
+}
+versioned!(nvsp_header, 96);
+
+/// Makes a decoder of packets about a prior. Device memory for pictures is taken with the first
+/// packet of a camera.
+///
+/// Fails with NVSP_ERR_NULL or NVSP_ERR_MEMORY; the text is the engine's.
+///
+/// # Safety
+/// Pointers are NULL or valid; `prior` was opened with `engine`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decoder_create(
+    engine: *mut nvsp_engine,
+    prior: *const nvsp_prior,
+    decoder: *mut *mut nvsp_decoder,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<EngineContent>::share(engine.cast(), |handle, engine| {
+            if decoder.is_null() {
+                return Err(Failure::null("decoder"));
+            }
+            let prior = prior.cast::<Handle<PriorContent>>().as_ref();
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
+            let core = Core {
+                decoder: Decoder::new(&engine.engine, &scene),
+                packet: Vec::new(),
+                trust: Trust::Whole,
+                decoded: Decoded::default(),
+            };
+            *decoder = Handle::boxed(Worker::new(core, decode), handle.log()).cast();
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Tells the decoder of a camera, for packets that only name it: a topside that joins late need not
+/// wait for its next repeat. The last 256 cameras are known.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// Pointers are NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decoder_add_camera(
+    decoder: *mut nvsp_decoder,
+    camera: *const nvsp_camera,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(decoder.cast(), |content| {
+            let camera = image::camera(camera)?;
+            content.core()?.decoder.add_camera(&camera)?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
+/// prior, by its identity. The cameras known carry over. See nvsp_engine_reopen.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// Pointers are NULL or live handles; `prior` was opened with `engine`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decoder_reopen(
+    decoder: *mut nvsp_decoder,
+    engine: *const nvsp_engine,
+    prior: *const nvsp_prior,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(decoder.cast(), |content| {
+            let engine = engine.cast::<Handle<EngineContent>>().as_ref();
+            let prior = prior.cast::<Handle<PriorContent>>().as_ref();
+            let engine = engine.ok_or(Failure::null("engine"))?.get().engine;
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
+            content.core()?.decoder.move_to(&engine, &scene)?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Decodes a packet, of `size` bytes, and waits for it: for a lock of the device's queue, and for the
+/// device. `flags`: NVSP_DECODE_START, or 0. `picture` is where the picture goes, of the size that
+/// the packet's header says (nvsp_decode_header); NULL: it is not wanted. `info` may be NULL.
+/// Whatever the bytes are, the call gives a picture or an error. Allocates nothing from the second
+/// sound packet of a camera on, but where a view of the prior needs more room on the device than any
+/// before it; what it allocates does not exceed 64 bytes a pixel of the packet's size, 2 MiB, and the
+/// renderer's device memory.
+///
+/// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
+/// device and driver.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+/// NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR,
+/// NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; and with
+/// NVSP_ERR_BUFFER_TOO_SMALL: then the picture is kept until the next packet is decoded, and
+/// nvsp_decode_finish fetches it.
+///
+/// # Safety
+/// Pointers are NULL or valid; `packet` has `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decode(
+    decoder: *mut nvsp_decoder,
+    packet: *const u8,
+    size: usize,
+    flags: u32,
+    picture: *const nvsp_picture,
+    info: *mut nvsp_decoded,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(decoder.cast(), |content| {
+            let out = Out::new(info)?;
+            content.run(|core| prepare(core, packet, size, flags))?;
+            content.take(|core| fetch(core, picture, &out))
+        })
+    }
+}
+
+/// Begins to decode a packet on the decoder's own thread, which the first such call starts, and
+/// returns at once. Until it is finished, other calls on the decoder fail with NVSP_ERR_BUSY, but for
+/// nvsp_decode_poll, nvsp_decode_wait, nvsp_decode_finish and nvsp_decoder_destroy.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_MEMORY
+/// (no thread); what the packet itself fails with, nvsp_decode_finish tells.
+///
+/// # Safety
+/// As for nvsp_decode.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decode_begin(
+    decoder: *mut nvsp_decoder,
+    packet: *const u8,
+    size: usize,
+    flags: u32,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(decoder.cast(), |content| {
+            content.begin(|core| prepare(core, packet, size, flags))?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Whether the packet that was begun has ended, well or not: NVSP_OK, or NVSP_PENDING. Never waits.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where none was
+/// begun.
+///
+/// # Safety
+/// `decoder` is NULL or a live decoder.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decode_poll(decoder: *mut nvsp_decoder) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<Content>::call(decoder.cast(), |content| content.wait(Duration::ZERO)) }
+}
+
+/// As nvsp_decode_poll, but waits for the end for up to so many milliseconds.
+///
+/// # Safety
+/// As there.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decode_wait(
+    decoder: *mut nvsp_decoder,
+    milliseconds: u32,
+) -> nvsp_status {
+    let timeout = Duration::from_millis(milliseconds.into());
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<Content>::call(decoder.cast(), |content| content.wait(timeout)) }
+}
+
+/// Fetches the picture of the packet that was begun, or that nvsp_decode had no room for;
+/// NVSP_PENDING where it has not ended. Never waits.
+///
+/// Fails with NVSP_ERR_STATE where there is none, else as nvsp_decode does; after
+/// NVSP_ERR_BUFFER_TOO_SMALL the picture is still there.
+///
+/// # Safety
+/// As for nvsp_decode.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decode_finish(
+    decoder: *mut nvsp_decoder,
+    picture: *const nvsp_picture,
+    info: *mut nvsp_decoded,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(decoder.cast(), |content| {
+            let out = Out::new(info)?;
+            content.take(|core| fetch(core, picture, &out))
+        })
+    }
+}
+
+/// The text of the last failed call on the decoder; as nvsp_engine_last_error.
+///
+/// # Safety
+/// `decoder` is NULL or a live decoder; `text` is NULL or has room for `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decoder_last_error(
+    decoder: *const nvsp_decoder,
+    text: *mut c_char,
+    size: usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<Content>::last_error(decoder.cast(), text, size) }
+}
+
+/// Ends a decoder; NULL is allowed. Waits for a packet that was begun.
+///
+/// # Safety
+/// `decoder` is NULL or a live decoder that no other thread is using; it is dead afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decoder_destroy(decoder: *mut nvsp_decoder) {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<Content>::destroy(decoder.cast()) }
+}
+
+/// Reads what a packet says first, from its first 31 bytes (43 in the paper's profile) or more,
+/// without device and rendering. `prior` may be NULL; the pose of a compact packet is given where it
+/// is the prior that the packet is about. Allocates nothing; any threads may call it.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
+/// NVSP_ERR_PACKET.
+///
+/// # Safety
+/// Pointers are NULL or valid; `packet` has `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decode_header(
+    packet: *const u8,
+    size: usize,
+    prior: *const nvsp_prior,
+    header: *mut nvsp_header,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    let read = || unsafe {
+        let out = Out::required(header)?;
+        let latent = Latent::decode(image::slice(packet, size, "packet")?)
+            .map_err(|error| Failure::Library(error.into()))?;
+        let prior = prior.cast::<Handle<PriorContent>>().as_ref().map(Handle::get);
+        out.write(&header_of(&latent, prior));
+        Ok(NVSP_OK)
+    };
+    let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
+    caught.map_or(NVSP_ERR_INTERNAL, |read| read.unwrap_or_else(|failure: Failure| failure.status()))
+}
+
+/// What poses of the paper's profile are relative to: they are absolute.
+const ANY_FRAME: PriorFrame = PriorFrame { centre: [0.0; 3], spread: 1.0 };
+
+fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
+    let frame = prior.map(|p| p.scene).filter(|scene| scene.id() == latent.prior);
+    let profile = latent.pose.profile();
+    let pose = match (profile, frame) {
+        (_, Some(scene)) => Some(latent.pose.dequantise(&scene.frame())),
+        (PoseProfile::Paper, None) => Some(latent.pose.dequantise(&ANY_FRAME)),
+        (PoseProfile::Compact, None) => None,
+    };
+    let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+    nvsp_header {
+        struct_size: 0,
+        abi_version: 0,
+        prior_id: latent.prior.0,
+        frame: latent.frame,
+        width: latent.width,
+        height: latent.height,
+        flags: flag(latent.uncertain_start, super::encoder::NVSP_FRAME_UNCERTAIN)
+            | flag(pose.is_some(), NVSP_HEADER_POSE),
+        profile: match profile {
+            PoseProfile::Compact => super::encoder::NVSP_PROFILE_COMPACT,
+            PoseProfile::Paper => super::encoder::NVSP_PROFILE_PAPER,
+        },
+        latent_bytes: latent.encoded_len() as u32,
+        reserved: 0,
+        pose: match pose {
+            Some(pose) => image::pose_out(&pose),
+            None => nvsp_pose { rotation: [0.0; 4], translation: [0.0; 3] },
+        },
+    }
+}
+
+/// The job.
+fn decode(core: &mut Core) -> Result<(), Failure> {
+    Ok(core.decoder.decode_into(&core.packet, core.trust, &mut core.decoded)?)
+}
+
+/// Takes a packet in.
+///
+/// # Safety
+/// `packet` is null or has `size` bytes.
+unsafe fn prepare(
+    core: &mut Core,
+    packet: *const u8,
+    size: usize,
+    flags: u32,
+) -> Result<(), Failure> {
+    core.trust = match flags {
+        0 => Trust::Whole,
+        NVSP_DECODE_START => Trust::Start,
+        _ => return Err(Failure::argument("flags")),
+    };
+    if packet.is_null() {
+        return Err(Failure::null("packet"));
+    }
+    // SAFETY: as the caller promises; the slice ends with this call.
+    let packet = unsafe { image::slice(packet, size, "packet")? };
+    // No packet of its size is longer than this; what follows it is padding.
+    let longest = Latent::decode(packet).map_or(0, |l| packet_bound(l.width, l.height));
+    let longest = longest.max(LONGEST_LATENT);
+    core.packet.clear();
+    core.packet.reserve(longest);
+    core.packet.extend_from_slice(&packet[..packet.len().min(longest)]);
+    Ok(())
+}
+
+/// Writes all of it, or nothing.
+///
+/// # Safety
+/// `picture` is null or as for [`nvsp_decode`].
+unsafe fn fetch(
+    core: &Core,
+    picture: *const nvsp_picture,
+    out: &Out<nvsp_decoded>,
+) -> Result<(), Failure> {
+    let decoded = &core.decoded;
+    if !picture.is_null() {
+        // SAFETY: as the caller promises.
+        unsafe { image::write(&decoded.picture, picture)? };
+    }
+    out.write(&nvsp_decoded {
+        struct_size: 0,
+        abi_version: 0,
+        frame: decoded.frame,
+        width: decoded.picture.width,
+        height: decoded.picture.height,
+        flags: if decoded.uncertain { super::encoder::NVSP_FRAME_UNCERTAIN } else { 0 },
+        rows: decoded.rows,
+        damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),
+        pose: image::pose_out(&decoded.pose),
+    });
+    Ok(())
+}

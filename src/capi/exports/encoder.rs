@@ -1,0 +1,603 @@
+//! The encoder's handle.
+
+use std::ffi::c_char;
+use std::time::Duration;
+
+use crate::packet::PoseProfile;
+use crate::pixels::Converter;
+use crate::refine::{Optimizer, StartKind, Stop};
+use crate::{Encoded, Encoder, EncoderOptions, Picture, Pose, Rate, packet_bound};
+
+use super::engine::{EngineContent, nvsp_engine};
+use super::handle::Handle;
+use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
+use super::prior::{PriorContent, nvsp_prior};
+use super::status::*;
+use super::structs::{Out, read, versioned};
+use super::worker::Worker;
+
+/// Encodes the frames of one camera, in order. One thread at a time may use it.
+#[allow(non_camel_case_types)]
+pub struct nvsp_encoder {
+    _opaque: [u8; 0],
+}
+
+/// What an encoder works on.
+struct Core {
+    encoder: Encoder,
+    converter: Converter,
+    frame: Picture,
+    hint: Option<Pose>,
+    encoded: Encoded,
+    /// Whether `encoded` holds a frame.
+    full: bool,
+}
+
+type Content = Worker<Core>;
+
+/// Quality 10.
+pub const NVSP_RATE_DEFAULT: u32 = 0;
+/// Quality of the difference picture, 0 to 100.
+pub const NVSP_RATE_QUALITY: u32 = 1;
+/// Bytes of the whole packet, never exceeded.
+pub const NVSP_RATE_BYTES: u32 = 2;
+/// PSNR to reach at the least bytes, dB.
+pub const NVSP_RATE_PSNR: u32 = 3;
+/// No difference picture: the pose alone.
+pub const NVSP_RATE_NONE: u32 = 4;
+
+/// Gauss-Newton over an image pyramid: the fastest.
+pub const NVSP_OPTIMIZER_GAUSS_NEWTON: u32 = 0;
+/// BFGS at full resolution, the paper's.
+pub const NVSP_OPTIMIZER_BFGS: u32 = 1;
+/// Adam at full resolution.
+pub const NVSP_OPTIMIZER_ADAM: u32 = 2;
+/// Adam, then BFGS.
+pub const NVSP_OPTIMIZER_ADAM_BFGS: u32 = 3;
+
+/// The pose in 16 bytes.
+pub const NVSP_PROFILE_COMPACT: u32 = 0;
+/// The pose in 28 bytes, as in the paper.
+pub const NVSP_PROFILE_PAPER: u32 = 1;
+
+/// For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
+pub const NVSP_CAMERA_ONCE: u32 = u32::MAX;
+
+/// How to encode; all zero: the defaults.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_encoder_options {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// NVSP_RATE_*: what decides how fine the difference picture is.
+    pub rate: u32,
+    /// Of NVSP_RATE_*, its number: quality, bytes or dB.
+    pub rate_value: f32,
+    /// NVSP_OPTIMIZER_*.
+    pub optimizer: u32,
+    /// NVSP_PROFILE_*.
+    pub profile: u32,
+    /// A frame starts from the one before where the mean squared error there, values in [0, 1], is
+    /// below this; 0: 1e-3, which suits a basin. 1e-2 suits real footage.
+    pub threshold: f32,
+    /// Levels of the image pyramid, 1 to 6; 0: 4.
+    pub levels: u32,
+    /// The camera (18 bytes) is sent every so many frames for a topside that missed it; 0: 64.
+    pub camera_interval: u32,
+    /// Number of the first frame; packets carry it modulo 2^24.
+    pub first_frame: u32,
+}
+versioned!(nvsp_encoder_options, 40);
+
+/// The pose was searched from a start that may be far off: it may be wrong.
+pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
+/// The rate asked for was not kept: the budget holds no difference picture, or the best one falls
+/// short of the PSNR.
+pub const NVSP_FRAME_RATE_MISSED: u32 = 2;
+
+/// The frame started from the pose given with it.
+pub const NVSP_START_HINT: u32 = 0;
+/// It started from the pose of the frame before.
+pub const NVSP_START_PREVIOUS: u32 = 1;
+/// It started from where constant velocity leads.
+pub const NVSP_START_PREDICTED: u32 = 2;
+/// Nothing was near, and no pose was given: it started from the best there was.
+pub const NVSP_START_UNCERTAIN: u32 = 3;
+
+/// The gradient became small.
+pub const NVSP_STOP_GRADIENT: u32 = 0;
+/// The steps became small.
+pub const NVSP_STOP_PROGRESS: u32 = 1;
+/// No step made the error smaller.
+pub const NVSP_STOP_NO_DESCENT: u32 = 2;
+/// The iterations were used up.
+pub const NVSP_STOP_ITERATIONS: u32 = 3;
+
+/// What encoding a frame took and gave.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_frame_stats {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Number of the frame.
+    pub frame: u32,
+    /// Bytes of the packet.
+    pub bytes: u32,
+    /// Of them, the latent part, which is a picture by itself.
+    pub latent_bytes: u32,
+    /// Renders of the prior at full resolution that the frame took.
+    pub full_renders: u32,
+    /// NVSP_START_*.
+    pub start: u32,
+    /// NVSP_STOP_*: why the refinement ended.
+    pub stop: u32,
+    /// NVSP_FRAME_* bits.
+    pub flags: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// PSNR of the prior's render against the frame, dB.
+    pub render_psnr: f64,
+    /// PSNR of what the topside will show, dB.
+    pub psnr: f64,
+    /// Time that the frame took, milliseconds; scaling and conversion not counted.
+    pub milliseconds: f64,
+    /// The pose as the packet holds it.
+    pub pose: nvsp_pose,
+}
+versioned!(nvsp_frame_stats, 120);
+
+/// Makes an encoder of frames seen by `camera`. Allocates all that a frame takes, on host and device.
+/// `options` may be NULL.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+/// NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
+/// engine's.
+///
+/// # Safety
+/// Pointers are NULL or valid; `prior` was opened with `engine`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_create(
+    engine: *mut nvsp_engine,
+    prior: *const nvsp_prior,
+    camera: *const nvsp_camera,
+    options: *const nvsp_encoder_options,
+    encoder: *mut *mut nvsp_encoder,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<EngineContent>::share(engine.cast(), |handle, engine| {
+            if encoder.is_null() {
+                return Err(Failure::null("encoder"));
+            }
+            let prior = prior.cast::<Handle<PriorContent>>().as_ref();
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
+            let camera = image::camera(camera)?;
+            let options = encoder_options(&read(options)?)?;
+            let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
+            let core = Core {
+                encoder: made,
+                converter: Converter::new(camera.width, camera.height)?,
+                frame: Picture::new(camera.width, camera.height),
+                hint: None,
+                encoded: Encoded::with_room(camera.width, camera.height),
+                full: false,
+            };
+            *encoder = Handle::boxed(Worker::new(core, encode), handle.log()).cast();
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Failure> {
+    let mut made = EncoderOptions {
+        rate: rate(options.rate, options.rate_value)?,
+        first_frame: options.first_frame,
+        ..EncoderOptions::default()
+    };
+    made.refine.optimizer = match options.optimizer {
+        NVSP_OPTIMIZER_GAUSS_NEWTON => Optimizer::GaussNewton,
+        NVSP_OPTIMIZER_BFGS => Optimizer::Bfgs,
+        NVSP_OPTIMIZER_ADAM => Optimizer::Adam,
+        NVSP_OPTIMIZER_ADAM_BFGS => Optimizer::AdamBfgs,
+        _ => return Err(Failure::argument("nvsp_encoder_options.optimizer")),
+    };
+    made.profile = match options.profile {
+        NVSP_PROFILE_COMPACT => PoseProfile::Compact,
+        NVSP_PROFILE_PAPER => PoseProfile::Paper,
+        _ => return Err(Failure::argument("nvsp_encoder_options.profile")),
+    };
+    match options.levels {
+        0 => {}
+        levels @ 1..=6 => made.factors = (0..levels).map(|level| 1 << level).collect(),
+        _ => return Err(Failure::argument("nvsp_encoder_options.levels")),
+    }
+    match options.camera_interval {
+        0 => {}
+        NVSP_CAMERA_ONCE => made.camera_interval = 0,
+        interval => made.camera_interval = interval,
+    }
+    match options.threshold {
+        0.0 => {}
+        threshold if threshold > 0.0 => made.threshold = threshold.into(),
+        _ => return Err(Failure::argument("nvsp_encoder_options.threshold")),
+    }
+    Ok(made)
+}
+
+fn rate(mode: u32, value: f32) -> Result<Option<Rate>, Failure> {
+    let whole = 0.0..=u32::MAX as f32;
+    match mode {
+        NVSP_RATE_DEFAULT => Ok(EncoderOptions::default().rate),
+        NVSP_RATE_QUALITY if (0.0..=100.0).contains(&value) => Ok(Some(Rate::Quality(value))),
+        NVSP_RATE_BYTES if whole.contains(&value) => Ok(Some(Rate::Bytes(value as usize))),
+        NVSP_RATE_PSNR if value.is_finite() => Ok(Some(Rate::Psnr(value.into()))),
+        NVSP_RATE_NONE => Ok(None),
+        _ => Err(Failure::argument("the rate")),
+    }
+}
+
+/// Frames from here on are coded at another rate: NVSP_RATE_* and its number.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// `encoder` is NULL or a live encoder.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_set_rate(
+    encoder: *mut nvsp_encoder,
+    mode: u32,
+    value: f32,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            let rate = rate(mode, value)?;
+            content.core()?.encoder.set_rate(rate);
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Frames from here on are seen by another camera, or at another size; the next packet carries it.
+/// Allocates as nvsp_encoder_create does. Where it fails, the old camera stays.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
+/// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+///
+/// # Safety
+/// Pointers are NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_set_camera(
+    encoder: *mut nvsp_encoder,
+    camera: *const nvsp_camera,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            let camera = image::camera(camera)?;
+            let mut core = content.core()?;
+            let converter = Converter::new(camera.width, camera.height)?;
+            core.encoder.set_camera(&camera)?;
+            core.converter = converter;
+            core.frame.resize(camera.width, camera.height);
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
+/// prior, by its identity. Frame numbers and poses carry over. Where it fails, all is as before.
+/// See nvsp_engine_reopen.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY, NVSP_ERR_POISONED,
+/// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+///
+/// # Safety
+/// Pointers are NULL or live handles; `prior` was opened with `engine`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_reopen(
+    encoder: *mut nvsp_encoder,
+    engine: *const nvsp_engine,
+    prior: *const nvsp_prior,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            let engine = engine.cast::<Handle<EngineContent>>().as_ref();
+            let prior = prior.cast::<Handle<PriorContent>>().as_ref();
+            let engine = engine.ok_or(Failure::null("engine"))?.get().engine;
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
+            content.core()?.encoder.move_to(&engine, &scene)?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Bytes that hold every packet of frames of a camera of this size, in either profile and with the
+/// camera; 0 where there is no camera of this size. With NVSP_RATE_BYTES the budget will do too.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
+    let sides = 1..=crate::Camera::MAX_SIDE;
+    if sides.contains(&width) && sides.contains(&height) {
+        packet_bound(width, height)
+    } else {
+        0
+    }
+}
+
+/// Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the
+/// device. `hint` is the pose as sensors or an estimator have it, used where the frame before is no
+/// good start; NULL where nothing is known, which the first frame cannot do with. `stats` may be
+/// NULL. Allocates nothing from the second frame on, but where a view of the prior needs more room
+/// on the device than any before it.
+///
+/// The same frames, poses and calls give the same packets, byte for byte, on the same device and
+/// driver.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+/// NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
+/// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: then the frame counts as not seen; and
+/// with NVSP_ERR_BUFFER_TOO_SMALL: then the packet is kept until the next frame is encoded, and
+/// nvsp_encode_finish fetches it.
+///
+/// # Safety
+/// Pointers are NULL or valid; `packet` has room for `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encode(
+    encoder: *mut nvsp_encoder,
+    image: *const nvsp_image,
+    hint: *const nvsp_pose,
+    packet: *mut u8,
+    size: usize,
+    written: *mut usize,
+    stats: *mut nvsp_frame_stats,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            let place = Place::new(packet, size, written, stats)?;
+            content.run(|core| prepare(core, image, hint))?;
+            content.take(|core| place.write(core))
+        })
+    }
+}
+
+/// Begins to encode a frame on the encoder's own thread, which the first such call starts, and
+/// returns at once: the image is read, and scaled, during the call. Until the frame is finished, other
+/// calls on the encoder fail with NVSP_ERR_BUSY, but for nvsp_encode_poll, nvsp_encode_wait,
+/// nvsp_encode_finish and nvsp_encoder_destroy. A packet of an earlier frame that was not fetched is
+/// dropped.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED or
+/// NVSP_ERR_MEMORY (no thread); what the frame itself fails with, nvsp_encode_finish tells.
+///
+/// # Safety
+/// Pointers are NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encode_begin(
+    encoder: *mut nvsp_encoder,
+    image: *const nvsp_image,
+    hint: *const nvsp_pose,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            content.begin(|core| prepare(core, image, hint))?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Whether the frame that was begun has ended, well or not: NVSP_OK, or NVSP_PENDING. Never waits.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where none was
+/// begun.
+///
+/// # Safety
+/// `encoder` is NULL or a live encoder.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encode_poll(encoder: *mut nvsp_encoder) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<Content>::call(encoder.cast(), |content| content.wait(Duration::ZERO)) }
+}
+
+/// As nvsp_encode_poll, but waits for the frame's end for up to so many milliseconds.
+///
+/// # Safety
+/// As there.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encode_wait(
+    encoder: *mut nvsp_encoder,
+    milliseconds: u32,
+) -> nvsp_status {
+    let timeout = Duration::from_millis(milliseconds.into());
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<Content>::call(encoder.cast(), |content| content.wait(timeout)) }
+}
+
+/// Fetches the packet of the frame that was begun, or that nvsp_encode had no room for; NVSP_PENDING
+/// where it has not ended. Never waits.
+///
+/// Fails with NVSP_ERR_STATE where there is none, else as nvsp_encode does; after
+/// NVSP_ERR_BUFFER_TOO_SMALL the packet is still there.
+///
+/// # Safety
+/// As for nvsp_encode.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encode_finish(
+    encoder: *mut nvsp_encoder,
+    packet: *mut u8,
+    size: usize,
+    written: *mut usize,
+    stats: *mut nvsp_frame_stats,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            let place = Place::new(packet, size, written, stats)?;
+            content.take(|core| place.write(core))
+        })
+    }
+}
+
+/// What the topside will show of the last frame.
+pub const NVSP_PICTURE_SHOWN: u32 = 0;
+/// The prior's render alone.
+pub const NVSP_PICTURE_RENDER: u32 = 1;
+
+/// Copies a picture of the last frame encoded, of the camera's size: NVSP_PICTURE_*.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_BUSY,
+/// NVSP_ERR_POISONED, or NVSP_ERR_STATE where there is none.
+///
+/// # Safety
+/// Pointers are NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_get_picture(
+    encoder: *mut nvsp_encoder,
+    which: u32,
+    picture: *const nvsp_picture,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            let core = content.core()?;
+            if !core.full {
+                return Err(Failure::at(NVSP_ERR_STATE, "no frame was encoded"));
+            }
+            let from = match which {
+                NVSP_PICTURE_SHOWN => &core.encoded.picture,
+                NVSP_PICTURE_RENDER => &core.encoded.render,
+                _ => return Err(Failure::argument("which picture")),
+            };
+            image::write(from, picture)?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// The text of the last failed call on the encoder; as nvsp_engine_last_error.
+///
+/// # Safety
+/// `encoder` is NULL or a live encoder; `text` is NULL or has room for `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_last_error(
+    encoder: *const nvsp_encoder,
+    text: *mut c_char,
+    size: usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<Content>::last_error(encoder.cast(), text, size) }
+}
+
+/// Ends an encoder; NULL is allowed. Waits for a frame that was begun.
+///
+/// # Safety
+/// `encoder` is NULL or a live encoder that no other thread is using; it is dead afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_destroy(encoder: *mut nvsp_encoder) {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<Content>::destroy(encoder.cast()) }
+}
+
+/// The job.
+fn encode(core: &mut Core) -> Result<(), Failure> {
+    core.full = false;
+    core.encoder.encode_into(&core.frame, core.hint, &mut core.encoded)?;
+    core.full = true;
+    Ok(())
+}
+
+/// Takes a frame in.
+///
+/// # Safety
+/// Pointers are null or valid.
+unsafe fn prepare(
+    core: &mut Core,
+    image: *const nvsp_image,
+    hint: *const nvsp_pose,
+) -> Result<(), Failure> {
+    // SAFETY: as the caller promises; the view ends with this call.
+    let (view, hint) = unsafe { (image::view(image)?, image::pose(hint)?) };
+    core.converter.convert(&view, &mut core.frame)?;
+    core.hint = hint;
+    Ok(())
+}
+
+/// Checked places for a packet and its figures.
+struct Place {
+    packet: *mut u8,
+    size: usize,
+    written: *mut usize,
+    stats: Out<nvsp_frame_stats>,
+}
+
+impl Place {
+    /// # Safety
+    /// As for [`nvsp_encode`], through [`Place::write`].
+    unsafe fn new(
+        packet: *mut u8,
+        size: usize,
+        written: *mut usize,
+        stats: *mut nvsp_frame_stats,
+    ) -> Result<Place, Failure> {
+        if packet.is_null() {
+            return Err(Failure::null("packet"));
+        }
+        if written.is_null() {
+            return Err(Failure::null("written"));
+        }
+        // SAFETY: as the caller promises.
+        let stats = unsafe { Out::new(stats)? };
+        Ok(Place { packet, size, written, stats })
+    }
+
+    /// Writes all of it, or nothing.
+    fn write(&self, core: &Core) -> Result<(), Failure> {
+        let Encoded { packet, stats, pose, .. } = &core.encoded;
+        if packet.len() > self.size {
+            return Err(Failure::Room { needed: packet.len(), found: self.size });
+        }
+        // SAFETY: the place has `size` bytes, as the maker of this promised.
+        unsafe {
+            self.packet.copy_from_nonoverlapping(packet.as_ptr(), packet.len());
+            *self.written = packet.len();
+        }
+        let uncertain = stats.start == StartKind::BestOfBad;
+        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+        self.stats.write(&nvsp_frame_stats {
+            struct_size: 0,
+            abi_version: 0,
+            frame: stats.frame,
+            bytes: stats.bytes as u32,
+            latent_bytes: stats.latent_bytes as u32,
+            full_renders: stats.full_renders,
+            start: match stats.start {
+                StartKind::External => NVSP_START_HINT,
+                StartKind::Previous => NVSP_START_PREVIOUS,
+                StartKind::Predicted => NVSP_START_PREDICTED,
+                StartKind::BestOfBad => NVSP_START_UNCERTAIN,
+            },
+            stop: match stats.stop {
+                Stop::Gradient => NVSP_STOP_GRADIENT,
+                Stop::Progress => NVSP_STOP_PROGRESS,
+                Stop::NoDescent => NVSP_STOP_NO_DESCENT,
+                Stop::Iterations => NVSP_STOP_ITERATIONS,
+            },
+            flags: flag(uncertain, NVSP_FRAME_UNCERTAIN)
+                | flag(!stats.rate_kept, NVSP_FRAME_RATE_MISSED),
+            reserved: 0,
+            render_psnr: stats.render_psnr,
+            psnr: stats.psnr,
+            milliseconds: stats.milliseconds,
+            pose: image::pose_out(pose),
+        });
+        Ok(())
+    }
+}

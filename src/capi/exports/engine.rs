@@ -1,0 +1,237 @@
+//! The engine's handle.
+
+use std::ffi::{CStr, c_char, c_void};
+
+use crate::Engine;
+use crate::vulkan::DeviceOptions;
+
+use super::handle::Handle;
+use super::log::{Log, NVSP_LOG_INFO, NVSP_LOG_WARNING, nvsp_log_callback};
+use super::status::*;
+use super::structs::{Out, read, versioned};
+
+/// An opened Vulkan device with all pipelines built. Any number of threads may use it at once.
+#[allow(non_camel_case_types)]
+pub struct nvsp_engine {
+    _opaque: [u8; 0],
+}
+
+/// What an engine's handle holds.
+#[derive(Clone)]
+pub(super) struct EngineContent {
+    pub engine: Engine,
+    options: DeviceOptions,
+}
+
+/// Run under the Khronos validation layer, which must be installed; its messages are logged as
+/// warnings when the engine is destroyed or reopened. For tests; slow.
+pub const NVSP_ENGINE_VALIDATION: u32 = 1;
+
+/// How to open an engine; all zero: the best device, nothing logged.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_engine_options {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Part of the device's name, or its number as text. NULL: a discrete GPU before an integrated
+    /// one before a CPU.
+    pub device: *const c_char,
+    /// Receives messages; NULL: none are passed on.
+    pub log: nvsp_log_callback,
+    /// Passed to `log` as it is.
+    pub log_user: *mut c_void,
+    /// NVSP_ENGINE_* bits.
+    pub flags: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+versioned!(nvsp_engine_options, 40);
+
+/// A device in words, and the memory it gave.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_engine_info {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Name, kind, driver and Vulkan version of the device, ending in NUL.
+    pub device: [c_char; 256],
+    /// Bytes of device memory in use by everything made with the engine.
+    pub memory_used: u64,
+    /// Bytes of device memory taken from the driver for that.
+    pub memory_reserved: u64,
+    /// Vulkan buffers in use.
+    pub buffers: u64,
+}
+versioned!(nvsp_engine_info, 288);
+
+/// Opens a device and builds the pipelines; takes from tens of milliseconds to seconds. `options`
+/// may be NULL. A failure's text goes to the options' `log`, as there is no handle to ask yet.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown
+/// flags, or a name that is no UTF-8), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
+///
+/// # Safety
+/// The options' pointers are valid; `log` is as nvsp_log_callback asks.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_engine_create(
+    options: *const nvsp_engine_options,
+    engine: *mut *mut nvsp_engine,
+) -> nvsp_status {
+    if engine.is_null() {
+        return NVSP_ERR_NULL;
+    }
+    // SAFETY: as the caller promises.
+    let (log, options) = match unsafe { device_options(options) } {
+        Ok(options) => options,
+        Err(failure) => return failure.status(),
+    };
+    // A handle without content, to fail within the same fence as every other call.
+    let fence = Handle::boxed((), log);
+    // SAFETY: the handle was just made, and is destroyed at once.
+    unsafe {
+        let status = Handle::call(fence, |()| {
+            let content = EngineContent { engine: Engine::new(&options)?, options };
+            log.write(NVSP_LOG_INFO, &content.engine.device().to_string());
+            *engine = Handle::boxed(content, log).cast();
+            Ok(NVSP_OK)
+        });
+        Handle::destroy(fence);
+        status
+    }
+}
+
+/// Reads the options.
+///
+/// # Safety
+/// As for [`nvsp_engine_create`].
+unsafe fn device_options(
+    options: *const nvsp_engine_options,
+) -> Result<(Log, DeviceOptions), Failure> {
+    // SAFETY: as the caller promises; a name that is not NULL ends in NUL.
+    let (options, device) = unsafe {
+        let options = read(options)?;
+        let name = (!options.device.is_null()).then(|| CStr::from_ptr(options.device));
+        (options, name)
+    };
+    let log = Log::new(options.log, options.log_user);
+    if options.flags & !NVSP_ENGINE_VALIDATION != 0 || options.reserved != 0 {
+        return Err(Failure::argument("nvsp_engine_options.flags"));
+    }
+    let name = |name: &CStr| name.to_str().map(str::to_owned);
+    let device = device
+        .map(name)
+        .transpose()
+        .map_err(|_| Failure::argument("nvsp_engine_options.device is no UTF-8"))?;
+    Ok((log, DeviceOptions { device, validation: options.flags & NVSP_ENGINE_VALIDATION != 0 }))
+}
+
+/// Opens the device again, with the options that the engine was made with: after
+/// NVSP_ERR_DEVICE_LOST. What was made with the engine before stays on the lost device, where every
+/// call fails with NVSP_ERR_DEVICE_LOST. So, next, open the prior again, move encoders and decoders to
+/// it with nvsp_encoder_reopen and nvsp_decoder_reopen, which keep their state, and destroy the old
+/// prior. Where the device cannot be opened, the engine is left as it was; try again later.
+///
+/// Fails as nvsp_engine_create does.
+///
+/// # Safety
+/// `engine` is NULL or a live engine.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_engine_reopen(engine: *mut nvsp_engine) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<EngineContent>::share(engine.cast(), |handle, content| {
+            let EngineContent { engine: old, options } = content;
+            log_validation(handle, &old);
+            let engine = Engine::new(&options)?;
+            handle.log().write(NVSP_LOG_INFO, &engine.device().to_string());
+            handle.replace(EngineContent { engine, options });
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Describes the engine's device and its memory. Allocates.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
+///
+/// # Safety
+/// `engine` is NULL or a live engine; `info` is NULL or was initialised by NVSP_INIT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_engine_get_info(
+    engine: *const nvsp_engine,
+    info: *mut nvsp_engine_info,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<EngineContent>::share(engine.cast(), |_, content| {
+            let out = Out::required(info)?;
+            let memory = content.engine.memory();
+            let mut device = [0; 256];
+            write_text(&content.engine.device().to_string(), &mut device);
+            out.write(&nvsp_engine_info {
+                struct_size: 0,
+                abi_version: 0,
+                device,
+                memory_used: memory.used,
+                memory_reserved: memory.reserved,
+                buffers: memory.buffers,
+            });
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Copies the text of the last failed call on the engine, or of making a prior, an encoder or a
+/// decoder with it, into `text`, at most `size` bytes with the NUL at the end; empty where none
+/// failed.
+///
+/// Fails with NVSP_ERR_NULL, or with NVSP_ERR_BUFFER_TOO_SMALL where `size` is 0.
+///
+/// # Safety
+/// `engine` is NULL or a live engine; `text` is NULL or has room for `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_engine_last_error(
+    engine: *const nvsp_engine,
+    text: *mut c_char,
+    size: usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<EngineContent>::last_error(engine.cast(), text, size) }
+}
+
+/// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it work on: the device is
+/// closed when the last of them is gone.
+///
+/// # Safety
+/// `engine` is NULL or a live engine that no other thread is using; it is dead afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_engine_destroy(engine: *mut nvsp_engine) {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let _ = Handle::<EngineContent>::share(engine.cast(), |handle, content| {
+            log_validation(handle, &content.engine);
+            Ok(NVSP_OK)
+        });
+        Handle::<EngineContent>::destroy(engine.cast());
+    }
+}
+
+fn log_validation(handle: &Handle<EngineContent>, engine: &Engine) {
+    for message in engine.validation_messages() {
+        handle.log().write(NVSP_LOG_WARNING, &message);
+    }
+}
+
+/// Writes a text that ends in NUL, cut at a whole character where it is too long.
+fn write_text(text: &str, to: &mut [c_char]) {
+    let end = text.floor_char_boundary(to.len() - 1);
+    for (to, byte) in to.iter_mut().zip(text[..end].bytes().chain([0])) {
+        *to = byte as c_char;
+    }
+}

@@ -1,0 +1,237 @@
+//! Images, pictures, cameras and poses as C hands them over.
+
+use crate::pixels::{Colour, ImageView, PixelFormat, write_picture};
+use crate::{Camera, Picture, Pose};
+
+use super::status::*;
+
+/// Three bytes a pixel: red, green, blue.
+pub const NVSP_FORMAT_RGB8: u32 = 1;
+/// Three bytes a pixel: blue, green, red.
+pub const NVSP_FORMAT_BGR8: u32 = 2;
+/// Four bytes a pixel: red, green, blue, alpha, which is ignored in images and 255 in pictures.
+pub const NVSP_FORMAT_RGBA8: u32 = 3;
+/// Plane 0: Y; plane 1: U and V in turn, one pair for two by two pixels. Images only.
+pub const NVSP_FORMAT_NV12: u32 = 4;
+/// Planes Y, U, V; one U and V for two by two pixels. Images only.
+pub const NVSP_FORMAT_I420: u32 = 5;
+
+/// BT.601, limited range: what most cameras and V4L2 deliver.
+pub const NVSP_COLOUR_BT601_LIMITED: u32 = 0;
+/// BT.601, full range: JPEG.
+pub const NVSP_COLOUR_BT601_FULL: u32 = 1;
+/// BT.709, limited range: HDTV, most H.264 decoders.
+pub const NVSP_COLOUR_BT709_LIMITED: u32 = 2;
+/// BT.709, full range.
+pub const NVSP_COLOUR_BT709_FULL: u32 = 3;
+
+/// A camera's image; read during the call only. Its size may be another than the camera's, which it
+/// is then scaled to; its shape may not (1 % is tolerated).
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_image {
+    /// NVSP_FORMAT_*.
+    pub format: u32,
+    /// NVSP_COLOUR_*; counts for NV12 and I420.
+    pub colour: u32,
+    /// Pixels, 1 to 16384.
+    pub width: u32,
+    /// Pixels, 1 to 16384.
+    pub height: u32,
+    /// First byte of each plane that the format has.
+    pub planes: [*const u8; 3],
+    /// Bytes from one row to the next, of each plane.
+    pub strides: [usize; 3],
+    /// Bytes of each plane: none is read beyond them.
+    pub sizes: [usize; 3],
+}
+
+/// A place for a picture.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_picture {
+    /// NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8 or NVSP_FORMAT_RGBA8.
+    pub format: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// First byte.
+    pub pixels: *mut u8,
+    /// Bytes from one row to the next; those behind a row are left as they are.
+    pub stride: usize,
+    /// Bytes of the place: none is written beyond them.
+    pub size: usize,
+}
+
+/// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers
+/// [0, 1) x [0, 1).
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_camera {
+    /// Pixels, 1 to 4096.
+    pub width: u32,
+    /// Pixels, 1 to 4096.
+    pub height: u32,
+    /// Focal lengths, pixels, above 0.
+    pub fx: f32,
+    pub fy: f32,
+    /// Principal point, pixels.
+    pub cx: f32,
+    pub cy: f32,
+}
+
+/// Where a camera stands: x_camera = R x_world + t.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_pose {
+    /// Quaternion of R: w, x, y, z. Any length but zero.
+    pub rotation: [f64; 4],
+    /// t, in the prior's unit.
+    pub translation: [f64; 3],
+}
+
+/// The bytes at a pointer; none where there are none to read.
+///
+/// # Safety
+/// `bytes` is null or has `size` bytes that nobody changes for as long as the slice is in use.
+pub(super) unsafe fn slice<'a>(
+    bytes: *const u8,
+    size: usize,
+    name: &'static str,
+) -> Result<&'a [u8], Failure> {
+    match (bytes.is_null(), size) {
+        (_, 0) => Ok(&[]),
+        (true, _) => Err(Failure::null(name)),
+        (false, size) if size > isize::MAX as usize => Err(Failure::argument(name)),
+        // SAFETY: as the caller promises.
+        (false, size) => Ok(unsafe { std::slice::from_raw_parts(bytes, size) }),
+    }
+}
+
+/// As [`slice`], to write; the caller's buffer stays as it is until it is written.
+///
+/// # Safety
+/// As there, and nobody reads them either.
+pub(super) unsafe fn slice_mut<'a>(
+    bytes: *mut u8,
+    size: usize,
+    name: &'static str,
+) -> Result<&'a mut [u8], Failure> {
+    match (bytes.is_null(), size) {
+        (_, 0) => Ok(&mut []),
+        (true, _) => Err(Failure::null(name)),
+        (false, size) if size > isize::MAX as usize => Err(Failure::argument(name)),
+        // SAFETY: as the caller promises.
+        (false, size) => Ok(unsafe { std::slice::from_raw_parts_mut(bytes, size) }),
+    }
+}
+
+fn format(code: u32) -> Result<PixelFormat, Failure> {
+    match code {
+        NVSP_FORMAT_RGB8 => Ok(PixelFormat::Rgb8),
+        NVSP_FORMAT_BGR8 => Ok(PixelFormat::Bgr8),
+        NVSP_FORMAT_RGBA8 => Ok(PixelFormat::Rgba8),
+        NVSP_FORMAT_NV12 => Ok(PixelFormat::Nv12),
+        NVSP_FORMAT_I420 => Ok(PixelFormat::I420),
+        _ => Err(Failure::argument("format")),
+    }
+}
+
+fn plane_count(format: PixelFormat) -> usize {
+    match format {
+        PixelFormat::Rgb8 | PixelFormat::Bgr8 | PixelFormat::Rgba8 => 1,
+        PixelFormat::Nv12 => 2,
+        PixelFormat::I420 => 3,
+    }
+}
+
+fn colour(code: u32) -> Result<Colour, Failure> {
+    match code {
+        NVSP_COLOUR_BT601_LIMITED => Ok(Colour::Bt601Limited),
+        NVSP_COLOUR_BT601_FULL => Ok(Colour::Bt601Full),
+        NVSP_COLOUR_BT709_LIMITED => Ok(Colour::Bt709Limited),
+        NVSP_COLOUR_BT709_FULL => Ok(Colour::Bt709Full),
+        _ => Err(Failure::argument("nvsp_image.colour")),
+    }
+}
+
+/// An image as the converter takes it.
+///
+/// # Safety
+/// `image` is null or valid, and its planes have as many bytes as it says, which nobody changes for
+/// as long as the view is in use.
+pub(super) unsafe fn view<'a>(image: *const nvsp_image) -> Result<ImageView<'a>, Failure> {
+    // SAFETY: as the caller promises.
+    let image = unsafe { image.as_ref() }.ok_or(Failure::null("image"))?;
+    let (format, colour) = (format(image.format)?, colour(image.colour)?);
+    let mut planes: [&[u8]; 3] = [&[]; 3];
+    for (i, plane) in planes.iter_mut().enumerate().take(plane_count(format)) {
+        if image.planes[i].is_null() {
+            return Err(Failure::null("nvsp_image.planes"));
+        }
+        // SAFETY: as the caller promises.
+        *plane = unsafe { slice(image.planes[i], image.sizes[i], "nvsp_image.sizes")? };
+    }
+    let nvsp_image { width, height, strides, .. } = *image;
+    Ok(ImageView { width, height, format, colour, planes, strides })
+}
+
+/// Writes a picture where the caller wants it.
+///
+/// # Safety
+/// `place` is valid, and has as many bytes as it says, which nobody else uses.
+pub(super) unsafe fn write(picture: &Picture, place: *const nvsp_picture) -> Result<(), Failure> {
+    // SAFETY: as the caller promises.
+    let place = unsafe { place.as_ref() }.ok_or(Failure::null("picture"))?;
+    let format = format(place.format)?;
+    if place.reserved != 0 {
+        return Err(Failure::argument("nvsp_picture.reserved"));
+    }
+    let bytes = match format {
+        PixelFormat::Rgb8 | PixelFormat::Bgr8 => 3,
+        PixelFormat::Rgba8 => 4,
+        PixelFormat::Nv12 | PixelFormat::I420 => {
+            return Err(Failure::argument("nvsp_picture.format"));
+        }
+    };
+    let row = picture.width as usize * bytes;
+    if place.stride < row {
+        return Err(Failure::argument("nvsp_picture.stride"));
+    }
+    let needed = place.stride.saturating_mul(picture.height as usize - 1).saturating_add(row);
+    if place.size < needed {
+        return Err(Failure::Room { needed, found: place.size });
+    }
+    // SAFETY: as the caller promises.
+    let into = unsafe { slice_mut(place.pixels, place.size, "nvsp_picture.pixels")? };
+    Ok(write_picture(picture, format, place.stride, into)?)
+}
+
+/// # Safety
+/// `camera` is null or valid.
+pub(super) unsafe fn camera(camera: *const nvsp_camera) -> Result<Camera, Failure> {
+    // SAFETY: as the caller promises.
+    let camera = unsafe { camera.as_ref() }.ok_or(Failure::null("camera"))?;
+    let nvsp_camera { width, height, fx, fy, cx, cy } = *camera;
+    let camera = Camera { width, height, fx, fy, cx, cy };
+    camera.check().map_err(crate::Error::from)?;
+    Ok(camera)
+}
+
+/// A pose from outside, if there is one.
+///
+/// # Safety
+/// `pose` is null or valid.
+pub(super) unsafe fn pose(pose: *const nvsp_pose) -> Result<Option<Pose>, Failure> {
+    // SAFETY: as the caller promises.
+    let Some(pose) = (unsafe { pose.as_ref() }) else { return Ok(None) };
+    let pose = Pose::from_wxyz(pose.rotation, pose.translation);
+    pose.map(Some).ok_or(Failure::argument("a pose that is no rigid motion"))
+}
+
+pub(super) fn pose_out(pose: &Pose) -> nvsp_pose {
+    nvsp_pose { rotation: pose.wxyz(), translation: pose.translation.into() }
+}

@@ -1,0 +1,392 @@
+//! Packets in modem frames.
+
+use std::ffi::c_char;
+use std::ptr::null_mut;
+
+use crate::modem::{Pushed, Reassembler, ReassemblerOptions, Received, Splitter, frame_count};
+
+use super::handle::Handle;
+use super::image::{slice, slice_mut};
+use super::log::Log;
+use super::status::*;
+use super::structs::{Out, read, versioned};
+
+/// Puts packets together from modem frames. One thread at a time may use it.
+#[allow(non_camel_case_types)]
+pub struct nvsp_reassembler {
+    _opaque: [u8; 0],
+}
+
+/// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do.
+pub const NVSP_MTU_31: u32 = 31;
+pub const NVSP_MTU_64: u32 = 64;
+pub const NVSP_MTU_256: u32 = 256;
+pub const NVSP_MTU_1024: u32 = 1024;
+
+/// The modem hands over no damaged frames: a packet's first frame then counts as sound to its end.
+pub const NVSP_MODEM_CHECKS: u32 = 1;
+
+/// How to put packets together.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_reassembler_options {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Packets of up to this many bytes can become complete; of longer ones, so much of the start is
+    /// kept. 0: 65536.
+    pub max_packet_bytes: u32,
+    /// NVSP_MODEM_CHECKS, or 0.
+    pub flags: u32,
+}
+versioned!(nvsp_reassembler_options, 16);
+
+/// The packet is complete.
+pub const NVSP_EVENT_COMPLETE: u32 = 1;
+/// The packet has more bytes at its start than before: nvsp_reassembler_fetch gives a better picture.
+pub const NVSP_EVENT_GROWN: u32 = 2;
+/// The frame is kept until others come: one before it is missing.
+pub const NVSP_EVENT_KEPT: u32 = 3;
+/// The frame was there already.
+pub const NVSP_EVENT_DUPLICATE: u32 = 4;
+/// All frames of the packet are there and its own checks do not match; all but the first were
+/// forgotten and may come again.
+pub const NVSP_EVENT_DAMAGED: u32 = 5;
+
+/// What has come of a packet.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_reassembly {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Frame number of the packet, modulo 2^24.
+    pub frame: u32,
+    /// Bytes of its start that are there, without a gap and each vouched for by a check.
+    pub bytes: u32,
+    /// 1: these are the whole packet; else 0.
+    pub complete: u32,
+    /// Modem frames of it that came.
+    pub frames: u32,
+    /// Modem frames that it has; 0: too little came to tell.
+    pub expected: u32,
+    /// Of nvsp_reassembler_push, what the modem frame brought: NVSP_EVENT_*; else 0. Where it is
+    /// NVSP_EVENT_KEPT or NVSP_EVENT_DUPLICATE, the other fields are those of the newest packet, or
+    /// zero where there is none.
+    pub event: u32,
+}
+versioned!(nvsp_reassembly, 32);
+
+/// Counts since the reassembler was made.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_reassembler_statistics {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Modem frames that became part of a packet.
+    pub accepted: u64,
+    /// Modem frames that were there already.
+    pub duplicates: u64,
+    /// Modem frames refused.
+    pub rejected: u64,
+    /// Modem frames that wait for the first of their packet, now.
+    pub waiting: u64,
+    /// Packets completed.
+    pub completed: u64,
+    /// Times that a packet was all there and its own checks did not match.
+    pub damaged: u64,
+    /// Packets displaced by newer ones before they were complete.
+    pub incomplete: u64,
+}
+versioned!(nvsp_reassembler_statistics, 64);
+
+/// Runs a call that has no handle to keep a text in.
+fn fence(body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp_status {
+    let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(body));
+    caught.map_or(NVSP_ERR_INTERNAL, |done| done.unwrap_or_else(|failure| failure.status()))
+}
+
+/// How many modem frames of at most `mtu` bytes (31 to 65535) a packet of `packet_size` bytes takes.
+/// The first one costs no bytes, each other one four. Allocates nothing; any threads may call it.
+///
+/// Fails with NVSP_ERR_NULL, or with NVSP_ERR_MODEM where the MTU is out of range or the packet too
+/// long for 4096 frames.
+///
+/// # Safety
+/// `count` is NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_modem_frame_count(
+    packet_size: usize,
+    mtu: u32,
+    count: *mut u32,
+) -> nvsp_status {
+    fence(|| {
+        if count.is_null() {
+            return Err(Failure::null("count"));
+        }
+        let frames = frame_count(packet_size, mtu as usize)?;
+        // SAFETY: not null, and valid as the caller promises.
+        unsafe { *count = frames as u32 };
+        Ok(NVSP_OK)
+    })
+}
+
+/// Writes modem frame `index` of a packet, 0 first, into `frame`: at most `mtu` bytes. It may be
+/// padded to any length. Frame 0 holds the latent part, a picture by itself: send it first, and again
+/// if anything. Allocates nothing; any threads may call it.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_MODEM where
+/// the bytes are no sound packet, or the MTU or the index is out of range.
+///
+/// # Safety
+/// Pointers are NULL or valid; `packet` has `packet_size` bytes, `frame` room for `size`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_modem_frame(
+    packet: *const u8,
+    packet_size: usize,
+    mtu: u32,
+    index: u32,
+    frame: *mut u8,
+    size: usize,
+    written: *mut usize,
+) -> nvsp_status {
+    fence(|| {
+        if packet.is_null() || frame.is_null() || written.is_null() {
+            return Err(Failure::null("packet, frame or written"));
+        }
+        // SAFETY: as the caller promises.
+        let (packet, frame) = unsafe {
+            (slice(packet, packet_size, "packet")?, slice_mut(frame, size, "frame")?)
+        };
+        let splitter = Splitter::new(packet, mtu as usize)?;
+        let len = splitter.write(index as usize, frame).map_err(Failure::from_buffer)?;
+        // SAFETY: not null, and valid as the caller promises.
+        unsafe { *written = len };
+        Ok(NVSP_OK)
+    })
+}
+
+/// Makes a reassembler of packets that were split for the same `mtu` (31 to 65535). `options` may be
+/// NULL. All its memory is taken here: at most eight times max_packet_bytes and 16 bytes for each
+/// frame of as many packets.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
+/// NVSP_ERR_MODEM (the MTU).
+///
+/// # Safety
+/// Pointers are NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_reassembler_create(
+    mtu: u32,
+    options: *const nvsp_reassembler_options,
+    reassembler: *mut *mut nvsp_reassembler,
+) -> nvsp_status {
+    fence(|| {
+        if reassembler.is_null() {
+            return Err(Failure::null("reassembler"));
+        }
+        // SAFETY: as the caller promises.
+        let options = unsafe { read(options)? };
+        if options.flags & !NVSP_MODEM_CHECKS != 0 {
+            return Err(Failure::argument("nvsp_reassembler_options.flags"));
+        }
+        let mut how = ReassemblerOptions::new(mtu as usize);
+        how.modem_checks = options.flags & NVSP_MODEM_CHECKS != 0;
+        if options.max_packet_bytes > 0 {
+            how.max_packet_bytes = options.max_packet_bytes as usize;
+        }
+        let made = Handle::boxed(Reassembler::new(how)?, Log::new(None, null_mut()));
+        // SAFETY: not null, and valid as the caller promises.
+        unsafe { *reassembler = made.cast() };
+        Ok(NVSP_OK)
+    })
+}
+
+/// Takes a modem frame, in whatever order they come, repeated, padded or damaged. `state`, which may
+/// be NULL, tells what it brought. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+/// NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_MODEM where it is no frame of a packet, or damaged:
+/// then nothing that was there is lost.
+///
+/// # Safety
+/// Pointers are NULL or valid; `frame` has `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_reassembler_push(
+    reassembler: *mut nvsp_reassembler,
+    frame: *const u8,
+    size: usize,
+    state: *mut nvsp_reassembly,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Reassembler>::call(reassembler.cast(), |content| {
+            let out = Out::new(state)?;
+            if frame.is_null() {
+                return Err(Failure::null("frame"));
+            }
+            let pushed = content.push(slice(frame, size, "frame")?)?;
+            let (event, packet) = match pushed {
+                Pushed::Complete(frame) => (NVSP_EVENT_COMPLETE, content.packet(frame)),
+                Pushed::Grown(frame) => (NVSP_EVENT_GROWN, content.packet(frame)),
+                Pushed::Kept => (NVSP_EVENT_KEPT, content.newest()),
+                Pushed::Duplicate => (NVSP_EVENT_DUPLICATE, content.newest()),
+                Pushed::Damaged(frame) => (NVSP_EVENT_DAMAGED, content.packet(frame)),
+            };
+            out.write(&state_of(packet.as_ref(), event));
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Copies what has come of the newest packet into `packet`: a packet, or the start of one, for
+/// nvsp_decode with NVSP_DECODE_START, which makes the best picture of it that there is. It stays
+/// until newer packets take its place. `state` may be NULL. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+/// NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE where nothing came
+/// that makes a picture.
+///
+/// # Safety
+/// Pointers are NULL or valid; `packet` has room for `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_reassembler_fetch(
+    reassembler: *mut nvsp_reassembler,
+    packet: *mut u8,
+    size: usize,
+    written: *mut usize,
+    state: *mut nvsp_reassembly,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Reassembler>::call(reassembler.cast(), |content| {
+            let out = Out::new(state)?;
+            if packet.is_null() || written.is_null() {
+                return Err(Failure::null("packet or written"));
+            }
+            let nothing = Failure::at(NVSP_ERR_STATE, "no first frame of a packet came");
+            let newest = content.newest().filter(|newest| !newest.bytes.is_empty());
+            let newest = newest.ok_or(nothing)?;
+            let needed = newest.bytes.len();
+            if size < needed {
+                return Err(Failure::Room { needed, found: size });
+            }
+            packet.copy_from_nonoverlapping(newest.bytes.as_ptr(), needed);
+            *written = needed;
+            out.write(&state_of(Some(&newest), 0));
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Writes the indices of modem frames of the newest packet to ask its sender for again, at most
+/// `room` of them, and their number. Before enough came to tell how many there are, the first one
+/// that is missing. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where no first
+/// frame of a packet came.
+///
+/// # Safety
+/// Pointers are NULL or valid; `indices` has room for `room` numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_reassembler_missing(
+    reassembler: *mut nvsp_reassembler,
+    indices: *mut u32,
+    room: u32,
+    count: *mut u32,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Reassembler>::call(reassembler.cast(), |content| {
+            if indices.is_null() || count.is_null() {
+                return Err(Failure::null("indices or count"));
+            }
+            let nothing = Failure::at(NVSP_ERR_STATE, "no first frame of a packet came");
+            let newest = content.newest().ok_or(nothing)?;
+            let mut written = 0;
+            for index in newest.missing().take(room as usize) {
+                *indices.add(written) = index as u32;
+                written += 1;
+            }
+            *count = written as u32;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Copies the counts.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or
+/// NVSP_ERR_POISONED.
+///
+/// # Safety
+/// Pointers are NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_reassembler_get_statistics(
+    reassembler: *mut nvsp_reassembler,
+    statistics: *mut nvsp_reassembler_statistics,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Reassembler>::call(reassembler.cast(), |content| {
+            let counts = content.statistics();
+            Out::required(statistics)?.write(&nvsp_reassembler_statistics {
+                struct_size: 0,
+                abi_version: 0,
+                accepted: counts.accepted,
+                duplicates: counts.duplicates,
+                rejected: counts.rejected,
+                waiting: counts.waiting,
+                completed: counts.completed,
+                damaged: counts.damaged,
+                incomplete: counts.incomplete,
+            });
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// The text of the last failed call on the reassembler; as nvsp_engine_last_error.
+///
+/// # Safety
+/// `reassembler` is NULL or live; `text` is NULL or has room for `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_reassembler_last_error(
+    reassembler: *const nvsp_reassembler,
+    text: *mut c_char,
+    size: usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<Reassembler>::last_error(reassembler.cast(), text, size) }
+}
+
+/// Ends a reassembler; NULL is allowed.
+///
+/// # Safety
+/// `reassembler` is NULL or live, and no other thread is using it; it is dead afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_reassembler_destroy(reassembler: *mut nvsp_reassembler) {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<Reassembler>::destroy(reassembler.cast()) }
+}
+
+fn state_of(packet: Option<&Received>, event: u32) -> nvsp_reassembly {
+    let number = |value: usize| u32::try_from(value).unwrap_or(u32::MAX);
+    nvsp_reassembly {
+        struct_size: 0,
+        abi_version: 0,
+        frame: packet.map_or(0, |p| p.frame),
+        bytes: packet.map_or(0, |p| number(p.bytes.len())),
+        complete: packet.is_some_and(|p| p.complete).into(),
+        frames: packet.map_or(0, |p| number(p.frames)),
+        expected: packet.and_then(|p| p.expected).map_or(0, number),
+        event,
+    }
+}

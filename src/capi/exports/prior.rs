@@ -1,0 +1,262 @@
+//! The prior's handle.
+
+use std::ffi::{CStr, OsStr, c_char};
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::render::Scene;
+use crate::{Prior, RenderOverrides};
+
+use super::engine::{EngineContent, nvsp_engine};
+use super::handle::Handle;
+use super::log::{NVSP_LOG_INFO, NVSP_LOG_WARNING};
+use super::status::*;
+use super::structs::{Out, read, versioned};
+
+/// A trained scene on the device. Any number of threads, encoders and decoders may use it at once.
+#[allow(non_camel_case_types)]
+pub struct nvsp_prior {
+    _opaque: [u8; 0],
+}
+
+/// What a prior's handle holds.
+#[derive(Clone)]
+pub(super) struct PriorContent {
+    pub scene: Arc<Scene>,
+    info: nvsp_prior_info,
+}
+
+/// `near_plane` is given.
+pub const NVSP_PRIOR_NEAR: u32 = 1;
+/// `alpha_max` is given.
+pub const NVSP_PRIOR_ALPHA_MAX: u32 = 2;
+/// `antialiased` is given.
+pub const NVSP_PRIOR_ANTIALIASED: u32 = 4;
+/// `background` is given.
+pub const NVSP_PRIOR_BACKGROUND: u32 = 8;
+
+/// Render options against those found in a prior's file; part of the prior's identity, so both sides
+/// of a link must give the same.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_prior_options {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// NVSP_PRIOR_* bits: which of the fields below count.
+    pub given: u32,
+    /// Splats whose camera z is not above this are culled, in the prior's unit; above 0.
+    pub near_plane: f32,
+    /// Alpha is clamped to this; between 0 and 1.
+    pub alpha_max: f32,
+    /// Not 0: gsplat's anti-aliased mode.
+    pub antialiased: u32,
+    /// Linear RGB behind everything, 0 to 1.
+    pub background: [f32; 3],
+}
+versioned!(nvsp_prior_options, 36);
+
+/// What a prior is.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_prior_info {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Identity of splats and render options; packets carry it.
+    pub id: u32,
+    /// Splats in use.
+    pub splats: u32,
+    /// Splats of the file that were unsound and left out.
+    pub dropped: u32,
+    /// Degree of the spherical harmonics, 0 to 3.
+    pub sh_degree: u32,
+    /// Near plane in use.
+    pub near_plane: f32,
+    /// Clamp of alpha in use.
+    pub alpha_max: f32,
+    /// Whether the anti-aliased mode is in use.
+    pub antialiased: u32,
+    /// Background in use.
+    pub background: [f32; 3],
+    /// Median position of the splats, the prior's unit.
+    pub centre: [f32; 3],
+    /// Spread of the positions around it, the prior's unit.
+    pub spread: f32,
+}
+versioned!(nvsp_prior_info, 64);
+
+/// Reads a prior from a .ply file, as Inria's trainer and nerfstudio write it, checks it and copies
+/// it to the device. Unsound splats are left out and logged as a warning. `options` may be NULL. The
+/// file is not needed afterwards, and no copy of it is kept in host memory. While it runs it takes
+/// memory in proportion to the file's size: at most four times that.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
+/// NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
+/// is the engine's.
+///
+/// # Safety
+/// `engine` is NULL or a live engine; `path` is NULL or ends in NUL; `options` is NULL or was
+/// initialised by NVSP_INIT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_prior_open(
+    engine: *mut nvsp_engine,
+    path: *const c_char,
+    options: *const nvsp_prior_options,
+    prior: *mut *mut nvsp_prior,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        open(engine, options, prior, || {
+            if path.is_null() {
+                return Err(Failure::null("path"));
+            }
+            let path = Path::new(OsStr::from_bytes(CStr::from_ptr(path).to_bytes()));
+            Ok(move |overrides: &RenderOverrides| Prior::open(path, overrides))
+        })
+    }
+}
+
+/// nvsp_prior_open, from the content of a .ply file in memory, which is not needed afterwards.
+///
+/// Fails as nvsp_prior_open does, but for NVSP_ERR_FILE.
+///
+/// # Safety
+/// As for nvsp_prior_open; `bytes` is NULL or has `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_prior_open_memory(
+    engine: *mut nvsp_engine,
+    bytes: *const u8,
+    size: usize,
+    options: *const nvsp_prior_options,
+    prior: *mut *mut nvsp_prior,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        open(engine, options, prior, || {
+            let bytes = super::image::slice(bytes, size, "bytes")?;
+            Ok(move |overrides: &RenderOverrides| Prior::from_bytes(bytes, "memory", overrides))
+        })
+    }
+}
+
+/// Reads a prior in the way that `source` gives once the other arguments are known to be sound.
+///
+/// # Safety
+/// As for [`nvsp_prior_open`].
+unsafe fn open<Read>(
+    engine: *mut nvsp_engine,
+    options: *const nvsp_prior_options,
+    prior: *mut *mut nvsp_prior,
+    source: impl FnOnce() -> Result<Read, Failure>,
+) -> nvsp_status
+where
+    Read: FnOnce(&RenderOverrides) -> Result<Prior, crate::prior::PriorError>,
+{
+    // SAFETY: as the caller promises; the place for the handle is not NULL where it is written.
+    unsafe {
+        Handle::<EngineContent>::share(engine.cast(), |handle, content| {
+            if prior.is_null() {
+                return Err(Failure::null("prior"));
+            }
+            let overrides = overrides(&read(options)?)?;
+            let loaded = source()?(&overrides).map_err(crate::Error::from)?;
+            log_load(handle, &loaded);
+            let scene = content.engine.upload(&loaded)?;
+            let content = PriorContent { scene, info: info_of(&loaded) };
+            *prior = Handle::boxed(content, handle.log()).cast();
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
+    let nvsp_prior_options { given, near_plane, alpha_max, antialiased, background, .. } = *options;
+    let known =
+        NVSP_PRIOR_NEAR | NVSP_PRIOR_ALPHA_MAX | NVSP_PRIOR_ANTIALIASED | NVSP_PRIOR_BACKGROUND;
+    if given & !known != 0 {
+        return Err(Failure::argument("nvsp_prior_options.given"));
+    }
+    Ok(RenderOverrides {
+        near: (given & NVSP_PRIOR_NEAR != 0).then_some(near_plane),
+        alpha_max: (given & NVSP_PRIOR_ALPHA_MAX != 0).then_some(alpha_max),
+        antialiased: (given & NVSP_PRIOR_ANTIALIASED != 0).then_some(antialiased != 0),
+        background: (given & NVSP_PRIOR_BACKGROUND != 0).then_some(background),
+    })
+}
+
+fn log_load(handle: &Handle<EngineContent>, prior: &Prior) {
+    let log = handle.log();
+    for dropped in &prior.report().dropped {
+        log.write(NVSP_LOG_WARNING, &format!("prior: {dropped}"));
+    }
+    log.write(NVSP_LOG_INFO, &format!("prior {} of {} splats", prior.id(), prior.len()));
+}
+
+fn info_of(prior: &Prior) -> nvsp_prior_info {
+    let (options, frame, report) = (prior.options(), prior.frame(), prior.report());
+    nvsp_prior_info {
+        struct_size: 0,
+        abi_version: 0,
+        id: prior.id().0,
+        splats: prior.len() as u32,
+        dropped: u32::try_from(report.read - report.kept).unwrap_or(u32::MAX),
+        sh_degree: prior.splats().sh_degree,
+        near_plane: options.near,
+        alpha_max: options.alpha_max,
+        antialiased: options.antialiased.into(),
+        background: options.background,
+        centre: frame.centre,
+        spread: frame.spread,
+    }
+}
+
+/// Describes a prior.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
+///
+/// # Safety
+/// `prior` is NULL or a live prior; `info` is NULL or was initialised by NVSP_INIT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_prior_get_info(
+    prior: *const nvsp_prior,
+    info: *mut nvsp_prior_info,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<PriorContent>::share(prior.cast(), |_, content| {
+            Out::required(info)?.write(&content.info);
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// The text of the last failed call on the prior; as nvsp_engine_last_error.
+///
+/// # Safety
+/// `prior` is NULL or a live prior; `text` is NULL or has room for `size` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_prior_last_error(
+    prior: *const nvsp_prior,
+    text: *mut c_char,
+    size: usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<PriorContent>::last_error(prior.cast(), text, size) }
+}
+
+/// Ends a prior; NULL is allowed. Encoders and decoders made with it work on: its device memory goes
+/// with the last of them.
+///
+/// # Safety
+/// `prior` is NULL or a live prior that no other thread is using; it is dead afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_prior_destroy(prior: *mut nvsp_prior) {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::<PriorContent>::destroy(prior.cast()) }
+}

@@ -1,0 +1,220 @@
+//! Status codes, and how failures become one.
+
+use std::ffi::{CStr, c_char};
+
+use crate::modem::ModemError;
+use crate::packet::PacketError;
+use crate::pixels::PixelError;
+use crate::prior::PriorError;
+use crate::vulkan;
+
+/// What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
+#[allow(non_camel_case_types)]
+pub type nvsp_status = i32;
+
+/// Done.
+pub const NVSP_OK: nvsp_status = 0;
+/// Not done yet: ask again later.
+pub const NVSP_PENDING: nvsp_status = 1;
+/// A pointer that must not be NULL is NULL.
+pub const NVSP_ERR_NULL: nvsp_status = -1;
+/// An argument or a field is out of its range; the text names it.
+pub const NVSP_ERR_ARGUMENT: nvsp_status = -2;
+/// A structure's struct_size is none that this library knows; see NVSP_INIT.
+pub const NVSP_ERR_STRUCT_SIZE: nvsp_status = -3;
+/// A structure was made for an ABI version that this library does not speak.
+pub const NVSP_ERR_ABI_VERSION: nvsp_status = -4;
+/// The destination is too small; the text tells how many bytes are needed.
+pub const NVSP_ERR_BUFFER_TOO_SMALL: nvsp_status = -5;
+/// Another thread is inside a call on this handle, or a frame that was begun is not finished.
+pub const NVSP_ERR_BUSY: nvsp_status = -6;
+/// There is nothing to finish or to fetch.
+pub const NVSP_ERR_STATE: nvsp_status = -7;
+/// An earlier call on this handle failed with NVSP_ERR_INTERNAL; destroy it.
+pub const NVSP_ERR_POISONED: nvsp_status = -8;
+/// No Vulkan loader, or no device that fits; the text says what was found and what to install.
+pub const NVSP_ERR_NO_DEVICE: nvsp_status = -9;
+/// The device was lost. See nvsp_engine_reopen.
+pub const NVSP_ERR_DEVICE_LOST: nvsp_status = -10;
+/// Host or device memory could not be had; the text names the buffer and its size.
+pub const NVSP_ERR_MEMORY: nvsp_status = -11;
+/// A Vulkan call failed; the text names it.
+pub const NVSP_ERR_VULKAN: nvsp_status = -12;
+/// A file cannot be read.
+pub const NVSP_ERR_FILE: nvsp_status = -13;
+/// The content of a prior is not sound; the text names the splat or the byte.
+pub const NVSP_ERR_PRIOR: nvsp_status = -14;
+/// A camera cannot be rendered with.
+pub const NVSP_ERR_CAMERA: nvsp_status = -15;
+/// An image's size, shape, strides or planes do not fit.
+pub const NVSP_ERR_IMAGE: nvsp_status = -16;
+/// The first frame came without a pose to start from.
+pub const NVSP_ERR_NO_START: nvsp_status = -17;
+/// The byte budget does not even hold the pose.
+pub const NVSP_ERR_BUDGET: nvsp_status = -18;
+/// The bytes are no packet, or its latent part is damaged.
+pub const NVSP_ERR_PACKET: nvsp_status = -19;
+/// The packet is about another prior than the one at hand.
+pub const NVSP_ERR_OTHER_PRIOR: nvsp_status = -20;
+/// The packet's camera was sent in an earlier packet, which is missing.
+pub const NVSP_ERR_CAMERA_UNKNOWN: nvsp_status = -21;
+/// The difference picture is damaged or cut short.
+pub const NVSP_ERR_RESIDUAL: nvsp_status = -22;
+/// The bytes are no modem frame of a packet, or the packet does not fit the modem.
+pub const NVSP_ERR_MODEM: nvsp_status = -23;
+/// A fault of the library itself; the handle is of no use any more.
+pub const NVSP_ERR_INTERNAL: nvsp_status = -24;
+
+/// A status in a few words of English; static, never NULL, also for numbers that are no status.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_status_text(status: nvsp_status) -> *const c_char {
+    text(status).as_ptr()
+}
+
+fn text(status: nvsp_status) -> &'static CStr {
+    match status {
+        NVSP_OK => c"done",
+        NVSP_PENDING => c"not done yet",
+        NVSP_ERR_NULL => c"a required pointer is NULL",
+        NVSP_ERR_ARGUMENT => c"an argument is out of its range",
+        NVSP_ERR_STRUCT_SIZE => c"unknown structure size",
+        NVSP_ERR_ABI_VERSION => c"unknown ABI version",
+        NVSP_ERR_BUFFER_TOO_SMALL => c"the destination is too small",
+        NVSP_ERR_BUSY => c"the handle is in use",
+        NVSP_ERR_STATE => c"there is nothing to finish or to fetch",
+        NVSP_ERR_POISONED => c"an earlier call failed inside the library",
+        NVSP_ERR_NO_DEVICE => c"no Vulkan device fits",
+        NVSP_ERR_DEVICE_LOST => c"the device was lost",
+        NVSP_ERR_MEMORY => c"out of memory",
+        NVSP_ERR_VULKAN => c"a Vulkan call failed",
+        NVSP_ERR_FILE => c"a file cannot be read",
+        NVSP_ERR_PRIOR => c"the prior is not sound",
+        NVSP_ERR_CAMERA => c"the camera cannot be rendered with",
+        NVSP_ERR_IMAGE => c"the image does not fit",
+        NVSP_ERR_NO_START => c"no pose to start from",
+        NVSP_ERR_BUDGET => c"the byte budget does not hold the pose",
+        NVSP_ERR_PACKET => c"no packet, or damaged",
+        NVSP_ERR_OTHER_PRIOR => c"the packet is about another prior",
+        NVSP_ERR_CAMERA_UNKNOWN => c"the packet's camera is not known",
+        NVSP_ERR_RESIDUAL => c"the difference picture is damaged",
+        NVSP_ERR_MODEM => c"no modem frame of a packet",
+        NVSP_ERR_INTERNAL => c"a fault inside the library",
+        _ => c"no status of this library",
+    }
+}
+
+/// Why a call fails.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Failure {
+    /// Found at the boundary: a status, and what it is about.
+    #[error("{}: {about}", text(*status).to_string_lossy())]
+    Boundary { status: nvsp_status, about: &'static str },
+    /// The destination is too small.
+    #[error("the destination has {found} bytes where {needed} are needed")]
+    Room { needed: usize, found: usize },
+    /// An error of the library.
+    #[error(transparent)]
+    Library(#[from] crate::Error),
+    /// An error of reassembly or splitting.
+    #[error(transparent)]
+    Modem(#[from] ModemError),
+}
+
+impl Failure {
+    pub(super) fn at(status: nvsp_status, about: &'static str) -> Failure {
+        Failure::Boundary { status, about }
+    }
+
+    pub(super) fn null(about: &'static str) -> Failure {
+        Failure::at(NVSP_ERR_NULL, about)
+    }
+
+    pub(super) fn argument(about: &'static str) -> Failure {
+        Failure::at(NVSP_ERR_ARGUMENT, about)
+    }
+
+    /// Of a modem frame that does not fit its buffer, the status that says so.
+    pub(super) fn from_buffer(error: ModemError) -> Failure {
+        match error {
+            ModemError::Buffer { needed, found } => Failure::Room { needed, found },
+            error => Failure::Modem(error),
+        }
+    }
+
+    pub(super) fn status(&self) -> nvsp_status {
+        match self {
+            Failure::Boundary { status, .. } => *status,
+            Failure::Room { .. } => NVSP_ERR_BUFFER_TOO_SMALL,
+            Failure::Library(error) => of_library(error),
+            Failure::Modem(_) => NVSP_ERR_MODEM,
+        }
+    }
+}
+
+impl From<vulkan::Error> for Failure {
+    fn from(error: vulkan::Error) -> Failure {
+        Failure::Library(error.into())
+    }
+}
+
+impl From<PixelError> for Failure {
+    fn from(error: PixelError) -> Failure {
+        Failure::Library(error.into())
+    }
+}
+
+/// The status of a library's error.
+pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
+    use crate::Error as E;
+    match error {
+        E::Vulkan(error) => of_vulkan(error),
+        E::Prior(error) => of_prior(error),
+        E::PriorChanged { .. } => NVSP_ERR_OTHER_PRIOR,
+        E::Camera(_) => NVSP_ERR_CAMERA,
+        E::Packet(PacketError::Prior { .. }) => NVSP_ERR_OTHER_PRIOR,
+        E::Packet(error) if error.part() == Some(crate::packet::Part::Residual) => {
+            NVSP_ERR_RESIDUAL
+        }
+        E::Packet(_) => NVSP_ERR_PACKET,
+        E::Residual(_) => NVSP_ERR_RESIDUAL,
+        E::Pixels(_) | E::FrameSize { .. } => NVSP_ERR_IMAGE,
+        E::Budget { .. } => NVSP_ERR_BUDGET,
+        E::NoStart { .. } => NVSP_ERR_NO_START,
+        E::CameraUnknown { .. } => NVSP_ERR_CAMERA_UNKNOWN,
+    }
+}
+
+fn of_vulkan(error: &vulkan::Error) -> nvsp_status {
+    use vulkan::Error as E;
+    match error {
+        E::NoLoader(_) | E::NoDevice { .. } | E::NoValidationLayer => NVSP_ERR_NO_DEVICE,
+        E::DeviceLost { .. } => NVSP_ERR_DEVICE_LOST,
+        error if error.is_out_of_memory() => NVSP_ERR_MEMORY,
+        _ => NVSP_ERR_VULKAN,
+    }
+}
+
+fn of_prior(error: &PriorError) -> nvsp_status {
+    match error {
+        PriorError::InFile { error, .. } => of_prior(error),
+        PriorError::Read(_) => NVSP_ERR_FILE,
+        PriorError::Option { .. } => NVSP_ERR_ARGUMENT,
+        _ => NVSP_ERR_PRIOR,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+
+    #[test]
+    fn every_status_has_a_text_of_its_own() {
+        let texts: HashSet<_> = (NVSP_ERR_INTERNAL..=NVSP_PENDING).map(text).collect();
+        assert_eq!(texts.len() as i32, NVSP_PENDING - NVSP_ERR_INTERNAL + 1);
+        for other in [NVSP_ERR_INTERNAL - 1, NVSP_PENDING + 1, i32::MIN, i32::MAX] {
+            assert!(!texts.contains(text(other)));
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! Work on a thread of its own, so that a control loop need not wait for it.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use super::status::*;
+
+/// A job that is done again and again on `C`, on the caller's thread or on one beside it.
+pub(super) struct Worker<C> {
+    shared: Arc<Shared<C>>,
+    /// Started when it is first needed.
+    thread: Option<JoinHandle<()>>,
+    job: Job<C>,
+}
+
+pub(super) type Job<C> = fn(&mut C) -> Result<(), Failure>;
+
+struct Shared<C> {
+    state: Mutex<State>,
+    changed: Condvar,
+    core: Mutex<C>,
+}
+
+enum State {
+    /// Nothing was begun, or the last outcome was taken.
+    Idle,
+    /// Begun.
+    Asked,
+    /// Ended, the outcome not taken yet.
+    Done(Result<(), Failure>),
+    /// The thread is to end.
+    Quit,
+}
+
+impl<C> Shared<C> {
+    fn state(&self) -> MutexGuard<'_, State> {
+        // No code that could panic runs under this lock.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn set(&self, state: State) {
+        *self.state() = state;
+        self.changed.notify_all();
+    }
+}
+
+impl<C: Send + 'static> Worker<C> {
+    pub(super) fn new(core: C, job: Job<C>) -> Worker<C> {
+        let (state, changed) = (Mutex::new(State::Idle), Condvar::new());
+        let shared = Arc::new(Shared { state, changed, core: Mutex::new(core) });
+        Worker { shared, thread: None, job }
+    }
+
+    /// What the job works on, while it does not.
+    pub(super) fn core(&self) -> Result<MutexGuard<'_, C>, Failure> {
+        if matches!(*self.shared.state(), State::Asked) {
+            return Err(Failure::at(NVSP_ERR_BUSY, "what was begun is not finished"));
+        }
+        self.shared.core.try_lock().map_err(|error| match error {
+            TryLockError::Poisoned(_) => Failure::at(NVSP_ERR_POISONED, "the job failed before"),
+            TryLockError::WouldBlock => Failure::at(NVSP_ERR_BUSY, "the job is ending"),
+        })
+    }
+
+    /// Does the job on this thread; an outcome that was not taken is dropped once this one is
+    /// prepared.
+    pub(super) fn run(
+        &mut self,
+        prepare: impl FnOnce(&mut C) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let job = self.job;
+        {
+            let mut core = self.core()?;
+            prepare(&mut core)?;
+            self.shared.set(State::Idle);
+            job(&mut core)?;
+        }
+        self.shared.set(State::Done(Ok(())));
+        Ok(())
+    }
+
+    /// Prepares the job on this thread and has it done on the other.
+    pub(super) fn begin(
+        &mut self,
+        prepare: impl FnOnce(&mut C) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        {
+            let mut core = self.core()?;
+            prepare(&mut core)?;
+            self.shared.set(State::Idle);
+        }
+        if self.thread.is_none() {
+            let (shared, job) = (self.shared.clone(), self.job);
+            let thread = std::thread::Builder::new().name("nvsprior".into());
+            let started = thread.spawn(move || serve(&shared, job));
+            let failed = |_| Failure::at(NVSP_ERR_MEMORY, "a thread cannot be started");
+            self.thread = Some(started.map_err(failed)?);
+        }
+        self.shared.set(State::Asked);
+        Ok(())
+    }
+
+    /// Whether there is an outcome to take; waits for it for at most so long.
+    pub(super) fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
+        let asked = |state: &mut State| matches!(state, State::Asked);
+        let changed = &self.shared.changed;
+        let (state, _) = changed
+            .wait_timeout_while(self.shared.state(), timeout, asked)
+            .unwrap_or_else(PoisonError::into_inner);
+        match *state {
+            State::Asked => Ok(NVSP_PENDING),
+            State::Done(_) => Ok(NVSP_OK),
+            State::Idle | State::Quit => Err(Failure::at(NVSP_ERR_STATE, "nothing was begun")),
+        }
+    }
+
+    /// Takes the outcome: the job's error, or what `fetch` makes of the core. Where `fetch` fails,
+    /// the outcome stays.
+    pub(super) fn take(
+        &mut self,
+        fetch: impl FnOnce(&C) -> Result<(), Failure>,
+    ) -> Result<nvsp_status, Failure> {
+        if self.wait(Duration::ZERO)? == NVSP_PENDING {
+            return Ok(NVSP_PENDING);
+        }
+        let done = std::mem::replace(&mut *self.shared.state(), State::Idle);
+        if let State::Done(Err(failure)) = done {
+            return Err(failure);
+        }
+        let fetched = self.core().and_then(|core| fetch(&core));
+        if fetched.is_err() {
+            self.shared.set(State::Done(Ok(())));
+        }
+        fetched.map(|()| NVSP_OK)
+    }
+}
+
+impl<C> Drop for Worker<C> {
+    /// Waits for a job that was begun.
+    fn drop(&mut self) {
+        if let Some(thread) = self.thread.take() {
+            let asked = |state: &mut State| matches!(state, State::Asked);
+            let changed = &self.shared.changed;
+            let ended = changed.wait_while(self.shared.state(), asked);
+            *ended.unwrap_or_else(PoisonError::into_inner) = State::Quit;
+            changed.notify_all();
+            // The thread catches what the job panics with.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The thread: does the job whenever it is asked for.
+fn serve<C>(shared: &Shared<C>, job: Job<C>) {
+    loop {
+        let rest = |state: &mut State| !matches!(state, State::Asked | State::Quit);
+        let state = shared.changed.wait_while(shared.state(), rest);
+        if matches!(*state.unwrap_or_else(PoisonError::into_inner), State::Quit) {
+            return;
+        }
+        // A panic poisons the core's lock, so that no later call gets by.
+        let outcome = catch_unwind(AssertUnwindSafe(|| match shared.core.lock() {
+            Ok(mut core) => job(&mut core),
+            Err(_) => Err(Failure::at(NVSP_ERR_POISONED, "the job failed before")),
+        }));
+        let panicked = |_| Err(Failure::at(NVSP_ERR_INTERNAL, "please report it"));
+        shared.set(State::Done(outcome.unwrap_or_else(panicked)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LONG: Duration = Duration::from_secs(60);
+
+    /// Counts; fails at 3, panics at 5.
+    fn count(core: &mut u32) -> Result<(), Failure> {
+        *core += 1;
+        match *core {
+            3 => Err(Failure::argument("three")),
+            5 => panic!("on purpose"),
+            _ => Ok(()),
+        }
+    }
+
+    fn status<R>(result: Result<R, Failure>) -> Option<nvsp_status> {
+        result.err().map(|failure| failure.status())
+    }
+
+    #[test]
+    fn outcomes_are_taken_once_and_failures_end_their_job_only() {
+        let mut worker = Worker::new(0, count);
+        assert_eq!(status(worker.wait(Duration::ZERO)), Some(NVSP_ERR_STATE));
+        worker.begin(|_| Ok(())).unwrap();
+        assert_eq!(worker.wait(LONG).unwrap(), NVSP_OK);
+        assert_eq!(status(worker.take(|_| Err(Failure::Room { needed: 2, found: 1 }))), Some(-5));
+        let mut seen = 0;
+        let take = |core: &u32, seen: &mut u32| {
+            *seen = *core;
+            Ok(())
+        };
+        assert_eq!(worker.take(|core| take(core, &mut seen)).unwrap(), NVSP_OK);
+        assert_eq!(seen, 1);
+        assert_eq!(status(worker.take(|_| Ok(()))), Some(NVSP_ERR_STATE));
+        worker.run(|_| Ok(())).unwrap();
+        worker.begin(|_| Ok(())).unwrap();
+        assert_eq!(worker.wait(LONG).unwrap(), NVSP_OK);
+        assert_eq!(status(worker.take(|_| Ok(()))), Some(NVSP_ERR_ARGUMENT));
+        worker.begin(|_| Ok(())).unwrap();
+        worker.wait(LONG).unwrap();
+        assert_eq!(*worker.core().unwrap(), 4);
+    }
+
+    #[test]
+    fn a_panic_on_the_thread_is_told_and_ends_the_worker() {
+        let mut worker = Worker::new(4, count);
+        worker.begin(|_| Ok(())).unwrap();
+        worker.wait(LONG).unwrap();
+        assert_eq!(status(worker.take(|_| Ok(()))), Some(NVSP_ERR_INTERNAL));
+        assert_eq!(status(worker.begin(|_| Ok(()))), Some(NVSP_ERR_POISONED));
+    }
+
+    #[test]
+    fn what_was_begun_is_left_alone_until_it_ends() {
+        fn slow(_: &mut u32) -> Result<(), Failure> {
+            std::thread::sleep(Duration::from_millis(200));
+            Ok(())
+        }
+        let mut worker = Worker::new(0, slow);
+        worker.begin(|_| Ok(())).unwrap();
+        assert_eq!(status(worker.core()), Some(NVSP_ERR_BUSY));
+        assert_eq!(status(worker.begin(|_| Ok(()))), Some(NVSP_ERR_BUSY));
+        assert_eq!(worker.take(|_| Ok(())).unwrap(), NVSP_PENDING);
+        assert_eq!(worker.wait(LONG).unwrap(), NVSP_OK);
+        worker.begin(|_| Ok(())).unwrap();
+        drop(worker); // Waits, and does not hang.
+    }
+}
