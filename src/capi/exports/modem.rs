@@ -18,9 +18,13 @@ pub struct nvsp_reassembler {
 }
 
 /// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do.
+#[allow(dead_code)] // For C alone.
 pub const NVSP_MTU_31: u32 = 31;
+#[allow(dead_code)] // For C alone.
 pub const NVSP_MTU_64: u32 = 64;
+#[allow(dead_code)] // For C alone.
 pub const NVSP_MTU_256: u32 = 256;
+#[allow(dead_code)] // For C alone.
 pub const NVSP_MTU_1024: u32 = 1024;
 
 /// The modem hands over no damaged frames: a packet's first frame then counts as sound to its end.
