@@ -69,13 +69,34 @@ pub(super) fn decode(code: u8, bytes: &[u8], latent: &[u8]) -> Result<Residual, 
         code if code == Coder::WebP as u8 => Coder::WebP,
         code => return Err(PacketError::Coder(code)),
     };
+    let (_, payload) = checked(bytes, latent)?;
+    Ok(Residual::Coded { coder, payload: payload.to_vec() })
+}
+
+/// Whether a residual part follows, by the flags; of a coder not known here, too.
+pub(super) fn has_part(code: u8) -> bool {
+    code > CODE_OMITTED
+}
+
+/// Length of the part that `bytes` begin with, bytes.
+pub(super) fn part_len(bytes: &[u8]) -> Result<usize, PacketError> {
     let (length, field) = read_length(bytes)?;
-    let mut reader = Reader::new(bytes, Part::Residual, field + length + CHECK_LEN)?;
+    Ok(field + length + CHECK_LEN)
+}
+
+/// Length of a sound part at the start of `bytes`, and its payload.
+pub(super) fn checked<'a>(
+    bytes: &'a [u8],
+    latent: &[u8],
+) -> Result<(usize, &'a [u8]), PacketError> {
+    let (length, field) = read_length(bytes)?;
+    let needed = field + length + CHECK_LEN;
+    let mut reader = Reader::new(bytes, Part::Residual, needed)?;
     let checked = reader.skip(field + length);
     if check(latent, checked) != u32::from_le_bytes(reader.take()) {
         return Err(PacketError::Check(Part::Residual));
     }
-    Ok(Residual::Coded { coder, payload: checked[field..].to_vec() })
+    Ok((needed, &checked[field..]))
 }
 
 fn check(latent: &[u8], part: &[u8]) -> u32 {
