@@ -33,6 +33,7 @@ pub mod camera;
 pub mod mapping;
 pub mod packet;
 pub mod picture;
+pub mod pixels;
 pub mod pose;
 pub mod prior;
 #[cfg(feature = "reference")]
