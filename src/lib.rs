@@ -36,6 +36,7 @@ pub mod mapping;
 pub mod modem;
 pub mod packet;
 pub mod picture;
+pub mod pixels;
 pub mod pose;
 pub mod prior;
 #[cfg(feature = "reference")]
