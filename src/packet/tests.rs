@@ -190,7 +190,8 @@ fn the_extent_of_what_is_no_packet() {
     endless[49..53].fill(0xFF);
     assert_eq!(Extent::read(&endless), Err(PacketError::PayloadLength));
     // A coder to come has a part of the same form.
-    let latent = latent(PoseProfile::Compact).encode(false, 15).unwrap();
+    let mut latent = Vec::new();
+    self::latent(PoseProfile::Compact).write(false, 15, &mut latent).unwrap();
     assert_eq!(Extent::read(&latent).map(|extent| extent.total), Ok(None));
     assert_eq!(Extent::read(&[&latent[..], &[9]].concat()).unwrap().total, Some(31 + 14));
 }

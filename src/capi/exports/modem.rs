@@ -166,9 +166,8 @@ pub unsafe extern "C" fn nvsp_modem_frame(
             return Err(Failure::null("packet, frame or written"));
         }
         // SAFETY: as the caller promises.
-        let (packet, frame) = unsafe {
-            (slice(packet, packet_size, "packet")?, slice_mut(frame, size, "frame")?)
-        };
+        let (packet, frame) =
+            unsafe { (slice(packet, packet_size, "packet")?, slice_mut(frame, size, "frame")?) };
         let splitter = Splitter::new(packet, mtu as usize)?;
         let len = splitter.write(index as usize, frame).map_err(Failure::from_buffer)?;
         // SAFETY: not null, and valid as the caller promises.
