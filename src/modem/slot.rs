@@ -53,8 +53,9 @@ impl Slot {
         }
     }
 
-    /// Gives the packet what waits for it, after its first frame and when its length is known. While its length is not known, only the next frame can
-    /// be told to be its; once it is, frames that are not are dropped.
+    /// Gives the packet what waits for it, after its first frame and when its length is known. While
+    /// its length is not known, only the next frame can be told to be its; once it is, frames that are
+    /// not are dropped.
     pub(super) fn adopt(&mut self, statistics: &mut Statistics) {
         while self.packet.total().is_none() {
             let next = self.packet.next().and_then(|next| self.waiting.get(next));

@@ -1,0 +1,45 @@
+//! The fuzz targets on the corpora that fuzzing left, and on what it found: quick enough for every
+//! run of the tests. `fuzz/README.md` tells how to go on fuzzing.
+
+#[path = "../fuzz/src/camera_file.rs"]
+mod camera_file;
+#[path = "../fuzz/src/packet.rs"]
+mod packet;
+#[path = "../fuzz/src/ply.rs"]
+mod ply;
+#[path = "../fuzz/src/reassembly.rs"]
+mod reassembly;
+
+/// Runs a target on its corpus.
+fn run(name: &str, target: fn(&[u8])) {
+    let folder = format!("{}/fuzz/corpus/{name}", env!("CARGO_MANIFEST_DIR"));
+    let mut count = 0;
+    for entry in std::fs::read_dir(&folder).expect("a corpus") {
+        let path = entry.expect("an entry").path();
+        let bytes = std::fs::read(&path).expect("a file");
+        println!("{}", path.display());
+        target(&bytes);
+        count += 1;
+    }
+    assert!(count >= 20, "{count} inputs in {folder}");
+}
+
+#[test]
+fn packets() {
+    run("packet", packet::run);
+}
+
+#[test]
+fn modem_frames() {
+    run("reassembly", reassembly::run);
+}
+
+#[test]
+fn priors() {
+    run("ply", ply::run);
+}
+
+#[test]
+fn camera_files() {
+    run("camera_file", camera_file::run);
+}
