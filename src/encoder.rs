@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::packet::{
-    CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, Residual, residual_part_len,
+    CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, Residual,
+    residual_part_len,
 };
 use crate::refine::{
     Evaluation, Objective, Outcome, Pyramid, RefineOptions, Start, StartKind, Starts, Stop, refine,

@@ -2,6 +2,7 @@
 
 use crate::camera::CameraError;
 use crate::packet::PacketError;
+use crate::pixels::PixelError;
 use crate::prior::PriorError;
 use crate::residual::ResidualError;
 
@@ -23,6 +24,9 @@ pub enum Error {
     /// A difference picture.
     #[error(transparent)]
     Residual(#[from] ResidualError),
+    /// An image of a camera, or for a screen.
+    #[error(transparent)]
+    Pixels(#[from] PixelError),
     /// A frame's size is not the camera's.
     #[error("frame of {}×{} pixels for a camera of {}×{}", found.0, found.1, expected.0, expected.1)]
     FrameSize {

@@ -24,7 +24,7 @@
 //!
 //! The layers, each knowing only those to its right: encoder/decoder → [`refine`], [`residual`],
 //! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of
-//! every GPU stage.
+//! every GPU stage. [`modem`] cuts packets into frames and knows nothing else.
 
 #![deny(unsafe_code)]
 
@@ -33,8 +33,10 @@ pub mod camera;
 pub mod capi;
 #[cfg(feature = "mapping")]
 pub mod mapping;
+pub mod modem;
 pub mod packet;
 pub mod picture;
+pub mod pixels;
 pub mod pose;
 pub mod prior;
 #[cfg(feature = "reference")]

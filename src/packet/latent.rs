@@ -43,6 +43,12 @@ pub(super) struct Follows {
     pub(super) residual: u8,
 }
 
+impl Follows {
+    pub(super) fn of_flags(flags: u8) -> Follows {
+        Follows { camera: flags & FLAG_CAMERA != 0, residual: flags >> 4 }
+    }
+}
+
 impl Latent {
     /// Frame numbers are sent modulo this.
     pub const FRAMES: u32 = 1 << 24;
@@ -136,13 +142,12 @@ impl Latent {
             pose: pose?,
             uncertain_start: flags & FLAG_UNCERTAIN != 0,
         };
-        let follows = Follows { camera: flags & FLAG_CAMERA != 0, residual: flags >> 4 };
-        Ok((latent, follows, &bytes[len..]))
+        Ok((latent, Follows::of_flags(flags), &bytes[len..]))
     }
 }
 
 /// Checks the first two bytes, on which the part's length depends.
-fn check_start(bytes: &[u8]) -> Result<PoseProfile, PacketError> {
+pub(super) fn check_start(bytes: &[u8]) -> Result<PoseProfile, PacketError> {
     let needed = encoded_len(PoseProfile::Compact);
     let [first, flags] = Reader::new(bytes, Part::Latent, needed)?.take();
     if first >> 4 != MAGIC {
@@ -154,7 +159,7 @@ fn check_start(bytes: &[u8]) -> Result<PoseProfile, PacketError> {
     PoseProfile::of_code(flags & 0b11)
 }
 
-fn encoded_len(profile: PoseProfile) -> usize {
+pub(super) fn encoded_len(profile: PoseProfile) -> usize {
     FIXED_LEN + profile.encoded_len()
 }
 

@@ -44,9 +44,10 @@
 //! holds another prior must not ([`Latent::check_prior`]). A single flipped bit is always detected;
 //! in the residual part, where it may hit the length, it is missed with a chance of 2⁻³².
 
-mod bytes;
+pub(crate) mod bytes;
 mod camera;
 mod error;
+mod extent;
 mod latent;
 pub mod pose;
 mod residual;
@@ -55,6 +56,7 @@ use crate::Camera;
 
 pub use camera::camera_tag;
 pub use error::{PacketError, Part};
+pub use extent::{Extent, sound_len};
 pub use latent::Latent;
 pub use pose::{PoseProfile, QuantisedPose};
 pub use residual::{Coder, Residual, ResidualStart, residual_part_len};

@@ -85,43 +85,56 @@ pub(super) fn decode<'a>(
     bytes: &'a [u8],
     latent: &[u8],
 ) -> (Result<Residual<'a>, PacketError>, Option<ResidualStart<'a>>) {
-    let (coder, length, field) = match read_head(code, bytes) {
-        Ok(Head::Coded { coder, length, field }) => (coder, length, field),
-        Ok(Head::Uncoded(residual)) => return (Ok(residual), None),
-        Err(error) => return (Err(error), None),
-    };
-    let needed = field + length + CHECK_LEN;
-    let Some(part) = bytes.get(..needed) else {
-        let payload = &bytes[field..bytes.len().min(field + length)];
-        let start = ResidualStart { coder, payload, payload_len: length };
-        let error = PacketError::TooShort { part: Part::Residual, needed, found: bytes.len() };
-        return (Err(error), Some(start));
-    };
-    let (checked, found) = part.split_at(field + length);
-    let residual = if check(latent, checked).to_le_bytes() == found {
-        Ok(Residual::Coded { coder, payload: &checked[field..] })
-    } else {
-        Err(PacketError::Check(Part::Residual))
-    };
-    (residual, None)
-}
-
-/// What flags and length field say.
-enum Head {
-    Uncoded(Residual<'static>),
-    Coded { coder: Coder, length: usize, field: usize },
-}
-
-fn read_head(code: u8, bytes: &[u8]) -> Result<Head, PacketError> {
     let coder = match code {
-        CODE_NONE => return Ok(Head::Uncoded(Residual::None)),
-        CODE_OMITTED => return Ok(Head::Uncoded(Residual::Omitted)),
+        CODE_NONE => return (Ok(Residual::None), None),
+        CODE_OMITTED => return (Ok(Residual::Omitted), None),
         code if code == Coder::Vp8 as u8 => Coder::Vp8,
         code if code == Coder::WebP as u8 => Coder::WebP,
-        code => return Err(PacketError::Coder(code)),
+        code => return (Err(PacketError::Coder(code)), None),
     };
+    match checked(bytes, latent) {
+        Ok((_, payload)) => (Ok(Residual::Coded { coder, payload }), None),
+        Err(error) => (Err(error), start(coder, bytes)),
+    }
+}
+
+/// The start of a payload whose end is missing.
+fn start(coder: Coder, bytes: &[u8]) -> Option<ResidualStart<'_>> {
+    let (payload_len, field) = read_length(bytes).ok()?;
+    let end = field + payload_len;
+    let cut = bytes.len() < end + CHECK_LEN;
+    let payload = &bytes[field..bytes.len().min(end)];
+    cut.then_some(ResidualStart { coder, payload, payload_len })
+}
+
+/// Whether a residual part follows, by the flags; of a coder not known here, too.
+pub(super) fn has_part(code: u8) -> bool {
+    code > CODE_OMITTED
+}
+
+/// Length of the part that `bytes` begin with, bytes.
+pub(super) fn part_len(bytes: &[u8]) -> Result<usize, PacketError> {
     let (length, field) = read_length(bytes)?;
-    Ok(Head::Coded { coder, length, field })
+    Ok(field + length + CHECK_LEN)
+}
+
+/// Length of a sound part at the start of `bytes`, and its payload.
+pub(super) fn checked<'a>(
+    bytes: &'a [u8],
+    latent: &[u8],
+) -> Result<(usize, &'a [u8]), PacketError> {
+    let (length, field) = read_length(bytes)?;
+    let needed = field + length + CHECK_LEN;
+    let part = bytes.get(..needed).ok_or(PacketError::TooShort {
+        part: Part::Residual,
+        needed,
+        found: bytes.len(),
+    })?;
+    let (checked, found) = part.split_at(field + length);
+    if check(latent, checked).to_le_bytes() != found {
+        return Err(PacketError::Check(Part::Residual));
+    }
+    Ok((needed, &checked[field..]))
 }
 
 fn check(latent: &[u8], part: &[u8]) -> u32 {

@@ -149,6 +149,54 @@ fn padding_is_passed_over() {
 }
 
 #[test]
+fn the_extent_is_known_from_the_start() {
+    for profile in [PoseProfile::Compact, PoseProfile::Paper] {
+        for (camera, residual) in [(false, Residual::Omitted), (true, coded(&[7; 300]))] {
+            let has_part = residual != Residual::Omitted;
+            let bytes = packet(profile, camera, residual).encode().unwrap();
+            let latent = latent(profile).encoded_len();
+            let head = latent + if camera { CAMERA_PART_LEN } else { 0 };
+            // Two bytes of length, where there is one.
+            let told = if has_part { head + 2 } else { 0 };
+            for len in 31..=bytes.len() {
+                let total = (len >= told).then_some(bytes.len());
+                let extent = Extent { frame: 0x02_0304, latent, total };
+                assert_eq!(Extent::read(&bytes[..len]), Ok(extent));
+                let ends = [bytes.len(), head, latent, 0];
+                let sound = ends.into_iter().find(|end| *end <= len).unwrap();
+                assert_eq!(sound_len(&bytes[..len]), sound, "{len} of {}", bytes.len());
+            }
+        }
+    }
+}
+
+#[test]
+fn the_extent_of_what_is_no_packet() {
+    let bytes = packet(PoseProfile::Compact, true, coded(&[7; 300])).encode().unwrap();
+    let with = |index: usize, value: u8| {
+        let mut bytes = bytes.clone();
+        bytes[index] = value;
+        (Extent::read(&bytes).map(|extent| extent.total), sound_len(&bytes))
+    };
+    assert!(matches!(Extent::read(&bytes[..30]), Err(PacketError::TooShort { .. })));
+    assert_eq!(with(0, 0x52), (Err(PacketError::Magic(0x52)), 0));
+    assert_eq!(with(1, 0), (Err(PacketError::Profile(0)), 0));
+    assert_eq!(with(5, 0), (Err(PacketError::Check(Part::Latent)), 0));
+    // What comes after the latent part is believed, and found out by its check.
+    assert_eq!(with(31, 1), (Ok(Some(bytes.len())), 31));
+    assert_eq!(with(50, 0x7F), (Ok(Some(49 + 2 + 16_300 + 4)), 49));
+    assert_eq!(with(100, 0), (Ok(Some(bytes.len())), 49));
+    let mut endless = bytes.clone();
+    endless[49..53].fill(0xFF);
+    assert_eq!(Extent::read(&endless), Err(PacketError::PayloadLength));
+    // A coder to come has a part of the same form.
+    let mut latent = Vec::new();
+    self::latent(PoseProfile::Compact).write(false, 15, &mut latent).unwrap();
+    assert_eq!(Extent::read(&latent).map(|extent| extent.total), Ok(None));
+    assert_eq!(Extent::read(&[&latent[..], &[9]].concat()).unwrap().total, Some(31 + 14));
+}
+
+#[test]
 fn names_what_is_wrong() {
     let bytes = packet(PoseProfile::Compact, false, Residual::None).encode().unwrap();
     let with = |index: usize, value: u8| {
@@ -316,7 +364,10 @@ proptest! {
     fn arbitrary_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..120)) {
         let _ = Packet::salvage(&bytes);
         let start = [0xB1, bytes.first().copied().unwrap_or(0)];
-        let _ = Packet::salvage(&[&start, &bytes[..]].concat());
+        let bytes = [&start, &bytes[..]].concat();
+        let _ = Packet::salvage(&bytes);
+        let _ = Extent::read(&bytes);
+        prop_assert!(sound_len(&bytes) <= bytes.len());
     }
 
     #[test]
@@ -329,6 +380,8 @@ proptest! {
         latent(PoseProfile::Compact).write(camera, residual, &mut bytes).unwrap();
         bytes.extend(tail);
         prop_assert!(Packet::salvage(&bytes).is_ok());
+        let _ = Extent::read(&bytes);
+        prop_assert!((31..=bytes.len()).contains(&sound_len(&bytes)));
     }
 
     #[test]

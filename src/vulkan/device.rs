@@ -52,7 +52,7 @@ impl std::fmt::Display for DeviceInfo {
 }
 
 /// Device memory in use by all that was made on a device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryUse {
     /// Bytes in buffers.
     pub used: u64,
@@ -161,12 +161,12 @@ impl Device {
     /// Device memory in use.
     pub fn memory(&self) -> MemoryUse {
         let allocator = self.inner.allocator.lock().unwrap_or_else(|e| e.into_inner());
-        let report = allocator.as_ref().map(Allocator::generate_report).unwrap_or_default();
-        MemoryUse {
+        let report = allocator.as_ref().map(Allocator::generate_report);
+        report.map_or(MemoryUse::default(), |report| MemoryUse {
             used: report.total_allocated_bytes,
             reserved: report.total_capacity_bytes,
             buffers: report.allocations.len() as u64,
-        }
+        })
     }
 
     /// Messages of the validation layer so far; empty where validation is off.

@@ -64,7 +64,8 @@ impl CameraFile {
         CameraFile::parse(&text, path)
     }
 
-    fn parse(text: &str, path: &Path) -> Result<CameraFile, CameraFileError> {
+    /// Reads a camera file's content; `path` is where it stands.
+    pub fn parse(text: &str, path: &Path) -> Result<CameraFile, CameraFileError> {
         let own = path.to_path_buf();
         let root: Value = serde_json::from_str(text)
             .map_err(|error| CameraFileError::Json { path: own.clone(), error })?;

@@ -341,7 +341,8 @@ pub unsafe extern "C" fn nvsp_decode_header(
         Ok(NVSP_OK)
     };
     let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
-    caught.map_or(NVSP_ERR_INTERNAL, |read| read.unwrap_or_else(|failure: Failure| failure.status()))
+    caught
+        .map_or(NVSP_ERR_INTERNAL, |read| read.unwrap_or_else(|failure: Failure| failure.status()))
 }
 
 /// What poses of the paper's profile are relative to: they are absolute.

@@ -324,11 +324,7 @@ pub unsafe extern "C" fn nvsp_encoder_reopen(
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
     let sides = 1..=crate::Camera::MAX_SIDE;
-    if sides.contains(&width) && sides.contains(&height) {
-        packet_bound(width, height)
-    } else {
-        0
-    }
+    if sides.contains(&width) && sides.contains(&height) { packet_bound(width, height) } else { 0 }
 }
 
 /// Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the

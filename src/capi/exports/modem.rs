@@ -18,9 +18,13 @@ pub struct nvsp_reassembler {
 }
 
 /// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do.
+#[allow(dead_code)] // For C alone.
 pub const NVSP_MTU_31: u32 = 31;
+#[allow(dead_code)] // For C alone.
 pub const NVSP_MTU_64: u32 = 64;
+#[allow(dead_code)] // For C alone.
 pub const NVSP_MTU_256: u32 = 256;
+#[allow(dead_code)] // For C alone.
 pub const NVSP_MTU_1024: u32 = 1024;
 
 /// The modem hands over no damaged frames: a packet's first frame then counts as sound to its end.
@@ -162,9 +166,8 @@ pub unsafe extern "C" fn nvsp_modem_frame(
             return Err(Failure::null("packet, frame or written"));
         }
         // SAFETY: as the caller promises.
-        let (packet, frame) = unsafe {
-            (slice(packet, packet_size, "packet")?, slice_mut(frame, size, "frame")?)
-        };
+        let (packet, frame) =
+            unsafe { (slice(packet, packet_size, "packet")?, slice_mut(frame, size, "frame")?) };
         let splitter = Splitter::new(packet, mtu as usize)?;
         let len = splitter.write(index as usize, frame).map_err(Failure::from_buffer)?;
         // SAFETY: not null, and valid as the caller promises.

@@ -7,11 +7,12 @@ use super::structs::NVSP_ABI_VERSION;
 /// The library's version, as in "0.1.0"; static.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_version() -> *const c_char {
-    const TEXT: &std::ffi::CStr =
-        match std::ffi::CStr::from_bytes_with_nul(concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
-            Ok(text) => text,
-            Err(_) => panic!("a version without NUL"),
-        };
+    const TEXT: &std::ffi::CStr = match std::ffi::CStr::from_bytes_with_nul(
+        concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes(),
+    ) {
+        Ok(text) => text,
+        Err(_) => panic!("a version without NUL"),
+    };
     TEXT.as_ptr()
 }
 

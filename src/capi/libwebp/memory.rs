@@ -10,6 +10,18 @@ use std::ffi::{c_int, c_void};
 use std::mem::MaybeUninit;
 use std::ptr::null_mut;
 
+// For this library alone: exported, they would take the place of those of the process's own libwebp.
+#[cfg(target_os = "linux")]
+std::arch::global_asm!(
+    ".hidden WebPSafeMalloc",
+    ".hidden WebPSafeCalloc",
+    ".hidden WebPSafeFree",
+    ".hidden WebPMalloc",
+    ".hidden WebPFree",
+    ".hidden WebPCopyPlane",
+    ".hidden WebPCopyPixels",
+);
+
 /// Alignment of every block, bytes: that of a SIMD register of libwebp's kernels.
 const ALIGN: usize = 32;
 

@@ -1,0 +1,77 @@
+//! Packets and the difference pictures in them: an error or a picture, whatever the bytes.
+//!
+//! Random bytes hardly ever match a check, so the first byte of the input tells which checks to make
+//! right beforehand.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use nvsprior::packet::{CAMERA_PART_LEN, Latent};
+use nvsprior::residual::ResidualDecoder;
+use nvsprior::{Packet, Picture};
+
+/// Pixels of a picture that is decoded here.
+const PIXELS: u32 = 64 * 64;
+
+fuzz_target!(|input: &[u8]| {
+    let Some((&repairs, bytes)) = input.split_first() else { return };
+    let mut bytes = bytes.to_vec();
+    if repairs & 1 != 0 {
+        repair_latent(&mut bytes);
+    }
+    if repairs & 2 != 0 {
+        repair_residual(&mut bytes);
+    }
+    let Ok(salvage) = Packet::salvage(&bytes) else { return };
+    if let Ok(packet) = Packet::decode(&bytes) {
+        let again = packet.encode().expect("what was read can be written");
+        assert_eq!(Packet::decode(&again), Ok(packet));
+    }
+    let Latent { width, height, .. } = salvage.latent;
+    if width * height > PIXELS {
+        return;
+    }
+    let mut picture = Picture::new(width, height);
+    let mut decoder = ResidualDecoder::new(width, height);
+    if let Ok(residual) = &salvage.residual {
+        let _ = decoder.add(residual, &mut picture);
+    }
+    if let Some(start) = &salvage.residual_start
+        && let Ok(rows) = decoder.add_start(start, &mut picture)
+    {
+        assert!(rows <= height);
+    }
+});
+
+/// Length of the latent part, by the flags.
+fn latent_len(bytes: &[u8]) -> usize {
+    match bytes.get(1).map(|flags| flags & 3) {
+        Some(2) => 43,
+        _ => 31,
+    }
+}
+
+/// Makes the first byte, and the latent part's check, those of a packet.
+fn repair_latent(bytes: &mut [u8]) {
+    let len = latent_len(bytes);
+    let Some(part) = bytes.get_mut(..len) else { return };
+    part[0] = 0xB1;
+    let check = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740).checksum(&part[..len - 2]);
+    part[len - 2..].copy_from_slice(&check.to_le_bytes());
+}
+
+/// Makes the residual part's length that of the bytes there are, and its check right.
+fn repair_residual(bytes: &mut Vec<u8>) {
+    let latent = latent_len(bytes);
+    let camera = if bytes.get(1).is_some_and(|flags| flags & 8 != 0) { CAMERA_PART_LEN } else { 0 };
+    let start = latent + camera;
+    if bytes.len() < start + 2 {
+        return;
+    }
+    let payload = bytes.len() - start - 2;
+    bytes[start] = 0x80 | (payload & 0x7F) as u8;
+    bytes[start + 1] = (payload >> 7 & 0x7F) as u8;
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&bytes[..latent]);
+    hasher.update(&bytes[start..]);
+    bytes.extend(hasher.finalize().to_le_bytes());
+}

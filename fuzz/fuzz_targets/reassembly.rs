@@ -1,0 +1,106 @@
+//! Reassembly: sound frames of several packets, damaged ones and garbage, in any order.
+#![no_main]
+
+use arbitrary::Arbitrary;
+use libfuzzer_sys::fuzz_target;
+use nvsprior::packet::{Coder, Latent, QuantisedPose, Residual};
+use nvsprior::modem::{Reassembler, ReassemblerOptions, Splitter};
+use nvsprior::prior::PriorFrame;
+use nvsprior::{Camera, Packet, Pose, PriorId};
+
+#[derive(Arbitrary, Debug)]
+struct Input {
+    mtu: u8,
+    room: u8,
+    modem_checks: bool,
+    packets: Vec<Sent>,
+    arrivals: Vec<Arrival>,
+}
+
+/// A packet that the vehicle sends.
+#[derive(Arbitrary, Debug)]
+struct Sent {
+    frame: u8,
+    paper: bool,
+    camera: bool,
+    payload: Option<u8>,
+}
+
+/// What arrives.
+#[derive(Arbitrary, Debug)]
+enum Arrival {
+    /// A frame of a packet, with so much padding, one bit of it flipped or none.
+    Frame { packet: u8, index: u8, padding: u8, flip: Option<u16> },
+    /// Anything.
+    Garbage(Vec<u8>),
+}
+
+fuzz_target!(|input: Input| {
+    let mtu = 31 + usize::from(input.mtu);
+    let mut options = ReassemblerOptions::new(mtu);
+    options.max_packet_bytes = 64 + 16 * usize::from(input.room);
+    options.modem_checks = input.modem_checks;
+    let mut reassembler = Reassembler::new(options).expect("an MTU in range");
+    let packets: Vec<Vec<u8>> = input.packets.iter().take(8).map(packet).collect();
+    // Packets of one tag tell their frames apart by a check of sixteen bits, which a fuzzer beats.
+    let mut tags = [false; 4];
+    let mut first_of_its_tag = |p: &Vec<u8>| !std::mem::replace(&mut tags[usize::from(p[2] & 3)], true);
+    let mut honest = packets.iter().all(&mut first_of_its_tag);
+    for arrival in &input.arrivals {
+        let (frame, sound) = arrived(arrival, &packets, mtu);
+        honest &= sound;
+        let _ = reassembler.push(&frame);
+        if let Some(newest) = reassembler.newest() {
+            let _ = newest.missing().count();
+            if newest.complete {
+                Packet::decode(newest.bytes).expect("a complete packet is sound");
+            }
+            if honest {
+                let known = packets.iter().any(|packet| packet.starts_with(newest.bytes));
+                assert!(known, "bytes that nobody sent");
+            }
+        }
+    }
+});
+
+fn packet(sent: &Sent) -> Vec<u8> {
+    let camera = Camera { width: 64, height: 36, fx: 60.0, fy: 60.0, cx: 32.0, cy: 18.0 };
+    let profile = match sent.paper {
+        true => nvsprior::packet::PoseProfile::Paper,
+        false => nvsprior::packet::PoseProfile::Compact,
+    };
+    let frame = PriorFrame { centre: [0.0; 3], spread: 1.0 };
+    let pose = Pose::exp(&[0.01 * f64::from(sent.frame); 6]);
+    let pose = QuantisedPose::quantise(&pose, &frame, profile).expect("a pose in range");
+    let latent = Latent::new(sent.frame.into(), PriorId(7), &camera, pose, false).expect("small");
+    let payload: Vec<u8> = (0..sent.payload.unwrap_or(0)).map(|i| i ^ sent.frame).collect();
+    let residual = match sent.payload {
+        Some(_) => Residual::Coded { coder: Coder::Vp8, payload: &payload },
+        None => Residual::None,
+    };
+    let camera = sent.camera.then_some(camera);
+    Packet { latent, camera, residual }.encode().expect("a packet")
+}
+
+/// The frame, and whether it is as it was sent.
+fn arrived(arrival: &Arrival, packets: &[Vec<u8>], mtu: usize) -> (Vec<u8>, bool) {
+    match arrival {
+        Arrival::Garbage(bytes) => (bytes.clone(), false),
+        Arrival::Frame { packet, index, padding, flip } => {
+            let Some(packet) = packets.get(usize::from(*packet) % packets.len().max(1)) else {
+                return (Vec::new(), true);
+            };
+            let splitter = Splitter::new(packet, mtu).expect("a sound packet");
+            let mut frame = vec![0; mtu];
+            let index = usize::from(*index) % splitter.count();
+            let len = splitter.write(index, &mut frame).expect("room for a frame");
+            frame.truncate(len);
+            frame.extend(std::iter::repeat_n(0xA5, usize::from(*padding) % (mtu - len + 1)));
+            if let Some(bit) = flip {
+                let bit = usize::from(*bit) % (8 * frame.len());
+                frame[bit / 8] ^= 1 << (bit % 8);
+            }
+            (frame, flip.is_none())
+        }
+    }
+}

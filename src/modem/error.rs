@@ -1,0 +1,83 @@
+//! Why a packet cannot be split, or a frame not be taken.
+
+use crate::packet::PacketError;
+
+use super::layout::{LARGEST_MTU, SMALLEST_MTU};
+
+/// Why a packet cannot be split, or a frame not be taken.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ModemError {
+    /// The MTU is outside what frames are made for.
+    #[error("MTU of {0} bytes: it must lie in {SMALLEST_MTU}..={LARGEST_MTU}")]
+    Mtu(usize),
+    /// The packet, or what is to be the first frame of one, is none.
+    #[error(transparent)]
+    Packet(#[from] PacketError),
+    /// The packet has not the length that it says.
+    #[error("{found} bytes of a packet that says it has {stated}")]
+    PacketLength {
+        /// Bytes given.
+        found: usize,
+        /// Bytes by the packet's own fields.
+        stated: usize,
+    },
+    /// The packet's own checks do not match all of it.
+    #[error("packet of {len} bytes: its checks match the first {sound} only")]
+    Unsound {
+        /// Length of the packet, bytes.
+        len: usize,
+        /// Bytes that its checks match.
+        sound: usize,
+    },
+    /// The packet has more bytes than the frames that can be numbered.
+    #[error("packet of {len} bytes, the largest for an MTU of {mtu} has {largest}")]
+    PacketTooLong {
+        /// Length of the packet, bytes.
+        len: usize,
+        /// Longest that can be split, bytes.
+        largest: usize,
+        /// The MTU, bytes.
+        mtu: usize,
+    },
+    /// The packet has no frame of this index.
+    #[error("frame {index} of a packet of {count}")]
+    NoSuchFrame {
+        /// The index.
+        index: usize,
+        /// Frames of the packet.
+        count: usize,
+    },
+    /// A frame does not fit the buffer given for it.
+    #[error("buffer of {found} bytes for a frame of {needed}")]
+    Buffer {
+        /// Bytes of the frame.
+        needed: usize,
+        /// Bytes of the buffer.
+        found: usize,
+    },
+    /// The bytes do not begin as a frame does.
+    #[error("no frame: it begins with {0:#04x}")]
+    NotAFrame(u8),
+    /// The frame ends before its packet's bytes do: it was cut, or the sender's MTU is another.
+    #[error("frame of {found} bytes where {needed} are due: cut, or split for another MTU")]
+    Cut {
+        /// Bytes of the frame.
+        found: usize,
+        /// Bytes that are due.
+        needed: usize,
+    },
+    /// The frame lies beyond the longest packet that there is room for.
+    #[error("frame {index}: there is room for {room} frames of a packet")]
+    NoRoom {
+        /// Index of the frame.
+        index: usize,
+        /// Frames that there is room for.
+        room: usize,
+    },
+    /// The first frame of a packet that a newer one has displaced.
+    #[error("packet of frame number {0} comes again after a newer one took its place")]
+    Late(u32),
+    /// The first frame contradicts the one at hand, which later frames vouch for.
+    #[error("first frame of frame number {0}: differs from the one that its packet's checks match")]
+    Contradicts(u32),
+}

@@ -1,0 +1,62 @@
+//! After the first frame, encoding and decoding take nothing from the heap.
+
+mod common;
+mod scene;
+
+use std::alloc::System;
+
+use nvsprior::refine::Optimizer;
+use nvsprior::{Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Picture, Rate, Trust};
+use scene::{CAMERA, clean_frame, pose, wall};
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+/// Heap calls of any kind since the region's start.
+fn calls(region: &Region<System>) -> usize {
+    let change = region.change();
+    change.allocations + change.deallocations + change.reallocations
+}
+
+/// Encodes and decodes the frames; heap calls of all but the first.
+fn heap_calls(engine: &Engine, frames: &[Picture], options: EncoderOptions) -> usize {
+    let scene = engine.upload(&wall(1)).unwrap();
+    let mut encoder = Encoder::new(engine, &scene, &CAMERA, options).unwrap();
+    let mut decoder = Decoder::new(engine, &scene);
+    let mut encoded = Encoded::with_room(CAMERA.width, CAMERA.height);
+    let mut decoded = Decoded::default();
+    let mut run = |frame, hint| {
+        encoder.encode_into(frame, hint, &mut encoded).unwrap();
+        decoder.decode_into(&encoded.packet, Trust::Whole, &mut decoded).unwrap();
+        let half = &encoded.packet[..encoded.packet.len().max(62) / 2];
+        assert!(decoded.picture == encoded.picture);
+        decoder.decode_into(half, Trust::Start, &mut decoded).unwrap();
+    };
+    run(&frames[0], Some(pose(0.0)));
+    let region = Region::new(ALLOCATOR);
+    frames[1..].iter().for_each(|frame| run(frame, None));
+    calls(&region)
+}
+
+// One test, so that no other thread allocates meanwhile.
+#[test]
+fn frames_after_the_first_take_nothing_from_the_heap() {
+    // Not under the validation layer, which is not what is measured.
+    let engine = Engine::new(&Default::default()).unwrap();
+    let scene = engine.upload(&wall(1)).unwrap();
+    let frames: Vec<_> = (0..4).map(|t| clean_frame(&engine, &scene, &pose(t.into()))).collect();
+    let region = Region::new(ALLOCATOR);
+    drop(vec![0u8; 100]);
+    assert_eq!(calls(&region), 2, "the counter counts");
+    for rate in [None, Some(Rate::Quality(60.0)), Some(Rate::Bytes(300)), Some(Rate::Psnr(36.0))] {
+        let options = EncoderOptions { rate, camera_interval: 2, ..EncoderOptions::default() };
+        assert_eq!(heap_calls(&engine, &frames, options), 0, "{rate:?}");
+    }
+    for optimizer in [Optimizer::Bfgs, Optimizer::AdamBfgs] {
+        let mut options = EncoderOptions::default();
+        options.refine.optimizer = optimizer;
+        options.refine.adam.epochs = 20;
+        assert_eq!(heap_calls(&engine, &frames, options), 0, "{}", optimizer.name());
+    }
+}
