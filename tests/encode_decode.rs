@@ -194,3 +194,45 @@ fn a_decoder_refuses_what_it_cannot_show_and_shows_what_it_can() {
     damaged[5] ^= 1;
     assert!(decoder.decode(&damaged).is_err());
 }
+
+#[test]
+fn a_coder_goes_on_elsewhere_where_it_was() {
+    let engine = engine();
+    let scene = engine.upload(&wall(9)).unwrap();
+    let frames: Vec<_> = (0..3).map(|t| frame(&engine, &scene, &pose(t.into()))).collect();
+    let options = EncoderOptions { first_frame: 40, threshold: 1.0, ..EncoderOptions::default() };
+    let mut stayed = Encoder::new(&engine, &scene, &CAMERA, options.clone()).unwrap();
+    let mut moved = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+    let mut decoder = Decoder::new(&engine, &scene);
+    for (frame, hint) in frames.iter().zip([Some(pose(0.0)), None]) {
+        stayed.encode(frame, hint).unwrap();
+        decoder.decode(&moved.encode(frame, hint).unwrap().packet).unwrap();
+    }
+    let elsewhere = nvsprior::Engine::new(&Default::default()).unwrap();
+    let other = elsewhere.upload(&wall(10)).unwrap();
+    assert!(matches!(moved.move_to(&elsewhere, &other), Err(Error::PriorChanged { .. })));
+    let same = elsewhere.upload(&wall(9)).unwrap();
+    moved.move_to(&elsewhere, &same).unwrap();
+    decoder.move_to(&elsewhere, &same).unwrap();
+    let (expected, found) = (stayed.encode(&frames[2], None), moved.encode(&frames[2], None));
+    let found = found.unwrap();
+    assert_eq!(found.packet, expected.unwrap().packet, "frame number, poses and camera went along");
+    assert_eq!(decoder.decode(&found.packet).unwrap().picture, found.picture);
+    assert_eq!(found.stats.frame, 42);
+}
+
+#[test]
+fn the_rate_may_change_with_the_link() {
+    let engine = engine();
+    let scene = engine.upload(&wall(11)).unwrap();
+    let picture = frame(&engine, &scene, &pose(0.0));
+    let options = EncoderOptions { rate: Some(Rate::Quality(98.0)), ..EncoderOptions::default() };
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+    let fine = encoder.encode(&picture, Some(pose(0.0))).unwrap();
+    encoder.set_rate(Some(Rate::Bytes(300)));
+    let coarse = encoder.encode(&picture, None).unwrap();
+    encoder.set_rate(None);
+    let bare = encoder.encode(&picture, None).unwrap();
+    let [fine, coarse, bare] = [fine, coarse, bare].map(|encoded| encoded.packet.len());
+    assert!(fine > 300 && coarse <= 300 && coarse > 31 && bare == 31, "{fine}, {coarse}, {bare}");
+}

@@ -93,8 +93,8 @@ versioned!(nvsp_prior_info, 64);
 
 /// Reads a prior from a .ply file, as Inria's trainer and nerfstudio write it, checks it and copies
 /// it to the device. Unsound splats are left out and logged as a warning. `options` may be NULL. The
-/// file is not needed afterwards, and no copy of it is kept in host memory. While it runs it takes
-/// memory in proportion to the file's size: at most four times that.
+/// file is not needed afterwards, and no copy of it is kept in host memory. While it runs it takes, on
+/// host and device together, at most four times the size of a binary file, eight times that of a text.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text

@@ -1,0 +1,77 @@
+//! Packets through modem frames to pictures, with losses: the best picture that what arrived allows.
+
+mod common;
+mod scene;
+
+use common::{Random, engine};
+use nvsprior::modem::{Reassembler, ReassemblerOptions, Splitter};
+use nvsprior::{Decoded, Decoder, Encoder, EncoderOptions, Picture, Rate, Trust};
+use scene::{CAMERA, frame, pose, wall};
+
+/// The modem frames of a packet.
+fn split(packet: &[u8], mtu: usize) -> Vec<Vec<u8>> {
+    let splitter = Splitter::new(packet, mtu).unwrap();
+    let write = |index| {
+        let mut frame = vec![0; mtu];
+        let len = splitter.write(index, &mut frame).unwrap();
+        frame.truncate(len);
+        frame
+    };
+    (0..splitter.count()).map(write).collect()
+}
+
+/// Rows that two pictures have in common from the top.
+fn common_rows(a: &Picture, b: &Picture) -> u32 {
+    let row = a.width as usize * 3;
+    let same = a.data.chunks(row).zip(b.data.chunks(row)).take_while(|(a, b)| a == b);
+    same.count() as u32
+}
+
+#[test]
+fn a_frame_that_is_lost_costs_the_rows_after_it() {
+    let engine = engine();
+    let scene = engine.upload(&wall(1)).unwrap();
+    let options = EncoderOptions { rate: Some(Rate::Quality(40.0)), ..EncoderOptions::default() };
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+    let camera = frame(&engine, &scene, &pose(0.0));
+    let encoded = encoder.encode(&camera, Some(pose(0.0))).unwrap();
+    let mut decoder = Decoder::new(&engine, &scene);
+    let mut decoded = Decoded::default();
+    let mut random = Random::new(1);
+    for mtu in [31, 64, 256, 1024] {
+        let frames = split(&encoded.packet, mtu);
+        let mut last = (f64::INFINITY, CAMERA.height);
+        for lost in (1..frames.len()).rev() {
+            let mut reassembler = Reassembler::new(ReassemblerOptions::new(mtu)).unwrap();
+            let mut order: Vec<_> = (0..frames.len()).filter(|index| *index != lost).collect();
+            order.sort_by_key(|_| random.bits());
+            for index in order {
+                reassembler.push(&frames[index]).unwrap();
+            }
+            let received = reassembler.newest().unwrap();
+            assert!(!received.complete);
+            if decoder.decode_into(received.bytes, Trust::Start, &mut decoded).is_err() {
+                // At the smallest MTU the camera comes with the second frame.
+                assert_eq!((mtu, lost), (31, 1));
+                continue;
+            }
+            let (rows, shown) = (decoded.rows, &decoded.picture);
+            assert!(decoded.damage.is_some() && rows <= last.1);
+            assert!(common_rows(shown, &encoded.picture) >= rows, "frame {lost} of MTU {mtu}");
+            let psnr = shown.psnr(&camera);
+            assert!(psnr >= encoded.stats.render_psnr - 0.3 && psnr <= encoded.stats.psnr + 1e-9);
+            assert!(rows > 0 || *shown == encoded.render);
+            last = (psnr, rows);
+            reassembler.push(&frames[lost]).unwrap();
+            let whole = reassembler.newest().unwrap();
+            assert_eq!((whole.bytes, whole.complete), (&encoded.packet[..], true));
+        }
+        if frames.len() > 20 {
+            assert!(
+                last.1 < CAMERA.height / 4,
+                "a loss near the start leaves few rows: {}",
+                last.1
+            );
+        }
+    }
+}
