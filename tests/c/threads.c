@@ -1,5 +1,7 @@
 // Several threads: on handles that share an engine and a prior, and on one handle at once.
 
+#define _GNU_SOURCE
+
 #include "common.h"
 
 #include <pthread.h>
