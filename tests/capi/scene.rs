@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Engine, Picture};
@@ -14,16 +15,20 @@ const CAMERA: Camera = Camera { width: 96, height: 54, fx: 78.0, fy: 78.0, cx: 4
 /// Pictures of the dive.
 const FRAMES: usize = 8;
 
-/// Where the files lie; `scripts/c-test.sh` knows it too.
-pub fn folder() -> PathBuf {
-    Path::new(env!("CARGO_TARGET_TMPDIR")).join("c-scene")
+/// Where the files lie, written when this is first called; `scripts/c-test.sh` knows it too.
+pub fn folder() -> &'static Path {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("c-scene");
+        write(&folder);
+        folder
+    })
 }
 
 /// Writes `prior.ply`, `other.ply`, `frame-0.ppm` and so on, and `scene.txt`: a line with the camera
 /// (width,height,fx,fy,cx,cy), then a line a frame with its pose (qw,qx,qy,qz,tx,ty,tz).
-pub fn write() {
-    let folder = folder();
-    std::fs::create_dir_all(&folder).unwrap();
+fn write(folder: &Path) {
+    std::fs::create_dir_all(folder).unwrap();
     let prior = wall::wall(1);
     wall::write_prior(&folder.join("prior.ply"), &prior);
     wall::write_prior(&folder.join("other.ply"), &wall::wall(2));
