@@ -100,6 +100,7 @@ impl Buffer {
             | vk::BufferUsageFlags::TRANSFER_DST;
         let info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
         let inner = &device.inner;
+        inner.check()?;
         // SAFETY: a valid description.
         let raw = unsafe { inner.device.create_buffer(&info, None) }
             .map_err(Error::of("vkCreateBuffer"))?;

@@ -316,6 +316,12 @@ impl Commands {
 
     /// Submits and waits for the end.
     pub fn run(&mut self) -> Result<(), Error> {
+        self.device.check()?;
+        let ended = self.submit();
+        self.device.note(ended)
+    }
+
+    fn submit(&mut self) -> Result<(), Error> {
         let device = &self.device.device;
         let buffers = [self.buffer];
         let submits = [vk::SubmitInfo::default().command_buffers(&buffers)];

@@ -1,6 +1,7 @@
 //! Instance, device and queue.
 
 use std::ffi::{CStr, CString, c_void};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use ash::{Entry, ext, vk};
@@ -77,6 +78,8 @@ pub(super) struct Inner {
     pub device: ash::Device,
     pub info: DeviceInfo,
     pub timestamp_period: f32,
+    /// A call found the device lost: none after it gets that far.
+    lost: AtomicBool,
     instance: Instance,
 }
 
@@ -97,6 +100,24 @@ impl Drop for Instance {
             }
             self.instance.destroy_instance(None);
         }
+    }
+}
+
+impl Inner {
+    /// Refuses a device that was lost: drivers need not say so again.
+    pub fn check(&self) -> Result<(), Error> {
+        match self.lost.load(Ordering::Relaxed) {
+            true => Err(Error::DeviceLost { call: "an earlier call" }),
+            false => Ok(()),
+        }
+    }
+
+    /// Takes note where a call found the device lost.
+    pub fn note<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
+        if let Err(Error::DeviceLost { .. }) = result {
+            self.lost.store(true, Ordering::Relaxed);
+        }
+        result
     }
 }
 
@@ -148,6 +169,7 @@ impl Device {
                 device,
                 info,
                 timestamp_period: limits.timestamp_period,
+                lost: AtomicBool::new(false),
                 instance,
             }),
         })

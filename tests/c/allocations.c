@@ -1,0 +1,235 @@
+// What encoding, splitting, reassembly and decoding take from the heap after the first frame: nothing
+// from within libnvsprior.so. What loader and driver take is printed.
+//
+// This program's malloc and its kin stand before the C library's; each counts for the library that its
+// caller lies in.
+
+#define _GNU_SOURCE
+
+#include "common.h"
+
+#include <dlfcn.h>
+#include <errno.h>
+#include <pthread.h>
+
+void *__libc_malloc(size_t size);
+void *__libc_calloc(size_t count, size_t size);
+void *__libc_realloc(void *block, size_t size);
+void *__libc_memalign(size_t alignment, size_t size);
+void __libc_free(void *block);
+
+#define LIBRARIES 64
+#define CALLERS 4096  // A power of two.
+
+static struct {
+    const char *path;  // As the dynamic linker has it: one pointer for a library.
+    long calls;
+} libraries[LIBRARIES];
+
+static struct {
+    const void *address;
+    int library;
+} callers[CALLERS];
+
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+static int counting;  // Under the lock.
+static long uncounted;
+
+// The library that an address lies in; each distinct address is looked up once.
+static int library_of(const void *address) {
+    size_t at = ((size_t)address >> 2) * 0x9e3779b97f4a7c15u >> 52;
+    while (callers[at].address != NULL && callers[at].address != address) {
+        at = (at + 1) % CALLERS;
+    }
+    if (callers[at].address == address) {
+        return callers[at].library;
+    }
+    Dl_info info;
+    const char *path = dladdr(address, &info) != 0 ? info.dli_fname : "(none)";
+    int library = 0;
+    while (library < LIBRARIES - 1 && libraries[library].path != NULL
+           && strcmp(libraries[library].path, path) != 0) {
+        library++;
+    }
+    libraries[library].path = path;
+    callers[at].address = address;
+    callers[at].library = library;
+    return library;
+}
+
+static void count(const void *caller) {
+    static __thread int inside;  // What dladdr might take is not counted.
+    if (inside) {
+        return;
+    }
+    inside = 1;
+    pthread_mutex_lock(&lock);
+    if (counting) {
+        libraries[library_of(caller)].calls++;
+    } else {
+        uncounted++;
+    }
+    pthread_mutex_unlock(&lock);
+    inside = 0;
+}
+
+void *malloc(size_t size) {
+    count(__builtin_return_address(0));
+    return __libc_malloc(size);
+}
+
+void *calloc(size_t number, size_t size) {
+    count(__builtin_return_address(0));
+    return __libc_calloc(number, size);
+}
+
+void *realloc(void *block, size_t size) {
+    count(__builtin_return_address(0));
+    return __libc_realloc(block, size);
+}
+
+void *memalign(size_t alignment, size_t size) {
+    count(__builtin_return_address(0));
+    return __libc_memalign(alignment, size);
+}
+
+void *aligned_alloc(size_t alignment, size_t size) {
+    count(__builtin_return_address(0));
+    return __libc_memalign(alignment, size);
+}
+
+int posix_memalign(void **block, size_t alignment, size_t size) {
+    count(__builtin_return_address(0));
+    void *made = __libc_memalign(alignment, size);
+    if (made == NULL) {
+        return ENOMEM;
+    }
+    *block = made;
+    return 0;
+}
+
+void free(void *block) { __libc_free(block); }
+
+static void start_counting(void) {
+    pthread_mutex_lock(&lock);
+    for (int i = 0; i < LIBRARIES; i++) {
+        libraries[i].calls = 0;
+    }
+    counting = 1;
+    pthread_mutex_unlock(&lock);
+}
+
+// Stops, prints the counts, and gives that of libnvsprior.
+static long stop_counting(const char *what) {
+    pthread_mutex_lock(&lock);
+    counting = 0;
+    pthread_mutex_unlock(&lock);
+    long own = 0;
+    printf("%s:\n", what);
+    for (int i = 0; i < LIBRARIES; i++) {
+        if (libraries[i].path != NULL && libraries[i].calls > 0) {
+            const char *slash = strrchr(libraries[i].path, '/');
+            const char *name = slash == NULL ? libraries[i].path : slash + 1;
+            printf("    %8ld  %s\n", libraries[i].calls, name);
+            own += strncmp(name, "libnvsprior", 11) == 0 ? libraries[i].calls : 0;
+        }
+    }
+    printf("    %8ld  from within libnvsprior\n", own);
+    return own;
+}
+
+static scene dive;
+static rig both;
+static nvsp_reassembler *reassembler;
+static uint8_t sent[8192], arrived[8192];
+static uint8_t *pixels;
+
+// A frame from the camera to the topside's screen; odd ones on the threads of encoder and decoder.
+static void whole_way(int number) {
+    const int turn = 2 * dive.frames - 2, at = number % turn;
+    const nvsp_image image = scene_image(&dive, at < dive.frames ? at : turn - at);
+    const nvsp_pose *hint = number == 0 ? &dive.poses[0] : NULL;
+    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_header header;
+    nvsp_decoded info;
+    nvsp_frame_stats stats;
+    MUST(NVSP_INIT(&header));
+    MUST(NVSP_INIT(&info));
+    MUST(NVSP_INIT(&stats));
+    size_t size = 0;
+    if (number % 2) {
+        MUST(nvsp_encode_begin(both.encoder, &image, hint));
+        MUST(nvsp_encode_wait(both.encoder, 60000));
+        MUST(nvsp_encode_finish(both.encoder, sent, sizeof sent, &size, &stats));
+    } else {
+        MUST(nvsp_encode(both.encoder, &image, hint, sent, sizeof sent, &size, &stats));
+    }
+    MUST(nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &place));
+    uint32_t count = 0;
+    MUST(nvsp_modem_frame_count(size, 64, &count));
+    for (uint32_t i = 0; i < count; i++) {
+        uint8_t frame[64];
+        size_t written = 0;
+        MUST(nvsp_modem_frame(sent, size, 64, i, frame, sizeof frame, &written));
+        MUST(nvsp_reassembler_push(reassembler, frame, written, NULL));
+    }
+    MUST(nvsp_reassembler_fetch(reassembler, arrived, sizeof arrived, &size, NULL));
+    MUST(nvsp_decode_header(arrived, size, both.prior, &header));
+    if (number % 2) {
+        MUST(nvsp_decode_begin(both.decoder, arrived, size, NVSP_DECODE_START));
+        MUST(nvsp_decode_wait(both.decoder, 60000));
+        MUST(nvsp_decode_finish(both.decoder, &place, &info));
+    } else {
+        MUST(nvsp_decode(both.decoder, arrived, size, 0, &place, &info));
+    }
+    // And the start of it, as after a loss.
+    MUST(nvsp_decode(both.decoder, arrived, size - size / 3, NVSP_DECODE_START, &place, &info));
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        give_up("usage: allocations SCENE");
+    }
+    scene_read(&dive, argv[1]);
+    pixels = malloc(dive.size);
+    rig_open(&both, &dive);
+    MUST(nvsp_reassembler_create(64, NULL, &reassembler));
+
+    // The counter counts: this call says that it allocates.
+    nvsp_engine_info info;
+    MUST(NVSP_INIT(&info));
+    start_counting();
+    MUST(nvsp_engine_get_info(both.engine, &info));
+    CHECK(stop_counting("nvsp_engine_get_info") > 0);
+
+    const uint32_t rates[] = {NVSP_RATE_QUALITY, NVSP_RATE_BYTES, NVSP_RATE_PSNR};
+    const float values[] = {30, 400, 36};
+    for (int i = 0; i < 3; i++) {
+        nvsp_encoder_options options;
+        MUST(NVSP_INIT(&options));
+        options.rate = rates[i];
+        options.rate_value = values[i];
+        options.camera_interval = 10;
+        rig_add(&both, &dive.camera, &options);
+        start_counting();
+        // Two: the second starts the threads of encoder and decoder.
+        whole_way(0);
+        whole_way(1);
+        stop_counting("the first frames");
+        start_counting();
+        for (int frame = 2; frame < 52; frame++) {
+            whole_way(frame);
+        }
+        CHECK(stop_counting("50 frames") == 0);
+        nvsp_encoder_destroy(both.encoder);
+        nvsp_decoder_destroy(both.decoder);
+        both.encoder = NULL;
+        both.decoder = NULL;
+    }
+    CHECK(uncounted > 0);
+    nvsp_reassembler_destroy(reassembler);
+    free(pixels);
+    rig_close(&both);
+    scene_free(&dive);
+    return report("allocations");
+}

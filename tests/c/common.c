@@ -1,0 +1,205 @@
+#include "common.h"
+
+#include <math.h>
+#include <pthread.h>
+
+static pthread_mutex_t counting = PTHREAD_MUTEX_INITIALIZER;
+static long checks, failures;
+
+static int count(int sound) {
+    pthread_mutex_lock(&counting);
+    checks++;
+    failures += !sound;
+    pthread_mutex_unlock(&counting);
+    return sound;
+}
+
+int check(int sound, const char *text, const char *file, int line) {
+    if (!sound) {
+        fprintf(stderr, "%s:%d: not so: %s\n", file, line, text);
+    }
+    return count(sound);
+}
+
+int expect(nvsp_status wanted, nvsp_status found, const char *text, const char *file, int line) {
+    if (wanted != found) {
+        fprintf(stderr, "%s:%d: %s\n    returned %d (%s), not %d (%s)\n", file, line, text, found,
+                nvsp_status_text(found), wanted, nvsp_status_text(wanted));
+    }
+    return count(wanted == found);
+}
+
+void must(nvsp_status status, const char *text, const char *file, int line) {
+    if (status != NVSP_OK) {
+        fprintf(stderr, "%s:%d: %s\n    returned %d (%s)\n", file, line, text, status,
+                nvsp_status_text(status));
+        exit(1);
+    }
+}
+
+int report(const char *name) {
+    printf("%s: %ld checks, %ld failed\n", name, checks, failures);
+    return checks > 0 && failures == 0 ? 0 : 1;
+}
+
+void give_up(const char *what) {
+    fprintf(stderr, "cannot test: %s\n", what);
+    exit(1);
+}
+
+static void read_picture(scene *scene, const char *folder, int frame) {
+    char path[600];
+    snprintf(path, sizeof path, "%s/frame-%d.ppm", folder, frame);
+    size_t size = 0;
+    uint8_t *bytes = read_all(path, &size);
+    // The pixels are the end of the file.
+    scene->pixels[frame] = malloc(scene->size);
+    if (scene->pixels[frame] == NULL || size < scene->size) {
+        give_up(path);
+    }
+    memcpy(scene->pixels[frame], bytes + size - scene->size, scene->size);
+    free(bytes);
+}
+
+void scene_read(scene *scene, const char *folder) {
+    memset(scene, 0, sizeof *scene);
+    snprintf(scene->prior, sizeof scene->prior, "%s/prior.ply", folder);
+    snprintf(scene->other_prior, sizeof scene->other_prior, "%s/other.ply", folder);
+    char path[600];
+    snprintf(path, sizeof path, "%s/scene.txt", folder);
+    FILE *file = fopen(path, "r");
+    nvsp_camera *camera = &scene->camera;
+    if (file == NULL
+        || fscanf(file, "%u,%u,%f,%f,%f,%f", &camera->width, &camera->height, &camera->fx, &camera->fy,
+                  &camera->cx, &camera->cy) != 6) {
+        give_up(path);
+    }
+    scene->size = (size_t)camera->width * camera->height * 3;
+    while (scene->frames < MAX_FRAMES) {
+        double *q = scene->poses[scene->frames].rotation, *t = scene->poses[scene->frames].translation;
+        if (fscanf(file, "%lf,%lf,%lf,%lf,%lf,%lf,%lf", &q[0], &q[1], &q[2], &q[3], &t[0], &t[1], &t[2])
+            != 7) {
+            break;
+        }
+        read_picture(scene, folder, scene->frames++);
+    }
+    fclose(file);
+    if (scene->frames < 4) {
+        give_up("the scene has too few frames");
+    }
+}
+
+void scene_free(scene *scene) {
+    for (int i = 0; i < scene->frames; i++) {
+        free(scene->pixels[i]);
+    }
+}
+
+nvsp_image scene_image(const scene *scene, int frame) {
+    const size_t row = (size_t)scene->camera.width * 3;
+    return (nvsp_image){.format = NVSP_FORMAT_RGB8,
+                        .width = scene->camera.width,
+                        .height = scene->camera.height,
+                        .planes = {scene->pixels[frame]},
+                        .strides = {row},
+                        .sizes = {scene->size}};
+}
+
+nvsp_camera scaled_camera(const scene *scene, uint32_t width) {
+    nvsp_camera camera = scene->camera;
+    const float factor = (float)width / (float)camera.width;
+    camera.width = width;
+    camera.height = (uint32_t)((float)camera.height * factor + 0.5f);
+    camera.fx *= factor;
+    camera.fy *= factor;
+    camera.cx *= factor;
+    camera.cy *= factor;
+    return camera;
+}
+
+void rig_open(rig *rig, const scene *scene) {
+    memset(rig, 0, sizeof *rig);
+    MUST(nvsp_engine_create(NULL, &rig->engine));
+    MUST(nvsp_prior_open(rig->engine, scene->prior, NULL, &rig->prior));
+}
+
+void rig_add(rig *rig, const nvsp_camera *camera, const nvsp_encoder_options *options) {
+    MUST(nvsp_encoder_create(rig->engine, rig->prior, camera, options, &rig->encoder));
+    MUST(nvsp_decoder_create(rig->engine, rig->prior, &rig->decoder));
+}
+
+void rig_close(rig *rig) {
+    nvsp_decoder_destroy(rig->decoder);
+    nvsp_encoder_destroy(rig->encoder);
+    nvsp_prior_destroy(rig->prior);
+    nvsp_engine_destroy(rig->engine);
+    memset(rig, 0, sizeof *rig);
+}
+
+nvsp_picture place_of(uint8_t *pixels, uint32_t width, uint32_t height) {
+    const size_t row = (size_t)width * 3;
+    return (nvsp_picture){
+        .format = NVSP_FORMAT_RGB8, .pixels = pixels, .stride = row, .size = row * height};
+}
+
+void encode_all(rig *rig, const scene *scene, packet *packets) {
+    const size_t room = nvsp_packet_bound(scene->camera.width, scene->camera.height);
+    for (int i = 0; i < scene->frames; i++) {
+        const nvsp_image image = scene_image(scene, i);
+        uint8_t *bytes = malloc(room);
+        size_t size = 0;
+        MUST(nvsp_encode(rig->encoder, &image, i == 0 ? &scene->poses[0] : NULL, bytes, room, &size,
+                         NULL));
+        // As large as the packet: what reads beyond it is caught by a memory checker.
+        packets[i] = (packet){realloc(bytes, size), size};
+        if (packets[i].bytes == NULL) {
+            give_up("out of memory");
+        }
+    }
+}
+
+uint8_t *read_all(const char *path, size_t *size) {
+    FILE *file = fopen(path, "rb");
+    if (file == NULL || fseek(file, 0, SEEK_END) != 0) {
+        give_up(path);
+    }
+    const long end = ftell(file);
+    rewind(file);
+    uint8_t *bytes = malloc(end > 0 ? (size_t)end : 1);
+    if (end <= 0 || bytes == NULL || fread(bytes, 1, (size_t)end, file) != (size_t)end) {
+        give_up(path);
+    }
+    fclose(file);
+    *size = (size_t)end;
+    return bytes;
+}
+
+uint64_t random_bits(uint64_t *state) {
+    uint64_t z = (*state += 0x9e3779b97f4a7c15u);
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return z ^ (z >> 31);
+}
+
+uint32_t random_below(uint64_t *state, uint32_t limit) {
+    return (uint32_t)((random_bits(state) >> 32) * limit >> 32);
+}
+
+double psnr(const uint8_t *a, const uint8_t *b, size_t size) {
+    double sum = 0;
+    for (size_t i = 0; i < size; i++) {
+        const double difference = (double)a[i] - b[i];
+        sum += difference * difference;
+    }
+    return sum == 0 ? 99 : 10 * log10(255.0 * 255.0 * (double)size / sum);
+}
+
+int all_are(const void *bytes, uint8_t value, size_t size) {
+    const uint8_t *at = bytes;
+    for (size_t i = 0; i < size; i++) {
+        if (at[i] != value) {
+            return 0;
+        }
+    }
+    return 1;
+}

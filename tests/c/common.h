@@ -1,0 +1,87 @@
+// What the tests in C share: checks, the scene's files, handles, numbers.
+
+#ifndef COMMON_H
+#define COMMON_H
+
+#include <nvsprior.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+// Counts a check, and prints it where it fails. Both may be called by several threads.
+#define CHECK(condition) check((condition) ? 1 : 0, #condition, __FILE__, __LINE__)
+// The same for a call and the status that it must return.
+#define EXPECT(status, call) expect((status), (call), #call, __FILE__, __LINE__)
+// For what a test cannot go on without: ends the program where the call does not return NVSP_OK.
+#define MUST(call) must((call), #call, __FILE__, __LINE__)
+
+int check(int sound, const char *text, const char *file, int line);
+int expect(nvsp_status wanted, nvsp_status found, const char *text, const char *file, int line);
+void must(nvsp_status status, const char *text, const char *file, int line);
+
+// Prints a summary; the program's exit code.
+int report(const char *name);
+
+// Ends the program: the test cannot be run.
+void give_up(const char *what);
+
+#define MAX_FRAMES 8
+
+// The folder that tests/capi writes.
+typedef struct scene {
+    char prior[512], other_prior[512];  // Paths.
+    nvsp_camera camera;
+    int frames;
+    nvsp_pose poses[MAX_FRAMES];
+    uint8_t *pixels[MAX_FRAMES];  // RGB, of the camera's size.
+    size_t size;                  // Bytes of each.
+} scene;
+
+void scene_read(scene *scene, const char *folder);
+void scene_free(scene *scene);
+
+// A frame as an image, where it lies.
+nvsp_image scene_image(const scene *scene, int frame);
+
+// The scene's camera, scaled to another width.
+nvsp_camera scaled_camera(const scene *scene, uint32_t width);
+
+// Both ends of a link.
+typedef struct rig {
+    nvsp_engine *engine;
+    nvsp_prior *prior;
+    nvsp_encoder *encoder;
+    nvsp_decoder *decoder;
+} rig;
+
+// Opens engine and prior, without a log; `rig_add` makes encoder and decoder.
+void rig_open(rig *rig, const scene *scene);
+void rig_add(rig *rig, const nvsp_camera *camera, const nvsp_encoder_options *options);
+void rig_close(rig *rig);
+
+// A place for a picture, RGB without padding.
+nvsp_picture place_of(uint8_t *pixels, uint32_t width, uint32_t height);
+
+// A packet in memory of its own.
+typedef struct packet {
+    uint8_t *bytes;
+    size_t size;
+} packet;
+
+// Encodes the scene's frames with the rig's encoder, the first from its pose.
+void encode_all(rig *rig, const scene *scene, packet *packets);
+
+// The content of a file, from malloc.
+uint8_t *read_all(const char *path, size_t *size);
+
+// Even numbers, the same for a seed everywhere (SplitMix64).
+uint64_t random_bits(uint64_t *state);
+uint32_t random_below(uint64_t *state, uint32_t limit);
+
+// PSNR of two pictures, dB; 99 where they are equal.
+double psnr(const uint8_t *a, const uint8_t *b, size_t size);
+
+// Whether all bytes are `value`.
+int all_are(const void *bytes, uint8_t value, size_t size);
+
+#endif

@@ -1,0 +1,325 @@
+// Decoding: the encoder's pictures byte for byte, headers, pictures in every format, what is refused.
+
+#include "common.h"
+
+static scene dive;
+static rig both;
+static packet packets[MAX_FRAMES];
+static uint8_t *shown[MAX_FRAMES];  // What the encoder says that the topside will show.
+
+// Encodes the dive, and keeps its pictures.
+static void encode_dive(void) {
+    for (int i = 0; i < dive.frames; i++) {
+        const nvsp_image image = scene_image(&dive, i);
+        const size_t room = nvsp_packet_bound(dive.camera.width, dive.camera.height);
+        packets[i].bytes = malloc(room);
+        MUST(nvsp_encode(both.encoder, &image, i == 0 ? &dive.poses[0] : NULL, packets[i].bytes, room,
+                         &packets[i].size, NULL));
+        shown[i] = malloc(dive.size);
+        const nvsp_picture place = place_of(shown[i], dive.camera.width, dive.camera.height);
+        MUST(nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &place));
+    }
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_get_picture(both.encoder, 2, &(nvsp_picture){.format = 1}));
+}
+
+static void the_encoders_pictures(void) {
+    uint8_t *pixels = malloc(dive.size);
+    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    for (int i = 0; i < dive.frames; i++) {
+        nvsp_decoded info;
+        MUST(NVSP_INIT(&info));
+        memset(pixels, 0, dive.size);
+        EXPECT(NVSP_OK,
+               nvsp_decode(both.decoder, packets[i].bytes, packets[i].size, 0, &place, &info));
+        CHECK(memcmp(pixels, shown[i], dive.size) == 0);
+        CHECK(info.frame == (uint32_t)i && info.width == dive.camera.width);
+        CHECK(info.height == dive.camera.height && info.rows == info.height);
+        CHECK(info.damage == NVSP_OK && info.flags == 0);
+        CHECK(psnr(pixels, dive.pixels[i], dive.size) > 30);
+    }
+    // In any order, once the camera is known.
+    for (int i = dive.frames - 1; i >= 0; i--) {
+        EXPECT(NVSP_OK, nvsp_decode(both.decoder, packets[i].bytes, packets[i].size, 0, &place, NULL));
+        CHECK(memcmp(pixels, shown[i], dive.size) == 0);
+    }
+    free(pixels);
+}
+
+static void headers(void) {
+    nvsp_prior_info prior;
+    nvsp_header header, alone;
+    nvsp_decoded info;
+    MUST(NVSP_INIT(&prior));
+    MUST(NVSP_INIT(&header));
+    MUST(NVSP_INIT(&alone));
+    MUST(NVSP_INIT(&info));
+    EXPECT(NVSP_OK, nvsp_prior_get_info(both.prior, &prior));
+    CHECK(prior.splats == 4800 && prior.dropped == 0 && prior.sh_degree == 0 && prior.spread > 0);
+    const packet one = packets[1];
+    EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, both.prior, &header));
+    EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, 31, both.prior, &alone));
+    CHECK(memcmp(&header, &alone, sizeof header) == 0);
+    CHECK(header.prior_id == prior.id && header.frame == 1 && header.latent_bytes == 31);
+    CHECK(header.width == dive.camera.width && header.height == dive.camera.height);
+    CHECK(header.flags == NVSP_HEADER_POSE && header.profile == NVSP_PROFILE_COMPACT);
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, one.size, 0, NULL, &info));
+    CHECK(memcmp(&info.pose, &header.pose, sizeof info.pose) == 0);
+    EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, NULL, &header));
+    CHECK(header.flags == 0 && header.pose.rotation[0] == 0);
+    for (size_t size = 0; size < 31; size++) {
+        EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(one.bytes, size, both.prior, &header));
+    }
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode_header(one.bytes, SIZE_MAX, both.prior, &header));
+}
+
+// The paper's profile: absolute poses, told without the prior.
+static void papers_profile(void) {
+    nvsp_encoder_options options;
+    MUST(NVSP_INIT(&options));
+    options.profile = NVSP_PROFILE_PAPER;
+    options.first_frame = (1 << 24) + 5;
+    nvsp_encoder *encoder = NULL;
+    MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, &options, &encoder));
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t bytes[4096];
+    size_t size = 0;
+    nvsp_frame_stats stats;
+    nvsp_header header;
+    MUST(NVSP_INIT(&stats));
+    MUST(NVSP_INIT(&header));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, &stats));
+    EXPECT(NVSP_OK, nvsp_decode_header(bytes, 43, NULL, &header));
+    CHECK(header.profile == NVSP_PROFILE_PAPER && header.latent_bytes == 43 && header.frame == 5);
+    CHECK(header.flags & NVSP_HEADER_POSE);
+    CHECK(memcmp(&stats.pose, &header.pose, sizeof stats.pose) == 0);
+    EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(bytes, 42, NULL, &header));
+    nvsp_encoder_destroy(encoder);
+}
+
+// A place of another format, with `padding` bytes behind each row, and a guard behind it all.
+static void place_with_padding(uint32_t format, size_t padding) {
+    const size_t step = format == NVSP_FORMAT_RGBA8 ? 4 : 3, width = dive.camera.width;
+    const size_t stride = width * step + padding, rows = dive.camera.height;
+    const size_t size = stride * (rows - 1) + width * step;
+    uint8_t *pixels = malloc(size + 64);
+    memset(pixels, 0xa5, size + 64);
+    const nvsp_picture place = {.format = format, .pixels = pixels, .stride = stride, .size = size};
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, packets[0].bytes, packets[0].size, 0, &place, NULL));
+    int same = 1;
+    for (size_t y = 0; y < rows; y++) {
+        for (size_t x = 0; x < width; x++) {
+            const uint8_t *p = pixels + y * stride + x * step, *q = shown[0] + 3 * (y * width + x);
+            const int flip = format == NVSP_FORMAT_BGR8 ? 2 : 0;
+            same &= p[flip] == q[0] && p[1] == q[1] && p[2 - flip] == q[2];
+            same &= step == 3 || p[3] == 255;
+        }
+        same &= y + 1 == rows || all_are(pixels + y * stride + width * step, 0xa5, padding);
+    }
+    CHECK(same && all_are(pixels + size, 0xa5, 64));
+    free(pixels);
+}
+
+// Places that are not sound are refused before or after decoding; nothing is written in either case.
+static void unsound_places(void) {
+    uint8_t *pixels = malloc(dive.size);
+    memset(pixels, 0xa5, dive.size);
+    const nvsp_picture sound = place_of(pixels, dive.camera.width, dive.camera.height);
+    const packet one = packets[0];
+    const struct {
+        nvsp_status status;
+        nvsp_picture place;
+    } places[] = {
+        {NVSP_ERR_NULL, {sound.format, 0, NULL, sound.stride, sound.size}},
+        {NVSP_ERR_ARGUMENT, {0, 0, pixels, sound.stride, sound.size}},
+        {NVSP_ERR_ARGUMENT, {NVSP_FORMAT_NV12, 0, pixels, sound.stride, sound.size}},
+        {NVSP_ERR_ARGUMENT, {NVSP_FORMAT_I420, 0, pixels, sound.stride, sound.size}},
+        {NVSP_ERR_ARGUMENT, {99, 0, pixels, sound.stride, sound.size}},
+        {NVSP_ERR_ARGUMENT, {sound.format, 1, pixels, sound.stride, sound.size}},
+        {NVSP_ERR_ARGUMENT, {sound.format, 0, pixels, 0, sound.size}},
+        {NVSP_ERR_ARGUMENT, {sound.format, 0, pixels, sound.stride - 1, sound.size}},
+        {NVSP_ERR_ARGUMENT, {NVSP_FORMAT_RGBA8, 0, pixels, sound.stride, sound.size}},
+        {NVSP_ERR_ARGUMENT, {sound.format, 0, pixels, sound.stride, SIZE_MAX}},
+        {NVSP_ERR_BUFFER_TOO_SMALL, {sound.format, 0, pixels, sound.stride, sound.size - 1}},
+        {NVSP_ERR_BUFFER_TOO_SMALL, {sound.format, 0, pixels, sound.stride, 0}},
+        {NVSP_ERR_BUFFER_TOO_SMALL, {sound.format, 0, pixels, SIZE_MAX, sound.size}},
+        {NVSP_ERR_BUFFER_TOO_SMALL, {sound.format, 0, pixels, SIZE_MAX / 53, sound.size}},
+    };
+    for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
+        EXPECT(places[i].status,
+               nvsp_decode(both.decoder, one.bytes, one.size, 0, &places[i].place, NULL));
+        EXPECT(places[i].status,
+               nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &places[i].place));
+        CHECK(all_are(pixels, 0xa5, dive.size));
+    }
+    // The picture that had no room is still there, once.
+    EXPECT(NVSP_OK, nvsp_decode_finish(both.decoder, &sound, NULL));
+    CHECK(memcmp(pixels, shown[0], dive.size) == 0);
+    EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(both.decoder, &sound, NULL));
+    free(pixels);
+}
+
+static void begun_and_finished(void) {
+    nvsp_decoder *decoder = NULL;
+    uint8_t *pixels = malloc(dive.size);
+    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_decode_poll(decoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_decode_wait(decoder, 1));
+    EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(decoder, &place, NULL));
+    for (int i = 0; i < dive.frames; i++) {
+        uint8_t *bytes = malloc(packets[i].size);
+        memcpy(bytes, packets[i].bytes, packets[i].size);
+        nvsp_decoded info;
+        MUST(NVSP_INIT(&info));
+        EXPECT(NVSP_OK, nvsp_decode_begin(decoder, bytes, packets[i].size, 0));
+        free(bytes);  // Not needed any more.
+        EXPECT(NVSP_ERR_BUSY, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
+        EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
+        EXPECT(NVSP_OK, nvsp_decode_poll(decoder));
+        EXPECT(NVSP_OK, nvsp_decode_finish(decoder, &place, &info));
+        CHECK(memcmp(pixels, shown[i], dive.size) == 0 && info.frame == (uint32_t)i);
+    }
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode_begin(decoder, packets[0].bytes, packets[0].size, 2));
+    EXPECT(NVSP_OK, nvsp_decode_begin(decoder, packets[0].bytes, 30, 0));
+    EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
+    EXPECT(NVSP_ERR_PACKET, nvsp_decode_finish(decoder, &place, NULL));
+    EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(decoder, &place, NULL));
+    EXPECT(NVSP_OK, nvsp_decode_begin(decoder, packets[0].bytes, packets[0].size, 0));
+    nvsp_decoder_destroy(decoder);
+    free(pixels);
+}
+
+// Packets of another prior, or of a camera that was in a packet that is missing.
+static void unknown_to_the_topside(void) {
+    nvsp_prior *other = NULL;
+    nvsp_decoder *decoder = NULL;
+    nvsp_decoded info;
+    MUST(NVSP_INIT(&info));
+    MUST(nvsp_prior_open(both.engine, dive.other_prior, NULL, &other));
+    MUST(nvsp_decoder_create(both.engine, other, &decoder));
+    EXPECT(NVSP_ERR_OTHER_PRIOR,
+           nvsp_decode(decoder, packets[0].bytes, packets[0].size, 0, NULL, &info));
+    nvsp_decoder_destroy(decoder);
+    nvsp_prior_destroy(other);
+    MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
+    EXPECT(NVSP_ERR_CAMERA_UNKNOWN,
+           nvsp_decode(decoder, packets[1].bytes, packets[1].size, 0, NULL, &info));
+    CHECK(info.width == 0);
+    EXPECT(NVSP_OK, nvsp_decoder_add_camera(decoder, &dive.camera));
+    EXPECT(NVSP_OK, nvsp_decode(decoder, packets[1].bytes, packets[1].size, 0, NULL, &info));
+    EXPECT(NVSP_ERR_ARGUMENT,
+           nvsp_decode(decoder, packets[1].bytes, packets[1].size, 2, NULL, NULL));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode(decoder, packets[1].bytes, SIZE_MAX, 0, NULL, NULL));
+    nvsp_decoder_destroy(decoder);
+}
+
+// A packet without its end: the render alone; or, known to be its true start, the rows that came, as
+// the whole packet shows them.
+static void starts_of_packets(void) {
+    uint8_t *render = malloc(dive.size), *pixels = malloc(dive.size);
+    const nvsp_picture render_place = place_of(render, dive.camera.width, dive.camera.height);
+    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    const packet one = packets[1];
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, 31, 0, &render_place, NULL));
+    uint32_t rows = 0;
+    for (size_t size = 31; size <= one.size; size++) {
+        nvsp_decoded info;
+        MUST(NVSP_INIT(&info));
+        EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, size, 0, &place, &info));
+        CHECK(size == one.size ? info.rows == info.height && info.damage == NVSP_OK
+                               : info.rows == 0 && info.damage == NVSP_ERR_RESIDUAL);
+        CHECK(memcmp(pixels, size == one.size ? shown[1] : render, dive.size) == 0);
+        EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, size, NVSP_DECODE_START, &place, &info));
+        CHECK(info.rows >= rows && (size == one.size) == (info.damage == NVSP_OK));
+        rows = info.rows;
+        const size_t come = (size_t)rows * dive.camera.width * 3;
+        CHECK(memcmp(pixels, shown[1], come) == 0);
+        CHECK(memcmp(pixels + come, render + come, dive.size - come) == 0);
+    }
+    CHECK(rows == dive.camera.height);
+    free(render);
+    free(pixels);
+}
+
+// What came of opening, failing and succeeding, as the log has it.
+static int logged[4];
+
+static void count_messages(void *user, int32_t level, const char *message) {
+    CHECK(user == logged && level >= 1 && level <= 3 && message[0] != '\0');
+    logged[level]++;
+}
+
+static void messages(void) {
+    nvsp_engine_options options;
+    MUST(NVSP_INIT(&options));
+    options.log = count_messages;
+    options.log_user = logged;
+    rig link = {0};
+    options.device = "no such device";
+    EXPECT(NVSP_ERR_NO_DEVICE, nvsp_engine_create(&options, &link.engine));
+    CHECK(link.engine == NULL && logged[NVSP_LOG_ERROR] == 1);
+    options.device = "\xff";
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_engine_create(&options, &link.engine));
+    options.device = NULL;
+    options.flags = 2;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_engine_create(&options, &link.engine));
+    options.flags = 0;
+    options.reserved = 1;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_engine_create(&options, &link.engine));
+    options.reserved = 0;
+    memset(logged, 0, sizeof logged);
+    MUST(nvsp_engine_create(&options, &link.engine));
+    MUST(nvsp_prior_open(link.engine, dive.prior, NULL, &link.prior));
+    CHECK(logged[NVSP_LOG_INFO] == 2 && logged[NVSP_LOG_ERROR] == 0);
+    rig_add(&link, &dive.camera, NULL);
+    memset(logged, 0, sizeof logged);
+    packet again[MAX_FRAMES];
+    encode_all(&link, &dive, again);
+    for (int i = 0; i < dive.frames; i++) {
+        EXPECT(NVSP_OK, nvsp_decode(link.decoder, again[i].bytes, again[i].size, 0, NULL, NULL));
+        free(again[i].bytes);
+    }
+    CHECK(logged[1] + logged[2] + logged[3] == 0);
+    EXPECT(NVSP_ERR_PACKET, nvsp_decode(link.decoder, shown[0], 9, 0, NULL, NULL));
+    CHECK(logged[NVSP_LOG_ERROR] == 1);
+    char text[512];
+    memset(text, 'x', sizeof text);
+    EXPECT(NVSP_OK, nvsp_decoder_last_error(link.decoder, text, sizeof text));
+    CHECK(strlen(text) > 5);
+    EXPECT(NVSP_OK, nvsp_decoder_last_error(link.decoder, text, 4));
+    CHECK(strlen(text) <= 3);
+    rig_close(&link);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        give_up("usage: decoding SCENE");
+    }
+    scene_read(&dive, argv[1]);
+    rig_open(&both, &dive);
+    nvsp_encoder_options options;
+    MUST(NVSP_INIT(&options));
+    options.threshold = 1e-2f;  // The object that the prior does not know is no reason to doubt.
+    rig_add(&both, &dive.camera, &options);
+    encode_dive();
+
+    the_encoders_pictures();
+    headers();
+    papers_profile();
+    const uint32_t formats[] = {NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8, NVSP_FORMAT_RGBA8};
+    for (int i = 0; i < 6; i++) {
+        place_with_padding(formats[i % 3], i < 3 ? 0 : 11);
+    }
+    unsound_places();
+    begun_and_finished();
+    unknown_to_the_topside();
+    starts_of_packets();
+    messages();
+    for (int i = 0; i < dive.frames; i++) {
+        free(packets[i].bytes);
+        free(shown[i]);
+    }
+    rig_close(&both);
+    scene_free(&dive);
+    return report("decoding");
+}

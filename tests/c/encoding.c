@@ -1,0 +1,320 @@
+// Encoding: what comes when, into which memory, and what stays as it was after an error.
+
+#include "common.h"
+
+static scene dive;
+static rig both;
+static packet packets[MAX_FRAMES];  // As an encoder of all defaults makes them.
+
+static nvsp_encoder *new_encoder(const nvsp_encoder_options *options) {
+    nvsp_encoder *encoder = NULL;
+    MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, options, &encoder));
+    return encoder;
+}
+
+static int is_packet(int frame, const uint8_t *bytes, size_t size) {
+    return size == packets[frame].size && memcmp(bytes, packets[frame].bytes, size) == 0;
+}
+
+// Before the first frame, and with nothing to start from.
+static void nothing_yet(void) {
+    nvsp_encoder *encoder = new_encoder(NULL);
+    uint8_t bytes[4096], *pixels = malloc(dive.size);
+    size_t written = 77;
+    memset(bytes, 0xa5, sizeof bytes);
+    memset(pixels, 0xa5, dive.size);
+    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    const nvsp_image image = scene_image(&dive, 0);
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(encoder, 1));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_finish(encoder, bytes, sizeof bytes, &written, NULL));
+    EXPECT(NVSP_ERR_STATE, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
+    EXPECT(NVSP_ERR_NO_START, nvsp_encode(encoder, &image, NULL, bytes, sizeof bytes, &written, NULL));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, NULL));
+    EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 60000));
+    EXPECT(NVSP_ERR_NO_START, nvsp_encode_finish(encoder, bytes, sizeof bytes, &written, NULL));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_finish(encoder, bytes, sizeof bytes, &written, NULL));
+    nvsp_pose poses[3] = {dive.poses[0], dive.poses[0], dive.poses[0]};
+    memset(poses[0].rotation, 0, sizeof poses[0].rotation);
+    poses[1].rotation[1] = strtod("nan", NULL);
+    poses[2].translation[2] = strtod("inf", NULL);
+    for (int i = 0; i < 3; i++) {
+        EXPECT(NVSP_ERR_ARGUMENT,
+               nvsp_encode(encoder, &image, &poses[i], bytes, sizeof bytes, &written, NULL));
+        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(encoder, &image, &poses[i]));
+    }
+    CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes) && all_are(pixels, 0xa5, dive.size));
+    // None of that was a frame.
+    EXPECT(NVSP_OK,
+           nvsp_encode(encoder, &image, &dive.poses[0], bytes, sizeof bytes, &written, NULL));
+    CHECK(is_packet(0, bytes, written));
+    free(pixels);
+    nvsp_encoder_destroy(encoder);
+}
+
+// A packet that does not fit stays, and nothing is written; its error says how much it takes.
+static void short_buffers(void) {
+    nvsp_encoder *encoder = new_encoder(NULL);
+    uint8_t bytes[4096];
+    size_t written = 77;
+    nvsp_frame_stats stats;
+    const nvsp_image image = scene_image(&dive, 0);
+    MUST(NVSP_INIT(&stats));
+    memset(bytes, 0xa5, sizeof bytes);
+    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL,
+           nvsp_encode(encoder, &image, &dive.poses[0], bytes, 0, &written, &stats));
+    const size_t rooms[] = {0, 1, 31, packets[0].size - 1};
+    for (size_t i = 0; i < 4; i++) {
+        EXPECT(NVSP_ERR_BUFFER_TOO_SMALL,
+               nvsp_encode_finish(encoder, bytes, rooms[i], &written, &stats));
+    }
+    CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes) && stats.bytes == 0);
+    char text[512], needed[32];
+    MUST(nvsp_encoder_last_error(encoder, text, sizeof text));
+    snprintf(needed, sizeof needed, "%zu", packets[0].size);
+    CHECK(strstr(text, needed) != NULL);
+    EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, packets[0].size, &written, &stats));
+    CHECK(is_packet(0, bytes, written) && stats.bytes == written);
+    CHECK(all_are(bytes + written, 0xa5, sizeof bytes - written));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_finish(encoder, bytes, sizeof bytes, &written, &stats));
+    nvsp_encoder_destroy(encoder);
+}
+
+// While a frame is being encoded, the encoder is not to be had for anything else.
+static void busy_with(nvsp_encoder *encoder, const nvsp_image *image) {
+    uint8_t bytes[4096];
+    size_t written = 77;
+    const nvsp_picture place = {.format = NVSP_FORMAT_RGB8};
+    EXPECT(NVSP_ERR_BUSY, nvsp_encode_begin(encoder, image, NULL));
+    EXPECT(NVSP_ERR_BUSY, nvsp_encode(encoder, image, NULL, bytes, sizeof bytes, &written, NULL));
+    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_set_rate(encoder, NVSP_RATE_QUALITY, 50));
+    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_set_camera(encoder, &dive.camera));
+    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_reopen(encoder, both.engine, both.prior));
+    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
+    EXPECT(NVSP_PENDING, nvsp_encode_finish(encoder, bytes, sizeof bytes, &written, NULL));
+    EXPECT(NVSP_PENDING, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_PENDING, nvsp_encode_wait(encoder, 0));
+    CHECK(written == 77);
+}
+
+// Frames on the encoder's own thread are the same; the image is not needed after the beginning.
+static void begun_and_finished(void) {
+    nvsp_encoder *encoder = new_encoder(NULL);
+    uint8_t *pixels = malloc(dive.size), bytes[4096];
+    for (int i = 0; i < dive.frames; i++) {
+        nvsp_image image = scene_image(&dive, i);
+        memcpy(pixels, dive.pixels[i], dive.size);
+        image.planes[0] = pixels;
+        EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, i == 0 ? &dive.poses[0] : NULL));
+        memset(pixels, 0, dive.size);
+        if (i == 1) {
+            busy_with(encoder, &image);
+        }
+        while (nvsp_encode_wait(encoder, 1) == NVSP_PENDING) {
+        }
+        EXPECT(NVSP_OK, nvsp_encode_poll(encoder));
+        size_t size = 0;
+        EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, sizeof bytes, &size, NULL));
+        CHECK(is_packet(i, bytes, size));
+    }
+    free(pixels);
+    nvsp_encoder_destroy(encoder);
+    // One that is destroyed meanwhile ends after its frame.
+    encoder = new_encoder(NULL);
+    const nvsp_image image = scene_image(&dive, 0);
+    EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, &dive.poses[0]));
+    nvsp_encoder_destroy(encoder);
+}
+
+static void rates(void) {
+    const nvsp_image image = scene_image(&dive, 0);
+    const struct {
+        uint32_t mode;
+        float value;
+    } wrong[] = {{NVSP_RATE_QUALITY, -1}, {NVSP_RATE_QUALITY, 101},        {NVSP_RATE_BYTES, -1},
+                 {5, 1},                  {UINT32_MAX, 1},                 {NVSP_RATE_PSNR, strtof("nan", NULL)},
+                 {NVSP_RATE_BYTES, strtof("inf", NULL)}, {NVSP_RATE_QUALITY, strtof("nan", NULL)}};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        EXPECT(NVSP_ERR_ARGUMENT,
+               nvsp_encoder_set_rate(both.encoder, wrong[i].mode, wrong[i].value));
+    }
+    const size_t bound = nvsp_packet_bound(dive.camera.width, dive.camera.height);
+    uint8_t *bytes = malloc(bound);
+    for (int budget = 40; budget < 3000; budget += budget / 2) {
+        nvsp_frame_stats stats;
+        MUST(NVSP_INIT(&stats));
+        size_t size = 0;
+        EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_BYTES, (float)budget));
+        EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, &dive.poses[0], bytes, (size_t)budget, &size,
+                                    &stats));
+        CHECK(size <= (size_t)budget && size >= 31 && stats.latent_bytes == 31);
+    }
+    size_t size = 77;
+    EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_BYTES, 30));
+    EXPECT(NVSP_ERR_BUDGET, nvsp_encode(both.encoder, &image, NULL, bytes, bound, &size, NULL));
+    CHECK(size == 77);
+    EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_NONE, 0));
+    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, bound, &size, NULL));
+    CHECK(size == 31);
+    nvsp_frame_stats stats;
+    MUST(NVSP_INIT(&stats));
+    EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_PSNR, 38));
+    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, bound, &size, &stats));
+    CHECK(stats.psnr >= 38 && (stats.flags & NVSP_FRAME_RATE_MISSED) == 0);
+    EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_PSNR, 98));
+    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, bound, &size, &stats));
+    CHECK(stats.flags & NVSP_FRAME_RATE_MISSED);
+    EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_QUALITY, 100));
+    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, bound, &size, NULL));
+    CHECK(size <= bound);
+    free(bytes);
+    CHECK(nvsp_packet_bound(0, 5) == 0 && nvsp_packet_bound(5, 4097) == 0);
+    CHECK(nvsp_packet_bound(4096, 4096) > 0 && nvsp_packet_bound(UINT32_MAX, UINT32_MAX) == 0);
+}
+
+// Noise that the prior knows nothing of: the packet that takes the most.
+static void bound_of_noise(void) {
+    nvsp_encoder_options options;
+    MUST(NVSP_INIT(&options));
+    options.rate = NVSP_RATE_QUALITY;
+    options.rate_value = 100;
+    options.profile = NVSP_PROFILE_PAPER;
+    nvsp_encoder *encoder = new_encoder(&options);
+    uint64_t seed = 5;
+    uint8_t *pixels = malloc(dive.size);
+    for (size_t i = 0; i < dive.size; i++) {
+        pixels[i] = (uint8_t)random_bits(&seed);
+    }
+    nvsp_image image = scene_image(&dive, 0);
+    image.planes[0] = pixels;
+    const size_t bound = nvsp_packet_bound(dive.camera.width, dive.camera.height);
+    uint8_t *bytes = malloc(bound);
+    size_t size = 0;
+    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &dive.poses[0], bytes, bound, &size, NULL));
+    CHECK(size > 1000 && size <= bound);
+    free(bytes);
+    free(pixels);
+    nvsp_encoder_destroy(encoder);
+}
+
+static void options_and_cameras(void) {
+    nvsp_encoder *encoder = NULL;
+    nvsp_encoder_options options;
+    for (int i = 0; i < 7; i++) {
+        MUST(NVSP_INIT(&options));
+        options.optimizer = i == 0 ? 4 : 0;
+        options.profile = i == 1 ? 2 : 0;
+        options.levels = i == 2 ? 7 : 0;
+        options.threshold = i == 3 ? -1 : i == 4 ? strtof("nan", NULL) : 0;
+        options.rate = i == 5 ? 5 : i == 6 ? NVSP_RATE_QUALITY : 0;
+        options.rate_value = i == 6 ? 200 : 0;
+        EXPECT(NVSP_ERR_ARGUMENT,
+               nvsp_encoder_create(both.engine, both.prior, &dive.camera, &options, &encoder));
+    }
+    const float nan = strtof("nan", NULL), infinite = strtof("inf", NULL);
+    nvsp_camera cameras[10];
+    for (int i = 0; i < 10; i++) {
+        cameras[i] = dive.camera;
+    }
+    cameras[0].width = 0;
+    cameras[1].height = 0;
+    cameras[2].width = 4097;
+    cameras[3].height = UINT32_MAX;
+    cameras[4].fx = 0;
+    cameras[5].fy = -1;
+    cameras[6].fx = nan;
+    cameras[7].cx = nan;
+    cameras[8].cy = infinite;
+    cameras[9].fy = infinite;
+    for (int i = 0; i < 10; i++) {
+        EXPECT(NVSP_ERR_CAMERA,
+               nvsp_encoder_create(both.engine, both.prior, &cameras[i], NULL, &encoder));
+        EXPECT(NVSP_ERR_CAMERA, nvsp_encoder_set_camera(both.encoder, &cameras[i]));
+        EXPECT(NVSP_ERR_CAMERA, nvsp_decoder_add_camera(both.decoder, &cameras[i]));
+    }
+    CHECK(encoder == NULL);
+}
+
+// Another size from one frame to the next, and back.
+static void another_camera(void) {
+    nvsp_encoder *encoder = new_encoder(NULL);
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t bytes[4096], *pixels = malloc(dive.size);
+    const uint32_t widths[] = {64, 96, 48};
+    for (int i = 0; i < 3; i++) {
+        const nvsp_camera camera = scaled_camera(&dive, widths[i]);
+        const nvsp_picture place = place_of(pixels, camera.width, camera.height);
+        nvsp_header header;
+        MUST(NVSP_INIT(&header));
+        size_t size = 0;
+        EXPECT(NVSP_OK, nvsp_encoder_set_camera(encoder, &camera));
+        EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, NULL));
+        EXPECT(NVSP_OK, nvsp_decode_header(bytes, size, NULL, &header));
+        CHECK(header.width == camera.width && header.height == camera.height);
+        CHECK(header.frame == (uint32_t)i);
+        // The packet carries the camera: a decoder that never heard of it can use it.
+        EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, &place, NULL));
+    }
+    free(pixels);
+    nvsp_encoder_destroy(encoder);
+}
+
+// Encoder and decoder live on when what they were made with is gone, and go on with the same prior.
+static void order_of_ends(void) {
+    rig ends;
+    rig_open(&ends, &dive);
+    rig_add(&ends, &dive.camera, NULL);
+    nvsp_engine_destroy(ends.engine);
+    nvsp_prior_destroy(ends.prior);
+    ends.engine = NULL;
+    ends.prior = NULL;
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t bytes[4096];
+    size_t size = 0;
+    EXPECT(NVSP_OK,
+           nvsp_encode(ends.encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, NULL));
+    CHECK(is_packet(0, bytes, size));
+    EXPECT(NVSP_OK, nvsp_decode(ends.decoder, bytes, size, 0, NULL, NULL));
+    nvsp_prior *other = NULL;
+    MUST(nvsp_prior_open(both.engine, dive.other_prior, NULL, &other));
+    EXPECT(NVSP_ERR_OTHER_PRIOR, nvsp_encoder_reopen(ends.encoder, both.engine, other));
+    EXPECT(NVSP_ERR_OTHER_PRIOR, nvsp_decoder_reopen(ends.decoder, both.engine, other));
+    nvsp_prior_destroy(other);
+    for (int i = 1; i < dive.frames; i++) {
+        const nvsp_image next = scene_image(&dive, i);
+        if (i == 2) {
+            EXPECT(NVSP_OK, nvsp_encoder_reopen(ends.encoder, both.engine, both.prior));
+            EXPECT(NVSP_OK, nvsp_decoder_reopen(ends.decoder, both.engine, both.prior));
+        }
+        EXPECT(NVSP_OK, nvsp_encode(ends.encoder, &next, NULL, bytes, sizeof bytes, &size, NULL));
+        CHECK(is_packet(i, bytes, size));
+        EXPECT(NVSP_OK, nvsp_decode(ends.decoder, bytes, size, 0, NULL, NULL));
+    }
+    rig_close(&ends);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        give_up("usage: encoding SCENE");
+    }
+    scene_read(&dive, argv[1]);
+    rig_open(&both, &dive);
+    rig_add(&both, &dive.camera, NULL);
+    encode_all(&both, &dive, packets);
+
+    nothing_yet();
+    short_buffers();
+    begun_and_finished();
+    rates();
+    bound_of_noise();
+    options_and_cameras();
+    another_camera();
+    order_of_ends();
+    for (int i = 0; i < dive.frames; i++) {
+        free(packets[i].bytes);
+    }
+    rig_close(&both);
+    scene_free(&dive);
+    return report("encoding");
+}

@@ -1,0 +1,281 @@
+// Bytes that nobody meant: random ones, damaged ones, and ones whose checks are right all the same.
+// Every call must give a result or an error, within its memory; a memory checker sees the rest.
+
+#include "common.h"
+
+static scene dive;
+static rig both;
+static packet packets[MAX_FRAMES];
+static nvsp_reassembler *reassembler;
+static uint64_t seed = 7;
+static long shown, refused;
+
+// As large as `size`, so that a memory checker sees what is read beyond it.
+static uint8_t *copy_of(const uint8_t *bytes, size_t size) {
+    uint8_t *copy = malloc(size > 0 ? size : 1);
+    memcpy(copy, bytes, size);
+    return copy;
+}
+
+// Gives the bytes to everything that takes bytes of a link.
+static void offer(const uint8_t *bytes, size_t size) {
+    uint8_t *copy = copy_of(bytes, size), frame[256];
+    size_t written = 0;
+    nvsp_header header;
+    nvsp_decoded info;
+    MUST(NVSP_INIT(&header));
+    const nvsp_status read = nvsp_decode_header(copy, size, both.prior, &header);
+    CHECK(read == NVSP_OK || read == NVSP_ERR_PACKET);
+    for (uint32_t flags = 0; flags <= NVSP_DECODE_START; flags++) {
+        MUST(NVSP_INIT(&info));
+        const nvsp_status status = nvsp_decode(both.decoder, copy, size, flags, NULL, &info);
+        CHECK(status == NVSP_OK || status == NVSP_ERR_PACKET || status == NVSP_ERR_OTHER_PRIOR
+              || status == NVSP_ERR_CAMERA_UNKNOWN);
+        CHECK(status != NVSP_OK || (read == NVSP_OK && info.rows <= info.height));
+        shown += status == NVSP_OK;
+        refused += status != NVSP_OK;
+    }
+    const nvsp_status status = nvsp_reassembler_push(reassembler, copy, size, NULL);
+    CHECK(status == NVSP_OK || status == NVSP_ERR_MODEM);
+    const nvsp_status cut = nvsp_modem_frame(copy, size, 64, 0, frame, sizeof frame, &written);
+    CHECK(cut == NVSP_OK || cut == NVSP_ERR_MODEM);
+    free(copy);
+}
+
+static void random_bytes(void) {
+    uint8_t bytes[600];
+    const size_t size = random_below(&seed, sizeof bytes);
+    for (size_t i = 0; i < size; i++) {
+        bytes[i] = (uint8_t)random_bits(&seed);
+    }
+    if (size > 0 && random_below(&seed, 2)) {
+        bytes[0] = 0xb1;  // As a packet begins.
+    }
+    offer(bytes, size);
+}
+
+// A packet with some bytes turned over, cut out, doubled, or with its end lost.
+static size_t damaged(uint8_t *bytes, size_t size, size_t room) {
+    for (uint32_t turn = random_below(&seed, 4) + 1; turn > 0 && size > 1; turn--) {
+        const size_t at = random_below(&seed, (uint32_t)size);
+        switch (random_below(&seed, 4)) {
+        case 0:
+            bytes[at] ^= (uint8_t)(1u << random_below(&seed, 8));
+            break;
+        case 1:
+            bytes[at] = (uint8_t)random_bits(&seed);
+            break;
+        case 2:
+            memmove(bytes + at, bytes + at + 1, size - at - 1);
+            size--;
+            break;
+        default:
+            if (random_below(&seed, 8) == 0) {
+                size = at;
+            } else if (size < room) {
+                memmove(bytes + at + 1, bytes + at, size - at);
+                size++;
+            }
+        }
+    }
+    return size;
+}
+
+static void damaged_packets(void) {
+    uint8_t bytes[4096];
+    const packet one = packets[random_below(&seed, (uint32_t)dive.frames)];
+    memcpy(bytes, one.bytes, one.size);
+    offer(bytes, damaged(bytes, one.size, sizeof bytes));
+}
+
+// The packet's checks, as src/packet/mod.rs has them: CRC-16/IBM-3740, and CRC-32 of IEEE 802.3.
+static uint16_t crc16(const uint8_t *bytes, size_t size) {
+    uint16_t crc = 0xffff;
+    for (size_t i = 0; i < size; i++) {
+        crc ^= (uint16_t)(bytes[i] << 8);
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (uint16_t)(crc & 0x8000 ? crc << 1 ^ 0x1021 : crc << 1);
+        }
+    }
+    return crc;
+}
+
+static uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size) {
+    crc = ~crc;
+    for (size_t i = 0; i < size; i++) {
+        crc ^= bytes[i];
+        for (int bit = 0; bit < 8; bit++) {
+            crc = crc & 1 ? crc >> 1 ^ 0xedb88320u : crc >> 1;
+        }
+    }
+    return ~crc;
+}
+
+// Puts a sound check behind a damaged difference picture; packet 1 carries no camera.
+static void sealed_residuals(void) {
+    const packet one = packets[1];
+    const size_t latent = 31, head = latent + 2;  // The length takes two bytes from 128 to 16383.
+    uint8_t bytes[4096], payload[4096];
+    size_t size = one.size - head - 4;
+    memcpy(payload, one.bytes + head, size);
+    size = damaged(payload, size, sizeof payload - 64);
+    if (random_below(&seed, 4) == 0) {
+        for (size_t i = 20 + random_below(&seed, 40); i < size; i++) {
+            payload[i] = (uint8_t)random_bits(&seed);
+        }
+    }
+    if (size < 128) {
+        return;
+    }
+    memcpy(bytes, one.bytes, latent);
+    bytes[latent] = (uint8_t)(size | 0x80);
+    bytes[latent + 1] = (uint8_t)(size >> 7);
+    memcpy(bytes + head, payload, size);
+    const uint32_t crc = crc32(0, bytes, head + size);
+    for (int i = 0; i < 4; i++) {
+        bytes[head + size + (size_t)i] = (uint8_t)(crc >> 8 * i);
+    }
+    offer(bytes, head + size + 4);
+}
+
+// A latent part with a sound check that says anything; the prior's identity stays.
+static void sealed_latents(void) {
+    uint8_t bytes[4096];
+    const packet one = packets[random_below(&seed, (uint32_t)dive.frames)];
+    memcpy(bytes, one.bytes, one.size);
+    for (uint32_t turn = random_below(&seed, 6); turn > 0; turn--) {
+        const uint32_t at = 1 + random_below(&seed, 28);
+        // Not the prior, nor the picture's size, which the camera's check covers.
+        if (at < 5 || at > 11) {
+            bytes[at] = (uint8_t)random_bits(&seed);
+        }
+    }
+    const uint16_t crc = crc16(bytes, 29);
+    bytes[29] = (uint8_t)crc;
+    bytes[30] = (uint8_t)(crc >> 8);
+    offer(bytes, one.size);
+}
+
+// Cameras of any intrinsics and size, with sound checks: what they ask for must be had or refused.
+static void sealed_cameras(void) {
+    uint8_t bytes[49];
+    memcpy(bytes, packets[0].bytes, sizeof bytes);
+    const uint32_t width = random_below(&seed, 300), height = random_below(&seed, 300);
+    bytes[9] = (uint8_t)width;
+    bytes[10] = (uint8_t)(width >> 8 | height << 4);
+    bytes[11] = (uint8_t)(height >> 4);
+    for (int i = 0; i < 4; i++) {
+        const float numbers[] = {0, -1, 1e-30f, 1e30f, 50, (float)width, strtof("nan", NULL),
+                                 strtof("inf", NULL)};
+        memcpy(bytes + 31 + 4 * i, &numbers[random_below(&seed, 8)], 4);
+    }
+    uint8_t covered[19];
+    memcpy(covered, bytes + 9, 3);
+    memcpy(covered + 3, bytes + 31, 16);
+    const uint16_t camera = crc16(covered, sizeof covered);
+    bytes[47] = (uint8_t)camera;
+    bytes[48] = (uint8_t)(camera >> 8);
+    bytes[28] = (uint8_t)camera;
+    const uint16_t crc = crc16(bytes, 29);
+    bytes[29] = (uint8_t)crc;
+    bytes[30] = (uint8_t)(crc >> 8);
+    offer(bytes, sizeof bytes);
+}
+
+// Priors that are damaged in their header or in their splats.
+static void damaged_priors(int rounds) {
+    size_t size = 0;
+    uint8_t *sound = read_all(dive.prior, &size), *bytes = malloc(size + 8);
+    const uint8_t *end = (const uint8_t *)strstr((const char *)sound, "end_header\n");
+    const size_t header = end == NULL ? 400 : (size_t)(end - sound) + 11;
+    long opened = 0;
+    for (int i = 0; i < rounds; i++) {
+        memcpy(bytes, sound, size);
+        size_t left = size;
+        if (i % 3 == 0) {  // The header, and its length.
+            const size_t longer = damaged(bytes, header, header + 4);
+            memcpy(bytes + longer, sound + header, size - header);
+            left = longer + size - header;
+        } else if (i % 3 == 1) {
+            for (uint32_t turn = random_below(&seed, 300); turn > 0; turn--) {
+                bytes[header + random_below(&seed, (uint32_t)(size - header))] ^=
+                    (uint8_t)(1u << random_below(&seed, 8));
+            }
+        } else {
+            left = random_below(&seed, (uint32_t)size);
+        }
+        uint8_t *copy = copy_of(bytes, left);
+        nvsp_prior *prior = NULL;
+        const nvsp_status status = nvsp_prior_open_memory(both.engine, copy, left, NULL, &prior);
+        CHECK(status == NVSP_OK || status == NVSP_ERR_PRIOR || status == NVSP_ERR_ARGUMENT);
+        CHECK((status == NVSP_OK) == (prior != NULL));
+        opened += prior != NULL;
+        nvsp_prior_destroy(prior);
+        free(copy);
+    }
+    CHECK(opened > 0 && opened < rounds);
+    free(bytes);
+    free(sound);
+}
+
+// Files that promise more splats than anyone has.
+static void absurd_priors(void) {
+    const char *const counts[] = {"0", "4294967295", "4294967296", "18446744073709551615",
+                                  "99999999999999999999999", "-1", "1e9", "0x10", ""};
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+        char text[512];
+        snprintf(text, sizeof text,
+                 "ply\nformat binary_little_endian 1.0\nelement vertex %s\nproperty float x\n"
+                 "property float y\nproperty float z\nend_header\n0123456789ab",
+                 counts[i]);
+        uint8_t *copy = copy_of((const uint8_t *)text, strlen(text));
+        nvsp_prior *prior = NULL;
+        EXPECT(NVSP_ERR_PRIOR,
+               nvsp_prior_open_memory(both.engine, copy, strlen(text), NULL, &prior));
+        free(copy);
+    }
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2 && argc != 3) {
+        give_up("usage: garbage SCENE [ROUNDS]");
+    }
+    const int rounds = argc == 3 ? atoi(argv[2]) : 400;
+    scene_read(&dive, argv[1]);
+    rig_open(&both, &dive);
+    nvsp_encoder_options options;
+    MUST(NVSP_INIT(&options));
+    options.rate = NVSP_RATE_BYTES;
+    options.rate_value = 900;
+    rig_add(&both, &dive.camera, &options);
+    encode_all(&both, &dive, packets);
+    MUST(nvsp_decoder_add_camera(both.decoder, &dive.camera));
+    MUST(nvsp_reassembler_create(64, NULL, &reassembler));
+
+    for (int i = 0; i < rounds; i++) {
+        random_bytes();
+        damaged_packets();
+        sealed_residuals();
+        sealed_latents();
+        if (i % 20 == 0) {
+            sealed_cameras();
+        }
+    }
+    CHECK(shown > rounds && refused > rounds);
+    damaged_priors(rounds / 4 + 6);
+    absurd_priors();
+    // And still it works.
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, packets[0].bytes, packets[0].size, 0, NULL, NULL));
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t bytes[4096];
+    size_t size = 0;
+    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, sizeof bytes, &size, NULL));
+    nvsp_reassembler_destroy(reassembler);
+    for (int i = 0; i < dive.frames; i++) {
+        free(packets[i].bytes);
+    }
+    rig_close(&both);
+    scene_free(&dive);
+    printf("garbage: %ld shown, %ld refused\n", shown, refused);
+    return report("garbage");
+}

@@ -1,0 +1,129 @@
+// A device that is lost in the middle of a frame, and the way back: engine, prior, encoder and decoder.
+// It runs under the layer of lost_device_layer.c.
+
+#define _GNU_SOURCE
+
+#include "common.h"
+
+static scene dive;
+static packet sound[MAX_FRAMES];  // As they would be without losses.
+
+// Of the calls of vkQueueSubmit from here on, the one with this number loses the device.
+static void lose(int number) {
+    char text[16];
+    snprintf(text, sizeof text, "%d", number);
+    setenv("NVSP_LOSE_SUBMIT", text, 1);
+}
+
+static void lose_none(void) { unsetenv("NVSP_LOSE_SUBMIT"); }
+
+static void without_losses(void) {
+    rig both;
+    rig_open(&both, &dive);
+    rig_add(&both, &dive.camera, NULL);
+    encode_all(&both, &dive, sound);
+    rig_close(&both);
+}
+
+// Everything on the lost device fails, at once or begun, and writes nothing.
+static void all_is_lost(rig *both, int frame) {
+    const nvsp_image image = scene_image(&dive, frame);
+    const nvsp_pose *pose = &dive.poses[frame];
+    uint8_t bytes[4096];
+    size_t size = 77;
+    nvsp_encoder *encoder = NULL;
+    nvsp_prior *prior = NULL;
+    memset(bytes, 0xa5, sizeof bytes);
+    for (int i = 0; i < 2; i++) {
+        EXPECT(NVSP_ERR_DEVICE_LOST,
+               nvsp_encode(both->encoder, &image, pose, bytes, sizeof bytes, &size, NULL));
+        EXPECT(NVSP_OK, nvsp_encode_begin(both->encoder, &image, pose));
+        EXPECT(NVSP_OK, nvsp_encode_wait(both->encoder, 60000));
+        EXPECT(NVSP_ERR_DEVICE_LOST,
+               nvsp_encode_finish(both->encoder, bytes, sizeof bytes, &size, NULL));
+        EXPECT(NVSP_ERR_DEVICE_LOST,
+               nvsp_decode(both->decoder, sound[0].bytes, sound[0].size, 0, NULL, NULL));
+    }
+    EXPECT(NVSP_ERR_DEVICE_LOST, nvsp_prior_open(both->engine, dive.prior, NULL, &prior));
+    EXPECT(NVSP_ERR_DEVICE_LOST,
+           nvsp_encoder_create(both->engine, both->prior, &dive.camera, NULL, &encoder));
+    char text[256];
+    EXPECT(NVSP_OK, nvsp_engine_last_error(both->engine, text, sizeof text));
+    CHECK(strstr(text, "lost") != NULL);
+    CHECK(size == 77 && prior == NULL && encoder == NULL && all_are(bytes, 0xa5, sizeof bytes));
+}
+
+// As the header says: engine, prior, encoder and decoder, and away with the old prior.
+static void reopen(rig *both) {
+    nvsp_prior *anew = NULL;
+    EXPECT(NVSP_OK, nvsp_engine_reopen(both->engine));
+    MUST(nvsp_prior_open(both->engine, dive.prior, NULL, &anew));
+    EXPECT(NVSP_OK, nvsp_encoder_reopen(both->encoder, both->engine, anew));
+    EXPECT(NVSP_OK, nvsp_decoder_reopen(both->decoder, both->engine, anew));
+    nvsp_prior_destroy(both->prior);
+    both->prior = anew;
+}
+
+// Loses the device at a frame, and goes on from that frame. The packets are those without losses: frame
+// numbers go on, and the decoder still knows the camera, which only the first packet carries.
+static void lost_while_encoding(int frame, int submit) {
+    rig both;
+    rig_open(&both, &dive);
+    rig_add(&both, &dive.camera, NULL);
+    uint8_t bytes[4096];
+    for (int i = 0; i < dive.frames; i++) {
+        const nvsp_image image = scene_image(&dive, i);
+        const nvsp_pose *hint = i == 0 ? &dive.poses[0] : NULL;
+        size_t size = 77;
+        if (i == frame) {
+            lose(submit);
+            EXPECT(NVSP_ERR_DEVICE_LOST,
+                   nvsp_encode(both.encoder, &image, hint, bytes, sizeof bytes, &size, NULL));
+            lose_none();
+            CHECK(size == 77);
+            all_is_lost(&both, i);
+            reopen(&both);
+        }
+        EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, hint, bytes, sizeof bytes, &size, NULL));
+        CHECK(size == sound[i].size && memcmp(bytes, sound[i].bytes, size) == 0);
+        EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, NULL, NULL));
+    }
+    rig_close(&both);
+}
+
+static void lost_while_decoding(void) {
+    rig both;
+    rig_open(&both, &dive);
+    rig_add(&both, &dive.camera, NULL);
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, sound[0].bytes, sound[0].size, 0, NULL, NULL));
+    lose(1);
+    nvsp_decoded info;
+    MUST(NVSP_INIT(&info));
+    EXPECT(NVSP_ERR_DEVICE_LOST,
+           nvsp_decode(both.decoder, sound[1].bytes, sound[1].size, 0, NULL, &info));
+    lose_none();
+    CHECK(info.width == 0);
+    reopen(&both);
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, sound[1].bytes, sound[1].size, 0, NULL, &info));
+    CHECK(info.frame == 1 && info.rows == info.height);
+    rig_close(&both);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        give_up("usage: lost_device SCENE");
+    }
+    scene_read(&dive, argv[1]);
+    lose_none();
+    without_losses();
+    lost_while_encoding(0, 1);
+    lost_while_encoding(3, 1);
+    lost_while_encoding(3, 4);
+    lost_while_encoding(5, 9);
+    lost_while_decoding();
+    for (int i = 0; i < dive.frames; i++) {
+        free(sound[i].bytes);
+    }
+    scene_free(&dive);
+    return report("lost_device");
+}

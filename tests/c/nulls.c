@@ -1,0 +1,192 @@
+// NULL for every pointer of every function in turn: NVSP_ERR_NULL where it must not be, and nothing
+// written through the others.
+
+#include "common.h"
+
+static scene dive;
+static rig both;
+static packet first;
+
+static void engines_and_priors(void) {
+    nvsp_engine_info info;
+    nvsp_prior_info prior_info;
+    nvsp_prior *prior = NULL;
+    char text[64];
+    MUST(NVSP_INIT(&info));
+    MUST(NVSP_INIT(&prior_info));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_create(NULL, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_reopen(NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_get_info(NULL, &info));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_get_info(both.engine, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_last_error(NULL, text, sizeof text));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_last_error(both.engine, NULL, 5));
+    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_engine_last_error(both.engine, text, 0));
+
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_open(NULL, dive.prior, NULL, &prior));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_open(both.engine, NULL, NULL, &prior));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_open(both.engine, dive.prior, NULL, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_open_memory(NULL, first.bytes, 9, NULL, &prior));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_open_memory(both.engine, NULL, 9, NULL, &prior));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_open_memory(both.engine, first.bytes, 9, NULL, NULL));
+    EXPECT(NVSP_ERR_PRIOR, nvsp_prior_open_memory(both.engine, NULL, 0, NULL, &prior));
+    EXPECT(NVSP_ERR_FILE, nvsp_prior_open(both.engine, "no/such/file.ply", NULL, &prior));
+    CHECK(prior == NULL);
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_get_info(NULL, &prior_info));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_get_info(both.prior, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_last_error(NULL, text, sizeof text));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_last_error(both.prior, NULL, 5));
+    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_prior_last_error(both.prior, text, 0));
+}
+
+static void encoders(void) {
+    nvsp_encoder *made = NULL;
+    const nvsp_camera *camera = &dive.camera;
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_create(NULL, both.prior, camera, NULL, &made));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_create(both.engine, NULL, camera, NULL, &made));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_create(both.engine, both.prior, NULL, NULL, &made));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_create(both.engine, both.prior, camera, NULL, NULL));
+    CHECK(made == NULL);
+
+    nvsp_encoder *encoder = both.encoder;
+    const nvsp_image image = scene_image(&dive, 0);
+    const nvsp_picture place = {.format = NVSP_FORMAT_RGB8};
+    uint8_t bytes[4096];
+    char text[64];
+    size_t written = 77;
+    nvsp_frame_stats stats;
+    MUST(NVSP_INIT(&stats));
+    memset(bytes, 0xa5, sizeof bytes);
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_rate(NULL, NVSP_RATE_QUALITY, 5));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_camera(NULL, camera));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_camera(encoder, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_reopen(NULL, both.engine, both.prior));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_reopen(encoder, NULL, both.prior));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_reopen(encoder, both.engine, NULL));
+    const size_t size = sizeof bytes;
+    const nvsp_pose *pose = &dive.poses[0];
+    EXPECT(NVSP_ERR_NULL, nvsp_encode(NULL, &image, pose, bytes, size, &written, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode(encoder, NULL, pose, bytes, size, &written, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode(encoder, &image, pose, NULL, size, &written, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode(encoder, &image, pose, NULL, 0, &written, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode(encoder, &image, pose, bytes, size, NULL, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(NULL, &image, pose));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(encoder, NULL, pose));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_poll(NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_wait(NULL, 1));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_finish(NULL, bytes, size, &written, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_finish(encoder, NULL, size, &written, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_finish(encoder, bytes, size, NULL, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_get_picture(NULL, NVSP_PICTURE_SHOWN, &place));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_last_error(NULL, text, sizeof text));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_last_error(encoder, NULL, 5));
+    CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes) && stats.bytes == 0);
+}
+
+static void decoders(void) {
+    nvsp_decoder *made = NULL;
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_create(NULL, both.prior, &made));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_create(both.engine, NULL, &made));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_create(both.engine, both.prior, NULL));
+    CHECK(made == NULL);
+
+    nvsp_decoder *decoder = both.decoder;
+    nvsp_picture place = place_of(NULL, dive.camera.width, dive.camera.height);
+    char text[64];
+    nvsp_decoded info;
+    nvsp_header header;
+    MUST(NVSP_INIT(&info));
+    MUST(NVSP_INIT(&header));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_add_camera(NULL, &dive.camera));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_add_camera(decoder, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_reopen(NULL, both.engine, both.prior));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_reopen(decoder, NULL, both.prior));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_reopen(decoder, both.engine, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode(NULL, first.bytes, first.size, 0, NULL, &info));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode(decoder, NULL, first.size, 0, NULL, &info));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode(decoder, NULL, 0, 0, NULL, &info));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode(decoder, first.bytes, first.size, 0, &place, &info));
+    CHECK(info.width == 0);
+    EXPECT(NVSP_OK, nvsp_decode(decoder, first.bytes, first.size, 0, NULL, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode_begin(NULL, first.bytes, first.size, 0));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode_begin(decoder, NULL, first.size, 0));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode_poll(NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode_wait(NULL, 1));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode_finish(NULL, NULL, &info));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_last_error(NULL, text, sizeof text));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_last_error(decoder, NULL, 5));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode_header(NULL, first.size, both.prior, &header));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode_header(first.bytes, first.size, both.prior, NULL));
+    CHECK(header.width == 0);
+    EXPECT(NVSP_OK, nvsp_decode_header(first.bytes, first.size, NULL, &header));
+}
+
+static void modem_frames(void) {
+    uint32_t count = 77;
+    uint8_t bytes[256];
+    size_t written = 77;
+    char text[64];
+    memset(bytes, 0xa5, sizeof bytes);
+    EXPECT(NVSP_ERR_NULL, nvsp_modem_frame_count(first.size, 64, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_modem_frame(NULL, first.size, 64, 0, bytes, 64, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_modem_frame(first.bytes, first.size, 64, 0, NULL, 64, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_modem_frame(first.bytes, first.size, 64, 0, bytes, 64, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_create(64, NULL, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_push(NULL, first.bytes, 64, NULL));
+
+    nvsp_reassembler *reassembler = NULL;
+    MUST(nvsp_reassembler_create(64, NULL, &reassembler));
+    nvsp_reassembler_statistics statistics;
+    MUST(NVSP_INIT(&statistics));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_push(reassembler, NULL, 64, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_fetch(NULL, bytes, 256, &written, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_fetch(reassembler, NULL, 256, &written, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_fetch(reassembler, bytes, 256, NULL, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_missing(NULL, &count, 1, &count));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_missing(reassembler, NULL, 1, &count));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_missing(reassembler, &count, 1, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_get_statistics(NULL, &statistics));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_get_statistics(reassembler, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_last_error(NULL, text, sizeof text));
+    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_last_error(reassembler, NULL, 5));
+    CHECK(written == 77 && count == 77 && all_are(bytes, 0xa5, sizeof bytes));
+    nvsp_reassembler_destroy(reassembler);
+}
+
+static void no_handles(void) {
+    nvsp_engine_destroy(NULL);
+    nvsp_prior_destroy(NULL);
+    nvsp_encoder_destroy(NULL);
+    nvsp_decoder_destroy(NULL);
+    nvsp_reassembler_destroy(NULL);
+    CHECK(nvsp_abi_version() == NVSP_ABI_VERSION);
+    CHECK(strchr(nvsp_version(), '.') != NULL);
+    for (nvsp_status status = -40; status < 10; status++) {
+        CHECK(nvsp_status_text(status)[0] != '\0');
+    }
+    CHECK(strcmp(nvsp_status_text(INT32_MIN), nvsp_status_text(INT32_MAX)) == 0);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        give_up("usage: nulls SCENE");
+    }
+    scene_read(&dive, argv[1]);
+    rig_open(&both, &dive);
+    rig_add(&both, &dive.camera, NULL);
+    packet packets[MAX_FRAMES];
+    encode_all(&both, &dive, packets);
+    first = packets[0];
+
+    engines_and_priors();
+    encoders();
+    decoders();
+    modem_frames();
+    no_handles();
+    for (int i = 0; i < dive.frames; i++) {
+        free(packets[i].bytes);
+    }
+    rig_close(&both);
+    scene_free(&dive);
+    return report("nulls");
+}

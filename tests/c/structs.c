@@ -1,0 +1,207 @@
+// Structures of every size and version, through every function that takes one.
+
+#include "common.h"
+
+static scene dive;
+static rig both;
+static packet first;
+static nvsp_reassembler *reassembler;
+
+// Calls a function with a structure; what else it would write must stay as it is where it fails.
+typedef nvsp_status (*caller)(void *structure);
+
+static nvsp_status engine_options(void *structure) {
+    nvsp_engine *engine = NULL;
+    const nvsp_status status = nvsp_engine_create(structure, &engine);
+    CHECK((status == NVSP_OK) == (engine != NULL));
+    nvsp_engine_destroy(engine);
+    return status;
+}
+
+static nvsp_status engine_info(void *structure) { return nvsp_engine_get_info(both.engine, structure); }
+
+static nvsp_status prior_options(void *structure) {
+    nvsp_prior *prior = NULL;
+    const nvsp_status status = nvsp_prior_open(both.engine, dive.prior, structure, &prior);
+    CHECK((status == NVSP_OK) == (prior != NULL));
+    nvsp_prior_destroy(prior);
+    return status;
+}
+
+static nvsp_status prior_info(void *structure) { return nvsp_prior_get_info(both.prior, structure); }
+
+static nvsp_status encoder_options(void *structure) {
+    nvsp_encoder *encoder = NULL;
+    const nvsp_status status =
+        nvsp_encoder_create(both.engine, both.prior, &dive.camera, structure, &encoder);
+    CHECK((status == NVSP_OK) == (encoder != NULL));
+    nvsp_encoder_destroy(encoder);
+    return status;
+}
+
+static nvsp_status frame_stats(void *structure) {
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t bytes[4096];
+    memset(bytes, 0xa5, sizeof bytes);
+    size_t written = 77;
+    const nvsp_status status =
+        nvsp_encode(both.encoder, &image, &dive.poses[0], bytes, sizeof bytes, &written, structure);
+    CHECK(status == NVSP_OK ? written != 77 : written == 77 && all_are(bytes, 0xa5, sizeof bytes));
+    return status;
+}
+
+static nvsp_status decoded(void *structure) {
+    uint8_t *pixels = malloc(dive.size);
+    memset(pixels, 0xa5, dive.size);
+    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    const nvsp_status status = nvsp_decode(both.decoder, first.bytes, first.size, 0, &place, structure);
+    CHECK((status == NVSP_OK) != all_are(pixels, 0xa5, dive.size));
+    free(pixels);
+    return status;
+}
+
+static nvsp_status header(void *structure) {
+    return nvsp_decode_header(first.bytes, first.size, both.prior, structure);
+}
+
+static nvsp_status reassembler_options(void *structure) {
+    nvsp_reassembler *made = NULL;
+    const nvsp_status status = nvsp_reassembler_create(NVSP_MTU_64, structure, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    nvsp_reassembler_destroy(made);
+    return status;
+}
+
+static nvsp_status pushed(void *structure) {
+    return nvsp_reassembler_push(reassembler, first.bytes, 64, structure);
+}
+
+static nvsp_status fetched(void *structure) {
+    uint8_t bytes[4096];
+    size_t written = 77;
+    const nvsp_status status =
+        nvsp_reassembler_fetch(reassembler, bytes, sizeof bytes, &written, structure);
+    CHECK((status == NVSP_OK) == (written != 77));
+    return status;
+}
+
+static nvsp_status statistics(void *structure) {
+    return nvsp_reassembler_get_statistics(reassembler, structure);
+}
+
+static const struct {
+    size_t size;
+    caller call;
+    int output;
+} structures[] = {
+    {sizeof(nvsp_engine_options), engine_options, 0},
+    {sizeof(nvsp_engine_info), engine_info, 1},
+    {sizeof(nvsp_prior_options), prior_options, 0},
+    {sizeof(nvsp_prior_info), prior_info, 1},
+    {sizeof(nvsp_encoder_options), encoder_options, 0},
+    {sizeof(nvsp_frame_stats), frame_stats, 1},
+    {sizeof(nvsp_decoded), decoded, 1},
+    {sizeof(nvsp_header), header, 1},
+    {sizeof(nvsp_reassembler_options), reassembler_options, 0},
+    {sizeof(nvsp_reassembly), pushed, 1},
+    {sizeof(nvsp_reassembly), fetched, 1},
+    {sizeof(nvsp_reassembler_statistics), statistics, 1},
+};
+
+// Calls with a structure of `room` bytes that says it has `size`, filled with `fill` behind its head.
+// Where the call fails, the structure must be as it was.
+static nvsp_status call_with(caller call, size_t room, uint32_t size, uint32_t version, int fill,
+                             uint8_t *after) {
+    uint32_t *words = malloc(room);  // No larger: a memory checker sees what goes beyond.
+    uint8_t *before = malloc(room);
+    memset(words, fill, room);
+    words[0] = size;
+    words[1] = version;
+    memcpy(before, words, room);
+    const nvsp_status status = call(words);
+    CHECK(status == NVSP_OK || memcmp(before, words, room) == 0);
+    if (after != NULL) {
+        memcpy(after, words, room);
+    }
+    free(before);
+    free(words);
+    return status;
+}
+
+static void refusals(caller call, size_t size) {
+    const uint32_t wrong_sizes[] = {0, 1, 7, 8, (uint32_t)size - 1, 4097, 1u << 31, UINT32_MAX};
+    for (size_t i = 0; i < sizeof wrong_sizes / sizeof *wrong_sizes; i++) {
+        const uint32_t wrong = wrong_sizes[i];
+        // Of a size that no structure has, the head alone may be looked at.
+        const size_t room = wrong == (uint32_t)size - 1 ? size : 8;
+        EXPECT(NVSP_ERR_STRUCT_SIZE, call_with(call, room, wrong, NVSP_ABI_VERSION, 0, NULL));
+    }
+    const uint32_t wrong_versions[] = {0, NVSP_ABI_VERSION + 1, UINT32_MAX};
+    for (size_t i = 0; i < sizeof wrong_versions / sizeof *wrong_versions; i++) {
+        EXPECT(NVSP_ERR_ABI_VERSION,
+               call_with(call, size, (uint32_t)size, wrong_versions[i], 0, NULL));
+    }
+}
+
+// A program with a newer header, whose structure is larger.
+static void newer(caller call, size_t size, int output) {
+    uint8_t after[4096];
+    EXPECT(NVSP_OK, call_with(call, size + 24, (uint32_t)size + 24, NVSP_ABI_VERSION, 0, after));
+    EXPECT(NVSP_OK, call_with(call, 4096, 4096, NVSP_ABI_VERSION, 0, after));
+    if (output) {
+        // What it had there is replaced, and what this library does not know is zero.
+        EXPECT(NVSP_OK, call_with(call, size + 24, (uint32_t)size + 24, NVSP_ABI_VERSION, 0xa5, after));
+        uint32_t head[2];
+        memcpy(head, after, sizeof head);
+        CHECK(head[0] == size + 24 && head[1] == NVSP_ABI_VERSION);
+        CHECK(all_are(after + size, 0, 24));
+        CHECK(!all_are(after + 8, 0xa5, size - 8));
+        return;
+    }
+    // An option that this library does not know must not be passed over.
+    uint32_t *words = calloc(1, size + 24);
+    words[0] = (uint32_t)size + 24;
+    words[1] = NVSP_ABI_VERSION;
+    ((uint8_t *)words)[size + 23] = 1;
+    EXPECT(NVSP_ERR_STRUCT_SIZE, call(words));
+    free(words);
+}
+
+static void initialising(void) {
+    uint32_t words[4] = {9, 9, 9, 9};
+    EXPECT(NVSP_ERR_NULL, nvsp_struct_init(NULL, 16, NVSP_ABI_VERSION));
+    EXPECT(NVSP_ERR_STRUCT_SIZE, nvsp_struct_init(words, 7, NVSP_ABI_VERSION));
+    EXPECT(NVSP_ERR_STRUCT_SIZE, nvsp_struct_init(words, 4097, NVSP_ABI_VERSION));
+    EXPECT(NVSP_ERR_STRUCT_SIZE, nvsp_struct_init(words, SIZE_MAX, NVSP_ABI_VERSION));
+    EXPECT(NVSP_ERR_ABI_VERSION, nvsp_struct_init(words, 16, NVSP_ABI_VERSION + 1));
+    CHECK(words[0] == 9 && words[1] == 9 && words[2] == 9 && words[3] == 9);
+    EXPECT(NVSP_OK, nvsp_struct_init(words, 12, NVSP_ABI_VERSION));
+    CHECK(words[0] == 12 && words[1] == NVSP_ABI_VERSION && words[2] == 0 && words[3] == 9);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        give_up("usage: structs SCENE");
+    }
+    scene_read(&dive, argv[1]);
+    rig_open(&both, &dive);
+    rig_add(&both, &dive.camera, NULL);
+    packet packets[MAX_FRAMES];
+    encode_all(&both, &dive, packets);
+    first = packets[0];
+    MUST(nvsp_reassembler_create(NVSP_MTU_64, NULL, &reassembler));
+    MUST(nvsp_reassembler_push(reassembler, first.bytes, 64, NULL));
+
+    initialising();
+    for (size_t i = 0; i < sizeof structures / sizeof *structures; i++) {
+        refusals(structures[i].call, structures[i].size);
+        newer(structures[i].call, structures[i].size, structures[i].output);
+    }
+    for (int i = 0; i < dive.frames; i++) {
+        free(packets[i].bytes);
+    }
+    nvsp_reassembler_destroy(reassembler);
+    rig_close(&both);
+    scene_free(&dive);
+    return report("structs");
+}

@@ -1,0 +1,123 @@
+// Several threads: on handles that share an engine and a prior, and on one handle at once.
+
+#define _GNU_SOURCE
+
+#include "common.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+#include <unistd.h>
+
+static scene dive;
+static rig both;
+static packet packets[MAX_FRAMES];
+
+// Encodes and decodes the dive on handles of its own; others do so at the same time.
+static void *alone(void *unused) {
+    (void)unused;
+    rig own = {.engine = both.engine, .prior = both.prior};
+    rig_add(&own, &dive.camera, NULL);
+    packet found[MAX_FRAMES];
+    encode_all(&own, &dive, found);
+    for (int i = 0; i < dive.frames; i++) {
+        CHECK(found[i].size == packets[i].size
+              && memcmp(found[i].bytes, packets[i].bytes, found[i].size) == 0);
+        EXPECT(NVSP_OK, nvsp_decode(own.decoder, found[i].bytes, found[i].size, 0, NULL, NULL));
+        free(found[i].bytes);
+        nvsp_engine_info info;
+        MUST(NVSP_INIT(&info));
+        EXPECT(NVSP_OK, nvsp_engine_get_info(both.engine, &info));
+    }
+    nvsp_decoder_destroy(own.decoder);
+    nvsp_encoder_destroy(own.encoder);
+    return NULL;
+}
+
+static void side_by_side(void) {
+    pthread_t threads[3];
+    for (int i = 0; i < 3; i++) {
+        CHECK(pthread_create(&threads[i], NULL, alone, NULL) == 0);
+    }
+    for (int i = 0; i < 3; i++) {
+        pthread_join(threads[i], NULL);
+    }
+}
+
+static atomic_int over, intrusions;
+
+// Calls what another thread is using: refused, or done where that thread is between two calls.
+static void *intrude(void *unused) {
+    (void)unused;
+    const nvsp_image image = {0};
+    nvsp_reassembly state;
+    MUST(NVSP_INIT(&state));
+    while (!over) {
+        const nvsp_status statuses[] = {
+            nvsp_encode_poll(both.encoder),
+            nvsp_encode_wait(both.encoder, 0),
+            nvsp_encode_begin(both.encoder, &image, NULL),
+            nvsp_encoder_set_rate(both.encoder, NVSP_RATE_DEFAULT, 0),
+            nvsp_decode_poll(both.decoder),
+            nvsp_decoder_add_camera(both.decoder, &dive.camera),
+            nvsp_decode(both.decoder, packets[0].bytes, 12, 0, NULL, NULL),
+        };
+        for (size_t i = 0; i < sizeof statuses / sizeof *statuses; i++) {
+            intrusions += statuses[i] == NVSP_ERR_BUSY;
+            CHECK(statuses[i] == NVSP_ERR_BUSY || statuses[i] == NVSP_ERR_STATE
+                  || statuses[i] == NVSP_ERR_ARGUMENT || statuses[i] == NVSP_ERR_PACKET
+                  || statuses[i] == NVSP_OK);
+        }
+        char text[512];
+        CHECK(nvsp_encoder_last_error(both.encoder, text, sizeof text) == NVSP_OK);
+        usleep(100);
+    }
+    return NULL;
+}
+
+// The owner's frames are as they would be without the other thread; a call that finds the handle in
+// use is made again.
+static void intruded_upon(void) {
+    pthread_t thread;
+    CHECK(pthread_create(&thread, NULL, intrude, NULL) == 0);
+    uint8_t bytes[4096];
+    for (int i = 0; i < dive.frames; i++) {
+        const nvsp_image image = scene_image(&dive, i);
+        size_t size = 0;
+        nvsp_status status;
+        do {
+            status = nvsp_encode(both.encoder, &image, i == 0 ? &dive.poses[0] : NULL, bytes,
+                                 sizeof bytes, &size, NULL);
+        } while (status == NVSP_ERR_BUSY);
+        EXPECT(NVSP_OK, status);
+        CHECK(size == packets[i].size && memcmp(bytes, packets[i].bytes, size) == 0);
+        do {
+            status = nvsp_decode(both.decoder, bytes, size, 0, NULL, NULL);
+        } while (status == NVSP_ERR_BUSY);
+        EXPECT(NVSP_OK, status);
+    }
+    over = 1;
+    pthread_join(thread, NULL);
+    CHECK(intrusions > 0);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        give_up("usage: threads SCENE");
+    }
+    scene_read(&dive, argv[1]);
+    rig_open(&both, &dive);
+    rig_add(&both, &dive.camera, NULL);
+    encode_all(&both, &dive, packets);
+    nvsp_encoder_destroy(both.encoder);
+    nvsp_decoder_destroy(both.decoder);
+    rig_add(&both, &dive.camera, NULL);
+
+    side_by_side();
+    intruded_upon();
+    for (int i = 0; i < dive.frames; i++) {
+        free(packets[i].bytes);
+    }
+    rig_close(&both);
+    scene_free(&dive);
+    return report("threads");
+}

@@ -1,0 +1,47 @@
+//! The C library, by the programs in `tests/c`: each a test here. `scripts/c-test.sh` runs them against
+//! the installed library, and under memory checkers.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod programs;
+mod scene;
+#[path = "../scene/mod.rs"]
+mod wall;
+
+/// Also what `scripts/c-test.sh` gets the files by.
+#[test]
+fn scene_is_written() {
+    let folder = scene::folder();
+    let prior = nvsprior::Prior::open(&folder.join("prior.ply"), &Default::default()).unwrap();
+    let other = nvsprior::Prior::open(&folder.join("other.ply"), &Default::default()).unwrap();
+    assert_eq!(prior.id(), wall::wall(1).id());
+    assert_ne!(prior.id(), other.id());
+}
+
+/// A test for each program.
+macro_rules! programs {
+    ($($name:ident: $arguments:expr;)*) => {
+        $(#[test]
+        fn $name() {
+            programs::run(stringify!($name), &$arguments);
+        })*
+    };
+}
+
+programs! {
+    structs: [];
+    nulls: [];
+    images: [];
+    encoding: [];
+    decoding: [];
+    threads: [];
+    reassembly: [];
+    garbage: ["100"];
+    allocations: [];
+    soak: ["200"];
+}
+
+#[test]
+fn lost_device() {
+    programs::run_with_layer("lost_device", "lost_device_layer");
+}

@@ -1,0 +1,92 @@
+//! Building and running the programs.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use crate::scene;
+
+const FLAGS: [&str; 8] =
+    ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O1", "-g", "-pthread"];
+
+/// Builds and runs `tests/c/NAME.c` with the scene's folder and more arguments; says so where there is
+/// no C compiler.
+pub fn run(name: &str, arguments: &[&str]) {
+    if let Some(program) = build(name) {
+        succeeds(Command::new(program).arg(scene::folder()).args(arguments));
+    }
+}
+
+/// As [`run`], under a Vulkan layer of `tests/c`.
+pub fn run_with_layer(name: &str, layer: &str) {
+    if !Path::new("/usr/include/vulkan/vk_layer.h").exists() {
+        println!("skipped: {name}, as the Vulkan headers (libvulkan-dev) are not installed");
+        return;
+    }
+    let Some(program) = build(name) else { return };
+    let mut cc = compiler();
+    cc.args(["-fPIC", "-shared", "-o"]).arg(work().join(format!("lib{layer}.so")));
+    succeeds(cc.arg(source(layer)));
+    std::fs::copy(source(layer).with_extension("json"), work().join(format!("{layer}.json")))
+        .unwrap();
+    let mut command = Command::new(program);
+    command.env("VK_LAYER_PATH", work());
+    command.env("VK_INSTANCE_LAYERS", "VK_LAYER_NVSPRIOR_lost_device");
+    succeeds(command.arg(scene::folder()));
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn work() -> PathBuf {
+    Path::new(env!("CARGO_TARGET_TMPDIR")).join("c-programs")
+}
+
+fn source(name: &str) -> PathBuf {
+    root().join(format!("tests/c/{name}.c"))
+}
+
+fn compiler() -> Command {
+    let mut cc = Command::new(std::env::var_os("CC").unwrap_or("cc".into()));
+    cc.args(FLAGS).arg("-I").arg(root().join("include"));
+    cc
+}
+
+/// The program's path; `None` where there is no C compiler.
+fn build(name: &str) -> Option<PathBuf> {
+    if compiler().arg("--version").output().is_err() {
+        println!("skipped: {name}, as there is no C compiler");
+        return None;
+    }
+    let library = library();
+    let program = work().join(name);
+    let mut cc = compiler();
+    cc.arg(source(name)).arg(source("common")).arg("-o").arg(&program);
+    cc.arg("-L").arg(library).arg(format!("-Wl,-rpath,{}", library.display()));
+    succeeds(cc.args(["-lnvsprior", "-lm", "-ldl"]));
+    Some(program)
+}
+
+/// The folder of the shared library, built once; `cargo test` itself builds none.
+fn library() -> &'static Path {
+    static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
+    LIBRARY.get_or_init(|| {
+        std::fs::create_dir_all(work()).unwrap();
+        let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.current_dir(root()).args(["rustc", "--lib", "--crate-type", "cdylib"]);
+        cargo.args(["--no-default-features", "--features", "capi"]);
+        succeeds(cargo.arg("--target-dir").arg(target));
+        target.join("debug")
+    })
+}
+
+/// Runs a command, and shows what it printed where it fails.
+fn succeeds(command: &mut Command) {
+    let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
+    let (out, err) =
+        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{command:?}: {}\n{out}{err}", output.status);
+    print!("{out}");
+}

@@ -1,0 +1,69 @@
+//! What the C programs work on: a prior, another one, and pictures of a short dive, in files.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use nvsprior::render::Plan;
+use nvsprior::{Camera, Engine, Picture};
+
+use crate::wall;
+
+/// Small, so that a frame takes little time even under a memory checker.
+const CAMERA: Camera = Camera { width: 96, height: 54, fx: 78.0, fy: 78.0, cx: 48.0, cy: 27.0 };
+
+/// Pictures of the dive.
+const FRAMES: usize = 8;
+
+/// Where the files lie, written when this is first called; `scripts/c-test.sh` knows it too.
+pub fn folder() -> &'static Path {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("c-scene");
+        write(&folder);
+        folder
+    })
+}
+
+/// Writes `prior.ply`, `other.ply`, `frame-0.ppm` and so on, and `scene.txt`: a line with the camera
+/// (width,height,fx,fy,cx,cy), then a line a frame with its pose (qw,qx,qy,qz,tx,ty,tz).
+fn write(folder: &Path) {
+    std::fs::create_dir_all(folder).unwrap();
+    let prior = wall::wall(1);
+    wall::write_prior(&folder.join("prior.ply"), &prior);
+    wall::write_prior(&folder.join("other.ply"), &wall::wall(2));
+
+    let engine = Engine::new(&Default::default()).expect("a Vulkan device");
+    let scene = engine.upload(&prior).unwrap();
+    let mut renderer = engine.renderer(&scene, &CAMERA, Plan::picture()).unwrap();
+    let mut picture = Picture::new(CAMERA.width, CAMERA.height);
+    let Camera { width, height, fx, fy, cx, cy } = CAMERA;
+    let mut text = format!("{width},{height},{fx},{fy},{cx},{cy}\n");
+    for t in 0..FRAMES {
+        let pose = wall::pose(t as f64);
+        renderer.picture(&pose, &mut picture).unwrap();
+        add_object(&mut picture);
+        write_ppm(&folder.join(format!("frame-{t}.ppm")), &picture);
+        let numbers = pose.wxyz().into_iter().chain(<[f64; 3]>::from(pose.translation));
+        let numbers: Vec<_> = numbers.map(|v| v.to_string()).collect();
+        writeln!(text, "{}", numbers.join(",")).unwrap();
+    }
+    std::fs::write(folder.join("scene.txt"), text).unwrap();
+}
+
+/// Something that the prior does not know.
+fn add_object(picture: &mut Picture) {
+    let width = picture.width as usize;
+    for (i, value) in picture.data.iter_mut().enumerate() {
+        let (x, y) = (i / 3 % width, i / 3 / width);
+        if (18..30).contains(&x) && (12..24).contains(&y) {
+            *value = value.saturating_add(60);
+        }
+    }
+}
+
+fn write_ppm(path: &Path, picture: &Picture) {
+    let mut bytes = format!("P6\n{} {}\n255\n", picture.width, picture.height).into_bytes();
+    bytes.extend(&picture.data);
+    std::fs::write(path, bytes).unwrap();
+}
