@@ -4,11 +4,12 @@
 SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo test bench lint shaders shaders-check shader-toolchain clean
+.PHONY: help demo test c-test bench lint shaders shaders-check shader-toolchain clean
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
 	@echo "make test           all tests"
+	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
 	@echo "make lint           formatting and clippy"
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/spv from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
@@ -20,6 +21,10 @@ demo:
 test:
 	@scripts/setup.sh run test
 	cargo test
+
+c-test:
+	@scripts/setup.sh run lib c
+	scripts/c-test.sh full
 
 lint:
 	cargo fmt --check

@@ -1,0 +1,198 @@
+#!/bin/sh
+# Tests the C library as a vendor gets it: installed into a folder, with its header, the examples, and
+# the programs of tests/c. Usage: c-test.sh [quick|full]; full adds sanitizers, valgrind and a soak.
+#
+# Each group's output goes to a file; a line a group is printed, and where one fails, the end of its
+# output.
+set -eu
+cd "$(dirname "$0")/.."
+kind=${1:-quick}
+case $kind in quick | full) ;; *) sed -n '3,4s/^# //p' "$0" >&2; exit 2 ;; esac
+
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+work=$target/c-test
+prefix=$work/prefix
+scene=$target/tmp/c-scene
+programs="structs nulls images encoding decoding threads reassembly garbage"
+export PKG_CONFIG_PATH="$prefix/lib/pkgconfig"
+c_flags="-std=c11 -Wall -Wextra -Wpedantic -Werror -O1 -g -pthread"
+example_flags="-Wall -Wextra -Wpedantic -Werror -O1"
+mkdir -p "$work"
+
+# The library, and the scene that the programs work on.
+library() {
+    make install PREFIX="$prefix" LIBDIR="$prefix/lib" INCLUDEDIR="$prefix/include" DESTDIR=
+    CARGO_TARGET_DIR=$target cargo test --quiet --test capi scene_is_written
+    echo "installed: $(stat -c %s "$prefix/lib/libnvsprior.so") bytes shared"
+}
+
+# The header alone, in every language that it is for, and as the sources have it.
+header() {
+    for compiler in gcc clang; do
+        for language in c99 c11 c++17; do
+            case $language in c++*) x=c++ ;; *) x=c ;; esac
+            $compiler -x $x -std=$language -Wall -Wextra -Wpedantic -Werror -fsyntax-only \
+                include/nvsprior.h
+        done
+    done
+    scripts/header.sh | diff -u include/nvsprior.h -
+    diff -u include/nvsprior.h "$prefix/include/nvsprior.h"
+    echo "gcc and clang, C99, C11 and C++17; as the sources have it"
+}
+
+# What the library shows: neither less nor more.
+symbols() {
+    nm -D --defined-only "$prefix/lib/libnvsprior.so" | sed 's/.* //' | LC_ALL=C sort > "$work/symbols"
+    diff -u tests/c/symbols.txt "$work/symbols"
+    echo "$(wc -l < "$work/symbols") functions"
+}
+
+# README's program, between the fences that follow the comment which names this script.
+readme() {
+    sed -n '/^<!-- make c-test/,/^```$/p' README.md | sed '/^<!--/d; /^```/d' > "$work/readme.c"
+    [ -s "$work/readme.c" ]
+    # shellcheck disable=SC2046 # Flags are words.
+    cc -Wall -Wextra -Werror "$work/readme.c" -o "$work/readme" $(pkg-config --cflags --libs nvsprior)
+    echo "$(wc -l < "$work/readme.c") lines compiled and linked"
+}
+
+# The examples by pkg-config, shared and static, and by CMake, both; each pair of compilers once.
+examples() {
+    for link in shared static; do
+        out=$work/examples-$link
+        mkdir -p "$out"
+        libs=$(pkg-config --libs nvsprior)
+        if [ $link = static ]; then
+            libs="$prefix/lib/libnvsprior.a $(pkg-config --static --libs-only-l nvsprior |
+                sed 's/-lnvsprior//')"
+        fi
+        for compiler in gcc clang; do
+            cxx=$([ $compiler = gcc ] && echo g++ || echo clang++)
+            # shellcheck disable=SC2046,SC2086
+            for name in encode_frame decode_frame; do
+                $compiler -std=c99 $example_flags c-examples/$name.c -o "$out/$name" \
+                    $(pkg-config --cflags nvsprior) $libs
+            done
+            # shellcheck disable=SC2046,SC2086
+            for name in modem_link camera_ring; do
+                $cxx -std=c++17 $example_flags -pthread c-examples/$name.cpp -o "$out/$name" \
+                    $(pkg-config --cflags nvsprior) $libs
+            done
+            # shellcheck disable=SC2046,SC2086
+            $compiler -std=c99 $example_flags -fsyntax-only -I tests/c/mock \
+                $(pkg-config --cflags nvsprior) c-examples/unet_link.c
+        done
+        run_examples "$out"
+        rm -rf "$work/cmake-$link"
+        cmake -S c-examples -B "$work/cmake-$link" -DCMAKE_PREFIX_PATH="$prefix" \
+            -DNVSPRIOR_STATIC=$([ $link = static ] && echo ON || echo OFF)
+        cmake --build "$work/cmake-$link"
+        run_examples "$work/cmake-$link"
+    done
+    echo "encode_frame, decode_frame, modem_link, camera_ring: pkg-config and CMake, shared and static"
+}
+
+# Each example once: the decoded picture must be of the frame's size, and the pictures must arrive.
+run_examples() {
+    camera=$(sed -n 1p "$scene/scene.txt")
+    start=$(sed -n 2p "$scene/scene.txt")
+    prior=$scene/prior.ply
+    "$1/encode_frame" "$prior" "$scene/frame-0.ppm" "$camera" "$start" "$work/0.nvsp"
+    "$1/decode_frame" "$prior" "$work/0.nvsp" "$work/0.ppm"
+    [ "$(stat -c %s "$work/0.ppm")" = "$(stat -c %s "$scene/frame-0.ppm")" ]
+    "$1/modem_link" --bit-rate 40000 --fps 4 --loss 0.1 --pad "$prior" "$camera" "$start" \
+        "$scene"/frame-*.ppm > "$work/modem_link.log"
+    cat "$work/modem_link.log"
+    grep -q '^topside: [5-8] of 8 pictures' "$work/modem_link.log"
+    "$1/camera_ring" "$prior" "$camera" "$start" 15 1 "$scene"/frame-*.ppm
+    if "$1/decode_frame" "$prior" "$scene/scene.txt" "$work/none.ppm"; then
+        echo "decoded what is no packet"
+        return 1
+    fi
+}
+
+# Compiles a program of tests/c: folder, compiler, name, flags.
+compile() {
+    mkdir -p "$work/$1"
+    # shellcheck disable=SC2086
+    $2 $c_flags $4 -I "$prefix/include" "tests/c/$3.c" tests/c/common.c -o "$work/$1/$3" \
+        -L "$prefix/lib" -lnvsprior -lm -ldl -Wl,-rpath,"$prefix/lib"
+}
+
+c_programs() {
+    for name in $programs allocations lost_device; do
+        compile clang clang "$name" ""
+        compile programs gcc "$name" ""
+    done
+    for name in $programs allocations; do
+        "$work/programs/$name" "$scene"
+    done
+    # shellcheck disable=SC2086
+    cc $c_flags -fPIC -shared tests/c/lost_device_layer.c -o "$work/programs/liblost_device_layer.so"
+    cp tests/c/lost_device_layer.json "$work/programs/"
+    VK_LAYER_PATH=$work/programs VK_INSTANCE_LAYERS=VK_LAYER_NVSPRIOR_lost_device \
+        "$work/programs/lost_device" "$scene"
+    echo "$programs allocations lost_device"
+}
+
+# The programs under AddressSanitizer and UndefinedBehaviorSanitizer. The library is built as ever; what
+# it takes from the heap is from the same malloc, so that leaks and uses after free show, its own and
+# the driver's. None are suppressed.
+sanitizers() {
+    export ASAN_OPTIONS=detect_leaks=1:strict_string_checks=1 UBSAN_OPTIONS=halt_on_error=1
+    for name in $programs; do
+        compile sanitizers clang "$name" "-fsanitize=address,undefined -fno-sanitize-recover=all"
+        "$work/sanitizers/$name" "$scene"
+    done
+    echo "address, undefined, leaks: $programs"
+}
+
+# Mesa's CPU driver compiles its shaders while the program runs, hence --smc-check; without vectors
+# wider than valgrind knows, and on one thread. Most of the time goes into that compiling.
+memcheck() {
+    for name in $programs; do
+        arguments=""
+        [ "$name" != garbage ] || arguments=15
+        echo "== $name"
+        # shellcheck disable=SC2086
+        LP_NATIVE_VECTOR_WIDTH=128 LP_NUM_THREADS=1 valgrind --quiet --error-exitcode=9 \
+            --smc-check=all-non-file --fair-sched=yes --leak-check=full --num-callers=40 \
+            --errors-for-leak-kinds=definite,indirect --show-leak-kinds=definite,indirect \
+            --suppressions=tests/c/valgrind.supp \
+            "$work/programs/$name" "$scene" $arguments
+    done
+    echo "memory and leaks: $programs"
+}
+
+soak() {
+    compile programs gcc soak ""
+    "$work/programs/soak" "$scene" 2000
+    tail -n 2 "$work/soak.log" | head -n 1
+}
+
+failed=""
+group() {
+    started=$(date +%s)
+    # A group ends at its first failure, as it is not itself what `if` looks at; its last line says what
+    # was done.
+    (set -e; "$1") > "$work/$1.log" 2>&1 &
+    if wait $!; then
+        result=ok
+    else
+        result=FAILED
+    fi
+    printf '%-11s %-6s %4d s  %s\n' "$1" "$result" $(($(date +%s) - started)) \
+        "$(tail -n 1 "$work/$1.log")"
+}
+
+groups="library header symbols readme examples c_programs"
+[ "$kind" = quick ] || groups="$groups sanitizers memcheck soak"
+for name in $groups; do
+    group "$name"
+    if [ "$result" = FAILED ]; then
+        tail -n 20 "$work/$name.log" | sed 's/^/    /'
+        failed="$failed $name"
+        [ "$name" != library ] || break
+    fi
+done
+[ -z "$failed" ] || { echo "failed:$failed; the whole output is in $work" >&2; exit 1; }
