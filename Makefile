@@ -4,7 +4,8 @@
 SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo test c-test bench lint shaders shaders-check shader-toolchain clean
+.PHONY: help demo test c-test lint lib install package-test firmware cross-aarch64 shaders \
+	shaders-check shader-toolchain clean
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -35,8 +36,6 @@ c-test:
 lint:
 	cargo fmt --check
 	cargo clippy --all-targets -- -D warnings
-
-.PHONY: lib install package-test firmware cross-aarch64
 
 lib:
 	@scripts/setup.sh lib

@@ -34,6 +34,7 @@ for part in "$@"; do
         for program in clang cmake g++ make pkg-config valgrind; do
             command -v $program >/dev/null || need $program
         done
+        any /usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.asan-*.a || need libclang-rt-dev
         any /usr/include/vulkan/vulkan.h || need libvulkan-dev
         crate cbindgen@0.29.4 cbindgen
         ;;
