@@ -183,8 +183,8 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 /// the packet's header says (nvsp_decode_header); NULL: it is not wanted. `info` may be NULL.
 /// Whatever the bytes are, the call gives a picture or an error. Allocates nothing from the second
 /// sound packet of a camera on, but where a view of the prior needs more room on the device than any
-/// before it; what it allocates does not exceed 64 bytes a pixel of the packet's size, 2 MiB, and the
-/// renderer's device memory.
+/// before it. What it holds on the host is at most 64 bytes for each pixel of the packet's size, its
+/// sides rounded up to multiples of 16, and 2 MiB.
 ///
 /// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
 /// device and driver.
