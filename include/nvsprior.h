@@ -11,7 +11,8 @@
  *   nvsp_status_text gives it in words; nvsp_..._last_error on the handle gives the particulars. After
  *   an error nothing was written through any pointer, nothing that was good is lost, and the handle
  *   may be used on, except after NVSP_ERR_INTERNAL (then NVSP_ERR_POISONED) and
- *   NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen).
+ *   NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The firmware build has no NVSP_ERR_INTERNAL: there a
+ *   fault of the library itself aborts the process, for a watchdog to start it again.
  * Ownership. nvsp_..._create and nvsp_prior_open hand over a handle, which nvsp_..._destroy ends, in
  *   any order: what a handle needs of another it keeps alive. All other memory is the caller's, and is
  *   read or written during the call alone. Texts that are returned are static.
