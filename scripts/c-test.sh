@@ -1,13 +1,18 @@
 #!/bin/sh
 # Tests the C library as a vendor gets it: installed into a folder, with its header, the examples, and
-# the programs of tests/c. Usage: c-test.sh [quick|full]; full adds sanitizers, valgrind and a soak.
+# the programs of tests/c. Usage: c-test.sh [quick|full|GROUP...]; full adds sanitizers, valgrind and a
+# soak. Groups by name need what `library` installed, and sanitizers and memcheck nothing else.
 #
 # Each group's output goes to a file; a line a group is printed, and where one fails, the end of its
 # output.
 set -eu
 cd "$(dirname "$0")/.."
-kind=${1:-quick}
-case $kind in quick | full) ;; *) sed -n '3,4s/^# //p' "$0" >&2; exit 2 ;; esac
+quick="library header symbols readme examples c_programs"
+case ${1:-quick} in
+quick) groups=$quick ;;
+full) groups="$quick sanitizers memcheck soak" ;;
+*) groups=$* ;;
+esac
 
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 work=$target/c-test
@@ -23,7 +28,7 @@ mkdir -p "$work"
 library() {
     make install PREFIX="$prefix" LIBDIR="$prefix/lib" INCLUDEDIR="$prefix/include" DESTDIR=
     CARGO_TARGET_DIR=$target cargo test --quiet --test capi scene_is_written
-    echo "installed: $(stat -c %s "$prefix/lib/libnvsprior.so") bytes shared"
+    echo "installed: $(stat -Lc %s "$prefix/lib/libnvsprior.so") bytes shared"
 }
 
 # The header alone, in every language that it is for, and as the sources have it.
@@ -58,6 +63,7 @@ readme() {
 
 # The examples by pkg-config, shared and static, and by CMake, both; each pair of compilers once.
 examples() {
+    export LD_LIBRARY_PATH="$prefix/lib"
     for link in shared static; do
         out=$work/examples-$link
         mkdir -p "$out"
@@ -154,6 +160,7 @@ memcheck() {
         arguments=""
         [ "$name" != garbage ] || arguments=15
         echo "== $name"
+        compile programs gcc "$name" ""
         # shellcheck disable=SC2086
         LP_NATIVE_VECTOR_WIDTH=128 LP_NUM_THREADS=1 valgrind --quiet --error-exitcode=9 \
             --smc-check=all-non-file --fair-sched=yes --leak-check=full --num-callers=40 \
@@ -185,8 +192,6 @@ group() {
         "$(tail -n 1 "$work/$1.log")"
 }
 
-groups="library header symbols readme examples c_programs"
-[ "$kind" = quick ] || groups="$groups sanitizers memcheck soak"
 for name in $groups; do
     group "$name"
     if [ "$result" = FAILED ]; then
