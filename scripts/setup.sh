@@ -77,8 +77,9 @@ if ! command -v cargo >/dev/null; then
 fi
 
 for crate in $crates; do
-    echo "installing $crate with cargo (on two cores cbindgen takes one minute, cargo-c up to twenty)"
-    cargo install --quiet --locked "$crate"
+    echo "installing $crate with cargo (on two cores cbindgen takes a minute, cargo-c some ten)"
+    # Not optimised: they run for moments, and would take twice as long to build.
+    CARGO_PROFILE_DEV_DEBUG=false cargo install --quiet --locked --debug "$crate"
 done
 
 case " $* " in
