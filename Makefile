@@ -4,13 +4,20 @@
 SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo test c-test bench lint shaders shaders-check shader-toolchain clean
+.PHONY: help demo test c-test lint lib install package-test firmware cross-aarch64 shaders \
+	shaders-check shader-toolchain clean
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
 	@echo "make test           all tests"
 	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
 	@echo "make lint           formatting and clippy"
+	@echo "make lib            the C library, in target/"
+	@echo "make install        the C library with header, pkg-config and CMake files, to PREFIX"
+	@echo "                    (/usr/local), LIBDIR and INCLUDEDIR there, all below DESTDIR"
+	@echo "make firmware       the C library at its smallest; prints sizes"
+	@echo "make package-test   programs against the installed library, shared and static"
+	@echo "make cross-aarch64  the same for 64-bit ARM, under QEMU: docs/cross-build.md"
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/spv from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
 
@@ -29,6 +36,26 @@ c-test:
 lint:
 	cargo fmt --check
 	cargo clippy --all-targets -- -D warnings
+
+lib:
+	@scripts/setup.sh lib
+	cargo cbuild --release --no-default-features --features capi
+
+install:
+	@scripts/setup.sh lib
+	scripts/install.sh
+
+package-test:
+	@scripts/setup.sh lib c
+	scripts/package-test.sh
+
+firmware:
+	@scripts/setup.sh lib c
+	scripts/package-test.sh firmware
+
+cross-aarch64:
+	@scripts/setup.sh lib c cross
+	scripts/package-test.sh firmware aarch64-unknown-linux-gnu
 
 shader-toolchain:
 	@scripts/setup.sh shaders

@@ -1,11 +1,15 @@
 #!/bin/sh
 # Installs what is missing on Debian or Ubuntu, after saying so; explains what to do elsewhere.
-# Usage: setup.sh [run] [test] [shaders]
+# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross]
 set -eu
 
 missing=""
+crates=""
 need() { missing="$missing $1"; }
 any() { for file in "$@"; do [ ! -e "$file" ] || return 0; done; return 1; }
+
+# Whether a crate's program is there in the version that the build is made for.
+crate() { [ "$($2 --version 2>/dev/null)" = "${1%@*} ${1#*@}" ] || crates="$crates $1"; }
 
 command -v cc >/dev/null || need gcc
 for part in "$@"; do
@@ -23,8 +27,32 @@ for part in "$@"; do
         command -v spirv-val >/dev/null || need spirv-tools
         command -v g++ >/dev/null || need g++
         ;;
+    lib) # The C library.
+        crate cargo-c@0.10.24+cargo-0.98.0 "cargo cbuild"
+        ;;
+    c) # Its tests.
+        for program in clang cmake g++ make pkg-config valgrind; do
+            command -v $program >/dev/null || need $program
+        done
+        any /usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.asan-*.a || need libclang-rt-dev
+        any /usr/include/vulkan/vulkan.h || need libvulkan-dev
+        crate cbindgen@0.29.4 cbindgen
+        ;;
+    cross) # Building it for 64-bit ARM, and running it.
+        command -v aarch64-linux-gnu-gcc >/dev/null || need gcc-aarch64-linux-gnu
+        command -v aarch64-linux-gnu-g++ >/dev/null || need g++-aarch64-linux-gnu
+        any /usr/aarch64-linux-gnu/include/stdio.h || need libc6-dev-arm64-cross
+        command -v qemu-aarch64 >/dev/null || need qemu-user
+        ;;
     esac
 done
+
+case $crates in
+*cargo-c@*) # Speaks to registries by OpenSSL; what else it needs it brings along.
+    any /usr/include/openssl/ssl.h || need libssl-dev
+    command -v pkg-config >/dev/null || need pkg-config
+    ;;
+esac
 
 if [ -n "$missing" ]; then
     if command -v apt-get >/dev/null; then
@@ -47,3 +75,12 @@ if ! command -v cargo >/dev/null; then
     echo "Rust is missing: install it with rustup (https://rustup.rs), then run this again." >&2
     exit 1
 fi
+
+for crate in $crates; do
+    echo "installing $crate with cargo (on two cores cbindgen takes one minute, cargo-c up to twenty)"
+    cargo install --quiet --locked "$crate"
+done
+
+case " $* " in
+*" cross "*) rustup --quiet target add aarch64-unknown-linux-gnu ;;
+esac

@@ -1,0 +1,56 @@
+#!/bin/sh
+# Builds and installs the C library: shared and static, header, files for pkg-config and CMake.
+# Usage: [PREFIX=/usr/local] [LIBDIR=PREFIX/lib] [INCLUDEDIR=PREFIX/include] [DESTDIR=]
+#        install.sh [PROFILE [TARGET]]
+set -eu
+cd "$(dirname "$0")/.."
+
+profile=${1:-release}
+host=$(rustc --print host-tuple)
+target=${2:-$host}
+prefix=${PREFIX:-/usr/local}
+libdir=${LIBDIR:-$prefix/lib}
+includedir=${INCLUDEDIR:-$prefix/include}
+destdir=${DESTDIR:-}
+
+# For a foreign target, Debian's cross compiler of that name, unless the environment names another.
+binutils=""
+if [ "$target" != "$host" ]; then
+    binutils=$(echo "$target" | sed 's/-unknown//')-
+    linker=CARGO_TARGET_$(echo "$target" | tr 'a-z-' 'A-Z_')_LINKER
+    eval "export $linker=\"\${$linker:-${binutils}gcc}\""
+fi
+
+cargo cinstall --profile "$profile" --target "$target" --no-default-features --features capi \
+    --prefix "$prefix" --libdir "$libdir" --includedir "$includedir" \
+    ${destdir:+--destdir "$destdir"}
+
+installed=$destdir$libdir
+
+# The static library as one object that shows nvsp_* alone: as rustc leaves it, libwebp's functions
+# and Rust's own would clash with those that the program brings along.
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+"${binutils}nm" -D --defined-only "$installed/libnvsprior.so" |
+    sed -n 's/.* T \(nvsp_.*\)/-u \1/p' > "$scratch/roots"
+"${binutils}ld" -r --gc-sections -o "$scratch/all.o" @"$scratch/roots" "$installed/libnvsprior.a"
+"${binutils}objcopy" --wildcard --keep-global-symbol='nvsp_*' --strip-debug \
+    --remove-section=.llvmbc --remove-section=.llvmcmd "$scratch/all.o" "$scratch/nvsprior.o"
+"${binutils}ar" rcsD "$scratch/libnvsprior.a" "$scratch/nvsprior.o"
+install -m 644 "$scratch/libnvsprior.a" "$installed/libnvsprior.a"
+
+# CMake's package.
+field() { sed -n "s/^$1: *//p" "$installed/pkgconfig/nvsprior.pc"; }
+package=$libdir/cmake/nvsprior
+soversion=$("${binutils}readelf" -d "$installed/libnvsprior.so" |
+    sed -n 's/.*\[libnvsprior\.so\.\(.*\)\]/\1/p')
+width=$(rustc --print cfg --target "$target" | sed -n 's/^target_pointer_width="\(.*\)"/\1/p')
+mkdir -p "$destdir$package"
+for file in nvspriorConfig.cmake nvspriorConfigVersion.cmake; do
+    sed -e "s|@VERSION@|$(field Version)|" -e "s|@SOVERSION@|$soversion|" \
+        -e "s|@STATIC_LIBS@|$(field Libs.private | tr ' ' ';')|" \
+        -e "s|@POINTER_BYTES@|$((width / 8))|" \
+        -e "s|@INCLUDE_FROM_HERE@|$(realpath -ms --relative-to="$package" "$includedir")|" \
+        "cmake/$file.in" > "$scratch/$file"
+    install -m 644 "$scratch/$file" "$destdir$package/$file"
+done
