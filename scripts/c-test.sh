@@ -157,17 +157,14 @@ sanitizers() {
 # wider than valgrind knows, and on one thread. Most of the time goes into that compiling.
 memcheck() {
     for name in $programs; do
-        arguments=""
-        [ "$name" != garbage ] || arguments=15
-        echo "== $name"
         compile programs gcc "$name" ""
-        # shellcheck disable=SC2086
-        LP_NATIVE_VECTOR_WIDTH=128 LP_NUM_THREADS=1 valgrind --quiet --error-exitcode=9 \
-            --smc-check=all-non-file --fair-sched=yes --leak-check=full --num-callers=40 \
-            --errors-for-leak-kinds=definite,indirect --show-leak-kinds=definite,indirect \
-            --suppressions=tests/c/valgrind.supp \
-            "$work/programs/$name" "$scene" $arguments
     done
+    # shellcheck disable=SC2086
+    printf '%s\n' $programs | NVSP_TEST_FEW=1 LP_NATIVE_VECTOR_WIDTH=128 LP_NUM_THREADS=1 \
+        xargs -P "$(nproc)" -I NAME valgrind --quiet --error-exitcode=9 --smc-check=all-non-file \
+        --fair-sched=yes --leak-check=full --num-callers=40 \
+        --errors-for-leak-kinds=definite,indirect --show-leak-kinds=definite,indirect \
+        --suppressions=tests/c/valgrind.supp "$work/programs/NAME" "$scene"
     echo "memory and leaks: $programs"
 }
 

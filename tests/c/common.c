@@ -58,6 +58,8 @@ void give_up(const char *what) {
     exit(1);
 }
 
+int few(void) { return getenv("NVSP_TEST_FEW") != NULL; }
+
 static void read_picture(scene *scene, const char *folder, int frame) {
     char path[600];
     snprintf(path, sizeof path, "%s/frame-%d.ppm", folder, frame);

@@ -25,6 +25,9 @@ int report(const char *name);
 // Ends the program: the test cannot be run.
 void give_up(const char *what);
 
+// Whether to do less of what is done over and over, for a memory checker's sake: NVSP_TEST_FEW is set.
+int few(void);
+
 #define MAX_FRAMES 8
 
 // The folder that tests/capi writes.

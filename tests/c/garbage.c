@@ -237,10 +237,10 @@ static void absurd_priors(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2 && argc != 3) {
-        give_up("usage: garbage SCENE [ROUNDS]");
+    if (argc != 2) {
+        give_up("usage: garbage SCENE");
     }
-    const int rounds = argc == 3 ? atoi(argv[2]) : 400;
+    const int rounds = few() ? 15 : 400;
     scene_read(&dive, argv[1]);
     rig_open(&both, &dive);
     nvsp_encoder_options options;

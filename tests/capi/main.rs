@@ -36,7 +36,7 @@ programs! {
     decoding: [];
     threads: [];
     reassembly: [];
-    garbage: ["100"];
+    garbage: [];
     allocations: [];
     soak: ["200"];
 }
