@@ -498,7 +498,7 @@ typedef struct nvsp_reassembly {
   uint32_t bytes;
   // 1: these are the whole packet; else 0.
   uint32_t complete;
-  // Modem frames of it that came.
+  // Modem frames known to be its; before its length is known, those without a gap.
   uint32_t frames;
   // Modem frames that it has; 0: too little came to tell.
   uint32_t expected;

@@ -166,9 +166,11 @@ fn colour(code: u32) -> Result<Colour, Failure> {
 pub(super) unsafe fn view<'a>(image: *const nvsp_image) -> Result<ImageView<'a>, Failure> {
     // SAFETY: as the caller promises.
     let image = unsafe { image.as_ref() }.ok_or(Failure::null("image"))?;
-    let (format, colour) = (format(image.format)?, colour(image.colour)?);
+    let format = format(image.format)?;
+    let count = plane_count(format);
+    let colour = if count > 1 { colour(image.colour)? } else { Colour::default() };
     let mut planes: [&[u8]; 3] = [&[]; 3];
-    for (i, plane) in planes.iter_mut().enumerate().take(plane_count(format)) {
+    for (i, plane) in planes.iter_mut().enumerate().take(count) {
         if image.planes[i].is_null() {
             return Err(Failure::null("nvsp_image.planes"));
         }

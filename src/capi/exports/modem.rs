@@ -74,7 +74,7 @@ pub struct nvsp_reassembly {
     pub bytes: u32,
     /// 1: these are the whole packet; else 0.
     pub complete: u32,
-    /// Modem frames of it that came.
+    /// Modem frames known to be its; before its length is known, those without a gap.
     pub frames: u32,
     /// Modem frames that it has; 0: too little came to tell.
     pub expected: u32,
