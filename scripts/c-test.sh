@@ -1,7 +1,8 @@
 #!/bin/sh
 # Tests the C library as a vendor gets it: installed into a folder, with its header, the examples, and
 # the programs of tests/c. Usage: c-test.sh [quick|full|GROUP...]; full adds sanitizers, valgrind and a
-# soak. Groups by name need what `library` installed, and sanitizers and memcheck nothing else.
+# soak. Groups by name need what `library` installed; sanitizers, memcheck, memcheck_all and soak nothing
+# else.
 #
 # Each group's output goes to a file; a line a group is printed, and where one fails, the end of its
 # output.
@@ -155,17 +156,27 @@ sanitizers() {
 
 # Mesa's CPU driver compiles its shaders while the program runs, hence --smc-check; without vectors
 # wider than valgrind knows, and on one thread. Most of the time goes into that compiling.
+#
+# Here those programs that encode few frames, in minutes; `memcheck_all` takes half an hour.
 memcheck() {
-    for name in $programs; do
+    check_memory structs nulls decoding reassembly garbage
+}
+
+memcheck_all() {
+    # shellcheck disable=SC2086
+    check_memory $programs
+}
+
+check_memory() {
+    for name in "$@"; do
         compile programs gcc "$name" ""
     done
-    # shellcheck disable=SC2086
-    printf '%s\n' $programs | NVSP_TEST_FEW=1 LP_NATIVE_VECTOR_WIDTH=128 LP_NUM_THREADS=1 \
+    printf '%s\n' "$@" | NVSP_TEST_FEW=1 LP_NATIVE_VECTOR_WIDTH=128 LP_NUM_THREADS=1 \
         xargs -P "$(nproc)" -I NAME valgrind --quiet --error-exitcode=9 --smc-check=all-non-file \
         --fair-sched=yes --leak-check=full --num-callers=40 \
         --errors-for-leak-kinds=definite,indirect --show-leak-kinds=definite,indirect \
         --suppressions=tests/c/valgrind.supp "$work/programs/NAME" "$scene"
-    echo "memory and leaks: $programs"
+    echo "memory and leaks: $*"
 }
 
 soak() {
