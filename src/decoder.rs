@@ -112,7 +112,7 @@ impl Decoder {
         let pose = latent.pose.dequantise(&self.scene.frame());
         let view = self.view(&latent)?;
         decoded.picture.resize(latent.width, latent.height);
-        view.renderer.picture(&pose, &mut decoded.picture)?;
+        view.renderer.coded_picture(&latent.pose.words(), &mut decoded.picture)?;
         (decoded.frame, decoded.pose) = (latent.frame, pose);
         decoded.uncertain = latent.uncertain_start;
         let rows = view.add_residual(&salvage, trust, &mut decoded.picture);

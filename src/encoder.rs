@@ -7,9 +7,7 @@ use crate::packet::{
     CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, Residual,
     residual_part_len,
 };
-use crate::refine::{
-    Evaluation, Objective, Outcome, Pyramid, RefineOptions, Start, StartKind, Starts, Stop, refine,
-};
+use crate::refine::{Evaluation, Found, Objective, Optimizer, RefineOptions, StartKind, Stop, Tracker};
 use crate::render::{Plan, Scene};
 use crate::residual::{ResidualEncoder, max_payload_len};
 use crate::{Camera, Engine, Error, Packet, Picture, Pose, Rate};
@@ -19,8 +17,10 @@ use crate::{Camera, Engine, Error, Packet, Picture, Pose, Rate};
 pub struct EncoderOptions {
     /// How to refine poses.
     pub refine: RefineOptions,
-    /// A frame starts from the one before where the mean squared error there, values in [0, 1], is
-    /// below this (paper: 1e-3 in a basin, 1e-2 on real footage).
+    /// Mean squared error, values in [0, 1] (paper: 1e-3 in a basin, 1e-2 on real footage). The
+    /// gradient methods start from the frame before where the error there is below this.
+    /// Gauss–Newton always tries that first, and looks afresh where the outcome is neither below
+    /// this nor near the error of the frame before.
     pub threshold: f64,
     /// How fine the difference picture is; `None`: none is sent.
     pub rate: Option<Rate>,
@@ -33,6 +33,8 @@ pub struct EncoderOptions {
     pub first_frame: u32,
     /// Reduction factors of the pyramid, finest first, beginning with 1.
     pub factors: Vec<u32>,
+    /// Have the device time each stage: see [`crate::render::Renderer::stage_times`].
+    pub profiled: bool,
 }
 
 impl Default for EncoderOptions {
@@ -45,6 +47,7 @@ impl Default for EncoderOptions {
             camera_interval: 64,
             first_frame: 0,
             factors: vec![1, 2, 4, 8],
+            profiled: false,
         }
     }
 }
@@ -68,6 +71,9 @@ pub struct FrameStats {
     pub renders: Vec<u32>,
     /// Time of all of it, milliseconds.
     pub milliseconds: f64,
+    /// Submissions that the search on the device took, its final picture included; 0 where the host
+    /// led the search.
+    pub submissions: u32,
     /// Where the refinement started.
     pub start: StartKind,
     /// Why it stopped.
@@ -114,9 +120,8 @@ pub struct Encoder {
     scene: Arc<Scene>,
     camera: Camera,
     options: EncoderOptions,
-    objective: Objective,
+    tracker: Tracker,
     residual: ResidualEncoder,
-    starts: Starts,
     /// Renders by level before the frame.
     renders_before: Vec<u32>,
     frame: u32,
@@ -133,15 +138,16 @@ impl Encoder {
         options: EncoderOptions,
     ) -> Result<Encoder, Error> {
         let objective = objective(engine, scene, camera, &options)?;
+        let (threshold, profile) = (options.threshold, options.profile.word());
+        let tracker = Tracker::new(objective, options.refine, threshold, profile);
         Ok(Encoder {
             engine: engine.clone(),
             scene: scene.clone(),
             camera: *camera,
             frame: options.first_frame,
             options,
-            objective,
+            tracker,
             residual: ResidualEncoder::new(camera.width, camera.height),
-            starts: Starts::default(),
             renders_before: Vec::new(),
             camera_age: None,
         })
@@ -150,7 +156,8 @@ impl Encoder {
     /// Frames from here on come from another camera, or at another size. Poses carry over.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<(), Error> {
         if *camera != self.camera {
-            self.objective = objective(&self.engine, &self.scene, camera, &self.options)?;
+            let objective = objective(&self.engine, &self.scene, camera, &self.options)?;
+            self.tracker.replace(objective);
             if (camera.width, camera.height) != (self.camera.width, self.camera.height) {
                 self.residual = ResidualEncoder::new(camera.width, camera.height);
             }
@@ -172,7 +179,7 @@ impl Encoder {
         if expected != found {
             return Err(Error::PriorChanged { expected, found });
         }
-        self.objective = objective(engine, scene, &self.camera, &self.options)?;
+        self.tracker.replace(objective(engine, scene, &self.camera, &self.options)?);
         (self.engine, self.scene) = (engine.clone(), scene.clone());
         Ok(())
     }
@@ -204,15 +211,12 @@ impl Encoder {
         let since = Instant::now();
         self.check_frame(frame)?;
         self.renders_before.clear();
-        self.renders_before.extend_from_slice(self.objective.renderer().renders());
-        self.objective.set_frame(frame);
-        let (start, found) = self.find_pose(external)?;
-
-        let pose = QuantisedPose::quantise(&found.pose, &self.scene.frame(), self.options.profile)?;
+        self.renders_before.extend_from_slice(self.tracker.objective().renderer().renders());
+        let found = self.tracker.track(frame, external)?;
+        let found = found.ok_or(Error::NoStart { frame: self.frame })?;
+        let pose = self.draw(&found, frame, encoded)?;
         let quantised = pose.dequantise(&self.scene.frame());
-        encoded.render.resize(frame.width, frame.height);
-        self.objective.renderer().picture(&quantised, &mut encoded.render)?;
-        let uncertain = start.kind == StartKind::BestOfBad;
+        let uncertain = found.start == StartKind::BestOfBad;
         let latent = Latent::new(self.frame, self.scene.id(), &self.camera, pose, uncertain)?;
         let camera = self.camera_due().then_some(self.camera);
         let rate_kept = self.write_packet(frame, latent, camera, encoded)?;
@@ -220,7 +224,8 @@ impl Encoder {
         encoded.pose = quantised;
         let stats = &mut encoded.stats;
         stats.renders.clear();
-        let renders = self.objective.renderer().renders().iter().zip(&self.renders_before);
+        let renders = self.tracker.objective().renderer().renders().iter();
+        let renders = renders.zip(&self.renders_before);
         stats.renders.extend(renders.map(|(after, before)| after - before));
         stats.full_renders = stats.renders[0];
         stats.frame = self.frame;
@@ -228,13 +233,14 @@ impl Encoder {
         stats.latent_bytes = latent.encoded_len();
         stats.render_psnr = encoded.render.psnr(frame);
         stats.psnr = encoded.picture.psnr(frame);
-        stats.start = start.kind;
-        stats.stop = found.stop;
+        stats.start = found.start;
+        stats.stop = found.outcome.stop;
+        stats.submissions = found.submissions;
         stats.rate_kept = rate_kept;
         stats.milliseconds = since.elapsed().as_secs_f64() * 1e3;
         self.camera_age = Some(if camera.is_some() { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         self.frame = self.frame.wrapping_add(1);
-        self.starts.push(quantised);
+        self.tracker.keep(quantised, found.outcome.mse);
         Ok(())
     }
 
@@ -248,16 +254,23 @@ impl Encoder {
         Ok(())
     }
 
-    fn find_pose(&mut self, external: Option<Pose>) -> Result<(Start, Outcome), Error> {
-        let options = &self.options.refine;
-        let external = external.filter(Pose::is_finite);
-        let (jacobian, threshold) = (options.jacobian(), self.options.threshold);
-        let start = self
-            .starts
-            .choose(&mut self.objective, jacobian, external, threshold)?
-            .ok_or(Error::NoStart { frame: self.frame })?;
-        let found = refine(&mut self.objective, &start.pose, start.coarsest, options)?;
-        Ok((start, found))
+    /// The pose as the packet will hold it, drawn.
+    fn draw(
+        &mut self,
+        found: &Found,
+        frame: &Picture,
+        encoded: &mut Encoded,
+    ) -> Result<QuantisedPose, Error> {
+        let renderer = self.tracker.objective().renderer();
+        encoded.render.resize(frame.width, frame.height);
+        if let Some(code) = &found.drawn {
+            encoded.render.data.copy_from_slice(renderer.rendered());
+            return Ok(QuantisedPose::of_words(code)?);
+        }
+        let (pose, profile) = (&found.outcome.pose, self.options.profile);
+        let pose = QuantisedPose::quantise(pose, &self.scene.frame(), profile)?;
+        renderer.coded_picture(&pose.words(), &mut encoded.render)?;
+        Ok(pose)
     }
 
     /// Codes the difference picture and writes the packet, and the picture that the topside will
@@ -281,7 +294,9 @@ impl Encoder {
         {
             return Err(Error::Budget { budget, needed });
         }
-        let coded = self.residual.encode(frame, &encoded.render, rate, needed)?;
+        let difference = self.tracker.objective().renderer().difference();
+        let coded =
+            self.residual.encode_difference(frame, &encoded.render, difference, rate, needed)?;
         packet.residual = coded.residual;
         encoded.picture.clone_from(coded.reconstruction);
         packet.write(&mut encoded.packet)?;
@@ -295,7 +310,7 @@ impl Encoder {
 
     /// Evaluations of the last frame's refinement, in order: error against run time.
     pub fn trace(&self) -> &[Evaluation] {
-        self.objective.trace()
+        self.tracker.trace()
     }
 }
 
@@ -306,8 +321,13 @@ fn objective(
     options: &EncoderOptions,
 ) -> Result<Objective, Error> {
     camera.check()?;
-    let factors = options.factors.clone();
-    let plan = Plan { factors, jacobians: vec![options.refine.jacobian()], profiled: false };
-    let pyramid = Pyramid::new(camera, &options.factors);
-    Ok(Objective::new(engine.renderer(scene, camera, plan)?, pyramid))
+    let search = options.refine.optimizer == Optimizer::GaussNewton;
+    let jacobian = options.refine.jacobian();
+    let plan = Plan {
+        factors: options.factors.clone(),
+        jacobians: if search { Vec::new() } else { vec![jacobian] },
+        search: search.then_some(jacobian),
+        profiled: options.profiled,
+    };
+    Ok(Objective::new(engine.renderer(scene, camera, plan)?))
 }

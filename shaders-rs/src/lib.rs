@@ -2,15 +2,20 @@
 //! that dispatches it (`src/render/`, `src/refine/`) and as its f64 twin (`src/reference/`).
 #![no_std]
 
+pub mod search;
 pub mod shared;
 
 pub mod bin;
 pub mod derive;
+pub mod finish;
+pub mod place;
 pub mod project;
+pub mod pyramid;
 pub mod radix;
 pub mod ranges;
 pub mod reduce;
 pub mod scan;
+pub mod solve;
 pub mod splat;
 pub mod splat_exact;
 pub mod splat_flow;

@@ -108,17 +108,13 @@ impl Sums {
 const LANES: u32 = 8;
 const COLUMNS: u32 = 32;
 
-/// Sums the tiles' rows. One workgroup: eight invocations a sum, then one over the eight.
-#[spirv(compute(threads(256)))]
-pub fn reduce(
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] scratch: &mut [f32; (LANES * COLUMNS) as usize],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] partials: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sums: &mut [f32],
-) {
+/// Shared memory that [`total`] needs.
+pub type Columns = [f32; (LANES * COLUMNS) as usize];
+
+/// Sums the tiles' rows; `scratch` then begins with the totals. For a whole workgroup of 256: eight
+/// invocations a sum, then one over the eight.
+pub fn total(lane: u32, tiles: u32, partials: &[f32], scratch: &mut Columns) {
     let k = lane % COLUMNS;
-    let tiles = params.tiles_x * params.tiles_y;
     let mut sum = 0.0;
     if k < SUMS {
         let mut tile = lane / COLUMNS;
@@ -129,13 +125,32 @@ pub fn reduce(
     }
     scratch[lane as usize] = sum;
     barrier();
+    let mut total = 0.0;
     if lane < SUMS {
-        let mut total = 0.0;
         let mut part = 0;
         while part < LANES {
             total += scratch[(part * COLUMNS + lane) as usize];
             part += 1;
         }
-        sums[lane as usize] = total;
+    }
+    barrier();
+    if lane < SUMS {
+        scratch[lane as usize] = total;
+    }
+    barrier();
+}
+
+/// Sums the tiles' rows. One workgroup.
+#[spirv(compute(threads(256)))]
+pub fn reduce(
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] scratch: &mut Columns,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] partials: &[f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sums: &mut [f32],
+) {
+    total(lane, params.tiles_x * params.tiles_y, partials, scratch);
+    if lane < SUMS {
+        sums[lane as usize] = scratch[lane as usize];
     }
 }

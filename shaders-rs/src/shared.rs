@@ -82,6 +82,52 @@ pub struct Params {
     pub sh_degree: u32,
     /// Room for (tile, splat) pairs.
     pub pair_capacity: u32,
+    /// Where this level's floats begin in the buffer of frames.
+    pub frame_offset: u32,
+}
+
+/// Indirect dispatches of the stages at one level; zeros where nothing is to be run.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(not(target_arch = "spirv"), derive(bytemuck::Pod, bytemuck::Zeroable))]
+pub struct Groups {
+    /// An invocation a splat.
+    pub splats: [u32; 3],
+    /// A workgroup a block of binning.
+    pub bin_blocks: [u32; 3],
+    /// A workgroup a block of splats to sort.
+    pub radix_blocks: [u32; 3],
+    /// A workgroup a tile.
+    pub tiles: [u32; 3],
+    /// An invocation four pixels.
+    pub quads: [u32; 3],
+    /// One workgroup.
+    pub one: [u32; 3],
+}
+
+impl Groups {
+    /// Nothing is run.
+    pub const NONE: Groups = Groups {
+        splats: [0, 1, 1],
+        bin_blocks: [0, 1, 1],
+        radix_blocks: [0, 1, 1],
+        tiles: [0, 1, 1],
+        quads: [0, 1, 1],
+        one: [0, 1, 1],
+    };
+
+    /// Those of a level.
+    pub fn of(params: &Params) -> Groups {
+        let splats = params.splats;
+        Groups {
+            splats: [splats.div_ceil(GROUP), 1, 1],
+            bin_blocks: [splats.div_ceil(BIN_BLOCK), 1, 1],
+            radix_blocks: [splats.div_ceil(RADIX_BLOCK), 1, 1],
+            tiles: [params.tiles_x, params.tiles_y, 1],
+            quads: [(params.width * params.height).div_ceil(4 * GROUP), 1, 1],
+            one: [1, 1, 1],
+        }
+    }
 }
 
 /// What the stages tell each other and, after the render, the host.

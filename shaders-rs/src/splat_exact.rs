@@ -116,7 +116,7 @@ fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) ->
     if (x >= params.width) | (y >= params.height) {
         return sums;
     }
-    let at = ((y * params.width + x) * 3) as usize;
+    let at = (params.frame_offset + (y * params.width + x) * 3) as usize;
     let t = p.transmittance;
     let bg = params.background;
     let d = p.d_r.plus(p.d_transmittance, bg[0]);

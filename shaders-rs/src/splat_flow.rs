@@ -78,7 +78,7 @@ fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) ->
     if (x >= params.width) | (y >= params.height) {
         return sums;
     }
-    let at = ((y * params.width + x) * 3) as usize;
+    let at = (params.frame_offset + (y * params.width + x) * 3) as usize;
     let ray = [
         (x as f32 + 0.5 - params.principal[0]) / params.focal[0],
         (y as f32 + 0.5 - params.principal[1]) / params.focal[1],

@@ -16,12 +16,11 @@ use glam::{DQuat, DVec3};
 
 use crate::Pose;
 use crate::prior::PriorFrame;
+use crate::search::{COMPACT, PAPER, PoseCode};
 
 use super::PacketError;
 use super::bytes::{Reader, from_u24, to_u24};
 
-/// Steps of the compact centre per unit of the prior's frame.
-const STEPS_PER_UNIT: f64 = 131_072.0;
 /// Range of the compact centre, steps: 24 bits, two's complement.
 const CENTRE_STEPS: std::ops::Range<f64> = -8_388_608.0..8_388_608.0;
 /// Bits of a small quaternion component.
@@ -60,6 +59,14 @@ impl PoseProfile {
             .into_iter()
             .find(|profile| profile.code() == code)
             .ok_or(PacketError::Profile(code))
+    }
+
+    /// The profile as the device knows it.
+    pub fn word(self) -> u32 {
+        match self {
+            PoseProfile::Compact => COMPACT,
+            PoseProfile::Paper => PAPER,
+        }
     }
 
     /// Bytes that a pose takes.
@@ -114,7 +121,7 @@ impl QuantisedPose {
     pub fn dequantise(&self, frame: &PriorFrame) -> Pose {
         match self.0 {
             Code::Compact { centre, largest, small } => {
-                let step = frame.unit() / STEPS_PER_UNIT;
+                let step = frame.step();
                 let origin = DVec3::from(frame.centre.map(f64::from));
                 let centre = origin + DVec3::from(centre.map(f64::from)) * step;
                 Pose::from_centre(rotation_of(largest, small), centre)
@@ -124,6 +131,41 @@ impl QuantisedPose {
                 Pose { rotation: unit(q), translation: DVec3::from(translation.map(f64::from)) }
             }
         }
+    }
+
+    /// In words, as the device has it.
+    pub fn words(&self) -> PoseCode {
+        match self.0 {
+            Code::Compact { centre: [x, y, z], largest, small: [a, b, c] } => {
+                PoseCode { profile: COMPACT, words: [x, y, z, largest as i32, a, b, c] }
+            }
+            Code::Paper { translation: [x, y, z], wxyz: [a, b, c, d] } => PoseCode {
+                profile: PAPER,
+                words: [x, y, z, a, b, c, d].map(|v: f32| v.to_bits() as i32),
+            },
+        }
+    }
+
+    /// From the device's words.
+    ///
+    /// # Errors
+    /// [`PacketError::Pose`] where they are no pose's, or no packet can hold them.
+    pub fn of_words(code: &PoseCode) -> Result<QuantisedPose, PacketError> {
+        let w = code.words;
+        let code = if code.profile == COMPACT {
+            let centre = [w[0], w[1], w[2]];
+            let small = [w[4], w[5], w[6]];
+            let reach = |v: &i32| CENTRE_STEPS.contains(&f64::from(*v));
+            let small_fits = small.iter().all(|v| (-SMALL_ZERO..SMALL_ZERO).contains(v));
+            if !(centre.iter().all(reach) && small_fits && (0..4).contains(&w[3])) {
+                return Err(PacketError::Pose);
+            }
+            Code::Compact { centre, largest: w[3] as usize, small }
+        } else {
+            let float = |i: usize| f32::from_bits(w[i] as u32);
+            Code::Paper { translation: [0, 1, 2].map(float), wxyz: [3, 4, 5, 6].map(float) }
+        };
+        if code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
     }
 
     /// How it is written.
@@ -229,7 +271,7 @@ fn round(
 
 /// `None` where the centre is out of reach.
 fn round_compact(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
-    let step = frame.unit() / STEPS_PER_UNIT;
+    let step = frame.step();
     let offset = pose.centre() - DVec3::from(frame.centre.map(f64::from));
     let steps = (offset / step).round();
     if !steps.to_array().iter().all(|v| CENTRE_STEPS.contains(v)) {

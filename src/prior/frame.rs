@@ -1,5 +1,8 @@
 //! The frame in which packets state camera positions.
 
+/// Steps of the compact centre per unit of the prior's frame.
+const STEPS_PER_UNIT: f64 = 131_072.0;
+
 /// Where a prior lies and how large it is, by medians, so that a few stray splats do not count.
 ///
 /// Both sides compute it from the same splats with the same comparisons, hence to the same bits.
@@ -19,6 +22,11 @@ impl PriorFrame {
     pub fn unit(&self) -> f64 {
         let distance = self.centre.iter().map(|v| f64::from(v.abs())).fold(0.0, f64::max);
         f64::from(self.spread).max(distance * 2_f64.powi(-23))
+    }
+
+    /// Step of a camera's centre in a compact packet, the prior's own unit of length.
+    pub fn step(&self) -> f64 {
+        self.unit() / STEPS_PER_UNIT
     }
 
     /// The frame of finite `positions`, of which there is at least one.

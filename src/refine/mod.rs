@@ -2,27 +2,32 @@
 //!
 //! One [`Objective`], the mean squared error over pixels and channels (the paper's eq. mse, averaged
 //! over channels too), and four optimisers on it. Poses move by left perturbations
-//! `T' = Exp(τ) T`; all optimisers work on τ.
+//! `T' = Exp(τ) T`; all optimisers work on τ. Gauss–Newton runs on the device ([`crate::search`]);
+//! BFGS and Adam, the paper's choices, are led by the host, an evaluation a submission.
 
 mod adam;
 mod bfgs;
+mod cold;
 mod gauss_newton;
 mod line_search;
 mod objective;
 mod phase_correlation;
 mod pyramid;
 mod starts;
+mod tracker;
 
 pub use adam::AdamOptions;
 pub use bfgs::BfgsOptions;
-pub use gauss_newton::GaussNewtonOptions;
+pub use gauss_newton::{GaussNewtonOptions, Schedule};
 pub use objective::{Evaluation, Objective};
 pub use pyramid::Pyramid;
 pub use starts::{Start, StartKind, Starts};
+pub use tracker::{Found, Tracker};
+
+use cold::ColdStart;
 
 use crate::Pose;
 use crate::render::Jacobian;
-use crate::vulkan::Error;
 
 /// Which optimiser refines the pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -110,30 +115,6 @@ pub struct Outcome {
     pub mse: f64,
     /// Why the search ended.
     pub stop: Stop,
-}
-
-/// Refines a pose. `coarsest`: the level at which Gauss–Newton begins.
-pub fn refine(
-    objective: &mut Objective,
-    start: &Pose,
-    coarsest: usize,
-    options: &RefineOptions,
-) -> Result<Outcome, Error> {
-    match options.optimizer {
-        Optimizer::GaussNewton => gauss_newton::minimise(
-            objective,
-            start,
-            coarsest,
-            options.jacobian,
-            &options.gauss_newton,
-        ),
-        Optimizer::Bfgs => bfgs::minimise(objective, start, &options.bfgs),
-        Optimizer::Adam => adam::minimise(objective, start, &options.adam),
-        Optimizer::AdamBfgs => {
-            let first = adam::minimise(objective, start, &options.adam)?;
-            bfgs::minimise(objective, &first.pose, &options.bfgs)
-        }
-    }
 }
 
 fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {

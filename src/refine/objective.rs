@@ -3,12 +3,9 @@
 use std::time::Instant;
 
 use crate::render::{Jacobian, NormalEquations, Renderer};
-use crate::shared::PIXEL;
+use crate::search::LEVELS;
 use crate::vulkan::Error;
-use crate::{Picture, Pose};
-
-use super::Pyramid;
-use super::phase_correlation::PhaseCorrelation;
+use crate::{Camera, Picture, Pose};
 
 /// One evaluation, for reports of error against run time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,39 +18,45 @@ pub struct Evaluation {
     pub milliseconds: f64,
 }
 
-/// A frame against a renderer of the prior.
-pub struct Objective {
-    renderer: Renderer,
-    pyramid: Pyramid,
-    correlation: PhaseCorrelation,
-    trace: Vec<Evaluation>,
-    since: Instant,
-}
-
-/// Level at which phase correlation compares.
-const CORRELATION_LEVEL: usize = 2;
+/// Evaluations of a frame, in order.
+pub(super) struct Trace(Vec<Evaluation>);
 
 /// Evaluations that a trace has room for; the rest of a longer search is not traced.
 const TRACE: usize = 4096;
 
+impl Trace {
+    pub fn note(&mut self, evaluation: Evaluation) {
+        if self.0.len() < TRACE {
+            self.0.push(evaluation);
+        }
+    }
+}
+
+/// A frame against a renderer of the prior.
+pub struct Objective {
+    renderer: Renderer,
+    trace: Trace,
+    since: Instant,
+    /// Whether the device holds the frame at all levels: searches see to that themselves.
+    reduced: bool,
+}
+
 impl Objective {
-    /// Wraps a renderer whose plan has the factors of `pyramid`.
-    pub fn new(renderer: Renderer, pyramid: Pyramid) -> Objective {
-        let level = CORRELATION_LEVEL.min(renderer.levels() - 1);
-        let camera = renderer.camera(level);
-        let correlation = PhaseCorrelation::new(camera.width as usize, camera.height as usize);
-        let (trace, since) = (Vec::with_capacity(TRACE), Instant::now());
-        Objective { renderer, pyramid, correlation, trace, since }
+    /// Wraps a renderer whose plan knows frames.
+    pub fn new(renderer: Renderer) -> Objective {
+        let trace = Trace(Vec::with_capacity(TRACE));
+        Objective { renderer, trace, since: Instant::now(), reduced: false }
     }
 
     /// Sets the frame to match and begins a new trace.
+    ///
+    /// # Panics
+    /// Where it has not the size of level 0.
     pub fn set_frame(&mut self, frame: &Picture) {
-        self.trace.clear();
+        self.trace.0.clear();
         self.since = Instant::now();
-        self.pyramid.set(frame);
-        for level in 0..self.renderer.levels() {
-            self.renderer.set_frame(level, self.pyramid.level(level));
-        }
+        self.renderer.set_picture(frame);
+        self.reduced = false;
     }
 
     /// The normal equations at a pose. Where the pose is not finite, or the device returns something
@@ -64,6 +67,10 @@ impl Objective {
         jacobian: Jacobian,
         pose: &Pose,
     ) -> Result<NormalEquations, Error> {
+        if !self.reduced {
+            self.renderer.reduce_picture()?;
+            self.reduced = true;
+        }
         let mut equations = self.renderer.normal_equations(level, jacobian, pose)?;
         let finite = equations.jtj.iter().flatten().chain(&equations.jtr).all(|v| v.is_finite());
         if !(pose.is_finite() && finite && equations.square.is_finite()) {
@@ -74,37 +81,30 @@ impl Objective {
                 ..equations
             };
         }
-        if self.trace.len() < TRACE {
-            let milliseconds = self.since.elapsed().as_secs_f64() * 1e3;
-            self.trace.push(Evaluation { level, mse: equations.mse(), milliseconds });
-        }
+        let (mse, milliseconds) = (equations.mse(), self.milliseconds());
+        self.trace.note(Evaluation { level, mse, milliseconds });
         Ok(equations)
     }
 
-    /// The pose turned so that the render lies over the frame as a whole, by phase correlation of
-    /// their luma; the same pose where they already do to a pixel. Roll is what it does not see.
-    pub fn turned(&mut self, pose: &Pose) -> Result<Pose, Error> {
-        let level = CORRELATION_LEVEL.min(self.levels() - 1);
-        let camera = *self.renderer.camera(level);
-        let render = self.renderer.draw_level(level, pose)?.chunks_exact(PIXEL as usize);
-        let frame = self.pyramid.level(level).chunks_exact(3);
-        let [dx, dy] = self.correlation.shift(frame.map(luma), render.map(luma));
-        if dx == 0.0 && dy == 0.0 {
-            return Ok(*pose);
-        }
-        Ok(pose.stepped(&[
-            0.0,
-            0.0,
-            0.0,
-            f64::from(-dy / camera.fy),
-            f64::from(dx / camera.fx),
-            0.0,
-        ]))
+    /// Since the frame was set.
+    pub(super) fn milliseconds(&self) -> f64 {
+        self.since.elapsed().as_secs_f64() * 1e3
+    }
+
+    /// Number of residuals of each level.
+    pub(super) fn residuals(&self) -> [f64; LEVELS] {
+        let count = |level| (self.renderer.camera(level).pixels() * 3) as f64;
+        std::array::from_fn(|level| if level < self.levels() { count(level) } else { 1.0 })
+    }
+
+    /// The renderer, and the trace.
+    pub(super) fn parts(&mut self) -> (&mut Renderer, &mut Trace) {
+        (&mut self.renderer, &mut self.trace)
     }
 
     /// Evaluations since the frame was set, in order.
     pub fn trace(&self) -> &[Evaluation] {
-        &self.trace
+        &self.trace.0
     }
 
     /// The renderer, to draw with.
@@ -112,13 +112,18 @@ impl Objective {
         &mut self.renderer
     }
 
+    /// The camera of a level.
+    pub fn camera(&self, level: usize) -> Camera {
+        *self.renderer.camera(level)
+    }
+
+    /// Reduction factor of a level.
+    pub fn factor(&self, level: usize) -> u32 {
+        self.renderer.factor(level)
+    }
+
     /// Number of levels.
     pub fn levels(&self) -> usize {
         self.renderer.levels()
     }
-}
-
-/// Luma of a pixel that begins with R, G, B (ITU-R BT.601).
-fn luma(pixel: &[f32]) -> f32 {
-    0.299 * pixel[0] + 0.587 * pixel[1] + 0.114 * pixel[2]
 }

@@ -45,8 +45,6 @@ pub struct Start {
     pub pose: Pose,
     /// Where it came from.
     pub kind: StartKind,
-    /// Level of the pyramid to begin at.
-    pub coarsest: usize,
 }
 
 /// Poses of the frames before.
@@ -54,15 +52,36 @@ pub struct Start {
 pub struct Starts {
     last: Option<Pose>,
     before_last: Option<Pose>,
+    candidates: [Pose; 2],
 }
 
-/// Level at which candidates are compared, and at which a frame that follows its predecessor begins.
+/// Level at which candidates are compared.
 const NEAR_LEVEL: usize = 2;
 
 impl Starts {
     /// Notes the pose found for a frame.
     pub fn push(&mut self, pose: Pose) {
         self.before_last = self.last.replace(pose);
+        let predicted = self.before_last.map(|before| pose.predicted(&before));
+        self.candidates = [predicted.unwrap_or(pose), pose];
+    }
+
+    /// What the next frame may start from: the pose that constant velocity predicts, then the
+    /// previous one.
+    pub(super) fn candidates(&self) -> &[Pose] {
+        match (self.last, self.before_last) {
+            (None, _) => &[],
+            (Some(_), None) => &self.candidates[1..],
+            _ => &self.candidates,
+        }
+    }
+
+    /// What a candidate is.
+    pub(super) fn kind(&self, candidate: usize) -> StartKind {
+        match (candidate, self.before_last) {
+            (0, Some(_)) => StartKind::Predicted,
+            _ => StartKind::Previous,
+        }
     }
 
     /// Chooses the start of the next frame; `None` where there is neither a frame before nor a pose
@@ -74,16 +93,15 @@ impl Starts {
         external: Option<Pose>,
         threshold: f64,
     ) -> Result<Option<Start>, Error> {
-        let whole = objective.levels() - 1;
-        let from_outside = |pose| Start { pose, kind: StartKind::External, coarsest: whole };
+        let from_outside = |pose| Start { pose, kind: StartKind::External };
         let Some((pose, kind)) = self.better_candidate(objective, jacobian)? else {
             return Ok(external.map(from_outside));
         };
         let mse = objective.evaluate(0, jacobian, &pose)?.mse();
         Ok(Some(match external {
-            _ if mse < threshold => Start { pose, kind, coarsest: NEAR_LEVEL.min(whole) },
+            _ if mse < threshold => Start { pose, kind },
             Some(pose) => from_outside(pose),
-            None => Start { pose, kind: StartKind::BestOfBad, coarsest: whole },
+            None => Start { pose, kind: StartKind::BestOfBad },
         }))
     }
 

@@ -1,9 +1,11 @@
 //! Stage `derive`: pose derivatives of every visible splat, for the exact Jacobian.
 
-use crate::shared::GROUP;
+use std::mem::offset_of;
+
+use crate::shared::Groups;
 use crate::vulkan::{Error, Recorder};
 
-use super::view::View;
+use super::view::{Part, View};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -14,9 +16,11 @@ pub(crate) fn record(
     scene: &Scene,
     view: &View,
     work: &Workspace,
+    part: Part,
 ) -> Result<(), Error> {
     let Some(derivatives) = &work.derivatives else { return Ok(()) };
     let (geometry, sh) = (&scene.geometry, &scene.sh);
     let buffers = [&view.params, geometry, sh, &work.records, &work.tile_counts, derivatives];
-    recorder.dispatch(&kernels.derive, &buffers, &[], [scene.splats.div_ceil(GROUP), 1, 1])
+    let at = part.at(offset_of!(Groups, splats));
+    recorder.dispatch_indirect(&kernels.derive, &buffers, &[], &view.groups, at)
 }

@@ -43,4 +43,9 @@ kernels! {
     derive::derive(6, 0);
     splat_exact::splat_exact(7, 0);
     reduce::reduce(3, 0);
+    pyramid::pyramid(2, 6);
+    solve::solve(7, 1);
+    place::place(3, 0);
+    finish::finish(3, 0);
+    finish::difference(4, 0);
 }

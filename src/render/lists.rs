@@ -3,7 +3,7 @@
 use crate::vulkan::{Error, Recorder};
 
 use super::radix::{Keys, Sort};
-use super::view::View;
+use super::view::{Part, View};
 use super::workspace::Workspace;
 use super::{Kernels, Scene, bin, project, radix, ranges};
 
@@ -15,19 +15,20 @@ pub(crate) fn record_pairs(
     scene: &Scene,
     view: &View,
     work: &Workspace,
+    part: Part,
 ) -> Result<usize, Error> {
-    project::record(recorder, kernels, scene, view, work)?;
-    recorder.fill(&work.counters, scene.splats);
+    project::record(recorder, kernels, scene, view, work, part)?;
     let sort = Sort {
-        what: Keys::Depth { count: scene.splats },
+        what: Keys::Depth(part),
         passes: radix::passes(u32::MAX),
         counters: &work.counters,
+        groups: &view.groups,
         histogram: &work.histogram,
         keys: &work.depth_keys,
         values: &work.depth_order,
     };
     let order = radix::record(recorder, kernels, &sort)?;
-    bin::record(recorder, kernels, scene, view, work, order)?;
+    bin::record(recorder, kernels, view, work, order, part)?;
     Ok(order)
 }
 
@@ -37,12 +38,14 @@ pub(crate) fn record_ranges(
     kernels: &Kernels,
     view: &View,
     work: &Workspace,
+    part: Part,
 ) -> Result<usize, Error> {
     let sort = Sort {
-        what: Keys::Tile,
+        what: Keys::Tile(part),
         // One value more than there are tiles: padding sorts behind the last.
-        passes: radix::passes(view.tile_count() + 1),
+        passes: radix::passes(view.most_tiles() + 1),
         counters: &work.counters,
+        groups: &view.groups,
         histogram: &work.histogram,
         keys: &work.pair_tiles,
         values: &work.pair_splats,

@@ -3,6 +3,7 @@
 
 pub(crate) mod bin;
 pub(crate) mod derive;
+pub(crate) mod frame;
 mod kernels;
 mod lists;
 #[cfg(feature = "reference")]
@@ -15,10 +16,11 @@ pub(crate) mod reduce;
 mod renderer;
 mod scene;
 pub(crate) mod splat;
-mod view;
+pub(crate) mod view;
 mod workspace;
 
+pub use frame::to_byte;
 pub use kernels::Kernels;
-pub use renderer::{Jacobian, Plan, Renderer, to_byte};
+pub use renderer::{Jacobian, Job, Plan, Renderer, Searched};
 pub use scene::Scene;
 pub use view::NormalEquations;

@@ -2,12 +2,12 @@
 
 use bytemuck::AnyBitPattern;
 
-use crate::shared::{BIN_BLOCK, Counters, DERIVATIVES, Params, RADIX, RADIX_BLOCK, RECORD};
-use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
+use crate::shared::{BIN_BLOCK, Counters, DERIVATIVES, Groups, Params, RADIX, RADIX_BLOCK, RECORD};
+use crate::vulkan::{Buffer, Device, Error, Memory, Recorder, Timing};
 use crate::{Camera, Engine, Pose};
 
 use super::radix::{Keys, Sort};
-use super::view::View;
+use super::view::{Part, View};
 use super::workspace::Workspace;
 use super::{Kernels, Scene, derive, lists, radix};
 
@@ -25,9 +25,11 @@ pub fn sort(engine: &Engine, keys: &[u32], values: &[u32]) -> Result<(Vec<u32>, 
     let values = [Buffer::from_slice(device, "values", values)?, own("sorted values")?];
     let counters = Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?;
     let histogram = Buffer::new::<u32>(device, "digit histogram", blocks as usize, Memory::Device)?;
-    let mut recorder = Recorder::new(device)?;
+    let mut recorder = Recorder::new(device, Timing::None)?;
     recorder.fill(&counters, count);
-    let depth = Keys::Depth { count };
+    let depth = Keys::Depth(Part::First);
+    let groups = Groups::of(&Params { splats: count, ..Params::default() });
+    let groups = Buffer::from_slice(device, "workgroups", &[groups])?;
     let r = &mut recorder;
     let kernels = &engine.kernels;
     let sorted = radix::record(
@@ -37,6 +39,7 @@ pub fn sort(engine: &Engine, keys: &[u32], values: &[u32]) -> Result<(Vec<u32>, 
             what: depth,
             passes: 4,
             counters: &counters,
+            groups: &groups,
             histogram: &histogram,
             keys: &keys,
             values: &values,
@@ -60,7 +63,7 @@ pub fn count_pairs(engine: &Engine, tile_counts: &[u32]) -> Result<(u32, Vec<u32
     let tile_counts = Buffer::from_slice(device, "tile counts", tile_counts)?;
     let sums = Buffer::new::<u32>(device, "block sums", blocks as usize, Memory::Device)?;
     let counters = Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?;
-    let mut recorder = Recorder::new(device)?;
+    let mut recorder = Recorder::new(device, Timing::None)?;
     let buffers = [&params, &order, &tile_counts, &sums];
     recorder.dispatch(&kernels.bin_count, &buffers, &[], [blocks, 1, 1])?;
     recorder.dispatch(&kernels.bin_scan, &[&params, &sums, &counters], &[], [1, 1, 1])?;
@@ -106,8 +109,8 @@ pub fn stages(
 ) -> Result<Stages, Error> {
     let (device, kernels) = (&engine.device, &*engine.kernels);
     let work = Workspace::new(device, scene, pair_capacity, true)?;
-    let mut view = View::new(device, camera)?;
-    view.set_pose(scene, pair_capacity, pose);
+    let mut view = View::new(device, scene, camera, &[1])?;
+    view.ask(scene, 0, pair_capacity, pose);
 
     let by_depth = emit_pairs(device, kernels, scene, &view, &work)?;
     // The sort by tile writes over the pairs as emitted: they are read before it.
@@ -128,7 +131,7 @@ pub fn stages(
         pair_splats,
         sorted_tiles: read(device, &work.pair_tiles[by_tile], pairs)?,
         sorted_splats: read(device, &work.pair_splats[by_tile], pairs)?,
-        ranges: read(device, &view.ranges, view.tile_count() as usize)?,
+        ranges: read(device, &view.ranges, view.most_tiles() as usize)?,
     })
 }
 
@@ -140,10 +143,12 @@ fn emit_pairs(
     view: &View,
     work: &Workspace,
 ) -> Result<usize, Error> {
-    let mut recorder = Recorder::new(device)?;
+    let mut recorder = Recorder::new(device, Timing::None)?;
     let r = &mut recorder;
-    let by_depth = lists::record_pairs(r, kernels, scene, view, work)?;
-    derive::record(r, kernels, scene, view, work)?;
+    r.copy(&view.params_asked, &view.params)?;
+    r.copy(&view.groups_asked, &view.groups)?;
+    let by_depth = lists::record_pairs(r, kernels, scene, view, work, Part::First)?;
+    derive::record(r, kernels, scene, view, work, Part::First)?;
     recorder.finish()?.run()?;
     Ok(by_depth)
 }
@@ -155,8 +160,8 @@ fn sort_pairs(
     view: &View,
     work: &Workspace,
 ) -> Result<usize, Error> {
-    let mut recorder = Recorder::new(device)?;
-    let sorted = lists::record_ranges(&mut recorder, kernels, view, work)?;
+    let mut recorder = Recorder::new(device, Timing::None)?;
+    let sorted = lists::record_ranges(&mut recorder, kernels, view, work, Part::First)?;
     recorder.finish()?.run()?;
     Ok(sorted)
 }
@@ -164,7 +169,7 @@ fn sort_pairs(
 /// The first `count` values of a buffer that only the device sees.
 fn read<T: AnyBitPattern>(device: &Device, from: &Buffer, count: usize) -> Result<Vec<T>, Error> {
     let to = Buffer::new::<T>(device, "probe", count, Memory::Readback)?;
-    let mut recorder = Recorder::new(device)?;
+    let mut recorder = Recorder::new(device, Timing::None)?;
     recorder.copy(from, &to)?;
     recorder.finish()?.run()?;
     Ok(to.read(count).to_vec())

@@ -1,9 +1,11 @@
 //! Stage `project`: mean, conic, colour, depth and tile count of every splat.
 
-use crate::shared::GROUP;
+use std::mem::offset_of;
+
+use crate::shared::Groups;
 use crate::vulkan::{Error, Recorder};
 
-use super::view::View;
+use super::view::{Part, View};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -13,6 +15,7 @@ pub(crate) fn record(
     scene: &Scene,
     view: &View,
     work: &Workspace,
+    part: Part,
 ) -> Result<(), Error> {
     let buffers = [
         &view.params,
@@ -23,5 +26,6 @@ pub(crate) fn record(
         &work.depth_keys[0],
         &work.depth_order[0],
     ];
-    recorder.dispatch(&kernels.project, &buffers, &[], [scene.splats.div_ceil(GROUP), 1, 1])
+    let at = part.at(offset_of!(Groups, splats));
+    recorder.dispatch_indirect(&kernels.project, &buffers, &[], &view.groups, at)
 }

@@ -2,18 +2,19 @@
 
 use std::mem::offset_of;
 
-use crate::shared::{Counters, RADIX, RADIX_BLOCK};
+use crate::shared::{Counters, Groups, RADIX};
 use crate::vulkan::{Buffer, Error, Recorder};
 
 use super::Kernels;
+use super::view::Part;
 
 /// What is sorted; an index into [`Counters::sort`].
 #[derive(Clone, Copy)]
 pub(crate) enum Keys {
-    /// Splats by depth, `count` of them.
-    Depth { count: u32 },
+    /// Splats by depth.
+    Depth(Part),
     /// Pairs by tile; their number is known on the device alone.
-    Tile,
+    Tile(Part),
 }
 
 /// Number of 8-bit passes for keys below `limit`.
@@ -26,6 +27,7 @@ pub(crate) struct Sort<'a> {
     pub what: Keys,
     pub passes: u32,
     pub counters: &'a Buffer,
+    pub groups: &'a Buffer,
     pub histogram: &'a Buffer,
     pub keys: &'a [Buffer; 2],
     pub values: &'a [Buffer; 2],
@@ -37,7 +39,7 @@ pub(crate) fn record(
     kernels: &Kernels,
     sort: &Sort,
 ) -> Result<usize, Error> {
-    let Sort { what, passes, counters, histogram, keys, values } = *sort;
+    let Sort { what, passes, counters, groups, histogram, keys, values } = *sort;
     let mut from = 0;
     for pass in 0..passes {
         let to = 1 - from;
@@ -48,11 +50,13 @@ pub(crate) fn record(
             &k.radix_count,
             &[counters, &keys[from], histogram],
             &constants,
-            counters,
+            [counters, groups],
         )?;
-        r.dispatch(&k.radix_scan, &[counters, histogram], &constants, [1, 1, 1])?;
+        let one = what.part().at(offset_of!(Groups, one));
+        let buffers = [counters, histogram];
+        r.dispatch_indirect(&k.radix_scan, &buffers, &constants, groups, one)?;
         let buffers = [counters, histogram, &keys[from], &values[from], &keys[to], &values[to]];
-        what.dispatch(r, &k.radix_scatter, &buffers, &constants, counters)?;
+        what.dispatch(r, &k.radix_scatter, &buffers, &constants, [counters, groups])?;
         from = to;
     }
     Ok(from)
@@ -61,9 +65,14 @@ pub(crate) fn record(
 impl Keys {
     fn index(self) -> u32 {
         match self {
-            Keys::Depth { .. } => 0,
-            Keys::Tile => 1,
+            Keys::Depth(_) => 0,
+            Keys::Tile(_) => 1,
         }
+    }
+
+    fn part(self) -> Part {
+        let (Keys::Depth(part) | Keys::Tile(part)) = self;
+        part
     }
 
     /// One workgroup a block of keys.
@@ -73,14 +82,14 @@ impl Keys {
         kernel: &crate::vulkan::Kernel,
         buffers: &[&Buffer],
         constants: &[u32],
-        counters: &Buffer,
+        [counters, groups]: [&Buffer; 2],
     ) -> Result<(), Error> {
         match self {
-            Keys::Depth { count } => {
-                let groups = [count.div_ceil(RADIX_BLOCK), 1, 1];
-                recorder.dispatch(kernel, buffers, constants, groups)
+            Keys::Depth(part) => {
+                let at = part.at(offset_of!(Groups, radix_blocks));
+                recorder.dispatch_indirect(kernel, buffers, constants, groups, at)
             }
-            Keys::Tile => {
+            Keys::Tile(_) => {
                 let offset = offset_of!(Counters, radix_groups) as u64;
                 recorder.dispatch_indirect(kernel, buffers, constants, counters, offset)
             }

@@ -1,12 +1,16 @@
-//! The recorded chain of stages, at every level of the pyramid.
+//! The recorded chains of stages, and how the host has them run.
 
 use std::sync::Arc;
 
+use bytemuck::Zeroable;
+
+use crate::search::{PoseCode, Program, Search};
 use crate::shared::{Counters, PIXEL};
-use crate::vulkan::{Commands, Device, Error, Recorder, StageTime};
+use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
-use super::view::{NormalEquations, View};
+use super::frame::{self, Bytes, Chain, Coded, Frame, SLOTS};
+use super::view::{NormalEquations, Part, View, anchor};
 use super::workspace::Workspace;
 use super::{Kernels, Scene, derive, lists, reduce, splat};
 
@@ -22,10 +26,13 @@ pub enum Jacobian {
 /// What a renderer is to be ready for; only that is allocated and recorded.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Reduction factors of the pyramid's levels. Level 0 should be 1, the full picture.
+    /// Reduction factors of the pyramid's levels, of which there are at most eight. Level 0 should
+    /// be 1, the full picture.
     pub factors: Vec<u32>,
-    /// Jacobians that will be asked for.
+    /// Jacobians that the host will ask for.
     pub jacobians: Vec<Jacobian>,
+    /// Have the device search for poses, with this Jacobian.
+    pub search: Option<Jacobian>,
     /// Have the device time each stage.
     pub profiled: bool,
 }
@@ -33,21 +40,44 @@ pub struct Plan {
 impl Plan {
     /// The full picture alone, without normal equations.
     pub fn picture() -> Plan {
-        Plan { factors: vec![1], jacobians: Vec::new(), profiled: false }
+        Plan { factors: vec![1], jacobians: Vec::new(), search: None, profiled: false }
+    }
+
+    fn exact(&self) -> bool {
+        self.jacobians.contains(&Jacobian::Exact) || self.search == Some(Jacobian::Exact)
     }
 }
 
-/// A level's buffers and its recorded commands.
-struct Level {
-    view: View,
-    recorded: Recorded,
+/// What the host can ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Job {
+    /// The picture, depth and transmittance, as floats.
+    Draw,
+    /// The picture in 8 bits.
+    Picture,
+    /// The picture in 8 bits, at a coded pose.
+    Coded,
+    /// The camera's frame, reduced to all levels.
+    Pyramid,
+    /// The normal equations.
+    Sums(Jacobian),
+    /// A frame from its bytes to its pictures: see [`Renderer::search`].
+    Search,
+    /// More evaluations of a search.
+    More,
 }
 
-/// What a level can be asked for.
-struct Recorded {
-    draw: Commands,
-    flow: Option<Commands>,
-    exact: Option<Commands>,
+/// What a search found.
+pub struct Searched<'a> {
+    /// Its record.
+    pub search: &'a Search,
+    /// The pose, as its packet holds it.
+    pub code: PoseCode,
+    /// Submissions that it took.
+    pub submissions: u32,
+    /// Milliseconds from the first submission to the end of each evaluation, in order, as far as the
+    /// device tells.
+    pub times: &'a [f64],
 }
 
 /// Renders one prior for one camera. All commands are recorded beforehand; a render writes the pose,
@@ -58,16 +88,16 @@ pub struct Renderer {
     scene: Arc<Scene>,
     plan: Plan,
     work: Workspace,
-    levels: Vec<Level>,
+    view: View,
+    bytes: Bytes,
+    frame: Option<Frame>,
+    recorded: Vec<(Job, Commands)>,
     renders: Vec<u32>,
+    times: Vec<f64>,
 }
 
-/// The commands of a level that a caller wants run.
-#[derive(Clone, Copy)]
-enum Job {
-    Draw,
-    Sums(Jacobian),
-}
+/// Submissions after which a search that still goes on is given up: its caps let none need as many.
+const MOST_SUBMISSIONS: u32 = 64;
 
 impl Renderer {
     /// Allocates and records everything of `plan`. Levels that would have no pixel are left out.
@@ -78,117 +108,134 @@ impl Renderer {
         camera: &Camera,
         plan: Plan,
     ) -> Result<Renderer, Error> {
-        let exact = plan.jacobians.contains(&Jacobian::Exact);
         // Room for a few tiles a splat; a picture that needs more makes it grow once.
         let pairs = (scene.splats.saturating_mul(8)).clamp(1 << 14, 1 << 22);
-        let work = Workspace::new(device, scene, pairs, exact)?;
+        let view = View::new(device, scene, camera, &plan.factors)?;
+        let framed = plan.search.is_some() || !plan.jacobians.is_empty();
         let mut renderer = Renderer {
             device: device.clone(),
             kernels: kernels.clone(),
             scene: scene.clone(),
-            work,
-            levels: Vec::new(),
-            renders: Vec::new(),
+            work: Workspace::new(device, scene, pairs, plan.exact())?,
+            bytes: Bytes::new(device, &view)?,
+            frame: framed.then(|| Frame::new(device, &view)).transpose()?,
+            renders: vec![0; view.levels.len()],
+            times: Vec::with_capacity(SLOTS * 8),
+            recorded: Vec::new(),
+            view,
             plan,
         };
-        for factor in renderer.plan.factors.clone() {
-            let camera = camera.reduced(factor);
-            if camera.width > 0 && camera.height > 0 {
-                let view = View::new(device, &camera)?;
-                let recorded = renderer.record_all(&renderer.work, &view)?;
-                renderer.levels.push(Level { view, recorded });
-                renderer.renders.push(0);
-            }
-        }
+        renderer.recorded = renderer.record_all(&renderer.work)?;
+        renderer.view.set_room(pairs);
         Ok(renderer)
     }
 
-    fn record_all(&self, work: &Workspace, view: &View) -> Result<Recorded, Error> {
-        let sums = |jacobian| {
-            let wanted = self.plan.jacobians.contains(&jacobian);
-            wanted.then(|| self.record(work, view, Job::Sums(jacobian))).transpose()
-        };
-        Ok(Recorded {
-            flow: sums(Jacobian::Flow)?,
-            exact: sums(Jacobian::Exact)?,
-            draw: self.record(work, view, Job::Draw)?,
-        })
+    fn record_all(&self, work: &Workspace) -> Result<Vec<(Job, Commands)>, Error> {
+        let mut jobs = vec![Job::Draw, Job::Picture, Job::Coded];
+        jobs.extend(self.plan.jacobians.iter().map(|jacobian| Job::Sums(*jacobian)));
+        jobs.extend(self.frame.is_some().then_some(Job::Pyramid));
+        if self.plan.search.is_some() {
+            jobs.extend([Job::Search, Job::More]);
+        }
+        jobs.into_iter().map(|job| Ok((job, self.record(work, job)?))).collect()
     }
 
-    fn record(&self, work: &Workspace, view: &View, job: Job) -> Result<Commands, Error> {
-        let (kernels, scene) = (&*self.kernels, &*self.scene);
-        let mut recorder = if self.plan.profiled {
-            Recorder::profiled(&self.device)?
-        } else {
-            Recorder::new(&self.device)?
+    fn record(&self, work: &Workspace, job: Job) -> Result<Commands, Error> {
+        let (kernels, scene, view) = (&*self.kernels, &*self.scene, &self.view);
+        let timing = match job {
+            _ if self.plan.profiled => Timing::Stages,
+            Job::Search | Job::More => Timing::Marks,
+            _ => Timing::None,
         };
-        let r = &mut recorder;
-        lists::record_pairs(r, kernels, scene, view, work)?;
-        let sorted = lists::record_ranges(r, kernels, view, work)?;
-        match job {
-            Job::Draw => splat::record(r, kernels, view, work, sorted)?,
-            Job::Sums(Jacobian::Flow) => {
-                splat::record_flow(r, kernels, view, work, sorted)?;
-                reduce::record(r, kernels, view)?;
+        let mut recorder = Recorder::new(&self.device, timing)?;
+        let (r, part) = (&mut recorder, Part::First);
+        if let (Job::Search | Job::More | Job::Pyramid, Some(frame)) = (job, &self.frame) {
+            let jacobian = self.plan.search.unwrap_or(Jacobian::Flow);
+            let bytes = &self.bytes;
+            let chain = Chain { kernels, scene, view, work, bytes, frame, jacobian };
+            match job {
+                Job::Search => chain.record_first(r)?,
+                Job::More => chain.record_more(r)?,
+                _ => chain.record_pyramid(r)?,
             }
-            Job::Sums(Jacobian::Exact) => {
-                derive::record(r, kernels, scene, view, work)?;
-                splat::record_exact(r, kernels, view, work, sorted)?;
-                reduce::record(r, kernels, view)?;
+            return recorder.finish();
+        }
+        r.copy(&view.params_asked, &view.params)?;
+        r.copy(&view.groups_asked, &view.groups)?;
+        if job == Job::Coded {
+            r.copy(&self.bytes.coded_asked, &self.bytes.coded)?;
+            frame::record_place(r, kernels, view, &self.bytes, part)?;
+        }
+        match job {
+            Job::Draw => {
+                frame::record_picture(r, kernels, scene, view, work, part)?;
+                r.copy(&view.image, &view.image_read)?;
+            }
+            Job::Sums(jacobian) => record_sums(r, kernels, scene, view, work, jacobian)?,
+            _ => {
+                frame::record_picture(r, kernels, scene, view, work, part)?;
+                frame::record_bytes(r, kernels, view, &self.bytes, part)?;
+                if let Some(frame) = &self.frame {
+                    frame::record_difference(r, kernels, view, &self.bytes, frame, part)?;
+                }
             }
         }
         r.copy(&work.counters, &work.counters_read)?;
         recorder.finish()
     }
 
-    /// Runs a level's job at a pose. Where the picture needs more pairs than there is room for,
-    /// makes room and runs again: nothing is left out of a result.
+    fn submit(&mut self, job: Job) -> Result<(), Error> {
+        let commands = self.recorded.iter_mut().find(|(recorded, _)| *recorded == job);
+        commands.expect("only what was planned is asked for").1.run()
+    }
+
+    /// Runs a job of a level. Where the picture needs more pairs than there is room for, makes room
+    /// and runs again: nothing is left out of a result.
     fn run(&mut self, level: usize, job: Job, pose: &Pose) -> Result<(), Error> {
         loop {
-            let capacity = self.work.pair_capacity;
-            let Level { view, recorded: Recorded { draw, flow, exact } } = &mut self.levels[level];
-            view.set_pose(&self.scene, capacity, pose);
-            let commands = match job {
-                Job::Draw => Some(draw),
-                Job::Sums(Jacobian::Flow) => flow.as_mut(),
-                Job::Sums(Jacobian::Exact) => exact.as_mut(),
-            };
-            commands.expect("only planned Jacobians are asked for").run()?;
+            self.view.ask(&self.scene, level, self.work.pair_capacity, pose);
+            self.submit(job)?;
             self.renders[level] += 1;
-            let counters = self.counters();
-            if counters.pairs_needed <= capacity {
+            if !self.grow(0)? {
                 return Ok(());
             }
-            self.grow(counters.pairs_needed)?;
         }
     }
 
-    /// Makes room for more pairs. Where that fails, everything is as before.
-    fn grow(&mut self, pairs: u32) -> Result<(), Error> {
+    /// Makes room where the last run, or `needed`, was of more pairs than there is room for; whether
+    /// it did. Where it fails, everything is as before.
+    fn grow(&mut self, needed: u32) -> Result<bool, Error> {
+        let counters = self.work.counters_read.read::<Counters>(1)[0];
+        let pairs = counters.pairs_needed.max(needed);
+        if pairs <= self.work.pair_capacity {
+            return Ok(false);
+        }
         let room = pairs.saturating_add(pairs / 4);
-        let exact = self.plan.jacobians.contains(&Jacobian::Exact);
-        let work = Workspace::new(&self.device, &self.scene, room, exact)?;
-        let recorded: Result<Vec<Recorded>, Error> =
-            self.levels.iter().map(|level| self.record_all(&work, &level.view)).collect();
-        for (level, recorded) in self.levels.iter_mut().zip(recorded?) {
-            level.recorded = recorded;
-        }
+        let work = Workspace::new(&self.device, &self.scene, room, self.plan.exact())?;
+        self.recorded = self.record_all(&work)?;
         self.work = work;
-        Ok(())
-    }
-
-    fn counters(&self) -> Counters {
-        self.work.counters_read.read::<Counters>(1)[0]
+        self.view.set_room(room);
+        Ok(true)
     }
 
     /// Number of levels.
     pub fn levels(&self) -> usize {
-        self.levels.len()
+        self.view.levels.len()
     }
 
     /// The camera of a level.
     pub fn camera(&self, level: usize) -> &Camera {
-        &self.levels[level].view.camera
+        &self.view.levels[level].camera
+    }
+
+    /// Side of the block of the frame's pixels that is one of a level's.
+    pub fn factor(&self, level: usize) -> u32 {
+        self.view.levels[level].factor
+    }
+
+    /// The prior that is drawn.
+    pub(crate) fn scene(&self) -> &Arc<Scene> {
+        &self.scene
     }
 
     /// Draws level 0; see [`draw_level`](Self::draw_level).
@@ -200,19 +247,54 @@ impl Renderer {
     /// transmittance).
     pub fn draw_level(&mut self, level: usize, pose: &Pose) -> Result<&[f32], Error> {
         self.run(level, Job::Draw, pose)?;
-        let view = &self.levels[level].view;
-        Ok(view.image.read(view.camera.pixels() * PIXEL as usize))
+        Ok(self.view.image_read.read(self.camera(level).pixels() * PIXEL as usize))
     }
 
     /// Draws level 0 as 8-bit RGB.
     pub fn picture(&mut self, pose: &Pose, into: &mut Picture) -> Result<(), Error> {
-        let pixels = self.draw(pose)?;
-        for (to, from) in into.data.chunks_exact_mut(3).zip(pixels.chunks_exact(PIXEL as usize)) {
-            for (to, from) in to.iter_mut().zip(from) {
-                *to = to_byte(*from);
-            }
-        }
+        self.run(0, Job::Picture, pose)?;
+        into.data.copy_from_slice(self.rendered());
         Ok(())
+    }
+
+    /// Draws level 0 as 8-bit RGB where a packet says, to the same bytes as the search that found it.
+    pub fn coded_picture(&mut self, code: &PoseCode, into: &mut Picture) -> Result<(), Error> {
+        self.bytes.coded_asked.write(&[Coded { anchor: anchor(&self.scene), code: *code }]);
+        self.run(0, Job::Coded, &Pose::IDENTITY)?;
+        into.data.copy_from_slice(self.rendered());
+        Ok(())
+    }
+
+    /// The 8-bit picture drawn last, RGB.
+    pub fn rendered(&self) -> &[u8] {
+        self.bytes.render.read(self.camera(0).pixels() * 3)
+    }
+
+    /// `clamp(frame − render, −128, 127) + 128` of the picture set and the 8-bit picture drawn last.
+    ///
+    /// # Panics
+    /// Where the plan knows no frame.
+    pub fn difference(&self) -> &[u8] {
+        self.framed().difference.read(self.camera(0).pixels() * 3)
+    }
+
+    fn framed(&self) -> &Frame {
+        self.frame.as_ref().expect("only planned frames are asked for")
+    }
+
+    /// Takes the camera's picture for the next search.
+    ///
+    /// # Panics
+    /// Where it has not the size of level 0, or the plan knows no frame.
+    pub fn set_picture(&mut self, frame: &Picture) {
+        let camera = self.camera(0);
+        assert_eq!((frame.width, frame.height), (camera.width, camera.height), "frame size");
+        self.frame.as_mut().expect("only planned frames are set").set(frame);
+    }
+
+    /// Reduces the camera's picture to all levels, for evaluations that the host asks for.
+    pub fn reduce_picture(&mut self) -> Result<(), Error> {
+        self.submit(Job::Pyramid)
     }
 
     /// Gives a level the frame to compare with: height × width × 3 floats in [0, 1].
@@ -220,9 +302,64 @@ impl Renderer {
     /// # Panics
     /// Where the number of floats is not the level's.
     pub fn set_frame(&mut self, level: usize, rgb: &[f32]) {
-        let view = &mut self.levels[level].view;
-        assert_eq!(rgb.len(), view.camera.pixels() * 3, "floats of level {level}");
-        view.frame.write(rgb);
+        let Renderer { view, .. } = self;
+        let level = &view.levels[level];
+        assert_eq!(rgb.len(), level.camera.pixels() * 3, "floats of the level");
+        view.frame.write_at(level.params.frame_offset as usize, rgb);
+    }
+
+    /// Has the device search for the pose of the picture set, draw it there as its packet will have
+    /// it, and take the difference. One submission, but where the search takes more evaluations than
+    /// one has room for, or the pictures more pairs.
+    ///
+    /// # Panics
+    /// Where the plan has no search.
+    pub fn search(&mut self, program: &Program) -> Result<Searched<'_>, Error> {
+        let mut submissions = 0;
+        loop {
+            self.frame.as_mut().expect("only planned searches are asked for").ask(program);
+            let coded = Coded { anchor: anchor(&self.scene), code: PoseCode::zeroed() };
+            self.bytes.coded_asked.write(&[coded]);
+            self.times.clear();
+            let mut job = Job::Search;
+            let most = submissions + MOST_SUBMISSIONS;
+            loop {
+                self.submit(job)?;
+                self.note_times(job)?;
+                submissions += 1;
+                job = Job::More;
+                if self.searched().phase == crate::search::FOUND || submissions >= most {
+                    break;
+                }
+            }
+            let by_level = self.searched().by_level;
+            for (renders, count) in self.renders.iter_mut().zip(by_level) {
+                *renders += count;
+            }
+            self.renders[0] += 1;
+            let needed = self.searched().pairs_needed;
+            if !self.grow(needed)? {
+                break;
+            }
+        }
+        let code = self.framed().coded_read.read::<Coded>(1)[0].code;
+        let search = &self.framed().search_read.read::<Search>(1)[0];
+        Ok(Searched { search, code, submissions, times: &self.times })
+    }
+
+    fn searched(&self) -> Search {
+        self.framed().search_read.read::<Search>(1)[0]
+    }
+
+    /// Adds the times of a submission's evaluations to those before.
+    fn note_times(&mut self, job: Job) -> Result<(), Error> {
+        let before = self.times.last().copied().unwrap_or(0.0);
+        let commands = self.recorded.iter().find(|(recorded, _)| *recorded == job);
+        let Some((_, commands)) = commands else { return Ok(()) };
+        let room = self.times.capacity() - self.times.len();
+        let evaluations = commands.marks("evaluation")?;
+        self.times.extend(evaluations.take(room).map(|time| before + time));
+        Ok(())
     }
 
     /// The normal equations of a level against its frame.
@@ -236,7 +373,7 @@ impl Renderer {
         pose: &Pose,
     ) -> Result<NormalEquations, Error> {
         self.run(level, Job::Sums(jacobian), pose)?;
-        Ok(self.levels[level].view.normal_equations())
+        Ok(self.view.normal_equations(level))
     }
 
     /// Renders so far, by level.
@@ -244,23 +381,31 @@ impl Renderer {
         &self.renders
     }
 
-    /// Device times of the stages of a level's last draw, or of its last normal equations.
-    pub fn stage_times(
-        &self,
-        level: usize,
-        jacobian: Option<Jacobian>,
-    ) -> Result<Vec<StageTime>, Error> {
-        let level = &self.levels[level].recorded;
-        let commands = match jacobian {
-            None => Some(&level.draw),
-            Some(Jacobian::Flow) => level.flow.as_ref(),
-            Some(Jacobian::Exact) => level.exact.as_ref(),
-        };
-        commands.map_or(Ok(Vec::new()), Commands::stage_times)
+    /// Device times of the stages of a job's last run; empty where the plan is not profiled.
+    pub fn stage_times(&self, job: Job) -> Result<Vec<StageTime>, Error> {
+        let commands = self.recorded.iter().find(|(recorded, _)| *recorded == job);
+        commands.map_or(Ok(Vec::new()), |(_, commands)| commands.stage_times())
     }
 }
 
-/// A linear value as a byte: clamped, rounded to nearest; a NaN gives 0.
-pub fn to_byte(value: f32) -> u8 {
-    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+fn record_sums(
+    r: &mut Recorder,
+    kernels: &Kernels,
+    scene: &Scene,
+    view: &View,
+    work: &Workspace,
+    jacobian: Jacobian,
+) -> Result<(), Error> {
+    let part = Part::First;
+    lists::record_pairs(r, kernels, scene, view, work, part)?;
+    let sorted = lists::record_ranges(r, kernels, view, work, part)?;
+    match jacobian {
+        Jacobian::Flow => splat::record_flow(r, kernels, view, work, sorted, part)?,
+        Jacobian::Exact => {
+            derive::record(r, kernels, scene, view, work, part)?;
+            splat::record_exact(r, kernels, view, work, sorted, part)?;
+        }
+    }
+    reduce::record(r, kernels, view)
 }
+

@@ -1,6 +1,6 @@
 //! The prior as the device holds it; shared by every renderer of it.
 
-use glam::{DMat3, DQuat};
+use glam::{DMat3, DQuat, DVec3};
 
 use crate::prior::{PriorFrame, Splats};
 use crate::shared::GEOMETRY_PLANES;
@@ -23,7 +23,7 @@ impl Scene {
     pub fn new(device: &Device, prior: &Prior) -> Result<Scene, Error> {
         let splats = prior.splats();
         Ok(Scene {
-            geometry: Buffer::from_slice(device, "geometry", &geometry(splats))?,
+            geometry: Buffer::from_slice(device, "geometry", &geometry(splats, centre(prior)))?,
             sh: Buffer::from_slice(device, "spherical harmonics", &sh_planes(splats))?,
             splats: splats.len() as u32,
             sh_degree: splats.sh_degree,
@@ -36,6 +36,12 @@ impl Scene {
     /// Identity of the prior.
     pub fn id(&self) -> PriorId {
         self.id
+    }
+
+    /// What the device's positions are relative to: f32 then tells points apart also where the
+    /// prior lies far from its origin.
+    pub(crate) fn centre(&self) -> DVec3 {
+        DVec3::from(self.frame.centre.map(f64::from))
     }
 
     /// The frame in which packets state camera positions.
@@ -62,13 +68,20 @@ pub(crate) fn opacity(splats: &Splats, i: usize) -> f64 {
     1.0 / (1.0 + (-f64::from(splats.opacity_logits[i])).exp())
 }
 
-/// Planes of position, opacity and axes, computed in f64 and rounded once.
-fn geometry(splats: &Splats) -> Vec<f32> {
+fn centre(prior: &Prior) -> DVec3 {
+    DVec3::from(prior.frame().centre.map(f64::from))
+}
+
+/// Planes of position (relative to `centre`), opacity and axes, computed in f64 and rounded once.
+fn geometry(splats: &Splats, centre: DVec3) -> Vec<f32> {
     let n = splats.len();
     let mut planes = vec![0.0; n * GEOMETRY_PLANES as usize];
     for i in 0..n {
         let axes = scaled_axes(splats, i).to_cols_array();
-        let values = splats.positions[i]
+        let position = DVec3::from(splats.positions[i].map(f64::from)) - centre;
+        let values = position
+            .to_array()
+            .map(|v| v as f32)
             .into_iter()
             .chain([opacity(splats, i) as f32])
             .chain(axes.map(|v| v as f32));

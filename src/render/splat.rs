@@ -1,9 +1,12 @@
 //! Stages `splat`, `splat_flow`, `splat_exact`: blending, alone or with a pose Jacobian.
 
+use std::mem::offset_of;
+
+use crate::shared::Groups;
 use crate::vulkan::{Error, Recorder};
 
 use super::Kernels;
-use super::view::View;
+use super::view::{Part, View};
 use super::workspace::Workspace;
 
 /// The picture, depth and transmittance.
@@ -13,10 +16,12 @@ pub(crate) fn record(
     view: &View,
     work: &Workspace,
     sorted: usize,
+    part: Part,
 ) -> Result<(), Error> {
     let pairs = &work.pair_splats[sorted];
     let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.image];
-    recorder.dispatch(&kernels.splat, &buffers, &[], [view.tiles[0], view.tiles[1], 1])
+    let tiles = part.at(offset_of!(Groups, tiles));
+    recorder.dispatch_indirect(&kernels.splat, &buffers, &[], &view.groups, tiles)
 }
 
 /// Each tile's share of the normal equations, from the optical-flow Jacobian.
@@ -26,10 +31,12 @@ pub(crate) fn record_flow(
     view: &View,
     work: &Workspace,
     sorted: usize,
+    part: Part,
 ) -> Result<(), Error> {
     let pairs = &work.pair_splats[sorted];
     let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.frame, &view.partials];
-    recorder.dispatch(&kernels.splat_flow, &buffers, &[], [view.tiles[0], view.tiles[1], 1])
+    let tiles = part.at(offset_of!(Groups, tiles));
+    recorder.dispatch_indirect(&kernels.splat_flow, &buffers, &[], &view.groups, tiles)
 }
 
 /// Each tile's share of the normal equations, from the exact Jacobian. Nothing where the workspace
@@ -40,10 +47,12 @@ pub(crate) fn record_exact(
     view: &View,
     work: &Workspace,
     sorted: usize,
+    part: Part,
 ) -> Result<(), Error> {
     let Some(derivatives) = &work.derivatives else { return Ok(()) };
     let pairs = &work.pair_splats[sorted];
     let (frame, partials) = (&view.frame, &view.partials);
     let buffers = [&view.params, &view.ranges, pairs, &work.records, frame, partials, derivatives];
-    recorder.dispatch(&kernels.splat_exact, &buffers, &[], [view.tiles[0], view.tiles[1], 1])
+    let tiles = part.at(offset_of!(Groups, tiles));
+    recorder.dispatch_indirect(&kernels.splat_exact, &buffers, &[], &view.groups, tiles)
 }

@@ -1,21 +1,58 @@
-//! One picture size of a renderer: a level of the pyramid.
+//! The pictures of a renderer: the camera at every level of the pyramid, and what is drawn there.
 
-use crate::shared::{PIXEL, Params, SUMS, TILE};
+use bytemuck::Zeroable;
+use glam::{DQuat, DVec3};
+
+use crate::search::{Anchor, LEVELS, Placement, set_pose};
+use crate::shared::{Groups, PIXEL, Params, SUMS, TILE};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose};
 
 use super::Scene;
 
-/// Buffers of one picture size.
-pub(crate) struct View {
+/// One picture size.
+pub(crate) struct Level {
     pub camera: Camera,
-    pub tiles: [u32; 2],
+    /// Side of the block of frame pixels that becomes one.
+    pub factor: u32,
+    /// What the stages are told, but for the pose.
+    pub params: Params,
+}
+
+/// Buffers of all levels; each is as large as the largest level needs, but for `frame`, which holds
+/// all of them.
+pub(crate) struct View {
+    pub levels: Vec<Level>,
+    /// [`Level::params`] of each level, for stages that choose between them.
+    pub prototypes: Buffer,
+    /// What the host asks for, copied to `params` and `groups` before its renders.
+    pub params_asked: Buffer,
+    pub groups_asked: Buffer,
     pub params: Buffer,
+    /// Two [`Groups`]: see [`Part`].
+    pub groups: Buffer,
     pub ranges: Buffer,
     pub image: Buffer,
+    pub image_read: Buffer,
     pub frame: Buffer,
     pub partials: Buffer,
     pub sums: Buffer,
+}
+
+/// Which of the two [`Groups`] say how much of a stage is run.
+#[derive(Clone, Copy)]
+pub(crate) enum Part {
+    /// An evaluation of a search, or what the host asks for.
+    First,
+    /// The final picture of a search.
+    Picture,
+}
+
+impl Part {
+    /// Byte of a field of [`Groups`] in the buffer.
+    pub fn at(self, field: usize) -> u64 {
+        (self as usize * size_of::<Groups>() + field) as u64
+    }
 }
 
 /// The normal equations of all pixels and channels of a picture, values in [0, 1], per channel
@@ -58,68 +95,121 @@ impl NormalEquations {
 }
 
 impl View {
-    pub fn new(device: &Device, camera: &Camera) -> Result<View, Error> {
-        let tiles = [camera.width.div_ceil(TILE), camera.height.div_ceil(TILE)];
-        let count = (tiles[0] * tiles[1]) as usize;
-        let pixels = camera.pixels();
+    /// The levels of `camera` at these reduction factors; those without a pixel are left out.
+    pub fn new(
+        device: &Device,
+        scene: &Scene,
+        camera: &Camera,
+        factors: &[u32],
+    ) -> Result<View, Error> {
+        let mut floats = 0;
+        let mut levels = Vec::new();
+        for &factor in factors.iter().take(LEVELS) {
+            let camera = camera.reduced(factor);
+            if camera.width > 0 && camera.height > 0 {
+                let params = prototype(scene, &camera, floats);
+                floats += 3 * camera.pixels() as u32;
+                levels.push(Level { camera, factor, params });
+            }
+        }
+        let most = |count: fn(&Level) -> usize| levels.iter().map(count).max().unwrap_or(0);
+        let pixels = most(|level| level.camera.pixels());
+        let tiles = most(|level| (level.params.tiles_x * level.params.tiles_y) as usize);
+        let image = pixels * PIXEL as usize;
+        let own = |name, count, memory| Buffer::new::<f32>(device, name, count, memory);
         Ok(View {
-            camera: *camera,
-            tiles,
-            params: Buffer::new::<Params>(device, "parameters", 1, Memory::Upload)?,
-            ranges: Buffer::new::<[u32; 2]>(device, "tile ranges", count, Memory::Device)?,
-            image: Buffer::new::<f32>(
-                device,
-                "picture",
-                pixels * PIXEL as usize,
-                Memory::Readback,
-            )?,
-            frame: Buffer::new::<[f32; 3]>(device, "frame", pixels, Memory::Upload)?,
-            partials: Buffer::new::<[f32; SUMS as usize]>(
-                device,
-                "sums by tile",
-                count,
-                Memory::Device,
-            )?,
-            sums: Buffer::new::<f32>(device, "sums", SUMS as usize, Memory::Readback)?,
+            prototypes: Buffer::new::<Params>(device, "levels", levels.len(), Memory::Upload)?,
+            params_asked: Buffer::new::<Params>(device, "parameters", 1, Memory::Upload)?,
+            groups_asked: Buffer::new::<[Groups; 2]>(device, "workgroups", 1, Memory::Upload)?,
+            params: Buffer::new::<Params>(device, "parameters", 1, Memory::Device)?,
+            groups: Buffer::new::<[Groups; 2]>(device, "workgroups", 1, Memory::Device)?,
+            ranges: Buffer::new::<[u32; 2]>(device, "tile ranges", tiles, Memory::Device)?,
+            image: own("picture", image, Memory::Device)?,
+            image_read: own("picture read back", image, Memory::Readback)?,
+            frame: own("frame", floats as usize, Memory::Upload)?,
+            partials: own("sums by tile", tiles * SUMS as usize, Memory::Device)?,
+            sums: own("sums", SUMS as usize, Memory::Readback)?,
+            levels,
         })
     }
 
-    /// Tells the stages where the camera stands.
-    pub fn set_pose(&mut self, scene: &Scene, pair_capacity: u32, pose: &Pose) {
-        let rotation = pose.matrix().transpose().to_cols_array().map(|v| v as f32);
-        let camera = &self.camera;
-        let options = &scene.options;
-        let params = Params {
-            rotation,
-            translation: pose.translation.to_array().map(|v| v as f32),
-            centre: pose.centre().to_array().map(|v| v as f32),
-            focal: [camera.fx, camera.fy],
-            principal: [camera.cx, camera.cy],
-            background: options.background,
-            near: options.near,
-            alpha_max: options.alpha_max,
-            antialiased: options.antialiased.into(),
-            width: camera.width,
-            height: camera.height,
-            tiles_x: self.tiles[0],
-            tiles_y: self.tiles[1],
-            splats: scene.splats,
-            sh_degree: scene.sh_degree,
-            pair_capacity,
-        };
-        self.params.write(&[params]);
+    /// Asks for a level at a pose, with room for so many pairs.
+    pub fn ask(&mut self, scene: &Scene, level: usize, pair_capacity: u32, pose: &Pose) {
+        let mut params = Params { pair_capacity, ..self.levels[level].params };
+        set_pose(&mut params, &placement(scene, pose));
+        // As from the f64 pose, rounded once.
+        params.rotation = pose.matrix().transpose().to_cols_array().map(|v| v as f32);
+        let offset = pose.centre() - scene.centre();
+        params.centre = offset.to_array().map(|v| v as f32);
+        self.params_asked.write(&[params]);
+        self.groups_asked.write(&[[Groups::of(&params); 2]]);
     }
 
-    pub fn tile_count(&self) -> u32 {
-        self.tiles[0] * self.tiles[1]
+    /// Tells stages that choose between levels how many pairs there is room for.
+    pub fn set_room(&mut self, pair_capacity: u32) {
+        let mut prototypes = [Params::zeroed(); LEVELS];
+        for (to, level) in prototypes.iter_mut().zip(&self.levels) {
+            *to = Params { pair_capacity, ..level.params };
+        }
+        self.prototypes.write(&prototypes[..self.levels.len()]);
     }
 
-    /// The sums of the last run.
-    pub fn normal_equations(&self) -> NormalEquations {
+    /// Most tiles of a level.
+    pub fn most_tiles(&self) -> u32 {
+        let tiles = self.levels.iter().map(|level| level.params.tiles_x * level.params.tiles_y);
+        tiles.max().unwrap_or(0)
+    }
+
+    /// The sums of the last run, at a level.
+    pub fn normal_equations(&self, level: usize) -> NormalEquations {
         let mut sums = [0.0; SUMS as usize];
         for (to, from) in sums.iter_mut().zip(self.sums.read::<f32>(SUMS as usize)) {
             *to = f64::from(*from);
         }
-        NormalEquations::from_sums(&sums, self.camera.pixels() * 3)
+        NormalEquations::from_sums(&sums, self.levels[level].camera.pixels() * 3)
     }
+}
+
+/// What the stages are told of a level, but for the pose and the room for pairs.
+fn prototype(scene: &Scene, camera: &Camera, frame_offset: u32) -> Params {
+    let options = &scene.options;
+    Params {
+        focal: [camera.fx, camera.fy],
+        principal: [camera.cx, camera.cy],
+        background: options.background,
+        near: options.near,
+        alpha_max: options.alpha_max,
+        antialiased: options.antialiased.into(),
+        width: camera.width,
+        height: camera.height,
+        tiles_x: camera.width.div_ceil(TILE),
+        tiles_y: camera.height.div_ceil(TILE),
+        splats: scene.splats,
+        sh_degree: scene.sh_degree,
+        frame_offset,
+        ..Params::zeroed()
+    }
+}
+
+/// A pose as the device holds it: of points relative to the prior's centre.
+pub(crate) fn placement(scene: &Scene, pose: &Pose) -> Placement {
+    let translation = pose.translation + pose.rotation * scene.centre();
+    Placement {
+        rotation: pose.wxyz().map(|v| v as f32),
+        translation: translation.to_array().map(|v| v as f32),
+    }
+}
+
+/// The pose that the device holds so.
+pub(crate) fn pose_of(scene: &Scene, placement: &Placement) -> Pose {
+    let [w, x, y, z] = placement.rotation.map(f64::from);
+    let rotation = DQuat::from_xyzw(x, y, z, w).normalize();
+    let translation = DVec3::from(placement.translation.map(f64::from));
+    Pose { rotation, translation: translation - rotation * scene.centre() }
+}
+
+/// What codes of poses are relative to.
+pub(crate) fn anchor(scene: &Scene) -> Anchor {
+    let frame = scene.frame();
+    Anchor { centre: frame.centre, step: frame.step() as f32 }
 }

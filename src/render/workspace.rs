@@ -39,6 +39,8 @@ impl Workspace {
         let derivatives = exact
             .then(|| own("pose derivatives", splats * 4 * DERIVATIVES as usize))
             .transpose()?;
+        // All splats are sorted by depth, always.
+        let counters = Counters { sort: [scene.splats, 0], ..Counters::default() };
         let counters_read =
             Buffer::new::<Counters>(device, "counters read back", 1, Memory::Readback)?;
         Ok(Workspace {
@@ -50,7 +52,7 @@ impl Workspace {
             histogram: own("digit histogram", blocks * RADIX as usize)?,
             pair_tiles: two("pair tiles", pairs)?,
             pair_splats: two("pair splats", pairs)?,
-            counters: Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?,
+            counters: Buffer::from_slice(device, "counters", &[counters])?,
             counters_read,
             derivatives,
             pair_capacity,

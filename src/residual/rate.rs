@@ -113,6 +113,35 @@ impl ResidualEncoder {
         check_size(&self.difference, camera)?;
         check_size(&self.difference, render)?;
         difference_into(camera, render, &mut self.difference);
+        self.encode_own(camera, render, rate, overhead)
+    }
+
+    /// [`ResidualEncoder::encode`], with the bytes of [`super::difference`] already at hand.
+    pub fn encode_difference<'a>(
+        &'a mut self,
+        camera: &Picture,
+        render: &'a Picture,
+        difference: &[u8],
+        rate: Rate,
+        overhead: usize,
+    ) -> Result<CodedResidual<'a>, ResidualError> {
+        check_size(&self.difference, camera)?;
+        check_size(&self.difference, render)?;
+        let Picture { width, height, ref mut data } = self.difference;
+        if data.len() != difference.len() {
+            return Err(ResidualError::Shape { width, height, bytes: difference.len() });
+        }
+        data.copy_from_slice(difference);
+        self.encode_own(camera, render, rate, overhead)
+    }
+
+    fn encode_own<'a>(
+        &'a mut self,
+        camera: &Picture,
+        render: &'a Picture,
+        rate: Rate,
+        overhead: usize,
+    ) -> Result<CodedResidual<'a>, ResidualError> {
         self.probes = 0;
         let (found, reached) = match rate {
             Rate::Quality(quality) if (0.0..=100.0).contains(&quality) => {

@@ -8,7 +8,7 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use super::device::Inner;
-use super::{Device, Error, Recorder};
+use super::{Device, Error, Recorder, Timing};
 
 /// Who reads and writes a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,7 +122,7 @@ impl Buffer {
             return Ok(upload);
         }
         let buffer = Buffer::new::<T>(device, name, data.len(), Memory::Device)?;
-        let mut recorder = Recorder::new(device)?;
+        let mut recorder = Recorder::new(device, Timing::None)?;
         recorder.copy(&upload, &buffer)?;
         recorder.finish()?.run()?;
         Ok(buffer)
@@ -138,14 +138,25 @@ impl Buffer {
     /// # Panics
     /// Where the buffer was not made for uploads, or is smaller than `data`.
     pub fn write<T: NoUninit>(&mut self, data: &[T]) {
+        self.write_at(0, data);
+    }
+
+    /// Writes from value `first` of `T` on.
+    ///
+    /// # Panics
+    /// As [`write`](Self::write).
+    pub fn write_at<T: NoUninit>(&mut self, first: usize, data: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(data);
-        assert!(bytes.len() as u64 <= self.bytes, "{} bytes into {}", bytes.len(), self.name);
+        let offset = first * size_of::<T>();
+        let fits = (offset + bytes.len()) as u64 <= self.bytes;
+        assert!(fits, "{} bytes at {offset} into {}", bytes.len(), self.name);
         let mapped = self.shared.allocation.as_ref().and_then(|a| a.mapped_ptr());
         let mapped = mapped.expect("only upload buffers are written");
-        // SAFETY: the mapping spans the buffer's bytes, `&mut self` is the only host access, and
-        // submissions return after the device has finished.
+        // SAFETY: the mapping spans the buffer's bytes, of which these are a part; `&mut self` is the
+        // only host access, and submissions return after the device has finished.
         unsafe {
-            std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapped.as_ptr().cast(), bytes.len());
+            let to = mapped.as_ptr().cast::<u8>().add(offset);
+            std::ptr::copy_nonoverlapping(bytes.as_ptr(), to, bytes.len());
         }
     }
 

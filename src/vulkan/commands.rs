@@ -1,6 +1,6 @@
 //! Command buffers: recorded once, run many times.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use ash::vk;
 
@@ -18,6 +18,17 @@ pub struct StageTime {
     pub milliseconds: f64,
 }
 
+/// What of a recording the device times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Timing {
+    /// Nothing.
+    None,
+    /// The ends of what [`Recorder::mark`] names.
+    Marks,
+    /// Every stage, and the marks.
+    Stages,
+}
+
 /// Descriptor sets that one pool of a recording holds; a fuller recording takes another pool.
 const SETS_PER_POOL: u32 = 64;
 /// Most storage buffers of one kernel.
@@ -27,7 +38,7 @@ const BUFFERS_PER_SET: u32 = 8;
 pub struct Recorder {
     commands: Commands,
     sets_left: u32,
-    profiled: bool,
+    timing: Timing,
 }
 
 /// A recorded command buffer with all that it uses.
@@ -38,13 +49,16 @@ pub struct Commands {
     fence: vk::Fence,
     descriptor_pools: Vec<vk::DescriptorPool>,
     queries: vk::QueryPool,
-    stages: Vec<&'static str>,
+    /// What each query after the first ends, and whether that is a stage (else a mark).
+    timed: Vec<(&'static str, bool)>,
+    /// What the queries held after the last run.
+    ticks: Mutex<Vec<u64>>,
     buffers: Vec<Arc<Shared>>,
     pipelines: Vec<Arc<Pipeline>>,
 }
 
-/// Most stages a profiled recording measures.
-const QUERIES: u32 = 256;
+/// Most stages and marks that a recording times.
+const QUERIES: u32 = 1024;
 
 impl Drop for Commands {
     fn drop(&mut self) {
@@ -63,16 +77,8 @@ impl Drop for Commands {
 
 impl Recorder {
     /// Begins a recording.
-    pub fn new(device: &Device) -> Result<Recorder, Error> {
-        Recorder::begin(device, false)
-    }
-
-    /// Begins a recording whose stages are timed by the device.
-    pub fn profiled(device: &Device) -> Result<Recorder, Error> {
-        Recorder::begin(device, true)
-    }
-
-    fn begin(device: &Device, profiled: bool) -> Result<Recorder, Error> {
+    pub fn new(device: &Device, timing: Timing) -> Result<Recorder, Error> {
+        let timing = if device.inner.timestamps { timing } else { Timing::None };
         let mut commands = Commands {
             device: device.inner.clone(),
             pool: vk::CommandPool::null(),
@@ -80,12 +86,13 @@ impl Recorder {
             fence: vk::Fence::null(),
             descriptor_pools: Vec::new(),
             queries: vk::QueryPool::null(),
-            stages: Vec::new(),
+            timed: Vec::new(),
+            ticks: Mutex::default(),
             buffers: Vec::new(),
             pipelines: Vec::new(),
         };
-        commands.make(profiled)?;
-        Ok(Recorder { commands, sets_left: 0, profiled })
+        commands.make(timing != Timing::None)?;
+        Ok(Recorder { commands, sets_left: 0, timing })
     }
 
     /// Records a dispatch of `groups` workgroups. `buffers` go to bindings 0, 1, …
@@ -214,14 +221,26 @@ impl Recorder {
         let flags = vk::DependencyFlags::empty();
         // SAFETY: recording is open.
         unsafe { device.cmd_pipeline_barrier(commands, from, to, flags, &memory, &[], &[]) };
-        let query = self.commands.stages.len() as u32 + 1;
-        if self.profiled && query < QUERIES {
-            // SAFETY: the pool has QUERIES entries, reset at the start of the recording.
-            unsafe {
-                let all = Stage::BOTTOM_OF_PIPE;
-                device.cmd_write_timestamp(commands, all, self.commands.queries, query);
-            }
-            self.commands.stages.push(name);
+        if self.timing == Timing::Stages {
+            self.stamp(name, true);
+        }
+    }
+
+    /// Names the end of what was recorded so far, for [`Commands::marks`].
+    pub fn mark(&mut self, name: &'static str) {
+        if self.timing != Timing::None {
+            self.stamp(name, false);
+        }
+    }
+
+    fn stamp(&mut self, name: &'static str, stage: bool) {
+        let query = self.commands.timed.len() as u32 + 1;
+        if query < QUERIES {
+            let (device, all) = (&self.commands.device.device, vk::PipelineStageFlags::BOTTOM_OF_PIPE);
+            let (commands, queries) = (self.commands.buffer, self.commands.queries);
+            // SAFETY: recording is open; the pool has QUERIES entries, reset at its start.
+            unsafe { device.cmd_write_timestamp(commands, all, queries, query) };
+            self.commands.timed.push((name, stage));
         }
     }
 
@@ -264,7 +283,7 @@ impl Recorder {
 }
 
 impl Commands {
-    fn make(&mut self, profiled: bool) -> Result<(), Error> {
+    fn make(&mut self, timed: bool) -> Result<(), Error> {
         let device = &self.device.device;
         let info =
             vk::CommandPoolCreateInfo::default().queue_family_index(self.device.queue_family);
@@ -286,7 +305,7 @@ impl Commands {
             device
                 .begin_command_buffer(self.buffer, &vk::CommandBufferBeginInfo::default())
                 .map_err(Error::of("vkBeginCommandBuffer"))?;
-            if profiled {
+            if timed {
                 let info = vk::QueryPoolCreateInfo::default()
                     .query_type(vk::QueryType::TIMESTAMP)
                     .query_count(QUERIES);
@@ -343,27 +362,40 @@ impl Commands {
         }
     }
 
-    /// Device times of the last run's stages, in order; empty where the recording is not profiled.
+    /// Device times of the last run's stages, in order; empty where the recording does not time them.
     pub fn stage_times(&self) -> Result<Vec<StageTime>, Error> {
-        let mut ticks = vec![0u64; self.stages.len() + 1];
-        if self.stages.is_empty() {
-            return Ok(Vec::new());
-        }
-        // SAFETY: all these queries were written by the last run, which has ended.
-        unsafe {
-            self.device.device.get_query_pool_results(
-                self.queries,
-                0,
-                &mut ticks,
-                vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT,
-            )
-        }
-        .map_err(Error::of("vkGetQueryPoolResults"))?;
+        let ticks = self.read_ticks()?;
         let to_ms = f64::from(self.device.timestamp_period) * 1e-6;
-        let times = std::iter::zip(&self.stages, ticks.windows(2)).map(|(&name, t)| StageTime {
+        let stages = std::iter::zip(&self.timed, ticks.windows(2)).filter(|((_, stage), _)| *stage);
+        let times = stages.map(|(&(name, _), t)| StageTime {
             name,
             milliseconds: t[1].saturating_sub(t[0]) as f64 * to_ms,
         });
         Ok(times.collect())
+    }
+
+    /// When the last run reached the marks of a name: milliseconds since its begin.
+    pub fn marks(&self, name: &'static str) -> Result<impl Iterator<Item = f64>, Error> {
+        let ticks = self.read_ticks()?;
+        let to_ms = f64::from(self.device.timestamp_period) * 1e-6;
+        let marks = self.timed.iter().enumerate().filter(move |(_, (n, stage))| !stage && *n == name);
+        Ok(marks.map(move |(i, _)| ticks[i + 1].saturating_sub(ticks[0]) as f64 * to_ms))
+    }
+
+    /// The queries of the last run, in memory that is kept.
+    fn read_ticks(&self) -> Result<MutexGuard<'_, Vec<u64>>, Error> {
+        let mut ticks = self.ticks.lock().unwrap_or_else(|e| e.into_inner());
+        ticks.clear();
+        if self.timed.is_empty() {
+            return Ok(ticks);
+        }
+        ticks.resize(self.timed.len() + 1, 0);
+        // SAFETY: all these queries were written by the last run, which has ended.
+        let read = unsafe {
+            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+            self.device.device.get_query_pool_results(self.queries, 0, &mut ticks[..], flags)
+        };
+        self.device.note(read.map_err(Error::of("vkGetQueryPoolResults")))?;
+        Ok(ticks)
     }
 }

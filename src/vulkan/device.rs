@@ -78,6 +78,8 @@ pub(super) struct Inner {
     pub device: ash::Device,
     pub info: DeviceInfo,
     pub timestamp_period: f32,
+    /// Whether the queue can tell the time.
+    pub timestamps: bool,
     /// A call found the device lost: none after it gets that far.
     lost: AtomicBool,
     instance: Instance,
@@ -144,6 +146,10 @@ impl Device {
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
         // SAFETY: `physical` is a device of this instance.
         let limits = unsafe { instance.instance.get_physical_device_properties(physical) }.limits;
+        // SAFETY: as above.
+        let families =
+            unsafe { instance.instance.get_physical_device_queue_family_properties(physical) };
+        let timestamps = families[queue_family as usize].timestamp_valid_bits > 0;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.instance.clone(),
             device: device.clone(),
@@ -169,6 +175,7 @@ impl Device {
                 device,
                 info,
                 timestamp_period: limits.timestamp_period,
+                timestamps,
                 lost: AtomicBool::new(false),
                 instance,
             }),

@@ -9,7 +9,7 @@ mod error;
 mod kernel;
 
 pub use buffer::{Buffer, Memory};
-pub use commands::{Commands, Recorder, StageTime};
+pub use commands::{Commands, Recorder, StageTime, Timing};
 pub use device::{Device, DeviceInfo, DeviceOptions, MemoryUse};
 pub use error::Error;
 pub use kernel::Kernel;

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use nvsprior::refine::{Evaluation, Optimizer};
-use nvsprior::render::{Jacobian, Plan};
+use nvsprior::render::{Jacobian, Job, Plan};
 use nvsprior::vulkan::StageTime;
 use nvsprior::{Encoder, EncoderOptions, Engine, FrameStats};
 
@@ -103,7 +103,7 @@ fn stage_times(
 ) -> anyhow::Result<Stages> {
     let pose = input.external.context("the first frame has no pose to time renders at")?;
     let jacobians = vec![Jacobian::Flow, Jacobian::Exact];
-    let plan = Plan { factors: vec![1], jacobians, profiled: true };
+    let plan = Plan { factors: vec![1], jacobians, search: None, profiled: true };
     let mut renderer = engine.renderer(scene, &input.camera, plan)?;
     let mut mean = |jacobian: Option<Jacobian>| -> anyhow::Result<Vec<StageTime>> {
         let mut sums: Vec<StageTime> = Vec::new();
@@ -113,7 +113,8 @@ fn stage_times(
                 None => renderer.draw(&pose).map(|_| ())?,
                 Some(jacobian) => renderer.normal_equations(0, jacobian, &pose).map(|_| ())?,
             }
-            let times = renderer.stage_times(0, jacobian)?;
+            let job = jacobian.map_or(Job::Draw, Job::Sums);
+            let times = renderer.stage_times(job)?;
             if run > 0 {
                 add_by_name(&mut sums, &times);
             }

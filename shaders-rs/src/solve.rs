@@ -1,0 +1,72 @@
+//! Stage `solve`: sums an evaluation's normal equations and takes the search for the pose one step
+//! further: what comes next, at which level, or that the pose is found. One workgroup; one invocation
+//! thinks.
+
+use crate::reduce::{self, Columns};
+use crate::search::{self, Anchor, FOUND, PoseCode, Search};
+use crate::shared::{Counters, Groups, Params, SUMS};
+use spirv_std::spirv;
+
+/// Whether this is the first of a frame.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Turn {
+    /// 1: there are no sums yet.
+    pub first: u32,
+}
+
+/// The pose that is drawn, as its packet holds it, and what that is relative to.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Coded {
+    pub anchor: Anchor,
+    pub code: PoseCode,
+}
+
+/// `groups[0]`: stages of an evaluation; `groups[1]`: those of the final picture.
+#[spirv(compute(threads(256)))]
+pub fn solve(
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] scratch: &mut Columns,
+    #[spirv(push_constant)] turn: &Turn,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] levels: &[Params],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] s: &mut Search,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] partials: &[f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] params: &mut Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] groups: &mut [Groups],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] coded: &mut Coded,
+) {
+    if turn.first == 0 {
+        reduce::total(lane, params.tiles_x * params.tiles_y, partials, scratch);
+    }
+    if lane != 0 {
+        return;
+    }
+    if turn.first == 1 {
+        search::begin(s);
+    } else {
+        let mut k = 0;
+        while k < SUMS as usize {
+            s.sums[k] = scratch[k];
+            k += 1;
+        }
+        if counters.pairs_needed > s.pairs_needed {
+            s.pairs_needed = counters.pairs_needed;
+        }
+        search::advance(s);
+    }
+    if s.phase == FOUND {
+        coded.code = search::quantised(&s.found, &coded.anchor, s.program.profile);
+        groups[0] = Groups::NONE;
+        groups[1] = Groups::of(&levels[0]);
+        counters.radix_groups = [0, 1, 1];
+        counters.pair_groups = [0, 1, 1];
+    } else {
+        let mut next = levels[s.level as usize];
+        search::set_pose(&mut next, &s.trial);
+        *params = next;
+        groups[0] = Groups::of(&next);
+        groups[1] = Groups::NONE;
+    }
+}

@@ -1,0 +1,163 @@
+//! The pose of frame after frame: where to start, how to search, and when to start afresh.
+
+use crate::search::PoseCode;
+use crate::vulkan::Error;
+use crate::{Picture, Pose};
+
+use super::gauss_newton::{self, Schedule};
+use super::{
+    ColdStart, Evaluation, GaussNewtonOptions, Objective, Optimizer, Outcome, RefineOptions,
+    StartKind, Starts, adam, bfgs,
+};
+
+/// A frame whose error is above this many times that of the frame before is looked for afresh.
+const LOST: f64 = 1.6;
+
+/// What was found for a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// Pose and error.
+    pub outcome: Outcome,
+    /// Where the search started.
+    pub start: StartKind,
+    /// The pose as a packet holds it, where the search has drawn the picture there already, and the
+    /// difference from the frame.
+    pub drawn: Option<PoseCode>,
+    /// Submissions to the device that the search took; 0 where the host led it.
+    pub submissions: u32,
+}
+
+/// Finds poses of frames, in order.
+pub struct Tracker {
+    objective: Objective,
+    options: RefineOptions,
+    threshold: f64,
+    profile: u32,
+    cold: ColdStart,
+    starts: Starts,
+    /// Error of the frame before.
+    error: Option<f64>,
+}
+
+impl Tracker {
+    /// `threshold`: mean squared error, values in [0, 1], below which a frame is never looked for
+    /// afresh; `profile`: how poses are coded, [`crate::search::COMPACT`] or [`crate::search::PAPER`].
+    pub fn new(
+        objective: Objective,
+        options: RefineOptions,
+        threshold: f64,
+        profile: u32,
+    ) -> Tracker {
+        let cold = ColdStart::new(&objective);
+        let starts = Starts::default();
+        Tracker { objective, options, threshold, profile, cold, starts, error: None }
+    }
+
+    /// Goes on with another camera or device; poses carry over.
+    pub fn replace(&mut self, objective: Objective) {
+        self.cold = ColdStart::new(&objective);
+        self.objective = objective;
+    }
+
+    /// Finds the pose of a frame; `None` where there is neither a frame before nor `external`, its
+    /// pose as sensors or an estimator have it.
+    ///
+    /// # Panics
+    /// Where the frame has not the camera's size.
+    pub fn track(
+        &mut self,
+        frame: &Picture,
+        external: Option<Pose>,
+    ) -> Result<Option<Found>, Error> {
+        self.objective.set_frame(frame);
+        let external = external.filter(Pose::is_finite);
+        if self.options.optimizer == Optimizer::GaussNewton {
+            self.search(frame, external)
+        } else {
+            self.descend(external)
+        }
+    }
+
+    /// Notes what was drawn for the frame, for the next one's start.
+    pub fn keep(&mut self, pose: Pose, mse: f64) {
+        self.starts.push(pose);
+        self.error = Some(mse);
+    }
+
+    /// Gauss–Newton on the device.
+    fn search(&mut self, frame: &Picture, external: Option<Pose>) -> Result<Option<Found>, Error> {
+        let starts = self.starts;
+        let GaussNewtonOptions { warm, cold, .. } = self.options.gauss_newton;
+        let warm = match starts.candidates() {
+            [] => None,
+            poses => Some(self.from(poses, &warm)?),
+        };
+        let warm = warm.map(|(found, start)| Found { start: self.starts.kind(start), ..found });
+        if let Some(found) = warm
+            && !self.lost(found.outcome.mse)
+        {
+            return Ok(Some(found));
+        }
+        let Some(start) = external.or(warm.map(|found| found.outcome.pose)) else {
+            return Ok(None);
+        };
+        let kind = if external.is_some() { StartKind::External } else { StartKind::BestOfBad };
+        let starts = self.cold.starts(&mut self.objective, frame, &start)?;
+        let (found, _) = self.from(&starts, &cold)?;
+        let cold = Found { start: kind, ..found };
+        match warm {
+            // The search draws: the better one must be the last.
+            Some(warm) if warm.outcome.mse < cold.outcome.mse => {
+                let start = StartKind::BestOfBad;
+                Ok(Some(Found { start, drawn: None, ..warm }))
+            }
+            _ => Ok(Some(cold)),
+        }
+    }
+
+    fn lost(&self, mse: f64) -> bool {
+        mse >= self.threshold && self.error.is_none_or(|before| mse > LOST * before)
+    }
+
+    /// Searches from some poses; also which of them led there.
+    fn from(&mut self, poses: &[Pose], schedule: &Schedule) -> Result<(Found, usize), Error> {
+        let damping = self.options.gauss_newton.damping;
+        let tracked =
+            gauss_newton::track(&mut self.objective, poses, schedule, damping, self.profile)?;
+        let found = Found {
+            outcome: tracked.outcome,
+            start: StartKind::External,
+            drawn: Some(tracked.code),
+            submissions: tracked.submissions,
+        };
+        Ok((found, tracked.start))
+    }
+
+    /// The gradient methods, led by the host.
+    fn descend(&mut self, external: Option<Pose>) -> Result<Option<Found>, Error> {
+        let (objective, options) = (&mut self.objective, &self.options);
+        let jacobian = options.jacobian();
+        let Some(start) = self.starts.choose(objective, jacobian, external, self.threshold)? else {
+            return Ok(None);
+        };
+        let outcome = match options.optimizer {
+            Optimizer::Adam => adam::minimise(objective, &start.pose, &options.adam)?,
+            Optimizer::AdamBfgs => {
+                let first = adam::minimise(objective, &start.pose, &options.adam)?;
+                bfgs::minimise(objective, &first.pose, &options.bfgs)?
+            }
+            _ => bfgs::minimise(objective, &start.pose, &options.bfgs)?,
+        };
+        Ok(Some(Found { outcome, start: start.kind, drawn: None, submissions: 0 }))
+    }
+
+    /// The objective, to draw with.
+    pub fn objective(&mut self) -> &mut Objective {
+        &mut self.objective
+    }
+
+    /// Evaluations of the last frame, in order.
+    pub fn trace(&self) -> &[Evaluation] {
+        self.objective.trace()
+    }
+}
