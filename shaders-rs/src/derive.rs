@@ -5,7 +5,7 @@
 //! w components of the first nine hold d(rgb)/dρ, row by row.
 
 use crate::project::{self, Splat};
-use crate::shared::{self, DERIVATIVES, DILATION, Params, cross, dot};
+use crate::shared::{self, DERIVATIVES, Params, RATIO_MIN, cross, dilated, dot};
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::spirv;
 
@@ -55,17 +55,18 @@ impl Linear<'_> {
         ]
     }
 
-    /// Derivative of the logarithm of the anti-aliasing compensation `√(det₀/det)`.
+    /// Derivative of the logarithm of opacity's compensation `√(det_kept/det)`.
     fn ln_alpha(&self, d0: [f32; 3], d1: [f32; 3], d_trace: f32) -> f32 {
         let minors = cross(self.m0, self.m1);
         let det0 = dot(minors, minors);
         let trace = dot(self.m0, self.m0) + dot(self.m1, self.m1);
-        let det = det0 + DILATION * trace + DILATION * DILATION;
-        if (self.params.antialiased == 0) | !(det0 > 2.5e-5 * det) {
+        let (low_pass, kept) = (self.params.dilation, self.params.dilation_kept);
+        let (det, det_kept) = (dilated(det0, trace, low_pass), dilated(det0, trace, kept));
+        if !(kept < low_pass) | !(det_kept > RATIO_MIN * det) {
             return 0.0;
         }
         let d_det0 = 2.0 * (dot(minors, cross(d0, self.m1)) + dot(minors, cross(self.m0, d1)));
-        0.5 * (d_det0 / det0 - (d_det0 + DILATION * d_trace) / det)
+        0.5 * ((d_det0 + kept * d_trace) / det_kept - (d_det0 + low_pass * d_trace) / det)
     }
 
     fn translation(&self, axis: [f32; 3]) -> Along {

@@ -3,7 +3,9 @@
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
-use super::project::{Linearisation, MIN_RATIO, Projected, Splat};
+use crate::shared::RATIO_MIN;
+
+use super::project::{Linearisation, Projected, Splat};
 use super::{Twist, View, harmonics};
 
 /// Pose derivatives of a projected splat.
@@ -99,11 +101,13 @@ fn d_covariance(
     DMat2::from_cols_array(&[entry(0, 0), entry(0, 1), entry(1, 0), entry(1, 1)])
 }
 
-/// Of `ln √(det Σ / det Σ⁺)`, where the anti-aliased mode compensates: the low-pass is constant, so
-/// both covariances change by the same `d`.
+/// Of `ln √(det Σ′ / det Σ⁺)`, where opacity compensates: low-passes are constant, so both
+/// covariances change by the same `d`.
 fn d_ln_alpha(view: &View, sharp: &DMat2, smooth: &DMat2, d: &DMat2) -> f64 {
+    let [added, kept] = view.low_pass;
+    let sharp = *sharp + DMat2::from_diagonal(DVec2::splat(kept.into()));
     let ratio = sharp.determinant() / smooth.determinant();
-    if !(view.options.antialiased && ratio > MIN_RATIO) {
+    if !(kept < added && ratio > RATIO_MIN.into()) {
         return 0.0;
     }
     // d ln det A = tr(A⁻¹ dA).
@@ -111,7 +115,7 @@ fn d_ln_alpha(view: &View, sharp: &DMat2, smooth: &DMat2, d: &DMat2) -> f64 {
         let product = a.inverse() * *d;
         product.x_axis.x + product.y_axis.y
     };
-    0.5 * (d_ln_det(sharp) - d_ln_det(smooth))
+    0.5 * (d_ln_det(&sharp) - d_ln_det(smooth))
 }
 
 /// d(rgb)/dρ, `R (I − d̂d̂ᵀ) / ‖·‖` times the harmonics' gradient; θ leaves the camera's centre

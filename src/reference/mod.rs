@@ -20,6 +20,7 @@ pub mod splat_flow;
 use rayon::prelude::*;
 
 use crate::render::{Jacobian, NormalEquations};
+use crate::shared::low_pass;
 use crate::{Camera, Pose, Prior, RenderOptions};
 
 use project::{Projected, Splat};
@@ -46,6 +47,8 @@ pub struct View<'a> {
     pub pose: &'a Pose,
     /// How the prior is rendered.
     pub options: &'a RenderOptions,
+    /// See [`crate::shared::low_pass`].
+    pub low_pass: [f32; 2],
 }
 
 /// A picture of the twin, row-major.
@@ -71,13 +74,20 @@ pub struct Sample {
 pub struct Twin<'a> {
     prior: &'a Prior,
     splats: Vec<Splat<'a>>,
+    factor: u32,
 }
 
 impl<'a> Twin<'a> {
     /// Activates the prior's splats.
     pub fn new(prior: &'a Prior) -> Twin<'a> {
         let splats = prior.splats();
-        Twin { prior, splats: (0..splats.len()).map(|i| Splat::new(splats, i)).collect() }
+        let splats = (0..splats.len()).map(|i| Splat::new(splats, i)).collect();
+        Twin { prior, splats, factor: 1 }
+    }
+
+    /// As it is rendered at a level of the pyramid, for cameras reduced by `factor`.
+    pub fn reduced(self, factor: u32) -> Twin<'a> {
+        Twin { factor, ..self }
     }
 
     /// The prior's splats, activated.
@@ -87,7 +97,8 @@ impl<'a> Twin<'a> {
 
     /// The view of this prior from a pose.
     pub fn view<'v>(&'v self, camera: &'v Camera, pose: &'v Pose) -> View<'v> {
-        View { camera, pose, options: self.prior.options() }
+        let options = self.prior.options();
+        View { camera, pose, options, low_pass: low_pass(options.antialiased, self.factor) }
     }
 
     /// All splats in front of the near plane, nearest first, ties by index.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 
 use crate::prior::Splats;
-use crate::shared::{ALPHA_MIN, DILATION, FRUSTUM_MARGIN};
+use crate::shared::{ALPHA_MIN, FRUSTUM_MARGIN, RATIO_MIN};
 
 use super::risk::CUT_MARGIN;
 use super::{Channels, View, harmonics};
@@ -108,7 +108,7 @@ pub struct Projected {
     pub covariance: DMat2,
     /// Its inverse.
     pub conic: DMat2,
-    /// Opacity, compensated where anti-aliased.
+    /// Opacity, compensated for the low-pass where that is due.
     pub opacity: f64,
     /// Colour, not below 0.
     pub rgb: [f64; 3],
@@ -126,12 +126,13 @@ pub fn project(view: &View, index: u32, splat: &Splat) -> Option<Projected> {
     }
     let linear = Linearisation::at(view, p);
     let sharp = linear.covariance(&splat.camera_covariance(view));
-    let covariance = sharp + DMat2::from_diagonal(DVec2::splat(DILATION.into()));
+    let [added, kept] = view.low_pass.map(|v| DMat2::from_diagonal(DVec2::splat(v.into())));
+    let covariance = sharp + added;
     let det = covariance.determinant();
     if !(det > 0.0 && det.is_finite()) {
         return None;
     }
-    let opacity = splat.opacity * compensation(view, sharp.determinant() / det);
+    let opacity = splat.opacity * compensation(view, (sharp + kept).determinant() / det);
     let (rgb, _) = harmonics::evaluate(splat.sh, splat.direction(view).0);
     let c = view.camera;
     // How many standard deviations out the alpha passes the cut.
@@ -155,13 +156,12 @@ pub fn project(view: &View, index: u32, splat: &Splat) -> Option<Projected> {
     })
 }
 
-/// What the anti-aliased mode scales opacity by, from `det Σ / det Σ⁺`.
+/// What opacity is scaled by, from the ratio of the determinants with what of the low-pass is kept
+/// and with all of it.
 fn compensation(view: &View, ratio: f64) -> f64 {
-    if view.options.antialiased { ratio.max(MIN_RATIO).sqrt() } else { 1.0 }
+    let [added, kept] = view.low_pass;
+    if kept < added { ratio.max(RATIO_MIN.into()).sqrt() } else { 1.0 }
 }
-
-/// Least ratio of determinants that the anti-aliased mode compensates (gsplat).
-pub const MIN_RATIO: f64 = 2.5e-5;
 
 impl Projected {
     /// What it adds to each channel at weight 1.

@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 
 use crate::search::{Anchor, LEVELS, Placement, set_pose};
-use crate::shared::{Groups, PIXEL, Params, SUMS, TILE};
+use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, low_pass};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose};
 
@@ -107,7 +107,7 @@ impl View {
         for &factor in factors.iter().take(LEVELS) {
             let camera = camera.reduced(factor);
             if camera.width > 0 && camera.height > 0 {
-                let params = prototype(scene, &camera, floats);
+                let params = prototype(scene, &camera, factor, floats);
                 floats += 3 * camera.pixels() as u32;
                 levels.push(Level { camera, factor, params });
             }
@@ -171,15 +171,17 @@ impl View {
 }
 
 /// What the stages are told of a level, but for the pose and the room for pairs.
-fn prototype(scene: &Scene, camera: &Camera, frame_offset: u32) -> Params {
+fn prototype(scene: &Scene, camera: &Camera, factor: u32, frame_offset: u32) -> Params {
     let options = &scene.options;
+    let [dilation, dilation_kept] = low_pass(options.antialiased, factor);
     Params {
         focal: [camera.fx, camera.fy],
         principal: [camera.cx, camera.cy],
         background: options.background,
         near: options.near,
         alpha_max: options.alpha_max,
-        antialiased: options.antialiased.into(),
+        dilation,
+        dilation_kept,
         width: camera.width,
         height: camera.height,
         tiles_x: camera.width.div_ceil(TILE),
