@@ -7,7 +7,9 @@ use crate::packet::{
     CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, Residual,
     residual_part_len,
 };
-use crate::refine::{Evaluation, Found, Objective, Optimizer, RefineOptions, StartKind, Stop, Tracker};
+use crate::refine::{
+    Evaluation, Found, Objective, Optimizer, RefineOptions, StartKind, Stop, Tracker,
+};
 use crate::render::{Plan, Scene};
 use crate::residual::{ResidualEncoder, max_payload_len};
 use crate::{Camera, Engine, Error, Packet, Picture, Pose, Rate};

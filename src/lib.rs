@@ -51,12 +51,12 @@ mod decoder;
 mod encoder;
 mod engine;
 mod error;
-/// Constants, layouts and maths that shaders and host share.
-#[path = "../shaders-rs/src/shared.rs"]
-pub mod shared;
 /// The search for a pose, as the device runs it.
 #[path = "../shaders-rs/src/search.rs"]
 pub mod search;
+/// Constants, layouts and maths that shaders and host share.
+#[path = "../shaders-rs/src/shared.rs"]
+pub mod shared;
 
 pub use camera::Camera;
 pub use decoder::{Decoded, Decoder, Trust};

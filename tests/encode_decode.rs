@@ -82,7 +82,11 @@ fn every_optimiser_finds_the_pose_and_none_ends_worse_than_it_began() {
 fn starts_follow_the_paper() {
     let engine = engine();
     let scene = engine.upload(&wall(3)).unwrap();
-    let options = |threshold| EncoderOptions { threshold, rate: None, ..EncoderOptions::default() };
+    let options = |threshold| {
+        let mut options = EncoderOptions { threshold, rate: None, ..EncoderOptions::default() };
+        options.refine.optimizer = Optimizer::Bfgs;
+        options
+    };
     let frames: Vec<_> = (0..3).map(|t| frame(&engine, &scene, &pose(t.into()))).collect();
     let run = |threshold, external: Option<Pose>| {
         let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options(threshold)).unwrap();
@@ -101,6 +105,38 @@ fn starts_follow_the_paper() {
     let (kinds, uncertain) = run(0.0, None);
     assert_eq!(kinds[1..], [StartKind::BestOfBad; 2]);
     assert!(uncertain);
+}
+
+/// On the device the frame before is always tried first; a jump is noticed by what comes of it.
+#[test]
+fn a_jump_is_looked_for_afresh() {
+    let engine = engine();
+    let scene = engine.upload(&wall(3)).unwrap();
+    let far = 60.0;
+    let frames: Vec<_> =
+        [0.0, 1.0, far, far + 1.0].iter().map(|t| frame(&engine, &scene, &pose(*t))).collect();
+    let run = |external: Option<Pose>| {
+        let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
+        let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+        let starts = [Some(pose(0.0)), None, external, None];
+        let encode = |(frame, start)| encoder.encode(frame, start).unwrap();
+        frames.iter().zip(starts).map(encode).collect::<Vec<_>>()
+    };
+    let told = run(Some(pose(far + 1.0)));
+    let kinds: Vec<_> = told.iter().map(|e| e.stats.start).collect();
+    assert_eq!(kinds[..3], [StartKind::External, StartKind::Previous, StartKind::External]);
+    assert_ne!(kinds[3], StartKind::External);
+    for (encoded, frame) in told.iter().zip(&frames) {
+        assert!(encoded.stats.render_psnr > 30.0, "{:?}", encoded.stats);
+        assert_eq!(encoded.render.psnr(frame), encoded.stats.render_psnr);
+    }
+    let untold = run(None);
+    assert_eq!(untold[1].stats.submissions, 1);
+    if untold[2].stats.render_psnr < 20.0 {
+        assert_eq!(untold[2].stats.start, StartKind::BestOfBad);
+        assert!(Latent::decode(&untold[2].packet).unwrap().uncertain_start);
+    }
+    assert_silent(&engine);
 }
 
 #[test]

@@ -294,7 +294,7 @@ fn next_level(s: &Search) -> u32 {
 }
 
 /// A step of Gauss–Newton.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Step {
     /// ρ, θ.
     pub tau: [f32; 6],
@@ -534,7 +534,8 @@ pub fn quantised(at: &Placement, anchor: &Anchor, profile: u32) -> PoseCode {
             i += 1;
         }
         let scale = if q[largest] < 0.0 { -SMALL_STEPS } else { SMALL_STEPS };
-        let mut words = [round(steps[0]), round(steps[1]), round(steps[2]), largest as i32, 0, 0, 0];
+        let mut words =
+            [round(steps[0]), round(steps[1]), round(steps[2]), largest as i32, 0, 0, 0];
         let mut to = 4;
         i = 0;
         while i < 4 {
@@ -582,11 +583,8 @@ pub fn placed(code: &PoseCode, anchor: &Anchor) -> Placement {
             [a, b, c, largest]
         };
         let rotation = normalised(&q);
-        let centre = [
-            w[0] as f32 * anchor.step,
-            w[1] as f32 * anchor.step,
-            w[2] as f32 * anchor.step,
-        ];
+        let centre =
+            [w[0] as f32 * anchor.step, w[1] as f32 * anchor.step, w[2] as f32 * anchor.step];
         let t = crate::shared::transform(&rotation_matrix(&rotation), centre);
         return Placement { rotation, translation: [-t[0], -t[1], -t[2]] };
     }
@@ -595,10 +593,10 @@ pub fn placed(code: &PoseCode, anchor: &Anchor) -> Placement {
     let moved = crate::shared::transform(&rotation_matrix(&rotation), anchor.centre);
     Placement {
         rotation,
-        translation: [
-            float(w[0]) + moved[0],
-            float(w[1]) + moved[1],
-            float(w[2]) + moved[2],
-        ],
+        translation: [float(w[0]) + moved[0], float(w[1]) + moved[1], float(w[2]) + moved[2]],
     }
 }
+
+#[cfg(test)]
+#[path = "search/tests.rs"]
+mod tests;

@@ -160,7 +160,8 @@ fn search(objective: &mut Objective, program: &Program) -> Result<Found, Error> 
     let scene = renderer.scene().clone();
     let searched = renderer.search(program)?;
     let (search, code, submissions) = (searched.search, searched.code, searched.submissions);
-    let evaluations = search.trace.iter().zip(&search.trace_level).take(search.evaluations as usize);
+    let evaluations =
+        search.trace.iter().zip(&search.trace_level).take(search.evaluations as usize);
     for ((square, level), time) in evaluations.zip(searched.times) {
         let mse = f64::from(*square) / levels[*level as usize];
         trace.note(Evaluation { level: *level as usize, mse, milliseconds: begun + time });

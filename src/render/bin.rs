@@ -5,9 +5,9 @@ use std::mem::offset_of;
 use crate::shared::Groups;
 use crate::vulkan::{Error, Recorder};
 
+use super::Kernels;
 use super::view::{Part, View};
 use super::workspace::Workspace;
-use super::Kernels;
 
 /// `order`: which of the two depth orders is sorted.
 pub(crate) fn record(

@@ -408,4 +408,3 @@ fn record_sums(
     }
     reduce::record(r, kernels, view)
 }
-

@@ -236,7 +236,8 @@ impl Recorder {
     fn stamp(&mut self, name: &'static str, stage: bool) {
         let query = self.commands.timed.len() as u32 + 1;
         if query < QUERIES {
-            let (device, all) = (&self.commands.device.device, vk::PipelineStageFlags::BOTTOM_OF_PIPE);
+            let (device, all) =
+                (&self.commands.device.device, vk::PipelineStageFlags::BOTTOM_OF_PIPE);
             let (commands, queries) = (self.commands.buffer, self.commands.queries);
             // SAFETY: recording is open; the pool has QUERIES entries, reset at its start.
             unsafe { device.cmd_write_timestamp(commands, all, queries, query) };
@@ -378,7 +379,8 @@ impl Commands {
     pub fn marks(&self, name: &'static str) -> Result<impl Iterator<Item = f64>, Error> {
         let ticks = self.read_ticks()?;
         let to_ms = f64::from(self.device.timestamp_period) * 1e-6;
-        let marks = self.timed.iter().enumerate().filter(move |(_, (n, stage))| !stage && *n == name);
+        let marks =
+            self.timed.iter().enumerate().filter(move |(_, (n, stage))| !stage && *n == name);
         Ok(marks.map(move |(i, _)| ticks[i + 1].saturating_sub(ticks[0]) as f64 * to_ms))
     }
 
