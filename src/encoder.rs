@@ -3,16 +3,16 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::drawn::Drawn;
 use crate::packet::{
-    CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, Residual,
-    residual_part_len,
+    CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, residual_part_len,
 };
 use crate::refine::{
     Evaluation, Found, Objective, Optimizer, RefineOptions, StartKind, Stop, Tracker,
 };
 use crate::render::{Plan, Scene};
 use crate::residual::{ResidualEncoder, max_payload_len};
-use crate::{Camera, Engine, Error, Packet, Picture, Pose, Rate};
+use crate::{Camera, Engine, Error, Picture, Pose, Rate};
 
 /// How to encode.
 #[derive(Clone, Debug)]
@@ -71,7 +71,11 @@ pub struct FrameStats {
     pub full_renders: u32,
     /// Renders by level, finest first.
     pub renders: Vec<u32>,
-    /// Time of all of it, milliseconds.
+    /// Time from the frame to its pose, its render and the difference, milliseconds.
+    pub refine_milliseconds: f64,
+    /// Time of coding the difference and writing the packet, milliseconds.
+    pub code_milliseconds: f64,
+    /// Both together; in a [`Pipeline`](crate::Pipeline) they overlap with those of other frames.
     pub milliseconds: f64,
     /// Submissions that the search on the device took, its final picture included; 0 where the host
     /// led the search.
@@ -124,6 +128,7 @@ pub struct Encoder {
     options: EncoderOptions,
     tracker: Tracker,
     residual: ResidualEncoder,
+    drawn: Drawn,
     /// Renders by level before the frame.
     renders_before: Vec<u32>,
     frame: u32,
@@ -150,6 +155,7 @@ impl Encoder {
             options,
             tracker,
             residual: ResidualEncoder::new(camera.width, camera.height),
+            drawn: Drawn::default(),
             renders_before: Vec::new(),
             camera_age: None,
         })
@@ -210,40 +216,80 @@ impl Encoder {
         external: Option<Pose>,
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
+        let mut drawn = std::mem::take(&mut self.drawn);
+        let done = self.draw(frame, external, &mut drawn).and_then(|found| {
+            drawn.encode(&mut self.residual, encoded)?;
+            self.keep(&drawn, &found);
+            Ok(())
+        });
+        self.drawn = drawn;
+        done
+    }
+
+    /// The first half of a frame: finds its pose and draws it. The next frame goes on from there.
+    pub(crate) fn draw_next(
+        &mut self,
+        frame: &Picture,
+        external: Option<Pose>,
+        drawn: &mut Drawn,
+    ) -> Result<(), Error> {
+        let found = self.draw(frame, external, drawn)?;
+        self.keep(drawn, &found);
+        Ok(())
+    }
+
+    /// Finds a frame's pose and draws it; changes nothing that the next frame goes on from.
+    fn draw(
+        &mut self,
+        frame: &Picture,
+        external: Option<Pose>,
+        drawn: &mut Drawn,
+    ) -> Result<Found, Error> {
         let since = Instant::now();
         self.check_frame(frame)?;
         self.renders_before.clear();
         self.renders_before.extend_from_slice(self.tracker.objective().renderer().renders());
         let found = self.tracker.track(frame, external)?;
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
-        let pose = self.draw(&found, frame, encoded)?;
-        let quantised = pose.dequantise(&self.scene.frame());
+        let pose = self.coded_pose(&found)?;
+        let camera = self.camera_due().then_some(self.camera);
+        let renderer = self.tracker.objective().renderer();
+        drawn.render.resize(frame.width, frame.height);
+        drawn.render.data.copy_from_slice(renderer.rendered());
+        drawn.difference.clear();
+        drawn.difference.extend_from_slice(renderer.difference());
+        drawn.frame.clone_from(frame);
+        drawn.pose = pose.dequantise(&self.scene.frame());
         let uncertain = found.start == StartKind::BestOfBad;
         let latent = Latent::new(self.frame, self.scene.id(), &self.camera, pose, uncertain)?;
-        let camera = self.camera_due().then_some(self.camera);
-        let rate_kept = self.write_packet(frame, latent, camera, encoded)?;
+        drawn.latent = Some(latent);
+        drawn.camera = camera;
+        drawn.rate = self.options.rate;
 
-        encoded.pose = quantised;
-        let stats = &mut encoded.stats;
+        let stats = &mut drawn.stats;
         stats.renders.clear();
-        let renders = self.tracker.objective().renderer().renders().iter();
-        let renders = renders.zip(&self.renders_before);
+        let renders = renderer.renders().iter().zip(&self.renders_before);
         stats.renders.extend(renders.map(|(after, before)| after - before));
         stats.full_renders = stats.renders[0];
         stats.frame = self.frame;
-        stats.bytes = encoded.packet.len();
-        stats.latent_bytes = latent.encoded_len();
-        stats.render_psnr = encoded.render.psnr(frame);
-        stats.psnr = encoded.picture.psnr(frame);
         stats.start = found.start;
         stats.stop = found.outcome.stop;
         stats.submissions = found.submissions;
-        stats.rate_kept = rate_kept;
-        stats.milliseconds = since.elapsed().as_secs_f64() * 1e3;
-        self.camera_age = Some(if camera.is_some() { 1 } else { self.camera_age.unwrap_or(0) + 1 });
+        stats.refine_milliseconds = since.elapsed().as_secs_f64() * 1e3;
+        Ok(found)
+    }
+
+    /// What the next frame goes on from.
+    fn keep(&mut self, drawn: &Drawn, found: &Found) {
+        let sent = drawn.camera.is_some();
+        self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         self.frame = self.frame.wrapping_add(1);
-        self.tracker.keep(quantised, found.outcome.mse);
-        Ok(())
+        self.tracker.keep(drawn.pose, found.outcome.mse);
+    }
+
+    /// Forgets the frames before: the next one is looked for as the first was.
+    pub fn forget(&mut self) {
+        self.tracker.forget();
     }
 
     /// Whether the frame is whole and of the camera's size.
@@ -256,53 +302,15 @@ impl Encoder {
         Ok(())
     }
 
-    /// The pose as the packet will hold it, drawn.
-    fn draw(
-        &mut self,
-        found: &Found,
-        frame: &Picture,
-        encoded: &mut Encoded,
-    ) -> Result<QuantisedPose, Error> {
-        let renderer = self.tracker.objective().renderer();
-        encoded.render.resize(frame.width, frame.height);
+    /// The pose as the packet will hold it, drawn where the search has not done that.
+    fn coded_pose(&mut self, found: &Found) -> Result<QuantisedPose, Error> {
         if let Some(code) = &found.drawn {
-            encoded.render.data.copy_from_slice(renderer.rendered());
             return Ok(QuantisedPose::of_words(code)?);
         }
         let (pose, profile) = (&found.outcome.pose, self.options.profile);
         let pose = QuantisedPose::quantise(pose, &self.scene.frame(), profile)?;
-        renderer.coded_picture(&pose.words(), &mut encoded.render)?;
+        self.tracker.objective().renderer().draw_coded(&pose.words())?;
         Ok(pose)
-    }
-
-    /// Codes the difference picture and writes the packet, and the picture that the topside will
-    /// show; whether the rate was kept.
-    fn write_packet(
-        &mut self,
-        frame: &Picture,
-        latent: Latent,
-        camera: Option<Camera>,
-        encoded: &mut Encoded,
-    ) -> Result<bool, Error> {
-        let mut packet = Packet { latent, camera, residual: Residual::None };
-        let Some(rate) = self.options.rate else {
-            encoded.picture.clone_from(&encoded.render);
-            packet.write(&mut encoded.packet)?;
-            return Ok(true);
-        };
-        let needed = packet.encoded_len();
-        if let Rate::Bytes(budget) = rate
-            && budget < needed
-        {
-            return Err(Error::Budget { budget, needed });
-        }
-        let difference = self.tracker.objective().renderer().difference();
-        let coded =
-            self.residual.encode_difference(frame, &encoded.render, difference, rate, needed)?;
-        packet.residual = coded.residual;
-        encoded.picture.clone_from(coded.reconstruction);
-        packet.write(&mut encoded.packet)?;
-        Ok(coded.reached)
     }
 
     fn camera_due(&self) -> bool {

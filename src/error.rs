@@ -57,6 +57,12 @@ pub enum Error {
         /// Identity of the other.
         found: crate::PriorId,
     },
+    /// The system gives no thread to code on.
+    #[error("no thread to code differences on: {0}")]
+    Thread(String),
+    /// The coding thread of a pipeline has ended.
+    #[error("the thread that codes differences has ended")]
+    CoderGone,
     /// A packet's camera was sent in an earlier packet that did not arrive.
     #[error("frame {frame}: its camera (tag {tag:#04x}) was sent in a packet that is missing")]
     CameraUnknown {

@@ -48,9 +48,11 @@ pub mod residual;
 pub mod vulkan;
 
 mod decoder;
+mod drawn;
 mod encoder;
 mod engine;
 mod error;
+mod pipeline;
 /// The search for a pose, as the device runs it.
 #[path = "../shaders-rs/src/search.rs"]
 pub mod search;
@@ -65,6 +67,7 @@ pub use engine::Engine;
 pub use error::Error;
 pub use packet::Packet;
 pub use picture::Picture;
+pub use pipeline::Pipeline;
 pub use pose::Pose;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
 pub use residual::Rate;

@@ -1,6 +1,6 @@
 //! The pose of frame after frame: where to start, how to search, and when to start afresh.
 
-use crate::search::PoseCode;
+use crate::search::{PoseCode, STARTS};
 use crate::vulkan::Error;
 use crate::{Picture, Pose};
 
@@ -10,6 +10,8 @@ use super::{
     StartKind, Starts, adam, bfgs,
 };
 
+/// Hypotheses that a cold start follows beside the rough pose itself.
+const HYPOTHESES: usize = 2;
 /// A frame whose error is above this many times that of the frame before is looked for afresh.
 const LOST: f64 = 1.6;
 
@@ -34,6 +36,7 @@ pub struct Tracker {
     threshold: f64,
     profile: u32,
     cold: ColdStart,
+    cold_starts: Vec<Pose>,
     starts: Starts,
     /// Error of the frame before.
     error: Option<f64>,
@@ -49,8 +52,16 @@ impl Tracker {
         profile: u32,
     ) -> Tracker {
         let cold = ColdStart::new(&objective);
-        let starts = Starts::default();
-        Tracker { objective, options, threshold, profile, cold, starts, error: None }
+        Tracker {
+            objective,
+            options,
+            threshold,
+            profile,
+            cold,
+            cold_starts: Vec::with_capacity(STARTS),
+            starts: Starts::default(),
+            error: None,
+        }
     }
 
     /// Goes on with another camera or device; poses carry over.
@@ -84,6 +95,11 @@ impl Tracker {
         self.error = Some(mse);
     }
 
+    /// Forgets the frames before.
+    pub fn forget(&mut self) {
+        (self.starts, self.error) = (Starts::default(), None);
+    }
+
     /// Gauss–Newton on the device.
     fn search(&mut self, frame: &Picture, external: Option<Pose>) -> Result<Option<Found>, Error> {
         let starts = self.starts;
@@ -102,8 +118,13 @@ impl Tracker {
             return Ok(None);
         };
         let kind = if external.is_some() { StartKind::External } else { StartKind::BestOfBad };
-        let starts = self.cold.starts(&mut self.objective, frame, &start)?;
-        let (found, _) = self.from(&starts, &cold)?;
+        let mut from = std::mem::take(&mut self.cold_starts);
+        let proposed = self.cold.starts(&mut self.objective, frame, &start, HYPOTHESES)?;
+        from.clear();
+        from.extend_from_slice(proposed);
+        let searched = self.from(&from, &cold);
+        self.cold_starts = from;
+        let (found, _) = searched?;
         let cold = Found { start: kind, ..found };
         match warm {
             // The search draws: the better one must be the last.

@@ -259,10 +259,16 @@ impl Renderer {
 
     /// Draws level 0 as 8-bit RGB where a packet says, to the same bytes as the search that found it.
     pub fn coded_picture(&mut self, code: &PoseCode, into: &mut Picture) -> Result<(), Error> {
-        self.bytes.coded_asked.write(&[Coded { anchor: anchor(&self.scene), code: *code }]);
-        self.run(0, Job::Coded, &Pose::IDENTITY)?;
+        self.draw_coded(code)?;
         into.data.copy_from_slice(self.rendered());
         Ok(())
+    }
+
+    /// [`coded_picture`](Self::coded_picture), to be read by [`rendered`](Self::rendered); also the
+    /// difference from the picture set, where the plan knows frames.
+    pub fn draw_coded(&mut self, code: &PoseCode) -> Result<(), Error> {
+        self.bytes.coded_asked.write(&[Coded { anchor: anchor(&self.scene), code: *code }]);
+        self.run(0, Job::Coded, &Pose::IDENTITY)
     }
 
     /// The 8-bit picture drawn last, RGB.

@@ -198,7 +198,9 @@ impl Recorder {
         // SAFETY: recording is open.
         unsafe { self.commands.device.device.end_command_buffer(self.commands.buffer) }
             .map_err(Error::of("vkEndCommandBuffer"))?;
-        Ok(self.commands)
+        let mut commands = self.commands;
+        commands.ticks = Mutex::new(Vec::with_capacity(commands.timed.len() + 1));
+        Ok(commands)
     }
 
     /// Makes all that was written visible to what follows, host included, and notes the time.

@@ -181,6 +181,7 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         E::Budget { .. } => NVSP_ERR_BUDGET,
         E::NoStart { .. } => NVSP_ERR_NO_START,
         E::CameraUnknown { .. } => NVSP_ERR_CAMERA_UNKNOWN,
+        E::Thread(_) | E::CoderGone => NVSP_ERR_MEMORY,
     }
 }
 

@@ -1,0 +1,79 @@
+//! A frame between its two halves: the pose is found and drawn, the difference not yet coded.
+
+use std::time::Instant;
+
+use crate::packet::{Latent, Residual};
+use crate::residual::ResidualEncoder;
+use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
+
+/// What a frame's packet is made of. Buffers are kept from frame to frame.
+#[derive(Default)]
+pub(crate) struct Drawn {
+    pub frame: Picture,
+    pub render: Picture,
+    /// See [`crate::residual::difference`].
+    pub difference: Vec<u8>,
+    pub latent: Option<Latent>,
+    pub camera: Option<Camera>,
+    pub rate: Option<Rate>,
+    pub pose: Pose,
+    /// As far as they are known.
+    pub stats: FrameStats,
+}
+
+impl Drawn {
+    /// Codes the difference picture and writes the packet, and the picture that the topside will
+    /// show. The render moves over to `encoded`.
+    pub fn encode(
+        &mut self,
+        residual: &mut ResidualEncoder,
+        encoded: &mut Encoded,
+    ) -> Result<(), Error> {
+        let since = Instant::now();
+        let latent = self.latent.ok_or(Error::NoStart { frame: self.stats.frame })?;
+        let rate_kept = self.write_packet(latent, residual, encoded)?;
+        encoded.pose = self.pose;
+        std::mem::swap(&mut encoded.stats, &mut self.stats);
+        let stats = &mut encoded.stats;
+        stats.bytes = encoded.packet.len();
+        stats.latent_bytes = latent.encoded_len();
+        stats.render_psnr = self.render.psnr(&self.frame);
+        stats.psnr = encoded.picture.psnr(&self.frame);
+        stats.rate_kept = rate_kept;
+        stats.code_milliseconds = since.elapsed().as_secs_f64() * 1e3;
+        stats.milliseconds = stats.refine_milliseconds + stats.code_milliseconds;
+        std::mem::swap(&mut encoded.render, &mut self.render);
+        // What came in exchange has room for the next frame: it takes nothing from the heap.
+        self.render.resize(self.frame.width, self.frame.height);
+        self.stats.renders.clear();
+        self.stats.renders.reserve(stats.renders.len());
+        Ok(())
+    }
+
+    /// Whether the rate was kept.
+    fn write_packet(
+        &self,
+        latent: Latent,
+        residual: &mut ResidualEncoder,
+        encoded: &mut Encoded,
+    ) -> Result<bool, Error> {
+        let mut packet = Packet { latent, camera: self.camera, residual: Residual::None };
+        let Some(rate) = self.rate else {
+            encoded.picture.clone_from(&self.render);
+            packet.write(&mut encoded.packet)?;
+            return Ok(true);
+        };
+        let needed = packet.encoded_len();
+        if let Rate::Bytes(budget) = rate
+            && budget < needed
+        {
+            return Err(Error::Budget { budget, needed });
+        }
+        let (frame, render) = (&self.frame, &self.render);
+        let coded = residual.encode_difference(frame, render, &self.difference, rate, needed)?;
+        packet.residual = coded.residual;
+        encoded.picture.clone_from(coded.reconstruction);
+        packet.write(&mut encoded.packet)?;
+        Ok(coded.reached)
+    }
+}

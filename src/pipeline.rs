@@ -1,0 +1,133 @@
+//! Encoding with the two halves of a frame side by side: while the host codes the difference picture
+//! of one frame, the device searches for the pose of the next.
+
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+
+use crate::drawn::Drawn;
+use crate::residual::ResidualEncoder;
+use crate::{Encoded, Encoder, Error, Picture, Pose};
+
+/// A frame on its way through the coding thread, and back.
+#[derive(Default)]
+struct Parcel {
+    drawn: Drawn,
+    encoded: Encoded,
+    failure: Option<Error>,
+}
+
+/// An [`Encoder`] whose frames come out one call later, and sooner one after the other: a frame
+/// takes the longer of its halves, not their sum. Packets are the same, byte for byte.
+pub struct Pipeline {
+    encoder: Encoder,
+    to_coder: Option<SyncSender<Box<Parcel>>>,
+    from_coder: Receiver<Box<Parcel>>,
+    coder: Option<JoinHandle<()>>,
+    /// The one that is not with the coder.
+    spare: Vec<Box<Parcel>>,
+    under_way: bool,
+}
+
+impl Pipeline {
+    /// Starts the coding thread.
+    ///
+    /// # Errors
+    /// [`Error::Thread`] where the system gives none.
+    pub fn new(encoder: Encoder) -> Result<Pipeline, Error> {
+        let (to_coder, parcels) = sync_channel::<Box<Parcel>>(1);
+        let (back, from_coder) = sync_channel(1);
+        let coder = std::thread::Builder::new()
+            .name("nvsprior-coder".into())
+            .spawn(move || code(&parcels, &back))
+            .map_err(|e| Error::Thread(e.to_string()))?;
+        Ok(Pipeline {
+            encoder,
+            to_coder: Some(to_coder),
+            from_coder,
+            coder: Some(coder),
+            spare: vec![Box::default(), Box::default()],
+            under_way: false,
+        })
+    }
+
+    /// Finds the pose of a frame, while the difference of the frame before is coded; then fills
+    /// `encoded` with the frame before. `false`: there was none.
+    ///
+    /// # Errors
+    /// Where the pose cannot be found: the frame is then left out, and the frame before still comes
+    /// with the next call. Where the frame before cannot be coded: it is lost then, and this one is
+    /// under way.
+    pub fn push(
+        &mut self,
+        frame: &Picture,
+        external: Option<Pose>,
+        encoded: &mut Encoded,
+    ) -> Result<bool, Error> {
+        let mut parcel = self.spare.pop().unwrap_or_default();
+        if let Err(error) = self.encoder.draw_next(frame, external, &mut parcel.drawn) {
+            self.spare.push(parcel);
+            return Err(error);
+        }
+        let before = self.take(encoded);
+        let sent = self.to_coder.as_ref().map(|to| to.send(parcel));
+        if !matches!(sent, Some(Ok(()))) {
+            return Err(Error::CoderGone);
+        }
+        self.under_way = true;
+        before
+    }
+
+    /// Fills `encoded` with the frame that is under way; `false`: there is none.
+    ///
+    /// # Errors
+    /// Where it cannot be coded.
+    pub fn finish(&mut self, encoded: &mut Encoded) -> Result<bool, Error> {
+        self.take(encoded)
+    }
+
+    fn take(&mut self, encoded: &mut Encoded) -> Result<bool, Error> {
+        if !std::mem::take(&mut self.under_way) {
+            return Ok(false);
+        }
+        let mut parcel = self.from_coder.recv().map_err(|_| Error::CoderGone)?;
+        let failure = parcel.failure.take();
+        if failure.is_none() {
+            std::mem::swap(encoded, &mut parcel.encoded);
+        }
+        self.spare.push(parcel);
+        failure.map_or(Ok(true), Err)
+    }
+
+    /// The encoder, to change its rate or camera between frames.
+    pub fn encoder(&mut self) -> &mut Encoder {
+        &mut self.encoder
+    }
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        // The thread ends with its channel.
+        self.to_coder.take();
+        if let Some(coder) = self.coder.take() {
+            // A panic there was told by `CoderGone`, and a destructor has nobody to tell.
+            let _ = coder.join();
+        }
+    }
+}
+
+/// What the coding thread does.
+fn code(parcels: &Receiver<Box<Parcel>>, back: &SyncSender<Box<Parcel>>) {
+    let mut residual: Option<((u32, u32), ResidualEncoder)> = None;
+    while let Ok(mut parcel) = parcels.recv() {
+        let Parcel { drawn, encoded, failure } = &mut *parcel;
+        let size = (drawn.frame.width, drawn.frame.height);
+        let (_, coder) = match residual.take() {
+            Some(kept) if kept.0 == size => residual.insert(kept),
+            _ => residual.insert((size, ResidualEncoder::new(size.0, size.1))),
+        };
+        *failure = drawn.encode(coder, encoded).err();
+        if back.send(parcel).is_err() {
+            return;
+        }
+    }
+}
