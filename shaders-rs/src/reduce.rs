@@ -1,5 +1,6 @@
 //! Stage `reduce`: sums of the normal equations, over a workgroup and over tiles, in a fixed order.
 
+use crate::list::total;
 use crate::shared::{Params, SPLAT_THREADS, SUMS};
 use spirv_std::arch::workgroup_memory_barrier_with_group_sync as barrier;
 use spirv_std::glam::Vec3;
@@ -33,11 +34,7 @@ impl Sums {
     /// Adds one channel of one pixel: its derivative with respect to ρ and θ, and its residual.
     pub fn add(self, rho: Vec3, theta: Vec3, residual: f32) -> Sums {
         Sums {
-            rr: [
-                self.rr[0] + rho * rho.x,
-                self.rr[1] + rho * rho.y,
-                self.rr[2] + rho * rho.z,
-            ],
+            rr: [self.rr[0] + rho * rho.x, self.rr[1] + rho * rho.y, self.rr[2] + rho * rho.z],
             rt: [
                 self.rt[0] + theta * rho.x,
                 self.rt[1] + theta * rho.y,
@@ -53,43 +50,50 @@ impl Sums {
         }
     }
 
+    /// In the order of `partials`: the upper triangle of JᵀJ row by row, Jᵀr, r².
+    fn values(&self) -> [f32; SUMS as usize] {
+        let (rr, rt, tt) = (&self.rr, &self.rt, &self.tt);
+        let [rho, theta] = &self.gradient;
+        [
+            rr[0].x,
+            rr[0].y,
+            rr[0].z,
+            rt[0].x,
+            rt[0].y,
+            rt[0].z, //
+            rr[1].y,
+            rr[1].z,
+            rt[1].x,
+            rt[1].y,
+            rt[1].z, //
+            rr[2].z,
+            rt[2].x,
+            rt[2].y,
+            rt[2].z, //
+            tt[0].x,
+            tt[0].y,
+            tt[0].z, //
+            tt[1].y,
+            tt[1].z, //
+            tt[2].z, //
+            rho.x,
+            rho.y,
+            rho.z,
+            theta.x,
+            theta.y,
+            theta.z,
+            self.square,
+        ]
+    }
+
     /// Sums over the tile's invocations and writes the tile's row of `partials`.
     pub fn store(&self, lane: u32, tile: u32, scratch: &mut Scratch, partials: &mut [f32]) {
-        let mut at = (lane * SUMS) as usize;
-        let mut push = |v: f32| {
-            scratch[at] = v;
-            at += 1;
-        };
-        let (rr, rt, tt) = (&self.rr, &self.rt, &self.tt);
-        // The upper triangle, row by row.
-        push(rr[0].x);
-        push(rr[0].y);
-        push(rr[0].z);
-        push(rt[0].x);
-        push(rt[0].y);
-        push(rt[0].z);
-        push(rr[1].y);
-        push(rr[1].z);
-        push(rt[1].x);
-        push(rt[1].y);
-        push(rt[1].z);
-        push(rr[2].z);
-        push(rt[2].x);
-        push(rt[2].y);
-        push(rt[2].z);
-        push(tt[0].x);
-        push(tt[0].y);
-        push(tt[0].z);
-        push(tt[1].y);
-        push(tt[1].z);
-        push(tt[2].z);
-        push(self.gradient[0].x);
-        push(self.gradient[0].y);
-        push(self.gradient[0].z);
-        push(self.gradient[1].x);
-        push(self.gradient[1].y);
-        push(self.gradient[1].z);
-        push(self.square);
+        let values = self.values();
+        let mut k = 0;
+        while k < SUMS as usize {
+            scratch[(lane * SUMS) as usize + k] = values[k];
+            k += 1;
+        }
         barrier();
         let mut k = lane;
         while k < SUMS {
@@ -103,6 +107,36 @@ impl Sums {
             k += SPLAT_THREADS;
         }
     }
+
+    /// The same for a workgroup that is a subgroup of eight.
+    pub fn store_lanes(&self, lane: u32, tile: u32, partials: &mut [f32]) {
+        let v = self.values();
+        let at = (tile * SUMS + lane) as usize;
+        partials[at] = share([v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7]], lane);
+        partials[at + 8] = share([v[8], v[9], v[10], v[11], v[12], v[13], v[14], v[15]], lane);
+        partials[at + 16] = share([v[16], v[17], v[18], v[19], v[20], v[21], v[22], v[23]], lane);
+        let last = share([v[24], v[25], v[26], v[27], 0.0, 0.0, 0.0, 0.0], lane);
+        if lane < SUMS - 24 {
+            partials[at + 24] = last;
+        }
+    }
+}
+
+/// The sum over eight invocations of the value that the invocation has to write.
+fn share(values: [f32; 8], lane: u32) -> f32 {
+    let mut own = total(values[0], lane);
+    let mut take = |k: u32, value: f32| {
+        let sum = total(value, lane);
+        own = if lane == k { sum } else { own };
+    };
+    take(1, values[1]);
+    take(2, values[2]);
+    take(3, values[3]);
+    take(4, values[4]);
+    take(5, values[5]);
+    take(6, values[6]);
+    take(7, values[7]);
+    own
 }
 
 const LANES: u32 = 8;
