@@ -1,11 +1,12 @@
 //! The splats of a tile, front to back, as the blending stages read them: a record at a time, or
 //! eight at a time for subgroups of eight.
 //!
-//! Milliseconds of stage `splat` on the reef at 320×180, llvmpipe, one core: 45.6 as it was, every
-//! invocation loading every record; 16.8 with a subgroup to a tile, where each invocation loads one
-//! record of eight and hands it round by shuffles (llvmpipe walks through the invocations for a load,
-//! but shuffles in one instruction); 10.3 with all eight unrolled (each turn of a loop masks all that
-//! it carries). A GPU that loads one address for a whole subgroup at once needs none of this.
+//! Milliseconds on the reef at 320×180, llvmpipe, CPU time: stage `splat` took 45.5 where every
+//! invocation of sixteen loaded every record by components. Whole vectors, no test of each index and
+//! operations by four pixels: 31; records handed round: 17; eight splats to a turn of the loop, which
+//! masks all that it carries once a turn: 10.5; exponents as quadratics, alpha's cut taken before the
+//! power: 9.3. Stage `splat_flow`, likewise: 83; 46 plain; 23.0 handed round, of which a quarter is
+//! loads. A GPU that loads one address for a whole subgroup at once needs no handing round.
 
 use crate::shared::{self, RECORD};
 use core::arch::asm;
@@ -15,27 +16,42 @@ use spirv_std::num_traits::Float;
 
 /// Invocations of a workgroup that hands records round; splats that it takes at a time.
 pub const LANES: u32 = 8;
-/// `√(½ log₂ e)`: the conic's factor times this gives alpha's exponent, to base 2, as squares.
-const TO_BASE_2: f32 = 0.849_321_8;
-/// What a product of two scaled values must be multiplied by.
-pub const PRODUCT: f32 = 1.0 / (TO_BASE_2 * TO_BASE_2);
+/// What the conic's factor is multiplied by, `√(½ log₂ e)`: alpha's exponent, to base 2, is then a
+/// difference of squares.
+const FACTOR: f32 = 0.849_321_8;
+/// What `v` of a [`Sight`] must be multiplied by.
+pub const PRODUCT: f32 = 1.0 / (FACTOR * FACTOR);
 
-/// A splat as seen from one pixel.
+/// Exponent of a splat that shows nowhere.
+const NOWHERE: f32 = -1000.0;
+
+/// A splat as seen along the columns of a tile, from points at an offset `(x, y)` from the centre.
+/// The factor's rows are `u = u₀ − l₁₁ x − l₂₁ y` and `w = w₀ − l₂₂ y`, alpha's exponent
+/// `ln α − u² − w²`, which expands in `y`.
 #[derive(Clone, Copy)]
 pub struct Splat {
-    /// The conic's factor times the vector from the pixel to the mean, scaled: alpha is
-    /// `2^(exponent − u² − w²)`.
+    /// `u₀`.
     pub u: f32,
-    pub w: f32,
-    /// The conic's factor, scaled: a pixel to the right takes `l11` from `u`; one down takes `l21`
-    /// from `u` and `l22` from `w`.
     pub l11: f32,
     pub l21: f32,
-    pub l22: f32,
-    /// log₂ of the opacity.
-    pub exponent: f32,
+    /// The exponent's part that is the same for all columns, `ln α − w₀²`.
+    pub level: f32,
+    /// `l₂₂ w₀`.
+    pub down: f32,
+    /// `l₂₁² + l₂₂²`.
+    pub curve: f32,
     pub rgb: [f32; 3],
     pub depth: f32,
+}
+
+/// A splat along one column, a quadratic in `y`.
+#[derive(Clone, Copy)]
+pub struct Column {
+    exponent: f32,
+    curve: f32,
+    /// `v = Q d` at the centre and its slope, `v − y·turn`.
+    v: [f32; 2],
+    turn: f32,
 }
 
 /// Part of a tile's list.
@@ -45,7 +61,7 @@ pub struct List<'a> {
     pub pair_splats: &'a [u32],
     /// One past the last pair.
     pub end: u32,
-    /// Centre of the pixel from which splats are seen.
+    /// The point from which splats are seen, pixels.
     pub centre: [f32; 2],
 }
 
@@ -61,14 +77,16 @@ impl List<'_> {
             (whole(self.records, i), whole(self.records, i + 1), whole(self.records, i + 2))
         };
         let (dx, dy) = (a.x - self.centre[0], a.y - self.centre[1]);
-        let (l11, l21, l22) = (a.z * TO_BASE_2, a.w * TO_BASE_2, b.x * TO_BASE_2);
+        let (l11, l21, l22) = (a.z * FACTOR, a.w * FACTOR, b.x * FACTOR);
+        let w = l22 * dy;
+        let ln = if inside { b.y.log2() } else { NOWHERE };
         Splat {
             u: l11 * dx + l21 * dy,
-            w: l22 * dy,
             l11,
             l21,
-            l22,
-            exponent: if inside { b.y.log2() } else { -1000.0 },
+            level: ln - w * w,
+            down: l22 * w,
+            curve: l21 * l21 + l22 * l22,
             rgb: [c.x, c.y, c.z],
             depth: c.w,
         }
@@ -76,16 +94,15 @@ impl List<'_> {
 }
 
 impl Splat {
-    /// The splat that invocation `j` of the subgroup holds, seen from `column` pixels to the right.
-    pub fn of(&self, j: u32, column: f32) -> Splat {
-        let l11 = subgroup_shuffle(self.l11, j);
+    /// The splat that invocation `j` of the subgroup holds.
+    pub fn of(&self, j: u32) -> Splat {
         Splat {
-            u: subgroup_shuffle(self.u, j) - l11 * column,
-            w: subgroup_shuffle(self.w, j),
-            l11,
+            u: subgroup_shuffle(self.u, j),
+            l11: subgroup_shuffle(self.l11, j),
             l21: subgroup_shuffle(self.l21, j),
-            l22: subgroup_shuffle(self.l22, j),
-            exponent: subgroup_shuffle(self.exponent, j),
+            level: subgroup_shuffle(self.level, j),
+            down: subgroup_shuffle(self.down, j),
+            curve: subgroup_shuffle(self.curve, j),
             rgb: [
                 subgroup_shuffle(self.rgb[0], j),
                 subgroup_shuffle(self.rgb[1], j),
@@ -94,6 +111,36 @@ impl Splat {
             depth: subgroup_shuffle(self.depth, j),
         }
     }
+
+    /// The splat along the column at `x`.
+    pub fn along(&self, x: f32) -> Column {
+        let u = self.u - self.l11 * x;
+        Column {
+            exponent: self.level - u * u,
+            curve: self.curve,
+            v: [self.l11 * u, self.l21 * u + self.down],
+            turn: self.l11 * self.l21,
+        }
+    }
+}
+
+impl Column {
+    /// log₂ alpha, not clamped, at `y` and the three rows below.
+    pub fn exponents(&self, y: f32) -> Vec4 {
+        let y = rows(y);
+        Vec4::splat(self.exponent) - y * y * self.curve + y * 2.0 * self.v[1]
+    }
+
+    /// `v = Q d`, of which alpha moves with the mean, at `y` and the three rows below; by [`PRODUCT`]
+    /// too small.
+    pub fn pull(&self, y: f32) -> [Vec4; 2] {
+        let y = rows(y);
+        [Vec4::splat(self.v[0]) - y * self.turn, Vec4::splat(self.v[1]) - y * self.curve]
+    }
+}
+
+fn rows(y: f32) -> Vec4 {
+    Vec4::new(y, y + 1.0, y + 2.0, y + 3.0)
 }
 
 /// The largest value that an invocation of eight has.
@@ -103,15 +150,8 @@ pub fn largest(value: f32, lane: u32) -> f32 {
     shared::max(of_four, subgroup_shuffle(of_four, lane ^ 4))
 }
 
-/// The sum over eight invocations.
-pub fn total(value: f32, lane: u32) -> f32 {
-    let of_two = value + subgroup_shuffle(value, lane ^ 1);
-    let of_four = of_two + subgroup_shuffle(of_two, lane ^ 2);
-    of_four + subgroup_shuffle(of_four, lane ^ 4)
-}
-
 /// Loads a vector at once; the compiler loads its components one by one, and llvmpipe walks through
-/// the invocations for each (14.2 ms against 12.0, same scene).
+/// the invocations for each.
 ///
 /// # Safety
 /// `at` must be inside.

@@ -1,6 +1,5 @@
 //! Stage `reduce`: sums of the normal equations, over a workgroup and over tiles, in a fixed order.
 
-use crate::list::total;
 use crate::shared::{Params, SPLAT_THREADS, SUMS};
 use spirv_std::arch::workgroup_memory_barrier_with_group_sync as barrier;
 use spirv_std::glam::Vec3;
@@ -107,36 +106,6 @@ impl Sums {
             k += SPLAT_THREADS;
         }
     }
-
-    /// The same for a workgroup that is a subgroup of eight.
-    pub fn store_lanes(&self, lane: u32, tile: u32, partials: &mut [f32]) {
-        let v = self.values();
-        let at = (tile * SUMS + lane) as usize;
-        partials[at] = share([v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7]], lane);
-        partials[at + 8] = share([v[8], v[9], v[10], v[11], v[12], v[13], v[14], v[15]], lane);
-        partials[at + 16] = share([v[16], v[17], v[18], v[19], v[20], v[21], v[22], v[23]], lane);
-        let last = share([v[24], v[25], v[26], v[27], 0.0, 0.0, 0.0, 0.0], lane);
-        if lane < SUMS - 24 {
-            partials[at + 24] = last;
-        }
-    }
-}
-
-/// The sum over eight invocations of the value that the invocation has to write.
-fn share(values: [f32; 8], lane: u32) -> f32 {
-    let mut own = total(values[0], lane);
-    let mut take = |k: u32, value: f32| {
-        let sum = total(value, lane);
-        own = if lane == k { sum } else { own };
-    };
-    take(1, values[1]);
-    take(2, values[2]);
-    take(3, values[3]);
-    take(4, values[4]);
-    take(5, values[5]);
-    take(6, values[6]);
-    take(7, values[7]);
-    own
 }
 
 const LANES: u32 = 8;

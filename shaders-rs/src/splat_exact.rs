@@ -22,12 +22,7 @@ impl Record {
     fn load(records: &[Vec4], splat: u32) -> Record {
         let at = (splat * RECORD) as usize;
         let (a, b, c) = (records[at], records[at + 1], records[at + 2]);
-        Record {
-            mean: [a.x, a.y],
-            conic: [a.z, a.w, b.x],
-            opacity: b.y,
-            rgb: [c.x, c.y, c.z],
-        }
+        Record { mean: [a.x, a.y], conic: [a.z, a.w, b.x], opacity: b.y, rgb: [c.x, c.y, c.z] }
     }
 }
 

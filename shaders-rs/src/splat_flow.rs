@@ -3,57 +3,110 @@
 //! twelve sums a pixel (∂C/∂u, ∂C/∂v, and both weighted by 1/z) stand for the eighteen of the exact
 //! Jacobian, which follows from them after the loop.
 
-use crate::list::{LANES, List, PRODUCT, Splat, largest};
+use crate::list::{Column, LANES, List, PRODUCT, Splat, largest};
 use crate::reduce::{Scratch, Sums};
 use crate::shared::{Params, TILE, max};
-use crate::splat::{Hit, centre, dim, first_pixel, range};
+use crate::splat::{Hits, both, dim, first_pixel, middle, range};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4};
 use spirv_std::spirv;
 
 /// Derivatives along four motions: u, v, u/z, v/z.
 type Motion = Vec4;
 
+/// The same of four pixels.
+type Motions = [Vec4; 4];
+
+/// Four pixels, one below the other.
 #[derive(Clone, Copy)]
+struct Four {
+    rgb: [Vec4; 3],
+    /// Negative once a pixel is finished.
+    transmittance: Vec4,
+    /// Derivatives are by [`PRODUCT`] too small.
+    d_r: Motions,
+    d_g: Motions,
+    d_b: Motions,
+    d_transmittance: Motions,
+}
+
+const NONE: Motions = [Vec4::ZERO; 4];
+
+impl Four {
+    const EMPTY: Four = Four {
+        rgb: [Vec4::ZERO; 3],
+        transmittance: Vec4::ONE,
+        d_r: NONE,
+        d_g: NONE,
+        d_b: NONE,
+        d_transmittance: NONE,
+    };
+
+    /// Blends a splat that is seen from `y` above the first pixel, its depth inverted.
+    fn blend(self, s: &Splat, column: &Column, y: f32, alpha_max: f32) -> Four {
+        let hits = Hits::new(column.exponents(y), alpha_max);
+        let (weights, transmittance) = dim(self.transmittance, hits.alphas);
+        // A splat that finishes the pixel is not counted.
+        let alphas = both(transmittance, hits.alphas, |t, alpha| if t < 0.0 { 0.0 } else { alpha });
+        // dα = −α v·dμ, v = Q d; nothing moves a clamped alpha.
+        let slopes = -hits.where_free(weights, alpha_max);
+        let [v_x, v_y] = column.pull(y);
+        let (u, v) = (slopes * v_x, slopes * v_y);
+        let front = [u, v, u * s.depth, v * s.depth];
+        let d_weights = plus(front, self.d_transmittance, alphas);
+        Four {
+            rgb: [
+                self.rgb[0] + weights * s.rgb[0],
+                self.rgb[1] + weights * s.rgb[1],
+                self.rgb[2] + weights * s.rgb[2],
+            ],
+            transmittance,
+            d_r: plus(self.d_r, d_weights, Vec4::splat(s.rgb[0])),
+            d_g: plus(self.d_g, d_weights, Vec4::splat(s.rgb[1])),
+            d_b: plus(self.d_b, d_weights, Vec4::splat(s.rgb[2])),
+            d_transmittance: plus(self.d_transmittance, d_weights, Vec4::NEG_ONE),
+        }
+    }
+
+    /// Negative where all are finished.
+    fn left(&self) -> f32 {
+        let t = self.transmittance;
+        max(max(t.x, t.y), max(t.z, t.w))
+    }
+
+    /// Adds the pixels to the normal equations.
+    fn add(&self, sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32) -> Sums {
+        let sums = add(sums, params, frame, x, y, &self.pixel(|v| v.x));
+        let sums = add(sums, params, frame, x, y + 1, &self.pixel(|v| v.y));
+        let sums = add(sums, params, frame, x, y + 2, &self.pixel(|v| v.z));
+        add(sums, params, frame, x, y + 3, &self.pixel(|v| v.w))
+    }
+
+    fn pixel(&self, of: impl Fn(Vec4) -> f32) -> Pixel {
+        let motion = |d: Motions| Motion::new(of(d[0]), of(d[1]), of(d[2]), of(d[3]));
+        Pixel {
+            rgb: Vec3::new(of(self.rgb[0]), of(self.rgb[1]), of(self.rgb[2])),
+            transmittance: of(self.transmittance),
+            d_r: motion(self.d_r),
+            d_g: motion(self.d_g),
+            d_b: motion(self.d_b),
+            d_transmittance: motion(self.d_transmittance),
+        }
+    }
+}
+
+/// `a + b scale`.
+fn plus(a: Motions, b: Motions, scale: Vec4) -> Motions {
+    [a[0] + b[0] * scale, a[1] + b[1] * scale, a[2] + b[2] * scale, a[3] + b[3] * scale]
+}
+
+/// A pixel when all is blended.
 struct Pixel {
     rgb: Vec3,
-    /// Negative once the pixel is finished.
     transmittance: f32,
     d_r: Motion,
     d_g: Motion,
     d_b: Motion,
     d_transmittance: Motion,
-}
-
-const EMPTY: Pixel = Pixel {
-    rgb: Vec3::ZERO,
-    transmittance: 1.0,
-    d_r: Vec4::ZERO,
-    d_g: Vec4::ZERO,
-    d_b: Vec4::ZERO,
-    d_transmittance: Vec4::ZERO,
-};
-
-/// Derivatives are by [`PRODUCT`] too small here.
-fn blend(p: Pixel, s: &Splat, row: f32, alpha_max: f32) -> Pixel {
-    let hit = Hit::at(s, row, alpha_max);
-    let (weight, transmittance) = dim(p.transmittance, hit.alpha);
-    // Where the splat finishes the pixel it is not counted.
-    let alpha = if transmittance < 0.0 { 0.0 } else { hit.alpha };
-    // dα = −α v·dμ, v = Q d; nothing moves a clamped alpha.
-    let slope = if hit.clamped { 0.0 } else { -weight };
-    let along_u = slope * (s.l11 * hit.u);
-    let along_v = slope * (s.l21 * hit.u + s.l22 * hit.w);
-    let inverse_z = s.depth;
-    let front = Vec4::new(along_u, along_v, along_u * inverse_z, along_v * inverse_z);
-    let d_weight = front + p.d_transmittance * alpha;
-    Pixel {
-        rgb: p.rgb + Vec3::from_array(s.rgb) * weight,
-        transmittance,
-        d_r: p.d_r + d_weight * s.rgb[0],
-        d_g: p.d_g + d_weight * s.rgb[1],
-        d_b: p.d_b + d_weight * s.rgb[2],
-        d_transmittance: p.d_transmittance - d_weight,
-    }
 }
 
 /// One channel's derivative with respect to the pose from its four motions, at the ray `(x, y)`:
@@ -89,7 +142,7 @@ fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) ->
     sums.add(rho, theta, p.rgb.z + t * bg[2] - frame[at + 2])
 }
 
-/// The splat with its depth turned over.
+/// The splat with its depth inverted.
 fn with_inverse_depth(s: Splat) -> Splat {
     Splat { depth: 1.0 / s.depth, ..s }
 }
@@ -109,48 +162,29 @@ pub fn splat_flow(
 ) {
     let [x, y] = first_pixel(group, lane);
     let range = range(params, ranges, group);
-    let list = List { records, pair_splats, end: range.y, centre: centre([x, y]) };
+    let list = List { records, pair_splats, end: range.y, centre: middle([x, y]) };
     let alpha_max = params.alpha_max;
-    let (mut p0, mut p1, mut p2, mut p3) = (EMPTY, EMPTY, EMPTY, EMPTY);
+    let mut pixels = Four::EMPTY;
     let mut at = range.x;
     while at < range.y {
         let s = with_inverse_depth(list.load(at));
-        p0 = blend(p0, &s, 0.0, alpha_max);
-        p1 = blend(p1, &s, 1.0, alpha_max);
-        p2 = blend(p2, &s, 2.0, alpha_max);
-        p3 = blend(p3, &s, 3.0, alpha_max);
+        pixels = pixels.blend(&s, &s.along(0.0), -1.5, alpha_max);
         at += 1;
-        let upper = max(p0.transmittance, p1.transmittance);
-        if max(upper, max(p2.transmittance, p3.transmittance)) < 0.0 {
+        if pixels.left() < 0.0 {
             break;
         }
     }
-    let sums = add(Sums::ZERO, params, frame, x, y, &p0);
-    let sums = add(sums, params, frame, x, y + 1, &p1);
-    let sums = add(sums, params, frame, x, y + 2, &p2);
-    let sums = add(sums, params, frame, x, y + 3, &p3);
+    let sums = pixels.add(Sums::ZERO, params, frame, x, y);
     sums.store(lane, group.y * params.tiles_x + group.x, scratch, partials);
 }
 
-/// Eight splats, the nearest first.
-type Eight = [Splat; LANES as usize];
-
-fn blend_eight(p: Pixel, s: &Eight, row: f32, alpha_max: f32) -> Pixel {
-    let p = blend(p, &s[0], row, alpha_max);
-    let p = blend(p, &s[1], row, alpha_max);
-    let p = blend(p, &s[2], row, alpha_max);
-    let p = blend(p, &s[3], row, alpha_max);
-    let p = blend(p, &s[4], row, alpha_max);
-    let p = blend(p, &s[5], row, alpha_max);
-    let p = blend(p, &s[6], row, alpha_max);
-    blend(p, &s[7], row, alpha_max)
-}
-
-/// The same for subgroups of eight. One workgroup a tile.
-#[spirv(compute(threads(8)))]
+/// The same for subgroups of eight: two of them, each half of the tile, one workgroup a tile.
+#[spirv(compute(threads(16)))]
 pub fn splat_flow_lanes(
     #[spirv(workgroup_id)] group: UVec3,
+    #[spirv(subgroup_id)] half: u32,
     #[spirv(subgroup_local_invocation_id)] lane: u32,
+    #[spirv(workgroup)] scratch: &mut Scratch,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
@@ -158,50 +192,28 @@ pub fn splat_flow_lanes(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] frame: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] partials: &mut [f32],
 ) {
-    let (x, y) = (group.x * TILE, group.y * TILE);
     let range = range(params, ranges, group);
-    let list = List { records, pair_splats, end: range.y, centre: centre([x, y]) };
+    let [x, y] = first_pixel(group, half * LANES + lane);
+    let list = List { records, pair_splats, end: range.y, centre: middle([group.x * TILE, y]) };
     let (column, alpha_max) = (lane as f32, params.alpha_max);
-    let (mut p0, mut p1, mut p2, mut p3) = (EMPTY, EMPTY, EMPTY, EMPTY);
-    let (mut p4, mut p5, mut p6, mut p7) = (EMPTY, EMPTY, EMPTY, EMPTY);
+    let blend = |pixels: Four, s: Splat| pixels.blend(&s, &s.along(column), -1.5, alpha_max);
+    let mut pixels = Four::EMPTY;
     let mut at = range.x;
     while at < range.y {
         let own = with_inverse_depth(list.load(at + lane));
-        let eight = [
-            own.of(0, column),
-            own.of(1, column),
-            own.of(2, column),
-            own.of(3, column),
-            own.of(4, column),
-            own.of(5, column),
-            own.of(6, column),
-            own.of(7, column),
-        ];
-        p0 = blend_eight(p0, &eight, 0.0, alpha_max);
-        p1 = blend_eight(p1, &eight, 1.0, alpha_max);
-        p2 = blend_eight(p2, &eight, 2.0, alpha_max);
-        p3 = blend_eight(p3, &eight, 3.0, alpha_max);
-        p4 = blend_eight(p4, &eight, 4.0, alpha_max);
-        p5 = blend_eight(p5, &eight, 5.0, alpha_max);
-        p6 = blend_eight(p6, &eight, 6.0, alpha_max);
-        p7 = blend_eight(p7, &eight, 7.0, alpha_max);
+        pixels = blend(pixels, own.of(0));
+        pixels = blend(pixels, own.of(1));
+        pixels = blend(pixels, own.of(2));
+        pixels = blend(pixels, own.of(3));
+        pixels = blend(pixels, own.of(4));
+        pixels = blend(pixels, own.of(5));
+        pixels = blend(pixels, own.of(6));
+        pixels = blend(pixels, own.of(7));
         at += LANES;
-        let upper =
-            max(max(p0.transmittance, p1.transmittance), max(p2.transmittance, p3.transmittance));
-        let lower =
-            max(max(p4.transmittance, p5.transmittance), max(p6.transmittance, p7.transmittance));
-        if largest(max(upper, lower), lane) < 0.0 {
+        if largest(pixels.left(), lane) < 0.0 {
             break;
         }
     }
-    let x = x + lane;
-    let sums = add(Sums::ZERO, params, frame, x, y, &p0);
-    let sums = add(sums, params, frame, x, y + 1, &p1);
-    let sums = add(sums, params, frame, x, y + 2, &p2);
-    let sums = add(sums, params, frame, x, y + 3, &p3);
-    let sums = add(sums, params, frame, x, y + 4, &p4);
-    let sums = add(sums, params, frame, x, y + 5, &p5);
-    let sums = add(sums, params, frame, x, y + 6, &p6);
-    let sums = add(sums, params, frame, x, y + 7, &p7);
-    sums.store_lanes(lane, group.y * params.tiles_x + group.x, partials);
+    let sums = pixels.add(Sums::ZERO, params, frame, x, y);
+    sums.store(half * LANES + lane, group.y * params.tiles_x + group.x, scratch, partials);
 }
