@@ -2,8 +2,8 @@
 //! sorted by depth, each block of [`BIN_BLOCK`] emits behind those before it, and the later sort by
 //! tile is stable: so each tile's list ends up in depth order.
 
-use crate::scan::{saturating, scan};
 use crate::shared::{self, BIN_BLOCK, Counters, GROUP, Params, Projected};
+use crate::scan::{saturating, scan};
 use spirv_std::arch::workgroup_memory_barrier_with_group_sync as barrier;
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::spirv;

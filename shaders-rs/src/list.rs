@@ -19,7 +19,7 @@ pub const LANES: u32 = 8;
 /// What the conic's factor is multiplied by, `√(½ log₂ e)`: alpha's exponent, to base 2, is then a
 /// difference of squares.
 const FACTOR: f32 = 0.849_321_8;
-/// What `v` of a [`Sight`] must be multiplied by.
+/// What a product of two scaled values must be multiplied by.
 pub const PRODUCT: f32 = 1.0 / (FACTOR * FACTOR);
 
 /// Exponent of a splat that shows nowhere.
@@ -27,14 +27,14 @@ const NOWHERE: f32 = -1000.0;
 
 /// A splat as seen along the columns of a tile, from points at an offset `(x, y)` from the centre.
 /// The factor's rows are `u = u₀ − l₁₁ x − l₂₁ y` and `w = w₀ − l₂₂ y`, alpha's exponent
-/// `ln α − u² − w²`, which expands in `y`.
+/// `log₂ α − u² − w²`, which expands in `y`.
 #[derive(Clone, Copy)]
 pub struct Splat {
     /// `u₀`.
     pub u: f32,
     pub l11: f32,
     pub l21: f32,
-    /// The exponent's part that is the same for all columns, `ln α − w₀²`.
+    /// The exponent's part that is the same for all columns, `log₂ α − w₀²`.
     pub level: f32,
     /// `l₂₂ w₀`.
     pub down: f32,
@@ -79,12 +79,12 @@ impl List<'_> {
         let (dx, dy) = (a.x - self.centre[0], a.y - self.centre[1]);
         let (l11, l21, l22) = (a.z * FACTOR, a.w * FACTOR, b.x * FACTOR);
         let w = l22 * dy;
-        let ln = if inside { b.y.log2() } else { NOWHERE };
+        let log = if inside { b.y.log2() } else { NOWHERE };
         Splat {
             u: l11 * dx + l21 * dy,
             l11,
             l21,
-            level: ln - w * w,
+            level: log - w * w,
             down: l22 * w,
             curve: l21 * l21 + l22 * l22,
             rgb: [c.x, c.y, c.z],

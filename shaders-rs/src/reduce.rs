@@ -50,37 +50,18 @@ impl Sums {
     }
 
     /// In the order of `partials`: the upper triangle of JᵀJ row by row, Jᵀr, r².
+    #[rustfmt::skip]
     fn values(&self) -> [f32; SUMS as usize] {
         let (rr, rt, tt) = (&self.rr, &self.rt, &self.tt);
         let [rho, theta] = &self.gradient;
         [
-            rr[0].x,
-            rr[0].y,
-            rr[0].z,
-            rt[0].x,
-            rt[0].y,
-            rt[0].z, //
-            rr[1].y,
-            rr[1].z,
-            rt[1].x,
-            rt[1].y,
-            rt[1].z, //
-            rr[2].z,
-            rt[2].x,
-            rt[2].y,
-            rt[2].z, //
-            tt[0].x,
-            tt[0].y,
-            tt[0].z, //
-            tt[1].y,
-            tt[1].z, //
-            tt[2].z, //
-            rho.x,
-            rho.y,
-            rho.z,
-            theta.x,
-            theta.y,
-            theta.z,
+            rr[0].x, rr[0].y, rr[0].z, rt[0].x, rt[0].y, rt[0].z,
+            rr[1].y, rr[1].z, rt[1].x, rt[1].y, rt[1].z,
+            rr[2].z, rt[2].x, rt[2].y, rt[2].z,
+            tt[0].x, tt[0].y, tt[0].z,
+            tt[1].y, tt[1].z,
+            tt[2].z,
+            rho.x, rho.y, rho.z, theta.x, theta.y, theta.z,
             self.square,
         ]
     }
