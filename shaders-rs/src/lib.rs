@@ -6,6 +6,7 @@
 pub mod shared;
 
 pub mod bin;
+pub mod ceilings;
 pub mod derive;
 pub mod list;
 pub mod project;
