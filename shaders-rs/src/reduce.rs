@@ -33,11 +33,7 @@ impl Sums {
     /// Adds one channel of one pixel: its derivative with respect to ρ and θ, and its residual.
     pub fn add(self, rho: Vec3, theta: Vec3, residual: f32) -> Sums {
         Sums {
-            rr: [
-                self.rr[0] + rho * rho.x,
-                self.rr[1] + rho * rho.y,
-                self.rr[2] + rho * rho.z,
-            ],
+            rr: [self.rr[0] + rho * rho.x, self.rr[1] + rho * rho.y, self.rr[2] + rho * rho.z],
             rt: [
                 self.rt[0] + theta * rho.x,
                 self.rt[1] + theta * rho.y,
@@ -53,43 +49,31 @@ impl Sums {
         }
     }
 
+    /// In the order of `partials`: the upper triangle of JᵀJ row by row, Jᵀr, r².
+    #[rustfmt::skip]
+    fn values(&self) -> [f32; SUMS as usize] {
+        let (rr, rt, tt) = (&self.rr, &self.rt, &self.tt);
+        let [rho, theta] = &self.gradient;
+        [
+            rr[0].x, rr[0].y, rr[0].z, rt[0].x, rt[0].y, rt[0].z,
+            rr[1].y, rr[1].z, rt[1].x, rt[1].y, rt[1].z,
+            rr[2].z, rt[2].x, rt[2].y, rt[2].z,
+            tt[0].x, tt[0].y, tt[0].z,
+            tt[1].y, tt[1].z,
+            tt[2].z,
+            rho.x, rho.y, rho.z, theta.x, theta.y, theta.z,
+            self.square,
+        ]
+    }
+
     /// Sums over the tile's invocations and writes the tile's row of `partials`.
     pub fn store(&self, lane: u32, tile: u32, scratch: &mut Scratch, partials: &mut [f32]) {
-        let mut at = (lane * SUMS) as usize;
-        let mut push = |v: f32| {
-            scratch[at] = v;
-            at += 1;
-        };
-        let (rr, rt, tt) = (&self.rr, &self.rt, &self.tt);
-        // The upper triangle, row by row.
-        push(rr[0].x);
-        push(rr[0].y);
-        push(rr[0].z);
-        push(rt[0].x);
-        push(rt[0].y);
-        push(rt[0].z);
-        push(rr[1].y);
-        push(rr[1].z);
-        push(rt[1].x);
-        push(rt[1].y);
-        push(rt[1].z);
-        push(rr[2].z);
-        push(rt[2].x);
-        push(rt[2].y);
-        push(rt[2].z);
-        push(tt[0].x);
-        push(tt[0].y);
-        push(tt[0].z);
-        push(tt[1].y);
-        push(tt[1].z);
-        push(tt[2].z);
-        push(self.gradient[0].x);
-        push(self.gradient[0].y);
-        push(self.gradient[0].z);
-        push(self.gradient[1].x);
-        push(self.gradient[1].y);
-        push(self.gradient[1].z);
-        push(self.square);
+        let values = self.values();
+        let mut k = 0;
+        while k < SUMS as usize {
+            scratch[(lane * SUMS) as usize + k] = values[k];
+            k += 1;
+        }
         barrier();
         let mut k = lane;
         while k < SUMS {

@@ -598,5 +598,5 @@ pub fn placed(code: &PoseCode, anchor: &Anchor) -> Placement {
 }
 
 #[cfg(test)]
-#[path = "search/tests.rs"]
+#[path = "search_tests.rs"]
 mod tests;

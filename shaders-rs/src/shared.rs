@@ -34,6 +34,13 @@ pub const PIXEL: u32 = 5;
 /// Depth key of a splat that touches no tile: sorts behind all others.
 pub const CULLED: u32 = u32::MAX;
 
+/// Kernel `ceiling_arithmetic`: chains of multiply-adds of an invocation.
+pub const CEILING_CHAINS: u32 = 16;
+/// Steps of each chain in one turn of the loop.
+pub const CEILING_STEPS: u32 = 8;
+/// Turns of the loop.
+pub const CEILING_TURNS: u32 = 512;
+
 /// Low-pass of the full picture, added to the diagonal of the 2D covariance, pixels² (Kerbl et al.
 /// 2023).
 pub const DILATION: f32 = 0.3;

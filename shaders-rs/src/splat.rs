@@ -1,54 +1,63 @@
 //! Stage `splat`: front-to-back blending (Kerbl et al. 2023, eq. 3). A workgroup draws a tile; an
-//! invocation draws four pixels of a column, so that a splat's record is loaded once for all four.
+//! invocation draws a column of pixels, so that a splat's record is loaded once for all of them.
 
-use crate::shared::{self, ALPHA_MIN, Params, TILE, TRANSMITTANCE_STOP};
+use crate::list::{Column, LANES, List, Splat, largest};
+use crate::shared::{self, Params, TILE, TRANSMITTANCE_STOP, max};
+use spirv_std::arch::IndexUnchecked;
 use spirv_std::glam::{UVec2, UVec3, Vec4};
 use spirv_std::num_traits::Float;
 use spirv_std::spirv;
 
-/// A projected splat as its record holds it.
-#[derive(Clone, Copy)]
-pub struct Record {
-    pub mean: [f32; 2],
-    pub conic: [f32; 3],
-    pub opacity: f32,
-    pub rgb: [f32; 3],
-    pub depth: f32,
+/// log₂ of [`ALPHA_MIN`](crate::shared::ALPHA_MIN).
+const CUT: f32 = -7.994_353_4;
+
+/// `f` of each of four.
+pub fn each(v: Vec4, f: impl Fn(f32) -> f32) -> Vec4 {
+    Vec4::new(f(v.x), f(v.y), f(v.z), f(v.w))
 }
 
-impl Record {
-    pub fn load(records: &[Vec4], splat: u32) -> Record {
-        let at = (splat * shared::RECORD) as usize;
-        let (a, b, c) = (records[at], records[at + 1], records[at + 2]);
-        Record {
-            mean: [a.x, a.y],
-            conic: [a.z, a.w, b.x],
-            opacity: b.y,
-            rgb: [c.x, c.y, c.z],
-            depth: c.w,
-        }
+/// `f` of each pair of two fours.
+pub fn both(a: Vec4, b: Vec4, f: impl Fn(f32, f32) -> f32) -> Vec4 {
+    Vec4::new(f(a.x, b.x), f(a.y, b.y), f(a.z, b.z), f(a.w, b.w))
+}
+
+/// A splat's alphas at four pixels.
+pub struct Hits {
+    /// Before the clamp.
+    full: Vec4,
+    /// 0 below the cut.
+    pub alphas: Vec4,
+}
+
+impl Hits {
+    /// From log₂ of the alphas before the clamp.
+    pub fn new(exponents: Vec4, alpha_max: f32) -> Hits {
+        let full = each(exponents, f32::exp2);
+        let held = each(full, |full| if full > alpha_max { alpha_max } else { full });
+        let alphas =
+            both(exponents, held, |exponent, alpha| if exponent >= CUT { alpha } else { 0.0 });
+        Hits { full, alphas }
+    }
+
+    /// `values`, 0 where the clamp holds alpha.
+    pub fn where_free(&self, values: Vec4, alpha_max: f32) -> Vec4 {
+        both(self.full, values, |full, value| if full > alpha_max { 0.0 } else { value })
     }
 }
 
-/// A splat at one pixel: its alpha (0 below the cut), whether the clamp holds it, and the factor's
-/// two components of `d`, of which the conic's product `v = Q d` follows.
-#[derive(Clone, Copy)]
-pub struct Hit {
-    pub alpha: f32,
-    pub clamped: bool,
-    pub u: f32,
-    pub w: f32,
-}
-
-impl Hit {
-    pub fn at(s: &Record, alpha_max: f32, dx: f32, dy: f32) -> Hit {
-        let u = s.conic[0] * dx + s.conic[1] * dy;
-        let w = s.conic[2] * dy;
-        let full = s.opacity * (-0.5 * (u * u + w * w)).exp();
-        let clamped = full > alpha_max;
-        let alpha = if clamped { alpha_max } else { full };
-        Hit { alpha: if alpha >= ALPHA_MIN { alpha } else { 0.0 }, clamped, u, w }
-    }
+/// What is left of the light of four pixels behind a splat: the weights that the splat gets, and
+/// the transmittances, made negative where the splat finishes a pixel.
+pub fn dim(transmittances: Vec4, alphas: Vec4) -> (Vec4, Vec4) {
+    let weights = alphas * transmittances;
+    let next = transmittances - weights;
+    (
+        both(weights, next, |w, next| if next > TRANSMITTANCE_STOP { w } else { 0.0 }),
+        both(
+            transmittances,
+            next,
+            |t, next| if next > TRANSMITTANCE_STOP { next } else { -t.abs() },
+        ),
+    )
 }
 
 /// First pixel of an invocation's column, of four.
@@ -56,43 +65,71 @@ pub fn first_pixel(group: UVec3, lane: u32) -> [u32; 2] {
     [group.x * TILE + lane % TILE, group.y * TILE + lane / TILE * shared::ROWS]
 }
 
-#[derive(Clone, Copy)]
-struct Pixel {
-    rgb: [f32; 3],
-    depth: f32,
-    transmittance: f32,
-    /// 1 until the transmittance stop, then 0.
-    live: f32,
+/// Middle of the column: its rows lie at −1.5 to 1.5.
+pub fn middle([x, y]: [u32; 2]) -> [f32; 2] {
+    [x as f32 + 0.5, (y + 2) as f32]
 }
 
-const EMPTY: Pixel = Pixel { rgb: [0.0; 3], depth: 0.0, transmittance: 1.0, live: 1.0 };
+/// Four pixels, one below the other. Operations go by four, so that those next to each other do not
+/// wait for each other.
+#[derive(Clone, Copy)]
+struct Four {
+    rgb: [Vec4; 3],
+    depth: Vec4,
+    /// Negative once a pixel is finished.
+    transmittance: Vec4,
+}
 
-fn blend(p: Pixel, s: &Record, alpha_max: f32, dx: f32, dy: f32) -> Pixel {
-    let hit = Hit::at(s, alpha_max, dx, dy);
-    let next = p.transmittance * (1.0 - hit.alpha);
-    let live = if next > TRANSMITTANCE_STOP { p.live } else { 0.0 };
-    let weight = hit.alpha * p.transmittance * live;
-    Pixel {
-        rgb: [
-            p.rgb[0] + s.rgb[0] * weight,
-            p.rgb[1] + s.rgb[1] * weight,
-            p.rgb[2] + s.rgb[2] * weight,
-        ],
-        depth: p.depth + s.depth * weight,
-        transmittance: p.transmittance - weight,
-        live,
+impl Four {
+    const EMPTY: Four = Four { rgb: [Vec4::ZERO; 3], depth: Vec4::ZERO, transmittance: Vec4::ONE };
+
+    /// Blends a splat that is seen from `y` above the first pixel.
+    fn blend(self, s: &Splat, column: &Column, y: f32, alpha_max: f32) -> Four {
+        let hits = Hits::new(column.exponents(y), alpha_max);
+        let (weights, transmittance) = dim(self.transmittance, hits.alphas);
+        Four {
+            rgb: [
+                self.rgb[0] + weights * s.rgb[0],
+                self.rgb[1] + weights * s.rgb[1],
+                self.rgb[2] + weights * s.rgb[2],
+            ],
+            depth: self.depth + weights * s.depth,
+            transmittance,
+        }
+    }
+
+    /// Negative where all are finished.
+    fn transmittance(&self) -> f32 {
+        let t = self.transmittance;
+        max(max(t.x, t.y), max(t.z, t.w))
+    }
+
+    fn store(&self, params: &Params, out: &mut [f32], x: u32, y: u32) {
+        let ([r, g, b], d, t) = (self.rgb, self.depth, self.transmittance);
+        store(params, out, x, y, [r.x, g.x, b.x, d.x, t.x]);
+        store(params, out, x, y + 1, [r.y, g.y, b.y, d.y, t.y]);
+        store(params, out, x, y + 2, [r.z, g.z, b.z, d.z, t.z]);
+        store(params, out, x, y + 3, [r.w, g.w, b.w, d.w, t.w]);
     }
 }
 
-fn store(params: &Params, out: &mut [f32], x: u32, y: u32, p: &Pixel) {
+fn store(params: &Params, out: &mut [f32], x: u32, y: u32, p: [f32; 5]) {
     if (x < params.width) & (y < params.height) {
         let at = ((y * params.width + x) * shared::PIXEL) as usize;
-        out[at] = p.rgb[0] + p.transmittance * params.background[0];
-        out[at + 1] = p.rgb[1] + p.transmittance * params.background[1];
-        out[at + 2] = p.rgb[2] + p.transmittance * params.background[2];
-        out[at + 3] = p.depth;
-        out[at + 4] = p.transmittance;
+        let [r, g, b, depth, t] = p;
+        let t = t.abs();
+        out[at] = r + t * params.background[0];
+        out[at + 1] = g + t * params.background[1];
+        out[at + 2] = b + t * params.background[2];
+        out[at + 3] = depth;
+        out[at + 4] = t;
     }
+}
+
+/// The range of a workgroup's tile.
+pub fn range(params: &Params, ranges: &[UVec2], group: UVec3) -> UVec2 {
+    // SAFETY: a workgroup a tile, a range a tile.
+    unsafe { *ranges.index_unchecked((group.y * params.tiles_x + group.x) as usize) }
 }
 
 /// One workgroup a tile.
@@ -107,25 +144,69 @@ pub fn splat(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] out: &mut [f32],
 ) {
     let [x, y] = first_pixel(group, lane);
-    let range = ranges[(group.y * params.tiles_x + group.x) as usize];
+    let range = range(params, ranges, group);
+    let list = List { records, pair_splats, end: range.y, centre: middle([x, y]) };
     let alpha_max = params.alpha_max;
-    let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
-    let (mut p0, mut p1, mut p2, mut p3) = (EMPTY, EMPTY, EMPTY, EMPTY);
+    let mut pixels = Four::EMPTY;
     let mut at = range.x;
     while at < range.y {
-        let s = Record::load(records, pair_splats[at as usize]);
-        let (dx, dy) = (s.mean[0] - px, s.mean[1] - py);
-        p0 = blend(p0, &s, alpha_max, dx, dy);
-        p1 = blend(p1, &s, alpha_max, dx, dy - 1.0);
-        p2 = blend(p2, &s, alpha_max, dx, dy - 2.0);
-        p3 = blend(p3, &s, alpha_max, dx, dy - 3.0);
+        let s = list.load(at);
+        pixels = pixels.blend(&s, &s.along(0.0), -1.5, alpha_max);
         at += 1;
-        if p0.live + p1.live + p2.live + p3.live == 0.0 {
+        if pixels.transmittance() < 0.0 {
             break;
         }
     }
-    store(params, out, x, y, &p0);
-    store(params, out, x, y + 1, &p1);
-    store(params, out, x, y + 2, &p2);
-    store(params, out, x, y + 3, &p3);
+    pixels.store(params, out, x, y);
+}
+
+/// The whole column of a tile.
+type Eight = (Four, Four);
+
+fn blend_eight((upper, lower): Eight, s: &Splat, x: f32, alpha_max: f32) -> Eight {
+    let column = s.along(x);
+    (upper.blend(s, &column, -3.5, alpha_max), lower.blend(s, &column, 0.5, alpha_max))
+}
+
+/// Middle of a workgroup's tile: its columns and rows lie at −3.5 to 3.5.
+pub fn middle_of_tile(group: UVec3) -> [f32; 2] {
+    let half = (TILE / 2) as f32;
+    [(group.x * TILE) as f32 + half, (group.y * TILE) as f32 + half]
+}
+
+/// The same for subgroups of eight. One workgroup a tile.
+#[spirv(compute(threads(8)))]
+pub fn splat_lanes(
+    #[spirv(workgroup_id)] group: UVec3,
+    #[spirv(subgroup_local_invocation_id)] lane: u32,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] out: &mut [f32],
+) {
+    let range = range(params, ranges, group);
+    let list = List { records, pair_splats, end: range.y, centre: middle_of_tile(group) };
+    let (x, alpha_max) = (lane as f32 - 3.5, params.alpha_max);
+    let mut pixels = (Four::EMPTY, Four::EMPTY);
+    let mut at = range.x;
+    while at < range.y {
+        let own = list.load(at + lane);
+        pixels = blend_eight(pixels, &own.of(0), x, alpha_max);
+        pixels = blend_eight(pixels, &own.of(1), x, alpha_max);
+        pixels = blend_eight(pixels, &own.of(2), x, alpha_max);
+        pixels = blend_eight(pixels, &own.of(3), x, alpha_max);
+        pixels = blend_eight(pixels, &own.of(4), x, alpha_max);
+        pixels = blend_eight(pixels, &own.of(5), x, alpha_max);
+        pixels = blend_eight(pixels, &own.of(6), x, alpha_max);
+        pixels = blend_eight(pixels, &own.of(7), x, alpha_max);
+        at += LANES;
+        let left = max(pixels.0.transmittance(), pixels.1.transmittance());
+        if largest(left, lane) < 0.0 {
+            break;
+        }
+    }
+    let (x, y) = (group.x * TILE + lane, group.y * TILE);
+    pixels.0.store(params, out, x, y);
+    pixels.1.store(params, out, x, y + 4);
 }

@@ -3,10 +3,49 @@
 //! `dT ← (1 − α) dT − T dα`.
 
 use crate::reduce::{Scratch, Sums};
-use crate::shared::{DERIVATIVES, Params, TRANSMITTANCE_STOP};
-use crate::splat::{Hit, Record, first_pixel};
+use crate::shared::{ALPHA_MIN, DERIVATIVES, Params, RECORD, TRANSMITTANCE_STOP};
+use crate::splat::first_pixel;
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4, Vec4Swizzles};
+use spirv_std::num_traits::Float;
 use spirv_std::spirv;
+
+/// A projected splat as its record holds it.
+#[derive(Clone, Copy)]
+struct Record {
+    mean: [f32; 2],
+    conic: [f32; 3],
+    opacity: f32,
+    rgb: [f32; 3],
+}
+
+impl Record {
+    fn load(records: &[Vec4], splat: u32) -> Record {
+        let at = (splat * RECORD) as usize;
+        let (a, b, c) = (records[at], records[at + 1], records[at + 2]);
+        Record { mean: [a.x, a.y], conic: [a.z, a.w, b.x], opacity: b.y, rgb: [c.x, c.y, c.z] }
+    }
+}
+
+/// A splat at one pixel: its alpha (0 below the cut), whether the clamp holds it, and the factor's
+/// two components of `d`, of which the conic's product `v = Q d` follows.
+#[derive(Clone, Copy)]
+struct Hit {
+    alpha: f32,
+    clamped: bool,
+    u: f32,
+    w: f32,
+}
+
+impl Hit {
+    fn at(s: &Record, alpha_max: f32, dx: f32, dy: f32) -> Hit {
+        let u = s.conic[0] * dx + s.conic[1] * dy;
+        let w = s.conic[2] * dy;
+        let full = s.opacity * (-0.5 * (u * u + w * w)).exp();
+        let clamped = full > alpha_max;
+        let alpha = if clamped { alpha_max } else { full };
+        Hit { alpha: if alpha >= ALPHA_MIN { alpha } else { 0.0 }, clamped, u, w }
+    }
+}
 
 /// A derivative with respect to the pose, ρ then θ.
 #[derive(Clone, Copy)]

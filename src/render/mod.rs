@@ -2,6 +2,8 @@
 //! twin, holding buffers and dispatch only.
 
 pub(crate) mod bin;
+#[cfg(feature = "cli")]
+pub mod ceilings;
 pub(crate) mod derive;
 pub(crate) mod frame;
 mod kernels;

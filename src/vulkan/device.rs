@@ -34,6 +34,8 @@ pub struct DeviceInfo {
     pub api: (u32, u32),
     /// Invocations of a subgroup.
     pub subgroup: u32,
+    /// Whether compute shaders can shuffle within a subgroup.
+    pub shuffles: bool,
     /// Shared memory of a workgroup, bytes.
     pub shared_memory: u32,
     /// Largest storage buffer, bytes.
@@ -335,6 +337,8 @@ impl Instance {
             driver: text(driver.driver_info_as_c_str()),
             api: (vk::api_version_major(p.api_version), vk::api_version_minor(p.api_version)),
             subgroup: subgroup.subgroup_size,
+            shuffles: subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::SHUFFLE)
+                && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE),
             shared_memory: p.limits.max_compute_shared_memory_size,
             storage_range: u64::from(p.limits.max_storage_buffer_range),
             unified: matches!(rank, 1 | 3),

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -36,7 +37,9 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
         .deny_warnings(false)
         .spirv_metadata(SpirvMetadata::None)
         .shader_panic_strategy(ShaderPanicStrategy::SilentExit)
-        .capability(Capability::VulkanMemoryModel);
+        .capability(Capability::VulkanMemoryModel)
+        .capability(Capability::GroupNonUniform)
+        .capability(Capability::GroupNonUniformShuffle);
     builder.toolchain_overwrite = Some(TOOLCHAIN.into());
     let result = builder.build()?;
     let ModuleResult::MultiModule(files) = result.module else {
@@ -45,10 +48,34 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
     let mut modules = BTreeMap::new();
     for (entry, file) in files {
         let name = entry.rsplit("::").next().unwrap_or(&entry).to_owned();
+        fs::write(&file, without_unused_subgroups(&fs::read(&file)?))?;
         validate(&file)?;
         modules.insert(name, fs::read(&file)?);
     }
     Ok(modules)
+}
+
+/// The module without the capabilities of subgroups where it has none of their operations: the
+/// builder states the same capabilities for all modules, and not every device has these.
+fn without_unused_subgroups(module: &[u8]) -> Vec<u8> {
+    const OP_CAPABILITY: u32 = 17;
+    const CAPABILITIES: RangeInclusive<u32> = 61..=68; // GroupNonUniform to GroupNonUniformQuad
+    const OPERATIONS: RangeInclusive<u32> = 333..=366; // OpGroupNonUniformElect to …QuadSwap
+    let words: Vec<u32> =
+        module.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
+    let (header, mut rest) = words.split_at(5);
+    let mut instructions = Vec::new();
+    while let Some(first) = rest.first() {
+        let (instruction, after) = rest.split_at(((first >> 16) as usize).clamp(1, rest.len()));
+        instructions.push(instruction);
+        rest = after;
+    }
+    let op = |i: &[u32]| i[0] & 0xffff;
+    if !instructions.iter().any(|i| OPERATIONS.contains(&op(i))) {
+        instructions.retain(|i| op(i) != OP_CAPABILITY || !CAPABILITIES.contains(&i[1]));
+    }
+    let kept = header.iter().chain(instructions.into_iter().flatten());
+    kept.flat_map(|word| word.to_le_bytes()).collect()
 }
 
 fn validate(file: &Path) -> Result<(), Box<dyn Error>> {

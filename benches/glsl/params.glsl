@@ -1,0 +1,19 @@
+// As `Params` in shaders-rs/src/shared.rs: scalars one after the other.
+struct Params {
+    float rotation[9];
+    float translation[3];
+    float centre[3];
+    float focal[2];
+    float principal[2];
+    float background[3];
+    float near;
+    float alpha_max;
+    uint antialiased;
+    uint width;
+    uint height;
+    uint tiles_x;
+    uint tiles_y;
+    uint splats;
+    uint sh_degree;
+    uint pair_capacity;
+};

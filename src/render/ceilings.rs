@@ -1,0 +1,73 @@
+//! What a device can do at best, measured: the rate of multiply-adds in registers and that of copying
+//! words. Stages are reported as shares of these.
+
+use crate::Engine;
+use crate::shared::{CEILING_CHAINS, CEILING_STEPS, CEILING_TURNS};
+use crate::vulkan::{Buffer, Device, Error, Kernel, Memory, Recorder, Timing};
+
+/// A device's best rates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ceilings {
+    /// Floating-point operations a second; a multiply-add is two.
+    pub flops: f64,
+    /// Bytes a second of a copy by 32-bit words, those read and those written.
+    pub bytes: f64,
+}
+
+/// Invocations of a workgroup of both kernels.
+const THREADS: usize = 256;
+/// Invocations of the arithmetic kernel.
+const CHAINED: usize = 1 << 14;
+/// Words that the copy kernel copies: more than caches hold, 32 MiB.
+const WORDS: usize = 1 << 22;
+/// Runs, of which the fastest counts.
+const RUNS: usize = 5;
+
+/// Measures the engine's device. Takes a few tenths of a second on a CPU.
+pub fn measure(engine: &Engine) -> Result<Ceilings, Error> {
+    let device = &engine.device;
+    let operations = CHAINED as f64 * f64::from(CEILING_CHAINS * CEILING_STEPS * CEILING_TURNS);
+    Ok(Ceilings {
+        flops: 2.0 * operations / arithmetic(device)?,
+        bytes: 8.0 * WORDS as f64 / copy(device)?,
+    })
+}
+
+/// Seconds of the arithmetic kernel.
+fn arithmetic(device: &Device) -> Result<f64, Error> {
+    let spirv = include_bytes!("../../shaders-rs/spv/ceiling_arithmetic.spv");
+    let entry = "ceilings::ceiling_arithmetic";
+    let kernel = Kernel::new(device, "ceiling_arithmetic", entry, spirv, 2, 0)?;
+    // Towards 2, never beyond what a float holds.
+    let factors = Buffer::from_slice(device, "factors", &[0.5f32, 1.0])?;
+    let out = Buffer::new::<f32>(device, "chains", CHAINED, Memory::Device)?;
+    fastest(device, &kernel, &[&factors, &out], CHAINED)
+}
+
+/// Seconds of the copy kernel.
+fn copy(device: &Device) -> Result<f64, Error> {
+    let spirv = include_bytes!("../../shaders-rs/spv/ceiling_copy.spv");
+    let kernel = Kernel::new(device, "ceiling_copy", "ceilings::ceiling_copy", spirv, 2, 0)?;
+    let from = Buffer::new::<u32>(device, "words", WORDS, Memory::Device)?;
+    let to = Buffer::new::<u32>(device, "copied words", WORDS, Memory::Device)?;
+    fastest(device, &kernel, &[&from, &to], WORDS)
+}
+
+/// Device time of the fastest run, seconds.
+fn fastest(
+    device: &Device,
+    kernel: &Kernel,
+    buffers: &[&Buffer],
+    invocations: usize,
+) -> Result<f64, Error> {
+    let mut recorder = Recorder::new(device, Timing::Stages)?;
+    recorder.dispatch(kernel, buffers, &[], [(invocations / THREADS) as u32, 1, 1])?;
+    let mut commands = recorder.finish()?;
+    let mut best = f64::INFINITY;
+    for _ in 0..RUNS {
+        commands.run()?;
+        let times = commands.stage_times()?;
+        best = times.iter().map(|stage| stage.milliseconds * 1e-3).fold(best, f64::min);
+    }
+    Ok(best)
+}
