@@ -28,7 +28,7 @@ impl ColdStart {
         }
     }
 
-    /// The best hypotheses, at most `most`, and the start itself.
+    /// The best hypotheses, at most `most`; the start itself is among them where it ranks.
     pub fn starts(
         &mut self,
         objective: &mut Objective,
@@ -42,9 +42,6 @@ impl ColdStart {
         let proposals = self.hypotheses.propose(self.pyramid.level(0), render, start);
         self.starts.clear();
         self.starts.extend(proposals.iter().take(most).map(|proposal| proposal.pose));
-        if !self.starts.contains(start) {
-            self.starts.push(*start);
-        }
         Ok(&self.starts)
     }
 }
