@@ -178,7 +178,8 @@ pub fn splat_flow(
     sums.store(lane, group.y * params.tiles_x + group.x, scratch, partials);
 }
 
-/// The same for subgroups of eight: two of them, each half of the tile, one workgroup a tile.
+/// The same for subgroups of eight: two of them, each half of the tile, one workgroup a tile. All
+/// eight rows by one subgroup take 40 KB of instructions: 28.3 ms; 23.0 so, though loads are twice.
 #[spirv(compute(threads(16)))]
 pub fn splat_flow_lanes(
     #[spirv(workgroup_id)] group: UVec3,
