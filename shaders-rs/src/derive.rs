@@ -121,7 +121,16 @@ fn with(xyz: [f32; 3], w: f32) -> Vec4 {
     Vec4::new(xyz[0], xyz[1], xyz[2], w)
 }
 
-/// One invocation a splat; those that touch no tile are left out.
+/// The splat that shows nothing does not move either.
+fn clear(derivatives: &mut [Vec4], i: usize) {
+    let mut k = 0;
+    while k < DERIVATIVES as usize {
+        derivatives[i * DERIVATIVES as usize + k] = Vec4::ZERO;
+        k += 1;
+    }
+}
+
+/// One invocation a splat, and one more for the splat that shows nothing; culled splats are left out.
 #[spirv(compute(threads(256)))]
 pub fn derive(
     #[spirv(global_invocation_id)] id: UVec3,
@@ -129,14 +138,17 @@ pub fn derive(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] tile_counts: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] derivatives: &mut [Vec4],
 ) {
     let i = id.x as usize;
     if id.x >= params.splats {
+        if id.x == params.splats {
+            clear(derivatives, i);
+        }
         return;
     }
-    if tile_counts[i] == 0 {
+    if keys[i] == shared::CULLED {
         return;
     }
     let splat = project::load(params, geometry, i);

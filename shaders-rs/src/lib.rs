@@ -6,11 +6,11 @@ pub mod shared;
 
 pub mod bin;
 pub mod derive;
+pub mod lanes;
+pub mod memory;
 pub mod project;
 pub mod radix;
-pub mod ranges;
 pub mod reduce;
-pub mod scan;
 pub mod splat;
 pub mod splat_exact;
 pub mod splat_flow;

@@ -17,6 +17,6 @@ pub(crate) fn record(
 ) -> Result<(), Error> {
     let Some(derivatives) = &work.derivatives else { return Ok(()) };
     let (geometry, sh) = (&scene.geometry, &scene.sh);
-    let buffers = [&view.params, geometry, sh, &work.records, &work.tile_counts, derivatives];
-    recorder.dispatch(&kernels.derive, &buffers, &[], [scene.splats.div_ceil(GROUP), 1, 1])
+    let buffers = [&view.params, geometry, sh, &work.records, &work.keys, derivatives];
+    recorder.dispatch(&kernels.derive, &buffers, &[], [(scene.splats + 1).div_ceil(GROUP), 1, 1])
 }

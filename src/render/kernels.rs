@@ -2,42 +2,68 @@
 
 use crate::vulkan::{Device, Error, Kernel};
 
+/// Whether the device runs a subgroup of eight invocations as one vector, as llvmpipe does: for it
+/// some stages have a second form, which has no barriers and no shared copies.
+fn in_lockstep(device: &Device) -> bool {
+    let info = device.info();
+    info.kind == "CPU" && info.subgroup == 8
+}
+
+/// Logarithm, base 2, of the number of workgroups that share a pass over the splats. A CPU needs a
+/// few for each core; every further one costs it a row of counters. A GPU is filled by many.
+pub(crate) fn log_blocks(device: &Device) -> u32 {
+    if device.info().kind == "CPU" { 4 } else { 7 }
+}
+
 /// Defines [`Kernels`]: a field per entry point, with its shader file, its number of storage buffers
-/// and its words of push constants.
+/// and its words of push constants; behind `or` its form for devices in lockstep.
 macro_rules! kernels {
-    ($($(#[$doc:meta])* $file:ident :: $name:ident ($bindings:literal, $push:literal);)*) => {
+    ($($(#[$doc:meta])* $file:ident :: $name:ident $(or $eight:ident)?
+        ($bindings:literal, $push:literal);)*) => {
         /// Pipelines of all stages.
         pub struct Kernels {
+            /// Logarithm of the number of workgroups that share a pass over the splats.
+            pub(crate) log_blocks: u32,
             $($(#[$doc])* pub(crate) $name: Kernel,)*
         }
 
         impl Kernels {
             /// Builds every pipeline.
             pub fn new(device: &Device) -> Result<Kernels, Error> {
+                let lockstep = in_lockstep(device);
                 Ok(Kernels {
-                    $($name: Kernel::new(
-                        device,
-                        stringify!($name),
-                        concat!(stringify!($file), "::", stringify!($name)),
-                        include_bytes!(concat!("../../shaders-rs/spv/", stringify!($name), ".spv")),
-                        $bindings,
-                        $push,
-                    )?,)*
+                    log_blocks: log_blocks(device),
+                    $($name: {
+                        let plain = module!($file, $name);
+                        let (entry, spirv) = [plain, $(module!($file, $eight))?]
+                            .into_iter()
+                            .nth(lockstep.into())
+                            .unwrap_or(plain);
+                        Kernel::new(device, stringify!($name), entry, spirv, $bindings, $push)?
+                    },)*
                 })
             }
         }
     };
 }
 
+/// An entry point's name and its committed module.
+macro_rules! module {
+    ($file:ident, $name:ident) => {{
+        let spirv: &[u8] =
+            include_bytes!(concat!("../../shaders-rs/spv/", stringify!($name), ".spv"));
+        (concat!(stringify!($file), "::", stringify!($name)), spirv)
+    }};
+}
+
 kernels! {
-    project::project(7, 0);
-    bin::bin_count(4, 0);
-    bin::bin_scan(3, 0);
-    bin::bin_emit(7, 0);
-    radix::radix_count(3, 2);
-    radix::radix_scan(2, 2);
-    radix::radix_scatter(6, 2);
-    ranges::ranges(4, 0);
+    project::project(6, 0);
+    radix::radix_count or radix_count_8 (3, 3);
+    radix::radix_scan or radix_scan_8 (2, 3);
+    radix::radix_scatter or radix_scatter_8 (6, 3);
+    bin::bin_count or bin_count_8 (5, 2);
+    bin::bin_scan or bin_scan_8 (4, 2);
+    bin::bin_emit or bin_emit_8 (6, 2);
     splat::splat(5, 0);
     splat_flow::splat_flow(6, 0);
     derive::derive(6, 0);

@@ -10,7 +10,6 @@ mod lists;
 pub mod probe;
 pub(crate) mod project;
 pub(crate) mod radix;
-pub(crate) mod ranges;
 pub(crate) mod reduce;
 mod renderer;
 mod scene;

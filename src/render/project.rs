@@ -1,4 +1,4 @@
-//! Stage `project`: mean, conic, colour, depth and tile count of every splat.
+//! Stage `project`: mean, conic, colour and depth key of every splat.
 
 use crate::shared::GROUP;
 use crate::vulkan::{Error, Recorder};
@@ -14,14 +14,9 @@ pub(crate) fn record(
     view: &View,
     work: &Workspace,
 ) -> Result<(), Error> {
-    let buffers = [
-        &view.params,
-        &scene.geometry,
-        &scene.sh,
-        &work.records,
-        &work.tile_counts,
-        &work.depth_keys[0],
-        &work.depth_order[0],
-    ];
-    recorder.dispatch(&kernels.project, &buffers, &[], [scene.splats.div_ceil(GROUP), 1, 1])
+    let (geometry, sh) = (&scene.geometry, &scene.sh);
+    let buffers = [&view.params, geometry, sh, &work.records, &work.keys, &work.counters];
+    // One more for the splat that shows nothing.
+    let groups = (scene.splats + 1).div_ceil(GROUP);
+    recorder.dispatch(&kernels.project, &buffers, &[], [groups, 1, 1])
 }

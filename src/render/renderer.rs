@@ -123,17 +123,16 @@ impl Renderer {
             Recorder::new(&self.device)?
         };
         let r = &mut recorder;
-        lists::record_pairs(r, kernels, scene, view, work)?;
-        let sorted = lists::record_ranges(r, kernels, view, work)?;
+        lists::record(r, kernels, scene, view, work)?;
         match job {
-            Job::Draw => splat::record(r, kernels, view, work, sorted)?,
+            Job::Draw => splat::record(r, kernels, view, work)?,
             Job::Sums(Jacobian::Flow) => {
-                splat::record_flow(r, kernels, view, work, sorted)?;
+                splat::record_flow(r, kernels, view, work)?;
                 reduce::record(r, kernels, view)?;
             }
             Job::Sums(Jacobian::Exact) => {
                 derive::record(r, kernels, scene, view, work)?;
-                splat::record_exact(r, kernels, view, work, sorted)?;
+                splat::record_exact(r, kernels, view, work)?;
                 reduce::record(r, kernels, view)?;
             }
         }

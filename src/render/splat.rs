@@ -12,9 +12,8 @@ pub(crate) fn record(
     kernels: &Kernels,
     view: &View,
     work: &Workspace,
-    sorted: usize,
 ) -> Result<(), Error> {
-    let pairs = &work.pair_splats[sorted];
+    let pairs = &work.pair_splats;
     let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.image];
     recorder.dispatch(&kernels.splat, &buffers, &[], [view.tiles[0], view.tiles[1], 1])
 }
@@ -25,9 +24,8 @@ pub(crate) fn record_flow(
     kernels: &Kernels,
     view: &View,
     work: &Workspace,
-    sorted: usize,
 ) -> Result<(), Error> {
-    let pairs = &work.pair_splats[sorted];
+    let pairs = &work.pair_splats;
     let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.frame, &view.partials];
     recorder.dispatch(&kernels.splat_flow, &buffers, &[], [view.tiles[0], view.tiles[1], 1])
 }
@@ -39,10 +37,9 @@ pub(crate) fn record_exact(
     kernels: &Kernels,
     view: &View,
     work: &Workspace,
-    sorted: usize,
 ) -> Result<(), Error> {
     let Some(derivatives) = &work.derivatives else { return Ok(()) };
-    let pairs = &work.pair_splats[sorted];
+    let pairs = &work.pair_splats;
     let (frame, partials) = (&view.frame, &view.partials);
     let buffers = [&view.params, &view.ranges, pairs, &work.records, frame, partials, derivatives];
     recorder.dispatch(&kernels.splat_exact, &buffers, &[], [view.tiles[0], view.tiles[1], 1])

@@ -36,7 +36,9 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
         .deny_warnings(false)
         .spirv_metadata(SpirvMetadata::None)
         .shader_panic_strategy(ShaderPanicStrategy::SilentExit)
-        .capability(Capability::VulkanMemoryModel);
+        .capability(Capability::VulkanMemoryModel)
+        .capability(Capability::GroupNonUniformBallot)
+        .capability(Capability::GroupNonUniformShuffle);
     builder.toolchain_overwrite = Some(TOOLCHAIN.into());
     let result = builder.build()?;
     let ModuleResult::MultiModule(files) = result.module else {
@@ -46,9 +48,33 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
     for (entry, file) in files {
         let name = entry.rsplit("::").next().unwrap_or(&entry).to_owned();
         validate(&file)?;
-        modules.insert(name, fs::read(&file)?);
+        modules.insert(name, without_idle_capabilities(&fs::read(&file)?));
     }
     Ok(modules)
+}
+
+/// Leaves out the subgroup capabilities where no subgroup operation is: a device need not have them
+/// for the modules that do without.
+fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
+    const HEADER: usize = 5;
+    const OP_CAPABILITY: u32 = 17;
+    let subgroup_operations = 333..=366;
+    let subgroup_capabilities = 61..=68;
+    let words: Vec<u32> =
+        spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
+    let mut instructions = Vec::new();
+    let mut at = HEADER;
+    while at < words.len() {
+        let count = (words[at] >> 16).max(1) as usize;
+        instructions.push(&words[at..(at + count).min(words.len())]);
+        at += count;
+    }
+    let used = instructions.iter().any(|i| subgroup_operations.contains(&(i[0] & 0xffff)));
+    let idle = |i: &&[u32]| {
+        !used && i[0] & 0xffff == OP_CAPABILITY && i[1..].iter().all(|c| subgroup_capabilities.contains(c))
+    };
+    let kept = instructions.into_iter().filter(|i| !idle(i)).flatten();
+    words[..HEADER].iter().chain(kept).flat_map(|w| w.to_le_bytes()).collect()
 }
 
 fn validate(file: &Path) -> Result<(), Box<dyn Error>> {
