@@ -52,10 +52,10 @@ struct Part {
 }
 
 impl Part {
-    fn new<L: Lanes>(params: &Params, counters: &Counters, split: &Split, group: UVec3) -> Part {
+    fn new<L: Lanes>(params: &Params, visible: u32, split: &Split, group: UVec3) -> Part {
         let top = group.y * split.rows;
         let bottom = (top + split.rows).min(params.tiles_y);
-        let [first, end] = shared::block(counters.visible, split.log_blocks, group.x, L::COUNT);
+        let [first, end] = shared::block(visible, split.log_blocks, group.x, L::COUNT);
         Part { top, bottom, first, end }
     }
 
@@ -157,9 +157,8 @@ impl Chunk {
 
     /// The outline of the splat of invocation `from`.
     fn outline<L: Lanes>(&self, from: u32, scratch: &Scratch) -> Outline {
-        let float = |own: f32, k: u32| {
-            f32::from_bits(L::get(own.to_bits(), OUTLINE + k, from, scratch))
-        };
+        let float =
+            |own: f32, k: u32| f32::from_bits(L::get(own.to_bits(), OUTLINE + k, from, scratch));
         let o = &self.outline;
         Outline {
             mean: [float(o.mean[0], 0), float(o.mean[1], 1)],
@@ -219,11 +218,13 @@ impl Rows {
 }
 
 /// Does the block with the pairs of a part in depth order, as many at once as there are invocations.
-/// (A closure would hold buffers, which shaders cannot.)
+/// (A closure would hold buffers, which shaders cannot.) Llvmpipe ends every loop of an invocation that
+/// has gone 65,535 rounds in all; the name before the block tells whether that happened.
 macro_rules! for_pairs {
     ($params:ident, $part:ident, $order:ident, $records:ident, $lane:ident, $scratch:ident,
-        |$pair:ident| $body:block) => {
+        $cut:ident, |$pair:ident| $body:block) => {
         let [first_tile, _] = $part.tiles($params);
+        let mut $cut = false;
         let mut place = $part.first + $lane;
         while place - $lane < $part.end {
             let chunk =
@@ -242,14 +243,17 @@ macro_rules! for_pairs {
                     }
                 }
                 L::sync();
+                $cut |= tile - $lane < rows.tiles.total;
                 row += L::COUNT;
                 if row - $lane >= chunk.rows.total {
                     break;
                 }
             }
             L::sync();
+            $cut |= row - $lane < chunk.rows.total;
             place += L::COUNT;
         }
+        $cut |= place - $lane < $part.end;
     };
 }
 
@@ -261,12 +265,12 @@ fn count<L: Lanes>(
     scratch: &mut Scratch,
     split: &Split,
     params: &Params,
-    counters: &Counters,
+    visible: u32,
     order: &[u32],
     records: &[Vec4],
     starts: &mut [u32],
 ) {
-    let part = Part::new::<L>(params, counters, split, group);
+    let part = Part::new::<L>(params, visible, split, group);
     let [first_tile, tiles] = part.tiles(params);
     let mut tile = lane;
     while tile < tiles {
@@ -274,62 +278,82 @@ fn count<L: Lanes>(
         tile += L::COUNT;
     }
     L::sync();
-    for_pairs!(params, part, order, records, lane, scratch, |pair| {
+    for_pairs!(params, part, order, records, lane, scratch, cut, |pair| {
         L::tally(table, pair.tile, pair.any, lane, scratch);
     });
     L::sync();
     let row = group.x * params.tiles_x * params.tiles_y + first_tile;
     tile = lane;
     while tile < tiles {
-        *at_mut(starts, row + tile) = at(table, tile);
+        // Lists that were cut off are told as more than there can be room for.
+        *at_mut(starts, row + tile) = if cut { u32::MAX } else { at(table, tile) };
         tile += L::COUNT;
     }
 }
 
-/// Where each block's part of each tile's list begins; a last row says where the lists end. One
-/// workgroup.
+/// Where each block's part of each tile's list begins, from the band's first on; a last row says where
+/// the lists end. One workgroup a band. Blocks are a multiple of four, taken four a round.
 fn scan<L: Lanes>(
+    band: u32,
     lane: u32,
     scratch: &mut Scratch,
     split: &Split,
     params: &Params,
-    counters: &mut Counters,
     starts: &mut [u32],
-    ranges: &mut [UVec2],
+    bands: &mut [u32],
 ) {
-    let tiles = params.tiles_x * params.tiles_y;
-    let last_row = tiles << (split.log_blocks & 31);
-    let room = params.pair_capacity;
+    let row = params.tiles_x * params.tiles_y;
+    let last_row = row << (split.log_blocks & 31);
+    let first = band * split.rows * params.tiles_x;
+    let end = (first + split.rows * params.tiles_x).min(row);
     let mut before = 0;
-    let mut tile = lane;
-    while tile - lane < tiles {
+    let mut tile = first + lane;
+    while tile - lane < end {
         let mut sum = 0;
         let mut cell = tile;
-        while (tile < tiles) & (cell < last_row) {
-            sum = shared::saturating(sum, at(starts, cell));
-            cell += tiles;
+        while (tile < end) & (cell < last_row) {
+            let a = shared::saturating(at(starts, cell), at(starts, cell + row));
+            let b = shared::saturating(at(starts, cell + 2 * row), at(starts, cell + 3 * row));
+            sum = shared::saturating(sum, shared::saturating(a, b));
+            cell += 4 * row;
         }
         let (prefix, total) = L::scan(sum, lane, scratch);
-        let begin = shared::saturating(before, prefix);
-        let mut next = begin;
+        let mut next = shared::saturating(before, prefix);
         cell = tile;
-        while (tile < tiles) & (cell < last_row) {
-            let here = at_mut(starts, cell);
-            let count = *here;
-            *here = next;
-            next = shared::saturating(next, count);
-            cell += tiles;
+        while (tile < end) & (cell < last_row) {
+            next = replace(at_mut(starts, cell), next);
+            next = replace(at_mut(starts, cell + row), next);
+            next = replace(at_mut(starts, cell + 2 * row), next);
+            next = replace(at_mut(starts, cell + 3 * row), next);
+            cell += 4 * row;
         }
-        if tile < tiles {
+        if tile < end {
             *at_mut(starts, last_row + tile) = next;
-            *at_mut(ranges, tile) = UVec2::new(begin.min(room), next.min(room));
         }
         before = shared::saturating(before, total);
         tile += L::COUNT;
     }
     if lane == 0 {
-        counters.pairs_needed = before;
+        *at_mut(bands, band) = before;
     }
+}
+
+/// Puts the place of its first in place of a count; returns the place behind its last.
+pub fn replace(count: &mut u32, place: u32) -> u32 {
+    let behind = shared::saturating(place, *count);
+    *count = place;
+    behind
+}
+
+/// Pairs of the bands before, and of all up to this one.
+fn pairs_before(bands: &[u32], band: u32) -> [u32; 2] {
+    let mut before = 0;
+    let mut other = 0;
+    while other < band {
+        before = shared::saturating(before, at(bands, other));
+        other += 1;
+    }
+    [before, shared::saturating(before, at(bands, band))]
 }
 
 #[allow(clippy::too_many_arguments)]
@@ -340,27 +364,41 @@ fn emit<L: Lanes>(
     scratch: &mut Scratch,
     split: &Split,
     params: &Params,
-    counters: &Counters,
+    counters: &mut Counters,
     order: &[u32],
     records: &[Vec4],
     starts: &[u32],
+    bands: &[u32],
+    ranges: &mut [UVec2],
     pair_splats: &mut [u32],
 ) {
-    let part = Part::new::<L>(params, counters, split, group);
+    let part = Part::new::<L>(params, counters.visible, split, group);
     let [first_tile, tiles] = part.tiles(params);
-    let row = group.x * params.tiles_x * params.tiles_y + first_tile;
-    let row_below = row + params.tiles_x * params.tiles_y;
+    let [before, needed] = pairs_before(bands, group.y);
+    if (group.x == 0) & (part.bottom == params.tiles_y) & (lane == 0) {
+        counters.pairs_needed = needed;
+    }
+    let room = params.pair_capacity;
+    let all = params.tiles_x * params.tiles_y;
+    let row = group.x * all + first_tile;
+    let row_below = row + all;
+    let last_row = (all << (split.log_blocks & 31)) + first_tile;
     let mut tile = lane;
     while tile < tiles {
-        *at_mut(next, tile) = at(starts, row + tile);
+        let start = shared::saturating(before, at(starts, row + tile));
+        *at_mut(next, tile) = start;
+        if group.x == 0 {
+            let end = shared::saturating(before, at(starts, last_row + tile));
+            *at_mut(ranges, first_tile + tile) = UVec2::new(start.min(room), end.min(room));
+        }
         tile += L::COUNT;
     }
     L::sync();
-    for_pairs!(params, part, order, records, lane, scratch, |pair| {
+    for_pairs!(params, part, order, records, lane, scratch, _cut, |pair| {
         let rank = L::rank(if pair.any { pair.tile } else { tiles }, lane, scratch);
         let to = at(next, pair.tile) + rank.before;
         // Never more than were counted, should this stage's rounding differ.
-        let end = at(starts, row_below + pair.tile).min(params.pair_capacity);
+        let end = shared::saturating(before, at(starts, row_below + pair.tile)).min(room);
         L::sync();
         if pair.any & rank.last {
             *at_mut(next, pair.tile) = to + 1;
@@ -375,7 +413,7 @@ fn emit<L: Lanes>(
     tile = lane;
     while tile < tiles {
         let mut to = at(next, tile);
-        let end = at(starts, row_below + tile).min(params.pair_capacity);
+        let end = shared::saturating(before, at(starts, row_below + tile)).min(room);
         while to < end {
             *at_mut(pair_splats, to) = params.splats;
             to += 1;
@@ -398,8 +436,49 @@ pub fn bin_count(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
 ) {
-    let (params, counters) = (*params, *counters);
-    count::<Plain>(group, lane, table, scratch, split, &params, &counters, order, records, starts);
+    let (p, visible) = (*params, counters.visible);
+    count::<Plain>(group, lane, table, scratch, split, &p, visible, order, records, starts);
+}
+
+/// Where each block's part of each tile's list begins, and the pairs of each band. Workgroups:
+/// bands.
+#[spirv(compute(threads(32)))]
+pub fn bin_scan(
+    #[spirv(workgroup_id)] group: UVec3,
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] split: &Split,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] starts: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] bands: &mut [u32],
+) {
+    let params = *params;
+    scan::<Plain>(group.x, lane, scratch, split, &params, starts, bands);
+}
+
+/// Each block's part of each tile's list, each tile's range, and the pairs needed. Workgroups:
+/// blocks × bands.
+#[spirv(compute(threads(32)))]
+pub fn bin_emit(
+    #[spirv(workgroup_id)] group: UVec3,
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] table: &mut Table,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] split: &Split,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] bands: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] ranges: &mut [UVec2],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u32],
+) {
+    let p = *params;
+    emit::<Plain>(
+        group, lane, table, scratch, split, &p, counters, order, records, starts, bands, ranges,
+        pairs,
+    );
 }
 
 /// As [`bin_count`], in lockstep.
@@ -416,58 +495,23 @@ pub fn bin_count_8(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
 ) {
-    let (params, counters) = (*params, *counters);
-    count::<Lockstep>(group, lane, table, scratch, split, &params, &counters, order, records, starts);
-}
-
-/// Where each block's part of each tile's list begins, each tile's range, and the pairs needed. One
-/// workgroup.
-#[spirv(compute(threads(32)))]
-pub fn bin_scan(
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] split: &Split,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] starts: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] ranges: &mut [UVec2],
-) {
-    let params = *params;
-    scan::<Plain>(lane, scratch, split, &params, counters, starts, ranges);
+    let (p, visible) = (*params, counters.visible);
+    count::<Lockstep>(group, lane, table, scratch, split, &p, visible, order, records, starts);
 }
 
 /// As [`bin_scan`], in lockstep.
 #[spirv(compute(threads(8)))]
 pub fn bin_scan_8(
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] split: &Split,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] starts: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] ranges: &mut [UVec2],
-) {
-    let params = *params;
-    scan::<Lockstep>(lane, scratch, split, &params, counters, starts, ranges);
-}
-
-/// Each block's part of each tile's list. Workgroups: blocks × bands.
-#[spirv(compute(threads(32)))]
-pub fn bin_emit(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] table: &mut Table,
     #[spirv(workgroup)] scratch: &mut Scratch,
     #[spirv(push_constant)] split: &Split,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] pairs: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] starts: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] bands: &mut [u32],
 ) {
-    let (params, counters) = (*params, *counters);
-    emit::<Plain>(group, lane, table, scratch, split, &params, &counters, order, records, starts, pairs);
+    let params = *params;
+    scan::<Lockstep>(group.x, lane, scratch, split, &params, starts, bands);
 }
 
 /// As [`bin_emit`], in lockstep.
@@ -479,14 +523,17 @@ pub fn bin_emit_8(
     #[spirv(workgroup)] scratch: &mut Scratch,
     #[spirv(push_constant)] split: &Split,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] pairs: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] bands: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] ranges: &mut [UVec2],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u32],
 ) {
-    let (params, counters) = (*params, *counters);
+    let p = *params;
     emit::<Lockstep>(
-        group, lane, table, scratch, split, &params, &counters, order, records, starts, pairs,
+        group, lane, table, scratch, split, &p, counters, order, records, starts, bands, ranges,
+        pairs,
     );
 }

@@ -6,7 +6,8 @@
 use crate::memory::at_mut;
 use crate::shared::{TABLE, saturating};
 use spirv_std::arch::{
-    atomic_i_add, subgroup_broadcast_const, subgroup_shuffle, workgroup_memory_barrier_with_group_sync as barrier,
+    atomic_i_add, subgroup_broadcast_const, subgroup_shuffle,
+    workgroup_memory_barrier_with_group_sync as barrier,
 };
 use spirv_std::memory::{Scope, Semantics};
 

@@ -91,8 +91,7 @@ pub fn project(
     if seen {
         let [r, g, b] = colour(&params, sh, i as usize, splat.world);
         *at_mut(records, record) = Vec4::new(s.mean[0], s.mean[1], s.conic[0], s.conic[1]);
-        *at_mut(records, record + 1) =
-            Vec4::new(s.conic[2], s.opacity, s.sigma[0], s.sigma[1]);
+        *at_mut(records, record + 1) = Vec4::new(s.conic[2], s.opacity, s.sigma[0], s.sigma[1]);
         *at_mut(records, record + 2) = Vec4::new(r, g, b, s.depth);
         note(&mut counters.largest_key, key);
     }

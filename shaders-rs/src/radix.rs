@@ -3,6 +3,7 @@
 //! host need not know how many there are. Digits are just as wide as the largest key needs for
 //! [`shared::PASSES`] passes. The first pass leaves culled splats behind.
 
+use crate::bin::replace;
 use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table};
 use crate::memory::{at, at_mut};
 use crate::shared::{self, CULLED, Counters};
@@ -73,7 +74,8 @@ fn count<L: Lanes>(
     }
 }
 
-/// Turns the histograms into first positions: by digit, then by block. One workgroup.
+/// Turns the histograms into first positions: by digit, then by block. One workgroup. Blocks are a
+/// multiple of four, taken four a round: llvmpipe grants an invocation 65,535 rounds.
 fn scan<L: Lanes>(
     lane: u32,
     scratch: &mut Scratch,
@@ -89,18 +91,19 @@ fn scan<L: Lanes>(
         let mut sum = 0;
         let mut cell = digit;
         while cell < end {
-            sum += at(histogram, cell);
-            cell += digits;
+            sum += at(histogram, cell) + at(histogram, cell + digits);
+            sum += at(histogram, cell + 2 * digits) + at(histogram, cell + 3 * digits);
+            cell += 4 * digits;
         }
         let (prefix, total) = L::scan(sum, lane, scratch);
         let mut next = before + prefix;
         cell = digit;
         while cell < end {
-            let here = at_mut(histogram, cell);
-            let count = *here;
-            *here = next;
-            next += count;
-            cell += digits;
+            next = replace(at_mut(histogram, cell), next);
+            next = replace(at_mut(histogram, cell + digits), next);
+            next = replace(at_mut(histogram, cell + 2 * digits), next);
+            next = replace(at_mut(histogram, cell + 3 * digits), next);
+            cell += 4 * digits;
         }
         before += total;
         digit += L::COUNT;

@@ -280,7 +280,7 @@ impl Outline {
     /// Tiles `[first, end)` of `count` in a row, with a point of the ellipse between their outermost
     /// pixel centres.
     pub fn columns(&self, row: u32, count: u32) -> [u32; 2] {
-        let low = (row * TILE) as f32 + 0.5 - self.mean[1];
+        let low = (row * TILE) as i32 as f32 + 0.5 - self.mean[1];
         let high = low + (TILE - 1) as f32;
         // The half width is concave in y: the furthest point is the tip, or the nearest to it.
         let (right, left) = (clamp(self.tip, low, high), clamp(-self.tip, low, high));
@@ -300,7 +300,8 @@ fn tiles_between(low: f32, high: f32, count: u32) -> [u32; 2] {
     let limit = count as f32;
     let first = clamp(((low - (TILE as f32 - 0.5)) * scale).ceil(), 0.0, limit);
     let end = clamp(((high - 0.5) * scale).floor() + 1.0, first, limit);
-    [first as u32, end as u32]
+    // Signed conversions are one instruction on a CPU's vectors, unsigned ones several.
+    [first as i32 as u32, end as i32 as u32]
 }
 
 /// Items `[first, end)` of workgroup `block`, of 2^`log_blocks` that share `count` items evenly, in

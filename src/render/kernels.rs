@@ -9,10 +9,13 @@ fn in_lockstep(device: &Device) -> bool {
     info.kind == "CPU" && info.subgroup == 8
 }
 
-/// Logarithm, base 2, of the number of workgroups that share a pass over the splats. A CPU needs a
-/// few for each core; every further one costs it a row of counters. A GPU is filled by many.
-pub(crate) fn log_blocks(device: &Device) -> u32 {
-    if device.info().kind == "CPU" { 4 } else { 7 }
+/// Logarithm, base 2, of the number of workgroups that share a pass over so many splats; at least 2. A
+/// CPU needs a few for each core; every further one costs it a row of counters. A GPU is filled by
+/// many. No workgroup should have more than some thousand splats in any case: llvmpipe ends loops of
+/// 65,535 rounds.
+pub(crate) fn log_blocks(device: &Device, splats: u32) -> u32 {
+    let least = if device.info().kind == "CPU" { 4 } else { 7 };
+    (splats / 4096).max(1).ilog2().clamp(least, 8)
 }
 
 /// Defines [`Kernels`]: a field per entry point, with its shader file, its number of storage buffers
@@ -22,8 +25,6 @@ macro_rules! kernels {
         ($bindings:literal, $push:literal);)*) => {
         /// Pipelines of all stages.
         pub struct Kernels {
-            /// Logarithm of the number of workgroups that share a pass over the splats.
-            pub(crate) log_blocks: u32,
             $($(#[$doc])* pub(crate) $name: Kernel,)*
         }
 
@@ -32,7 +33,6 @@ macro_rules! kernels {
             pub fn new(device: &Device) -> Result<Kernels, Error> {
                 let lockstep = in_lockstep(device);
                 Ok(Kernels {
-                    log_blocks: log_blocks(device),
                     $($name: {
                         let plain = module!($file, $name);
                         let (entry, spirv) = [plain, $(module!($file, $eight))?]
@@ -62,8 +62,8 @@ kernels! {
     radix::radix_scan or radix_scan_8 (2, 3);
     radix::radix_scatter or radix_scatter_8 (6, 3);
     bin::bin_count or bin_count_8 (5, 2);
-    bin::bin_scan or bin_scan_8 (4, 2);
-    bin::bin_emit or bin_emit_8 (6, 2);
+    bin::bin_scan or bin_scan_8 (3, 2);
+    bin::bin_emit or bin_emit_8 (8, 2);
     splat::splat(5, 0);
     splat_flow::splat_flow(6, 0);
     derive::derive(6, 0);

@@ -19,6 +19,7 @@ pub(crate) fn record(
     project::record(recorder, kernels, scene, view, work)?;
     let sort = Sort {
         count: scene.splats,
+        log_blocks: work.log_blocks,
         counters: &work.counters,
         histogram: &work.histogram,
         keys: &work.keys,

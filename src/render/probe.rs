@@ -22,10 +22,12 @@ pub fn sort(engine: &Engine, keys: &[u32]) -> Result<Vec<u32>, Error> {
     let counters = Counters { largest_key: largest.unwrap_or(0), ..Counters::default() };
     let counters = Buffer::from_slice(device, "counters", &[counters])?;
     let order = own("order", keys.len())?;
+    let log_blocks = super::kernels::log_blocks(device, count);
     let sort = Sort {
         count,
+        log_blocks,
         counters: &counters,
-        histogram: &own("digit histogram", (TABLE << kernels.log_blocks) as usize)?,
+        histogram: &own("digit histogram", (TABLE << log_blocks) as usize)?,
         keys: &Buffer::from_slice(device, "keys", keys)?,
         between: &[between()?, between()?],
         order: &order,
@@ -39,42 +41,34 @@ pub fn sort(engine: &Engine, keys: &[u32]) -> Result<Vec<u32>, Error> {
 
 /// What stage `bin_scan` makes of each block's pairs by tile.
 pub struct TileStarts {
-    /// Pairs that the picture needs.
-    pub pairs_needed: u32,
+    /// Pairs of the tiles.
+    pub pairs: u32,
     /// Where each block's part of each tile's list begins, and, last, where the lists end.
     pub starts: Vec<u32>,
-    /// Each tile's range, cut at the room.
-    pub ranges: Vec<[u32; 2]>,
 }
 
-/// Stage `bin_scan` alone, on blocks × tiles counts.
+/// Stage `bin_scan` alone, on blocks × tiles counts of one band.
 ///
 /// # Panics
-/// Where the blocks are not a power of two, or there are not `tiles` counts each.
-pub fn scan_tiles(
-    engine: &Engine,
-    tiles: u32,
-    counts: &[u32],
-    room: u32,
-) -> Result<TileStarts, Error> {
+/// Where the blocks are not a power of two from 4 on, or there are not `tiles` counts each.
+pub fn scan_tiles(engine: &Engine, tiles: u32, counts: &[u32]) -> Result<TileStarts, Error> {
     let (device, kernels) = (&engine.device, &*engine.kernels);
     let log_blocks = (counts.len() as u32 / tiles).ilog2();
+    assert!(log_blocks >= 2, "four blocks or more");
     assert_eq!((tiles as usize) << log_blocks, counts.len(), "counts of whole blocks");
-    let params = Params { tiles_x: tiles, tiles_y: 1, pair_capacity: room, ..Params::default() };
+    let params = Params { tiles_x: tiles, tiles_y: 1, ..Params::default() };
     let params = Buffer::from_slice(device, "parameters", &[params])?;
-    let counters = Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?;
     let mut starts = counts.to_vec();
     starts.resize(counts.len() + tiles as usize, 0);
     let starts = Buffer::from_slice(device, "tile starts", &starts)?;
-    let ranges = Buffer::new::<[u32; 2]>(device, "tile ranges", tiles as usize, Memory::Device)?;
+    let bands = Buffer::new::<u32>(device, "bands", 1, Memory::Device)?;
     let mut recorder = Recorder::new(device)?;
-    let buffers = [&params, &counters, &starts, &ranges];
+    let buffers = [&params, &starts, &bands];
     recorder.dispatch(&kernels.bin_scan, &buffers, &[log_blocks, 1], [1, 1, 1])?;
     recorder.finish()?.run()?;
     Ok(TileStarts {
-        pairs_needed: read::<Counters>(device, &counters, 1)?[0].pairs_needed,
+        pairs: read::<u32>(device, &bands, 1)?[0],
         starts: read(device, &starts, counts.len() + tiles as usize)?,
-        ranges: read(device, &ranges, tiles as usize)?,
     })
 }
 
@@ -94,7 +88,7 @@ pub struct Stages {
     pub pairs_needed: u32,
     /// Stage `bin_emit`: the splats of all tiles.
     pub pair_splats: Vec<u32>,
-    /// Stage `bin_scan`: where in them each tile's are.
+    /// Stage `bin_emit`: where in them each tile's are.
     pub ranges: Vec<[u32; 2]>,
 }
 

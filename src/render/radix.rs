@@ -9,6 +9,8 @@ use super::Kernels;
 /// A sort of `count` keys, of which those that are not culled go into the order.
 pub(crate) struct Sort<'a> {
     pub count: u32,
+    /// Logarithm of the number of workgroups that share them.
+    pub log_blocks: u32,
     pub counters: &'a Buffer,
     pub histogram: &'a Buffer,
     pub keys: &'a Buffer,
@@ -19,19 +21,15 @@ pub(crate) struct Sort<'a> {
 }
 
 /// Records a sort. The number of keys sorted is left in the counters, which must hold the largest.
-pub(crate) fn record(
-    recorder: &mut Recorder,
-    kernels: &Kernels,
-    sort: &Sort,
-) -> Result<(), Error> {
-    let Sort { count, counters, histogram, keys, between, order } = *sort;
-    let blocks = [1 << kernels.log_blocks, 1, 1];
+pub(crate) fn record(recorder: &mut Recorder, kernels: &Kernels, sort: &Sort) -> Result<(), Error> {
+    let Sort { count, log_blocks, counters, histogram, keys, between, order } = *sort;
+    let blocks = [1 << log_blocks, 1, 1];
     // The first pass takes the place of a key for its value.
     let (mut keys, mut values) = (keys, &between[1][1]);
     for pass in 0..PASSES {
         let [keys_out, values_out] = &between[pass as usize % 2];
         let values_out = if pass + 1 < PASSES { values_out } else { order };
-        let constants = [pass, kernels.log_blocks, count];
+        let constants = [pass, log_blocks, count];
         let buffers = [counters, keys, histogram];
         recorder.dispatch(&kernels.radix_count, &buffers, &constants, blocks)?;
         let buffers = [counters, histogram];

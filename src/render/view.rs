@@ -4,15 +4,13 @@ use crate::shared::{PIXEL, Params, SUMS, TILE};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose};
 
-use super::{Scene, bin, kernels};
+use super::Scene;
 
 /// Buffers of one picture size.
 pub(crate) struct View {
     pub camera: Camera,
     pub tiles: [u32; 2],
     pub params: Buffer,
-    /// Where each block's part of each tile's list begins; a last row for the ends.
-    pub tile_starts: Buffer,
     pub ranges: Buffer,
     pub image: Buffer,
     pub frame: Buffer,
@@ -63,14 +61,11 @@ impl View {
     pub fn new(device: &Device, camera: &Camera) -> Result<View, Error> {
         let tiles = [camera.width.div_ceil(TILE), camera.height.div_ceil(TILE)];
         let count = (tiles[0] * tiles[1]) as usize;
-        let log_blocks = bin::log_blocks(kernels::log_blocks(device), count as u32);
-        let starts = ((1 << log_blocks) + 1) * count;
         let pixels = camera.pixels();
         Ok(View {
             camera: *camera,
             tiles,
             params: Buffer::new::<Params>(device, "parameters", 1, Memory::Upload)?,
-            tile_starts: Buffer::new::<u32>(device, "tile starts", starts, Memory::Device)?,
             ranges: Buffer::new::<[u32; 2]>(device, "tile ranges", count, Memory::Device)?,
             image: Buffer::new::<f32>(
                 device,

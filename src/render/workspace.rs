@@ -3,7 +3,7 @@
 use crate::shared::{Counters, DERIVATIVES, RECORD, TABLE};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
-use super::{Scene, kernels};
+use super::{Scene, bin, kernels};
 
 /// Splat-sized and pair-sized buffers.
 pub(crate) struct Workspace {
@@ -16,6 +16,12 @@ pub(crate) struct Workspace {
     /// The visible splats in depth order.
     pub order: Buffer,
     pub histogram: Buffer,
+    /// Where each block's part of each tile's list begins; a last row for the ends.
+    pub tile_starts: Buffer,
+    /// Pairs of each band of tiles.
+    pub bands: Buffer,
+    /// Logarithm of the number of workgroups that share a pass over the splats.
+    pub log_blocks: u32,
     /// Each tile's splats in depth order, at the tile's range.
     pub pair_splats: Buffer,
     pub counters: Buffer,
@@ -35,6 +41,7 @@ impl Workspace {
         let splats = scene.splats as usize;
         let pairs = pair_capacity as usize;
         let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
+        let log_blocks = kernels::log_blocks(device, scene.splats);
         let between = || {
             let keys = own("keys half sorted", splats)?;
             Ok::<_, Error>([keys, own("splats half sorted", splats)?])
@@ -49,7 +56,10 @@ impl Workspace {
             keys: own("depth keys", splats)?,
             between: [between()?, between()?],
             order: own("depth order", splats)?,
-            histogram: own("digit histogram", (TABLE << kernels::log_blocks(device)) as usize)?,
+            histogram: own("digit histogram", (TABLE << log_blocks) as usize)?,
+            tile_starts: own("tile starts", bin::STARTS as usize)?,
+            bands: own("bands", bin::BANDS as usize)?,
+            log_blocks,
             pair_splats: own("pair splats", pairs)?,
             counters: Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?,
             counters_read,
