@@ -1,7 +1,7 @@
 //! Stages `radix_count`, `radix_scan`, `radix_scatter`: one stable pass of a least-significant-digit
 //! radix sort of the depth keys. The keys are split evenly over a fixed number of workgroups, so the
-//! host need not know how many there are. Digits are just as wide as the largest key needs for
-//! [`shared::PASSES`] passes. The first pass leaves culled splats behind.
+//! host need not know how many there are. Digits are just as wide as the largest key needs to have
+//! [`shared::DIGITS`] of them. The first pass leaves culled splats behind.
 
 use crate::bin::replace;
 use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table};
@@ -14,8 +14,10 @@ use spirv_std::spirv;
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Pass {
-    /// Which, from 0.
-    pub index: u32,
+    /// Which digit, from 0, the lowest.
+    pub digit: u32,
+    /// 1: the first pass, whose values are the places of its keys, and which leaves out the culled.
+    pub first: u32,
     /// Logarithm, base 2, of the number of workgroups that share the keys.
     pub log_blocks: u32,
     /// Keys of the first pass; those after have the visible splats' alone.
@@ -25,14 +27,14 @@ pub struct Pass {
 impl Pass {
     /// Keys `[first, end)` of a workgroup.
     fn block(&self, counters: &Counters, block: u32, lanes: u32) -> [u32; 2] {
-        let keys = if self.index == 0 { self.keys } else { counters.visible };
+        let keys = if self.first == 1 { self.keys } else { counters.visible };
         shared::block(keys, self.log_blocks, block, lanes)
     }
 
     /// Lowest bit of the digit, and the number of its values.
     fn digit(&self, counters: &Counters) -> [u32; 2] {
         let bits = shared::digit_bits(counters.largest_key);
-        [bits * self.index, 1 << bits]
+        [bits * self.digit, 1 << bits]
     }
 }
 
@@ -141,7 +143,7 @@ fn scatter<L: Lanes>(
         let mut value = place;
         if place < end {
             key = at(keys, place);
-            if pass.index > 0 {
+            if pass.first == 0 {
                 value = at(values, place);
             }
         }
@@ -155,7 +157,7 @@ fn scatter<L: Lanes>(
         }
         L::sync();
         if kept {
-            if pass.index + 1 < shared::PASSES {
+            if pass.digit + 1 < shared::DIGITS {
                 *at_mut(keys_out, to) = key;
             }
             *at_mut(values_out, to) = value;

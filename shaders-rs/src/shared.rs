@@ -12,8 +12,8 @@ pub const SPLAT_THREADS: u32 = TILE * TILE / ROWS;
 pub const ROWS: u32 = 4;
 /// Invocations of a one-splat-each or one-pair-each workgroup.
 pub const GROUP: u32 = 256;
-/// Passes of the sort by depth.
-pub const PASSES: u32 = 3;
+/// Digits of a depth key; each takes a pass of the sort.
+pub const DIGITS: u32 = 3;
 /// Counters that a workgroup of a counting stage has in shared memory: digits of the widest pass, or
 /// tiles of a band. 8 KiB, half of what every device has.
 pub const TABLE: u32 = 2048;
@@ -313,10 +313,10 @@ pub fn block(count: u32, log_blocks: u32, block: u32, lanes: u32) -> [u32; 2] {
     [if first < count { first } else { count }, if end < count { end } else { count }]
 }
 
-/// Bits of a digit, so that [`PASSES`] digits hold a key; at least 5, so that the digits fill every
+/// Bits of a digit, so that [`DIGITS`] digits hold a key; at least 5, so that the digits fill every
 /// workgroup.
 pub fn digit_bits(largest_key: u32) -> u32 {
-    let bits = (u32::BITS - largest_key.leading_zeros() + PASSES - 1) / PASSES;
+    let bits = (u32::BITS - largest_key.leading_zeros() + DIGITS - 1) / DIGITS;
     if bits > 5 { bits } else { 5 }
 }
 

@@ -58,9 +58,9 @@ macro_rules! module {
 
 kernels! {
     project::project(6, 0);
-    radix::radix_count or radix_count_8 (3, 3);
-    radix::radix_scan or radix_scan_8 (2, 3);
-    radix::radix_scatter or radix_scatter_8 (6, 3);
+    radix::radix_count or radix_count_8 (3, 4);
+    radix::radix_scan or radix_scan_8 (2, 4);
+    radix::radix_scatter or radix_scatter_8 (6, 4);
     bin::bin_count or bin_count_8 (5, 2);
     bin::bin_scan or bin_scan_8 (3, 2);
     bin::bin_emit or bin_emit_8 (8, 2);

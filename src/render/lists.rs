@@ -2,7 +2,7 @@
 
 use crate::vulkan::{Error, Recorder};
 
-use super::radix::Sort;
+use super::radix::{Fineness, Sort};
 use super::view::View;
 use super::workspace::Workspace;
 use super::{Kernels, Scene, bin, project, radix};
@@ -14,10 +14,12 @@ pub(crate) fn record(
     scene: &Scene,
     view: &View,
     work: &Workspace,
+    fineness: Fineness,
 ) -> Result<(), Error> {
     recorder.fill(&work.counters, 0);
     project::record(recorder, kernels, scene, view, work)?;
     let sort = Sort {
+        fineness,
         count: scene.splats,
         log_blocks: work.log_blocks,
         counters: &work.counters,

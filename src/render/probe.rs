@@ -6,6 +6,8 @@ use crate::shared::{CULLED, Counters, DERIVATIVES, Params, RECORD, TABLE};
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
 use crate::{Camera, Engine, Pose};
 
+pub use super::radix::Fineness;
+
 use super::radix::Sort;
 use super::view::View;
 use super::workspace::Workspace;
@@ -13,7 +15,7 @@ use super::{Scene, derive, lists, radix};
 
 /// The places of the keys in the order of their values, equal ones by place; without those that are
 /// [`CULLED`](crate::shared::CULLED).
-pub fn sort(engine: &Engine, keys: &[u32]) -> Result<Vec<u32>, Error> {
+pub fn sort(engine: &Engine, keys: &[u32], fineness: Fineness) -> Result<Vec<u32>, Error> {
     let (device, kernels) = (&engine.device, &*engine.kernels);
     let count = keys.len() as u32;
     let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
@@ -24,6 +26,7 @@ pub fn sort(engine: &Engine, keys: &[u32]) -> Result<Vec<u32>, Error> {
     let order = own("order", keys.len())?;
     let log_blocks = super::kernels::log_blocks(device, count);
     let sort = Sort {
+        fineness,
         count,
         log_blocks,
         counters: &counters,
@@ -99,6 +102,7 @@ pub fn stages(
     camera: &Camera,
     pose: &Pose,
     pair_capacity: u32,
+    fineness: Fineness,
 ) -> Result<Stages, Error> {
     let (device, kernels) = (&engine.device, &*engine.kernels);
     let work = Workspace::new(device, scene, pair_capacity, true)?;
@@ -106,7 +110,7 @@ pub fn stages(
     view.set_pose(scene, pair_capacity, pose);
 
     let mut recorder = Recorder::new(device)?;
-    lists::record(&mut recorder, kernels, scene, &view, &work)?;
+    lists::record(&mut recorder, kernels, scene, &view, &work, fineness)?;
     derive::record(&mut recorder, kernels, scene, &view, &work)?;
     recorder.finish()?.run()?;
     let counters = read::<Counters>(device, &work.counters, 1)?[0];

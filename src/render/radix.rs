@@ -1,13 +1,24 @@
 //! Stages `radix_count`, `radix_scan`, `radix_scatter`: a stable radix sort of depth keys with their
 //! splats.
 
-use crate::shared::PASSES;
+use crate::shared::DIGITS;
 use crate::vulkan::{Buffer, Error, Recorder};
 
 use super::Kernels;
 
+/// How finely depths are told apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fineness {
+    /// As they are: the picture's definition.
+    Exact,
+    /// To about a part in 8,000, of which all count as equal: two passes of three. For evaluations whose
+    /// picture nobody sees.
+    Coarse,
+}
+
 /// A sort of `count` keys, of which those that are not culled go into the order.
 pub(crate) struct Sort<'a> {
+    pub fineness: Fineness,
     pub count: u32,
     /// Logarithm of the number of workgroups that share them.
     pub log_blocks: u32,
@@ -22,14 +33,16 @@ pub(crate) struct Sort<'a> {
 
 /// Records a sort. The number of keys sorted is left in the counters, which must hold the largest.
 pub(crate) fn record(recorder: &mut Recorder, kernels: &Kernels, sort: &Sort) -> Result<(), Error> {
-    let Sort { count, log_blocks, counters, histogram, keys, between, order } = *sort;
+    let Sort { fineness, count, log_blocks, counters, histogram, keys, between, order } = *sort;
     let blocks = [1 << log_blocks, 1, 1];
+    // The coarse order leaves out the lowest digit.
+    let first = if fineness == Fineness::Exact { 0 } else { 1 };
     // The first pass takes the place of a key for its value.
     let (mut keys, mut values) = (keys, &between[1][1]);
-    for pass in 0..PASSES {
-        let [keys_out, values_out] = &between[pass as usize % 2];
-        let values_out = if pass + 1 < PASSES { values_out } else { order };
-        let constants = [pass, log_blocks, count];
+    for digit in first..DIGITS {
+        let [keys_out, values_out] = &between[digit as usize % 2];
+        let values_out = if digit + 1 < DIGITS { values_out } else { order };
+        let constants = [digit, (digit == first).into(), log_blocks, count];
         let buffers = [counters, keys, histogram];
         recorder.dispatch(&kernels.radix_count, &buffers, &constants, blocks)?;
         let buffers = [counters, histogram];

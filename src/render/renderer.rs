@@ -6,6 +6,7 @@ use crate::shared::{Counters, PIXEL};
 use crate::vulkan::{Commands, Device, Error, Recorder, StageTime};
 use crate::{Camera, Picture, Pose};
 
+use super::radix::Fineness;
 use super::view::{NormalEquations, View};
 use super::workspace::Workspace;
 use super::{Kernels, Scene, derive, lists, reduce, splat};
@@ -123,7 +124,7 @@ impl Renderer {
             Recorder::new(&self.device)?
         };
         let r = &mut recorder;
-        lists::record(r, kernels, scene, view, work)?;
+        lists::record(r, kernels, scene, view, work, Fineness::Exact)?;
         match job {
             Job::Draw => splat::record(r, kernels, view, work)?,
             Job::Sums(Jacobian::Flow) => {

@@ -4,7 +4,7 @@ use nvsprior::prior::Splats;
 use nvsprior::reference::derive::{Motion, derive};
 use nvsprior::reference::project::Projected;
 use nvsprior::reference::{Twin, Twist, bin, radix};
-use nvsprior::render::probe::{self, Stages};
+use nvsprior::render::probe::{self, Fineness, Stages};
 use nvsprior::shared::CULLED;
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 
@@ -16,7 +16,7 @@ const ROOM: u32 = 1 << 20;
 fn run(prior: &Prior, camera: &Camera, pose: &Pose, room: u32) -> Stages {
     let engine = common::engine();
     let scene = engine.upload(prior).unwrap();
-    let stages = probe::stages(&engine, &scene, camera, pose, room).unwrap();
+    let stages = probe::stages(&engine, &scene, camera, pose, room, Fineness::Exact).unwrap();
     common::assert_silent(&engine);
     stages
 }
