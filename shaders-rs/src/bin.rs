@@ -7,9 +7,9 @@
 //! and the tiles of those rows likewise, so that none waits for a neighbour's larger splat.
 
 use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table};
-use crate::memory::{at, at_mut};
+use crate::memory::{Pairs, at, at_mut};
 use crate::shared::{self, Counters, Outline, Params, Projected};
-use spirv_std::glam::{UVec2, UVec3, Vec4};
+use spirv_std::glam::{UVec2, UVec3};
 use spirv_std::spirv;
 
 /// What binning is told.
@@ -27,16 +27,10 @@ pub struct Split {
 // number of blocks; pairs below the room.
 
 /// What `project` wrote of a splat that binning needs.
-fn load(records: &[Vec4], splat: u32) -> Projected {
-    let a = at(records, splat * shared::RECORD);
-    let b = at(records, splat * shared::RECORD + 1);
-    Projected {
-        mean: [a.x, a.y],
-        conic: [a.z, a.w, b.x],
-        sigma: [b.z, b.w],
-        opacity: b.y,
-        depth: 0.0,
-    }
+fn load<B: Pairs + ?Sized>(records: &B, splat: u32) -> Projected {
+    let at = |k: u32| records.pair(splat * shared::RECORD * 2 + k);
+    let ([u, v], [l11, l21], [l22, opacity]) = (at(0), at(1), at(2));
+    Projected { mean: [u, v], conic: [l11, l21, l22], opacity, ..Default::default() }
 }
 
 /// The part of the picture and of the splats that a workgroup works on: tables in shared memory hold
@@ -122,11 +116,11 @@ const TILES_END: u32 = 15;
 
 impl Chunk {
     /// Loads the splat at a place of the order and publishes it.
-    fn load<L: Lanes>(
+    fn load<L: Lanes, B: Pairs + ?Sized>(
         params: &Params,
         part: &Part,
         order: &[u32],
-        records: &[Vec4],
+        records: &B,
         place: u32,
         lane: u32,
         scratch: &mut Scratch,
@@ -228,7 +222,7 @@ macro_rules! for_pairs {
         let mut place = $part.first + $lane;
         while place - $lane < $part.end {
             let chunk =
-                Chunk::load::<L>($params, &$part, $order, $records, place, $lane, $scratch);
+                Chunk::load::<L, _>($params, &$part, $order, $records, place, $lane, $scratch);
             // At least once: a loop whose condition comes last runs no round in vain.
             let mut row = $lane;
             loop {
@@ -258,7 +252,7 @@ macro_rules! for_pairs {
 }
 
 #[allow(clippy::too_many_arguments)]
-fn count<L: Lanes>(
+fn count<L: Lanes, B: Pairs + ?Sized>(
     group: UVec3,
     lane: u32,
     table: &mut Table,
@@ -267,7 +261,7 @@ fn count<L: Lanes>(
     params: &Params,
     visible: u32,
     order: &[u32],
-    records: &[Vec4],
+    records: &B,
     starts: &mut [u32],
 ) {
     let part = Part::new::<L>(params, visible, split, group);
@@ -357,7 +351,7 @@ fn pairs_before(bands: &[u32], band: u32) -> [u32; 2] {
 }
 
 #[allow(clippy::too_many_arguments)]
-fn emit<L: Lanes>(
+fn emit<L: Lanes, B: Pairs + ?Sized>(
     group: UVec3,
     lane: u32,
     next: &mut Table,
@@ -366,7 +360,7 @@ fn emit<L: Lanes>(
     params: &Params,
     counters: &mut Counters,
     order: &[u32],
-    records: &[Vec4],
+    records: &B,
     starts: &[u32],
     bands: &[u32],
     ranges: &mut [UVec2],
@@ -433,11 +427,11 @@ pub fn bin_count(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
 ) {
     let (p, visible) = (*params, counters.visible);
-    count::<Plain>(group, lane, table, scratch, split, &p, visible, order, records, starts);
+    count::<Plain, _>(group, lane, table, scratch, split, &p, visible, order, records, starts);
 }
 
 /// Where each block's part of each tile's list begins, and the pairs of each band. Workgroups:
@@ -468,14 +462,14 @@ pub fn bin_emit(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] bands: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] ranges: &mut [UVec2],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u32],
 ) {
     let p = *params;
-    emit::<Plain>(
+    emit::<Plain, _>(
         group, lane, table, scratch, split, &p, counters, order, records, starts, bands, ranges,
         pairs,
     );
@@ -492,11 +486,11 @@ pub fn bin_count_8(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[u64],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
 ) {
     let (p, visible) = (*params, counters.visible);
-    count::<Lockstep>(group, lane, table, scratch, split, &p, visible, order, records, starts);
+    count::<Lockstep, _>(group, lane, table, scratch, split, &p, visible, order, records, starts);
 }
 
 /// As [`bin_scan`], in lockstep.
@@ -525,14 +519,14 @@ pub fn bin_emit_8(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[u64],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] bands: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] ranges: &mut [UVec2],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u32],
 ) {
     let p = *params;
-    emit::<Lockstep>(
+    emit::<Lockstep, _>(
         group, lane, table, scratch, split, &p, counters, order, records, starts, bands, ranges,
         pairs,
     );

@@ -85,16 +85,14 @@ const Z: [f32; 3] = [0.0, 0.0, 1.0];
 
 /// Gradient of the spherical harmonics with respect to the (unnormalised) direction, times the
 /// coefficients: d(rgb)/d(x, y, z).
-fn sh_gradient(params: &Params, sh: &[f32], i: usize, d: [f32; 3]) -> [[f32; 3]; 3] {
-    let n = params.splats as usize;
+fn sh_gradient(params: &Params, sh: &[f32], i: u32, d: [f32; 3]) -> [[f32; 3]; 3] {
     let basis = shared::sh_basis_gradient(d);
     let mut out = [[0.0; 3]; 3];
-    let count = shared::sh_coefficients(params.sh_degree) as usize;
+    let count = shared::sh_coefficients(params.sh_degree);
     let mut k = 1;
     while k < count {
-        let b = basis[k];
-        let at = k * 3 * n + i;
-        let rgb = [sh[at], sh[at + n], sh[at + 2 * n]];
+        let b = basis[k as usize];
+        let rgb = project::coefficients(params, sh, k / 2, i)[(k % 2) as usize];
         out = [
             [out[0][0] + b[0] * rgb[0], out[0][1] + b[1] * rgb[0], out[0][2] + b[2] * rgb[0]],
             [out[1][0] + b[0] * rgb[1], out[1][1] + b[1] * rgb[1], out[1][2] + b[2] * rgb[1]],
@@ -151,7 +149,7 @@ pub fn derive(
     if keys[i] == shared::CULLED {
         return;
     }
-    let splat = project::load(params, geometry, i);
+    let splat = project::load(params, geometry, id.x);
     let (ray, inside) = shared::clamped_ray(params, splat.camera);
     let (m0, m1) = shared::projected_axes(params, splat.camera[2], ray, &splat.axes);
     let linear = Linear { params, splat: &splat, ray, inside, m0, m1 };
@@ -159,7 +157,7 @@ pub fn derive(
     let (rx, ry, rz) = (linear.rotation(X), linear.rotation(Y), linear.rotation(Z));
 
     let (d, inverse) = shared::direction(params, splat.world);
-    let gradient = sh_gradient(params, sh, i, d);
+    let gradient = sh_gradient(params, sh, id.x, d);
     let colour = records[i * shared::RECORD as usize + 2];
     // A colour that the clamp at 0 holds does not change.
     let mut red = colour_derivative(params, d, inverse, gradient[0]);

@@ -15,3 +15,23 @@ pub fn at_mut<T, B: IndexUnchecked<T> + ?Sized>(buffer: &mut B, i: u32) -> &mut 
     // SAFETY: the caller's index.
     unsafe { buffer.index_unchecked_mut(i as usize) }
 }
+
+/// A buffer of pairs of floats. As words of 64 bits a pair is one access: llvmpipe's cost is by
+/// accesses, a GPU's by bytes.
+pub trait Pairs {
+    /// Pair `i`, which must exist.
+    fn pair(&self, i: u32) -> [f32; 2];
+}
+
+impl Pairs for [f32] {
+    fn pair(&self, i: u32) -> [f32; 2] {
+        [at(self, 2 * i), at(self, 2 * i + 1)]
+    }
+}
+
+impl Pairs for [u64] {
+    fn pair(&self, i: u32) -> [f32; 2] {
+        let pair: u64 = at(self, i);
+        [f32::from_bits(pair as u32), f32::from_bits((pair >> 32) as u32)]
+    }
+}

@@ -17,8 +17,8 @@ pub const DIGITS: u32 = 3;
 /// Counters that a workgroup of a counting stage has in shared memory: digits of the widest pass, or
 /// tiles of a band. 8 KiB, half of what every device has.
 pub const TABLE: u32 = 2048;
-/// f32 planes of the `geometry` buffer: position, opacity, 3×3 axes.
-pub const GEOMETRY_PLANES: u32 = 13;
+/// Planes of the `geometry` buffer, of a pair of floats a splat: position, opacity, 3×3 axes, a spare.
+pub const GEOMETRY_PLANES: u32 = 7;
 /// `Vec4`s of a projected splat's record.
 pub const RECORD: u32 = 3;
 /// `Vec4`s of a projected splat's pose derivatives, exact Jacobian only; see stage `derive`.
@@ -335,6 +335,11 @@ pub fn saturating(a: u32, b: u32) -> u32 {
 /// Number of coefficients of a degree.
 pub const fn sh_coefficients(degree: u32) -> u32 {
     (degree + 1) * (degree + 1)
+}
+
+/// Planes of the `sh` buffer, of a pair of floats a splat: two coefficients are three planes.
+pub const fn sh_planes(degree: u32) -> u32 {
+    3 * ((sh_coefficients(degree) + 1) / 2)
 }
 
 /// Real spherical harmonics at the unit direction `d`, degrees 0–3, signs and constants as Inria's.

@@ -3,10 +3,10 @@
 use crate::vulkan::{Device, Error, Kernel};
 
 /// Whether the device runs a subgroup of eight invocations as one vector, as llvmpipe does: for it
-/// some stages have a second form, which has no barriers and no shared copies.
+/// some stages have a second form, without barriers and shared copies, two words an access.
 fn in_lockstep(device: &Device) -> bool {
     let info = device.info();
-    info.kind == "CPU" && info.subgroup == 8
+    info.kind == "CPU" && info.subgroup == 8 && info.int64
 }
 
 /// Logarithm, base 2, of the number of workgroups that share a pass over so many splats; at least 2. A
@@ -57,7 +57,7 @@ macro_rules! module {
 }
 
 kernels! {
-    project::project(6, 0);
+    project::project or project_8 (6, 0);
     radix::radix_count or radix_count_8 (3, 4);
     radix::radix_scan or radix_scan_8 (2, 4);
     radix::radix_scatter or radix_scatter_8 (6, 4);

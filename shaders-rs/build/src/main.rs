@@ -37,6 +37,7 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
         .spirv_metadata(SpirvMetadata::None)
         .shader_panic_strategy(ShaderPanicStrategy::SilentExit)
         .capability(Capability::VulkanMemoryModel)
+        .capability(Capability::Int64)
         .capability(Capability::GroupNonUniformBallot)
         .capability(Capability::GroupNonUniformShuffle);
     builder.toolchain_overwrite = Some(TOOLCHAIN.into());
@@ -53,11 +54,13 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
     Ok(modules)
 }
 
-/// Leaves out the subgroup capabilities where no subgroup operation is: a device need not have them
-/// for the modules that do without.
+/// Leaves out the capabilities of subgroup operations and of 64-bit integers where a module has none: a
+/// device need not have them for the modules that do without.
 fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
     const HEADER: usize = 5;
     const OP_CAPABILITY: u32 = 17;
+    const OP_TYPE_INT: u32 = 21;
+    const INT_64: u32 = 11;
     let subgroup_operations = 333..=366;
     let subgroup_capabilities = 61..=68;
     let words: Vec<u32> =
@@ -69,12 +72,13 @@ fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
         instructions.push(&words[at..(at + count).min(words.len())]);
         at += count;
     }
-    let used = instructions.iter().any(|i| subgroup_operations.contains(&(i[0] & 0xffff)));
-    let idle = |i: &&[u32]| {
-        !used && i[0] & 0xffff == OP_CAPABILITY && i[1..].iter().all(|c| subgroup_capabilities.contains(c))
+    let subgroups = instructions.iter().any(|i| subgroup_operations.contains(&(i[0] & 0xffff)));
+    let wide = instructions.iter().any(|i| i[0] & 0xffff == OP_TYPE_INT && i[2] == 64);
+    let idle = |capability: u32| {
+        (!subgroups && subgroup_capabilities.contains(&capability)) || (!wide && capability == INT_64)
     };
-    let kept = instructions.into_iter().filter(|i| !idle(i)).flatten();
-    words[..HEADER].iter().chain(kept).flat_map(|w| w.to_le_bytes()).collect()
+    let kept = instructions.into_iter().filter(|i| i[0] & 0xffff != OP_CAPABILITY || !idle(i[1]));
+    words[..HEADER].iter().chain(kept.flatten()).flat_map(|w| w.to_le_bytes()).collect()
 }
 
 fn validate(file: &Path) -> Result<(), Box<dyn Error>> {
