@@ -316,7 +316,7 @@ pub fn block(count: u32, log_blocks: u32, block: u32, lanes: u32) -> [u32; 2] {
 /// Bits of a digit, so that [`DIGITS`] digits hold a key; at least 5, so that the digits fill every
 /// workgroup.
 pub fn digit_bits(largest_key: u32) -> u32 {
-    let bits = (u32::BITS - largest_key.leading_zeros() + DIGITS - 1) / DIGITS;
+    let bits = (u32::BITS - largest_key.leading_zeros()).div_ceil(DIGITS);
     if bits > 5 { bits } else { 5 }
 }
 
@@ -339,7 +339,7 @@ pub const fn sh_coefficients(degree: u32) -> u32 {
 
 /// Planes of the `sh` buffer, of a pair of floats a splat: two coefficients are three planes.
 pub const fn sh_planes(degree: u32) -> u32 {
-    3 * ((sh_coefficients(degree) + 1) / 2)
+    3 * sh_coefficients(degree).div_ceil(2)
 }
 
 /// Real spherical harmonics at the unit direction `d`, degrees 0–3, signs and constants as Inria's.
