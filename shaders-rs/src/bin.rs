@@ -1,165 +1,533 @@
-//! Stages `bin_count`, `bin_scan`, `bin_emit`: (tile, splat) pairs in depth order. Splats come
-//! sorted by depth, each block of [`BIN_BLOCK`] emits behind those before it, and the later sort by
-//! tile is stable: so each tile's list ends up in depth order.
+//! Stages `bin_count`, `bin_scan`, `bin_emit`: each tile's splats in depth order. The visible splats,
+//! sorted by depth, are split evenly over a fixed number of blocks. Each block counts its splats by
+//! tile; summed over the blocks before, that tells where in the tile's list its own begin; then it
+//! writes them there, in order. No pair is sorted or stored more than once.
+//!
+//! A workgroup walks the rows of tiles that its splats touch as one sequence, an invocation a row,
+//! and the tiles of those rows likewise, so that none waits for a neighbour's larger splat.
 
-use crate::shared::{self, BIN_BLOCK, Counters, GROUP, Params, Projected};
-use crate::scan::{saturating, scan};
-use spirv_std::arch::workgroup_memory_barrier_with_group_sync as barrier;
-use spirv_std::glam::{UVec3, Vec4};
+use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table};
+use crate::memory::{Pairs, at, at_mut};
+use crate::shared::{self, Counters, Outline, Params, Projected};
+use spirv_std::glam::{UVec2, UVec3};
 use spirv_std::spirv;
 
-const EACH: u32 = BIN_BLOCK / GROUP;
-
-/// Tiles touched by the run of splats that an invocation owns, in depth order.
-fn run_count(params: &Params, order: &[u32], tile_counts: &[u32], first: u32) -> u32 {
-    let mut sum = 0;
-    let mut k = 0;
-    while k < EACH {
-        if first + k < params.splats {
-            sum += tile_counts[order[(first + k) as usize] as usize];
-        }
-        k += 1;
-    }
-    sum
+/// What binning is told.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Split {
+    /// Logarithm, base 2, of the number of blocks that share the splats.
+    pub log_blocks: u32,
 }
 
-/// Pairs of each block.
-#[spirv(compute(threads(256)))]
+// Indices below: places of splats lie below their number; splats at most at it, which is that of the
+// splat that shows nothing; tiles of a band below TABLE; rows of the table of starts at most at the
+// number of blocks; pairs below the room.
+
+/// What `project` wrote of a splat that binning needs.
+fn load<B: Pairs + ?Sized>(records: &B, splat: u32) -> Projected {
+    let at = |k: u32| records.pair(splat * shared::RECORD * 2 + k);
+    let ([u, v], [l11, l21], [l22, opacity]) = (at(0), at(1), at(2));
+    Projected { mean: [u, v], conic: [l11, l21, l22], opacity, ..Default::default() }
+}
+
+/// The part of the picture and of the splats that a workgroup works on: tables in shared memory hold
+/// so many tiles only, so large pictures are cut into bands of whole rows.
+#[derive(Clone, Copy)]
+struct Part {
+    /// Rows of tiles `[top, bottom)`.
+    top: u32,
+    bottom: u32,
+    /// Splats `[first, end)` of the depth order.
+    first: u32,
+    end: u32,
+}
+
+impl Part {
+    fn new<L: Lanes>(params: &Params, visible: u32, split: &Split, group: UVec3) -> Part {
+        let rows = shared::band_rows(params.tiles_x);
+        let top = group.y * rows;
+        let bottom = (top + rows).min(params.tiles_y);
+        let [first, end] = shared::block(visible, split.log_blocks, group.x, L::COUNT);
+        Part { top, bottom, first, end }
+    }
+
+    /// First tile of the band, and the number of them.
+    fn tiles(&self, params: &Params) -> [u32; 2] {
+        [self.top * params.tiles_x, (self.bottom - self.top) * params.tiles_x]
+    }
+}
+
+/// The items of all invocations in one sequence: this one's are `[start, end)` of `total`.
+#[derive(Clone, Copy)]
+struct Sequence {
+    start: u32,
+    end: u32,
+    total: u32,
+}
+
+impl Sequence {
+    fn new<L: Lanes>(count: u32, lane: u32, scratch: &mut Scratch) -> Sequence {
+        let (start, total) = L::scan(count, lane, scratch);
+        Sequence { start, end: start + count, total }
+    }
+
+    /// Whose item is at a place: the first invocation whose items end behind it. The ends are
+    /// published in `slot`.
+    fn owner<L: Lanes>(&self, place: u32, slot: u32, scratch: &Scratch) -> u32 {
+        let mut owner = 0;
+        let mut step = L::COUNT / 2;
+        while step > 0 {
+            if L::get(self.end, slot, owner + step - 1, scratch) <= place {
+                owner += step;
+            }
+            step /= 2;
+        }
+        owner
+    }
+}
+
+/// One splat of each invocation, and the rows of tiles that all of them touch.
+struct Chunk {
+    outline: Outline,
+    splat: u32,
+    top: u32,
+    rows: Sequence,
+}
+
+/// A row of tiles of each invocation, and the tiles that all of them touch.
+struct Rows {
+    splat: u32,
+    first_tile: u32,
+    tiles: Sequence,
+}
+
+/// Slots in which chunks and rows are published.
+const OUTLINE: u32 = 1;
+const SPLAT: u32 = 8;
+const TOP: u32 = 9;
+const ROWS_START: u32 = 10;
+const ROWS_END: u32 = 11;
+const ROW_SPLAT: u32 = 12;
+const ROW_TILE: u32 = 13;
+const TILES_START: u32 = 14;
+const TILES_END: u32 = 15;
+
+impl Chunk {
+    /// Loads the splat at a place of the order and publishes it.
+    fn load<L: Lanes, B: Pairs + ?Sized>(
+        params: &Params,
+        part: &Part,
+        order: &[u32],
+        records: &B,
+        place: u32,
+        lane: u32,
+        scratch: &mut Scratch,
+    ) -> Chunk {
+        let mut splat = params.splats;
+        if place < part.end {
+            splat = at(order, place);
+        }
+        let outline = Outline::new(&load(records, splat));
+        let [top, bottom] = outline.rows(params.tiles_y);
+        let (top, bottom) = (top.max(part.top), bottom.min(part.bottom));
+        let count = if (place < part.end) & (top < bottom) { bottom - top } else { 0 };
+        let rows = Sequence::new::<L>(count, lane, scratch);
+        L::put(outline.mean[0].to_bits(), OUTLINE, lane, scratch);
+        L::put(outline.mean[1].to_bits(), OUTLINE + 1, lane, scratch);
+        L::put(outline.slope.to_bits(), OUTLINE + 2, lane, scratch);
+        L::put(outline.rise.to_bits(), OUTLINE + 3, lane, scratch);
+        L::put(outline.width.to_bits(), OUTLINE + 4, lane, scratch);
+        L::put(outline.cut.to_bits(), OUTLINE + 5, lane, scratch);
+        L::put(outline.tip.to_bits(), OUTLINE + 6, lane, scratch);
+        L::put(splat, SPLAT, lane, scratch);
+        L::put(top, TOP, lane, scratch);
+        L::put(rows.start, ROWS_START, lane, scratch);
+        L::put(rows.end, ROWS_END, lane, scratch);
+        L::sync();
+        Chunk { outline, splat, top, rows }
+    }
+
+    /// The outline of the splat of invocation `from`.
+    fn outline<L: Lanes>(&self, from: u32, scratch: &Scratch) -> Outline {
+        let float =
+            |own: f32, k: u32| f32::from_bits(L::get(own.to_bits(), OUTLINE + k, from, scratch));
+        let o = &self.outline;
+        Outline {
+            mean: [float(o.mean[0], 0), float(o.mean[1], 1)],
+            slope: float(o.slope, 2),
+            rise: float(o.rise, 3),
+            width: float(o.width, 4),
+            cut: float(o.cut, 5),
+            tip: float(o.tip, 6),
+        }
+    }
+
+    /// The row at a place of the sequence, published.
+    fn row<L: Lanes>(
+        &self,
+        params: &Params,
+        first_tile: u32,
+        place: u32,
+        lane: u32,
+        scratch: &mut Scratch,
+    ) -> Rows {
+        let owner = self.rows.owner::<L>(place, ROWS_END, scratch);
+        let outline = self.outline::<L>(owner, scratch);
+        let splat = L::get(self.splat, SPLAT, owner, scratch);
+        let start = L::get(self.rows.start, ROWS_START, owner, scratch);
+        let y = L::get(self.top, TOP, owner, scratch) + place - start;
+        let [left, right] = outline.columns(y, params.tiles_x);
+        let count = if place < self.rows.total { right - left } else { 0 };
+        let tiles = Sequence::new::<L>(count, lane, scratch);
+        let first_tile = y * params.tiles_x + left - first_tile;
+        L::put(splat, ROW_SPLAT, lane, scratch);
+        L::put(first_tile, ROW_TILE, lane, scratch);
+        L::put(tiles.start, TILES_START, lane, scratch);
+        L::put(tiles.end, TILES_END, lane, scratch);
+        L::sync();
+        Rows { splat, first_tile, tiles }
+    }
+}
+
+/// A tile of the band, and a splat that touches it.
+struct Pair {
+    tile: u32,
+    splat: u32,
+    /// Whether there is one.
+    any: bool,
+}
+
+impl Rows {
+    /// The pair at a place of the sequence.
+    fn pair<L: Lanes>(&self, place: u32, scratch: &Scratch) -> Pair {
+        let owner = self.tiles.owner::<L>(place, TILES_END, scratch);
+        let start = L::get(self.tiles.start, TILES_START, owner, scratch);
+        let any = place < self.tiles.total;
+        let tile = L::get(self.first_tile, ROW_TILE, owner, scratch) + place - start;
+        let splat = L::get(self.splat, ROW_SPLAT, owner, scratch);
+        Pair { tile: if any { tile } else { 0 }, splat, any }
+    }
+}
+
+/// Does the block with the pairs of a part in depth order, as many at once as there are invocations.
+/// (A closure would hold buffers, which shaders cannot.) Llvmpipe ends every loop of an invocation that
+/// has gone 65,535 rounds in all; the name before the block tells whether that happened.
+macro_rules! for_pairs {
+    ($params:ident, $part:ident, $order:ident, $records:ident, $lane:ident, $scratch:ident,
+        $cut:ident, |$pair:ident| $body:block) => {
+        let [first_tile, _] = $part.tiles($params);
+        let mut $cut = false;
+        let mut place = $part.first + $lane;
+        while place - $lane < $part.end {
+            let chunk =
+                Chunk::load::<L, _>($params, &$part, $order, $records, place, $lane, $scratch);
+            // At least once: a loop whose condition comes last runs no round in vain.
+            let mut row = $lane;
+            loop {
+                let rows = chunk.row::<L>($params, first_tile, row, $lane, $scratch);
+                let mut tile = $lane;
+                loop {
+                    let $pair = rows.pair::<L>(tile, $scratch);
+                    $body
+                    tile += L::COUNT;
+                    if tile - $lane >= rows.tiles.total {
+                        break;
+                    }
+                }
+                L::sync();
+                $cut |= tile - $lane < rows.tiles.total;
+                row += L::COUNT;
+                if row - $lane >= chunk.rows.total {
+                    break;
+                }
+            }
+            L::sync();
+            $cut |= row - $lane < chunk.rows.total;
+            place += L::COUNT;
+        }
+        $cut |= place - $lane < $part.end;
+    };
+}
+
+#[allow(clippy::too_many_arguments)]
+fn count<L: Lanes, B: Pairs + ?Sized>(
+    group: UVec3,
+    lane: u32,
+    table: &mut Table,
+    scratch: &mut Scratch,
+    split: &Split,
+    params: &Params,
+    visible: u32,
+    order: &[u32],
+    records: &B,
+    starts: &mut [u32],
+) {
+    let part = Part::new::<L>(params, visible, split, group);
+    let [first_tile, tiles] = part.tiles(params);
+    let mut tile = lane;
+    while tile < tiles {
+        *at_mut(table, tile) = 0;
+        tile += L::COUNT;
+    }
+    L::sync();
+    for_pairs!(params, part, order, records, lane, scratch, cut, |pair| {
+        L::tally(table, pair.tile, pair.any, lane, scratch);
+    });
+    L::sync();
+    let row = group.x * params.tiles_x * params.tiles_y + first_tile;
+    tile = lane;
+    while tile < tiles {
+        // Lists that were cut off are told as more than there can be room for.
+        *at_mut(starts, row + tile) = if cut { u32::MAX } else { at(table, tile) };
+        tile += L::COUNT;
+    }
+}
+
+/// Where each block's part of each tile's list begins, from the band's first on; a last row says where
+/// the lists end. One workgroup a band. Blocks are a multiple of four, taken four a round.
+fn scan<L: Lanes>(
+    band: u32,
+    lane: u32,
+    scratch: &mut Scratch,
+    split: &Split,
+    params: &Params,
+    starts: &mut [u32],
+    bands: &mut [u32],
+) {
+    let row = params.tiles_x * params.tiles_y;
+    let last_row = row << (split.log_blocks & 31);
+    let tiles = shared::band_rows(params.tiles_x) * params.tiles_x;
+    let first = band * tiles;
+    let end = (first + tiles).min(row);
+    let mut before = 0;
+    let mut tile = first + lane;
+    while tile - lane < end {
+        let mut sum = 0;
+        let mut cell = tile;
+        while (tile < end) & (cell < last_row) {
+            let a = shared::saturating(at(starts, cell), at(starts, cell + row));
+            let b = shared::saturating(at(starts, cell + 2 * row), at(starts, cell + 3 * row));
+            sum = shared::saturating(sum, shared::saturating(a, b));
+            cell += 4 * row;
+        }
+        let (prefix, total) = L::scan(sum, lane, scratch);
+        let mut next = shared::saturating(before, prefix);
+        cell = tile;
+        while (tile < end) & (cell < last_row) {
+            next = replace(at_mut(starts, cell), next);
+            next = replace(at_mut(starts, cell + row), next);
+            next = replace(at_mut(starts, cell + 2 * row), next);
+            next = replace(at_mut(starts, cell + 3 * row), next);
+            cell += 4 * row;
+        }
+        if tile < end {
+            *at_mut(starts, last_row + tile) = next;
+        }
+        before = shared::saturating(before, total);
+        tile += L::COUNT;
+    }
+    if lane == 0 {
+        *at_mut(bands, band) = before;
+    }
+}
+
+/// Puts the place of its first in place of a count; returns the place behind its last.
+pub fn replace(count: &mut u32, place: u32) -> u32 {
+    let behind = shared::saturating(place, *count);
+    *count = place;
+    behind
+}
+
+/// Pairs of the bands before, and of all up to this one.
+fn pairs_before(bands: &[u32], band: u32) -> [u32; 2] {
+    let mut before = 0;
+    let mut other = 0;
+    while other < band {
+        before = shared::saturating(before, at(bands, other));
+        other += 1;
+    }
+    [before, shared::saturating(before, at(bands, band))]
+}
+
+#[allow(clippy::too_many_arguments)]
+fn emit<L: Lanes, B: Pairs + ?Sized>(
+    group: UVec3,
+    lane: u32,
+    next: &mut Table,
+    scratch: &mut Scratch,
+    split: &Split,
+    params: &Params,
+    counters: &mut Counters,
+    order: &[u32],
+    records: &B,
+    starts: &[u32],
+    bands: &[u32],
+    ranges: &mut [UVec2],
+    pair_splats: &mut [u32],
+) {
+    let part = Part::new::<L>(params, counters.visible, split, group);
+    let [first_tile, tiles] = part.tiles(params);
+    let [before, needed] = pairs_before(bands, group.y);
+    if (group.x == 0) & (part.bottom == params.tiles_y) & (lane == 0) {
+        counters.pairs_needed = needed;
+    }
+    let room = params.pair_capacity;
+    let all = params.tiles_x * params.tiles_y;
+    let row = group.x * all + first_tile;
+    let row_below = row + all;
+    let last_row = (all << (split.log_blocks & 31)) + first_tile;
+    let mut tile = lane;
+    while tile < tiles {
+        let start = shared::saturating(before, at(starts, row + tile));
+        *at_mut(next, tile) = start;
+        if group.x == 0 {
+            let end = shared::saturating(before, at(starts, last_row + tile));
+            *at_mut(ranges, first_tile + tile) = UVec2::new(start.min(room), end.min(room));
+        }
+        tile += L::COUNT;
+    }
+    L::sync();
+    for_pairs!(params, part, order, records, lane, scratch, _cut, |pair| {
+        let rank = L::rank(if pair.any { pair.tile } else { tiles }, lane, scratch);
+        let to = at(next, pair.tile) + rank.before;
+        // Never more than were counted, should this stage's rounding differ.
+        let end = shared::saturating(before, at(starts, row_below + pair.tile)).min(room);
+        L::sync();
+        if pair.any & rank.last {
+            *at_mut(next, pair.tile) = to + 1;
+        }
+        L::sync();
+        if pair.any & (to < end) {
+            *at_mut(pair_splats, to) = pair.splat;
+        }
+    });
+    L::sync();
+    // What was counted but not written gets the splat that shows nothing.
+    tile = lane;
+    while tile < tiles {
+        let mut to = at(next, tile);
+        let end = shared::saturating(before, at(starts, row_below + tile)).min(room);
+        while to < end {
+            *at_mut(pair_splats, to) = params.splats;
+            to += 1;
+        }
+        tile += L::COUNT;
+    }
+}
+
+/// Each block's pairs by tile. Workgroups: blocks × bands.
+#[spirv(compute(threads(32)))]
 pub fn bin_count(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] shared: &mut [u32; GROUP as usize],
+    #[spirv(workgroup)] table: &mut Table,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] split: &Split,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] tile_counts: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] block_sums: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
 ) {
-    let first = group.x * BIN_BLOCK + lane * EACH;
-    let (_, total) = scan(run_count(params, order, tile_counts, first), lane, shared);
-    if lane == 0 {
-        block_sums[group.x as usize] = total;
-    }
+    let (p, visible) = (*params, counters.visible);
+    count::<Plain, _>(group, lane, table, scratch, split, &p, visible, order, records, starts);
 }
 
-/// Where each block's pairs begin; the totals and the indirect dispatches that follow from them.
-/// One workgroup.
-#[spirv(compute(threads(256)))]
+/// Where each block's part of each tile's list begins, and the pairs of each band. Workgroups:
+/// bands.
+#[spirv(compute(threads(32)))]
 pub fn bin_scan(
+    #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] shared: &mut [u32; GROUP as usize],
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] split: &Split,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] block_sums: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] counters: &mut Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] starts: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] bands: &mut [u32],
 ) {
-    let blocks = params.splats.div_ceil(BIN_BLOCK);
-    let mut before = 0;
-    let mut first = 0;
-    while first < blocks {
-        let block = first + lane;
-        let mut value = 0;
-        if block < blocks {
-            value = block_sums[block as usize];
-        }
-        let (prefix, total) = scan(value, lane, shared);
-        if block < blocks {
-            block_sums[block as usize] = saturating(before, prefix);
-        }
-        before = saturating(before, total);
-        first += GROUP;
-        barrier();
-    }
-    if lane == 0 {
-        let mut pairs = before;
-        if pairs > params.pair_capacity {
-            pairs = params.pair_capacity;
-        }
-        counters.pairs_needed = before;
-        counters.sort[0] = params.splats;
-        counters.sort[1] = pairs;
-        counters.radix_groups = [pairs.div_ceil(shared::RADIX_BLOCK), 1, 1];
-        counters.pair_groups = [pairs.div_ceil(GROUP), 1, 1];
-    }
+    let params = *params;
+    scan::<Plain>(group.x, lane, scratch, split, &params, starts, bands);
 }
 
-/// What `project` wrote of a splat that binning needs.
-fn load(records: &[Vec4], splat: u32) -> Projected {
-    let at = (splat * shared::RECORD) as usize;
-    let a = records[at];
-    let b = records[at + 1];
-    Projected {
-        mean: [a.x, a.y],
-        conic: [a.z, a.w, b.x],
-        sigma: [b.z, b.w],
-        opacity: b.y,
-        depth: 0.0,
-    }
-}
-
-/// Writes one splat's pairs from `next` on; never more than `count`, and pads to `count` with a tile
-/// behind the last, should this stage's rounding find fewer tiles than `project`'s did.
-fn emit(
-    params: &Params,
-    s: &Projected,
-    splat: u32,
-    mut next: u32,
-    count: u32,
-    tiles: &mut [u32],
-    splats: &mut [u32],
-) {
-    let mut end = next + count;
-    if end > params.pair_capacity {
-        end = params.pair_capacity;
-    }
-    let [x0, y0, x1, y1] = shared::tile_box(params, s);
-    let mut y = y0;
-    while y < y1 {
-        let mut x = x0;
-        while x < x1 {
-            let touched = shared::touches_tile(s.mean, s.conic, s.opacity, [x, y]);
-            if touched & (next < end) {
-                tiles[next as usize] = y * params.tiles_x + x;
-                splats[next as usize] = splat;
-                next += 1;
-            }
-            x += 1;
-        }
-        y += 1;
-    }
-    while next < end {
-        tiles[next as usize] = params.tiles_x * params.tiles_y;
-        splats[next as usize] = splat;
-        next += 1;
-    }
-}
-
-/// The pairs of each block, in depth order.
-#[spirv(compute(threads(256)))]
+/// Each block's part of each tile's list, each tile's range, and the pairs needed. Workgroups:
+/// blocks × bands.
+#[spirv(compute(threads(32)))]
 pub fn bin_emit(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] shared: &mut [u32; GROUP as usize],
+    #[spirv(workgroup)] table: &mut Table,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] split: &Split,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] tile_counts: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] block_sums: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] records: &[Vec4],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] pair_tiles: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] pair_splats: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] bands: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] ranges: &mut [UVec2],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u32],
 ) {
-    let first = group.x * BIN_BLOCK + lane * EACH;
-    let (prefix, _) = scan(run_count(params, order, tile_counts, first), lane, shared);
-    let mut next = block_sums[group.x as usize] + prefix;
-    let mut k = 0;
-    while k < EACH {
-        if first + k < params.splats {
-            let splat = order[(first + k) as usize];
-            let count = tile_counts[splat as usize];
-            if count > 0 {
-                let s = load(records, splat);
-                emit(params, &s, splat, next, count, pair_tiles, pair_splats);
-                next += count;
-            }
-        }
-        k += 1;
-    }
+    let p = *params;
+    emit::<Plain, _>(
+        group, lane, table, scratch, split, &p, counters, order, records, starts, bands, ranges,
+        pairs,
+    );
+}
+
+/// As [`bin_count`], in lockstep.
+#[spirv(compute(threads(8)))]
+pub fn bin_count_8(
+    #[spirv(workgroup_id)] group: UVec3,
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] table: &mut Table,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] split: &Split,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[u64],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
+) {
+    let (p, visible) = (*params, counters.visible);
+    count::<Lockstep, _>(group, lane, table, scratch, split, &p, visible, order, records, starts);
+}
+
+/// As [`bin_scan`], in lockstep.
+#[spirv(compute(threads(8)))]
+pub fn bin_scan_8(
+    #[spirv(workgroup_id)] group: UVec3,
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] split: &Split,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] starts: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] bands: &mut [u32],
+) {
+    let params = *params;
+    scan::<Lockstep>(group.x, lane, scratch, split, &params, starts, bands);
+}
+
+/// As [`bin_emit`], in lockstep.
+#[spirv(compute(threads(8)))]
+pub fn bin_emit_8(
+    #[spirv(workgroup_id)] group: UVec3,
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] table: &mut Table,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] split: &Split,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[u64],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] bands: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] ranges: &mut [UVec2],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u32],
+) {
+    let p = *params;
+    emit::<Lockstep, _>(
+        group, lane, table, scratch, split, &p, counters, order, records, starts, bands, ranges,
+        pairs,
+    );
 }

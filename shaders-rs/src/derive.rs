@@ -86,16 +86,14 @@ const Z: [f32; 3] = [0.0, 0.0, 1.0];
 
 /// Gradient of the spherical harmonics with respect to the (unnormalised) direction, times the
 /// coefficients: d(rgb)/d(x, y, z).
-fn sh_gradient(params: &Params, sh: &[f32], i: usize, d: [f32; 3]) -> [[f32; 3]; 3] {
-    let n = params.splats as usize;
+fn sh_gradient(params: &Params, sh: &[f32], i: u32, d: [f32; 3]) -> [[f32; 3]; 3] {
     let basis = shared::sh_basis_gradient(d);
     let mut out = [[0.0; 3]; 3];
-    let count = shared::sh_coefficients(params.sh_degree) as usize;
+    let count = shared::sh_coefficients(params.sh_degree);
     let mut k = 1;
     while k < count {
-        let b = basis[k];
-        let at = k * 3 * n + i;
-        let rgb = [sh[at], sh[at + n], sh[at + 2 * n]];
+        let b = basis[k as usize];
+        let rgb = project::coefficients(params, sh, k / 2, i)[(k % 2) as usize];
         out = [
             [out[0][0] + b[0] * rgb[0], out[0][1] + b[1] * rgb[0], out[0][2] + b[2] * rgb[0]],
             [out[1][0] + b[0] * rgb[1], out[1][1] + b[1] * rgb[1], out[1][2] + b[2] * rgb[1]],
@@ -122,7 +120,16 @@ fn with(xyz: [f32; 3], w: f32) -> Vec4 {
     Vec4::new(xyz[0], xyz[1], xyz[2], w)
 }
 
-/// One invocation a splat; those that touch no tile are left out.
+/// The splat that shows nothing does not move either.
+fn clear(derivatives: &mut [Vec4], i: usize) {
+    let mut k = 0;
+    while k < DERIVATIVES as usize {
+        derivatives[i * DERIVATIVES as usize + k] = Vec4::ZERO;
+        k += 1;
+    }
+}
+
+/// One invocation a splat, and one more for the splat that shows nothing; culled splats are left out.
 #[spirv(compute(threads(256)))]
 pub fn derive(
     #[spirv(global_invocation_id)] id: UVec3,
@@ -130,17 +137,20 @@ pub fn derive(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] tile_counts: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] derivatives: &mut [Vec4],
 ) {
     let i = id.x as usize;
     if id.x >= params.splats {
+        if id.x == params.splats {
+            clear(derivatives, i);
+        }
         return;
     }
-    if tile_counts[i] == 0 {
+    if keys[i] == shared::CULLED {
         return;
     }
-    let splat = project::load(params, geometry, i);
+    let splat = project::load(params, geometry, id.x);
     let (ray, inside) = shared::clamped_ray(params, splat.camera);
     let (m0, m1) = shared::projected_axes(params, splat.camera[2], ray, &splat.axes);
     let linear = Linear { params, splat: &splat, ray, inside, m0, m1 };
@@ -148,7 +158,7 @@ pub fn derive(
     let (rx, ry, rz) = (linear.rotation(X), linear.rotation(Y), linear.rotation(Z));
 
     let (d, inverse) = shared::direction(params, splat.world);
-    let gradient = sh_gradient(params, sh, i, d);
+    let gradient = sh_gradient(params, sh, id.x, d);
     let colour = records[i * shared::RECORD as usize + 2];
     // A colour that the clamp at 0 holds does not change.
     let mut red = colour_derivative(params, d, inverse, gradient[0]);

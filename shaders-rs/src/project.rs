@@ -1,8 +1,11 @@
-//! Stage `project`: each splat's mean, conic, colour and depth as the camera sees it, and the number
-//! of tiles it touches.
+//! Stage `project`: each splat's mean, conic, colour and depth as the camera sees it, and its key for
+//! the sort by depth.
 
-use crate::shared::{self, Params};
+use crate::memory::{Pairs, at_mut};
+use crate::shared::{self, Counters, Params};
+use spirv_std::arch::{atomic_load, atomic_u_max};
 use spirv_std::glam::{UVec3, Vec4};
+use spirv_std::memory::{Scope, Semantics};
 use spirv_std::spirv;
 
 /// Position, opacity and the scaled axes turned into camera coordinates.
@@ -14,10 +17,14 @@ pub struct Splat {
 }
 
 /// Reads splat `i` from its planes.
-pub fn load(params: &Params, geometry: &[f32], i: usize) -> Splat {
-    let n = params.splats as usize;
-    let at = |plane: usize| geometry[plane * n + i];
-    let world = [at(0), at(1), at(2)];
+pub fn load<B: Pairs + ?Sized>(params: &Params, geometry: &B, i: u32) -> Splat {
+    // The host allocated so many planes of so many splats.
+    let at = |plane: u32| geometry.pair(plane * params.splats + i);
+    let [x, y] = at(0);
+    let [z, opacity] = at(1);
+    let ([a, b], [c, d], [e, f]) = (at(2), at(3), at(4));
+    let ([g, h], [k, _]) = (at(5), at(6));
+    let world = [x, y, z];
     let turned = shared::transform(&params.rotation, world);
     let camera = [
         turned[0] + params.translation[0],
@@ -25,32 +32,85 @@ pub fn load(params: &Params, geometry: &[f32], i: usize) -> Splat {
         turned[2] + params.translation[2],
     ];
     let axes = [
-        shared::transform(&params.rotation, [at(4), at(5), at(6)]),
-        shared::transform(&params.rotation, [at(7), at(8), at(9)]),
-        shared::transform(&params.rotation, [at(10), at(11), at(12)]),
+        shared::transform(&params.rotation, [a, b, c]),
+        shared::transform(&params.rotation, [d, e, f]),
+        shared::transform(&params.rotation, [g, h, k]),
     ];
-    Splat { world, camera, opacity: at(3), axes }
+    Splat { world, camera, opacity, axes }
+}
+
+/// Coefficients `2 two` and `2 two + 1` of splat `i`; behind the last is a 0.
+pub fn coefficients<B: Pairs + ?Sized>(params: &Params, sh: &B, two: u32, i: u32) -> [[f32; 3]; 2] {
+    let at = |plane: u32| sh.pair((3 * two + plane) * params.splats + i);
+    let ([a, b], [c, d], [e, f]) = (at(0), at(1), at(2));
+    [[a, b, c], [d, e, f]]
 }
 
 /// Colour from spherical harmonics, + 0.5, not below 0.
-fn colour(params: &Params, sh: &[f32], i: usize, world: [f32; 3]) -> [f32; 3] {
-    let n = params.splats as usize;
+fn colour<B: Pairs + ?Sized>(params: &Params, sh: &B, i: u32, world: [f32; 3]) -> [f32; 3] {
     let (d, _) = shared::direction(params, world);
     let basis = shared::sh_basis(d);
     let mut rgb = [0.5, 0.5, 0.5];
-    let count = shared::sh_coefficients(params.sh_degree) as usize;
-    let mut k = 0;
-    while k < count {
-        let b = basis[k];
-        rgb[0] += b * sh[(k * 3) * n + i];
-        rgb[1] += b * sh[(k * 3 + 1) * n + i];
-        rgb[2] += b * sh[(k * 3 + 2) * n + i];
-        k += 1;
+    let count = shared::sh_coefficients(params.sh_degree);
+    let mut two = 0;
+    while 2 * two < count {
+        let [one, other] = coefficients(params, sh, two, i);
+        let (b, c) = (basis[2 * two as usize], basis[2 * two as usize + 1]);
+        rgb = [rgb[0] + b * one[0], rgb[1] + b * one[1], rgb[2] + b * one[2]];
+        rgb = [rgb[0] + c * other[0], rgb[1] + c * other[1], rgb[2] + c * other[2]];
+        two += 1;
     }
     [shared::max(rgb[0], 0.0), shared::max(rgb[1], 0.0), shared::max(rgb[2], 0.0)]
 }
 
-/// One invocation a splat.
+/// Takes note of a key. Most are not the largest so far, and cost a read alone.
+fn note(largest: &mut u32, key: u32) {
+    // SAFETY: atomics on a word of a storage buffer; the largest of integers is the same in any
+    // order.
+    unsafe {
+        const SCOPE: u32 = Scope::QueueFamily as u32;
+        const RELAXED: u32 = Semantics::NONE.bits();
+        if atomic_load::<u32, SCOPE, RELAXED>(largest) < key {
+            atomic_u_max::<u32, SCOPE, RELAXED>(largest, key);
+        }
+    }
+}
+
+fn run<B: Pairs + ?Sized>(
+    id: u32,
+    params: &Params,
+    geometry: &B,
+    sh: &B,
+    records: &mut [Vec4],
+    keys: &mut [u32],
+    counters: &mut Counters,
+) {
+    // Beyond the last splat, a copy of it is projected and not written.
+    let i = id.min(params.splats - 1);
+    let splat = load(params, geometry, i);
+    let s = shared::project(params, splat.camera, &splat.axes, splat.opacity);
+    let [x0, y0, x1, y1] = shared::tile_box(params, &s);
+    let seen = (s.opacity > 0.0) & (x0 < x1) & (y0 < y1);
+    // In front of the near plane: bits of positive floats are in the order of their values.
+    let key = if seen { s.depth.to_bits() - params.near.to_bits() } else { shared::CULLED };
+    let record = i * shared::RECORD;
+    if seen {
+        let [r, g, b] = colour(params, sh, i, splat.world);
+        *at_mut(records, record) = Vec4::new(s.mean[0], s.mean[1], s.conic[0], s.conic[1]);
+        *at_mut(records, record + 1) = Vec4::new(s.conic[2], s.opacity, s.sigma[0], s.sigma[1]);
+        *at_mut(records, record + 2) = Vec4::new(r, g, b, s.depth);
+        note(&mut counters.largest_key, key);
+    }
+    *at_mut(keys, i) = key;
+    if id == params.splats {
+        *at_mut(records, record + shared::RECORD) = Vec4::ZERO;
+        *at_mut(records, record + shared::RECORD + 1) = Vec4::ZERO;
+        *at_mut(records, record + shared::RECORD + 2) = Vec4::new(0.0, 0.0, 0.0, 1.0);
+    }
+}
+
+/// One invocation a splat, and one more, which makes the splat that shows nothing: binning pads with
+/// it.
 #[spirv(compute(threads(256)))]
 pub fn project(
     #[spirv(global_invocation_id)] id: UVec3,
@@ -58,39 +118,24 @@ pub fn project(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &mut [Vec4],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] tile_counts: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] keys: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] indices: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
 ) {
-    let i = id.x as usize;
-    if id.x >= params.splats {
-        return;
-    }
-    let splat = load(params, geometry, i);
-    let s = shared::project(params, splat.camera, &splat.axes, splat.opacity);
-    let mut tiles = 0;
-    if s.opacity > 0.0 {
-        let [x0, y0, x1, y1] = shared::tile_box(params, &s);
-        let mut y = y0;
-        while y < y1 {
-            let mut x = x0;
-            while x < x1 {
-                tiles += shared::touches_tile(s.mean, s.conic, s.opacity, [x, y]) as u32;
-                x += 1;
-            }
-            y += 1;
-        }
-    }
-    let mut key = shared::CULLED;
-    if tiles > 0 {
-        key = s.depth.to_bits();
-        let [r, g, b] = colour(params, sh, i, splat.world);
-        let at = i * shared::RECORD as usize;
-        records[at] = Vec4::new(s.mean[0], s.mean[1], s.conic[0], s.conic[1]);
-        records[at + 1] = Vec4::new(s.conic[2], s.opacity, s.sigma[0], s.sigma[1]);
-        records[at + 2] = Vec4::new(r, g, b, s.depth);
-    }
-    tile_counts[i] = tiles;
-    keys[i] = key;
-    indices[i] = id.x;
+    let params = *params;
+    run(id.x, &params, geometry, sh, records, keys, counters);
+}
+
+/// As [`project`], two floats an access.
+#[spirv(compute(threads(256)))]
+pub fn project_8(
+    #[spirv(global_invocation_id)] id: UVec3,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[u64],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[u64],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &mut [Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
+) {
+    let params = *params;
+    run(id.x, &params, geometry, sh, records, keys, counters);
 }

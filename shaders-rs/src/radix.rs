@@ -1,98 +1,235 @@
 //! Stages `radix_count`, `radix_scan`, `radix_scatter`: one stable pass of a least-significant-digit
-//! radix sort, 8 bits. No subgroup operation takes part, so the order cannot depend on their size.
+//! radix sort of the depth keys. The keys are split evenly over a fixed number of workgroups, so the
+//! host need not know how many there are. Digits are just as wide as the largest key needs to have
+//! [`shared::DIGITS`] of them. The first pass leaves culled splats behind.
 
-use crate::scan::scan;
-use crate::shared::{Counters, GROUP, RADIX, RADIX_BLOCK, SCATTER_THREADS};
-use spirv_std::arch::{atomic_i_add, workgroup_memory_barrier_with_group_sync as barrier};
+use crate::bin::replace;
+use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table};
+use crate::memory::{at, at_mut};
+use crate::shared::{self, CULLED, Counters};
 use spirv_std::glam::UVec3;
-use spirv_std::memory::{Scope, Semantics};
 use spirv_std::spirv;
 
-/// Which keys (an index into [`Counters::sort`]) and which digit of them.
+/// One pass.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Pass {
-    /// Index into [`Counters::sort`].
+    /// Which digit, from 0, the lowest.
+    pub digit: u32,
+    /// 1: the first pass, whose values are the places of its keys, and which leaves out the culled.
+    pub first: u32,
+    /// Logarithm, base 2, of the number of workgroups that share the keys.
+    pub log_blocks: u32,
+    /// Keys of the first pass; those after have the visible splats' alone.
     pub keys: u32,
-    /// Lowest bit of the digit.
-    pub shift: u32,
 }
 
-fn digit(key: u32, pass: &Pass) -> u32 {
-    (key >> pass.shift) & (RADIX - 1)
+impl Pass {
+    /// Keys `[first, end)` of a workgroup.
+    fn block(&self, counters: &Counters, block: u32, lanes: u32) -> [u32; 2] {
+        let keys = if self.first == 1 { self.keys } else { counters.visible };
+        shared::block(keys, self.log_blocks, block, lanes)
+    }
+
+    /// Lowest bit of the digit, and the number of its values.
+    fn digit(&self, counters: &Counters) -> [u32; 2] {
+        let bits = shared::digit_bits(counters.largest_key);
+        [bits * self.digit, 1 << bits]
+    }
+}
+
+// Indices below: places of keys lie below their number; digits below TABLE, as keys have 32 bits;
+// rows of the histogram below the blocks.
+
+fn count<L: Lanes>(
+    group: u32,
+    lane: u32,
+    bins: &mut Table,
+    scratch: &mut Scratch,
+    pass: &Pass,
+    counters: &Counters,
+    keys: &[u32],
+    histogram: &mut [u32],
+) {
+    let [shift, digits] = pass.digit(counters);
+    let [first, end] = pass.block(counters, group, L::COUNT);
+    let mut digit = lane;
+    while digit < digits {
+        *at_mut(bins, digit) = 0;
+        digit += L::COUNT;
+    }
+    L::sync();
+    let mut place = first + lane;
+    while place - lane < end {
+        let mut key = CULLED;
+        if place < end {
+            key = at(keys, place);
+        }
+        L::tally(bins, (key >> shift) & (digits - 1), key != CULLED, lane, scratch);
+        place += L::COUNT;
+    }
+    L::sync();
+    digit = lane;
+    while digit < digits {
+        *at_mut(histogram, group * digits + digit) = at(bins, digit);
+        digit += L::COUNT;
+    }
+}
+
+/// Turns the histograms into first positions: by digit, then by block. One workgroup. Blocks are a
+/// multiple of four, taken four a round: llvmpipe grants an invocation 65,535 rounds.
+fn scan<L: Lanes>(
+    lane: u32,
+    scratch: &mut Scratch,
+    pass: &Pass,
+    counters: &mut Counters,
+    histogram: &mut [u32],
+) {
+    let [_, digits] = pass.digit(counters);
+    let end = digits << (pass.log_blocks & 31);
+    let mut before = 0;
+    let mut digit = lane;
+    while digit < digits {
+        let mut sum = 0;
+        let mut cell = digit;
+        while cell < end {
+            sum += at(histogram, cell) + at(histogram, cell + digits);
+            sum += at(histogram, cell + 2 * digits) + at(histogram, cell + 3 * digits);
+            cell += 4 * digits;
+        }
+        let (prefix, total) = L::scan(sum, lane, scratch);
+        let mut next = before + prefix;
+        cell = digit;
+        while cell < end {
+            next = replace(at_mut(histogram, cell), next);
+            next = replace(at_mut(histogram, cell + digits), next);
+            next = replace(at_mut(histogram, cell + 2 * digits), next);
+            next = replace(at_mut(histogram, cell + 3 * digits), next);
+            cell += 4 * digits;
+        }
+        before += total;
+        digit += L::COUNT;
+    }
+    if lane == 0 {
+        counters.visible = before;
+    }
+}
+
+#[allow(clippy::too_many_arguments)]
+fn scatter<L: Lanes>(
+    group: u32,
+    lane: u32,
+    next: &mut Table,
+    scratch: &mut Scratch,
+    pass: &Pass,
+    counters: &Counters,
+    histogram: &[u32],
+    keys: &[u32],
+    values: &[u32],
+    keys_out: &mut [u32],
+    values_out: &mut [u32],
+) {
+    let [shift, digits] = pass.digit(counters);
+    let [first, end] = pass.block(counters, group, L::COUNT);
+    let mut digit = lane;
+    while digit < digits {
+        *at_mut(next, digit) = at(histogram, group * digits + digit);
+        digit += L::COUNT;
+    }
+    L::sync();
+    let mut place = first + lane;
+    while place - lane < end {
+        let mut key = CULLED;
+        let mut value = place;
+        if place < end {
+            key = at(keys, place);
+            if pass.first == 0 {
+                value = at(values, place);
+            }
+        }
+        let kept = key != CULLED;
+        let digit = (key >> shift) & (digits - 1);
+        let rank = L::rank(if kept { digit } else { digits }, lane, scratch);
+        let to = at(next, digit) + rank.before;
+        L::sync();
+        if kept & rank.last {
+            *at_mut(next, digit) = to + 1;
+        }
+        L::sync();
+        if kept {
+            if pass.digit + 1 < shared::DIGITS {
+                *at_mut(keys_out, to) = key;
+            }
+            *at_mut(values_out, to) = value;
+        }
+        place += L::COUNT;
+    }
 }
 
 /// Histogram of each block's digits.
-#[spirv(compute(threads(256)))]
+#[spirv(compute(threads(32)))]
 pub fn radix_count(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] bins: &mut [u32; RADIX as usize],
+    #[spirv(workgroup)] bins: &mut Table,
+    #[spirv(workgroup)] scratch: &mut Scratch,
     #[spirv(push_constant)] pass: &Pass,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] keys: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] histogram: &mut [u32],
 ) {
-    bins[lane as usize] = 0;
-    barrier();
-    let count = counters.sort[pass.keys as usize];
-    let mut at = group.x * RADIX_BLOCK + lane;
-    let end = (group.x + 1) * RADIX_BLOCK;
-    while (at < end) & (at < count) {
-        let bin = digit(keys[at as usize], pass) as usize;
-        // Sums of integers: the same in any order.
-        unsafe {
-            atomic_i_add::<u32, { Scope::Workgroup as u32 }, { Semantics::NONE.bits() }>(
-                &mut bins[bin],
-                1,
-            );
-        }
-        at += RADIX;
-    }
-    barrier();
-    histogram[(group.x * RADIX + lane) as usize] = bins[lane as usize];
+    let counters = *counters;
+    count::<Plain>(group.x, lane, bins, scratch, pass, &counters, keys, histogram);
 }
 
-/// Turns the histograms into first positions: by digit, then by block. One workgroup, an invocation a
-/// digit.
-#[spirv(compute(threads(256)))]
-pub fn radix_scan(
+/// As [`radix_count`], in lockstep.
+#[spirv(compute(threads(8)))]
+pub fn radix_count_8(
+    #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] totals: &mut [u32; GROUP as usize],
+    #[spirv(workgroup)] bins: &mut Table,
+    #[spirv(workgroup)] scratch: &mut Scratch,
     #[spirv(push_constant)] pass: &Pass,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] keys: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] histogram: &mut [u32],
 ) {
-    let blocks = counters.sort[pass.keys as usize].div_ceil(RADIX_BLOCK);
-    let mut total = 0;
-    let mut block = 0;
-    while block < blocks {
-        total += histogram[(block * RADIX + lane) as usize];
-        block += 1;
-    }
-    let (mut before, _) = scan(total, lane, totals);
-    block = 0;
-    while block < blocks {
-        let at = (block * RADIX + lane) as usize;
-        let here = histogram[at];
-        histogram[at] = before;
-        before += here;
-        block += 1;
-    }
+    let counters = *counters;
+    count::<Lockstep>(group.x, lane, bins, scratch, pass, &counters, keys, histogram);
 }
 
-const RUN: u32 = RADIX_BLOCK / SCATTER_THREADS;
-/// Counters of one invocation: 16 bits each, two to a word.
-const WORDS: u32 = RADIX / 2;
-const TABLE: usize = (WORDS * SCATTER_THREADS) as usize;
+/// Turns the histograms into first positions, and counts the visible splats. One workgroup.
+#[spirv(compute(threads(32)))]
+pub fn radix_scan(
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] pass: &Pass,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &mut Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &mut [u32],
+) {
+    scan::<Plain>(lane, scratch, pass, counters, histogram);
+}
 
-/// Moves each key and value to its place. Each invocation ranks a contiguous run of the block: first
-/// it counts its digits, then the counts are summed over the invocations before it, then it places.
+/// As [`radix_scan`], in lockstep.
+#[spirv(compute(threads(8)))]
+pub fn radix_scan_8(
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] pass: &Pass,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &mut Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &mut [u32],
+) {
+    scan::<Lockstep>(lane, scratch, pass, counters, histogram);
+}
+
+/// Moves each key and value to its place: rank among equal digits of the workgroup's invocations,
+/// behind those placed before.
 #[spirv(compute(threads(32)))]
 pub fn radix_scatter(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] table: &mut [u32; TABLE],
+    #[spirv(workgroup)] next: &mut Table,
+    #[spirv(workgroup)] scratch: &mut Scratch,
     #[spirv(push_constant)] pass: &Pass,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &[u32],
@@ -101,56 +238,29 @@ pub fn radix_scatter(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys_out: &mut [u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] values_out: &mut [u32],
 ) {
-    let count = counters.sort[pass.keys as usize];
-    let first = group.x * RADIX_BLOCK + lane * RUN;
-    let mut end = first + RUN;
-    if end > count {
-        end = count;
-    }
-    let mut word = 0;
-    while word < WORDS {
-        table[(word * SCATTER_THREADS + lane) as usize] = 0;
-        word += 1;
-    }
-    barrier();
-    let mut at = first;
-    while at < end {
-        let d = digit(keys[at as usize], pass);
-        table[((d / 2) * SCATTER_THREADS + lane) as usize] += 1 << (16 * (d % 2));
-        at += 1;
-    }
-    barrier();
-    sum_over_lanes(lane, table);
-    barrier();
-    at = first;
-    while at < end {
-        let key = keys[at as usize];
-        let d = digit(key, pass);
-        let slot = ((d / 2) * SCATTER_THREADS + lane) as usize;
-        let half = 16 * (d % 2);
-        let rank = (table[slot] >> half) & 0xffff;
-        table[slot] += 1 << half;
-        let to = (histogram[(group.x * RADIX + d) as usize] + rank) as usize;
-        keys_out[to] = key;
-        values_out[to] = values[at as usize];
-        at += 1;
-    }
+    let (g, counters) = (group.x, *counters);
+    scatter::<Plain>(
+        g, lane, next, scratch, pass, &counters, histogram, keys, values, keys_out, values_out,
+    );
 }
 
-/// Replaces each count by the sum over the invocations before; two digits to a word at once (a
-/// block's sums stay below 2¹⁶).
-fn sum_over_lanes(lane: u32, table: &mut [u32; TABLE]) {
-    let mut word = lane;
-    while word < WORDS {
-        let mut before = 0;
-        let mut other = 0;
-        while other < SCATTER_THREADS {
-            let at = (word * SCATTER_THREADS + other) as usize;
-            let here = table[at];
-            table[at] = before;
-            before += here;
-            other += 1;
-        }
-        word += SCATTER_THREADS;
-    }
+/// As [`radix_scatter`], in lockstep.
+#[spirv(compute(threads(8)))]
+pub fn radix_scatter_8(
+    #[spirv(workgroup_id)] group: UVec3,
+    #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(workgroup)] next: &mut Table,
+    #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(push_constant)] pass: &Pass,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] keys: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] values: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys_out: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] values_out: &mut [u32],
+) {
+    let (g, counters) = (group.x, *counters);
+    scatter::<Lockstep>(
+        g, lane, next, scratch, pass, &counters, histogram, keys, values, keys_out, values_out,
+    );
 }

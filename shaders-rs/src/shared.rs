@@ -12,17 +12,13 @@ pub const SPLAT_THREADS: u32 = TILE * TILE / ROWS;
 pub const ROWS: u32 = 4;
 /// Invocations of a one-splat-each or one-pair-each workgroup.
 pub const GROUP: u32 = 256;
-/// Splats that one workgroup counts or emits while binning.
-pub const BIN_BLOCK: u32 = 1024;
-/// Digits of one radix pass: 8 bits.
-pub const RADIX: u32 = 256;
-/// Invocations of a radix scatter workgroup; each ranks a contiguous run alone, which makes the
-/// sort stable at any subgroup size.
-pub const SCATTER_THREADS: u32 = 32;
-/// Keys of one radix block.
-pub const RADIX_BLOCK: u32 = 4096;
-/// f32 planes of the `geometry` buffer: position, opacity, 3×3 axes.
-pub const GEOMETRY_PLANES: u32 = 13;
+/// Digits of a depth key; each takes a pass of the sort.
+pub const DIGITS: u32 = 3;
+/// Counters that a workgroup of a counting stage has in shared memory: digits of the widest pass, or
+/// tiles of a band. 8 KiB, half of what every device has.
+pub const TABLE: u32 = 2048;
+/// Planes of the `geometry` buffer, of a pair of floats a splat: position, opacity, 3×3 axes, a spare.
+pub const GEOMETRY_PLANES: u32 = 7;
 /// `Vec4`s of a projected splat's record.
 pub const RECORD: u32 = 3;
 /// `Vec4`s of a projected splat's pose derivatives, exact Jacobian only; see stage `derive`.
@@ -31,7 +27,7 @@ pub const DERIVATIVES: u32 = 12;
 pub const SUMS: u32 = 28;
 /// Floats of a rendered pixel: linear R, G, B, depth Σ wᵢ zᵢ, transmittance.
 pub const PIXEL: u32 = 5;
-/// Depth key of a splat that touches no tile: sorts behind all others.
+/// Depth key of a splat that touches no tile; it is not sorted.
 pub const CULLED: u32 = u32::MAX;
 
 /// Kernel `ceiling_arithmetic`: chains of multiply-adds of an invocation.
@@ -106,6 +102,10 @@ pub struct Params {
     pub pair_capacity: u32,
     /// Where this level's floats begin in the buffer of frames.
     pub frame_offset: u32,
+    /// Workgroups that share the sort of the splats.
+    pub sort_blocks: u32,
+    /// Workgroups that share their binning.
+    pub bin_blocks: u32,
 }
 
 /// Indirect dispatches of the stages at one level; zeros where nothing is to be run.
@@ -115,10 +115,12 @@ pub struct Params {
 pub struct Groups {
     /// An invocation a splat.
     pub splats: [u32; 3],
-    /// A workgroup a block of binning.
-    pub bin_blocks: [u32; 3],
     /// A workgroup a block of splats to sort.
-    pub radix_blocks: [u32; 3],
+    pub sort_blocks: [u32; 3],
+    /// A workgroup a block of splats to bin, times the bands of tiles.
+    pub bin_blocks: [u32; 3],
+    /// A workgroup a band of tiles.
+    pub bands: [u32; 3],
     /// A workgroup a tile.
     pub tiles: [u32; 3],
     /// An invocation four pixels.
@@ -131,8 +133,9 @@ impl Groups {
     /// Nothing is run.
     pub const NONE: Groups = Groups {
         splats: [0, 1, 1],
+        sort_blocks: [0, 1, 1],
         bin_blocks: [0, 1, 1],
-        radix_blocks: [0, 1, 1],
+        bands: [0, 1, 1],
         tiles: [0, 1, 1],
         quads: [0, 1, 1],
         one: [0, 1, 1],
@@ -140,11 +143,14 @@ impl Groups {
 
     /// Those of a level.
     pub fn of(params: &Params) -> Groups {
-        let splats = params.splats;
+        // One more for the splat that shows nothing.
+        let splats = params.splats + 1;
+        let bands = params.tiles_y.div_ceil(band_rows(params.tiles_x));
         Groups {
             splats: [splats.div_ceil(GROUP), 1, 1],
-            bin_blocks: [splats.div_ceil(BIN_BLOCK), 1, 1],
-            radix_blocks: [splats.div_ceil(RADIX_BLOCK), 1, 1],
+            sort_blocks: [params.sort_blocks, 1, 1],
+            bin_blocks: [params.bin_blocks, bands, 1],
+            bands: [bands, 1, 1],
             tiles: [params.tiles_x, params.tiles_y, 1],
             quads: [(params.width * params.height).div_ceil(4 * GROUP), 1, 1],
             one: [1, 1, 1],
@@ -152,21 +158,17 @@ impl Groups {
     }
 }
 
-/// What the stages tell each other and, after the render, the host.
+/// What the stages tell each other and, after the render, the host. Cleared before each render.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(not(target_arch = "spirv"), derive(bytemuck::Pod, bytemuck::Zeroable))]
 pub struct Counters {
-    /// Keys to sort: `[0]` splats by depth, `[1]` pairs by tile.
-    pub sort: [u32; 2],
     /// Pairs that the picture needs; more than the capacity means that some were left out.
     pub pairs_needed: u32,
-    /// Splats that touch a tile.
+    /// Splats whose bounding box touches a tile.
     pub visible: u32,
-    /// Indirect dispatch over radix blocks of pairs.
-    pub radix_groups: [u32; 3],
-    /// Indirect dispatch over pairs.
-    pub pair_groups: [u32; 3],
+    /// The largest depth key of a visible splat.
+    pub largest_key: u32,
 }
 
 /// A splat as seen from the camera, before anything of the picture is known.
@@ -325,44 +327,104 @@ pub fn tile_box(params: &Params, s: &Projected) -> [u32; 4] {
     ]
 }
 
-/// Whether the splat can reach [`ALPHA_MIN`] at a pixel centre of the tile: the least value of the
-/// convex form `q` over the box of centres, against the cut with a margin for rounding.
-pub fn touches_tile(mean: [f32; 2], conic: [f32; 3], opacity: f32, tile: [u32; 2]) -> bool {
-    let low = [(tile[0] * TILE) as f32 + 0.5 - mean[0], (tile[1] * TILE) as f32 + 0.5 - mean[1]];
-    let high = [low[0] + (TILE - 1) as f32, low[1] + (TILE - 1) as f32];
-    let cut = 2.0 * (opacity / ALPHA_MIN).ln() * 1.001 + 1e-2;
-    least_on_box(conic, low, high) <= cut
+/// Where a splat reaches [`ALPHA_MIN`]: the ellipse `q ≤ cut`, whose tiles are found row by row.
+#[derive(Clone, Copy)]
+pub struct Outline {
+    /// Mean, pixels.
+    pub mean: [f32; 2],
+    /// The middle of the ellipse at height y is `slope · y`, from the mean.
+    pub slope: f32,
+    /// Half its width there is `√(cut − (rise y)²) · width`.
+    pub rise: f32,
+    /// See `rise`.
+    pub width: f32,
+    /// Largest `q` that counts.
+    pub cut: f32,
+    /// Height of its rightmost point; that of the leftmost is the opposite.
+    pub tip: f32,
 }
 
-/// The least value of `(l11 x + l21 y)² + (l22 y)²` over a box.
-fn least_on_box(l: [f32; 3], low: [f32; 2], high: [f32; 2]) -> f32 {
-    let inside_x = (low[0] <= 0.0) & (high[0] >= 0.0);
-    let inside_y = (low[1] <= 0.0) & (high[1] >= 0.0);
-    if inside_x & inside_y {
-        return 0.0;
+impl Outline {
+    /// The cut has a margin for rounding.
+    pub fn new(s: &Projected) -> Outline {
+        let [l11, l21, l22] = s.conic;
+        let cut = 2.0 * (s.opacity / ALPHA_MIN).ln() * 1.001 + 1e-2;
+        let slope = -l21 / l11;
+        // With Σ = Q⁻¹: Σyy = 1/l22², Σxy = slope · Σyy, Σxx = 1/l11² + slope · Σxy.
+        let (yy, width) = (1.0 / (l22 * l22), 1.0 / l11);
+        let xx = width * width + slope * slope * yy;
+        Outline { mean: s.mean, slope, rise: l22, width, cut, tip: slope * yy * (cut / xx).sqrt() }
     }
-    // The minimum lies on an edge that faces the centre: at most one vertical, one horizontal.
-    let x = clamp(0.0, low[0], high[0]);
-    let y = clamp(0.0, low[1], high[1]);
-    // On the vertical edge the best y solves (l21² + l22²) y = −l11 l21 x.
-    let best_y = clamp(-l[0] * l[1] * x / (l[1] * l[1] + l[2] * l[2]), low[1], high[1]);
-    // On the horizontal edge the first square can vanish: l11 x = −l21 y.
-    let best_x = clamp(-l[1] * y / l[0], low[0], high[0]);
-    let on_vertical = if inside_x { f32::MAX } else { conic_form(l, x, best_y) };
-    let on_horizontal = if inside_y { f32::MAX } else { conic_form(l, best_x, y) };
-    min(on_vertical, on_horizontal)
+
+    /// Rows of tiles `[first, end)` of `count`, with a pixel centre at its height.
+    pub fn rows(&self, count: u32) -> [u32; 2] {
+        let height = self.cut.sqrt() / self.rise;
+        tiles_between(self.mean[1] - height, self.mean[1] + height, count)
+    }
+
+    /// Tiles `[first, end)` of `count` in a row, with a point of the ellipse between their outermost
+    /// pixel centres.
+    pub fn columns(&self, row: u32, count: u32) -> [u32; 2] {
+        let low = (row * TILE) as i32 as f32 + 0.5 - self.mean[1];
+        let high = low + (TILE - 1) as f32;
+        // The half width is concave in y: the furthest point is the tip, or the nearest to it.
+        let (right, left) = (clamp(self.tip, low, high), clamp(-self.tip, low, high));
+        let half = |y: f32| {
+            let rest = self.cut - self.rise * y * self.rise * y;
+            max(rest, 0.0).sqrt() * self.width
+        };
+        let middle = self.mean[0];
+        let first = middle + self.slope * left - half(left);
+        tiles_between(first, middle + self.slope * right + half(right), count)
+    }
 }
 
-/// `q = dᵀ Q d` from the conic's factor.
-pub fn conic_form(l: [f32; 3], dx: f32, dy: f32) -> f32 {
-    let u = l[0] * dx + l[1] * dy;
-    let w = l[2] * dy;
-    u * u + w * w
+/// Tiles `[first, end)` of `count` along an axis whose span of pixel centres meets `[low, high]`.
+fn tiles_between(low: f32, high: f32, count: u32) -> [u32; 2] {
+    let scale = 1.0 / TILE as f32;
+    let limit = count as f32;
+    let first = clamp(((low - (TILE as f32 - 0.5)) * scale).ceil(), 0.0, limit);
+    let end = clamp(((high - 0.5) * scale).floor() + 1.0, first, limit);
+    // Signed conversions are one instruction on a CPU's vectors, unsigned ones several.
+    [first as i32 as u32, end as i32 as u32]
+}
+
+/// Items `[first, end)` of workgroup `block`, of 2^`log_blocks` that share `count` items evenly, in
+/// multiples of `lanes`.
+pub fn block(count: u32, log_blocks: u32, block: u32, lanes: u32) -> [u32; 2] {
+    let each = ((count >> (log_blocks & 31)) / lanes + 1) * lanes;
+    let first = block * each;
+    let end = first + each;
+    [if first < count { first } else { count }, if end < count { end } else { count }]
+}
+
+/// Bits of a digit, so that [`DIGITS`] digits hold a key; at least 5, so that the digits fill every
+/// workgroup.
+pub fn digit_bits(largest_key: u32) -> u32 {
+    let bits = (u32::BITS - largest_key.leading_zeros()).div_ceil(DIGITS);
+    if bits > 5 { bits } else { 5 }
+}
+
+/// Rows of tiles in a band of at most [`TABLE`] tiles.
+pub fn band_rows(tiles_x: u32) -> u32 {
+    TABLE / tiles_x
+}
+
+/// The sum, or the largest number where it would wrap: then the host hears of too many pairs, not
+/// of a few.
+pub fn saturating(a: u32, b: u32) -> u32 {
+    let sum = a.wrapping_add(b);
+    if sum < a { u32::MAX } else { sum }
 }
 
 /// Number of coefficients of a degree.
 pub const fn sh_coefficients(degree: u32) -> u32 {
     (degree + 1) * (degree + 1)
+}
+
+/// Planes of the `sh` buffer, of a pair of floats a splat: two coefficients are three planes.
+pub const fn sh_planes(degree: u32) -> u32 {
+    3 * sh_coefficients(degree).div_ceil(2)
 }
 
 /// Real spherical harmonics at the unit direction `d`, degrees 0–3, signs and constants as Inria's.

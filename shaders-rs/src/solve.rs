@@ -34,7 +34,7 @@ pub fn solve(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] partials: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] params: &mut Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] groups: &mut [Groups],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] coded: &mut Coded,
 ) {
     if turn.first == 0 {
@@ -60,8 +60,6 @@ pub fn solve(
         coded.code = search::quantised(&s.found, &coded.anchor, s.program.profile);
         groups[0] = Groups::NONE;
         groups[1] = Groups::of(&levels[0]);
-        counters.radix_groups = [0, 1, 1];
-        counters.pair_groups = [0, 1, 1];
     } else {
         let mut next = levels[s.level as usize];
         search::set_pose(&mut next, &s.trial);

@@ -27,8 +27,18 @@ pub fn tiles(view: &View, s: &Projected, margin: f64) -> BTreeSet<u32> {
     tiles
 }
 
-/// The splat of every pair: each splat of `order` as often as it touches a tile.
-pub fn pair_splats(order: &[u32], tile_counts: &[u32]) -> Vec<u32> {
-    let each = |&splat: &u32| std::iter::repeat_n(splat, tile_counts[splat as usize] as usize);
-    order.iter().flat_map(each).collect()
+/// Where each block's part of each tile's list begins, from blocks of `tiles` counts; a last block
+/// says where the lists end.
+pub fn starts(counts: &[u32], tiles: usize) -> Vec<u32> {
+    let blocks = counts.len() / tiles;
+    let mut starts = vec![0; counts.len() + tiles];
+    let mut next = 0;
+    for tile in 0..tiles {
+        for block in 0..blocks {
+            starts[block * tiles + tile] = next;
+            next += counts[block * tiles + tile];
+        }
+        starts[blocks * tiles + tile] = next;
+    }
+    starts
 }

@@ -10,7 +10,6 @@ pub mod derive;
 pub mod harmonics;
 pub mod project;
 pub mod radix;
-pub mod ranges;
 pub mod reduce;
 pub mod risk;
 pub mod splat;

@@ -1,38 +1,66 @@
-//! Stages `bin_count`, `bin_scan`, `bin_emit`: (tile, splat) pairs in depth order.
+//! Stages `bin_count`, `bin_scan`, `bin_emit`: each tile's splats in depth order.
 
 use std::mem::offset_of;
 
-use crate::shared::Groups;
+use crate::Camera;
+use crate::shared::{self, Groups, TILE};
 use crate::vulkan::{Error, Recorder};
 
 use super::Kernels;
 use super::view::{Part, View};
 use super::workspace::Workspace;
 
-/// `order`: which of the two depth orders is sorted.
+/// Most counters of the table of blocks by tiles.
+const TABLE: u32 = 1 << 20;
+/// Most tiles of a picture.
+const TILES: u32 = (Camera::MAX_SIDE / TILE).pow(2);
+/// Words of the table, with the row that says where lists end.
+pub(crate) const STARTS: u32 = TABLE + TILES;
+/// Most bands of a picture: none has fewer rows of tiles than one as wide as a picture can be.
+pub(crate) const BANDS: u32 = TILES / shared::TABLE;
+
+const _: () = assert!(TABLE >= 4 * TILES, "blocks come by fours");
+
+/// Logarithm, base 2, of the number of blocks for a picture of so many tiles.
+pub(crate) fn log_blocks(most: u32, tiles: u32) -> u32 {
+    (TABLE / tiles.max(1)).max(1).ilog2().min(most)
+}
+
 pub(crate) fn record(
     recorder: &mut Recorder,
     kernels: &Kernels,
     view: &View,
     work: &Workspace,
-    order: usize,
     part: Part,
 ) -> Result<(), Error> {
+    let split = [view.log_bin_blocks];
     let blocks = part.at(offset_of!(Groups, bin_blocks));
-    let one = part.at(offset_of!(Groups, one));
-    let groups = &view.groups;
-    let order = &work.depth_order[order];
-    let (params, counts, sums) = (&view.params, &work.tile_counts, &work.block_sums);
-    recorder.dispatch_indirect(
-        &kernels.bin_count,
-        &[params, order, counts, sums],
-        &[],
-        groups,
-        blocks,
-    )?;
-    let buffers = [params, sums, &work.counters];
-    recorder.dispatch_indirect(&kernels.bin_scan, &buffers, &[], groups, one)?;
-    let (tiles, splats) = (&work.pair_tiles[0], &work.pair_splats[0]);
-    let buffers = [params, order, counts, sums, &work.records, tiles, splats];
-    recorder.dispatch_indirect(&kernels.bin_emit, &buffers, &[], groups, blocks)
+    let bands_at = part.at(offset_of!(Groups, bands));
+    let (r, groups) = (recorder, &view.groups);
+    let (params, counters, starts) = (&view.params, &work.counters, &work.tile_starts);
+    let (order, records, bands) = (&work.order, &work.records, &work.bands);
+    let buffers = [params, counters, order, records, starts];
+    r.dispatch_indirect(&kernels.bin_count, &buffers, &split, groups, blocks)?;
+    let buffers = [params, starts, bands];
+    r.dispatch_indirect(&kernels.bin_scan, &buffers, &split, groups, bands_at)?;
+    let (ranges, pairs) = (&view.ranges, &work.pair_splats);
+    let buffers = [params, counters, order, records, starts, bands, ranges, pairs];
+    r.dispatch_indirect(&kernels.bin_emit, &buffers, &split, groups, blocks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shared::band_rows;
+
+    #[test]
+    fn tables_stay_bounded() {
+        for width in [8, 72, 1_024, Camera::MAX_SIDE] {
+            let bands = (Camera::MAX_SIDE / TILE).div_ceil(band_rows(width / TILE));
+            assert!(bands <= BANDS, "{width}: {bands} bands");
+        }
+        assert_eq!(log_blocks(4, 920), 4);
+        assert_eq!(log_blocks(7, 14_400), 6);
+        assert_eq!(log_blocks(7, TILES), 2);
+    }
 }

@@ -20,7 +20,7 @@ pub(crate) fn record(
 ) -> Result<(), Error> {
     let Some(derivatives) = &work.derivatives else { return Ok(()) };
     let (geometry, sh) = (&scene.geometry, &scene.sh);
-    let buffers = [&view.params, geometry, sh, &work.records, &work.tile_counts, derivatives];
+    let buffers = [&view.params, geometry, sh, &work.records, &work.keys, derivatives];
     let at = part.at(offset_of!(Groups, splats));
     recorder.dispatch_indirect(&kernels.derive, &buffers, &[], &view.groups, at)
 }

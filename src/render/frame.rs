@@ -10,6 +10,7 @@ use crate::search::{Anchor, PoseCode, Program, Search};
 use crate::shared::{GROUP, Groups};
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
 
+use super::radix::Fineness;
 use super::view::{Level, Part, View};
 use super::workspace::Workspace;
 use super::{Jacobian, Kernels, Scene, derive, lists, splat};
@@ -137,13 +138,12 @@ impl Chain<'_> {
     fn record_slot(&self, r: &mut Recorder) -> Result<(), Error> {
         let Chain { kernels, scene, view, work, .. } = *self;
         let part = Part::First;
-        lists::record_pairs(r, kernels, scene, view, work, part)?;
-        let sorted = lists::record_ranges(r, kernels, view, work, part)?;
+        lists::record(r, kernels, scene, view, work, Fineness::Coarse, part)?;
         match self.jacobian {
-            Jacobian::Flow => splat::record_flow(r, kernels, view, work, sorted, part)?,
+            Jacobian::Flow => splat::record_flow(r, kernels, view, work, part)?,
             Jacobian::Exact => {
                 derive::record(r, kernels, scene, view, work, part)?;
-                splat::record_exact(r, kernels, view, work, sorted, part)?;
+                splat::record_exact(r, kernels, view, work, part)?;
             }
         }
         self.record_solve(r, false)
@@ -215,9 +215,8 @@ pub(crate) fn record_picture(
     work: &Workspace,
     part: Part,
 ) -> Result<(), Error> {
-    lists::record_pairs(r, kernels, scene, view, work, part)?;
-    let sorted = lists::record_ranges(r, kernels, view, work, part)?;
-    splat::record(r, kernels, view, work, sorted, part)
+    lists::record(r, kernels, scene, view, work, Fineness::Exact, part)?;
+    splat::record(r, kernels, view, work, part)
 }
 
 /// The picture in 8 bits.

@@ -2,55 +2,35 @@
 
 use crate::vulkan::{Error, Recorder};
 
-use super::radix::{Keys, Sort};
+use super::radix::{Fineness, Sort};
 use super::view::{Part, View};
 use super::workspace::Workspace;
-use super::{Kernels, Scene, bin, project, radix, ranges};
+use super::{Kernels, Scene, bin, project, radix};
 
-/// Projection, sorting by depth and binning; returns which of the depth orders is sorted. The pairs
-/// lie in depth order in the first of the pair buffers.
-pub(crate) fn record_pairs(
+/// Projection, sorting by depth and binning: leaves each tile's splats in depth order.
+pub(crate) fn record(
     recorder: &mut Recorder,
     kernels: &Kernels,
     scene: &Scene,
     view: &View,
     work: &Workspace,
+    fineness: Fineness,
     part: Part,
-) -> Result<usize, Error> {
+) -> Result<(), Error> {
+    recorder.fill(&work.counters, 0);
     project::record(recorder, kernels, scene, view, work, part)?;
     let sort = Sort {
-        what: Keys::Depth(part),
-        passes: radix::passes(u32::MAX),
-        counters: &work.counters,
+        fineness,
+        count: scene.splats,
+        log_blocks: view.log_sort_blocks,
+        part,
         groups: &view.groups,
-        histogram: &work.histogram,
-        keys: &work.depth_keys,
-        values: &work.depth_order,
-    };
-    let order = radix::record(recorder, kernels, &sort)?;
-    bin::record(recorder, kernels, view, work, order, part)?;
-    Ok(order)
-}
-
-/// Sorting by tile and the tiles' ranges; returns which of the pair buffers is sorted.
-pub(crate) fn record_ranges(
-    recorder: &mut Recorder,
-    kernels: &Kernels,
-    view: &View,
-    work: &Workspace,
-    part: Part,
-) -> Result<usize, Error> {
-    let sort = Sort {
-        what: Keys::Tile(part),
-        // One value more than there are tiles: padding sorts behind the last.
-        passes: radix::passes(view.most_tiles() + 1),
         counters: &work.counters,
-        groups: &view.groups,
         histogram: &work.histogram,
-        keys: &work.pair_tiles,
-        values: &work.pair_splats,
+        keys: &work.keys,
+        between: &work.between,
+        order: &work.order,
     };
-    let sorted = radix::record(recorder, kernels, &sort)?;
-    ranges::record(recorder, kernels, view, work, sorted)?;
-    Ok(sorted)
+    radix::record(recorder, kernels, &sort)?;
+    bin::record(recorder, kernels, view, work, part)
 }

@@ -13,7 +13,6 @@ mod lists;
 pub mod probe;
 pub(crate) mod project;
 pub(crate) mod radix;
-pub(crate) mod ranges;
 pub(crate) mod reduce;
 mod renderer;
 mod scene;
@@ -23,6 +22,7 @@ mod workspace;
 
 pub use frame::to_byte;
 pub use kernels::Kernels;
+pub use radix::Fineness;
 pub use renderer::{Jacobian, Job, Plan, Renderer, Searched};
 pub use scene::Scene;
 pub use view::NormalEquations;

@@ -2,100 +2,99 @@
 
 use bytemuck::AnyBitPattern;
 
-use crate::shared::{BIN_BLOCK, Counters, DERIVATIVES, Groups, Params, RADIX, RADIX_BLOCK, RECORD};
+use crate::shared::{CULLED, Counters, DERIVATIVES, Groups, Params, RECORD, TABLE};
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder, Timing};
 use crate::{Camera, Engine, Pose};
 
-use super::radix::{Keys, Sort};
+pub use super::radix::Fineness;
+
+use super::radix::Sort;
 use super::view::{Part, View};
 use super::workspace::Workspace;
-use super::{Kernels, Scene, derive, lists, radix};
+use super::{Scene, derive, lists, radix};
 
-/// Sorts keys with values in four passes, as the splats by depth are.
-///
-/// # Panics
-/// Where the numbers of keys and values differ.
-pub fn sort(engine: &Engine, keys: &[u32], values: &[u32]) -> Result<(Vec<u32>, Vec<u32>), Error> {
-    assert_eq!(keys.len(), values.len(), "keys and values");
-    let device = &engine.device;
+/// The places of the keys in the order of their values, equal ones by place; without those that are
+/// [`CULLED`](crate::shared::CULLED).
+pub fn sort(engine: &Engine, keys: &[u32], fineness: Fineness) -> Result<Vec<u32>, Error> {
+    let (device, kernels) = (&engine.device, &*engine.kernels);
     let count = keys.len() as u32;
-    let blocks = count.div_ceil(RADIX_BLOCK) * RADIX;
-    let own = |name| Buffer::new::<u32>(device, name, keys.len(), Memory::Device);
-    let keys = [Buffer::from_slice(device, "keys", keys)?, own("sorted keys")?];
-    let values = [Buffer::from_slice(device, "values", values)?, own("sorted values")?];
-    let counters = Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?;
-    let histogram = Buffer::new::<u32>(device, "digit histogram", blocks as usize, Memory::Device)?;
+    let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
+    let between = || Ok::<_, Error>([own("keys", keys.len())?, own("values", keys.len())?]);
+    let largest = keys.iter().copied().filter(|key| *key != CULLED).max();
+    let counters = Counters { largest_key: largest.unwrap_or(0), ..Counters::default() };
+    let counters = Buffer::from_slice(device, "counters", &[counters])?;
+    let order = own("order", keys.len())?;
+    let log_blocks = super::kernels::log_blocks(device, count);
+    let groups = Groups { sort_blocks: [1 << log_blocks, 1, 1], one: [1, 1, 1], ..Groups::NONE };
+    let sort = Sort {
+        fineness,
+        count,
+        log_blocks,
+        part: Part::First,
+        groups: &Buffer::from_slice(device, "workgroups", &[groups])?,
+        counters: &counters,
+        histogram: &own("digit histogram", (TABLE << log_blocks) as usize)?,
+        keys: &Buffer::from_slice(device, "keys", keys)?,
+        between: &[between()?, between()?],
+        order: &order,
+    };
     let mut recorder = Recorder::new(device, Timing::None)?;
-    recorder.fill(&counters, count);
-    let depth = Keys::Depth(Part::First);
-    let groups = Groups::of(&Params { splats: count, ..Params::default() });
-    let groups = Buffer::from_slice(device, "workgroups", &[groups])?;
-    let r = &mut recorder;
-    let kernels = &engine.kernels;
-    let sorted = radix::record(
-        r,
-        kernels,
-        &Sort {
-            what: depth,
-            passes: 4,
-            counters: &counters,
-            groups: &groups,
-            histogram: &histogram,
-            keys: &keys,
-            values: &values,
-        },
-    )?;
+    radix::record(&mut recorder, kernels, &sort)?;
     recorder.finish()?.run()?;
-    let read = |buffer| read::<u32>(device, buffer, count as usize);
-    Ok((read(&keys[sorted])?, read(&values[sorted])?))
+    let sorted = read::<Counters>(device, &counters, 1)?[0].visible;
+    read(device, &order, sorted as usize)
 }
 
-/// Stages `bin_count` and `bin_scan` alone, for splats in the order of their indices: the pairs
-/// that the picture needs, and where each block's begin.
-pub fn count_pairs(engine: &Engine, tile_counts: &[u32]) -> Result<(u32, Vec<u32>), Error> {
+/// What stage `bin_scan` makes of each block's pairs by tile.
+pub struct TileStarts {
+    /// Pairs of the tiles.
+    pub pairs: u32,
+    /// Where each block's part of each tile's list begins, and, last, where the lists end.
+    pub starts: Vec<u32>,
+}
+
+/// Stage `bin_scan` alone, on blocks × tiles counts of one band.
+///
+/// # Panics
+/// Where the blocks are not a power of two from 4 on, or there are not `tiles` counts each.
+pub fn scan_tiles(engine: &Engine, tiles: u32, counts: &[u32]) -> Result<TileStarts, Error> {
     let (device, kernels) = (&engine.device, &*engine.kernels);
-    let count = tile_counts.len() as u32;
-    let blocks = count.div_ceil(BIN_BLOCK);
-    let params = Params { splats: count, pair_capacity: u32::MAX, ..Params::default() };
+    let log_blocks = (counts.len() as u32 / tiles).ilog2();
+    assert!(log_blocks >= 2, "four blocks or more");
+    assert_eq!((tiles as usize) << log_blocks, counts.len(), "counts of whole blocks");
+    let params = Params { tiles_x: tiles, tiles_y: 1, ..Params::default() };
     let params = Buffer::from_slice(device, "parameters", &[params])?;
-    let order: Vec<u32> = (0..count).collect();
-    let order = Buffer::from_slice(device, "depth order", &order)?;
-    let tile_counts = Buffer::from_slice(device, "tile counts", tile_counts)?;
-    let sums = Buffer::new::<u32>(device, "block sums", blocks as usize, Memory::Device)?;
-    let counters = Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?;
+    let mut starts = counts.to_vec();
+    starts.resize(counts.len() + tiles as usize, 0);
+    let starts = Buffer::from_slice(device, "tile starts", &starts)?;
+    let bands = Buffer::new::<u32>(device, "bands", 1, Memory::Device)?;
     let mut recorder = Recorder::new(device, Timing::None)?;
-    let buffers = [&params, &order, &tile_counts, &sums];
-    recorder.dispatch(&kernels.bin_count, &buffers, &[], [blocks, 1, 1])?;
-    recorder.dispatch(&kernels.bin_scan, &[&params, &sums, &counters], &[], [1, 1, 1])?;
+    let buffers = [&params, &starts, &bands];
+    recorder.dispatch(&kernels.bin_scan, &buffers, &[log_blocks], [1, 1, 1])?;
     recorder.finish()?.run()?;
-    let needed = read::<Counters>(device, &counters, 1)?[0].pairs_needed;
-    Ok((needed, read(device, &sums, blocks as usize)?))
+    Ok(TileStarts {
+        pairs: read::<u32>(device, &bands, 1)?[0],
+        starts: read(device, &starts, counts.len() + tiles as usize)?,
+    })
 }
 
 /// What every stage before the blending left, up to the pairs that there was room for.
 #[derive(Clone, Debug)]
 pub struct Stages {
-    /// Stage `project`, twelve floats a splat; not written where the splat touches no tile.
+    /// Stage `project`, twelve floats a splat; not written where the splat is culled. The last, one
+    /// more than there are splats, shows nothing.
     pub records: Vec<[f32; 4 * RECORD as usize]>,
     /// Stage `project`.
-    pub tile_counts: Vec<u32>,
-    /// Stage `derive`; not written where the splat touches no tile.
+    pub keys: Vec<u32>,
+    /// Stage `derive`, as the records.
     pub derivatives: Vec<[f32; 4 * DERIVATIVES as usize]>,
-    /// Depth keys, sorted.
-    pub depth_keys: Vec<u32>,
-    /// Splats in the order of the keys.
+    /// Visible splats in the order of their keys.
     pub order: Vec<u32>,
     /// Pairs that the picture needs.
     pub pairs_needed: u32,
-    /// Stage `bin_emit`: tile of each pair.
-    pub pair_tiles: Vec<u32>,
-    /// Stage `bin_emit`: splat of each pair.
+    /// Stage `bin_emit`: the splats of all tiles.
     pub pair_splats: Vec<u32>,
-    /// Tiles of the pairs, sorted.
-    pub sorted_tiles: Vec<u32>,
-    /// Splats of the pairs, sorted by tile.
-    pub sorted_splats: Vec<u32>,
-    /// Stage `ranges`.
+    /// Stage `bin_emit`: where in them each tile's are.
     pub ranges: Vec<[u32; 2]>,
 }
 
@@ -106,64 +105,32 @@ pub fn stages(
     camera: &Camera,
     pose: &Pose,
     pair_capacity: u32,
+    fineness: Fineness,
 ) -> Result<Stages, Error> {
     let (device, kernels) = (&engine.device, &*engine.kernels);
     let work = Workspace::new(device, scene, pair_capacity, true)?;
     let mut view = View::new(device, scene, camera, &[1])?;
     view.ask(scene, 0, pair_capacity, pose);
 
-    let by_depth = emit_pairs(device, kernels, scene, &view, &work)?;
-    // The sort by tile writes over the pairs as emitted: they are read before it.
+    let mut recorder = Recorder::new(device, Timing::None)?;
+    recorder.copy(&view.params_asked, &view.params)?;
+    recorder.copy(&view.groups_asked, &view.groups)?;
+    lists::record(&mut recorder, kernels, scene, &view, &work, fineness, Part::First)?;
+    derive::record(&mut recorder, kernels, scene, &view, &work, Part::First)?;
+    recorder.finish()?.run()?;
     let counters = read::<Counters>(device, &work.counters, 1)?[0];
-    let (splats, pairs) = (scene.splats as usize, counters.sort[1] as usize);
-    let pair_tiles = read(device, &work.pair_tiles[0], pairs)?;
-    let pair_splats = read(device, &work.pair_splats[0], pairs)?;
-    let by_tile = sort_pairs(device, kernels, &view, &work)?;
-    let derivatives = work.derivatives.as_ref().map(|d| read(device, d, splats));
+    let splats = scene.splats as usize;
+    let pairs = counters.pairs_needed.min(pair_capacity) as usize;
+    let derivatives = work.derivatives.as_ref().map(|d| read(device, d, splats + 1));
     Ok(Stages {
-        records: read(device, &work.records, splats)?,
-        tile_counts: read(device, &work.tile_counts, splats)?,
+        records: read(device, &work.records, splats + 1)?,
+        keys: read(device, &work.keys, splats)?,
         derivatives: derivatives.transpose()?.unwrap_or_default(),
-        depth_keys: read(device, &work.depth_keys[by_depth], splats)?,
-        order: read(device, &work.depth_order[by_depth], splats)?,
+        order: read(device, &work.order, counters.visible as usize)?,
         pairs_needed: counters.pairs_needed,
-        pair_tiles,
-        pair_splats,
-        sorted_tiles: read(device, &work.pair_tiles[by_tile], pairs)?,
-        sorted_splats: read(device, &work.pair_splats[by_tile], pairs)?,
+        pair_splats: read(device, &work.pair_splats, pairs)?,
         ranges: read(device, &view.ranges, view.most_tiles() as usize)?,
     })
-}
-
-/// Runs the stages up to the pairs in depth order; returns which of the depth orders is sorted.
-fn emit_pairs(
-    device: &Device,
-    kernels: &Kernels,
-    scene: &Scene,
-    view: &View,
-    work: &Workspace,
-) -> Result<usize, Error> {
-    let mut recorder = Recorder::new(device, Timing::None)?;
-    let r = &mut recorder;
-    r.copy(&view.params_asked, &view.params)?;
-    r.copy(&view.groups_asked, &view.groups)?;
-    let by_depth = lists::record_pairs(r, kernels, scene, view, work, Part::First)?;
-    derive::record(r, kernels, scene, view, work, Part::First)?;
-    recorder.finish()?.run()?;
-    Ok(by_depth)
-}
-
-/// Sorts the pairs by tile and finds the ranges; returns which of the pair buffers is sorted.
-fn sort_pairs(
-    device: &Device,
-    kernels: &Kernels,
-    view: &View,
-    work: &Workspace,
-) -> Result<usize, Error> {
-    let mut recorder = Recorder::new(device, Timing::None)?;
-    let sorted = lists::record_ranges(&mut recorder, kernels, view, work, Part::First)?;
-    recorder.finish()?.run()?;
-    Ok(sorted)
 }
 
 /// The first `count` values of a buffer that only the device sees.

@@ -1,4 +1,4 @@
-//! Stage `project`: mean, conic, colour, depth and tile count of every splat.
+//! Stage `project`: mean, conic, colour and depth key of every splat.
 
 use std::mem::offset_of;
 
@@ -17,15 +17,8 @@ pub(crate) fn record(
     work: &Workspace,
     part: Part,
 ) -> Result<(), Error> {
-    let buffers = [
-        &view.params,
-        &scene.geometry,
-        &scene.sh,
-        &work.records,
-        &work.tile_counts,
-        &work.depth_keys[0],
-        &work.depth_order[0],
-    ];
+    let (geometry, sh) = (&scene.geometry, &scene.sh);
+    let buffers = [&view.params, geometry, sh, &work.records, &work.keys, &work.counters];
     let at = part.at(offset_of!(Groups, splats));
     recorder.dispatch_indirect(&kernels.project, &buffers, &[], &view.groups, at)
 }

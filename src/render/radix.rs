@@ -1,113 +1,64 @@
-//! Stages `radix_count`, `radix_scan`, `radix_scatter`: a stable radix sort of keys with values.
+//! Stages `radix_count`, `radix_scan`, `radix_scatter`: a stable radix sort of depth keys with their
+//! splats.
 
 use std::mem::offset_of;
 
-use crate::shared::{Counters, Groups, RADIX};
+use crate::shared::{DIGITS, Groups};
 use crate::vulkan::{Buffer, Error, Recorder};
 
 use super::Kernels;
 use super::view::Part;
 
-/// What is sorted; an index into [`Counters::sort`].
-#[derive(Clone, Copy)]
-pub(crate) enum Keys {
-    /// Splats by depth.
-    Depth(Part),
-    /// Pairs by tile; their number is known on the device alone.
-    Tile(Part),
+/// How finely depths are told apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fineness {
+    /// As they are: the picture's definition.
+    Exact,
+    /// To about a part in 8,000, of which all count as equal: two passes of three. For evaluations whose
+    /// picture nobody sees.
+    Coarse,
 }
 
-/// Number of 8-bit passes for keys below `limit`.
-pub(crate) fn passes(limit: u32) -> u32 {
-    (u32::BITS - limit.saturating_sub(1).leading_zeros()).div_ceil(RADIX.ilog2()).max(1)
-}
-
-/// A sort of `keys[0]` with `values[0]` in passes of 8 bits, which swap between the buffers.
+/// A sort of `count` keys, of which those that are not culled go into the order.
 pub(crate) struct Sort<'a> {
-    pub what: Keys,
-    pub passes: u32,
-    pub counters: &'a Buffer,
+    pub fineness: Fineness,
+    pub count: u32,
+    /// Logarithm of the number of workgroups that share them.
+    pub log_blocks: u32,
+    /// Which of `groups` say whether it is run.
+    pub part: Part,
     pub groups: &'a Buffer,
+    pub counters: &'a Buffer,
     pub histogram: &'a Buffer,
-    pub keys: &'a [Buffer; 2],
-    pub values: &'a [Buffer; 2],
+    pub keys: &'a Buffer,
+    /// Keys and values of the passes but the last, in turn.
+    pub between: &'a [[Buffer; 2]; 2],
+    /// The splats in the order of their keys, equal ones by index.
+    pub order: &'a Buffer,
 }
 
-/// Records a sort; returns which of the two buffers holds the result.
-pub(crate) fn record(
-    recorder: &mut Recorder,
-    kernels: &Kernels,
-    sort: &Sort,
-) -> Result<usize, Error> {
-    let Sort { what, passes, counters, groups, histogram, keys, values } = *sort;
-    let mut from = 0;
-    for pass in 0..passes {
-        let to = 1 - from;
-        let constants = [what.index(), pass * RADIX.ilog2()];
-        let (k, r) = (kernels, &mut *recorder);
-        what.dispatch(
-            r,
-            &k.radix_count,
-            &[counters, &keys[from], histogram],
-            &constants,
-            [counters, groups],
-        )?;
-        let one = what.part().at(offset_of!(Groups, one));
+/// Records a sort. The number of keys sorted is left in the counters, which must hold the largest.
+pub(crate) fn record(recorder: &mut Recorder, kernels: &Kernels, sort: &Sort) -> Result<(), Error> {
+    let Sort { fineness, count, log_blocks, counters, histogram, order, .. } = *sort;
+    let (groups, keys, between) = (sort.groups, sort.keys, sort.between);
+    let blocks = sort.part.at(offset_of!(Groups, sort_blocks));
+    let one = sort.part.at(offset_of!(Groups, one));
+    let r = recorder;
+    // The coarse order leaves out the lowest digit.
+    let first = if fineness == Fineness::Exact { 0 } else { 1 };
+    // The first pass takes the place of a key for its value.
+    let (mut keys, mut values) = (keys, &between[1][1]);
+    for digit in first..DIGITS {
+        let [keys_out, values_out] = &between[digit as usize % 2];
+        let values_out = if digit + 1 < DIGITS { values_out } else { order };
+        let constants = [digit, (digit == first).into(), log_blocks, count];
+        let buffers = [counters, keys, histogram];
+        r.dispatch_indirect(&kernels.radix_count, &buffers, &constants, groups, blocks)?;
         let buffers = [counters, histogram];
-        r.dispatch_indirect(&k.radix_scan, &buffers, &constants, groups, one)?;
-        let buffers = [counters, histogram, &keys[from], &values[from], &keys[to], &values[to]];
-        what.dispatch(r, &k.radix_scatter, &buffers, &constants, [counters, groups])?;
-        from = to;
+        r.dispatch_indirect(&kernels.radix_scan, &buffers, &constants, groups, one)?;
+        let buffers = [counters, histogram, keys, values, keys_out, values_out];
+        r.dispatch_indirect(&kernels.radix_scatter, &buffers, &constants, groups, blocks)?;
+        (keys, values) = (keys_out, values_out);
     }
-    Ok(from)
-}
-
-impl Keys {
-    fn index(self) -> u32 {
-        match self {
-            Keys::Depth(_) => 0,
-            Keys::Tile(_) => 1,
-        }
-    }
-
-    fn part(self) -> Part {
-        let (Keys::Depth(part) | Keys::Tile(part)) = self;
-        part
-    }
-
-    /// One workgroup a block of keys.
-    fn dispatch(
-        self,
-        recorder: &mut Recorder,
-        kernel: &crate::vulkan::Kernel,
-        buffers: &[&Buffer],
-        constants: &[u32],
-        [counters, groups]: [&Buffer; 2],
-    ) -> Result<(), Error> {
-        match self {
-            Keys::Depth(part) => {
-                let at = part.at(offset_of!(Groups, radix_blocks));
-                recorder.dispatch_indirect(kernel, buffers, constants, groups, at)
-            }
-            Keys::Tile(_) => {
-                let offset = offset_of!(Counters, radix_groups) as u64;
-                recorder.dispatch_indirect(kernel, buffers, constants, counters, offset)
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::passes;
-
-    #[test]
-    fn passes_cover_the_keys() {
-        assert_eq!(passes(1), 1);
-        assert_eq!(passes(256), 1);
-        assert_eq!(passes(257), 2);
-        assert_eq!(passes(65_536), 2);
-        assert_eq!(passes(65_537), 3);
-        assert_eq!(passes(u32::MAX), 4);
-    }
+    Ok(())
 }

@@ -10,6 +10,7 @@ use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
 use super::frame::{self, Bytes, Chain, Coded, Frame, SLOTS};
+use super::radix::Fineness;
 use super::view::{NormalEquations, Part, View, anchor};
 use super::workspace::Workspace;
 use super::{Kernels, Scene, derive, lists, reduce, splat};
@@ -403,13 +404,12 @@ fn record_sums(
     jacobian: Jacobian,
 ) -> Result<(), Error> {
     let part = Part::First;
-    lists::record_pairs(r, kernels, scene, view, work, part)?;
-    let sorted = lists::record_ranges(r, kernels, view, work, part)?;
+    lists::record(r, kernels, scene, view, work, Fineness::Exact, part)?;
     match jacobian {
-        Jacobian::Flow => splat::record_flow(r, kernels, view, work, sorted, part)?,
+        Jacobian::Flow => splat::record_flow(r, kernels, view, work, part)?,
         Jacobian::Exact => {
             derive::record(r, kernels, scene, view, work, part)?;
-            splat::record_exact(r, kernels, view, work, sorted, part)?;
+            splat::record_exact(r, kernels, view, work, part)?;
         }
     }
     reduce::record(r, kernels, view)

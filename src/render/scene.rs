@@ -3,7 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::prior::{PriorFrame, Splats};
-use crate::shared::GEOMETRY_PLANES;
+use crate::shared::{self, GEOMETRY_PLANES};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
 
@@ -74,32 +74,36 @@ fn centre(prior: &Prior) -> DVec3 {
 
 /// Planes of position (relative to `centre`), opacity and axes, computed in f64 and rounded once.
 fn geometry(splats: &Splats, centre: DVec3) -> Vec<f32> {
-    let n = splats.len();
-    let mut planes = vec![0.0; n * GEOMETRY_PLANES as usize];
-    for i in 0..n {
+    pair_planes(splats.len(), GEOMETRY_PLANES, |i| {
         let axes = scaled_axes(splats, i).to_cols_array();
         let position = DVec3::from(splats.positions[i].map(f64::from)) - centre;
-        let values = position
+        position
             .to_array()
             .map(|v| v as f32)
             .into_iter()
             .chain([opacity(splats, i) as f32])
-            .chain(axes.map(|v| v as f32));
-        for (plane, value) in values.enumerate() {
-            planes[plane * n + i] = value;
-        }
-    }
-    planes
+            .chain(axes.map(|v| v as f32))
+    })
 }
 
-/// A plane per coefficient and channel.
+/// Planes of the coefficients, RGB after RGB; two coefficients are three planes.
 fn sh_planes(splats: &Splats) -> Vec<f32> {
-    let (n, stride) = (splats.len(), splats.sh_stride());
-    let mut planes = vec![0.0; n * stride];
-    for (i, coefficients) in splats.sh.chunks_exact(stride).enumerate() {
-        for (k, value) in coefficients.iter().enumerate() {
-            planes[k * n + i] = *value;
+    let stride = splats.sh_stride();
+    let planes = shared::sh_planes(splats.sh_degree);
+    pair_planes(splats.len(), planes, |i| splats.sh[i * stride..][..stride].iter().copied())
+}
+
+/// Two values of every splat to a plane; 0 where it has no more.
+fn pair_planes<I: Iterator<Item = f32>>(
+    splats: usize,
+    planes: u32,
+    values: impl Fn(usize) -> I,
+) -> Vec<f32> {
+    let mut words = vec![0.0; splats * planes as usize * 2];
+    for i in 0..splats {
+        for (k, value) in values(i).enumerate() {
+            words[(k / 2 * splats + i) * 2 + k % 2] = value;
         }
     }
-    planes
+    words
 }

@@ -15,10 +15,9 @@ pub(crate) fn record(
     kernels: &Kernels,
     view: &View,
     work: &Workspace,
-    sorted: usize,
     part: Part,
 ) -> Result<(), Error> {
-    let pairs = &work.pair_splats[sorted];
+    let pairs = &work.pair_splats;
     let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.image];
     let tiles = part.at(offset_of!(Groups, tiles));
     recorder.dispatch_indirect(&kernels.splat, &buffers, &[], &view.groups, tiles)
@@ -30,10 +29,9 @@ pub(crate) fn record_flow(
     kernels: &Kernels,
     view: &View,
     work: &Workspace,
-    sorted: usize,
     part: Part,
 ) -> Result<(), Error> {
-    let pairs = &work.pair_splats[sorted];
+    let pairs = &work.pair_splats;
     let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.frame, &view.partials];
     let tiles = part.at(offset_of!(Groups, tiles));
     recorder.dispatch_indirect(&kernels.splat_flow, &buffers, &[], &view.groups, tiles)
@@ -46,11 +44,10 @@ pub(crate) fn record_exact(
     kernels: &Kernels,
     view: &View,
     work: &Workspace,
-    sorted: usize,
     part: Part,
 ) -> Result<(), Error> {
     let Some(derivatives) = &work.derivatives else { return Ok(()) };
-    let pairs = &work.pair_splats[sorted];
+    let pairs = &work.pair_splats;
     let (frame, partials) = (&view.frame, &view.partials);
     let buffers = [&view.params, &view.ranges, pairs, &work.records, frame, partials, derivatives];
     let tiles = part.at(offset_of!(Groups, tiles));

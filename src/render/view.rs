@@ -8,7 +8,7 @@ use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, low_pass};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose};
 
-use super::Scene;
+use super::{Scene, bin, kernels};
 
 /// One picture size.
 pub(crate) struct Level {
@@ -19,10 +19,14 @@ pub(crate) struct Level {
     pub params: Params,
 }
 
-/// Buffers of all levels; each is as large as the largest level needs, but for `frame`, which holds
+/// Buffers of all levels, and how many workgroups share the splats; each buffer is as large as the largest level needs, but for `frame`, which holds
 /// all of them.
 pub(crate) struct View {
     pub levels: Vec<Level>,
+    /// Logarithm of the number of workgroups that share the sort of the splats.
+    pub log_sort_blocks: u32,
+    /// Logarithm of the number of those that share their binning.
+    pub log_bin_blocks: u32,
     /// [`Level::params`] of each level, for stages that choose between them.
     pub prototypes: Buffer,
     /// What the host asks for, copied to `params` and `groups` before its renders.
@@ -115,6 +119,12 @@ impl View {
         let most = |count: fn(&Level) -> usize| levels.iter().map(count).max().unwrap_or(0);
         let pixels = most(|level| level.camera.pixels());
         let tiles = most(|level| (level.params.tiles_x * level.params.tiles_y) as usize);
+        let log_sort_blocks = kernels::log_blocks(device, scene.splats);
+        let log_bin_blocks = bin::log_blocks(log_sort_blocks, tiles as u32);
+        for Level { params, .. } in &mut levels {
+            params.sort_blocks = 1 << log_sort_blocks;
+            params.bin_blocks = 1 << log_bin_blocks;
+        }
         let image = pixels * PIXEL as usize;
         let own = |name, count, memory| Buffer::new::<f32>(device, name, count, memory);
         Ok(View {
@@ -130,6 +140,8 @@ impl View {
             partials: own("sums by tile", tiles * SUMS as usize, Memory::Device)?,
             sums: own("sums", SUMS as usize, Memory::Readback)?,
             levels,
+            log_sort_blocks,
+            log_bin_blocks,
         })
     }
 

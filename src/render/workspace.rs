@@ -1,28 +1,33 @@
 //! Buffers that all views of a renderer use in turn.
 
-use crate::shared::{BIN_BLOCK, CULLED, Counters, DERIVATIVES, RADIX, RADIX_BLOCK, RECORD};
+use crate::shared::{Counters, DERIVATIVES, RECORD, TABLE};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
-use super::Scene;
+use super::{Scene, bin, kernels};
 
-/// Splat-sized and pair-sized buffers. Sorts swap between the two of a pair of buffers.
+/// Splat-sized and pair-sized buffers.
 pub(crate) struct Workspace {
+    /// One more than there are splats: the last shows nothing.
     pub records: Buffer,
-    pub tile_counts: Buffer,
-    pub depth_keys: [Buffer; 2],
-    pub depth_order: [Buffer; 2],
-    pub block_sums: Buffer,
+    /// Depth keys by splat.
+    pub keys: Buffer,
+    /// Keys and splats between the passes of the sort.
+    pub between: [[Buffer; 2]; 2],
+    /// The visible splats in depth order.
+    pub order: Buffer,
     pub histogram: Buffer,
-    pub pair_tiles: [Buffer; 2],
-    pub pair_splats: [Buffer; 2],
+    /// Where each block's part of each tile's list begins; a last row for the ends.
+    pub tile_starts: Buffer,
+    /// Pairs of each band of tiles.
+    pub bands: Buffer,
+    /// Each tile's splats in depth order, at the tile's range.
+    pub pair_splats: Buffer,
     pub counters: Buffer,
     pub counters_read: Buffer,
     /// Only where the exact Jacobian is wanted.
     pub derivatives: Option<Buffer>,
     pub pair_capacity: u32,
 }
-
-const _: () = assert!(CULLED == u32::MAX, "culled splats must sort behind all depths");
 
 impl Workspace {
     pub fn new(
@@ -34,25 +39,26 @@ impl Workspace {
         let splats = scene.splats as usize;
         let pairs = pair_capacity as usize;
         let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
-        let two = |name, count| Ok::<_, Error>([own(name, count)?, own(name, count)?]);
-        let blocks = splats.max(pairs).div_ceil(RADIX_BLOCK as usize).max(1);
+        let log_blocks = kernels::log_blocks(device, scene.splats);
+        let between = || {
+            let keys = own("keys half sorted", splats)?;
+            Ok::<_, Error>([keys, own("splats half sorted", splats)?])
+        };
         let derivatives = exact
-            .then(|| own("pose derivatives", splats * 4 * DERIVATIVES as usize))
+            .then(|| own("pose derivatives", (splats + 1) * 4 * DERIVATIVES as usize))
             .transpose()?;
-        // All splats are sorted by depth, always.
-        let counters = Counters { sort: [scene.splats, 0], ..Counters::default() };
         let counters_read =
             Buffer::new::<Counters>(device, "counters read back", 1, Memory::Readback)?;
         Ok(Workspace {
-            records: own("projected splats", splats * 4 * RECORD as usize)?,
-            tile_counts: own("tile counts", splats)?,
-            depth_keys: two("depth keys", splats)?,
-            depth_order: two("depth order", splats)?,
-            block_sums: own("block sums", splats.div_ceil(BIN_BLOCK as usize))?,
-            histogram: own("digit histogram", blocks * RADIX as usize)?,
-            pair_tiles: two("pair tiles", pairs)?,
-            pair_splats: two("pair splats", pairs)?,
-            counters: Buffer::from_slice(device, "counters", &[counters])?,
+            records: own("projected splats", (splats + 1) * 4 * RECORD as usize)?,
+            keys: own("depth keys", splats)?,
+            between: [between()?, between()?],
+            order: own("depth order", splats)?,
+            histogram: own("digit histogram", (TABLE << log_blocks) as usize)?,
+            tile_starts: own("tile starts", bin::STARTS as usize)?,
+            bands: own("bands", bin::BANDS as usize)?,
+            pair_splats: own("pair splats", pairs)?,
+            counters: Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?,
             counters_read,
             derivatives,
             pair_capacity,

@@ -36,6 +36,8 @@ pub struct DeviceInfo {
     pub subgroup: u32,
     /// Whether compute shaders can shuffle within a subgroup.
     pub shuffles: bool,
+    /// Whether shaders may use 64-bit integers.
+    pub int64: bool,
     /// Shared memory of a workgroup, bytes.
     pub shared_memory: u32,
     /// Largest storage buffer, bytes.
@@ -322,6 +324,8 @@ impl Instance {
             .push_next(&mut driver);
         // SAFETY: the chained structures live through the call.
         unsafe { self.instance.get_physical_device_properties2(device, &mut properties) };
+        // SAFETY: a plain query.
+        let features = unsafe { self.instance.get_physical_device_features(device) };
         let p = properties.properties;
         let (kind, rank) = match p.device_type {
             vk::PhysicalDeviceType::DISCRETE_GPU => ("discrete GPU", 0),
@@ -339,6 +343,7 @@ impl Instance {
             subgroup: subgroup.subgroup_size,
             shuffles: subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::SHUFFLE)
                 && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE),
+            int64: features.shader_int64 == vk::TRUE,
             shared_memory: p.limits.max_compute_shared_memory_size,
             storage_range: u64::from(p.limits.max_storage_buffer_range),
             unified: matches!(rank, 1 | 3),
@@ -378,8 +383,14 @@ impl Instance {
             .queue_family_index(family)
             .queue_priorities(&priorities)];
         let mut vulkan12 = vk::PhysicalDeviceVulkan12Features::default().vulkan_memory_model(true);
-        let info =
-            vk::DeviceCreateInfo::default().queue_create_infos(&queues).push_next(&mut vulkan12);
+        // SAFETY: a plain query.
+        let features = unsafe { self.instance.get_physical_device_features(physical) };
+        let features =
+            vk::PhysicalDeviceFeatures::default().shader_int64(features.shader_int64 == vk::TRUE);
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_features(&features)
+            .push_next(&mut vulkan12);
         // SAFETY: `physical` has the family and the feature (`queue_family` checked both).
         unsafe { self.instance.create_device(physical, &info, None) }
             .map_err(Error::of("vkCreateDevice"))

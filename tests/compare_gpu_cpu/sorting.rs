@@ -1,20 +1,26 @@
 //! The radix sort against a stable sort.
 
 use nvsprior::reference::radix;
-use nvsprior::render::probe;
+use nvsprior::render::probe::{self, Fineness};
+use nvsprior::shared::{CULLED, digit_bits};
 
 use crate::common::{self, Random};
 
-/// Sizes about the block of 4096 keys, and one of many blocks.
-const SIZES: [usize; 8] = [1, 2, 255, 4_095, 4_096, 4_097, 8_193, 100_000];
+/// Fewer keys than there are blocks, about as many, and many a block.
+const SIZES: [usize; 8] = [1, 2, 15, 255, 4_095, 4_096, 8_193, 100_000];
 
 fn assert_sorts(what: &str, key: impl Fn(usize, usize) -> u32) {
     let engine = common::engine();
     for count in SIZES {
         let keys: Vec<u32> = (0..count).map(|i| key(i, count)).collect();
         let values: Vec<u32> = (0..count as u32).collect();
-        let sorted = probe::sort(&engine, &keys, &values).unwrap();
-        assert!(sorted == radix::sort(&keys, &values), "{count} keys, {what}");
+        let sorted = probe::sort(&engine, &keys, Fineness::Exact).unwrap();
+        assert!(sorted == radix::sort_visible(&keys, &values).1, "{count} keys, {what}");
+        let largest = keys.iter().copied().filter(|key| *key != CULLED).max().unwrap_or(0);
+        let coarse = |key: u32| if key == CULLED { key } else { key >> digit_bits(largest) };
+        let sorted = probe::sort(&engine, &keys, Fineness::Coarse).unwrap();
+        let keys: Vec<u32> = keys.into_iter().map(coarse).collect();
+        assert!(sorted == radix::sort_visible(&keys, &values).1, "{count} keys, {what}, coarse");
     }
     common::assert_silent(&engine);
 }
@@ -36,5 +42,14 @@ fn few_distinct_keys_keep_their_order() {
 fn sorted_and_reversed_keys() {
     assert_sorts("sorted", |i, _| i as u32 * 3);
     assert_sorts("reversed", |i, count| (count - i) as u32 * 40_000);
-    assert_sorts("largest", |i, _| u32::MAX - (i as u32 % 2));
+    assert_sorts("largest", |i, _| u32::MAX - 1 - (i as u32 % 2));
+    assert_sorts("smallest", |i, _| i as u32 % 2);
+}
+
+#[test]
+fn culled_keys_are_left_behind() {
+    let culled =
+        |i: usize, every: usize| if i.is_multiple_of(every) { u32::MAX } else { 7 * i as u32 };
+    assert_sorts("a third culled", |i, _| culled(i, 3));
+    assert_sorts("all culled", |i, _| culled(i, 1));
 }

@@ -1,11 +1,11 @@
-//! Single stages against their twins: projection, derivatives, depth order, binning, ranges.
+//! Single stages against their twins: projection, derivatives, depth order, binning.
 
 use nvsprior::prior::Splats;
 use nvsprior::reference::derive::{Motion, derive};
 use nvsprior::reference::project::Projected;
-use nvsprior::reference::{Twin, Twist, bin, radix, ranges};
-use nvsprior::render::probe::{self, Stages};
-use nvsprior::shared::{BIN_BLOCK, CULLED, TILE};
+use nvsprior::reference::{Twin, Twist, bin, radix};
+use nvsprior::render::probe::{self, Fineness, Stages};
+use nvsprior::shared::CULLED;
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 
 use crate::common::{self, Random, camera, random_pose, random_prior, random_splats};
@@ -16,7 +16,7 @@ const ROOM: u32 = 1 << 20;
 fn run(prior: &Prior, camera: &Camera, pose: &Pose, room: u32) -> Stages {
     let engine = common::engine();
     let scene = engine.upload(prior).unwrap();
-    let stages = probe::stages(&engine, &scene, camera, pose, room).unwrap();
+    let stages = probe::stages(&engine, &scene, camera, pose, room, Fineness::Exact).unwrap();
     common::assert_silent(&engine);
     stages
 }
@@ -66,7 +66,7 @@ fn projection() {
         let stages = run(&prior, &camera, &pose, ROOM);
         let twin = Twin::new(&prior);
         let seen = twin.project(&twin.view(&camera, &pose));
-        let drawn = seen.iter().filter(|s| stages.tile_counts[s.index as usize] > 0);
+        let drawn = seen.iter().filter(|s| stages.keys[s.index as usize] != CULLED);
         assert!(drawn.clone().count() > 500, "the scene is in view");
         drawn.for_each(|s| assert_record(&stages.records[s.index as usize], s));
     }
@@ -104,7 +104,7 @@ fn derivatives() {
         let twin = Twin::new(&prior);
         let view = twin.view(&camera, &pose);
         let seen = twin.project(&view);
-        for s in seen.iter().filter(|s| stages.tile_counts[s.index as usize] > 0) {
+        for s in seen.iter().filter(|s| stages.keys[s.index as usize] != CULLED) {
             let i = s.index;
             let got = motion_of(&stages.derivatives[i as usize]);
             let expected = derive(&view, &twin.splats()[i as usize], s);
@@ -122,42 +122,65 @@ fn derivatives() {
 }
 
 #[test]
+fn the_splat_beyond_the_last_shows_nothing() {
+    let prior = random_prior(60, 511, 1);
+    let stages = run(&prior, &camera(96, 64), &random_pose(60), ROOM);
+    let mut nothing = [0.0; 12];
+    nothing[11] = 1.0;
+    assert_eq!(stages.records[511], nothing, "no opacity, and a depth that can be divided by");
+    assert_eq!(stages.derivatives[511], [0.0; 48]);
+}
+
+#[test]
 fn depth_order() {
     let prior = random_prior(53, 9_000, 0);
     let stages = run(&prior, &camera(96, 64), &random_pose(53), ROOM);
-    let key = |i: u32| match stages.tile_counts[i as usize] {
-        0 => CULLED,
-        _ => stages.records[i as usize][11].to_bits(),
-    };
+    let near = prior.options().near.to_bits();
+    for (i, key) in stages.keys.iter().enumerate().filter(|(_, key)| **key != CULLED) {
+        assert_eq!(*key, stages.records[i][11].to_bits() - near, "key of splat {i}");
+    }
     let splats: Vec<u32> = (0..prior.len() as u32).collect();
-    let keys: Vec<u32> = splats.iter().map(|i| key(*i)).collect();
-    let expected = radix::sort(&keys, &splats);
-    assert!((stages.depth_keys, stages.order) == expected, "order by depth, ties by index");
+    let (_, order) = radix::sort_visible(&stages.keys, &splats);
+    assert!(stages.order == order, "order by depth, ties by index");
+    assert!((1_000..8_000).contains(&order.len()), "some are in view, some are not");
 }
 
-/// The pairs as emitted: the splats in depth order, each with tiles of which none is missing that
-/// shows the splat, none is named twice, and few are in vain.
+/// Each splat's tiles, row-major, from the tiles' lists, which must follow each other without a gap.
+fn tiles_of(stages: &Stages) -> Vec<Vec<u32>> {
+    let mut tiles = vec![Vec::new(); stages.records.len()];
+    let mut end = 0;
+    for (tile, range) in stages.ranges.iter().enumerate() {
+        assert_eq!(range[0], end, "list of tile {tile}");
+        end = range[1];
+        for splat in &stages.pair_splats[range[0] as usize..end as usize] {
+            tiles[*splat as usize].push(tile as u32);
+        }
+    }
+    assert_eq!(end, stages.pairs_needed, "the lists hold all pairs");
+    tiles
+}
+
+/// The tiles' lists: in depth order; of a splat's tiles none is missing that shows it, none is named
+/// twice, and few are in vain.
 fn assert_bins(prior: &Prior, camera: &Camera, pose: &Pose) {
     let stages = run(prior, camera, pose, ROOM);
     assert!(stages.pairs_needed <= ROOM, "the room is enough");
-    let pairs = bin::pair_splats(&stages.order, &stages.tile_counts);
-    assert!(stages.pair_splats == pairs, "the splat of each pair");
+    let mut place = vec![u32::MAX; stages.records.len()];
+    for (i, splat) in (0..).zip(&stages.order) {
+        place[*splat as usize] = i;
+    }
+    for (tile, range) in stages.ranges.iter().enumerate() {
+        let list = &stages.pair_splats[range[0] as usize..range[1] as usize];
+        let sorted = list.is_sorted_by(|a, b| place[*a as usize] < place[*b as usize]);
+        assert!(sorted, "tile {tile} is in depth order");
+    }
 
-    let tile_count = camera.width.div_ceil(TILE) * camera.height.div_ceil(TILE);
+    let tiles = tiles_of(&stages);
     let twin = Twin::new(prior);
     let view = twin.view(camera, pose);
     let (mut needed, mut spare) = (0, 0);
-    let mut at = vec![0..0; prior.len()];
-    let mut next = 0;
-    for &splat in &stages.order {
-        let count = stages.tile_counts[splat as usize] as usize;
-        at[splat as usize] = next..next + count;
-        next += count;
-    }
     for s in twin.project(&view) {
-        let tiles = &stages.pair_tiles[at[s.index as usize].clone()];
-        let tiles: Vec<u32> = tiles.iter().copied().filter(|t| *t < tile_count).collect();
-        assert!(tiles.is_sorted_by(|a, b| a < b), "tiles of splat {}: {tiles:?}", s.index);
+        let tiles = &tiles[s.index as usize];
         let must = bin::tiles(&view, &s, 1e-3);
         assert!(must.iter().all(|t| tiles.contains(t)), "splat {} misses a tile", s.index);
         needed += must.len();
@@ -179,44 +202,33 @@ fn binning() {
 }
 
 #[test]
-fn pairs_by_tile_and_their_ranges() {
-    for (width, height) in [(8, 8), (96, 64), (321, 77), (640, 360)] {
-        let prior = random_prior(56, 3_000, 0);
-        let stages = run(&prior, &camera(width, height), &random_pose(56), ROOM);
-        let (tiles, splats) = radix::sort(&stages.pair_tiles, &stages.pair_splats);
-        assert!(stages.sorted_tiles == tiles, "{width}×{height}: tiles");
-        assert!(stages.sorted_splats == splats, "{width}×{height}: splats keep depth order");
-        let count = width.div_ceil(TILE) * height.div_ceil(TILE);
-        assert!(stages.ranges == ranges::ranges(&tiles, count), "{width}×{height}: ranges");
+fn binning_of_any_size() {
+    // From one tile to several bands of them, and rows as long as a band.
+    for (width, height) in [(8, 8), (640, 360), (2_048, 72), (4_096, 96)] {
+        assert_bins(&random_prior(56, 3_000, 0), &camera(width, height), &random_pose(56));
     }
 }
 
 #[test]
-fn pairs_are_counted_over_many_blocks() {
+fn lists_begin_where_those_before_end() {
     let engine = common::engine();
     let mut random = Random::new(59);
-    // One block, 256 blocks and more: the scan takes 256 at a time.
-    for count in [1, 1_023, 1_024, 1_025, 262_144, 262_145, 600_000] {
-        let counts: Vec<u32> = (0..count).map(|_| (random.bits() % 90) as u32).collect();
-        let (needed, begins) = probe::count_pairs(&engine, &counts).unwrap();
-        assert_eq!(needed, counts.iter().sum::<u32>(), "{count} splats");
-        let mut next = 0;
-        for (block, begin) in counts.chunks(BIN_BLOCK as usize).zip(begins) {
-            assert_eq!(begin, next, "{count} splats");
-            next += block.iter().sum::<u32>();
-        }
+    for (tiles, blocks) in [(1, 4), (7, 16), (920, 16), (31, 128), (2_048, 8)] {
+        let counts: Vec<u32> = (0..tiles * blocks).map(|_| (random.bits() % 90) as u32).collect();
+        let got = probe::scan_tiles(&engine, tiles as u32, &counts).unwrap();
+        assert_eq!(got.pairs, counts.iter().sum::<u32>(), "{blocks} blocks, {tiles} tiles");
+        assert_eq!(got.starts, bin::starts(&counts, tiles), "{blocks} blocks, {tiles} tiles");
     }
     common::assert_silent(&engine);
 }
 
 #[test]
 fn more_pairs_than_32_bits_count_are_told() {
-    // As many tiles a splat as the largest picture has; the true sums wrap to less than the room.
-    let tiles = (Camera::MAX_SIDE / TILE).pow(2);
-    for count in [(1 << 32) / tiles as usize + 1, 400_000] {
-        let counts = vec![tiles; count];
-        let (needed, _) = probe::count_pairs(&common::engine(), &counts).unwrap();
-        assert_eq!(needed, u32::MAX, "{count} splats");
+    // The true sums wrap to less: over tiles, over blocks, and over both.
+    for (tiles, blocks, each) in [(9, 4, 1 << 29), (1, 16, 1 << 28), (40, 4, u32::MAX / 3)] {
+        let counts = vec![each; tiles * blocks];
+        let got = probe::scan_tiles(&common::engine(), tiles as u32, &counts).unwrap();
+        assert_eq!(got.pairs, u32::MAX, "{tiles} tiles, {blocks} blocks of {each}");
     }
 }
 
@@ -228,7 +240,8 @@ fn too_little_room_is_told_and_not_overrun() {
     let room = whole.pairs_needed / 3;
     let part = run(&prior, &camera, &pose, room);
     assert_eq!(part.pairs_needed, whole.pairs_needed);
-    assert_eq!(part.pair_tiles, whole.pair_tiles[..room as usize]);
+    let cut = |range: &[u32; 2]| range.map(|place| place.min(room));
+    assert_eq!(part.ranges, whole.ranges.iter().map(cut).collect::<Vec<_>>());
     assert_eq!(part.pair_splats, whole.pair_splats[..room as usize]);
 }
 
@@ -238,8 +251,8 @@ fn ties_in_depth_go_by_index() {
     splats.positions.iter_mut().for_each(|p| p[2] = if p[0] > 0.0 { 3.0 } else { 4.0 });
     let prior = Prior::from_splats(splats, RenderOptions::GSPLAT).unwrap();
     let stages = run(&prior, &camera(64, 64), &Pose::IDENTITY, ROOM);
-    let ties = std::iter::zip(stages.depth_keys.windows(2), stages.order.windows(2));
-    let ties: Vec<_> = ties.filter(|(keys, _)| keys[0] == keys[1]).collect();
+    let tie = |order: &&[u32]| stages.keys[order[0] as usize] == stages.keys[order[1] as usize];
+    let ties: Vec<_> = stages.order.windows(2).filter(tie).collect();
     assert!(ties.len() > 300, "many depths are equal");
-    assert!(ties.iter().all(|(_, order)| order[0] < order[1]));
+    assert!(ties.iter().all(|order| order[0] < order[1]));
 }

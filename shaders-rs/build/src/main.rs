@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -38,7 +37,9 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
         .spirv_metadata(SpirvMetadata::None)
         .shader_panic_strategy(ShaderPanicStrategy::SilentExit)
         .capability(Capability::VulkanMemoryModel)
+        .capability(Capability::Int64)
         .capability(Capability::GroupNonUniform)
+        .capability(Capability::GroupNonUniformBallot)
         .capability(Capability::GroupNonUniformShuffle);
     builder.toolchain_overwrite = Some(TOOLCHAIN.into());
     let result = builder.build()?;
@@ -48,34 +49,37 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
     let mut modules = BTreeMap::new();
     for (entry, file) in files {
         let name = entry.rsplit("::").next().unwrap_or(&entry).to_owned();
-        fs::write(&file, without_unused_subgroups(&fs::read(&file)?))?;
         validate(&file)?;
-        modules.insert(name, fs::read(&file)?);
+        modules.insert(name, without_idle_capabilities(&fs::read(&file)?));
     }
     Ok(modules)
 }
 
-/// The module without the capabilities of subgroups where it has none of their operations: the
-/// builder states the same capabilities for all modules, and not every device has these.
-fn without_unused_subgroups(module: &[u8]) -> Vec<u8> {
+/// Leaves out the capabilities of subgroup operations and of 64-bit integers where a module has none: a
+/// device need not have them for the modules that do without.
+fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
+    const HEADER: usize = 5;
     const OP_CAPABILITY: u32 = 17;
-    const CAPABILITIES: RangeInclusive<u32> = 61..=68; // GroupNonUniform to GroupNonUniformQuad
-    const OPERATIONS: RangeInclusive<u32> = 333..=366; // OpGroupNonUniformElect to …QuadSwap
+    const OP_TYPE_INT: u32 = 21;
+    const INT_64: u32 = 11;
+    let subgroup_operations = 333..=366;
+    let subgroup_capabilities = 61..=68;
     let words: Vec<u32> =
-        module.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
-    let (header, mut rest) = words.split_at(5);
+        spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
     let mut instructions = Vec::new();
-    while let Some(first) = rest.first() {
-        let (instruction, after) = rest.split_at(((first >> 16) as usize).clamp(1, rest.len()));
-        instructions.push(instruction);
-        rest = after;
+    let mut at = HEADER;
+    while at < words.len() {
+        let count = (words[at] >> 16).max(1) as usize;
+        instructions.push(&words[at..(at + count).min(words.len())]);
+        at += count;
     }
-    let op = |i: &[u32]| i[0] & 0xffff;
-    if !instructions.iter().any(|i| OPERATIONS.contains(&op(i))) {
-        instructions.retain(|i| op(i) != OP_CAPABILITY || !CAPABILITIES.contains(&i[1]));
-    }
-    let kept = header.iter().chain(instructions.into_iter().flatten());
-    kept.flat_map(|word| word.to_le_bytes()).collect()
+    let subgroups = instructions.iter().any(|i| subgroup_operations.contains(&(i[0] & 0xffff)));
+    let wide = instructions.iter().any(|i| i[0] & 0xffff == OP_TYPE_INT && i[2] == 64);
+    let idle = |capability: u32| {
+        (!subgroups && subgroup_capabilities.contains(&capability)) || (!wide && capability == INT_64)
+    };
+    let kept = instructions.into_iter().filter(|i| i[0] & 0xffff != OP_CAPABILITY || !idle(i[1]));
+    words[..HEADER].iter().chain(kept.flatten()).flat_map(|w| w.to_le_bytes()).collect()
 }
 
 fn validate(file: &Path) -> Result<(), Box<dyn Error>> {

@@ -1,0 +1,177 @@
+//! How the invocations of a workgroup hand values round, in two forms of the same meaning. Plain: by
+//! shared memory between barriers, right at any subgroup size. Lockstep: eight invocations that are
+//! one vector of a CPU driver (llvmpipe), which run each instruction together; there a shuffle is one
+//! instruction, while shared memory goes lane by lane and a barrier saves every register.
+
+use crate::memory::at_mut;
+use crate::shared::{TABLE, saturating};
+use spirv_std::arch::{
+    atomic_i_add, subgroup_broadcast_const, subgroup_shuffle,
+    workgroup_memory_barrier_with_group_sync as barrier,
+};
+use spirv_std::memory::{Scope, Semantics};
+
+/// Words that each invocation can publish.
+pub const SLOTS: u32 = 16;
+/// Invocations of a plain workgroup: a subgroup of most GPUs, so that few wait at a barrier.
+pub const PLAIN: u32 = 32;
+/// Invocations of a lockstep workgroup.
+pub const EIGHT: u32 = 8;
+/// Shared memory of a plain workgroup.
+pub type Scratch = [u32; (SLOTS * PLAIN) as usize];
+
+/// Counters of a workgroup, in shared memory.
+pub type Table = [u32; TABLE as usize];
+
+/// How many invocations before this one, and whether any after it, hold the same value.
+#[derive(Clone, Copy)]
+pub struct Rank {
+    pub before: u32,
+    pub last: bool,
+}
+
+/// A workgroup. All calls must be reached by all invocations together.
+pub trait Lanes {
+    /// Its invocations.
+    const COUNT: u32;
+
+    /// Ends a phase: what was written to shared memory can be read, what was read can be written.
+    fn sync();
+
+    /// Publishes a value in a slot of the scratch memory, for [`get`](Self::get) in the next phase.
+    fn put(value: u32, slot: u32, lane: u32, scratch: &mut Scratch);
+
+    /// The value that the invocation `from` published; `own` is what this one did.
+    fn get(own: u32, slot: u32, from: u32, scratch: &Scratch) -> u32;
+
+    /// Rank among equal values; uses slot 0.
+    fn rank(value: u32, lane: u32, scratch: &mut Scratch) -> Rank;
+
+    /// Adds one to a counter of each invocation that is `counted`; uses slot 0.
+    fn tally(table: &mut Table, index: u32, counted: bool, lane: u32, scratch: &mut Scratch);
+
+    /// Exclusive prefix sum, and the total, which saturates; uses slot 0.
+    fn scan(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32);
+}
+
+/// 32 invocations in subgroups of any size.
+pub struct Plain;
+
+impl Lanes for Plain {
+    const COUNT: u32 = PLAIN;
+
+    fn sync() {
+        barrier();
+    }
+
+    fn put(value: u32, slot: u32, lane: u32, scratch: &mut Scratch) {
+        scratch[(slot * PLAIN + lane) as usize] = value;
+    }
+
+    fn get(_own: u32, slot: u32, from: u32, scratch: &Scratch) -> u32 {
+        scratch[(slot * PLAIN + from) as usize]
+    }
+
+    fn rank(value: u32, lane: u32, scratch: &mut Scratch) -> Rank {
+        scratch[lane as usize] = value;
+        barrier();
+        let (mut before, mut after) = (0, 0);
+        let mut other = 0;
+        while other < PLAIN {
+            let same = (scratch[other as usize] == value) as u32;
+            before += same & (other < lane) as u32;
+            after += same & (other > lane) as u32;
+            other += 1;
+        }
+        barrier();
+        Rank { before, last: after == 0 }
+    }
+
+    fn tally(table: &mut Table, index: u32, counted: bool, _lane: u32, _scratch: &mut Scratch) {
+        if counted {
+            // SAFETY: an atomic on shared memory. The sum of integers is the same in any order.
+            unsafe {
+                const SCOPE: u32 = Scope::Workgroup as u32;
+                atomic_i_add::<u32, SCOPE, { Semantics::NONE.bits() }>(at_mut(table, index), 1);
+            }
+        }
+    }
+
+    fn scan(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32) {
+        scratch[lane as usize] = value;
+        barrier();
+        let (mut before, mut total) = (0, 0);
+        let mut other = 0;
+        while other < PLAIN {
+            let here = scratch[other as usize];
+            before += if other < lane { here } else { 0 };
+            total = saturating(total, here);
+            other += 1;
+        }
+        barrier();
+        (before, total)
+    }
+}
+
+/// Eight invocations that are one subgroup and run in lockstep.
+pub struct Lockstep;
+
+impl Rank {
+    /// With the invocation `other`, which holds `its`.
+    fn with(self, value: u32, lane: u32, other: u32, its: u32) -> Rank {
+        let same = its == value;
+        Rank {
+            before: self.before + (same & (other < lane)) as u32,
+            last: self.last & !(same & (other > lane)),
+        }
+    }
+}
+
+/// The value of invocation `ID`.
+fn broadcast<const ID: u32>(value: u32) -> u32 {
+    // SAFETY: the subgroup has eight invocations, all active.
+    unsafe { subgroup_broadcast_const::<u32, ID>(value) }
+}
+
+/// Adds to a sum over the `reach` invocations up to this one that over the `reach` before those.
+fn widen(sum: u32, lane: u32, reach: u32) -> u32 {
+    let other = subgroup_shuffle(sum, (lane.wrapping_sub(reach)) & (EIGHT - 1));
+    saturating(sum, if lane >= reach { other } else { 0 })
+}
+
+impl Lanes for Lockstep {
+    const COUNT: u32 = EIGHT;
+
+    fn sync() {}
+
+    fn put(_value: u32, _slot: u32, _lane: u32, _scratch: &mut Scratch) {}
+
+    fn get(own: u32, _slot: u32, from: u32, _scratch: &Scratch) -> u32 {
+        subgroup_shuffle(own, from)
+    }
+
+    fn rank(value: u32, lane: u32, _scratch: &mut Scratch) -> Rank {
+        Rank { before: 0, last: true }
+            .with(value, lane, 0, broadcast::<0>(value))
+            .with(value, lane, 1, broadcast::<1>(value))
+            .with(value, lane, 2, broadcast::<2>(value))
+            .with(value, lane, 3, broadcast::<3>(value))
+            .with(value, lane, 4, broadcast::<4>(value))
+            .with(value, lane, 5, broadcast::<5>(value))
+            .with(value, lane, 6, broadcast::<6>(value))
+            .with(value, lane, 7, broadcast::<7>(value))
+    }
+
+    // An atomic locks the bus for each invocation, which costs more than to rank them all.
+    fn tally(table: &mut Table, index: u32, counted: bool, lane: u32, scratch: &mut Scratch) {
+        let rank = Self::rank(if counted { index } else { TABLE }, lane, scratch);
+        if counted & rank.last {
+            *at_mut(table, index) += rank.before + 1;
+        }
+    }
+
+    fn scan(value: u32, lane: u32, _scratch: &mut Scratch) -> (u32, u32) {
+        let sum = widen(widen(widen(value, lane, 1), lane, 2), lane, 4);
+        (sum.wrapping_sub(value), broadcast::<7>(sum))
+    }
+}

@@ -1,0 +1,37 @@
+//! Buffers by index without a test of the bounds. A failed test ends the invocation, so a driver must
+//! carry a mask of those still running through all that follows; on llvmpipe that doubles the time of
+//! a stage. Every index here lies below a size that the host allocated by; each use says which.
+
+use spirv_std::arch::IndexUnchecked;
+
+/// Element `i`, which must exist.
+pub fn at<T: Copy, B: IndexUnchecked<T> + ?Sized>(buffer: &B, i: u32) -> T {
+    // SAFETY: the caller's index.
+    unsafe { *buffer.index_unchecked(i as usize) }
+}
+
+/// Element `i`, which must exist, to be changed.
+pub fn at_mut<T, B: IndexUnchecked<T> + ?Sized>(buffer: &mut B, i: u32) -> &mut T {
+    // SAFETY: the caller's index.
+    unsafe { buffer.index_unchecked_mut(i as usize) }
+}
+
+/// A buffer of pairs of floats. As words of 64 bits a pair is one access: llvmpipe's cost is by
+/// accesses, a GPU's by bytes.
+pub trait Pairs {
+    /// Pair `i`, which must exist.
+    fn pair(&self, i: u32) -> [f32; 2];
+}
+
+impl Pairs for [f32] {
+    fn pair(&self, i: u32) -> [f32; 2] {
+        [at(self, 2 * i), at(self, 2 * i + 1)]
+    }
+}
+
+impl Pairs for [u64] {
+    fn pair(&self, i: u32) -> [f32; 2] {
+        let pair: u64 = at(self, i);
+        [f32::from_bits(pair as u32), f32::from_bits((pair >> 32) as u32)]
+    }
+}
