@@ -10,8 +10,9 @@ use crate::packet::{
 use crate::refine::{
     Evaluation, Found, Objective, Optimizer, RefineOptions, StartKind, Stop, Tracker,
 };
-use crate::render::{Plan, Scene};
+use crate::render::{Job, Plan, Scene};
 use crate::residual::{ResidualEncoder, max_payload_len};
+use crate::vulkan::StageTime;
 use crate::{Camera, Engine, Error, Picture, Pose, Rate};
 
 /// How to encode.
@@ -316,6 +317,12 @@ impl Encoder {
     fn camera_due(&self) -> bool {
         let interval = self.options.camera_interval;
         self.camera_age.is_none_or(|age| interval > 0 && age >= interval)
+    }
+
+    /// Device times of the stages of the last frame's search, in order; empty where the options do not
+    /// ask for them.
+    pub fn stage_times(&mut self) -> Result<Vec<StageTime>, Error> {
+        Ok(self.tracker.objective().renderer().stage_times(Job::Search)?)
     }
 
     /// Evaluations of the last frame's refinement, in order: error against run time.

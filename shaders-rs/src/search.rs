@@ -64,8 +64,16 @@ pub struct Program {
     pub coarse_renders: u32,
     /// Most evaluations of level 0.
     pub renders: u32,
-    /// 1: where level 0 has no evaluation left, its last step is taken unseen.
-    pub leap: u32,
+    /// Where the first step of the best start promises more than this share, the start is far off: the
+    /// search goes on at `far_level`.
+    pub near: f32,
+    /// See `near`.
+    pub far_level: u32,
+    /// A coarse level's step that is expected to lower the error by less than this share is taken unseen
+    /// and ends the level: the next one sees what came of it.
+    pub coarse_leap: f32,
+    /// The same of level 0: the final picture sees.
+    pub leap: f32,
     /// A coarse level is done where a step is expected to lower the error by less than this share.
     pub coarse_tolerance: f32,
     /// The same of level 0.
@@ -210,32 +218,42 @@ fn following(s: &Search) -> bool {
 /// Sets the next trial of this level; `false` where the level is done.
 fn propose(s: &mut Search) -> bool {
     let program = &s.program;
-    let mut most = program.renders;
-    let mut tolerance = program.tolerance;
+    let (mut most, mut tolerance, mut leap) = (program.renders, program.tolerance, program.leap);
     if s.level > 0 {
         most = program.coarse_renders;
         tolerance = program.coarse_tolerance;
+        leap = program.coarse_leap;
     }
     if following(s) {
         most = program.follow_renders;
+        leap = 0.0;
     }
-    let leap = (s.level == 0) & (program.leap == 1) & !following(s);
     s.found = s.place;
     let step = damped_step(&s.place_sums, s.damping);
+    let error = s.place_sums[SQUARE];
     if !step.downhill {
         s.stop = STOP_NO_DESCENT;
         return false;
     }
-    if !(step.expected > tolerance * s.place_sums[SQUARE]) {
+    if !(step.expected > tolerance * error) {
         s.stop = STOP_PROGRESS;
         return false;
     }
+    let first = (s.by_level[s.level as usize] == program.count) & !following(s);
+    if first & (s.level < program.far_level) & (step.expected > program.near * error) {
+        s.level = program.far_level;
+        s.trial = s.place;
+        s.fresh = 1;
+        return true;
+    }
     let next = stepped(&s.place, &step.tau);
+    if !(step.expected > leap * error) {
+        s.stop = STOP_PROGRESS;
+        s.found = next;
+        return false;
+    }
     if s.renders >= most {
         s.stop = STOP_RENDERS;
-        if leap {
-            s.found = next;
-        }
         return false;
     }
     s.expected = step.expected;
@@ -275,7 +293,7 @@ fn end_level(s: &mut Search) -> bool {
     }
     if s.level > 0 {
         s.level = next_level(s);
-        s.trial = s.place;
+        s.trial = s.found;
         return false;
     }
     s.phase = FOUND;

@@ -183,7 +183,10 @@ fn program(starts: &[Pose]) -> Program {
         follow_renders: 4,
         coarse_renders: 4,
         renders: 4,
-        leap: 0,
+        near: 1.0,
+        far_level: 0,
+        coarse_leap: 0.0,
+        leap: 0.0,
         coarse_tolerance: 1e-3,
         tolerance: 1e-4,
         damping: 1e-3,
@@ -275,20 +278,38 @@ fn what_is_no_number_is_no_place() {
     assert_eq!((search.found, search.stop), (start, STOP_NO_DESCENT));
 }
 
+/// A step that promises little is taken unseen; one that promises much is looked at first.
 #[test]
-fn the_last_step_may_be_taken_unseen() {
-    let valley = Valley { target: some_pose(), floor: 0.0 };
-    let start = some_pose().stepped(&[0.01, 0.0, 0.0, 0.0, 0.01, 0.0]);
-    let once = Program {
-        first_level: 0,
-        follow_level: 0,
-        follow_renders: 1,
-        renders: 1,
-        ..program(&[start])
+fn small_steps_are_taken_unseen() {
+    let valley = Valley { target: some_pose(), floor: 0.01 };
+    let near = some_pose().stepped(&[0.01, 0.0, 0.0, 0.0, 0.01, 0.0]);
+    let far = some_pose().stepped(&[0.1, 0.0, 0.0, 0.0, 0.1, 0.0]);
+    let at_once = |start| {
+        let levels =
+            Program { first_level: 0, follow_level: 0, follow_renders: 1, ..program(&[start]) };
+        run(Program { leap: 0.2, ..levels }, |place, _| valley.at(place))
     };
-    let (seen, _) = run(once, |place, _| valley.at(place));
-    assert_eq!(seen.found, placement(&start));
-    let (unseen, visited) = run(Program { leap: 1, ..once }, |place, _| valley.at(place));
+    let (search, visited) = at_once(near);
     assert_eq!(visited.len(), 1);
-    assert_close(&pose(&unseen.found), &valley.target, NEAR);
+    assert_close(&pose(&search.found), &valley.target, NEAR);
+    let (search, visited) = at_once(far);
+    assert!(visited.len() > 1);
+    assert_close(&pose(&search.found), &valley.target, NEAR);
+}
+
+/// A start at the full picture that turns out to be far off goes by the coarse levels after all.
+#[test]
+fn far_starts_take_the_long_way() {
+    let valley = Valley { target: some_pose(), floor: 0.01 };
+    let far = some_pose().stepped(&[0.2, -0.1, 0.15, 0.1, -0.2, 0.1]);
+    let near = some_pose().stepped(&[0.001, 0.0, 0.0, 0.0, 0.001, 0.0]);
+    for (start, coarse) in [(far, true), (near, false)] {
+        let levels =
+            Program { first_level: 0, follow_level: 0, follow_renders: 1, ..program(&[start]) };
+        let adaptive = Program { near: 0.2, far_level: 2, ..levels };
+        let (search, visited) = run(adaptive, |place, _| valley.at(place));
+        assert_eq!(visited[0].1, 0);
+        assert_eq!(search.by_level[2] > 0, coarse, "{visited:?}");
+        assert_close(&pose(&search.found), &valley.target, NEAR);
+    }
 }

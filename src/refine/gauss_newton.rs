@@ -26,8 +26,16 @@ pub struct Schedule {
     pub coarse_renders: u32,
     /// Most renders at full resolution.
     pub renders: u32,
-    /// Whether the last step at full resolution may be taken unseen: the final picture then tells.
-    pub leap: bool,
+    /// Where the first step promises more than this share, the start is far off, and the search goes
+    /// on at `far_level`, if that is above the first.
+    pub near: f32,
+    /// See `near`.
+    pub far_level: usize,
+    /// A coarse level's step that is expected to lower the error by less than this share is taken
+    /// unseen and ends the level; the next one sees what came of it.
+    pub coarse_leap: f32,
+    /// The same at full resolution; the final picture sees.
+    pub leap: f32,
     /// A level is done where the next step is expected to lower the error by less than this share.
     pub coarse_tolerance: f32,
     /// The same at full resolution; 1e-3 is 0.004 dB.
@@ -49,26 +57,32 @@ impl Default for GaussNewtonOptions {
     fn default() -> Self {
         GaussNewtonOptions {
             warm: Schedule {
-                first_level: 2,
-                follow_level: 2,
+                first_level: 0,
+                follow_level: 0,
                 levels: 0b0111,
                 follow_renders: 1,
-                coarse_renders: 4,
-                renders: 2,
-                leap: true,
-                coarse_tolerance: 1e-2,
-                tolerance: 1e-3,
+                coarse_renders: 8,
+                renders: 6,
+                near: 0.25,
+                far_level: 2,
+                coarse_leap: 0.25,
+                leap: 0.1,
+                coarse_tolerance: 1e-3,
+                tolerance: 1e-4,
             },
             cold: Schedule {
                 first_level: 2,
                 follow_level: 2,
                 levels: 0b0111,
-                follow_renders: 4,
-                coarse_renders: 8,
-                renders: 3,
-                leap: true,
-                coarse_tolerance: 1e-2,
-                tolerance: 1e-3,
+                follow_renders: 1,
+                coarse_renders: 12,
+                renders: 8,
+                near: 1.0,
+                far_level: 0,
+                coarse_leap: 0.1,
+                leap: 0.1,
+                coarse_tolerance: 1e-3,
+                tolerance: 1e-4,
             },
             damping: 1e-3,
         }
@@ -82,8 +96,6 @@ pub struct Tracked {
     pub outcome: Outcome,
     /// The pose as its packet holds it.
     pub code: PoseCode,
-    /// Which of the starts led there.
-    pub start: usize,
     /// Submissions to the device.
     pub submissions: u32,
 }
@@ -104,12 +116,13 @@ pub(super) fn track(
     let program = program(renderer.scene(), renderer.levels(), starts, schedule, damping, profile);
     let first = search(objective, &program)?;
     // What was drawn is worse than a place that was seen: its last step was not seen, and led astray.
-    if schedule.leap && first.tracked.outcome.mse > 1.02 * first.seen_mse {
+    if first.tracked.outcome.mse > 1.02 * first.seen_mse {
         let mut again = program;
         (again.starts[0], again.count) = (first.seen, 1);
-        (again.first_level, again.follow_level, again.leap) = (0, 0, 0);
+        (again.first_level, again.follow_level, again.leap) = (0, 0, 0.0);
         let second = search(objective, &again)?;
-        return Ok(Tracked { start: first.tracked.start, ..second.tracked });
+        let submissions = first.tracked.submissions + second.tracked.submissions;
+        return Ok(Tracked { submissions, ..second.tracked });
     }
     Ok(first.tracked)
 }
@@ -138,7 +151,10 @@ fn program(
         follow_renders: schedule.follow_renders,
         coarse_renders: schedule.coarse_renders,
         renders: schedule.renders,
-        leap: schedule.leap.into(),
+        near: schedule.near,
+        far_level: schedule.far_level.min(last) as u32,
+        coarse_leap: schedule.coarse_leap,
+        leap: schedule.leap,
         coarse_tolerance: schedule.coarse_tolerance,
         tolerance: schedule.tolerance,
         damping,
@@ -167,11 +183,11 @@ fn search(objective: &mut Objective, program: &Program) -> Result<Found, Error> 
         trace.note(Evaluation { level: *level as usize, mse, milliseconds: begun + time });
     }
     let (seen, square) = (search.place, f64::from(search.place_sums[SUMS as usize - 1]));
-    let (start, stop) = (search.best_start as usize, stop(search));
+    let stop = stop(search);
     let pose = pose_of(&scene, &search.found);
     let mse = mse(renderer.difference());
     let outcome = Outcome { pose, mse, stop };
-    let tracked = Tracked { outcome, code, start, submissions };
+    let tracked = Tracked { outcome, code, submissions };
     Ok(Found { tracked, seen, seen_mse: square / levels[0] })
 }
 

@@ -52,7 +52,6 @@ pub struct Start {
 pub struct Starts {
     last: Option<Pose>,
     before_last: Option<Pose>,
-    candidates: [Pose; 2],
 }
 
 /// Level at which candidates are compared.
@@ -62,26 +61,17 @@ impl Starts {
     /// Notes the pose found for a frame.
     pub fn push(&mut self, pose: Pose) {
         self.before_last = self.last.replace(pose);
-        let predicted = self.before_last.map(|before| pose.predicted(&before));
-        self.candidates = [predicted.unwrap_or(pose), pose];
     }
 
-    /// What the next frame may start from: the pose that constant velocity predicts, then the
-    /// previous one.
-    pub(super) fn candidates(&self) -> &[Pose] {
-        match (self.last, self.before_last) {
-            (None, _) => &[],
-            (Some(_), None) => &self.candidates[1..],
-            _ => &self.candidates,
-        }
-    }
-
-    /// What a candidate is.
-    pub(super) fn kind(&self, candidate: usize) -> StartKind {
-        match (candidate, self.before_last) {
-            (0, Some(_)) => StartKind::Predicted,
-            _ => StartKind::Previous,
-        }
+    /// Where a search of the next frame starts: at the pose that constant velocity predicts, or else
+    /// the previous one. (To score both costs an evaluation, and the levels above the full picture
+    /// reach several frames' motion.)
+    pub(super) fn near(&self) -> Option<(Pose, StartKind)> {
+        let last = self.last?;
+        Some(match &self.before_last {
+            Some(before) => (last.predicted(before), StartKind::Predicted),
+            None => (last, StartKind::Previous),
+        })
     }
 
     /// Chooses the start of the next frame; `None` where there is neither a frame before nor a pose

@@ -103,13 +103,11 @@ impl Tracker {
 
     /// Gauss–Newton on the device.
     fn search(&mut self, frame: &Picture, external: Option<Pose>) -> Result<Option<Found>, Error> {
-        let starts = self.starts;
         let GaussNewtonOptions { warm, cold, .. } = self.options.gauss_newton;
-        let warm = match starts.candidates() {
-            [] => None,
-            poses => Some(self.from(poses, &warm)?),
+        let warm = match self.starts.near() {
+            None => None,
+            Some((pose, start)) => Some(Found { start, ..self.from(&[pose], &warm)? }),
         };
-        let warm = warm.map(|(found, start)| Found { start: self.starts.kind(start), ..found });
         if let Some(found) = warm
             && !self.lost(found.outcome.mse)
         {
@@ -125,8 +123,7 @@ impl Tracker {
         from.extend_from_slice(proposed);
         let searched = self.from(&from, &cold);
         self.cold_starts = from;
-        let (found, _) = searched?;
-        let cold = Found { start: kind, ..found };
+        let cold = Found { start: kind, ..searched? };
         match warm {
             // The search draws: the better one must be the last.
             Some(warm) if warm.outcome.mse < cold.outcome.mse => {
@@ -141,18 +138,17 @@ impl Tracker {
         mse >= self.threshold && self.error.is_none_or(|before| mse > LOST * before)
     }
 
-    /// Searches from some poses; also which of them led there.
-    fn from(&mut self, poses: &[Pose], schedule: &Schedule) -> Result<(Found, usize), Error> {
+    /// Searches from some poses.
+    fn from(&mut self, poses: &[Pose], schedule: &Schedule) -> Result<Found, Error> {
         let damping = self.options.gauss_newton.damping;
         let tracked =
             gauss_newton::track(&mut self.objective, poses, schedule, damping, self.profile)?;
-        let found = Found {
+        Ok(Found {
             outcome: tracked.outcome,
             start: StartKind::External,
             drawn: Some(tracked.code),
             submissions: tracked.submissions,
-        };
-        Ok((found, tracked.start))
+        })
     }
 
     /// The gradient methods, led by the host.
