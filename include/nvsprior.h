@@ -339,8 +339,10 @@ typedef struct nvsp_encoder_options {
   uint32_t optimizer;
   // NVSP_PROFILE_*.
   uint32_t profile;
-  // A frame starts from the one before where the mean squared error there, values in [0, 1], is
-  // below this; 0: 1e-3, which suits a basin. 1e-2 suits real footage.
+  // Mean squared error, values in [0, 1]; 0: 1e-3. Gauss-Newton starts at the frame before, and
+  // looks afresh (from the hint, if there is one) where what it finds is neither below this nor
+  // near the error of the frame before. BFGS and Adam start at the frame before only where the
+  // error there is below this: 1e-3 suits a basin, 1e-2 real footage.
   float threshold;
   // Levels of the image pyramid, 1 to 6; 0: 4.
   uint32_t levels;

@@ -108,9 +108,9 @@ fn without_residual_a_packet_is_a_pose_and_the_first_one_a_camera_too() {
     assert_eq!(summary["mean"]["latent_bytes"], 43.0);
 }
 
-/// Kinds of the starts where no frame is near enough to the one before.
+/// Kinds of the starts where no frame is near enough to the one before for the paper's optimiser.
 fn starts(dive: &Dive, args: &str) -> Vec<Value> {
-    let summary = dive.encode(&format!("--residual none --threshold 0 {args}"));
+    let summary = dive.encode(&format!("--optimizer bfgs --residual none --threshold 0 {args}"));
     frames(&summary).iter().map(|row| row["start"].clone()).collect()
 }
 

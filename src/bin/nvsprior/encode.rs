@@ -18,9 +18,8 @@ use crate::summary::{self, Row};
 /// Encode the frames of a camera file to packets
 ///
 /// Frames are taken in time order. The first one starts from its pose in the camera file (or the CSV
-/// file), moved by --start-offset; each later one from the frame before or from where constant
-/// velocity leads, if the prior looks enough like the frame there (--threshold), else from a pose
-/// given for it with --starts.
+/// file), moved by --start-offset; each later one from where constant velocity leads, and, if that
+/// comes to nothing (--threshold), from a pose given for it with --starts.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -79,8 +78,9 @@ pub struct RefineArgs {
     /// Pose Jacobian of gauss-newton
     #[arg(long, value_enum, default_value = "flow")]
     pub jacobian: JacobianArg,
-    /// A frame starts from the one before where the mean squared error there (values in [0, 1]) is
-    /// below this; 1e-2 suits real footage
+    /// Mean squared error (values in [0, 1]): gauss-newton looks afresh for a frame that comes out
+    /// neither below this nor near the frame before; the others start from the frame before only
+    /// where the error there is below this (1e-2 suits real footage)
     #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
     pub threshold: f64,
 }

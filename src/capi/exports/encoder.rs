@@ -80,8 +80,10 @@ pub struct nvsp_encoder_options {
     pub optimizer: u32,
     /// NVSP_PROFILE_*.
     pub profile: u32,
-    /// A frame starts from the one before where the mean squared error there, values in [0, 1], is
-    /// below this; 0: 1e-3, which suits a basin. 1e-2 suits real footage.
+    /// Mean squared error, values in [0, 1]; 0: 1e-3. Gauss-Newton starts at the frame before, and
+    /// looks afresh (from the hint, if there is one) where what it finds is neither below this nor
+    /// near the error of the frame before. BFGS and Adam start at the frame before only where the
+    /// error there is below this: 1e-3 suits a basin, 1e-2 real footage.
     pub threshold: f32,
     /// Levels of the image pyramid, 1 to 6; 0: 4.
     pub levels: u32,
