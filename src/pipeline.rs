@@ -20,11 +20,11 @@ struct Parcel {
 /// takes the longer of its halves, not their sum. Packets are the same, byte for byte.
 pub struct Pipeline {
     encoder: Encoder,
-    to_coder: Option<SyncSender<Box<Parcel>>>,
-    from_coder: Receiver<Box<Parcel>>,
+    to_coder: Option<SyncSender<Parcel>>,
+    from_coder: Receiver<Parcel>,
     coder: Option<JoinHandle<()>>,
     /// The one that is not with the coder.
-    spare: Vec<Box<Parcel>>,
+    spare: Vec<Parcel>,
     under_way: bool,
 }
 
@@ -34,7 +34,7 @@ impl Pipeline {
     /// # Errors
     /// [`Error::Thread`] where the system gives none.
     pub fn new(encoder: Encoder) -> Result<Pipeline, Error> {
-        let (to_coder, parcels) = sync_channel::<Box<Parcel>>(1);
+        let (to_coder, parcels) = sync_channel::<Parcel>(1);
         let (back, from_coder) = sync_channel(1);
         let coder = std::thread::Builder::new()
             .name("nvsprior-coder".into())
@@ -45,7 +45,7 @@ impl Pipeline {
             to_coder: Some(to_coder),
             from_coder,
             coder: Some(coder),
-            spare: vec![Box::default(), Box::default()],
+            spare: vec![Parcel::default(), Parcel::default()],
             under_way: false,
         })
     }
@@ -69,8 +69,8 @@ impl Pipeline {
             return Err(error);
         }
         let before = self.take(encoded);
-        let sent = self.to_coder.as_ref().map(|to| to.send(parcel));
-        if !matches!(sent, Some(Ok(()))) {
+        let sent = self.to_coder.as_ref().is_some_and(|to| to.send(parcel).is_ok());
+        if !sent {
             return Err(Error::CoderGone);
         }
         self.under_way = true;
@@ -116,10 +116,10 @@ impl Drop for Pipeline {
 }
 
 /// What the coding thread does.
-fn code(parcels: &Receiver<Box<Parcel>>, back: &SyncSender<Box<Parcel>>) {
+fn code(parcels: &Receiver<Parcel>, back: &SyncSender<Parcel>) {
     let mut residual: Option<((u32, u32), ResidualEncoder)> = None;
     while let Ok(mut parcel) = parcels.recv() {
-        let Parcel { drawn, encoded, failure } = &mut *parcel;
+        let Parcel { drawn, encoded, failure } = &mut parcel;
         let size = (drawn.frame.width, drawn.frame.height);
         let (_, coder) = match residual.take() {
             Some(kept) if kept.0 == size => residual.insert(kept),

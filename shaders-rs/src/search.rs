@@ -174,7 +174,7 @@ fn note(s: &mut Search) {
     let mut finite = true;
     let mut k = 0;
     while k < SUMS as usize {
-        finite = finite & (s.sums[k].abs() < f32::MAX);
+        finite &= s.sums[k].abs() < f32::MAX;
         k += 1;
     }
     if !finite {
@@ -361,7 +361,7 @@ pub fn damped_step(sums: &[f32; SUMS as usize], damping: f32) -> Step {
                 k += 1;
             }
             if i == j {
-                definite = definite & (sum > 0.0);
+                definite &= sum > 0.0;
                 l[i][i] = sum.sqrt();
             } else {
                 l[i][j] = sum / l[j][j];
@@ -380,7 +380,7 @@ pub fn damped_step(sums: &[f32; SUMS as usize], damping: f32) -> Step {
         // 2 δᵀ(−Jᵀr) − δᵀ JᵀJ δ, with JᵀJ δ taken from the system: all terms positive.
         out.expected += x[i] * (right[i] + damping * x[i]);
         out.tau[i] = x[i] * scale[i];
-        finite = finite & (out.tau[i].abs() < f32::MAX);
+        finite &= out.tau[i].abs() < f32::MAX;
         i += 1;
     }
     out.downhill = finite & (out.expected > 0.0) & (out.expected < f32::MAX);

@@ -55,9 +55,8 @@ fn a_step_does_not_depend_on_units() {
     let a = damped_step(&sums(&rows([1.0; 6]), RESIDUALS), 0.1);
     let b = damped_step(&sums(&rows(units), RESIDUALS), 0.1);
     assert!((a.expected - b.expected).abs() < 1e-5);
-    for k in 0..6 {
-        let scaled = f64::from(b.tau[k]) * units[k];
-        assert!((f64::from(a.tau[k]) - scaled).abs() < 1e-5, "{k}: {a:?} {b:?}");
+    for ((a, b), unit) in a.tau.iter().zip(b.tau).zip(units) {
+        assert!((f64::from(*a) - f64::from(b) * unit).abs() < 1e-5, "{a} {b} {unit}");
     }
 }
 

@@ -6,6 +6,7 @@ mod common;
 
 mod difference;
 mod equations;
+mod frame;
 mod guards;
 mod jacobian;
 mod pictures;

@@ -1,0 +1,146 @@
+//! What surrounds the renders of a frame, against the host: the pyramid, the search, the 8-bit pictures.
+
+use nvsprior::refine::{GaussNewtonOptions, Pyramid};
+use nvsprior::render::{Jacobian, Plan, Renderer, to_byte};
+use nvsprior::search::{self, COMPACT, Placement, Program, STARTS, Search};
+use nvsprior::shared::SUMS;
+use nvsprior::{Camera, Engine, Picture, Pose, residual};
+
+use crate::common::{self, assert_silent, random_pose, random_prior};
+
+const FACTORS: [u32; 3] = [1, 2, 4];
+
+fn camera() -> Camera {
+    Camera { width: 150, height: 83, fx: 120.0, fy: 118.0, cx: 74.0, cy: 42.0 }
+}
+
+/// A renderer that knows frames, of a random scene.
+fn renderer(engine: &Engine, seed: u64) -> Renderer {
+    let scene = engine.upload(&random_prior(seed, 2_000, 1)).unwrap();
+    let plan = Plan {
+        factors: FACTORS.to_vec(),
+        jacobians: vec![Jacobian::Flow],
+        search: Some(Jacobian::Flow),
+        profiled: false,
+    };
+    engine.renderer(&scene, &camera(), plan).unwrap()
+}
+
+fn noise(seed: u64) -> Picture {
+    let floats = common::random_frame(seed, &camera());
+    Picture { width: 150, height: 83, data: floats.iter().map(|v| to_byte(*v)).collect() }
+}
+
+#[test]
+fn the_pyramid_is_the_host_s() {
+    let engine = common::engine();
+    let mut renderer = renderer(&engine, 91);
+    let frame = noise(91);
+    let mut pyramid = Pyramid::new(&camera(), &FACTORS);
+    pyramid.set(&frame);
+    let pose = random_pose(91);
+    for level in 0..FACTORS.len() {
+        renderer.set_picture(&frame);
+        renderer.reduce_picture().unwrap();
+        let reduced = renderer.normal_equations(level, Jacobian::Flow, &pose).unwrap();
+        renderer.set_frame(level, &vec![0.0; pyramid.level(level).len()]);
+        let black = renderer.normal_equations(level, Jacobian::Flow, &pose).unwrap();
+        assert_ne!(reduced, black, "the frame counts");
+        renderer.set_frame(level, pyramid.level(level));
+        let set = renderer.normal_equations(level, Jacobian::Flow, &pose).unwrap();
+        assert_eq!(reduced, set, "level {level}");
+    }
+    assert_silent(&engine);
+}
+
+fn placement(pose: &Pose, centre: glam::DVec3) -> Placement {
+    let translation = pose.translation + pose.rotation * centre;
+    Placement {
+        rotation: pose.wxyz().map(|v| v as f32),
+        translation: translation.to_array().map(|v| v as f32),
+    }
+}
+
+fn pose(placement: &Placement, centre: glam::DVec3) -> Pose {
+    let [x, y, z] = placement.translation.map(f64::from);
+    let wxyz = placement.rotation.map(f64::from);
+    let pose = Pose::from_wxyz(wxyz, [x, y, z]).unwrap();
+    Pose { translation: pose.translation - pose.rotation * centre, ..pose }
+}
+
+/// The device's search against the same search led by the host, an evaluation a submission.
+#[test]
+fn the_search_is_the_host_s() {
+    let engine = common::engine();
+    let prior = random_prior(92, 2_000, 1);
+    let mut renderer = renderer(&engine, 92);
+    let centre = glam::DVec3::from(prior.frame().centre.map(f64::from));
+    let truth = random_pose(92);
+    let mut frame = Picture::new(150, 83);
+    renderer.picture(&truth, &mut frame).unwrap();
+    let start = truth.stepped(&[0.01, -0.02, 0.02, 0.01, 0.008, -0.01]);
+    let cold = GaussNewtonOptions::default().cold;
+    let mut starts = [Placement::default(); STARTS];
+    starts[0] = placement(&start, centre);
+    let program = Program {
+        starts,
+        count: 1,
+        first_level: 2,
+        follow_level: 2,
+        levels: cold.levels,
+        follow_renders: cold.follow_renders,
+        coarse_renders: cold.coarse_renders,
+        renders: cold.renders,
+        near: cold.near,
+        far_level: 0,
+        coarse_leap: cold.coarse_leap,
+        leap: cold.leap,
+        coarse_tolerance: cold.coarse_tolerance,
+        tolerance: cold.tolerance,
+        damping: 1e-3,
+        profile: COMPACT,
+    };
+    renderer.set_picture(&frame);
+    let device = *renderer.search(&program).unwrap().search;
+
+    renderer.reduce_picture().unwrap();
+    let mut host: Search = bytemuck::Zeroable::zeroed();
+    host.program = program;
+    search::begin(&mut host);
+    while host.phase == search::SEARCHING {
+        let at = pose(&host.trial, centre);
+        let level = host.level as usize;
+        let e = renderer.normal_equations(level, Jacobian::Flow, &at).unwrap();
+        let upper = (0..6).flat_map(|i| (i..6).map(move |j| (i, j))).map(|(i, j)| e.jtj[i][j]);
+        let sums = upper.chain(e.jtr).chain([e.square]);
+        for (to, from) in host.sums.iter_mut().zip(sums) {
+            *to = from as f32;
+        }
+        search::advance(&mut host);
+    }
+    assert_eq!(device.phase, search::FOUND);
+    assert_eq!(device.by_level, host.by_level);
+    assert_eq!(device.sums.len(), SUMS as usize);
+    // Depths count as equal to a part in 8,000 in evaluations on the device.
+    let (found, expected) = (pose(&device.found, centre), pose(&host.found, centre));
+    assert!(found.angle_to(&expected) < 2e-4, "{}", found.angle_to(&expected));
+    assert!((found.translation - expected.translation).length() < 1e-3, "{found:?} {expected:?}");
+    assert!(found.angle_to(&truth) < 2e-3, "{}", found.angle_to(&truth));
+    assert_silent(&engine);
+}
+
+#[test]
+fn eight_bit_pictures_are_the_host_s() {
+    let engine = common::engine();
+    let mut renderer = renderer(&engine, 93);
+    let (frame, at) = (noise(93), random_pose(93));
+    let floats = renderer.draw(&at).unwrap().to_vec();
+    renderer.set_picture(&frame);
+    let mut render = Picture::new(150, 83);
+    renderer.picture(&at, &mut render).unwrap();
+    let expected: Vec<u8> =
+        floats.chunks_exact(5).flat_map(|p| p[..3].iter().map(|v| to_byte(*v))).collect();
+    assert!(render.data == expected);
+    assert!(renderer.difference() == residual::difference(&frame, &render).data);
+    assert_silent(&engine);
+}
