@@ -28,13 +28,10 @@ uvec2 block(Counters counters, uint group) {
     return min(uvec2(group, group + 1) * each, uvec2(count));
 }
 
-// How many lanes before this one, and whether any after it, hold the same value.
-void rank(uint value, uint lane, out uint before, out bool last) {
-    before = 0;
-    last = true;
-    [[unroll]] for (uint other = 0; other < LANES; other++) {
-        bool same = subgroupBroadcast(value, other) == value;
-        before += uint(same && other < lane);
-        last = last && !(same && other > lane);
-    }
+// How many lanes before this one hold the same value. Lanes store in their order: the last one's stands.
+uint rank(uint value, uint lane) {
+    uint before = 0;
+    [[unroll]] for (uint other = 0; other < LANES - 1; other++)
+        before += uint(subgroupBroadcast(value, other) == value && other < lane);
+    return before;
 }

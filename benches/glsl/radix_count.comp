@@ -24,10 +24,8 @@ void main() {
         uint place = start + lane;
         uint key = place < range.y ? keys[place] : CULLED;
         uint d = (key >> shift) & (digits - 1);
-        uint before;
-        bool last;
-        rank(key != CULLED ? d : TABLE, lane, before, last);
-        if (key != CULLED && last)
+        uint before = rank(key != CULLED ? d : TABLE, lane);
+        if (key != CULLED)
             bins[d] += before + 1;
     }
     for (uint d = lane; d < digits; d += LANES)

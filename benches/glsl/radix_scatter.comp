@@ -34,13 +34,9 @@ void main() {
         }
         bool kept = key != CULLED;
         uint d = (key >> shift) & (digits - 1);
-        uint before;
-        bool last;
-        rank(kept ? d : TABLE, lane, before, last);
-        uint to = next[d] + before;
-        if (kept && last)
-            next[d] = to + 1;
+        uint to = next[d] + rank(kept ? d : TABLE, lane);
         if (kept) {
+            next[d] = to + 1;
             if (pass.digit + 1 < DIGITS)
                 keys_out[to] = key;
             values_out[to] = value;
