@@ -8,7 +8,8 @@ struct Params {
     float background[3];
     float near;
     float alpha_max;
-    uint antialiased;
+    float dilation;
+    float dilation_kept;
     uint width;
     uint height;
     uint tiles_x;
@@ -16,4 +17,7 @@ struct Params {
     uint splats;
     uint sh_degree;
     uint pair_capacity;
+    uint frame_offset;
+    uint sort_blocks;
+    uint bin_blocks;
 };

@@ -1,48 +1,45 @@
-// Stage `radix_scatter` by hand: each invocation ranks a contiguous run of the block.
+// Stage `radix_scatter` for subgroups of eight, by hand.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 #include "radix.glsl"
-layout(local_size_x = 32) in;
+
+layout(local_size_x = 8) in;
+layout(std430, binding = 0) readonly buffer B0 { Counters counters; };
 layout(std430, binding = 1) readonly buffer B1 { uint histogram[]; };
 layout(std430, binding = 2) readonly buffer B2 { uint keys[]; };
 layout(std430, binding = 3) readonly buffer B3 { uint values[]; };
 layout(std430, binding = 4) writeonly buffer B4 { uint keys_out[]; };
 layout(std430, binding = 5) writeonly buffer B5 { uint values_out[]; };
-
-const uint RUN = RADIX_BLOCK / SCATTER_THREADS;
-const uint WORDS = RADIX / 2;
-// Two counters of 16 bits to a word.
-shared uint table[WORDS * SCATTER_THREADS];
+shared uint next[TABLE];
 
 void main() {
     uint lane = gl_LocalInvocationIndex;
-    uint first = gl_WorkGroupID.x * RADIX_BLOCK + lane * RUN;
-    uint end = min(first + RUN, counters[pass.keys]);
-    for (uint word = 0; word < WORDS; word++)
-        table[word * SCATTER_THREADS + lane] = 0;
-    barrier();
-    for (uint at = first; at < end; at++) {
-        uint d = digit(keys[at]);
-        table[(d / 2) * SCATTER_THREADS + lane] += 1 << (16 * (d % 2));
-    }
-    barrier();
-    for (uint word = lane; word < WORDS; word += SCATTER_THREADS) {
-        uint before = 0;
-        for (uint other = 0; other < SCATTER_THREADS; other++) {
-            uint here = table[word * SCATTER_THREADS + other];
-            table[word * SCATTER_THREADS + other] = before;
-            before += here;
+    uint bits = digit_bits(counters);
+    uint shift = bits * pass.digit;
+    uint digits = 1 << bits;
+    uvec2 range = block(counters, gl_WorkGroupID.x);
+    for (uint d = lane; d < digits; d += LANES)
+        next[d] = histogram[gl_WorkGroupID.x * digits + d];
+    for (uint start = range.x; start < range.y; start += LANES) {
+        uint place = start + lane;
+        uint key = CULLED;
+        uint value = place;
+        if (place < range.y) {
+            key = keys[place];
+            if (pass.first == 0)
+                value = values[place];
         }
-    }
-    barrier();
-    for (uint at = first; at < end; at++) {
-        uint key = keys[at];
-        uint d = digit(key);
-        uint slot = (d / 2) * SCATTER_THREADS + lane;
-        uint rank = (table[slot] >> (16 * (d % 2))) & 0xffff;
-        table[slot] += 1 << (16 * (d % 2));
-        uint to = histogram[gl_WorkGroupID.x * RADIX + d] + rank;
-        keys_out[to] = key;
-        values_out[to] = values[at];
+        bool kept = key != CULLED;
+        uint d = (key >> shift) & (digits - 1);
+        uint to = next[d] + rank(kept ? d : TABLE, lane);
+        if (kept) {
+            next[d] = to + 1;
+            if (pass.digit + 1 < DIGITS)
+                keys_out[to] = key;
+            values_out[to] = value;
+        }
     }
 }

@@ -23,7 +23,8 @@ pub type Scratch = [u32; (SLOTS * PLAIN) as usize];
 /// Counters of a workgroup, in shared memory.
 pub type Table = [u32; TABLE as usize];
 
-/// How many invocations before this one, and whether any after it, hold the same value.
+/// How many invocations before this one hold the same value, and whether this one's store makes that
+/// of the last of them stand: it must be made where so, and nowhere else.
 #[derive(Clone, Copy)]
 pub struct Rank {
     pub before: u32,
@@ -113,18 +114,13 @@ impl Lanes for Plain {
     }
 }
 
-/// Eight invocations that are one subgroup and run in lockstep.
+/// Eight invocations that are one subgroup and run in lockstep. Their stores go in their order, so the
+/// last one's stands by itself; to choose it would cost a branch a lane that no CPU can foresee.
 pub struct Lockstep;
 
-impl Rank {
-    /// With the invocation `other`, which holds `its`.
-    fn with(self, value: u32, lane: u32, other: u32, its: u32) -> Rank {
-        let same = its == value;
-        Rank {
-            before: self.before + (same & (other < lane)) as u32,
-            last: self.last & !(same & (other > lane)),
-        }
-    }
+/// 1 where an invocation before this one holds the same value.
+fn ahead(value: u32, lane: u32, other: u32, its: u32) -> u32 {
+    ((its == value) & (other < lane)) as u32
 }
 
 /// The value of invocation `ID`.
@@ -151,21 +147,20 @@ impl Lanes for Lockstep {
     }
 
     fn rank(value: u32, lane: u32, _scratch: &mut Scratch) -> Rank {
-        Rank { before: 0, last: true }
-            .with(value, lane, 0, broadcast::<0>(value))
-            .with(value, lane, 1, broadcast::<1>(value))
-            .with(value, lane, 2, broadcast::<2>(value))
-            .with(value, lane, 3, broadcast::<3>(value))
-            .with(value, lane, 4, broadcast::<4>(value))
-            .with(value, lane, 5, broadcast::<5>(value))
-            .with(value, lane, 6, broadcast::<6>(value))
-            .with(value, lane, 7, broadcast::<7>(value))
+        let mut before = ahead(value, lane, 0, broadcast::<0>(value));
+        before += ahead(value, lane, 1, broadcast::<1>(value));
+        before += ahead(value, lane, 2, broadcast::<2>(value));
+        before += ahead(value, lane, 3, broadcast::<3>(value));
+        before += ahead(value, lane, 4, broadcast::<4>(value));
+        before += ahead(value, lane, 5, broadcast::<5>(value));
+        before += ahead(value, lane, 6, broadcast::<6>(value));
+        Rank { before, last: true }
     }
 
     // An atomic locks the bus for each invocation, which costs more than to rank them all.
     fn tally(table: &mut Table, index: u32, counted: bool, lane: u32, scratch: &mut Scratch) {
         let rank = Self::rank(if counted { index } else { TABLE }, lane, scratch);
-        if counted & rank.last {
+        if counted {
             *at_mut(table, index) += rank.before + 1;
         }
     }

@@ -45,6 +45,11 @@ pub fn sort(engine: &Engine, keys: &[u32], fineness: Fineness) -> Result<Vec<u32
     read(device, &order, sorted as usize)
 }
 
+/// Logarithm, base 2, of the number of workgroups that share a sort of so many keys.
+pub fn log_blocks(engine: &Engine, keys: u32) -> u32 {
+    super::kernels::log_blocks(&engine.device, keys)
+}
+
 /// What stage `bin_scan` makes of each block's pairs by tile.
 pub struct TileStarts {
     /// Pairs of the tiles.
