@@ -1,142 +1,144 @@
-//! `nvsprior bench`: error against run time, for every optimiser, and time by stage.
+//! `nvsprior bench`: run time and error of a prior on a run of frames, in one report.
 
+mod configurations;
+mod context;
+mod forward;
+mod model;
+mod optimum;
+mod perturbed;
 mod plot;
+mod print;
 mod report;
+mod scaling;
+mod stages;
+mod statistics;
+mod steady;
+mod tables;
+mod trials;
 
 use std::path::PathBuf;
 
-use anyhow::Context;
-use nvsprior::refine::{Evaluation, Optimizer};
-use nvsprior::render::{Jacobian, Job, Plan};
-use nvsprior::vulkan::StageTime;
-use nvsprior::{Encoder, EncoderOptions, Engine, FrameStats};
+use anyhow::Context as _;
+use nvsprior::refine::Optimizer;
 
 use crate::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
-use crate::encode::{Input, InputArgs};
+use crate::encode::InputArgs;
+use context::{Context, OptimizerRun, Shot, host_bytes};
+use forward::Forward;
+use report::Report;
 
-/// Measure error against run time: for each optimiser the PSNR reached after each render
+/// Measure run time and error on a run of frames, in milliseconds and in forward renders
 ///
-/// Encodes the same frames with each optimiser, and writes every evaluation (bench.csv, bench.json)
-/// and a plot (bench.svg). Prints the means and the device's time by stage.
+/// Looks for the best pose of each frame, then measures a steady run, starts put off by up to 3° and
+/// 10°, the gradient methods, the device's time by stage, and many settings. Writes report.json,
+/// tables (CSV) and plots (SVG), and prints it all. Failed is what stays more than 0.1 dB below the
+/// render at the best known pose.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
     prior: PriorArgs,
     #[command(flatten)]
     input: InputArgs,
-    /// Optimisers to compare
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "gauss-newton,bfgs")]
+    /// Gradient methods to compare with Gauss–Newton, which is always measured
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "bfgs")]
     optimizers: Vec<OptimizerArg>,
+    /// Frames that gradient methods are measured on, after a first one; 0: none
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    bfgs_frames: usize,
+    /// Starts put off by up to 3°, and as many by up to 10°
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    trials: usize,
+    /// Frames that each setting is measured on, after a first one; 0: none are compared
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    configurations: usize,
+    /// Also measure time against the number of splats (to 2 million) and pixels (to 1280×720)
+    #[arg(long)]
+    scaling: bool,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
     threshold: f64,
-    /// Folder for bench.csv, bench.json, bench.svg; made where it is missing
+    /// Folder for report.json, tables and plots; made where it is missing
     #[arg(long, value_name = "DIR", default_value = "bench-out")]
-    out: PathBuf,
+    report: PathBuf,
     #[command(flatten)]
     device: DeviceArgs,
 }
 
-/// One frame's refinement.
-struct FrameRun {
-    file: String,
-    trace: Vec<Evaluation>,
-    stats: FrameStats,
-}
-
-/// All frames with one optimiser.
-struct OptimizerRun {
-    optimizer: Optimizer,
-    frames: Vec<FrameRun>,
-}
-
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let inputs = args.input.frames()?;
-    let first = &inputs[0];
+    let mut context = open(args)?;
+    let folder = &args.report;
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    let report = measure(args, &mut context)?;
+    print::print(&context, &report);
+    report::write(&folder.join("report.json"), &context, &report)?;
+    tables::write(folder, &context, &report)?;
+    plot::trace(&folder.join("trace.svg"), &report.runs)?;
+    plot::trials(&folder.join("trials.svg"), &context, &report.trials())?;
+    plot::roofline(&folder.join("roofline.svg"), &report.stages)?;
+    if !report.configurations.is_empty() {
+        plot::configurations(&folder.join("configurations.svg"), &report.configurations)?;
+    }
+    if !report.scaling.is_empty() {
+        plot::scaling(&folder.join("scaling.svg"), &report.scaling)?;
+    }
+    args.device.check(&context.engine)
+}
+
+/// Reads the frames and uploads the prior.
+fn open(args: &Args) -> anyhow::Result<Context> {
+    let shots = args.input.frames()?.iter().map(Shot::read).collect::<anyhow::Result<Vec<_>>>()?;
+    anyhow::ensure!(shots.len() > 1, "one frame is no run: the first one does not count");
     let engine = args.device.open()?;
     let prior = args.prior.open()?;
     let scene = engine.upload(&prior)?;
-    std::fs::create_dir_all(&args.out).with_context(|| format!("making {}", args.out.display()))?;
-    let bar = progress(inputs.len() * args.optimizers.len(), "measuring");
-    let mut runs = Vec::new();
-    for &optimizer in &args.optimizers {
-        let mut options = EncoderOptions { threshold: args.threshold, ..Default::default() };
-        options.refine.optimizer = optimizer.into();
-        let optimizer = options.refine.optimizer;
-        let mut encoder = Encoder::new(&engine, &scene, &first.camera, options)?;
-        let mut frames = Vec::new();
-        for input in &inputs {
-            frames.push(measure(&mut encoder, input)?);
-            bar.inc(1);
-        }
-        runs.push(OptimizerRun { optimizer, frames });
+    let forward = Forward::new(&engine, &scene);
+    let (best, threshold, device_bytes) = (Vec::new(), args.threshold, 0);
+    Ok(Context { engine, prior, scene, shots, best, forward, threshold, device_bytes })
+}
+
+fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
+    let frames = context.shots.len();
+    let bar = progress(frames, "best poses");
+    optimum::find(context, || bar.inc(1))?;
+    bar.finish_and_clear();
+
+    let bar = progress(frames, "steady run");
+    let samples = steady::measure(context, context.options(), frames, || bar.inc(1))?;
+    let rates = steady::rates(context)?;
+    let host_bytes_steady = host_bytes();
+    let mut runs = vec![OptimizerRun { optimizer: Optimizer::GaussNewton, samples }];
+    bar.finish_and_clear();
+
+    let bar = progress(2 * args.trials, "starts put off");
+    let near = trials::measure(context, perturbed::NEAR, args.trials, || bar.inc(1))?;
+    let far = trials::measure(context, perturbed::FAR, args.trials, || bar.inc(1))?;
+    bar.finish_and_clear();
+
+    let gradient_frames = args.bfgs_frames.min(frames - 1);
+    let optimizers = args.optimizers.iter().map(|optimizer| Optimizer::from(*optimizer));
+    let gradient: Vec<Optimizer> = match gradient_frames {
+        0 => Vec::new(),
+        _ => optimizers.filter(|optimizer| *optimizer != Optimizer::GaussNewton).collect(),
+    };
+    let bar = progress(gradient.len() * (gradient_frames + 1), "gradient methods");
+    for optimizer in gradient {
+        runs.push(steady::descend(context, optimizer, gradient_frames + 1, || bar.inc(1))?);
     }
     bar.finish_and_clear();
-    report::print(&runs);
-    let stages = stage_times(&engine, &scene, first)?;
-    report::print_stages(&stages);
-    report::write(&args.out, engine.device(), &runs, &stages)?;
-    plot::write(&args.out.join("bench.svg"), &runs)?;
-    args.device.check(&engine)
-}
 
-fn measure(encoder: &mut Encoder, input: &Input) -> anyhow::Result<FrameRun> {
-    let (_, encoded) = input.encode(encoder)?;
-    let trace = encoder.trace().to_vec();
-    Ok(FrameRun { file: input.file.clone(), trace, stats: encoded.stats })
-}
-
-/// Renders whose stage times are averaged.
-const STAGE_RUNS: u32 = 10;
-
-/// Mean device times of the stages: of a picture, and of the normal equations with each Jacobian.
-struct Stages {
-    picture: Vec<StageTime>,
-    flow: Vec<StageTime>,
-    exact: Vec<StageTime>,
-}
-
-fn stage_times(
-    engine: &Engine,
-    scene: &std::sync::Arc<nvsprior::render::Scene>,
-    input: &Input,
-) -> anyhow::Result<Stages> {
-    let pose = input.external.context("the first frame has no pose to time renders at")?;
-    let jacobians = vec![Jacobian::Flow, Jacobian::Exact];
-    let plan = Plan { factors: vec![1], jacobians, search: None, profiled: true };
-    let mut renderer = engine.renderer(scene, &input.camera, plan)?;
-    let mut mean = |jacobian: Option<Jacobian>| -> anyhow::Result<Vec<StageTime>> {
-        let mut sums: Vec<StageTime> = Vec::new();
-        // The first run is not counted: drivers finish their work at first use.
-        for run in 0..=STAGE_RUNS {
-            match jacobian {
-                None => renderer.draw(&pose).map(|_| ())?,
-                Some(jacobian) => renderer.normal_equations(0, jacobian, &pose).map(|_| ())?,
-            }
-            let job = jacobian.map_or(Job::Draw, Job::Sums);
-            let times = renderer.stage_times(job)?;
-            if run > 0 {
-                add_by_name(&mut sums, &times);
-            }
-        }
-        for stage in &mut sums {
-            stage.milliseconds /= f64::from(STAGE_RUNS);
-        }
-        Ok(sums)
-    };
-    Ok(Stages {
-        picture: mean(None)?,
-        flow: mean(Some(Jacobian::Flow))?,
-        exact: mean(Some(Jacobian::Exact))?,
-    })
-}
-
-/// Adds times to those of the same name: a sort's passes count as one stage.
-fn add_by_name(sums: &mut Vec<StageTime>, times: &[StageTime]) {
-    for time in times {
-        match sums.iter_mut().find(|sum| sum.name == time.name) {
-            Some(sum) => sum.milliseconds += time.milliseconds,
-            None => sums.push(time.clone()),
-        }
+    let stages = stages::measure(context)?;
+    let mut configurations = Vec::new();
+    if args.configurations > 0 {
+        let bar = progress(configurations::count(context), "settings");
+        let frames = args.configurations;
+        configurations = configurations::measure(context, frames, &runs, || bar.inc(1))?;
+        bar.finish_and_clear();
     }
+    let mut scaling = Vec::new();
+    if args.scaling {
+        let bar = progress(scaling::COUNT, "sizes");
+        scaling = scaling::measure(context, || bar.inc(1));
+        bar.finish_and_clear();
+    }
+    Ok(Report { runs, rates, near, far, stages, configurations, scaling, host_bytes_steady })
 }

@@ -159,6 +159,8 @@ pub struct Input {
     pub camera: Camera,
     /// Its pose from outside.
     pub external: Option<Pose>,
+    /// Its pose in the camera file.
+    pub known: Option<Pose>,
 }
 
 impl Input {
@@ -195,6 +197,7 @@ impl InputArgs {
                 name: if distinct { stem(&view.file) } else { flat_name(&view.name) },
                 camera,
                 external: self.external(index, view, csv.as_ref()),
+                known: view.pose,
             })
         };
         views.iter().enumerate().map(input).collect()

@@ -21,29 +21,27 @@ pub const SHORT: f64 = 0.1;
 
 /// The endless sequence of steps of a seed, to apply to the best known poses.
 pub fn steps(magnitude: Magnitude, seed: u64) -> impl Iterator<Item = Step> {
-    let mut even = SplitMix(seed);
+    let mut even = even(seed);
     let Magnitude { units, degrees } = magnitude;
     let limits = [units, units, units].into_iter().chain([degrees.to_radians(); 3]);
     std::iter::repeat_with(move || {
         let mut step = [0.0; 6];
         for (value, limit) in step.iter_mut().zip(limits.clone()) {
-            *value = limit * even.next();
+            *value = limit * even.next().unwrap_or_default();
         }
         step
     })
 }
 
-/// SplitMix64 (Steele, Lea & Flood 2014).
-struct SplitMix(u64);
-
-impl SplitMix {
-    /// Even in [−1, 1).
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+/// The endless sequence of a seed, even in [−1, 1): SplitMix64 (Steele, Lea & Flood 2014).
+pub fn even(seed: u64) -> impl Iterator<Item = f64> {
+    let mut state = seed;
+    std::iter::repeat_with(move || {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
+    })
 }
 
 #[cfg(test)]

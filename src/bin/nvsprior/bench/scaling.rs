@@ -1,0 +1,129 @@
+//! Time against the number of splats and the size of the picture.
+
+use std::time::Instant;
+
+use nvsprior::prior::Splats;
+use nvsprior::render::{Jacobian, Plan};
+use nvsprior::{Camera, Picture, Prior};
+
+use super::configurations::chosen;
+use super::context::Context;
+use super::perturbed::even;
+use super::statistics::median;
+
+/// Splats of the priors.
+const SPLATS: [usize; 5] = [5_000, 20_000, 80_000, 320_000, 2_000_000];
+/// Sizes of the pictures.
+const SIZES: [(u32, u32); 4] = [(160, 90), (320, 180), (640, 360), (1280, 720)];
+/// Runs of which the median counts.
+const RUNS: usize = 3;
+
+/// A number of splats at a size.
+pub struct Row {
+    pub splats: usize,
+    pub width: u32,
+    pub height: u32,
+    /// What it took, or why it cannot be done.
+    pub times: Result<Times, String>,
+}
+
+/// Milliseconds, submission and wait included.
+#[derive(Clone, Copy)]
+pub struct Times {
+    /// Of a forward render.
+    pub forward_ms: f64,
+    /// Of the normal equations with the flow Jacobian at full resolution.
+    pub evaluation_ms: f64,
+}
+
+/// Rows of the table.
+pub const COUNT: usize = SPLATS.len() * SIZES.len();
+
+/// Measures all, at the first frame's best known pose.
+pub fn measure(context: &Context, done: impl Fn()) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for splats in SPLATS {
+        let prior =
+            Prior::from_splats(resized(context.prior.splats(), splats), *context.prior.options());
+        for (width, height) in SIZES {
+            let camera = context.shots[0].camera.resized(width, height);
+            let times = match &prior {
+                Ok(prior) => time(context, prior, &camera).map_err(|e| format!("{e:#}")),
+                Err(error) => Err(error.to_string()),
+            };
+            rows.push(Row { splats, width, height, times });
+            done();
+        }
+    }
+    rows
+}
+
+fn time(context: &Context, prior: &Prior, camera: &Camera) -> anyhow::Result<Times> {
+    let pose = context.best[0].pose;
+    let scene = context.engine.upload(prior)?;
+    let plan = Plan { jacobians: vec![Jacobian::Flow], ..Plan::picture() };
+    let mut renderer = context.engine.renderer(&scene, camera, plan)?;
+    let mut picture = Picture::new(camera.width, camera.height);
+    renderer.set_picture(&picture);
+    renderer.reduce_picture()?;
+    let (mut forward, mut evaluation) = (Vec::new(), Vec::new());
+    // The first round does not count: drivers finish their work at first use.
+    for _ in 0..=RUNS {
+        let since = Instant::now();
+        renderer.picture(&pose, &mut picture)?;
+        forward.push(since.elapsed().as_secs_f64() * 1e3);
+        let since = Instant::now();
+        renderer.normal_equations(0, Jacobian::Flow, &pose)?;
+        evaluation.push(since.elapsed().as_secs_f64() * 1e3);
+    }
+    let counted = |times: Vec<f64>| median(times.into_iter().skip(1));
+    Ok(Times { forward_ms: counted(forward), evaluation_ms: counted(evaluation) })
+}
+
+/// The scene with another number of splats: every so manieth, or each several times, put aside by up
+/// to its own extent. Each becomes larger or smaller, so that all together cover the same area.
+fn resized(splats: &Splats, count: usize) -> Splats {
+    let len = splats.len();
+    let places: Vec<usize> =
+        (0..count).map(|i| (i as u128 * len as u128 / count as u128) as usize).collect();
+    let mut out = chosen(splats, &places);
+    let grown = 0.5 * (len as f64 / count as f64).ln() as f32;
+    let mut aside = even(count as u64);
+    for (i, place) in places.iter().enumerate() {
+        let [a, b, c] = splats.log_scales[*place];
+        let repeated = i > 0 && places[i - 1] == *place;
+        let extent = if repeated { a.max(b).max(c).exp() } else { 0.0 };
+        for axis in 0..3 {
+            out.positions[i][axis] += extent * aside.next().unwrap_or_default() as f32;
+            out.log_scales[i][axis] += grown;
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_splats_as_asked_for_cover_the_same_area() {
+        let splats = Splats {
+            positions: (0..10).map(|i| [i as f32, 0.0, 0.0]).collect(),
+            log_scales: vec![[0.0, 0.0, -3.0]; 10],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; 10],
+            opacity_logits: vec![0.0; 10],
+            sh: vec![0.0; 30],
+            sh_degree: 0,
+        };
+        let area = |s: &Splats| s.log_scales.iter().map(|l| (l[0] + l[1]).exp()).sum::<f32>();
+        for count in [3, 10, 25] {
+            let other = resized(&splats, count);
+            other.check_shape().unwrap();
+            assert_eq!(other.len(), count);
+            assert!((area(&other) - 10.0).abs() < 1e-3, "{}", area(&other));
+        }
+        assert_eq!(resized(&splats, 10), splats);
+        let many = resized(&splats, 25);
+        assert!(many.positions[1] != many.positions[0], "put aside");
+    }
+}

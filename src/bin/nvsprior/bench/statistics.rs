@@ -1,0 +1,49 @@
+//! Medians and high percentiles.
+
+use serde_json::{Value, json};
+
+/// The middle of some values, and what nearly all stay below.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    pub median: f64,
+    /// 95th percentile.
+    pub p95: f64,
+    pub most: f64,
+}
+
+impl Spread {
+    /// All NaN where there is no value.
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Spread {
+        let mut values: Vec<f64> = values.into_iter().collect();
+        values.sort_by(f64::total_cmp);
+        Spread { median: at(&values, 0.5), p95: at(&values, 0.95), most: at(&values, 1.0) }
+    }
+
+    pub fn json(&self) -> Value {
+        json!({ "median": self.median, "p95": self.p95, "max": self.most })
+    }
+}
+
+/// The upper median: no value between two is made up.
+pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    Spread::of(values).median
+}
+
+/// The value below which a share of sorted values lies.
+fn at(sorted: &[f64], share: f64) -> f64 {
+    let place = (sorted.len() as f64 * share) as usize;
+    sorted.get(place.min(sorted.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spreads_are_values_that_were_there() {
+        let spread = Spread::of((0..100).rev().map(f64::from));
+        assert_eq!(spread, Spread { median: 50.0, p95: 95.0, most: 99.0 });
+        assert_eq!(median([3.0, 1.0]), 3.0);
+        assert!(median([]).is_nan());
+    }
+}

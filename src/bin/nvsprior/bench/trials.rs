@@ -1,0 +1,33 @@
+//! Starts put off from the best known poses, each frame looked for as if nothing were known before.
+
+use nvsprior::EncoderOptions;
+
+use super::context::{Context, Sample};
+use super::perturbed::{Magnitude, steps};
+
+/// Seed of the starts.
+const SEED: u64 = 1;
+
+/// Encodes frames from `trials` starts, spread over the frames in turn.
+pub fn measure(
+    context: &mut Context,
+    magnitude: Magnitude,
+    trials: usize,
+    done: impl Fn(),
+) -> anyhow::Result<Vec<Sample>> {
+    let mut encoder = context.encoder(EncoderOptions { rate: None, ..context.options() })?;
+    // All steps are off the poses known now: what is learnt on the way moves none.
+    let poses: Vec<_> = context.best.iter().map(|best| best.pose).collect();
+    // Not counted: the first use of the commands.
+    context.sample(&mut encoder, 0, Some(poses[0]))?;
+    let mut samples = Vec::new();
+    for (trial, step) in steps(magnitude, SEED).take(trials).enumerate() {
+        let shot = trial % poses.len();
+        encoder.forget();
+        let sample = context.sample(&mut encoder, shot, Some(poses[shot].stepped(&step)))?;
+        context.learn(&sample);
+        samples.push(sample);
+        done();
+    }
+    Ok(samples)
+}
