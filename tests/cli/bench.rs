@@ -110,7 +110,7 @@ fn configurations(report: &Value, dive: &Dive, stdout: &str) {
             rows.iter().map(figures).any(|[t, l]| t <= time && l <= loss && (t < time || l < loss));
         assert_eq!(row["pareto"], !beaten, "{row}");
     }
-    for known in ["default", "leap off", "exact Jacobian", "splats 50 %", "bfgs"] {
+    for known in ["default", "leap 0", "exact Jacobian", "splats 50 %", "bfgs"] {
         assert!(rows.iter().any(|row| row["name"] == known), "{known}");
     }
     let good = rows.iter().filter(|row| figures(row)[1] <= 0.05);

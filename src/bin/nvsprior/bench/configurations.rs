@@ -75,11 +75,12 @@ fn settings(context: &Context) -> Vec<Setting> {
     };
     let warm = context.options().refine.gauss_newton.warm;
     add("default".into(), Kept::All, &|_| {});
-    for levels in [0b0111u32, 0b0101, 0b0011].into_iter().filter(|l| *l != warm.levels) {
-        add(format!("levels {levels:04b}"), Kept::All, &|o| {
+    for levels in [0b0111u32, 0b0101, 0b0011, 0b0001] {
+        add(format!("always levels {levels:03b}"), Kept::All, &|o| {
             let warm = &mut o.refine.gauss_newton.warm;
             let first = levels.ilog2() as usize;
             (warm.levels, warm.first_level, warm.follow_level) = (levels, first, first);
+            warm.far_level = 0;
         });
     }
     for renders in [1, 2, 4].into_iter().filter(|r| *r != warm.renders) {
@@ -87,8 +88,9 @@ fn settings(context: &Context) -> Vec<Setting> {
             o.refine.gauss_newton.warm.renders = renders;
         });
     }
-    let leap = if warm.leap { "leap off" } else { "leap on" };
-    add(leap.into(), Kept::All, &|o| o.refine.gauss_newton.warm.leap = !warm.leap);
+    for leap in [0.0, 0.03, 0.1, 0.3].into_iter().filter(|l| *l != warm.leap) {
+        add(format!("leap {leap}"), Kept::All, &|o| o.refine.gauss_newton.warm.leap = leap);
+    }
     for tolerance in [3e-2, 1e-2, 1e-3].into_iter().filter(|t| *t != warm.coarse_tolerance) {
         add(format!("coarse tolerance {tolerance}"), Kept::All, &|o| {
             o.refine.gauss_newton.warm.coarse_tolerance = tolerance;

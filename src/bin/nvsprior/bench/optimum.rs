@@ -15,7 +15,10 @@ const CAREFUL: Schedule = Schedule {
     follow_renders: 16,
     coarse_renders: 32,
     renders: 48,
-    leap: false,
+    near: 1.0,
+    far_level: 0,
+    coarse_leap: 0.0,
+    leap: 0.0,
     coarse_tolerance: 1e-6,
     tolerance: 1e-6,
 };
