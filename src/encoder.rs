@@ -285,7 +285,7 @@ impl Encoder {
         let sent = drawn.camera.is_some();
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         self.frame = self.frame.wrapping_add(1);
-        self.tracker.keep(drawn.pose, found.outcome.mse);
+        self.tracker.keep(drawn.pose, found.outcome.mse, found.start);
     }
 
     /// Forgets the frames before: the next one is looked for as the first was.

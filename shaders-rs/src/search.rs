@@ -131,6 +131,8 @@ pub struct Search {
     pub best_start: u32,
     /// The outcome, not quantised.
     pub found: Placement,
+    /// Share of the error that its last step, where that was taken unseen, is expected to bring; else 0.
+    pub promised: f32,
     /// Σ r² of the last evaluations, in order.
     pub trace: [f32; TRACE],
     /// Their levels.
@@ -229,6 +231,7 @@ fn propose(s: &mut Search) -> bool {
         leap = 0.0;
     }
     s.found = s.place;
+    s.promised = 0.0;
     let step = damped_step(&s.place_sums, s.damping);
     let error = s.place_sums[SQUARE];
     if !step.downhill {
@@ -250,6 +253,7 @@ fn propose(s: &mut Search) -> bool {
     if !(step.expected > leap * error) {
         s.stop = STOP_PROGRESS;
         s.found = next;
+        s.promised = step.expected / error;
         return false;
     }
     if s.renders >= most {

@@ -58,9 +58,17 @@ pub struct Starts {
 const NEAR_LEVEL: usize = 2;
 
 impl Starts {
-    /// Notes the pose found for a frame.
-    pub fn push(&mut self, pose: Pose) {
-        self.before_last = self.last.replace(pose);
+    /// Notes the pose found for a frame. One that did not start from the frames before says nothing
+    /// of the velocity.
+    pub fn push(&mut self, pose: Pose, start: StartKind) {
+        let before = self.last.replace(pose);
+        let follows = matches!(start, StartKind::Previous | StartKind::Predicted);
+        self.before_last = before.filter(|_| follows);
+    }
+
+    /// The pose of the frame before.
+    pub(super) fn last(&self) -> Option<Pose> {
+        self.last
     }
 
     /// Where a search of the next frame starts: at the pose that constant velocity predicts, or else

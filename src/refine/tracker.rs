@@ -91,8 +91,8 @@ impl Tracker {
     }
 
     /// Notes what was drawn for the frame, for the next one's start.
-    pub fn keep(&mut self, pose: Pose, mse: f64) {
-        self.starts.push(pose);
+    pub fn keep(&mut self, pose: Pose, mse: f64, start: StartKind) {
+        self.starts.push(pose, start);
         self.error = Some(mse);
     }
 
@@ -113,7 +113,7 @@ impl Tracker {
         {
             return Ok(Some(found));
         }
-        let Some(start) = external.or(warm.map(|found| found.outcome.pose)) else {
+        let Some(start) = external.or(self.starts.last()) else {
             return Ok(None);
         };
         let kind = if external.is_some() { StartKind::External } else { StartKind::BestOfBad };

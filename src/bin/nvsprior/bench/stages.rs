@@ -1,7 +1,7 @@
 //! The device's time by stage, beside the bytes and operations that a model counts and the rates that
 //! the device reaches at best.
 
-use nvsprior::refine::{Objective, RefineOptions, Tracker};
+use nvsprior::refine::{Objective, RefineOptions, StartKind, Tracker};
 use nvsprior::render::ceilings::{self, Ceilings};
 use nvsprior::render::probe::{self, Fineness};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
@@ -145,7 +145,7 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     let times = mean(|| {
         tracker.forget();
         for Best { pose, psnr } in &context.best[..last] {
-            tracker.keep(*pose, 10f64.powf(-0.1 * psnr));
+            tracker.keep(*pose, 10f64.powf(-0.1 * psnr), StartKind::Previous);
         }
         let before = tracker.objective().renderer().renders().to_vec();
         tracker.track(&shot.picture, None)?;
