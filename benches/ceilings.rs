@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use nvsprior::render::ceilings::{self, Ceilings};
 use nvsprior::render::probe::{self, Fineness, Stages};
-use nvsprior::render::{Jacobian, Job, Plan, Scene};
+use nvsprior::render::{Jacobian, Job, Plan, Renderer, Scene};
 use nvsprior::shared::{
     self, CULLED, Counters, DIGITS, Outline, PIXEL, Params, Projected, SUMS, TABLE, TILE,
 };
@@ -408,7 +408,53 @@ const ORIN: Machine = Machine {
     column: [4.0, 4.0],
 };
 
-/// Each level's stages as the model has them, on this device and on paper, and as measured here.
+/// Fastest times of the stages of a job at a level, in milliseconds.
+fn measured(renderer: &mut Renderer, level: usize, job: Job, pose: &Pose) -> Times {
+    let mut best: Vec<StageTime> = Vec::new();
+    for _ in 0..RUNS / 2 {
+        match job {
+            Job::Draw => drop(renderer.draw_level(level, pose)?.first()),
+            _ => drop(renderer.normal_equations(level, Jacobian::Flow, pose)?),
+        }
+        let times = renderer.stage_times(job)?;
+        best.resize(times.len(), StageTime { name: "", milliseconds: f64::INFINITY });
+        for (best, time) in best.iter_mut().zip(times) {
+            let milliseconds = best.milliseconds.min(time.milliseconds);
+            *best = StageTime { milliseconds, ..time };
+        }
+    }
+    Ok(best)
+}
+
+type Times = Result<Vec<StageTime>, Error>;
+
+/// A picture's stages, or an evaluation's, as the model has them here and on paper, and as measured.
+fn compare(c: &Counts, here: &Machine, evaluation: bool, measured: &[StageTime]) {
+    println!("  {}", if evaluation { "evaluation" } else { "picture" });
+    let flops = [PICTURE_FLOPS, FLOW_FLOPS];
+    let works = model::stages(c, here, 3.0, evaluation, flops);
+    // A search sorts its evaluations in two passes.
+    let passes = if evaluation { 2.0 } else { 3.0 };
+    let on_paper = model::stages(c, &ORIN, passes, evaluation, flops);
+    let mut total = [0.0; 3];
+    for (work, paper) in works.iter().zip(&on_paper) {
+        let times = measured.iter().filter(|stage| work.holds(stage.name));
+        let took: f64 = times.map(|stage| stage.milliseconds).sum();
+        let (model, orin) = (work.seconds(here) * 1e3, paper.seconds(&ORIN) * 1e6);
+        let (bytes, operations) = (work.bytes * 1e-6, work.operations * 1e-6);
+        print!(
+            "    {:10} {bytes:6.2} MB, {operations:7.1} MFLOP: model {model:6.2} ms, ",
+            work.name
+        );
+        print!("measured {took:6.2}, {:4.1} times; ", took / model);
+        println!("{}: {:5.2} MB, {orin:5.0} us", ORIN.name, paper.bytes * 1e-6);
+        total = [total[0] + model, total[1] + took, total[2] + orin];
+    }
+    let [model, took, orin] = total;
+    println!("    all: model {model:.2} ms, measured {took:.2}; {}: {orin:.0} us", ORIN.name);
+}
+
+/// The stages of each level.
 fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Result<(), Error> {
     let here = Machine {
         name: "here",
@@ -416,7 +462,7 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
         bytes: best.ceilings.bytes,
         latency: 0.0,
         dispatch: dispatch_seconds(device)?,
-        blocks: 16.0,
+        blocks: f64::from(1 << probe::log_blocks(engine, seen.prior.len() as u32)),
         scan_lanes: 8.0,
         column: [8.0, 4.0],
     };
@@ -432,48 +478,8 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
         println!("  {} rows, {} tiles, {} digits", c.rows, c.tiles, c.digits);
         renderer.set_frame(level, &common::random_frame(1, &view.camera));
         for (job, evaluation) in [(Job::Draw, false), (Job::Sums(Jacobian::Flow), true)] {
-            let mut measured: Vec<StageTime> = Vec::new();
-            for _ in 0..RUNS / 2 {
-                match evaluation {
-                    false => drop(renderer.draw_level(level, &seen.pose)?.first()),
-                    true => drop(renderer.normal_equations(level, Jacobian::Flow, &seen.pose)?),
-                }
-                let times = renderer.stage_times(job)?;
-                measured.resize(times.len(), StageTime { name: "", milliseconds: f64::INFINITY });
-                for (best, time) in measured.iter_mut().zip(times) {
-                    let milliseconds = best.milliseconds.min(time.milliseconds);
-                    *best = StageTime { milliseconds, ..time };
-                }
-            }
-            println!("  {}", if evaluation { "evaluation" } else { "picture" });
-            let flops = [PICTURE_FLOPS, FLOW_FLOPS];
-            let ours = model::stages(&c, &here, 3.0, evaluation, flops);
-            // A search sorts its evaluations in two passes.
-            let passes = if evaluation { 2.0 } else { 3.0 };
-            let on_orin = model::stages(&c, &ORIN, passes, evaluation, flops);
-            let mut total = [0.0; 3];
-            for (work, orin) in ours.iter().zip(&on_orin) {
-                let name = |stage: &&StageTime| match work.name {
-                    "splat" => stage.name == "splat",
-                    begin => stage.name.starts_with(begin),
-                };
-                let took: f64 = measured.iter().filter(name).map(|s| s.milliseconds).sum();
-                let [model, paper] = [work.seconds(&here) * 1e3, orin.seconds(&ORIN) * 1e6];
-                print!(
-                    "    {:10} {:6.2} MB, {:7.1} MFLOP: ",
-                    work.name,
-                    work.bytes * 1e-6,
-                    work.operations * 1e-6
-                );
-                print!("model {model:6.2} ms, measured {took:6.2}, {:4.1} times; ", took / model);
-                print!("{}: {:5.2} MB, ", ORIN.name, orin.bytes * 1e-6);
-                println!("{paper:5.0} us",);
-                total = [total[0] + model, total[1] + took, total[2] + paper];
-            }
-            println!(
-                "    all: model {:.2} ms, measured {:.2}; on paper {:.0} us",
-                total[0], total[1], total[2]
-            );
+            let times = measured(&mut renderer, level, job, &seen.pose)?;
+            compare(&c, &here, evaluation, &times);
         }
     }
     Ok(())

@@ -51,6 +51,12 @@ pub struct Work {
 }
 
 impl Work {
+    /// Whether a stage of that name is one of these.
+    pub fn holds(&self, stage: &str) -> bool {
+        let several = ["radix", "bin"].contains(&self.name);
+        stage == self.name || several && stage.starts_with(self.name)
+    }
+
     /// Seconds: whichever of bytes, operations and waiting takes longest, and the dispatches.
     pub fn seconds(&self, on: &Machine) -> f64 {
         let bound = (self.bytes / on.bytes).max(self.operations / on.flops);
