@@ -4,18 +4,26 @@
 
 #[path = "../tests/common/mod.rs"]
 mod common;
+#[path = "ceilings/model.rs"]
+mod model;
 #[path = "../tests/scene/mod.rs"]
 mod scene;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use nvsprior::render::ceilings::{self, Ceilings};
 use nvsprior::render::probe::{self, Fineness, Stages};
-use nvsprior::shared::{CULLED, Counters, DIGITS, PIXEL, Params, SUMS, TABLE, TILE};
+use nvsprior::render::{Jacobian, Job, Plan, Renderer, Scene};
+use nvsprior::shared::{
+    self, CULLED, Counters, DIGITS, Outline, PIXEL, Params, Projected, SUMS, TABLE, TILE,
+};
 use nvsprior::vulkan::{
-    Buffer, Commands, Device, DeviceOptions, Error, Kernel, Memory, Recorder, Timing,
+    Buffer, Commands, Device, DeviceOptions, Error, Kernel, Memory, Recorder, StageTime, Timing,
 };
 use nvsprior::{Camera, Engine, Pose, Prior};
+
+use model::{Counts, Machine};
 
 /// Runs of each kernel, in turn with those that it is compared with; the fastest counts.
 const RUNS: usize = 60;
@@ -60,6 +68,25 @@ impl Source {
     }
 }
 
+/// A prior, and where it is seen from.
+struct Seen {
+    prior: Prior,
+    scene: Arc<Scene>,
+    camera: Camera,
+    pose: Pose,
+}
+
+impl Seen {
+    fn new(engine: &Engine) -> Result<Seen, Error> {
+        let (prior, camera, pose) = match common::reef_prior() {
+            Some(prior) => (prior, common::REEF_CAMERA, common::reef_pose()),
+            None => (scene::wall(1), scene::CAMERA, scene::pose(0.0)),
+        };
+        let scene = engine.upload(&prior)?;
+        Ok(Seen { prior, scene, camera, pose })
+    }
+}
+
 /// A prior seen from somewhere, with all that comes before the blending.
 struct View {
     camera: Camera,
@@ -68,11 +95,10 @@ struct View {
 }
 
 impl View {
-    fn new(engine: &Engine) -> Result<View, Error> {
-        let (prior, camera, pose): (Prior, Camera, Pose) = match common::reef_prior() {
-            Some(prior) => (prior, common::REEF_CAMERA, common::reef_pose()),
-            None => (scene::wall(1), scene::CAMERA, scene::pose(0.0)),
-        };
+    /// A level of the pyramid.
+    fn new(engine: &Engine, seen: &Seen, factor: u32) -> Result<View, Error> {
+        let Seen { prior, scene, pose, .. } = seen;
+        let camera = seen.camera.reduced(factor);
         let tiles = [camera.width.div_ceil(TILE), camera.height.div_ceil(TILE)];
         let options = prior.options();
         let params = Params {
@@ -86,9 +112,33 @@ impl View {
             tiles_y: tiles[1],
             ..Params::default()
         };
-        let scene = engine.upload(&prior)?;
-        let stages = probe::stages(engine, &scene, &camera, &pose, 1 << 20, Fineness::Exact)?;
+        let (room, exact) = (1 << 20, Fineness::Exact);
+        let stages = probe::stages_at(engine, scene, &seen.camera, factor, pose, room, exact)?;
         Ok(View { camera, params, stages })
+    }
+
+    /// What the model counts.
+    fn counts(&self, prior: &Prior) -> Counts {
+        let stages = &self.stages;
+        let rows = |splat: &u32| {
+            let r = &stages.records[*splat as usize];
+            let (mean, conic) = ([r[0], r[1]], [r[2], r[3], r[4]]);
+            let splat = Projected { mean, conic, opacity: r[5], ..Projected::default() };
+            let [top, bottom] = Outline::new(&splat).rows(self.params.tiles_y);
+            f64::from(bottom - top)
+        };
+        let largest = stages.keys.iter().copied().filter(|key| *key != CULLED).max();
+        Counts {
+            splats: stages.keys.len() as f64,
+            visible: stages.order.len() as f64,
+            coefficients: f64::from(shared::sh_coefficients(prior.splats().sh_degree)),
+            pairs: f64::from(stages.pairs_needed),
+            rows: stages.order.iter().map(rows).sum(),
+            blended: [self.evaluations(TILE), self.evaluations(TILE / 2)],
+            tiles: f64::from(self.params.tiles_x * self.params.tiles_y),
+            pixels: self.camera.pixels() as f64,
+            digits: f64::from(1 << shared::digit_bits(largest.unwrap_or(0))),
+        }
     }
 
     /// Splats times pixels that the blending goes through where it takes so many rows of a tile at a
@@ -328,11 +378,119 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
     Ok(())
 }
 
+/// Seconds of a dispatch that does nothing.
+fn dispatch_seconds(device: &Device) -> Result<f64, Error> {
+    let params = Buffer::from_slice(device, "parameters", &[Params::default()])?;
+    let none = Buffer::new::<f32>(device, "nothing", 1, Memory::Device)?;
+    let kernel = ours!("finish", "finish").kernel(device, 3, 0)?;
+    let mut best = f64::INFINITY;
+    for _ in 0..RUNS {
+        let mut recorder = Recorder::new(device, Timing::Stages)?;
+        for _ in 0..2 {
+            recorder.dispatch(&kernel, &[&params, &none, &none], &[], [1, 1, 1])?;
+        }
+        let mut commands = recorder.finish()?;
+        commands.run()?;
+        best = best.min(commands.stage_times()?[1].milliseconds * 1e-3);
+    }
+    Ok(best)
+}
+
+/// Jetson Orin NX 16GB: docs/latency.md.
+const ORIN: Machine = Machine {
+    name: "Orin NX",
+    flops: 0.9 * 1.88e12,
+    bytes: 0.65 * 102.4e9,
+    latency: 300.0 / 918e6,
+    dispatch: 5e-6,
+    blocks: 128.0,
+    scan_lanes: 256.0,
+    column: [4.0, 4.0],
+};
+
+/// Fastest times of the stages of a job at a level, in milliseconds.
+fn measured(renderer: &mut Renderer, level: usize, job: Job, pose: &Pose) -> Times {
+    let mut best: Vec<StageTime> = Vec::new();
+    for _ in 0..RUNS / 2 {
+        match job {
+            Job::Draw => drop(renderer.draw_level(level, pose)?.first()),
+            _ => drop(renderer.normal_equations(level, Jacobian::Flow, pose)?),
+        }
+        let times = renderer.stage_times(job)?;
+        best.resize(times.len(), StageTime { name: "", milliseconds: f64::INFINITY });
+        for (best, time) in best.iter_mut().zip(times) {
+            let milliseconds = best.milliseconds.min(time.milliseconds);
+            *best = StageTime { milliseconds, ..time };
+        }
+    }
+    Ok(best)
+}
+
+type Times = Result<Vec<StageTime>, Error>;
+
+/// A picture's stages, or an evaluation's, as the model has them here and on paper, and as measured.
+fn compare(c: &Counts, here: &Machine, evaluation: bool, measured: &[StageTime]) {
+    println!("  {}", if evaluation { "evaluation" } else { "picture" });
+    let flops = [PICTURE_FLOPS, FLOW_FLOPS];
+    let works = model::stages(c, here, 3.0, evaluation, flops);
+    // A search sorts its evaluations in two passes.
+    let passes = if evaluation { 2.0 } else { 3.0 };
+    let on_paper = model::stages(c, &ORIN, passes, evaluation, flops);
+    let mut total = [0.0; 3];
+    for (work, paper) in works.iter().zip(&on_paper) {
+        let times = measured.iter().filter(|stage| work.holds(stage.name));
+        let took: f64 = times.map(|stage| stage.milliseconds).sum();
+        let (model, orin) = (work.seconds(here) * 1e3, paper.seconds(&ORIN) * 1e6);
+        let (bytes, operations) = (work.bytes * 1e-6, work.operations * 1e-6);
+        print!(
+            "    {:10} {bytes:6.2} MB, {operations:7.1} MFLOP: model {model:6.2} ms, ",
+            work.name
+        );
+        print!("measured {took:6.2}, {:4.1} times; ", took / model);
+        println!("{}: {:5.2} MB, {orin:5.0} us", ORIN.name, paper.bytes * 1e-6);
+        total = [total[0] + model, total[1] + took, total[2] + orin];
+    }
+    let [model, took, orin] = total;
+    println!("    all: model {model:.2} ms, measured {took:.2}; {}: {orin:.0} us", ORIN.name);
+}
+
+/// The stages of each level.
+fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Result<(), Error> {
+    let here = Machine {
+        name: "here",
+        flops: best.ceilings.flops,
+        bytes: best.ceilings.bytes,
+        latency: 0.0,
+        dispatch: dispatch_seconds(device)?,
+        blocks: f64::from(1 << probe::log_blocks(engine, seen.prior.len() as u32)),
+        scan_lanes: 8.0,
+        column: [8.0, 4.0],
+    };
+    println!("{}: {:.0} us a dispatch", here.name, here.dispatch * 1e6);
+    let factors = vec![1, 2, 4];
+    let jacobians = vec![Jacobian::Flow];
+    let plan = Plan { factors: factors.clone(), jacobians, search: None, profiled: true };
+    let mut renderer = engine.renderer(&seen.scene, &seen.camera, plan)?;
+    for (level, factor) in factors.into_iter().enumerate() {
+        let view = View::new(engine, seen, factor)?;
+        let c = view.counts(&seen.prior);
+        println!("level {level}: {} splats, {} visible, {} pairs", c.splats, c.visible, c.pairs);
+        println!("  {} rows, {} tiles, {} digits", c.rows, c.tiles, c.digits);
+        renderer.set_frame(level, &common::random_frame(1, &view.camera));
+        for (job, evaluation) in [(Job::Draw, false), (Job::Sums(Jacobian::Flow), true)] {
+            let times = measured(&mut renderer, level, job, &seen.pose)?;
+            compare(&c, &here, evaluation, &times);
+        }
+    }
+    Ok(())
+}
+
 fn main() -> Result<(), Error> {
     let engine = Engine::new(&DeviceOptions::default())?;
     let device = Device::open(&DeviceOptions::default())?;
     println!("{}", engine.device());
-    let view = View::new(&engine)?;
+    let seen = Seen::new(&engine)?;
+    let view = View::new(&engine, &seen, 1)?;
     let mut best = Best { engine: &engine, ceilings: ceilings::measure(&engine)? };
     blending(&device, &view, &mut best)?;
     let keys = &view.stages.keys;
@@ -343,5 +501,5 @@ fn main() -> Result<(), Error> {
     sorting(&device, &[largest.unwrap_or(0)], &mut best)?;
     println!("multiply-adds: {:.1} GFLOP/s", best.ceilings.flops * 1e-9);
     println!("copy by words: {:.2} GB/s", best.ceilings.bytes * 1e-9);
-    Ok(())
+    predicting(&engine, &device, &seen, &best)
 }

@@ -6,7 +6,7 @@
 //! A workgroup walks the rows of tiles that its splats touch as one sequence, an invocation a row,
 //! and the tiles of those rows likewise, so that none waits for a neighbour's larger splat.
 
-use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table};
+use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table, Wide};
 use crate::memory::{Pairs, at, at_mut};
 use crate::shared::{self, Counters, Outline, Params, Projected};
 use spirv_std::glam::{UVec2, UVec3};
@@ -315,10 +315,7 @@ fn scan<L: Lanes>(
         let mut next = shared::saturating(before, prefix);
         cell = tile;
         while (tile < end) & (cell < last_row) {
-            next = replace(at_mut(starts, cell), next);
-            next = replace(at_mut(starts, cell + row), next);
-            next = replace(at_mut(starts, cell + 2 * row), next);
-            next = replace(at_mut(starts, cell + 3 * row), next);
+            next = replace_four(starts, cell, row, next);
             cell += 4 * row;
         }
         if tile < end {
@@ -332,11 +329,20 @@ fn scan<L: Lanes>(
     }
 }
 
-/// Puts the place of its first in place of a count; returns the place behind its last.
-pub fn replace(count: &mut u32, place: u32) -> u32 {
-    let behind = shared::saturating(place, *count);
-    *count = place;
-    behind
+/// Puts the place of its first in place of each of four counts, `step` apart; returns the place behind
+/// the last. All four are loaded at once: one after the other a GPU would wait for each.
+pub fn replace_four(counts: &mut [u32], first: u32, step: u32, place: u32) -> u32 {
+    let cells = [first, first + step, first + 2 * step, first + 3 * step];
+    let [a, b, c, d] =
+        [at(counts, cells[0]), at(counts, cells[1]), at(counts, cells[2]), at(counts, cells[3])];
+    let second = shared::saturating(place, a);
+    let third = shared::saturating(second, b);
+    let fourth = shared::saturating(third, c);
+    *at_mut(counts, cells[0]) = place;
+    *at_mut(counts, cells[1]) = second;
+    *at_mut(counts, cells[2]) = third;
+    *at_mut(counts, cells[3]) = fourth;
+    shared::saturating(fourth, d)
 }
 
 /// Pairs of the bands before, and of all up to this one.
@@ -436,7 +442,7 @@ pub fn bin_count(
 
 /// Where each block's part of each tile's list begins, and the pairs of each band. Workgroups:
 /// bands.
-#[spirv(compute(threads(32)))]
+#[spirv(compute(threads(256)))]
 pub fn bin_scan(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
@@ -447,7 +453,7 @@ pub fn bin_scan(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] bands: &mut [u32],
 ) {
     let params = *params;
-    scan::<Plain>(group.x, lane, scratch, split, &params, starts, bands);
+    scan::<Wide>(group.x, lane, scratch, split, &params, starts, bands);
 }
 
 /// Each block's part of each tile's list, each tile's range, and the pairs needed. Workgroups:

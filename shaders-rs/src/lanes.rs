@@ -15,6 +15,8 @@ use spirv_std::memory::{Scope, Semantics};
 pub const SLOTS: u32 = 16;
 /// Invocations of a plain workgroup: a subgroup of most GPUs, so that few wait at a barrier.
 pub const PLAIN: u32 = 32;
+/// Invocations of a wide workgroup: as many loads are under way where there is only one workgroup.
+pub const WIDE: u32 = 256;
 /// Invocations of a lockstep workgroup.
 pub const EIGHT: u32 = 8;
 /// Shared memory of a plain workgroup.
@@ -55,22 +57,29 @@ pub trait Lanes {
     fn scan(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32);
 }
 
-/// 32 invocations in subgroups of any size.
-pub struct Plain;
+/// Invocations in subgroups of any size.
+pub struct Shared<const COUNT: u32>;
 
-impl Lanes for Plain {
-    const COUNT: u32 = PLAIN;
+/// 32 of them.
+pub type Plain = Shared<PLAIN>;
+/// 256 of them, which may publish nothing: slot 0 alone has room.
+pub type Wide = Shared<WIDE>;
+
+const _: () = assert!(WIDE <= SLOTS * PLAIN);
+
+impl<const COUNT: u32> Lanes for Shared<COUNT> {
+    const COUNT: u32 = COUNT;
 
     fn sync() {
         barrier();
     }
 
     fn put(value: u32, slot: u32, lane: u32, scratch: &mut Scratch) {
-        scratch[(slot * PLAIN + lane) as usize] = value;
+        scratch[(slot * COUNT + lane) as usize] = value;
     }
 
     fn get(_own: u32, slot: u32, from: u32, scratch: &Scratch) -> u32 {
-        scratch[(slot * PLAIN + from) as usize]
+        scratch[(slot * COUNT + from) as usize]
     }
 
     fn rank(value: u32, lane: u32, scratch: &mut Scratch) -> Rank {
@@ -78,7 +87,7 @@ impl Lanes for Plain {
         barrier();
         let (mut before, mut after) = (0, 0);
         let mut other = 0;
-        while other < PLAIN {
+        while other < COUNT {
             let same = (scratch[other as usize] == value) as u32;
             before += same & (other < lane) as u32;
             after += same & (other > lane) as u32;
@@ -103,7 +112,7 @@ impl Lanes for Plain {
         barrier();
         let (mut before, mut total) = (0, 0);
         let mut other = 0;
-        while other < PLAIN {
+        while other < COUNT {
             let here = scratch[other as usize];
             before += if other < lane { here } else { 0 };
             total = saturating(total, here);

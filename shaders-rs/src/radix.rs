@@ -3,8 +3,8 @@
 //! host need not know how many there are. Digits are just as wide as the largest key needs to have
 //! [`shared::DIGITS`] of them. The first pass leaves culled splats behind.
 
-use crate::bin::replace;
-use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table};
+use crate::bin::replace_four;
+use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table, Wide};
 use crate::memory::{at, at_mut};
 use crate::shared::{self, CULLED, Counters};
 use spirv_std::glam::UVec3;
@@ -89,10 +89,10 @@ fn scan<L: Lanes>(
     let end = digits << (pass.log_blocks & 31);
     let mut before = 0;
     let mut digit = lane;
-    while digit < digits {
+    while digit - lane < digits {
         let mut sum = 0;
         let mut cell = digit;
-        while cell < end {
+        while (digit < digits) & (cell < end) {
             sum += at(histogram, cell) + at(histogram, cell + digits);
             sum += at(histogram, cell + 2 * digits) + at(histogram, cell + 3 * digits);
             cell += 4 * digits;
@@ -100,11 +100,8 @@ fn scan<L: Lanes>(
         let (prefix, total) = L::scan(sum, lane, scratch);
         let mut next = before + prefix;
         cell = digit;
-        while cell < end {
-            next = replace(at_mut(histogram, cell), next);
-            next = replace(at_mut(histogram, cell + digits), next);
-            next = replace(at_mut(histogram, cell + 2 * digits), next);
-            next = replace(at_mut(histogram, cell + 3 * digits), next);
+        while (digit < digits) & (cell < end) {
+            next = replace_four(histogram, cell, digits, next);
             cell += 4 * digits;
         }
         before += total;
@@ -199,7 +196,7 @@ pub fn radix_count_8(
 }
 
 /// Turns the histograms into first positions, and counts the visible splats. One workgroup.
-#[spirv(compute(threads(32)))]
+#[spirv(compute(threads(256)))]
 pub fn radix_scan(
     #[spirv(local_invocation_index)] lane: u32,
     #[spirv(workgroup)] scratch: &mut Scratch,
@@ -207,7 +204,7 @@ pub fn radix_scan(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &mut Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &mut [u32],
 ) {
-    scan::<Plain>(lane, scratch, pass, counters, histogram);
+    scan::<Wide>(lane, scratch, pass, counters, histogram);
 }
 
 /// As [`radix_scan`], in lockstep.

@@ -112,9 +112,22 @@ pub fn stages(
     pair_capacity: u32,
     fineness: Fineness,
 ) -> Result<Stages, Error> {
+    stages_at(engine, scene, camera, 1, pose, pair_capacity, fineness)
+}
+
+/// As [`stages`], of the level of the pyramid that is reduced by a factor.
+pub fn stages_at(
+    engine: &Engine,
+    scene: &Scene,
+    camera: &Camera,
+    factor: u32,
+    pose: &Pose,
+    pair_capacity: u32,
+    fineness: Fineness,
+) -> Result<Stages, Error> {
     let (device, kernels) = (&engine.device, &*engine.kernels);
     let work = Workspace::new(device, scene, pair_capacity, true)?;
-    let mut view = View::new(device, scene, camera, &[1])?;
+    let mut view = View::new(device, scene, camera, &[factor])?;
     view.ask(scene, 0, pair_capacity, pose);
 
     let mut recorder = Recorder::new(device, Timing::None)?;
