@@ -20,6 +20,7 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use nvsprior::refine::Optimizer;
+use nvsprior::vulkan::MemoryUse;
 
 use crate::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use crate::encode::InputArgs;
@@ -92,8 +93,8 @@ fn open(args: &Args) -> anyhow::Result<Context> {
     let prior = args.prior.open()?;
     let scene = engine.upload(&prior)?;
     let forward = Forward::new(&engine, &scene);
-    let (best, threshold, device_bytes) = (Vec::new(), args.threshold, 0);
-    Ok(Context { engine, prior, scene, shots, best, forward, threshold, device_bytes })
+    let (best, threshold, device_memory) = (Vec::new(), args.threshold, MemoryUse::default());
+    Ok(Context { engine, prior, scene, shots, best, forward, threshold, device_memory })
 }
 
 fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
