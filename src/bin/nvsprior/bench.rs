@@ -20,6 +20,7 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use nvsprior::refine::Optimizer;
+use nvsprior::vulkan::MemoryUse;
 
 use crate::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use crate::encode::InputArgs;
@@ -92,8 +93,8 @@ fn open(args: &Args) -> anyhow::Result<Context> {
     let prior = args.prior.open()?;
     let scene = engine.upload(&prior)?;
     let forward = Forward::new(&engine, &scene);
-    let (best, threshold, device_bytes) = (Vec::new(), args.threshold, 0);
-    Ok(Context { engine, prior, scene, shots, best, forward, threshold, device_bytes })
+    let (best, threshold, device_memory) = (Vec::new(), args.threshold, MemoryUse::default());
+    Ok(Context { engine, prior, scene, shots, best, forward, threshold, device_memory })
 }
 
 fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
@@ -114,18 +115,7 @@ fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
     let far = trials::measure(context, perturbed::FAR, args.trials, || bar.inc(1))?;
     bar.finish_and_clear();
 
-    let gradient_frames = args.bfgs_frames.min(frames - 1);
-    let optimizers = args.optimizers.iter().map(|optimizer| Optimizer::from(*optimizer));
-    let gradient: Vec<Optimizer> = match gradient_frames {
-        0 => Vec::new(),
-        _ => optimizers.filter(|optimizer| *optimizer != Optimizer::GaussNewton).collect(),
-    };
-    let bar = progress(gradient.len() * (gradient_frames + 1), "gradient methods");
-    for optimizer in gradient {
-        runs.push(steady::descend(context, optimizer, gradient_frames + 1, || bar.inc(1))?);
-    }
-    bar.finish_and_clear();
-
+    runs.extend(gradient(args, context)?);
     let stages = stages::measure(context)?;
     let mut configurations = Vec::new();
     if args.configurations > 0 {
@@ -141,4 +131,20 @@ fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
         bar.finish_and_clear();
     }
     Ok(Report { runs, rates, near, far, stages, configurations, scaling, host_bytes_steady })
+}
+
+/// The gradient methods' runs.
+fn gradient(args: &Args, context: &mut Context) -> anyhow::Result<Vec<OptimizerRun>> {
+    let frames = args.bfgs_frames.min(context.shots.len() - 1);
+    if frames == 0 {
+        return Ok(Vec::new());
+    }
+    let optimizers = args.optimizers.iter().map(|optimizer| Optimizer::from(*optimizer));
+    let gradient = optimizers.filter(|optimizer| *optimizer != Optimizer::GaussNewton);
+    let bar = progress(args.optimizers.len() * (frames + 1), "gradient methods");
+    let runs = gradient
+        .map(|optimizer| steady::descend(context, optimizer, frames + 1, || bar.inc(1)))
+        .collect();
+    bar.finish_and_clear();
+    runs
 }

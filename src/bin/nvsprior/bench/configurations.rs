@@ -1,7 +1,5 @@
 //! Error against run time of many settings, each on the same few frames of a steady run.
 
-use std::cmp::Reverse;
-
 use nvsprior::prior::Splats;
 use nvsprior::refine::Optimizer;
 use nvsprior::render::Jacobian;
@@ -186,7 +184,7 @@ fn largest(splats: &Splats, count: usize) -> Vec<usize> {
         opacity * (a + b + c - a.min(b).min(c)).exp()
     };
     let mut places: Vec<usize> = (0..splats.len()).collect();
-    places.sort_by(|a, b| Reverse(weight(*a)).0.total_cmp(&weight(*b)).reverse());
+    places.sort_by(|a, b| weight(*b).total_cmp(&weight(*a)));
     places.truncate(count);
     places.sort_unstable();
     places

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use nvsprior::refine::{Evaluation, Optimizer};
 use nvsprior::render::Scene;
+use nvsprior::vulkan::MemoryUse;
 use nvsprior::{Camera, Encoder, EncoderOptions, Engine, FrameStats, Picture, Pose, Prior};
 
 use super::forward::Forward;
@@ -81,8 +82,8 @@ pub struct Context {
     pub forward: Forward,
     /// See [`EncoderOptions::threshold`].
     pub threshold: f64,
-    /// Most device memory seen, bytes.
-    pub device_bytes: u64,
+    /// Most device memory seen beside an encoder: of it, the forward renderer and the prior.
+    pub device_memory: MemoryUse,
 }
 
 impl Context {
@@ -108,7 +109,11 @@ impl Context {
         encoder.set_camera(camera).with_context(encoding)?;
         let forward_ms = self.forward.measure(camera, &self.best[shot].pose)?;
         let encoded = encoder.encode(picture, start).with_context(encoding)?;
-        self.device_bytes = self.device_bytes.max(self.engine.memory().reserved);
+        let MemoryUse { used, reserved, buffers } = self.engine.memory();
+        let most = &mut self.device_memory;
+        most.used = most.used.max(used);
+        most.reserved = most.reserved.max(reserved);
+        most.buffers = most.buffers.max(buffers);
         let trace = encoder.trace().to_vec();
         Ok(Sample { shot, forward_ms, stats: encoded.stats, pose: encoded.pose, trace })
     }

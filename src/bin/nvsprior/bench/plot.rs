@@ -15,11 +15,15 @@ const SIZE: (u32, u32) = (900, 560);
 /// Points of a curve.
 const POINTS: usize = 400;
 
-/// What a plot says beside its points.
+/// Losses below this are drawn here, dB: they are as good as none.
+const LEAST_LOSS: f64 = 1e-4;
+
+/// What a plot says beside its points, and where its legend is.
 struct Words {
     caption: &'static str,
     x: &'static str,
     y: &'static str,
+    legend: SeriesLabelPosition,
 }
 
 /// Points of one kind, and how they are drawn.
@@ -42,6 +46,7 @@ pub fn trace(path: &Path, runs: &[OptimizerRun]) -> anyhow::Result<()> {
         caption: "PSNR of the render against run time, median over frames",
         x: "milliseconds",
         y: "dB",
+        legend: SeriesLabelPosition::LowerRight,
     };
     draw(path, &words, false, &series.collect::<Vec<_>>(), &[])
 }
@@ -49,7 +54,7 @@ pub fn trace(path: &Path, runs: &[OptimizerRun]) -> anyhow::Result<()> {
 /// How far each trial stayed below the best known pose, against its run time.
 pub fn trials(path: &Path, context: &Context, kinds: &[(&str, &[Sample])]) -> anyhow::Result<()> {
     let series = kinds.iter().map(|(name, samples)| {
-        let point = |s: &Sample| (s.in_forward_renders(), context.short(s));
+        let point = |s: &Sample| (s.in_forward_renders(), context.short(s).max(LEAST_LOSS));
         let points = samples.iter().map(point).collect();
         Series { name: (*name).into(), points, line: false, dots: true }
     });
@@ -57,13 +62,15 @@ pub fn trials(path: &Path, context: &Context, kinds: &[(&str, &[Sample])]) -> an
         caption: "Below the best known pose's render, by trial",
         x: "forward renders",
         y: "dB",
+        legend: SeriesLabelPosition::UpperRight,
     };
-    draw(path, &words, false, &series.collect::<Vec<_>>(), &[])
+    draw(path, &words, true, &series.collect::<Vec<_>>(), &[])
 }
 
 /// Loss against run time of settings, the Pareto set joined.
 pub fn configurations(path: &Path, rows: &[Configuration]) -> anyhow::Result<()> {
-    let point = |row: &Configuration| (row.in_forward_renders.median, row.loss.median);
+    let point =
+        |row: &Configuration| (row.in_forward_renders.median, row.loss.median.max(LEAST_LOSS));
     let labels: Vec<_> = rows.iter().map(|row| (point(row), row.name.clone())).collect();
     let mut best: Vec<_> = rows.iter().filter(|row| row.pareto).map(point).collect();
     best.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -76,8 +83,9 @@ pub fn configurations(path: &Path, rows: &[Configuration]) -> anyhow::Result<()>
         caption: "Loss against run time of settings, medians",
         x: "forward renders",
         y: "dB below the best known pose's render",
+        legend: SeriesLabelPosition::UpperRight,
     };
-    draw(path, &words, false, &series, &labels)
+    draw(path, &words, true, &series, &labels)
 }
 
 /// Stages under the ceilings of copying and arithmetic.
@@ -114,6 +122,7 @@ pub fn roofline(path: &Path, stages: &Stages) -> anyhow::Result<()> {
         caption: "Stages under the device's measured ceilings",
         x: "operations a byte, as counted",
         y: "GFLOP/s",
+        legend: SeriesLabelPosition::LowerRight,
     };
     draw(path, &words, true, &series, &labels)
 }
@@ -137,7 +146,12 @@ pub fn scaling(path: &Path, rows: &[Scale]) -> anyhow::Result<()> {
             }
         }
     }
-    let words = Words { caption: "Time against size", x: "splats", y: "milliseconds" };
+    let words = Words {
+        caption: "Time against size",
+        x: "splats",
+        y: "milliseconds",
+        legend: SeriesLabelPosition::UpperLeft,
+    };
     draw(path, &words, true, &series, &[])
 }
 
@@ -159,7 +173,7 @@ fn draw(
         root.draw(&Text::new(format!("{}: nothing to show", words.caption), (40, 40), style))?;
         return Ok(root.present()?);
     }
-    let across = (left * 0.95..right * 1.05).log_scale();
+    let across = (left * 0.9..right * 1.25).log_scale();
     let margin = (0.05 * (high - low)).max(1e-3);
     let mut chart = ChartBuilder::on(&root);
     chart
@@ -208,7 +222,7 @@ where
     chart.draw_series(labels.iter().map(label))?;
     chart
         .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
+        .position(words.legend.clone())
         .background_style(WHITE.mix(0.8))
         .border_style(BLACK)
         .draw()?;

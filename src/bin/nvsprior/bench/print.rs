@@ -27,7 +27,9 @@ pub fn print(context: &Context, report: &Report) {
         let name = run.optimizer.name();
         println!("final error of {name}: {mse:.6}, of gauss-newton there: {gauss_newton:.6}");
     }
-    print!("memory: {:.1} MiB on the device", context.device_bytes as f64 / MIB);
+    let memory = context.device_memory;
+    let [used, reserved] = [memory.used, memory.reserved].map(|bytes| bytes as f64 / MIB);
+    print!("memory: {used:.1} MiB on the device, of {reserved:.1} taken from the driver");
     match (report.host_bytes_steady, host_bytes()) {
         (Some(steady), Some(all)) => {
             let (steady, all) = (steady as f64 / MIB, all as f64 / MIB);

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use serde_json::{Map, Value, json};
 
 use super::configurations::{Row, recommended};
-use super::context::{Context, OptimizerRun, Sample, host_bytes};
+use super::context::{Best, Context, OptimizerRun, Sample, Shot, host_bytes};
 use super::perturbed::SHORT;
 use super::scaling;
 use super::stages::{Stage, Stages};
@@ -111,15 +111,8 @@ pub fn errors(run: &OptimizerRun, steady: &[Sample]) -> [f64; 2] {
 
 /// Writes `report.json`.
 pub fn write(path: &Path, context: &Context, report: &Report) -> anyhow::Result<()> {
-    let forward = Spread::of(context.forward.times.iter().copied());
-    let mut root = Map::new();
+    let mut root = setting(context);
     let mut put = |name: &str, value: Value| root.insert(name.into(), value);
-    put("device", json!(context.engine.device().to_string()));
-    put("frames", json!(context.shots.len()));
-    put("splats", json!(context.prior.splats().len()));
-    put("size", json!([context.shots[0].camera.width, context.shots[0].camera.height]));
-    put("forward_render_ms", json!(forward.median));
-    put("forward_render_ms_p95", json!(forward.p95));
     put("steady", steady(context, report));
     for (name, samples) in report.trials() {
         put(name, Value::Object(Figures::of(context, samples).json()));
@@ -127,19 +120,6 @@ pub fn write(path: &Path, context: &Context, report: &Report) -> anyhow::Result<
     for run in &report.runs[1..] {
         put(run.optimizer.name(), gradient(context, run, report.steady()));
     }
-    put(
-        "best_known",
-        context
-            .shots
-            .iter()
-            .zip(&context.best)
-            .map(|(shot, best)| {
-                let (q, t) = (best.pose.wxyz(), best.pose.translation.to_array());
-                json!({ "file": shot.file, "psnr": best.psnr, "qvec": q, "tvec": t })
-            })
-            .collect(),
-    );
-    put("device_memory_bytes", json!(context.device_bytes));
     put("host_memory_bytes_steady", json!(report.host_bytes_steady));
     put("host_memory_bytes", json!(host_bytes()));
     let ceilings = &report.stages.ceilings;
@@ -150,6 +130,29 @@ pub fn write(path: &Path, context: &Context, report: &Report) -> anyhow::Result<
     put("scaling", report.scaling.iter().map(scale).collect());
     std::fs::write(path, serde_json::to_string_pretty(&root)? + "\n")
         .with_context(|| format!("writing {}", path.display()))
+}
+
+/// What was measured on.
+fn setting(context: &Context) -> Map<String, Value> {
+    let forward = Spread::of(context.forward.times.iter().copied());
+    let camera = &context.shots[0].camera;
+    let best = |(shot, best): (&Shot, &Best)| {
+        let (q, t) = (best.pose.wxyz(), best.pose.translation.to_array());
+        json!({ "file": shot.file, "psnr": best.psnr, "qvec": q, "tvec": t })
+    };
+    let best: Value = context.shots.iter().zip(&context.best).map(best).collect();
+    let entries = [
+        ("device", json!(context.engine.device().to_string())),
+        ("frames", json!(context.shots.len())),
+        ("splats", json!(context.prior.splats().len())),
+        ("size", json!([camera.width, camera.height])),
+        ("forward_render_ms", json!(forward.median)),
+        ("forward_render_ms_p95", json!(forward.p95)),
+        ("best_known", best),
+        ("device_memory_bytes", json!(context.device_memory.reserved)),
+        ("device_memory_used_bytes", json!(context.device_memory.used)),
+    ];
+    entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 fn steady(context: &Context, report: &Report) -> Value {

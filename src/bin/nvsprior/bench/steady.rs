@@ -81,6 +81,6 @@ fn pipelined(context: &Context) -> anyhow::Result<f64> {
         }
     }
     pipeline.finish(&mut encoded)?;
-    // The first frame's coding is counted here, and its search is not: that of the last is alone.
+    // Counted: the searches of all frames but the first, and the coding of all.
     Ok((context.shots.len() - 1) as f64 / since.elapsed().as_secs_f64())
 }
