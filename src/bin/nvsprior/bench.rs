@@ -30,10 +30,10 @@ use report::Report;
 
 /// Measure run time and error on a run of frames, in milliseconds and in forward renders
 ///
-/// Looks for the best pose of each frame, then measures a steady run, starts put off by up to 3° and
-/// 10°, the gradient methods, the device's time by stage, and many settings. Writes report.json,
-/// tables (CSV) and plots (SVG), and prints it all. Failed is what stays more than 0.1 dB below the
-/// render at the best known pose.
+/// Looks for the best pose of each frame, then measures a steady run, starts put off by up to 3°
+/// and 10°, the gradient methods, the device's time by stage, and many settings. Writes
+/// report.json, tables (CSV) and plots (SVG), and prints it all. Failed is what stays more than 0.1
+/// dB below the render at the best known pose.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]

@@ -109,7 +109,8 @@ pub fn count(context: &Context) -> usize {
     settings(context).len()
 }
 
-/// Measures every setting on `frames` frames after a first one, and adds the gradient methods' runs.
+/// Measures every setting on `frames` frames after a first one, and adds the gradient methods'
+/// runs.
 pub fn measure(
     context: &mut Context,
     frames: usize,

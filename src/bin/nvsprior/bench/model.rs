@@ -1,9 +1,9 @@
 //! How many bytes and floating-point operations each stage should take, counted from its source.
 //!
-//! Bytes are those of the algorithm: each word that an invocation asks for counts, caches or not, but
-//! words that a workgroup shares count once. Operations are sums, products, divisions, roots, minima,
-//! and comparisons that choose a value; a power of e is 14. Integer work is not counted. Counts hold
-//! to about a fifth, those of the blending to a few percent.
+//! Bytes are those of the algorithm: each word that an invocation asks for counts, caches or not,
+//! but words that a workgroup shares count once. Operations are sums, products, divisions, roots,
+//! minima, and comparisons that choose a value; a power of e is 14. Integer work is not counted. All
+//! of it is counted by hand: estimates, closest for the blending.
 
 use nvsprior::render::probe::Stages;
 use nvsprior::shared::{
@@ -129,15 +129,17 @@ impl std::ops::Mul<f64> for Work {
     }
 }
 
-/// Operations of one splat at one pixel: the exponent 4, its power 14, alpha 2, the weights 4, colour
-/// and depth 8.
+/// Operations of one splat at one pixel: the exponent 4, its power 14, alpha 2, the weights 4,
+/// colour and depth 8.
 const PICTURE: f64 = 4.0 + 14.0 + 2.0 + 4.0 + 8.0;
-/// Without depth; the pull 6, the step of the weights 14, the twelve sums 24, the transmittance's 4.
+/// Without depth; the pull 6, the step of the weights 14, the twelve sums 24, the transmittance's
+/// 4.
 const FLOW: f64 = PICTURE - 2.0 + 6.0 + 14.0 + 24.0 + 4.0;
 /// Without depth; `v` 5, dα of six derivatives with six terms each 72, weights 18, three colours 54
 /// with their own derivatives, the transmittance 18.
 const EXACT: f64 = PICTURE - 2.0 + 5.0 + 72.0 + 18.0 + 54.0 + 18.0;
-/// Of a pixel's share of the normal equations: three channels with 27 multiply-adds and about 40 more.
+/// Of a pixel's share of the normal equations: three channels with 27 multiply-adds and about 40
+/// more.
 const ADD: f64 = 3.0 * (2.0 * 27.0 + 40.0);
 /// Sums of the normal equations.
 const SUMS: f64 = 28.0;

@@ -50,8 +50,8 @@ impl Search {
     }
 }
 
-/// Looks for the best pose of every frame: from the camera file's pose, where there is one, and from
-/// the best of the frame before; then, with both Jacobians, from what was found.
+/// Looks for the best pose of every frame: from the camera file's pose, where there is one, and
+/// from the best of the frame before; then, with both Jacobians, from what was found.
 pub fn find(context: &mut Context, done: impl Fn()) -> anyhow::Result<()> {
     let mut first = Search::new(context, Jacobian::Flow, CAREFUL)?;
     let mut last = [Jacobian::Flow, Jacobian::Exact]

@@ -34,9 +34,9 @@ struct Series {
     dots: bool,
 }
 
-/// The best full-resolution PSNR that each optimiser had reached by a time, median over frames (a mean
-/// would have to wait for the first frame, whose start is far off). A curve begins where half of the
-/// frames have had a full-resolution render.
+/// The best full-resolution PSNR that each optimiser had reached by a time, median over frames (a
+/// mean would have to wait for the first frame, whose start is far off). A curve begins where half
+/// of the frames have had a full-resolution render.
 pub fn trace(path: &Path, runs: &[OptimizerRun]) -> anyhow::Result<()> {
     let series = runs.iter().map(|run| {
         let name = run.optimizer.name().into();

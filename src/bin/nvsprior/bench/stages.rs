@@ -1,5 +1,5 @@
-//! The device's time by stage, beside the bytes and operations that a model counts and the rates that
-//! the device reaches at best.
+//! The device's time by stage, beside the bytes and operations that a model counts and the rates
+//! that the device reaches at best.
 
 use nvsprior::refine::{Objective, RefineOptions, StartKind, Tracker};
 use nvsprior::render::ceilings::{self, Ceilings};
@@ -29,8 +29,8 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// What it is bound by: `copy`, `arithmetic`, or `neither` where it stays below a third of both:
-    /// then it waits, for other invocations, single words, divisions, or its own dispatch.
+    /// What it is bound by: `copy`, `arithmetic`, or `neither` where it stays below a third of
+    /// both: then it waits, for other invocations, single words, divisions, or its own dispatch.
     pub fn bound(&self) -> &'static str {
         match (self.share_of_copy, self.share_of_fma) {
             (copy, fma) if copy.max(fma) < BOUND => "neither",
