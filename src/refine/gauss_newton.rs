@@ -14,7 +14,8 @@ use super::{Evaluation, Objective, Outcome, Stop};
 /// How a search goes through the pyramid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Schedule {
-    /// Level at which each start is first evaluated.
+    /// Level at which each start is first evaluated. Frames that follow others begin here where those
+    /// were followed easily, else above, up to `far_level`.
     pub first_level: usize,
     /// Level down to which each start is followed for itself; the best goes on alone.
     pub follow_level: usize,
@@ -66,7 +67,7 @@ impl Default for GaussNewtonOptions {
                 near: 0.25,
                 far_level: 2,
                 coarse_leap: 0.3,
-                leap: 0.1,
+                leap: 0.08,
                 coarse_tolerance: 1e-3,
                 tolerance: 1e-4,
             },
@@ -80,7 +81,7 @@ impl Default for GaussNewtonOptions {
                 near: 1.0,
                 far_level: 0,
                 coarse_leap: 0.1,
-                leap: 0.1,
+                leap: 0.03,
                 coarse_tolerance: 1e-3,
                 tolerance: 1e-4,
             },
@@ -98,6 +99,8 @@ pub struct Tracked {
     pub code: PoseCode,
     /// Submissions to the device.
     pub submissions: u32,
+    /// Error of the first evaluation, at its level.
+    pub first_mse: f64,
 }
 
 /// Searches from `starts` (the first eight count), draws the outcome and takes the difference: see
@@ -126,7 +129,8 @@ pub(super) fn track(
     (again.leap, again.coarse_leap) = (0.0, 0.0);
     let second = search(objective, &again)?;
     let submissions = first.tracked.submissions + second.tracked.submissions;
-    Ok(Tracked { submissions, ..second.tracked })
+    let first_mse = first.tracked.first_mse;
+    Ok(Tracked { submissions, first_mse, ..second.tracked })
 }
 
 fn program(
@@ -172,7 +176,7 @@ const ROUNDING: f64 = 1.0 / (12.0 * 255.0 * 255.0);
 /// keeps its promises; where it does not, the search had not arrived.
 fn kept_promise(found: &Found) -> bool {
     let mse = found.tracked.outcome.mse - ROUNDING;
-    let most = if found.promised > 0.03 { 1.0 - 0.4 * found.promised } else { 1.02 };
+    let most = if found.promised > 0.03 { 1.0 - 0.8 * found.promised } else { 1.02 };
     found.promised == 0.0 || mse <= most * found.seen_mse
 }
 
@@ -200,11 +204,12 @@ fn search(objective: &mut Objective, program: &Program) -> Result<Found, Error> 
     }
     let (seen, square) = (search.place, f64::from(search.place_sums[SUMS as usize - 1]));
     let stop = stop(search);
+    let first_mse = f64::from(search.trace[0]) / levels[search.trace_level[0] as usize];
     let (found, promised) = (search.found, f64::from(search.promised));
     let pose = pose_of(&scene, &found);
     let mse = mse(renderer.difference());
     let outcome = Outcome { pose, mse, stop };
-    let tracked = Tracked { outcome, code, submissions };
+    let tracked = Tracked { outcome, code, submissions, first_mse };
     Ok(Found { tracked, found, promised, seen, seen_mse: square / levels[0] })
 }
 

@@ -13,6 +13,14 @@ use super::{
 /// Hypotheses that a cold start follows. The first alone reached the optimum from each of 200 starts
 /// off by up to 10° and 0.3 units; each further one costs a coarse render and more.
 const HYPOTHESES: usize = 1;
+/// A search whose start has an error below this many times that of its outcome was close: the next one
+/// begins a level finer.
+const CLOSE: f64 = 1.3;
+/// Above this, the next one begins a level coarser.
+const FAR: f64 = 2.0;
+/// A frame that comes out at more than this many times the error of the frame before is searched for
+/// again from the coarsest level: a start that is off by more than a fine level reaches looks like that.
+const WORSE: f64 = 1.15;
 /// A frame whose error is above this many times that of the frame before is looked for afresh.
 const LOST: f64 = 1.6;
 
@@ -28,6 +36,8 @@ pub struct Found {
     pub drawn: Option<PoseCode>,
     /// Submissions to the device that the search took; 0 where the host led it.
     pub submissions: u32,
+    /// Error at the start, at the level where the search began; not a number where the host led it.
+    pub first_mse: f64,
 }
 
 /// Finds poses of frames, in order.
@@ -41,6 +51,8 @@ pub struct Tracker {
     starts: Starts,
     /// Error of the frame before.
     error: Option<f64>,
+    /// Level of the pyramid at which the next frame's search begins, as far as its schedule lets it.
+    level: usize,
 }
 
 impl Tracker {
@@ -62,6 +74,7 @@ impl Tracker {
             cold_starts: Vec::with_capacity(STARTS),
             starts: Starts::default(),
             error: None,
+            level: usize::MAX,
         }
     }
 
@@ -98,16 +111,13 @@ impl Tracker {
 
     /// Forgets the frames before.
     pub fn forget(&mut self) {
-        (self.starts, self.error) = (Starts::default(), None);
+        (self.starts, self.error, self.level) = (Starts::default(), None, usize::MAX);
     }
 
     /// Gauss–Newton on the device.
     fn search(&mut self, frame: &Picture, external: Option<Pose>) -> Result<Option<Found>, Error> {
         let GaussNewtonOptions { warm, cold, .. } = self.options.gauss_newton;
-        let warm = match self.starts.near() {
-            None => None,
-            Some((pose, start)) => Some(Found { start, ..self.from(&[pose], &warm)? }),
-        };
+        let warm = self.follow(&warm)?;
         if let Some(found) = warm
             && !self.lost(found.outcome.mse)
         {
@@ -123,7 +133,11 @@ impl Tracker {
         from.extend_from_slice(proposed);
         let searched = self.from(&from, &cold);
         self.cold_starts = from;
-        let cold = Found { start: kind, ..searched? };
+        let mut cold = Found { start: kind, ..searched? };
+        if external.is_none() && !self.lost(cold.outcome.mse) {
+            // The frame before led there after all, by a longer way.
+            cold.start = StartKind::Previous;
+        }
         match warm {
             // The search draws: the better one must be the last.
             Some(warm) if warm.outcome.mse < cold.outcome.mse => {
@@ -132,6 +146,36 @@ impl Tracker {
             }
             _ => Ok(Some(cold)),
         }
+    }
+
+    /// Searches from the frames before, at a level that did for the last of them; at the coarsest
+    /// where that comes out worse. `None` where there are none.
+    fn follow(&mut self, schedule: &Schedule) -> Result<Option<Found>, Error> {
+        let Some((pose, start)) = self.starts.near() else { return Ok(None) };
+        let coarsest = schedule.first_level.max(schedule.far_level);
+        let first = self.level.clamp(schedule.first_level, coarsest);
+        let at = |level| Schedule { first_level: level, follow_level: level, ..*schedule };
+        let mut found = Found { start, ..self.from(&[pose], &at(first))? };
+        let ratio = found.first_mse / found.outcome.mse;
+        self.level = match ratio {
+            _ if ratio < CLOSE => first.saturating_sub(1),
+            _ if ratio > FAR => first + 1,
+            _ => first,
+        };
+        let worse = self.error.is_some_and(|before| found.outcome.mse > WORSE * before);
+        if worse && first < coarsest {
+            self.level = coarsest;
+            let again = Found { start, ..self.from(&[pose], &at(coarsest))? };
+            let submissions = found.submissions + again.submissions;
+            // The search draws: the better one must be the last.
+            let better = if again.outcome.mse <= found.outcome.mse {
+                again
+            } else {
+                Found { drawn: None, ..found }
+            };
+            found = Found { submissions, ..better };
+        }
+        Ok(Some(found))
     }
 
     fn lost(&self, mse: f64) -> bool {
@@ -148,6 +192,7 @@ impl Tracker {
             start: StartKind::External,
             drawn: Some(tracked.code),
             submissions: tracked.submissions,
+            first_mse: tracked.first_mse,
         })
     }
 
@@ -166,7 +211,13 @@ impl Tracker {
             }
             _ => bfgs::minimise(objective, &start.pose, &options.bfgs)?,
         };
-        Ok(Some(Found { outcome, start: start.kind, drawn: None, submissions: 0 }))
+        Ok(Some(Found {
+            outcome,
+            start: start.kind,
+            drawn: None,
+            submissions: 0,
+            first_mse: f64::NAN,
+        }))
     }
 
     /// The objective, to draw with.
