@@ -469,7 +469,13 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
     println!("{}: {:.0} us a dispatch", here.name, here.dispatch * 1e6);
     let factors = vec![1, 2, 4];
     let jacobians = vec![Jacobian::Flow];
-    let plan = Plan { factors: factors.clone(), jacobians, search: None, profiled: true };
+    let plan = Plan {
+        factors: factors.clone(),
+        jacobians,
+        search: None,
+        fineness: Default::default(),
+        profiled: true,
+    };
     let mut renderer = engine.renderer(&seen.scene, &seen.camera, plan)?;
     for (level, factor) in factors.into_iter().enumerate() {
         let view = View::new(engine, seen, factor)?;

@@ -46,7 +46,13 @@ fn render(criterion: &mut Criterion) {
     for View { name, prior, camera, pose } in views() {
         let scene = engine.upload(&prior).expect("room for the prior");
         let jacobians = vec![Jacobian::Flow, Jacobian::Exact];
-        let plan = Plan { factors: vec![1], jacobians, search: None, profiled: false };
+        let plan = Plan {
+            factors: vec![1],
+            jacobians,
+            search: None,
+            fineness: Default::default(),
+            profiled: false,
+        };
         let mut renderer = engine.renderer(&scene, &camera, plan).expect("a renderer");
         let frame = common::random_frame(1, &camera);
         renderer.set_frame(0, &frame);

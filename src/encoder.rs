@@ -344,6 +344,7 @@ fn objective(
         factors: options.factors.clone(),
         jacobians: if search { Vec::new() } else { vec![jacobian] },
         search: search.then_some(jacobian),
+        fineness: options.refine.fineness,
         profiled: options.profiled,
     };
     Ok(Objective::new(engine.renderer(scene, camera, plan)?))

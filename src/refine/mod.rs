@@ -29,7 +29,7 @@ pub use tracker::{Found, Tracker};
 use cold::ColdStart;
 
 use crate::Pose;
-use crate::render::Jacobian;
+use crate::render::{Fineness, Jacobian};
 
 /// Which optimiser refines the pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -64,6 +64,8 @@ pub struct RefineOptions {
     pub optimizer: Optimizer,
     /// Jacobian of Gauss–Newton; the gradient methods always use the exact one.
     pub jacobian: Jacobian,
+    /// How finely Gauss–Newton's evaluations tell depths apart; final pictures always do so exactly.
+    pub fineness: Fineness,
     /// Options of Gauss–Newton.
     pub gauss_newton: GaussNewtonOptions,
     /// Options of BFGS.
@@ -77,6 +79,7 @@ impl Default for RefineOptions {
         RefineOptions {
             optimizer: Optimizer::default(),
             jacobian: Jacobian::Flow,
+            fineness: Fineness::default(),
             gauss_newton: GaussNewtonOptions::default(),
             bfgs: BfgsOptions::default(),
             adam: AdamOptions::default(),

@@ -10,16 +10,19 @@ use super::Kernels;
 use super::view::{Part, View};
 use super::workspace::Workspace;
 
-/// Most counters of the table of blocks by tiles.
-const TABLE: u32 = 1 << 20;
+/// Most counters of the table of blocks by tiles: 16 MiB, of which a picture takes what it needs.
+const TABLE: u32 = 1 << 22;
 /// Most tiles of a picture.
 const TILES: u32 = (Camera::MAX_SIDE / TILE).pow(2);
-/// Words of the table, with the row that says where lists end.
-pub(crate) const STARTS: u32 = TABLE + TILES;
 /// Most bands of a picture: none has fewer rows of tiles than one as wide as a picture can be.
 pub(crate) const BANDS: u32 = TILES / shared::TABLE;
 
 const _: () = assert!(TABLE >= 4 * TILES, "blocks come by fours");
+
+/// Words of the table of a picture, with the row that says where lists end.
+pub(crate) fn starts(log_blocks: u32, tiles: u32) -> usize {
+    ((tiles << log_blocks) + tiles) as usize
+}
 
 /// Logarithm, base 2, of the number of blocks for a picture of so many tiles.
 pub(crate) fn log_blocks(most: u32, tiles: u32) -> u32 {
@@ -37,8 +40,8 @@ pub(crate) fn record(
     let blocks = part.at(offset_of!(Groups, bin_blocks));
     let bands_at = part.at(offset_of!(Groups, bands));
     let (r, groups) = (recorder, &view.groups);
-    let (params, counters, starts) = (&view.params, &work.counters, &work.tile_starts);
-    let (order, records, bands) = (&work.order, &work.records, &work.bands);
+    let (params, counters, starts) = (&view.params, &work.counters, &view.tile_starts);
+    let (order, records, bands) = (&work.order, &work.records, &view.bands);
     let buffers = [params, counters, order, records, starts];
     r.dispatch_indirect(&kernels.bin_count, &buffers, &split, groups, blocks)?;
     let buffers = [params, starts, bands];
@@ -60,7 +63,8 @@ mod tests {
             assert!(bands <= BANDS, "{width}: {bands} bands");
         }
         assert_eq!(log_blocks(4, 920), 4);
-        assert_eq!(log_blocks(7, 14_400), 6);
-        assert_eq!(log_blocks(7, TILES), 2);
+        assert_eq!(log_blocks(8, 14_400), 8);
+        assert_eq!(log_blocks(7, TILES), 4);
+        assert_eq!(starts(4, 920), 17 * 920);
     }
 }

@@ -94,6 +94,7 @@ pub(crate) struct Chain<'a> {
     pub bytes: &'a Bytes,
     pub frame: &'a Frame,
     pub jacobian: Jacobian,
+    pub fineness: Fineness,
 }
 
 impl Chain<'_> {
@@ -138,7 +139,7 @@ impl Chain<'_> {
     fn record_slot(&self, r: &mut Recorder) -> Result<(), Error> {
         let Chain { kernels, scene, view, work, .. } = *self;
         let part = Part::First;
-        lists::record(r, kernels, scene, view, work, Fineness::Coarse, part)?;
+        lists::record(r, kernels, scene, view, work, self.fineness, part)?;
         match self.jacobian {
             Jacobian::Flow => splat::record_flow(r, kernels, view, work, part)?,
             Jacobian::Exact => {

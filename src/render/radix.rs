@@ -10,12 +10,13 @@ use super::Kernels;
 use super::view::Part;
 
 /// How finely depths are told apart.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fineness {
     /// As they are: the picture's definition.
     Exact,
     /// To about a part in 8,000, of which all count as equal: two passes of three. For evaluations whose
     /// picture nobody sees.
+    #[default]
     Coarse,
 }
 

@@ -34,6 +34,8 @@ pub struct Plan {
     pub jacobians: Vec<Jacobian>,
     /// Have the device search for poses, with this Jacobian.
     pub search: Option<Jacobian>,
+    /// How finely the search's evaluations tell depths apart.
+    pub fineness: Fineness,
     /// Have the device time each stage.
     pub profiled: bool,
 }
@@ -41,7 +43,13 @@ pub struct Plan {
 impl Plan {
     /// The full picture alone, without normal equations.
     pub fn picture() -> Plan {
-        Plan { factors: vec![1], jacobians: Vec::new(), search: None, profiled: false }
+        Plan {
+            factors: vec![1],
+            jacobians: Vec::new(),
+            search: None,
+            fineness: Fineness::default(),
+            profiled: false,
+        }
     }
 
     fn exact(&self) -> bool {
@@ -153,7 +161,8 @@ impl Renderer {
         if let (Job::Search | Job::More | Job::Pyramid, Some(frame)) = (job, &self.frame) {
             let jacobian = self.plan.search.unwrap_or(Jacobian::Flow);
             let bytes = &self.bytes;
-            let chain = Chain { kernels, scene, view, work, bytes, frame, jacobian };
+            let fineness = self.plan.fineness;
+            let chain = Chain { kernels, scene, view, work, bytes, frame, jacobian, fineness };
             match job {
                 Job::Search => chain.record_first(r)?,
                 Job::More => chain.record_more(r)?,

@@ -40,6 +40,10 @@ pub(crate) struct View {
     pub image_read: Buffer,
     pub frame: Buffer,
     pub partials: Buffer,
+    /// Where each block's part of each tile's list begins; a last row for the ends.
+    pub tile_starts: Buffer,
+    /// Pairs of each band of tiles.
+    pub bands: Buffer,
     pub sums: Buffer,
 }
 
@@ -137,6 +141,12 @@ impl View {
             image: own("picture", image, Memory::Device)?,
             image_read: own("picture read back", image, Memory::Readback)?,
             frame: own("frame", floats as usize, Memory::Upload)?,
+            tile_starts: own(
+                "tile starts",
+                bin::starts(log_bin_blocks, tiles as u32),
+                Memory::Device,
+            )?,
+            bands: own("bands", bin::BANDS as usize, Memory::Device)?,
             partials: own("sums by tile", tiles * SUMS as usize, Memory::Device)?,
             sums: own("sums", SUMS as usize, Memory::Readback)?,
             levels,

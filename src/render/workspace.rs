@@ -3,7 +3,7 @@
 use crate::shared::{Counters, DERIVATIVES, RECORD, TABLE};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
-use super::{Scene, bin, kernels};
+use super::{Scene, kernels};
 
 /// Splat-sized and pair-sized buffers.
 pub(crate) struct Workspace {
@@ -16,10 +16,6 @@ pub(crate) struct Workspace {
     /// The visible splats in depth order.
     pub order: Buffer,
     pub histogram: Buffer,
-    /// Where each block's part of each tile's list begins; a last row for the ends.
-    pub tile_starts: Buffer,
-    /// Pairs of each band of tiles.
-    pub bands: Buffer,
     /// Each tile's splats in depth order, at the tile's range.
     pub pair_splats: Buffer,
     pub counters: Buffer,
@@ -55,8 +51,6 @@ impl Workspace {
             between: [between()?, between()?],
             order: own("depth order", splats)?,
             histogram: own("digit histogram", (TABLE << log_blocks) as usize)?,
-            tile_starts: own("tile starts", bin::STARTS as usize)?,
-            bands: own("bands", bin::BANDS as usize)?,
             pair_splats: own("pair splats", pairs)?,
             counters: Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?,
             counters_read,

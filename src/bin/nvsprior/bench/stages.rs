@@ -111,7 +111,13 @@ fn alone(context: &Context, job: Job) -> anyhow::Result<Vec<StageTime>> {
     let Shot { camera, picture, .. } = &context.shots[0];
     let pose = context.best[0].pose;
     let jacobians = vec![Jacobian::Flow, Jacobian::Exact];
-    let plan = Plan { factors: vec![1], jacobians, search: None, profiled: true };
+    let plan = Plan {
+        factors: vec![1],
+        jacobians,
+        search: None,
+        fineness: Default::default(),
+        profiled: true,
+    };
     let mut renderer = context.engine.renderer(&context.scene, camera, plan)?;
     renderer.set_picture(picture);
     renderer.reduce_picture()?;
@@ -135,8 +141,13 @@ struct Search {
 fn search(context: &Context) -> anyhow::Result<Search> {
     let EncoderOptions { refine, factors, threshold, .. } = context.options();
     let (refine, profile): (RefineOptions, _) = (refine, nvsprior::search::COMPACT);
-    let plan =
-        Plan { factors, jacobians: Vec::new(), search: Some(refine.jacobian()), profiled: true };
+    let plan = Plan {
+        factors,
+        jacobians: Vec::new(),
+        search: Some(refine.jacobian()),
+        fineness: Default::default(),
+        profiled: true,
+    };
     let last = (context.shots.len() - 1).min(2);
     let shot = &context.shots[last];
     let renderer = context.engine.renderer(&context.scene, &shot.camera, plan)?;
