@@ -242,8 +242,12 @@ fn propose(s: &mut Search) -> bool {
         s.stop = STOP_PROGRESS;
         return false;
     }
-    let first = (s.by_level[s.level as usize] == program.count) & !following(s);
-    if first & (s.level < program.far_level) & (step.expected > program.near * error) {
+    let first = (s.level == program.first_level) & (s.by_level[s.level as usize] == program.count);
+    if first
+        & !following(s)
+        & (s.level < program.far_level)
+        & (step.expected > program.near * error)
+    {
         s.level = program.far_level;
         s.trial = s.place;
         s.fresh = 1;

@@ -309,6 +309,8 @@ fn far_starts_take_the_long_way() {
         let (search, visited) = run(adaptive, |place, _| valley.at(place));
         assert_eq!(visited[0].1, 0);
         assert_eq!(search.by_level[2] > 0, coarse, "{visited:?}");
+        let levels = visited[1..].windows(2);
+        assert!(levels.clone().all(|w| w[1].1 <= w[0].1), "only once: {visited:?}");
         assert_close(&pose(&search.found), &valley.target, NEAR);
     }
 }

@@ -74,7 +74,7 @@ impl Tracker {
             cold_starts: Vec::with_capacity(STARTS),
             starts: Starts::default(),
             error: None,
-            level: usize::MAX,
+            level: 0,
         }
     }
 
@@ -111,7 +111,7 @@ impl Tracker {
 
     /// Forgets the frames before.
     pub fn forget(&mut self) {
-        (self.starts, self.error, self.level) = (Starts::default(), None, usize::MAX);
+        (self.starts, self.error, self.level) = (Starts::default(), None, 0);
     }
 
     /// Gauss–Newton on the device.
@@ -148,20 +148,26 @@ impl Tracker {
         }
     }
 
-    /// Searches from the frames before, at a level that did for the last of them; at the coarsest
-    /// where that comes out worse. `None` where there are none.
+    /// Searches from the frames before, at a level that did for the last of them, the finest at
+    /// first; again from the coarsest where that comes out worse. `None` where there are none.
     fn follow(&mut self, schedule: &Schedule) -> Result<Option<Found>, Error> {
         let Some((pose, start)) = self.starts.near() else { return Ok(None) };
         let coarsest = schedule.first_level.max(schedule.far_level);
-        let first = self.level.clamp(schedule.first_level, coarsest);
+        let first = match start {
+            StartKind::Predicted => self.level.clamp(schedule.first_level, coarsest),
+            // The motion between two frames is still unknown.
+            _ => coarsest,
+        };
         let at = |level| Schedule { first_level: level, follow_level: level, ..*schedule };
         let mut found = Found { start, ..self.from(&[pose], &at(first))? };
-        let ratio = found.first_mse / found.outcome.mse;
-        self.level = match ratio {
-            _ if ratio < CLOSE => first.saturating_sub(1),
-            _ if ratio > FAR => first + 1,
-            _ => first,
-        };
+        if start == StartKind::Predicted {
+            let ratio = found.first_mse / found.outcome.mse;
+            self.level = match ratio {
+                _ if ratio < CLOSE => first.saturating_sub(1),
+                _ if ratio > FAR => first + 1,
+                _ => first,
+            };
+        }
         let worse = self.error.is_some_and(|before| found.outcome.mse > WORSE * before);
         if worse && first < coarsest {
             self.level = coarsest;
