@@ -10,9 +10,8 @@ use crate::packet::{
 use crate::refine::{
     Evaluation, Found, Objective, Optimizer, RefineOptions, StartKind, Stop, Tracker,
 };
-use crate::render::{Job, Plan, Scene};
+use crate::render::{Plan, Scene};
 use crate::residual::{ResidualEncoder, max_payload_len};
-use crate::vulkan::StageTime;
 use crate::{Camera, Engine, Error, Picture, Pose, Rate};
 
 /// How to encode.
@@ -36,8 +35,6 @@ pub struct EncoderOptions {
     pub first_frame: u32,
     /// Reduction factors of the pyramid, finest first, beginning with 1.
     pub factors: Vec<u32>,
-    /// Have the device time each stage: see [`crate::render::Renderer::stage_times`].
-    pub profiled: bool,
 }
 
 impl Default for EncoderOptions {
@@ -50,7 +47,6 @@ impl Default for EncoderOptions {
             camera_interval: 64,
             first_frame: 0,
             factors: vec![1, 2, 4, 8],
-            profiled: false,
         }
     }
 }
@@ -319,12 +315,6 @@ impl Encoder {
         self.camera_age.is_none_or(|age| interval > 0 && age >= interval)
     }
 
-    /// Device times of the stages of the last frame's search, in order; empty where the options do not
-    /// ask for them.
-    pub fn stage_times(&mut self) -> Result<Vec<StageTime>, Error> {
-        Ok(self.tracker.objective().renderer().stage_times(Job::Search)?)
-    }
-
     /// Evaluations of the last frame's refinement, in order: error against run time.
     pub fn trace(&self) -> &[Evaluation] {
         self.tracker.trace()
@@ -345,7 +335,7 @@ fn objective(
         jacobians: if search { Vec::new() } else { vec![jacobian] },
         search: search.then_some(jacobian),
         fineness: options.refine.fineness,
-        profiled: options.profiled,
+        profiled: false,
     };
     Ok(Objective::new(engine.renderer(scene, camera, plan)?))
 }

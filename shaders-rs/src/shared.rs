@@ -47,7 +47,7 @@ pub const RATIO_MIN: f32 = 2.5e-5;
 /// in pixels² of that picture. The full picture's low-pass makes splats fatter, and anti-aliased
 /// priors make up for that in opacity (gsplat). At a reduced level only what the full picture's
 /// low-pass leaves there may fatten them, or the level would show another scene than the frame that
-/// is reduced by averaging: 17 dB instead of 21 at a quarter of the reef's size.
+/// is reduced by averaging: 17 dB instead of 25 at a quarter of the reef's size.
 pub fn low_pass(antialiased: bool, factor: u32) -> [f32; 2] {
     let kept = DILATION / (factor * factor) as f32;
     [DILATION, if antialiased { 0.0 } else { kept }]

@@ -13,7 +13,7 @@ use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
 use super::radix::Fineness;
 use super::view::{Level, Part, View};
 use super::workspace::Workspace;
-use super::{Jacobian, Kernels, Scene, derive, lists, splat};
+use super::{Jacobian, Kernels, Scene, lists, splat};
 
 /// Evaluations that one submission has room for. A frame that follows another takes six to eight; a
 /// search that is not done then goes on in a second submission. Those left over cost their empty
@@ -138,15 +138,8 @@ impl Chain<'_> {
     /// One evaluation of the normal equations, wherever the search stands, and what follows from it.
     fn record_slot(&self, r: &mut Recorder) -> Result<(), Error> {
         let Chain { kernels, scene, view, work, .. } = *self;
-        let part = Part::First;
-        lists::record(r, kernels, scene, view, work, self.fineness, part)?;
-        match self.jacobian {
-            Jacobian::Flow => splat::record_flow(r, kernels, view, work, part)?,
-            Jacobian::Exact => {
-                derive::record(r, kernels, scene, view, work, part)?;
-                splat::record_exact(r, kernels, view, work, part)?;
-            }
-        }
+        let (jacobian, fineness) = (self.jacobian, self.fineness);
+        splat::record_equations(r, kernels, scene, view, work, jacobian, fineness)?;
         self.record_solve(r, false)
     }
 

@@ -13,7 +13,7 @@ use super::frame::{self, Bytes, Chain, Coded, Frame, SLOTS};
 use super::radix::Fineness;
 use super::view::{NormalEquations, Part, View, anchor};
 use super::workspace::Workspace;
-use super::{Kernels, Scene, derive, lists, reduce, splat};
+use super::{Kernels, Scene, reduce, splat};
 
 /// Which pose Jacobian the normal equations are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,7 +181,11 @@ impl Renderer {
                 frame::record_picture(r, kernels, scene, view, work, part)?;
                 r.copy(&view.image, &view.image_read)?;
             }
-            Job::Sums(jacobian) => record_sums(r, kernels, scene, view, work, jacobian)?,
+            Job::Sums(jacobian) => {
+                let exactly = Fineness::Exact;
+                splat::record_equations(r, kernels, scene, view, work, jacobian, exactly)?;
+                reduce::record(r, kernels, view)?;
+            }
             _ => {
                 frame::record_picture(r, kernels, scene, view, work, part)?;
                 frame::record_bytes(r, kernels, view, &self.bytes, part)?;
@@ -402,24 +406,4 @@ impl Renderer {
         let commands = self.recorded.iter().find(|(recorded, _)| *recorded == job);
         commands.map_or(Ok(Vec::new()), |(_, commands)| commands.stage_times())
     }
-}
-
-fn record_sums(
-    r: &mut Recorder,
-    kernels: &Kernels,
-    scene: &Scene,
-    view: &View,
-    work: &Workspace,
-    jacobian: Jacobian,
-) -> Result<(), Error> {
-    let part = Part::First;
-    lists::record(r, kernels, scene, view, work, Fineness::Exact, part)?;
-    match jacobian {
-        Jacobian::Flow => splat::record_flow(r, kernels, view, work, part)?,
-        Jacobian::Exact => {
-            derive::record(r, kernels, scene, view, work, part)?;
-            splat::record_exact(r, kernels, view, work, part)?;
-        }
-    }
-    reduce::record(r, kernels, view)
 }

@@ -5,9 +5,31 @@ use std::mem::offset_of;
 use crate::shared::Groups;
 use crate::vulkan::{Error, Recorder};
 
-use super::Kernels;
+use super::radix::Fineness;
 use super::view::{Part, View};
 use super::workspace::Workspace;
+use super::{Jacobian, Kernels, Scene, derive, lists};
+
+/// Each tile's share of the normal equations, from the projection on.
+pub(crate) fn record_equations(
+    recorder: &mut Recorder,
+    kernels: &Kernels,
+    scene: &Scene,
+    view: &View,
+    work: &Workspace,
+    jacobian: Jacobian,
+    fineness: Fineness,
+) -> Result<(), Error> {
+    let part = Part::First;
+    lists::record(recorder, kernels, scene, view, work, fineness, part)?;
+    match jacobian {
+        Jacobian::Flow => record_flow(recorder, kernels, view, work, part),
+        Jacobian::Exact => {
+            derive::record(recorder, kernels, scene, view, work, part)?;
+            record_exact(recorder, kernels, view, work, part)
+        }
+    }
+}
 
 /// The picture, depth and transmittance.
 pub(crate) fn record(
@@ -24,7 +46,7 @@ pub(crate) fn record(
 }
 
 /// Each tile's share of the normal equations, from the optical-flow Jacobian.
-pub(crate) fn record_flow(
+fn record_flow(
     recorder: &mut Recorder,
     kernels: &Kernels,
     view: &View,
@@ -39,7 +61,7 @@ pub(crate) fn record_flow(
 
 /// Each tile's share of the normal equations, from the exact Jacobian. Nothing where the workspace
 /// was made without room for derivatives.
-pub(crate) fn record_exact(
+fn record_exact(
     recorder: &mut Recorder,
     kernels: &Kernels,
     view: &View,

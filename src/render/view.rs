@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 
-use crate::search::{Anchor, LEVELS, Placement, set_pose};
+use crate::search::{Anchor, LEVELS, Placement};
 use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, low_pass};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose};
@@ -157,12 +157,14 @@ impl View {
 
     /// Asks for a level at a pose, with room for so many pairs.
     pub fn ask(&mut self, scene: &Scene, level: usize, pair_capacity: u32, pose: &Pose) {
-        let mut params = Params { pair_capacity, ..self.levels[level].params };
-        set_pose(&mut params, &placement(scene, pose));
-        // As from the f64 pose, rounded once.
-        params.rotation = pose.matrix().transpose().to_cols_array().map(|v| v as f32);
-        let offset = pose.centre() - scene.centre();
-        params.centre = offset.to_array().map(|v| v as f32);
+        // Each from the f64 pose, rounded once.
+        let params = Params {
+            pair_capacity,
+            rotation: pose.matrix().transpose().to_cols_array().map(|v| v as f32),
+            translation: placement(scene, pose).translation,
+            centre: (pose.centre() - scene.centre()).to_array().map(|v| v as f32),
+            ..self.levels[level].params
+        };
         self.params_asked.write(&[params]);
         self.groups_asked.write(&[[Groups::of(&params); 2]]);
     }
