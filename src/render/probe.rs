@@ -139,6 +139,8 @@ pub fn stages_at(
     let counters = read::<Counters>(device, &work.counters, 1)?[0];
     let splats = scene.splats as usize;
     let pairs = counters.pairs_needed.min(pair_capacity) as usize;
+    let Params { tiles_x, tiles_y, .. } = view.levels[0].params;
+    let tiles = tiles_x * tiles_y;
     let derivatives = work.derivatives.as_ref().map(|d| read(device, d, splats + 1));
     Ok(Stages {
         records: read(device, &work.records, splats + 1)?,
@@ -147,7 +149,7 @@ pub fn stages_at(
         order: read(device, &work.order, counters.visible as usize)?,
         pairs_needed: counters.pairs_needed,
         pair_splats: read(device, &work.pair_splats, pairs)?,
-        ranges: read(device, &view.ranges, view.most_tiles() as usize)?,
+        ranges: read(device, &view.ranges, tiles as usize)?,
     })
 }
 

@@ -178,12 +178,6 @@ impl View {
         self.prototypes.write(&prototypes[..self.levels.len()]);
     }
 
-    /// Most tiles of a level.
-    pub fn most_tiles(&self) -> u32 {
-        let tiles = self.levels.iter().map(|level| level.params.tiles_x * level.params.tiles_y);
-        tiles.max().unwrap_or(0)
-    }
-
     /// The sums of the last run, at a level.
     pub fn normal_equations(&self, level: usize) -> NormalEquations {
         let mut sums = [0.0; SUMS as usize];
