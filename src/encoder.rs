@@ -8,7 +8,7 @@ use crate::packet::{
     CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, residual_part_len,
 };
 use crate::refine::{
-    Evaluation, Found, Objective, Optimizer, RefineOptions, StartKind, Stop, Tracker,
+    Evaluation, Found, Objective, Observability, Optimizer, RefineOptions, StartKind, Stop, Tracker,
 };
 use crate::render::{Plan, Scene};
 use crate::residual::{ResidualEncoder, max_payload_len};
@@ -81,6 +81,8 @@ pub struct FrameStats {
     pub start: StartKind,
     /// Why it stopped.
     pub stop: Stop,
+    /// What of the pose the picture determines: the directions in which it may be off.
+    pub observability: Observability,
     /// Whether the residual's rate was kept; true where none was asked for.
     pub rate_kept: bool,
 }
@@ -272,6 +274,7 @@ impl Encoder {
         stats.start = found.start;
         stats.stop = found.outcome.stop;
         stats.submissions = found.submissions;
+        stats.observability = found.observability;
         stats.refine_milliseconds = since.elapsed().as_secs_f64() * 1e3;
         Ok(found)
     }
@@ -281,7 +284,8 @@ impl Encoder {
         let sent = drawn.camera.is_some();
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         self.frame = self.frame.wrapping_add(1);
-        self.tracker.keep(drawn.pose, found.outcome.mse, found.start);
+        let observability = Some(&found.observability);
+        self.tracker.keep(drawn.pose, found.outcome.mse, found.start, observability);
     }
 
     /// Forgets the frames before: the next one is looked for as the first was.

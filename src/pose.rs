@@ -98,6 +98,24 @@ impl Pose {
         }
     }
 
+    /// The step that [`exp`](Self::exp) makes this motion of, its turn at most π (Barfoot, eq. 8.33).
+    pub fn log(&self) -> Step {
+        let q = if self.rotation.w < 0.0 { -self.rotation } else { self.rotation };
+        let sine = q.xyz().length();
+        let angle = 2.0 * sine.atan2(q.w);
+        let theta = q.xyz() * if sine < 1e-9 { 2.0 } else { angle / sine };
+        let angle2 = angle * angle;
+        // 1/a² − (1 + cos a)/(2 a sin a), by series where that loses digits.
+        let d = if angle < 1e-2 {
+            1.0 / 12.0 + angle2 / 720.0 + angle2 * angle2 / 30_240.0
+        } else {
+            (1.0 - 0.5 * angle / (0.5 * angle).tan()) / angle2
+        };
+        let cross = theta.cross(self.translation);
+        let rho = self.translation - 0.5 * cross + d * theta.cross(cross);
+        [rho.x, rho.y, rho.z, theta.x, theta.y, theta.z]
+    }
+
     /// The pose that constant velocity predicts after `before`, `self`: the last relative motion
     /// once more.
     pub fn predicted(&self, before: &Pose) -> Pose {
@@ -126,6 +144,15 @@ mod tests {
         let twice = Pose::exp(&half).after(&Pose::exp(&half));
         assert!(close(&twice, &Pose::exp(&tau)));
         assert!(close(&Pose::exp(&tau).after(&Pose::exp(&tau.map(|v| -v))), &Pose::IDENTITY));
+    }
+
+    #[test]
+    fn log_undoes_exp() {
+        for size in [0.0, 1e-9, 1e-4, 0.0099, 0.0101, 0.5, 2.0] {
+            let tau = [0.3, -0.2, 0.5, 0.7, -1.1, 0.4].map(|v| v * size);
+            let found = Pose::exp(&tau).log();
+            assert!(tau.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-11), "{tau:?} {found:?}");
+        }
     }
 
     #[test]

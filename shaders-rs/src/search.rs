@@ -19,6 +19,11 @@ pub const LEVELS: usize = 8;
 pub const TRACE: usize = 128;
 /// Largest rotation of one step, radians: the series of [`stepped`] hold up to there.
 const LARGEST_TURN: f32 = 1.0;
+/// Least damping: what keeps the system solvable in f32 where the picture leaves a direction open.
+const LEAST_DAMPING: f32 = 1e-5;
+/// Least entry of the damping's diagonal, in those of the other translations, or turns: an axis along
+/// which the picture hardly changes is not stepped along at random.
+const LEAST_DIAGONAL: f32 = 1e-6;
 
 /// [`Search::phase`]: evaluations go on.
 pub const SEARCHING: u32 = 0;
@@ -205,6 +210,7 @@ fn judge(s: &mut Search) {
         let fit = 2.0 * ratio - 1.0;
         let shrink = 1.0 - fit * fit * fit;
         s.damping *= if shrink > 1.0 / 3.0 { shrink } else { 1.0 / 3.0 };
+        s.damping = crate::shared::max(s.damping, LEAST_DAMPING);
         s.growth = 2.0;
     } else {
         s.damping *= s.growth;
@@ -335,24 +341,81 @@ fn upper(i: usize, j: usize) -> usize {
     i * 6 - i * (i + 1) / 2 + j
 }
 
-/// The step of `(JᵀJ + λ diag JᵀJ) δ = −Jᵀr`. The system is scaled to a unit diagonal, so it does not
-/// know the prior's unit of length; directions that the picture does not determine at all get no step.
+/// The step of `(JᵀJ + λ D) δ = −Jᵀr`, where `D` is the diagonal of JᵀJ but for entries that are small
+/// against those of their kind ([`LEAST_DIAGONAL`]). The system is scaled by `D`, so it does not know the
+/// prior's unit of length; directions that the picture does not determine at all get no step. A turn
+/// beyond [`LARGEST_TURN`], or a translation that shifts the picture as much, shortens the step.
 pub fn damped_step(sums: &[f32; SUMS as usize], damping: f32) -> Step {
-    let mut scale = [0.0; 6];
+    let scale = scales(sums);
     let mut right = [0.0; 6];
     let mut i = 0;
     while i < 6 {
-        let d = sums[upper(i, i)];
-        if d > 0.0 {
-            scale[i] = 1.0 / d.sqrt();
-        }
         right[i] = -sums[21 + i] * scale[i];
         i += 1;
     }
     let mut out = Step { tau: [0.0; 6], expected: 0.0, downhill: false };
     let mut l = [[0.0; 6]; 6];
-    let mut definite = true;
+    if !factorise(sums, &scale, damping, &mut l) {
+        return out;
+    }
+    let x = substitute(&l, &right);
+    // Products of the step: with the right side, and with itself.
+    let (mut along, mut own) = (0.0, 0.0);
     i = 0;
+    let mut finite = true;
+    while i < 6 {
+        along += x[i] * right[i];
+        own += x[i] * x[i];
+        out.tau[i] = x[i] * scale[i];
+        finite &= out.tau[i].abs() < f32::MAX;
+        i += 1;
+    }
+    let share = within_reach(sums, &out.tau);
+    i = 0;
+    while i < 6 {
+        out.tau[i] *= share;
+        i += 1;
+    }
+    // 2 δᵀ(−Jᵀr) − δᵀ JᵀJ δ, with JᵀJ δ taken from the system: all terms positive.
+    out.expected = share * ((2.0 - share) * along + share * damping * own);
+    out.downhill = finite & (out.expected > 0.0) & (out.expected < f32::MAX);
+    out
+}
+
+/// One over the roots of `D`; 0 for a kind of motion that the picture does not show.
+fn scales(sums: &[f32; SUMS as usize]) -> [f32; 6] {
+    let mut scale = [0.0; 6];
+    let mut kind = 0;
+    while kind < 6 {
+        let (a, b, c) = (diagonal(sums, kind), diagonal(sums, kind + 1), diagonal(sums, kind + 2));
+        let least = LEAST_DIAGONAL * crate::shared::max(crate::shared::max(a, b), c);
+        let mut i = kind;
+        while i < kind + 3 {
+            let d = crate::shared::max(diagonal(sums, i), least);
+            if d > 0.0 {
+                scale[i] = 1.0 / d.sqrt();
+            }
+            i += 1;
+        }
+        kind += 3;
+    }
+    scale
+}
+
+/// Entry `i` of the diagonal of JᵀJ.
+fn diagonal(sums: &[f32; SUMS as usize], i: usize) -> f32 {
+    sums[upper(i, i)]
+}
+
+/// Cholesky's factor of the scaled and damped system; `false` where there is none.
+fn factorise(
+    sums: &[f32; SUMS as usize],
+    scale: &[f32; 6],
+    damping: f32,
+    l: &mut [[f32; 6]; 6],
+) -> bool {
+    let mut definite = true;
+    let mut i = 0;
     while i < 6 {
         let mut j = 0;
         while j <= i {
@@ -378,21 +441,25 @@ pub fn damped_step(sums: &[f32; SUMS as usize], damping: f32) -> Step {
         }
         i += 1;
     }
-    if !definite {
-        return out;
+    definite
+}
+
+/// The share of a step that turns by no more than [`LARGEST_TURN`], and moves by no more than shifts the
+/// picture as that does: the scene's depth, in which `tr Hθθ = L² tr Hρρ`.
+fn within_reach(sums: &[f32; SUMS as usize], tau: &[f32; 6]) -> f32 {
+    let moved = dot([tau[0], tau[1], tau[2]], [tau[0], tau[1], tau[2]]).sqrt();
+    let turned = dot([tau[3], tau[4], tau[5]], [tau[3], tau[4], tau[5]]).sqrt();
+    let of_moves = diagonal(sums, 0) + diagonal(sums, 1) + diagonal(sums, 2);
+    let of_turns = diagonal(sums, 3) + diagonal(sums, 4) + diagonal(sums, 5);
+    let mut share = 1.0;
+    if turned > LARGEST_TURN {
+        share = LARGEST_TURN / turned;
     }
-    let x = substitute(&l, &right);
-    i = 0;
-    let mut finite = true;
-    while i < 6 {
-        // 2 δᵀ(−Jᵀr) − δᵀ JᵀJ δ, with JᵀJ δ taken from the system: all terms positive.
-        out.expected += x[i] * (right[i] + damping * x[i]);
-        out.tau[i] = x[i] * scale[i];
-        finite &= out.tau[i].abs() < f32::MAX;
-        i += 1;
+    let reach = LARGEST_TURN * (of_turns / of_moves).sqrt();
+    if moved * share > reach {
+        share = reach / moved;
     }
-    out.downhill = finite & (out.expected > 0.0) & (out.expected < f32::MAX);
-    out
+    share
 }
 
 /// Solves `L Lᵀ x = b`.

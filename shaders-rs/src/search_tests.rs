@@ -1,6 +1,7 @@
 //! The search against f64: steps, codes, and whole searches of a made-up valley.
 
 use bytemuck::Zeroable;
+use glam::DVec3;
 
 use super::*;
 use crate::Pose;
@@ -313,4 +314,38 @@ fn far_starts_take_the_long_way() {
         assert!(levels.clone().all(|w| w[1].1 <= w[0].1), "only once: {visited:?}");
         assert_close(&pose(&search.found), &valley.target, NEAR);
     }
+}
+
+/// A picture that hardly reacts to one axis, and to translations only as a far scene does: the step
+/// stays within the scene, in whatever unit.
+#[test]
+fn steps_stay_within_the_scene() {
+    for unit in [1e-3, 1.0, 1e3] {
+        // Turns shift the picture as moves by 1000 of the prior's units, times `unit`.
+        let far = [1e-3 / unit, 1e-3 / unit, 1e-8 / unit, 1.0, 1.0, 1.0];
+        let step = damped_step(&sums(&rows(far), [30.0, -20.0, 50.0, 10.0, -40.0, 20.0]), 1e-5);
+        assert!(step.downhill);
+        let [x, y, z, a, b, c] = step.tau.map(f64::from);
+        let moved = DVec3::new(x, y, z).length() / (1e3 * unit);
+        let turned = DVec3::new(a, b, c).length();
+        assert!(moved < 2.0 && turned < 1.001, "{moved} depths, {turned} rad");
+        assert!(moved > 0.1 || turned > 0.1, "{moved} depths, {turned} rad");
+    }
+}
+
+/// A shortened step promises what it then brings.
+#[test]
+fn a_shortened_step_promises_less() {
+    let residuals = [30.0, -20.0, 50.0, 10.0, -40.0, 20.0];
+    let jacobian = rows([1.0; 6]);
+    let step = damped_step(&sums(&jacobian, residuals), 1e-3);
+    let square = |tau: [f64; 6]| -> f64 {
+        let after = jacobian.iter().zip(residuals);
+        let residual =
+            |(row, r): (&[f64; 6], f64)| r + row.iter().zip(tau).map(|(j, t)| j * t).sum::<f64>();
+        after.map(|pair| residual(pair).powi(2)).sum()
+    };
+    let lowered = square([0.0; 6]) - square(step.tau.map(f64::from));
+    let expected = f64::from(step.expected);
+    assert!((lowered / expected - 1.0).abs() < 1e-3, "{lowered} {expected}");
 }

@@ -1,11 +1,11 @@
 //! Adam (Kingma & Ba 2015) as in the paper: learning rate 1e-3, halved after three epochs without
-//! improvement. τ is taken in the frame of the current pose.
+//! improvement. τ is taken in the frame of the current pose, its translation in the prior's own length.
 
 use crate::Pose;
 use crate::render::Jacobian;
 use crate::vulkan::Error;
 
-use super::{Objective, Outcome, Stop, norm_max};
+use super::{Objective, Outcome, Stop, moved_in, norm_max};
 
 /// Options of Adam.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,13 +43,14 @@ pub(super) fn minimise(
     start: &Pose,
     options: &AdamOptions,
 ) -> Result<Outcome, Error> {
+    let length = objective.length();
     let mut pose = *start;
     let mut best = Outcome { pose, mse: f64::INFINITY, stop: Stop::Iterations };
     let (mut mean, mut variance) = ([0.0; 6], [0.0; 6]);
     let (mut rate, mut since_best) = (options.rate, 0);
     for epoch in 1..=options.epochs {
         let equations = objective.evaluate(0, Jacobian::Exact, &pose)?;
-        let gradient = equations.gradient();
+        let gradient = moved_in(length, &equations.gradient());
         if equations.mse() < best.mse || epoch == 1 {
             best = Outcome { pose, mse: equations.mse(), ..best };
             since_best = 0;
@@ -74,7 +75,7 @@ pub(super) fn minimise(
         if !(norm_max(&step) > options.parameter_tolerance) {
             return Ok(Outcome { stop: Stop::Progress, ..best });
         }
-        pose = pose.stepped(&step);
+        pose = pose.stepped(&moved_in(length, &step));
     }
     Ok(best)
 }

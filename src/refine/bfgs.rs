@@ -1,13 +1,14 @@
 //! BFGS as in the paper: pytorch-minimize's, strong Wolfe line search, identity as the first inverse
 //! Hessian, rescaled before its first update. τ is taken in the frame of the current pose, so a step
-//! along `d` is `Exp(t d) T` and its slope is the gradient's product with `d`, for every t.
+//! along `d` is `Exp(t d) T` and its slope is the gradient's product with `d`, for every t. Translations
+//! are measured in the prior's own length, so that the identity does not depend on its unit.
 
 use crate::Pose;
 use crate::render::Jacobian;
 use crate::vulkan::Error;
 
 use super::line_search::{Point, strong_wolfe};
-use super::{Objective, Outcome, Stop, dot, minus, norm_max, scaled};
+use super::{Objective, Outcome, Stop, dot, minus, moved_in, norm_max, scaled};
 
 /// Options of BFGS.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,8 +52,11 @@ pub(super) fn minimise(
     start: &Pose,
     options: &BfgsOptions,
 ) -> Result<Outcome, Error> {
-    let mut evaluate =
-        |pose: &Pose| objective.evaluate(0, Jacobian::Exact, pose).map(|e| (e.mse(), e.gradient()));
+    let length = objective.length();
+    let mut evaluate = |pose: &Pose| {
+        let equations = objective.evaluate(0, Jacobian::Exact, pose)?;
+        Ok::<_, Error>((equations.mse(), moved_in(length, &equations.gradient())))
+    };
     let (mut f, gradient) = evaluate(start)?;
     let mut place = Place { pose: *start, gradient };
     let mut hessian = InverseHessian::new();
@@ -66,7 +70,7 @@ pub(super) fn minimise(
         }
         let from = Point { t: 0.0, f, slope, payload: place };
         let found = strong_wolfe(from, t, norm_max(&direction), |t| {
-            let pose = place.pose.stepped(&scaled(&direction, t));
+            let pose = place.pose.stepped(&moved_in(length, &scaled(&direction, t)));
             let (f, gradient) = evaluate(&pose)?;
             Ok(Point { t, f, slope: dot(&gradient, &direction), payload: Place { pose, gradient } })
         })?;

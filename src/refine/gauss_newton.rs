@@ -1,15 +1,15 @@
 //! Gauss–Newton on the device (see [`crate::search`]): what it is asked, and what it found.
 
 use crate::Pose;
-use crate::render::Scene;
 use crate::render::view::{placement, pose_of};
+use crate::render::{NormalEquations, Scene};
 use crate::search::{
     LEVELS, Placement, PoseCode, Program, STARTS, STOP_NO_DESCENT, STOP_PROGRESS, Search,
 };
 use crate::shared::SUMS;
 use crate::vulkan::Error;
 
-use super::{Evaluation, Objective, Outcome, Stop};
+use super::{Evaluation, Objective, Observability, Outcome, Stop};
 
 /// How a search goes through the pyramid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,6 +101,8 @@ pub struct Tracked {
     pub submissions: u32,
     /// Error of the first evaluation, at its level.
     pub first_mse: f64,
+    /// What the last evaluation at full resolution determines.
+    pub observability: Observability,
 }
 
 /// Searches from `starts` (the first eight count), draws the outcome and takes the difference: see
@@ -206,10 +208,12 @@ fn search(objective: &mut Objective, program: &Program) -> Result<Found, Error> 
     let stop = stop(search);
     let first_mse = f64::from(search.trace[0]) / levels[search.trace_level[0] as usize];
     let (found, promised) = (search.found, f64::from(search.promised));
+    let sums = search.place_sums.map(f64::from);
+    let observability = Observability::of(&NormalEquations::from_sums(&sums, levels[0] as usize));
     let pose = pose_of(&scene, &found);
     let mse = mse(renderer.difference());
     let outcome = Outcome { pose, mse, stop };
-    let tracked = Tracked { outcome, code, submissions, first_mse };
+    let tracked = Tracked { outcome, code, submissions, first_mse, observability };
     Ok(Found { tracked, found, promised, seen, seen_mse: square / levels[0] })
 }
 

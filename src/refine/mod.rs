@@ -12,6 +12,7 @@ mod gauss_newton;
 mod hypotheses;
 mod line_search;
 mod objective;
+mod observability;
 mod phase_correlation;
 mod pyramid;
 mod starts;
@@ -22,6 +23,7 @@ pub use bfgs::BfgsOptions;
 pub use gauss_newton::{GaussNewtonOptions, Schedule};
 pub use hypotheses::{Hypotheses, Proposal};
 pub use objective::{Evaluation, Objective};
+pub use observability::Observability;
 pub use pyramid::Pyramid;
 pub use starts::{Start, StartKind, Starts};
 pub use tracker::{Found, Tracker};
@@ -128,6 +130,12 @@ fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
 
 fn scaled(a: &[f64; 6], factor: f64) -> [f64; 6] {
     a.map(|v| v * factor)
+}
+
+/// A step whose translation is given in `length`s, in the prior's unit; or the gradient with respect to
+/// the former, from that with respect to the latter.
+fn moved_in(length: f64, step: &[f64; 6]) -> [f64; 6] {
+    std::array::from_fn(|i| if i < 3 { step[i] * length } else { step[i] })
 }
 
 fn minus(a: &[f64; 6], b: &[f64; 6]) -> [f64; 6] {

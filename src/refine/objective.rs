@@ -7,6 +7,8 @@ use crate::search::LEVELS;
 use crate::vulkan::Error;
 use crate::{Camera, Picture, Pose};
 
+use super::Observability;
+
 /// One evaluation, for reports of error against run time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
@@ -39,13 +41,16 @@ pub struct Objective {
     since: Instant,
     /// Whether the device holds the frame at all levels: searches see to that themselves.
     reduced: bool,
+    /// Of the last evaluation at full resolution that the host asked for.
+    observability: Observability,
 }
 
 impl Objective {
     /// Wraps a renderer whose plan knows frames.
     pub fn new(renderer: Renderer) -> Objective {
         let trace = Trace(Vec::with_capacity(TRACE));
-        Objective { renderer, trace, since: Instant::now(), reduced: false }
+        let observability = Observability::default();
+        Objective { renderer, trace, since: Instant::now(), reduced: false, observability }
     }
 
     /// Sets the frame to match and begins a new trace.
@@ -56,7 +61,7 @@ impl Objective {
         self.trace.0.clear();
         self.since = Instant::now();
         self.renderer.set_picture(frame);
-        self.reduced = false;
+        (self.reduced, self.observability) = (false, Observability::default());
     }
 
     /// The normal equations at a pose. Where the pose is not finite, or the device returns something
@@ -81,6 +86,9 @@ impl Objective {
                 ..equations
             };
         }
+        if level == 0 {
+            self.observability = Observability::of(&equations);
+        }
         let (mse, milliseconds) = (equations.mse(), self.milliseconds());
         self.trace.note(Evaluation { level, mse, milliseconds });
         Ok(equations)
@@ -95,6 +103,16 @@ impl Objective {
     pub(super) fn residuals(&self) -> [f64; LEVELS] {
         let count = |level| (self.renderer.camera(level).pixels() * 3) as f64;
         std::array::from_fn(|level| if level < self.levels() { count(level) } else { 1.0 })
+    }
+
+    /// What the last evaluation at full resolution that the host asked for determines.
+    pub fn observability(&self) -> &Observability {
+        &self.observability
+    }
+
+    /// The length by which translations are measured against turns: the prior's own.
+    pub(super) fn length(&self) -> f64 {
+        self.renderer.scene().frame().unit()
     }
 
     /// The renderer, and the trace.

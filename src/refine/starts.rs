@@ -10,7 +10,7 @@ use crate::Pose;
 use crate::render::Jacobian;
 use crate::vulkan::Error;
 
-use super::Objective;
+use super::{Objective, Observability};
 
 /// Where a start came from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,6 +52,8 @@ pub struct Start {
 pub struct Starts {
     last: Option<Pose>,
     before_last: Option<Pose>,
+    /// Of the frame before, where that is known.
+    observability: Option<Observability>,
 }
 
 /// Level at which candidates are compared.
@@ -59,8 +61,9 @@ const NEAR_LEVEL: usize = 2;
 
 impl Starts {
     /// Notes the pose found for a frame. One that did not start from the frames before says nothing
-    /// of the velocity.
-    pub fn push(&mut self, pose: Pose, start: StartKind) {
+    /// of the velocity; nor does what the picture did not determine.
+    pub fn push(&mut self, pose: Pose, start: StartKind, observability: Option<&Observability>) {
+        self.observability = observability.copied();
         let before = self.last.replace(pose);
         let follows = matches!(start, StartKind::Previous | StartKind::Predicted);
         self.before_last = before.filter(|_| follows);
@@ -77,9 +80,21 @@ impl Starts {
     pub(super) fn near(&self) -> Option<(Pose, StartKind)> {
         let last = self.last?;
         Some(match &self.before_last {
-            Some(before) => (last.predicted(before), StartKind::Predicted),
+            Some(before) => (self.predicted(&last, before), StartKind::Predicted),
             None => (last, StartKind::Previous),
         })
+    }
+
+    /// Where constant velocity leads. Along directions that the picture does not determine the camera
+    /// is taken to stay: nothing would ever end a drift that noise began there.
+    fn predicted(&self, last: &Pose, before: &Pose) -> Pose {
+        match &self.observability {
+            Some(observed) if observed.undetermined().next().is_some() => {
+                let motion = last.after(&before.inverse()).log();
+                last.stepped(&observed.determined(&motion))
+            }
+            _ => last.predicted(before),
+        }
     }
 
     /// Chooses the start of the next frame; `None` where there is neither a frame before nor a pose
@@ -113,7 +128,7 @@ impl Starts {
         let Some(before) = self.before_last else {
             return Ok(Some((last, StartKind::Previous)));
         };
-        let predicted = last.predicted(&before);
+        let predicted = self.predicted(&last, &before);
         let level = NEAR_LEVEL.min(objective.levels() - 1);
         let stay = objective.evaluate(level, jacobian, &last)?.mse();
         let go_on = objective.evaluate(level, jacobian, &predicted)?.mse();

@@ -6,8 +6,8 @@ use crate::{Picture, Pose};
 
 use super::gauss_newton::{self, Schedule};
 use super::{
-    ColdStart, Evaluation, GaussNewtonOptions, Objective, Optimizer, Outcome, RefineOptions,
-    StartKind, Starts, adam, bfgs,
+    ColdStart, Evaluation, GaussNewtonOptions, Objective, Observability, Optimizer, Outcome,
+    RefineOptions, StartKind, Starts, adam, bfgs,
 };
 
 /// Hypotheses that a cold start follows. The first alone reached the optimum from each of 200 starts
@@ -38,6 +38,18 @@ pub struct Found {
     pub submissions: u32,
     /// Error at the start, at the level where the search began; not a number where the host led it.
     pub first_mse: f64,
+    /// What of the pose the picture determines.
+    pub observability: Observability,
+}
+
+impl Found {
+    /// The one of less error. The search draws: what was found before it is drawn no more.
+    fn or_last(self, last: Found) -> Found {
+        let submissions = self.submissions + last.submissions;
+        let better =
+            if last.outcome.mse <= self.outcome.mse { last } else { Found { drawn: None, ..self } };
+        Found { submissions, ..better }
+    }
 }
 
 /// Finds poses of frames, in order.
@@ -103,9 +115,16 @@ impl Tracker {
         }
     }
 
-    /// Notes what was drawn for the frame, for the next one's start.
-    pub fn keep(&mut self, pose: Pose, mse: f64, start: StartKind) {
-        self.starts.push(pose, start);
+    /// Notes what was drawn for the frame, and what that determines of the pose where it is known, for
+    /// the next one's start.
+    pub fn keep(
+        &mut self,
+        pose: Pose,
+        mse: f64,
+        start: StartKind,
+        observability: Option<&Observability>,
+    ) {
+        self.starts.push(pose, start, observability);
         self.error = Some(mse);
     }
 
@@ -116,8 +135,8 @@ impl Tracker {
 
     /// Gauss–Newton on the device.
     fn search(&mut self, frame: &Picture, external: Option<Pose>) -> Result<Option<Found>, Error> {
-        let GaussNewtonOptions { warm, cold, .. } = self.options.gauss_newton;
-        let warm = self.follow(&warm)?;
+        let GaussNewtonOptions { warm: warm_schedule, cold, .. } = self.options.gauss_newton;
+        let warm = self.follow(&warm_schedule)?;
         if let Some(found) = warm
             && !self.lost(found.outcome.mse)
         {
@@ -138,14 +157,15 @@ impl Tracker {
             // The frame before led there after all, by a longer way.
             cold.start = StartKind::Previous;
         }
-        match warm {
-            // The search draws: the better one must be the last.
-            Some(warm) if warm.outcome.mse < cold.outcome.mse => {
-                let start = StartKind::BestOfBad;
-                Ok(Some(Found { start, drawn: None, ..warm }))
-            }
-            _ => Ok(Some(cold)),
+        if self.lost(cold.outcome.mse) {
+            // A coarse level's valley may lie elsewhere: never worse than where it began.
+            let near = Schedule { first_level: 0, follow_level: 0, far_level: 0, ..warm_schedule };
+            cold = cold.or_last(Found { start: kind, ..self.from(&[start], &near)? });
         }
+        Ok(Some(match warm {
+            Some(warm) => Found { start: StartKind::BestOfBad, ..warm }.or_last(cold),
+            None => cold,
+        }))
     }
 
     /// Searches from the frames before, at a level that did for the last of them, the finest at
@@ -171,15 +191,7 @@ impl Tracker {
         let worse = self.error.is_some_and(|before| found.outcome.mse > WORSE * before);
         if worse && first < coarsest {
             self.level = coarsest;
-            let again = Found { start, ..self.from(&[pose], &at(coarsest))? };
-            let submissions = found.submissions + again.submissions;
-            // The search draws: the better one must be the last.
-            let better = if again.outcome.mse <= found.outcome.mse {
-                again
-            } else {
-                Found { drawn: None, ..found }
-            };
-            found = Found { submissions, ..better };
+            found = found.or_last(Found { start, ..self.from(&[pose], &at(coarsest))? });
         }
         Ok(Some(found))
     }
@@ -199,6 +211,7 @@ impl Tracker {
             drawn: Some(tracked.code),
             submissions: tracked.submissions,
             first_mse: tracked.first_mse,
+            observability: tracked.observability,
         })
     }
 
@@ -223,6 +236,7 @@ impl Tracker {
             drawn: None,
             submissions: 0,
             first_mse: f64::NAN,
+            observability: *self.objective.observability(),
         }))
     }
 
