@@ -19,7 +19,8 @@ use nvsprior::shared::{
     self, CULLED, Counters, DIGITS, Outline, PIXEL, Params, Projected, SUMS, TABLE, TILE,
 };
 use nvsprior::vulkan::{
-    Buffer, Commands, Device, DeviceOptions, Error, Kernel, Memory, Recorder, StageTime, Timing,
+    Buffer, Code, Commands, Device, DeviceOptions, Error, Kernel, Memory, Recorder, StageTime,
+    Timing,
 };
 use nvsprior::{Camera, Engine, Pose, Prior};
 
@@ -64,7 +65,9 @@ struct Source {
 
 impl Source {
     fn kernel(&self, device: &Device, bindings: u32, push: u32) -> Result<Kernel, Error> {
-        Kernel::new(device, self.name, self.entry, self.spirv, bindings, push)
+        let Source { name, entry, spirv } = *self;
+        let code = Code { entry, spirv, bindings, push_words: push, constants: &[] };
+        Kernel::new(device, name, &code)
     }
 }
 

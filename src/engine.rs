@@ -1,24 +1,28 @@
 //! The engine: a device with its pipelines.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::render::{Kernels, Plan, Renderer, Scene};
+use crate::render::{Kernels, Plan, Renderer, Scene, SceneKernels, Traits};
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
 
-/// A device with all pipelines built; make it once, share it between encoders and decoders.
+/// Pipelines, and the kind of prior that they are for.
+type SceneSet = (Traits, Arc<SceneKernels>);
+
+/// A device with its pipelines; make it once, share it between encoders and decoders.
 #[derive(Clone)]
 pub struct Engine {
     pub(crate) device: Device,
     pub(crate) kernels: Arc<Kernels>,
+    scene_kernels: Arc<Mutex<Vec<SceneSet>>>,
 }
 
 impl Engine {
-    /// Opens a device and builds the pipelines.
+    /// Opens a device and builds the pipelines that do not depend on a prior.
     pub fn new(options: &DeviceOptions) -> Result<Engine, Error> {
         let device = Device::open(options)?;
         let kernels = Arc::new(Kernels::new(&device)?);
-        Ok(Engine { device, kernels })
+        Ok(Engine { device, kernels, scene_kernels: Arc::default() })
     }
 
     /// The device, in words: `{}` of it is the one-line banner.
@@ -36,9 +40,22 @@ impl Engine {
         self.device.validation_messages()
     }
 
-    /// Uploads a prior, for any number of renderers.
+    /// Uploads a prior, for any number of renderers. Builds the pipelines for priors of its kind, where
+    /// it is the first.
     pub fn upload(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
-        Ok(Arc::new(Scene::new(&self.device, prior)?))
+        let kernels = self.scene_kernels(&Traits::of(prior))?;
+        Ok(Arc::new(Scene::new(&self.device, prior, kernels)?))
+    }
+
+    fn scene_kernels(&self, traits: &Traits) -> Result<Arc<SceneKernels>, Error> {
+        // Whole sets only are put in: what a thread that panicked left is sound.
+        let mut sets = self.scene_kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, set)) = sets.iter().find(|(of, _)| of == traits) {
+            return Ok(set.clone());
+        }
+        let set = Arc::new(SceneKernels::new(&self.device, traits)?);
+        sets.push((*traits, set.clone()));
+        Ok(set)
     }
 
     /// Makes a renderer of an uploaded prior.

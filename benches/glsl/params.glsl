@@ -15,7 +15,6 @@ struct Params {
     uint tiles_x;
     uint tiles_y;
     uint splats;
-    uint sh_degree;
     uint pair_capacity;
     uint frame_offset;
     uint sort_blocks;

@@ -86,10 +86,16 @@ const Z: [f32; 3] = [0.0, 0.0, 1.0];
 
 /// Gradient of the spherical harmonics with respect to the (unnormalised) direction, times the
 /// coefficients: d(rgb)/d(x, y, z).
-fn sh_gradient(params: &Params, sh: &[f32], i: u32, d: [f32; 3]) -> [[f32; 3]; 3] {
+fn sh_gradient(
+    params: &Params,
+    sh_degree: u32,
+    sh: &[f32],
+    i: u32,
+    d: [f32; 3],
+) -> [[f32; 3]; 3] {
     let basis = shared::sh_basis_gradient(d);
     let mut out = [[0.0; 3]; 3];
-    let count = shared::sh_coefficients(params.sh_degree);
+    let count = shared::sh_coefficients(sh_degree);
     let mut k = 1;
     while k < count {
         let b = basis[k as usize];
@@ -133,6 +139,7 @@ fn clear(derivatives: &mut [Vec4], i: usize) {
 #[spirv(compute(threads(256)))]
 pub fn derive(
     #[spirv(global_invocation_id)] id: UVec3,
+    #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[f32],
@@ -158,7 +165,7 @@ pub fn derive(
     let (rx, ry, rz) = (linear.rotation(X), linear.rotation(Y), linear.rotation(Z));
 
     let (d, inverse) = shared::direction(params, splat.world);
-    let gradient = sh_gradient(params, sh, id.x, d);
+    let gradient = sh_gradient(params, sh_degree, sh, id.x, d);
     let colour = records[i * shared::RECORD as usize + 2];
     // A colour that the clamp at 0 holds does not change.
     let mut red = colour_derivative(params, d, inverse, gradient[0]);

@@ -47,11 +47,17 @@ pub fn coefficients<B: Pairs + ?Sized>(params: &Params, sh: &B, two: u32, i: u32
 }
 
 /// Colour from spherical harmonics, + 0.5, not below 0.
-fn colour<B: Pairs + ?Sized>(params: &Params, sh: &B, i: u32, world: [f32; 3]) -> [f32; 3] {
+fn colour<B: Pairs + ?Sized>(
+    params: &Params,
+    sh_degree: u32,
+    sh: &B,
+    i: u32,
+    world: [f32; 3],
+) -> [f32; 3] {
     let (d, _) = shared::direction(params, world);
     let basis = shared::sh_basis(d);
     let mut rgb = [0.5, 0.5, 0.5];
-    let count = shared::sh_coefficients(params.sh_degree);
+    let count = shared::sh_coefficients(sh_degree);
     let mut two = 0;
     while 2 * two < count {
         let [one, other] = coefficients(params, sh, two, i);
@@ -79,6 +85,7 @@ fn note(largest: &mut u32, key: u32) {
 fn run<B: Pairs + ?Sized>(
     id: u32,
     params: &Params,
+    sh_degree: u32,
     geometry: &B,
     sh: &B,
     records: &mut [Vec4],
@@ -95,7 +102,7 @@ fn run<B: Pairs + ?Sized>(
     let key = if seen { s.depth.to_bits() - params.near.to_bits() } else { shared::CULLED };
     let record = i * shared::RECORD;
     if seen {
-        let [r, g, b] = colour(params, sh, i, splat.world);
+        let [r, g, b] = colour(params, sh_degree, sh, i, splat.world);
         *at_mut(records, record) = Vec4::new(s.mean[0], s.mean[1], s.conic[0], s.conic[1]);
         *at_mut(records, record + 1) = Vec4::new(s.conic[2], s.opacity, s.sigma[0], s.sigma[1]);
         *at_mut(records, record + 2) = Vec4::new(r, g, b, s.depth);
@@ -114,6 +121,7 @@ fn run<B: Pairs + ?Sized>(
 #[spirv(compute(threads(256)))]
 pub fn project(
     #[spirv(global_invocation_id)] id: UVec3,
+    #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[f32],
@@ -122,13 +130,14 @@ pub fn project(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
 ) {
     let params = *params;
-    run(id.x, &params, geometry, sh, records, keys, counters);
+    run(id.x, &params, sh_degree, geometry, sh, records, keys, counters);
 }
 
 /// As [`project`], two floats an access.
 #[spirv(compute(threads(256)))]
 pub fn project_8(
     #[spirv(global_invocation_id)] id: UVec3,
+    #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[u64],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[u64],
@@ -137,5 +146,5 @@ pub fn project_8(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
 ) {
     let params = *params;
-    run(id.x, &params, geometry, sh, records, keys, counters);
+    run(id.x, &params, sh_degree, geometry, sh, records, keys, counters);
 }

@@ -96,8 +96,6 @@ pub struct Params {
     pub tiles_y: u32,
     /// Number of splats.
     pub splats: u32,
-    /// Degree of the spherical harmonics.
-    pub sh_degree: u32,
     /// Room for (tile, splat) pairs.
     pub pair_capacity: u32,
     /// Where this level's floats begin in the buffer of frames.

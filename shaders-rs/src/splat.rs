@@ -21,6 +21,30 @@ pub fn both(a: Vec4, b: Vec4, f: impl Fn(f32, f32) -> f32) -> Vec4 {
     Vec4::new(f(a.x, b.x), f(a.y, b.y), f(a.z, b.z), f(a.w, b.w))
 }
 
+/// The clamp of alpha. Pipelines of priors whose splats are all less opaque are made without.
+#[derive(Clone, Copy)]
+pub struct Clamp {
+    alpha: f32,
+    there: bool,
+}
+
+impl Clamp {
+    /// As a specialisation constant has it: 0 for none.
+    pub fn new(params: &Params, there: u32) -> Clamp {
+        Clamp { alpha: params.alpha_max, there: there != 0 }
+    }
+
+    /// Whether it holds this alpha.
+    pub fn holds(self, full: f32) -> bool {
+        self.there & (full > self.alpha)
+    }
+
+    /// The alpha after it.
+    pub fn of(self, full: f32) -> f32 {
+        if self.holds(full) { self.alpha } else { full }
+    }
+}
+
 /// A splat's alphas at four pixels.
 pub struct Hits {
     /// Before the clamp.
@@ -31,17 +55,17 @@ pub struct Hits {
 
 impl Hits {
     /// From log₂ of the alphas before the clamp.
-    pub fn new(exponents: Vec4, alpha_max: f32) -> Hits {
+    pub fn new(exponents: Vec4, clamp: Clamp) -> Hits {
         let full = each(exponents, f32::exp2);
-        let held = each(full, |full| if full > alpha_max { alpha_max } else { full });
+        let held = each(full, |full| clamp.of(full));
         let alphas =
             both(exponents, held, |exponent, alpha| if exponent >= CUT { alpha } else { 0.0 });
         Hits { full, alphas }
     }
 
     /// `values`, 0 where the clamp holds alpha.
-    pub fn where_free(&self, values: Vec4, alpha_max: f32) -> Vec4 {
-        both(self.full, values, |full, value| if full > alpha_max { 0.0 } else { value })
+    pub fn where_free(&self, values: Vec4, clamp: Clamp) -> Vec4 {
+        both(self.full, values, |full, value| if clamp.holds(full) { 0.0 } else { value })
     }
 }
 
@@ -70,6 +94,14 @@ pub fn middle([x, y]: [u32; 2]) -> [f32; 2] {
     [x as f32 + 0.5, (y + 2) as f32]
 }
 
+/// What there is to blend, by specialisation constants.
+#[derive(Clone, Copy)]
+struct Blending {
+    clamp: Clamp,
+    /// Whether depth is wanted beside the colours.
+    depth: bool,
+}
+
 /// Four pixels, one below the other. Operations go by four, so that those next to each other do not
 /// wait for each other.
 #[derive(Clone, Copy)]
@@ -84,8 +116,8 @@ impl Four {
     const EMPTY: Four = Four { rgb: [Vec4::ZERO; 3], depth: Vec4::ZERO, transmittance: Vec4::ONE };
 
     /// Blends a splat that is seen from `y` above the first pixel.
-    fn blend(self, s: &Splat, column: &Column, y: f32, alpha_max: f32) -> Four {
-        let hits = Hits::new(column.exponents(y), alpha_max);
+    fn blend(self, s: &Splat, column: &Column, y: f32, how: Blending) -> Four {
+        let hits = Hits::new(column.exponents(y), how.clamp);
         let (weights, transmittance) = dim(self.transmittance, hits.alphas);
         Four {
             rgb: [
@@ -93,7 +125,7 @@ impl Four {
                 self.rgb[1] + weights * s.rgb[1],
                 self.rgb[2] + weights * s.rgb[2],
             ],
-            depth: self.depth + weights * s.depth,
+            depth: if how.depth { self.depth + weights * s.depth } else { self.depth },
             transmittance,
         }
     }
@@ -137,6 +169,8 @@ pub fn range(params: &Params, ranges: &[UVec2], group: UVec3) -> UVec2 {
 pub fn splat(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
+    #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,
+    #[spirv(spec_constant(id = 2, default = 1))] depth: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
@@ -146,12 +180,12 @@ pub fn splat(
     let [x, y] = first_pixel(group, lane);
     let range = range(params, ranges, group);
     let list = List { records, pair_splats, end: range.y, centre: middle([x, y]) };
-    let alpha_max = params.alpha_max;
+    let how = Blending { clamp: Clamp::new(params, clamp), depth: depth != 0 };
     let mut pixels = Four::EMPTY;
     let mut at = range.x;
     while at < range.y {
         let s = list.load(at);
-        pixels = pixels.blend(&s, &s.along(0.0), -1.5, alpha_max);
+        pixels = pixels.blend(&s, &s.along(0.0), -1.5, how);
         at += 1;
         if pixels.transmittance() < 0.0 {
             break;
@@ -163,9 +197,9 @@ pub fn splat(
 /// The whole column of a tile.
 type Eight = (Four, Four);
 
-fn blend_eight((upper, lower): Eight, s: &Splat, x: f32, alpha_max: f32) -> Eight {
+fn blend_eight((upper, lower): Eight, s: &Splat, x: f32, how: Blending) -> Eight {
     let column = s.along(x);
-    (upper.blend(s, &column, -3.5, alpha_max), lower.blend(s, &column, 0.5, alpha_max))
+    (upper.blend(s, &column, -3.5, how), lower.blend(s, &column, 0.5, how))
 }
 
 /// Middle of a workgroup's tile: its columns and rows lie at −3.5 to 3.5.
@@ -179,6 +213,8 @@ pub fn middle_of_tile(group: UVec3) -> [f32; 2] {
 pub fn splat_lanes(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(subgroup_local_invocation_id)] lane: u32,
+    #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,
+    #[spirv(spec_constant(id = 2, default = 1))] depth: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
@@ -187,19 +223,20 @@ pub fn splat_lanes(
 ) {
     let range = range(params, ranges, group);
     let list = List { records, pair_splats, end: range.y, centre: middle_of_tile(group) };
-    let (x, alpha_max) = (lane as f32 - 3.5, params.alpha_max);
+    let how = Blending { clamp: Clamp::new(params, clamp), depth: depth != 0 };
+    let x = lane as f32 - 3.5;
     let mut pixels = (Four::EMPTY, Four::EMPTY);
     let mut at = range.x;
     while at < range.y {
         let own = list.load(at + lane);
-        pixels = blend_eight(pixels, &own.of(0), x, alpha_max);
-        pixels = blend_eight(pixels, &own.of(1), x, alpha_max);
-        pixels = blend_eight(pixels, &own.of(2), x, alpha_max);
-        pixels = blend_eight(pixels, &own.of(3), x, alpha_max);
-        pixels = blend_eight(pixels, &own.of(4), x, alpha_max);
-        pixels = blend_eight(pixels, &own.of(5), x, alpha_max);
-        pixels = blend_eight(pixels, &own.of(6), x, alpha_max);
-        pixels = blend_eight(pixels, &own.of(7), x, alpha_max);
+        pixels = blend_eight(pixels, &own.of(0), x, how);
+        pixels = blend_eight(pixels, &own.of(1), x, how);
+        pixels = blend_eight(pixels, &own.of(2), x, how);
+        pixels = blend_eight(pixels, &own.of(3), x, how);
+        pixels = blend_eight(pixels, &own.of(4), x, how);
+        pixels = blend_eight(pixels, &own.of(5), x, how);
+        pixels = blend_eight(pixels, &own.of(6), x, how);
+        pixels = blend_eight(pixels, &own.of(7), x, how);
         at += LANES;
         let left = max(pixels.0.transmittance(), pixels.1.transmittance());
         if largest(left, lane) < 0.0 {

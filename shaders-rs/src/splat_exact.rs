@@ -4,7 +4,7 @@
 
 use crate::reduce::{Scratch, Sums};
 use crate::shared::{ALPHA_MIN, DERIVATIVES, Params, RECORD, TRANSMITTANCE_STOP};
-use crate::splat::first_pixel;
+use crate::splat::{Clamp, first_pixel};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4, Vec4Swizzles};
 use spirv_std::num_traits::Float;
 use spirv_std::spirv;
@@ -37,12 +37,11 @@ struct Hit {
 }
 
 impl Hit {
-    fn at(s: &Record, alpha_max: f32, dx: f32, dy: f32) -> Hit {
+    fn at(s: &Record, clamp: Clamp, dx: f32, dy: f32) -> Hit {
         let u = s.conic[0] * dx + s.conic[1] * dy;
         let w = s.conic[2] * dy;
         let full = s.opacity * (-0.5 * (u * u + w * w)).exp();
-        let clamped = full > alpha_max;
-        let alpha = if clamped { alpha_max } else { full };
+        let (clamped, alpha) = (clamp.holds(full), clamp.of(full));
         Hit { alpha: if alpha >= ALPHA_MIN { alpha } else { 0.0 }, clamped, u, w }
     }
 }
@@ -118,8 +117,8 @@ const EMPTY: Pixel = Pixel {
     d_transmittance: Twist::ZERO,
 };
 
-fn blend(p: Pixel, s: &Record, d: &Derivatives, alpha_max: f32, dx: f32, dy: f32) -> Pixel {
-    let hit = Hit::at(s, alpha_max, dx, dy);
+fn blend(p: Pixel, s: &Record, d: &Derivatives, clamp: Clamp, dx: f32, dy: f32) -> Pixel {
+    let hit = Hit::at(s, clamp, dx, dy);
     let next = p.transmittance * (1.0 - hit.alpha);
     let live = if next > TRANSMITTANCE_STOP { p.live } else { 0.0 };
     let alpha = hit.alpha * live;
@@ -172,6 +171,7 @@ pub fn splat_exact(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
     #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
@@ -183,7 +183,7 @@ pub fn splat_exact(
     let [x, y] = first_pixel(group, lane);
     let tile = group.y * params.tiles_x + group.x;
     let range = ranges[tile as usize];
-    let alpha_max = params.alpha_max;
+    let clamp = Clamp::new(params, clamp);
     let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
     let (mut p0, mut p1, mut p2, mut p3) = (EMPTY, EMPTY, EMPTY, EMPTY);
     let mut at = range.x;
@@ -192,10 +192,10 @@ pub fn splat_exact(
         let s = Record::load(records, splat);
         let d = Derivatives::load(derivatives, splat);
         let (dx, dy) = (s.mean[0] - px, s.mean[1] - py);
-        p0 = blend(p0, &s, &d, alpha_max, dx, dy);
-        p1 = blend(p1, &s, &d, alpha_max, dx, dy - 1.0);
-        p2 = blend(p2, &s, &d, alpha_max, dx, dy - 2.0);
-        p3 = blend(p3, &s, &d, alpha_max, dx, dy - 3.0);
+        p0 = blend(p0, &s, &d, clamp, dx, dy);
+        p1 = blend(p1, &s, &d, clamp, dx, dy - 1.0);
+        p2 = blend(p2, &s, &d, clamp, dx, dy - 2.0);
+        p3 = blend(p3, &s, &d, clamp, dx, dy - 3.0);
         at += 1;
         if p0.live + p1.live + p2.live + p3.live == 0.0 {
             break;

@@ -6,7 +6,7 @@
 use crate::list::{Column, LANES, List, PRODUCT, Splat, largest};
 use crate::reduce::{Scratch, Sums};
 use crate::shared::{Params, TILE, max};
-use crate::splat::{Hits, both, dim, first_pixel, middle, range};
+use crate::splat::{Clamp, Hits, both, dim, first_pixel, middle, range};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4};
 use spirv_std::spirv;
 
@@ -42,13 +42,13 @@ impl Four {
     };
 
     /// Blends a splat that is seen from `y` above the first pixel, its depth inverted.
-    fn blend(self, s: &Splat, column: &Column, y: f32, alpha_max: f32) -> Four {
-        let hits = Hits::new(column.exponents(y), alpha_max);
+    fn blend(self, s: &Splat, column: &Column, y: f32, clamp: Clamp) -> Four {
+        let hits = Hits::new(column.exponents(y), clamp);
         let (weights, transmittance) = dim(self.transmittance, hits.alphas);
         // A splat that finishes the pixel is not counted.
         let alphas = both(transmittance, hits.alphas, |t, alpha| if t < 0.0 { 0.0 } else { alpha });
         // dα = −α v·dμ, v = Q d; nothing moves a clamped alpha.
-        let slopes = -hits.where_free(weights, alpha_max);
+        let slopes = -hits.where_free(weights, clamp);
         let [v_x, v_y] = column.pull(y);
         let (u, v) = (slopes * v_x, slopes * v_y);
         let front = [u, v, u * s.depth, v * s.depth];
@@ -153,6 +153,7 @@ pub fn splat_flow(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
     #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
@@ -163,12 +164,12 @@ pub fn splat_flow(
     let [x, y] = first_pixel(group, lane);
     let range = range(params, ranges, group);
     let list = List { records, pair_splats, end: range.y, centre: middle([x, y]) };
-    let alpha_max = params.alpha_max;
+    let clamp = Clamp::new(params, clamp);
     let mut pixels = Four::EMPTY;
     let mut at = range.x;
     while at < range.y {
         let s = with_inverse_depth(list.load(at));
-        pixels = pixels.blend(&s, &s.along(0.0), -1.5, alpha_max);
+        pixels = pixels.blend(&s, &s.along(0.0), -1.5, clamp);
         at += 1;
         if pixels.left() < 0.0 {
             break;
@@ -186,6 +187,7 @@ pub fn splat_flow_lanes(
     #[spirv(subgroup_id)] half: u32,
     #[spirv(subgroup_local_invocation_id)] lane: u32,
     #[spirv(workgroup)] scratch: &mut Scratch,
+    #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
@@ -196,8 +198,8 @@ pub fn splat_flow_lanes(
     let range = range(params, ranges, group);
     let [x, y] = first_pixel(group, half * LANES + lane);
     let list = List { records, pair_splats, end: range.y, centre: middle([group.x * TILE, y]) };
-    let (column, alpha_max) = (lane as f32, params.alpha_max);
-    let blend = |pixels: Four, s: Splat| pixels.blend(&s, &s.along(column), -1.5, alpha_max);
+    let (column, clamp) = (lane as f32, Clamp::new(params, clamp));
+    let blend = |pixels: Four, s: Splat| pixels.blend(&s, &s.along(column), -1.5, clamp);
     let mut pixels = Four::EMPTY;
     let mut at = range.x;
     while at < range.y {

@@ -3,7 +3,7 @@
 
 use crate::Engine;
 use crate::shared::{CEILING_CHAINS, CEILING_STEPS, CEILING_TURNS};
-use crate::vulkan::{Buffer, Device, Error, Kernel, Memory, Recorder, Timing};
+use crate::vulkan::{Buffer, Code, Device, Error, Kernel, Memory, Recorder, Timing};
 
 /// A device's best rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,8 +36,7 @@ pub fn measure(engine: &Engine) -> Result<Ceilings, Error> {
 /// Seconds of the arithmetic kernel.
 fn arithmetic(device: &Device) -> Result<f64, Error> {
     let spirv = include_bytes!("../../shaders-rs/spv/ceiling_arithmetic.spv");
-    let entry = "ceilings::ceiling_arithmetic";
-    let kernel = Kernel::new(device, "ceiling_arithmetic", entry, spirv, 2, 0)?;
+    let kernel = kernel(device, "ceiling_arithmetic", "ceilings::ceiling_arithmetic", spirv)?;
     let offset = Buffer::from_slice(device, "offset", &[0.1f32])?;
     let out = Buffer::new::<f32>(device, "chains", CHAINED, Memory::Device)?;
     fastest(device, &kernel, &[&offset, &out], CHAINED)
@@ -46,10 +45,14 @@ fn arithmetic(device: &Device) -> Result<f64, Error> {
 /// Seconds of the copy kernel.
 fn copy(device: &Device) -> Result<f64, Error> {
     let spirv = include_bytes!("../../shaders-rs/spv/ceiling_copy.spv");
-    let kernel = Kernel::new(device, "ceiling_copy", "ceilings::ceiling_copy", spirv, 2, 0)?;
+    let kernel = kernel(device, "ceiling_copy", "ceilings::ceiling_copy", spirv)?;
     let from = Buffer::new::<u32>(device, "words", WORDS, Memory::Device)?;
     let to = Buffer::new::<u32>(device, "copied words", WORDS, Memory::Device)?;
     fastest(device, &kernel, &[&from, &to], WORDS)
+}
+
+fn kernel(device: &Device, name: &'static str, entry: &str, spirv: &[u8]) -> Result<Kernel, Error> {
+    Kernel::new(device, name, &Code { entry, spirv, bindings: 2, push_words: 0, constants: &[] })
 }
 
 /// Device time of the fastest run, seconds.

@@ -5,14 +5,13 @@ use std::mem::offset_of;
 use crate::shared::Groups;
 use crate::vulkan::{Error, Recorder};
 
+use super::Scene;
 use super::view::{Part, View};
 use super::workspace::Workspace;
-use super::{Kernels, Scene};
 
 /// Nothing where the workspace was made without room for derivatives.
 pub(crate) fn record(
     recorder: &mut Recorder,
-    kernels: &Kernels,
     scene: &Scene,
     view: &View,
     work: &Workspace,
@@ -22,5 +21,5 @@ pub(crate) fn record(
     let (geometry, sh) = (&scene.geometry, &scene.sh);
     let buffers = [&view.params, geometry, sh, &work.records, &work.keys, derivatives];
     let at = part.at(offset_of!(Groups, splats));
-    recorder.dispatch_indirect(&kernels.derive, &buffers, &[], &view.groups, at)
+    recorder.dispatch_indirect(&scene.kernels.derive, &buffers, &[], &view.groups, at)
 }

@@ -11,6 +11,7 @@ use crate::shared::{GROUP, Groups};
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
 
 use super::radix::Fineness;
+use super::splat::Channels;
 use super::view::{Level, Part, View};
 use super::workspace::Workspace;
 use super::{Jacobian, Kernels, Scene, lists, splat};
@@ -167,7 +168,7 @@ impl Chain<'_> {
         let Chain { kernels, scene, view, work, bytes, frame, .. } = *self;
         let part = Part::Picture;
         record_place(r, kernels, view, bytes, part)?;
-        record_picture(r, kernels, scene, view, work, part)?;
+        record_picture(r, kernels, scene, view, work, Channels::Colour, part)?;
         record_bytes(r, kernels, view, bytes, part)?;
         record_difference(r, kernels, view, bytes, frame, part)
     }
@@ -200,17 +201,18 @@ pub(crate) fn record_place(
     r.dispatch_indirect(&kernels.place, &buffers, &[], &view.groups, one)
 }
 
-/// The picture, depth and transmittance.
+/// The picture.
 pub(crate) fn record_picture(
     r: &mut Recorder,
     kernels: &Kernels,
     scene: &Scene,
     view: &View,
     work: &Workspace,
+    channels: Channels,
     part: Part,
 ) -> Result<(), Error> {
     lists::record(r, kernels, scene, view, work, Fineness::Exact, part)?;
-    splat::record(r, kernels, view, work, part)
+    splat::record(r, scene, view, work, channels, part)
 }
 
 /// The picture in 8 bits.

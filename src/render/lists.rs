@@ -18,7 +18,7 @@ pub(crate) fn record(
     part: Part,
 ) -> Result<(), Error> {
     recorder.fill(&work.counters, 0);
-    project::record(recorder, kernels, scene, view, work, part)?;
+    project::record(recorder, scene, view, work, part)?;
     let sort = Sort {
         fineness,
         count: scene.splats,

@@ -21,7 +21,7 @@ pub(crate) mod view;
 mod workspace;
 
 pub use frame::to_byte;
-pub use kernels::Kernels;
+pub use kernels::{Kernels, SceneKernels, Traits};
 pub use radix::Fineness;
 pub use renderer::{Jacobian, Job, Plan, Renderer, Searched};
 pub use scene::Scene;

@@ -134,7 +134,7 @@ pub fn stages_at(
     recorder.copy(&view.params_asked, &view.params)?;
     recorder.copy(&view.groups_asked, &view.groups)?;
     lists::record(&mut recorder, kernels, scene, &view, &work, fineness, Part::First)?;
-    derive::record(&mut recorder, kernels, scene, &view, &work, Part::First)?;
+    derive::record(&mut recorder, scene, &view, &work, Part::First)?;
     recorder.finish()?.run()?;
     let counters = read::<Counters>(device, &work.counters, 1)?[0];
     let splats = scene.splats as usize;

@@ -5,13 +5,12 @@ use std::mem::offset_of;
 use crate::shared::Groups;
 use crate::vulkan::{Error, Recorder};
 
+use super::Scene;
 use super::view::{Part, View};
 use super::workspace::Workspace;
-use super::{Kernels, Scene};
 
 pub(crate) fn record(
     recorder: &mut Recorder,
-    kernels: &Kernels,
     scene: &Scene,
     view: &View,
     work: &Workspace,
@@ -20,5 +19,5 @@ pub(crate) fn record(
     let (geometry, sh) = (&scene.geometry, &scene.sh);
     let buffers = [&view.params, geometry, sh, &work.records, &work.keys, &work.counters];
     let at = part.at(offset_of!(Groups, splats));
-    recorder.dispatch_indirect(&kernels.project, &buffers, &[], &view.groups, at)
+    recorder.dispatch_indirect(&scene.kernels.project, &buffers, &[], &view.groups, at)
 }

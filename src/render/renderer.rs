@@ -11,6 +11,7 @@ use crate::{Camera, Picture, Pose};
 
 use super::frame::{self, Bytes, Chain, Coded, Frame, SLOTS};
 use super::radix::Fineness;
+use super::splat::Channels;
 use super::view::{NormalEquations, Part, View, anchor};
 use super::workspace::Workspace;
 use super::{Kernels, Scene, reduce, splat};
@@ -178,7 +179,7 @@ impl Renderer {
         }
         match job {
             Job::Draw => {
-                frame::record_picture(r, kernels, scene, view, work, part)?;
+                frame::record_picture(r, kernels, scene, view, work, Channels::All, part)?;
                 r.copy(&view.image, &view.image_read)?;
             }
             Job::Sums(jacobian) => {
@@ -187,7 +188,7 @@ impl Renderer {
                 reduce::record(r, kernels, view)?;
             }
             _ => {
-                frame::record_picture(r, kernels, scene, view, work, part)?;
+                frame::record_picture(r, kernels, scene, view, work, Channels::Colour, part)?;
                 frame::record_bytes(r, kernels, view, &self.bytes, part)?;
                 if let Some(frame) = &self.frame {
                     frame::record_difference(r, kernels, view, &self.bytes, frame, part)?;

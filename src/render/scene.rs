@@ -1,5 +1,7 @@
 //! The prior as the device holds it; shared by every renderer of it.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::prior::{PriorFrame, Splats};
@@ -7,26 +9,32 @@ use crate::shared::{self, GEOMETRY_PLANES};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
 
+use super::{SceneKernels, Traits};
+
 /// A prior's splats on the device, activated and laid out in planes.
 pub struct Scene {
+    pub(crate) kernels: Arc<SceneKernels>,
     pub(crate) geometry: Buffer,
     pub(crate) sh: Buffer,
     pub(crate) splats: u32,
-    pub(crate) sh_degree: u32,
     pub(crate) options: RenderOptions,
     id: PriorId,
     frame: PriorFrame,
 }
 
 impl Scene {
-    /// Uploads a prior.
-    pub fn new(device: &Device, prior: &Prior) -> Result<Scene, Error> {
+    /// Uploads a prior, to be drawn by pipelines made for its [`Traits`].
+    pub(crate) fn new(
+        device: &Device,
+        prior: &Prior,
+        kernels: Arc<SceneKernels>,
+    ) -> Result<Scene, Error> {
         let splats = prior.splats();
         Ok(Scene {
+            kernels,
             geometry: Buffer::from_slice(device, "geometry", &geometry(splats, centre(prior)))?,
             sh: Buffer::from_slice(device, "spherical harmonics", &sh_planes(splats))?,
             splats: splats.len() as u32,
-            sh_degree: splats.sh_degree,
             options: *prior.options(),
             id: prior.id(),
             frame: prior.frame(),
@@ -47,6 +55,17 @@ impl Scene {
     /// The frame in which packets state camera positions.
     pub fn frame(&self) -> PriorFrame {
         self.frame
+    }
+}
+
+impl Traits {
+    /// Of a prior.
+    pub fn of(prior: &Prior) -> Traits {
+        let splats = prior.splats();
+        // Rounding may lift an alpha a little above its splat's opacity.
+        let limit = f64::from(prior.options().alpha_max) * (1.0 - 1e-5);
+        let clamped = (0..splats.len()).any(|i| opacity(splats, i) > limit);
+        Traits { sh_degree: splats.sh_degree, clamped }
     }
 }
 

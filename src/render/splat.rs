@@ -23,32 +23,46 @@ pub(crate) fn record_equations(
     let part = Part::First;
     lists::record(recorder, kernels, scene, view, work, fineness, part)?;
     match jacobian {
-        Jacobian::Flow => record_flow(recorder, kernels, view, work, part),
+        Jacobian::Flow => record_flow(recorder, scene, view, work, part),
         Jacobian::Exact => {
-            derive::record(recorder, kernels, scene, view, work, part)?;
-            record_exact(recorder, kernels, view, work, part)
+            derive::record(recorder, scene, view, work, part)?;
+            record_exact(recorder, scene, view, work, part)
         }
     }
 }
 
-/// The picture, depth and transmittance.
+/// What of a picture is drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Channels {
+    /// Colours, depth and transmittance.
+    All,
+    /// Depth is not.
+    Colour,
+}
+
+/// The picture.
 pub(crate) fn record(
     recorder: &mut Recorder,
-    kernels: &Kernels,
+    scene: &Scene,
     view: &View,
     work: &Workspace,
+    channels: Channels,
     part: Part,
 ) -> Result<(), Error> {
     let pairs = &work.pair_splats;
     let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.image];
+    let kernel = match channels {
+        Channels::All => &scene.kernels.splat,
+        Channels::Colour => &scene.kernels.splat_colour,
+    };
     let tiles = part.at(offset_of!(Groups, tiles));
-    recorder.dispatch_indirect(&kernels.splat, &buffers, &[], &view.groups, tiles)
+    recorder.dispatch_indirect(kernel, &buffers, &[], &view.groups, tiles)
 }
 
 /// Each tile's share of the normal equations, from the optical-flow Jacobian.
 fn record_flow(
     recorder: &mut Recorder,
-    kernels: &Kernels,
+    scene: &Scene,
     view: &View,
     work: &Workspace,
     part: Part,
@@ -56,14 +70,14 @@ fn record_flow(
     let pairs = &work.pair_splats;
     let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.frame, &view.partials];
     let tiles = part.at(offset_of!(Groups, tiles));
-    recorder.dispatch_indirect(&kernels.splat_flow, &buffers, &[], &view.groups, tiles)
+    recorder.dispatch_indirect(&scene.kernels.splat_flow, &buffers, &[], &view.groups, tiles)
 }
 
 /// Each tile's share of the normal equations, from the exact Jacobian. Nothing where the workspace
 /// was made without room for derivatives.
 fn record_exact(
     recorder: &mut Recorder,
-    kernels: &Kernels,
+    scene: &Scene,
     view: &View,
     work: &Workspace,
     part: Part,
@@ -73,5 +87,5 @@ fn record_exact(
     let (frame, partials) = (&view.frame, &view.partials);
     let buffers = [&view.params, &view.ranges, pairs, &work.records, frame, partials, derivatives];
     let tiles = part.at(offset_of!(Groups, tiles));
-    recorder.dispatch_indirect(&kernels.splat_exact, &buffers, &[], &view.groups, tiles)
+    recorder.dispatch_indirect(&scene.kernels.splat_exact, &buffers, &[], &view.groups, tiles)
 }

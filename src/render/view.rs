@@ -205,7 +205,6 @@ fn prototype(scene: &Scene, camera: &Camera, factor: u32, frame_offset: u32) -> 
         tiles_x: camera.width.div_ceil(TILE),
         tiles_y: camera.height.div_ceil(TILE),
         splats: scene.splats,
-        sh_degree: scene.sh_degree,
         frame_offset,
         ..Params::zeroed()
     }

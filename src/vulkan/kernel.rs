@@ -36,29 +36,35 @@ impl Drop for Pipeline {
     }
 }
 
+/// What a pipeline is made of.
+pub struct Code<'a> {
+    /// Entry point.
+    pub entry: &'a str,
+    /// Its module.
+    pub spirv: &'a [u8],
+    /// Storage buffers that it uses.
+    pub bindings: u32,
+    /// Words of push constants that it uses.
+    pub push_words: u32,
+    /// Specialisation constants, by number; those that the module does not have are passed over.
+    pub constants: &'a [(u32, u32)],
+}
+
 impl Kernel {
-    /// Builds the pipeline of a module's entry point, which must use `bindings` storage buffers and
-    /// `push_words` words of push constants.
-    pub fn new(
-        device: &Device,
-        name: &'static str,
-        entry: &str,
-        spirv: &[u8],
-        bindings: u32,
-        push_words: u32,
-    ) -> Result<Kernel, Error> {
+    /// Builds the pipeline.
+    pub fn new(device: &Device, name: &'static str, code: &Code) -> Result<Kernel, Error> {
         let inner = device.inner.clone();
         let mut pipeline = Pipeline {
             name,
-            bindings,
-            push_bytes: push_words * 4,
+            bindings: code.bindings,
+            push_bytes: code.push_words * 4,
             pipeline: vk::Pipeline::null(),
             layout: vk::PipelineLayout::null(),
             set_layout: vk::DescriptorSetLayout::null(),
             device: inner,
         };
         pipeline.make_layout()?;
-        pipeline.make_pipeline(entry, spirv)?;
+        pipeline.make_pipeline(code)?;
         Ok(Kernel { shared: Arc::new(pipeline) })
     }
 }
@@ -93,18 +99,27 @@ impl Pipeline {
         Ok(())
     }
 
-    fn make_pipeline(&mut self, entry: &str, spirv: &[u8]) -> Result<(), Error> {
+    fn make_pipeline(&mut self, code: &Code) -> Result<(), Error> {
         let device = &self.device.device;
-        let words: Vec<u32> = bytemuck::pod_collect_to_vec(spirv);
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(code.spirv);
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the module is one of those committed, which passed spirv-val.
         let module = unsafe { device.create_shader_module(&info, None) }
             .map_err(Error::of("vkCreateShaderModule"))?;
-        let entry = c_name(entry);
+        let entry = c_name(code.entry);
+        let values: Vec<u32> = code.constants.iter().map(|(_, value)| *value).collect();
+        let place = |(i, (id, _)): (usize, &(u32, u32))| {
+            vk::SpecializationMapEntry::default().constant_id(*id).offset(4 * i as u32).size(4)
+        };
+        let places: Vec<_> = code.constants.iter().enumerate().map(place).collect();
+        let constants = vk::SpecializationInfo::default()
+            .map_entries(&places)
+            .data(bytemuck::cast_slice(&values));
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module)
-            .name(&entry);
+            .name(&entry)
+            .specialization_info(&constants);
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
         // SAFETY: layout and module are valid; the module may go once the pipeline is made.
         let made = unsafe {

@@ -12,4 +12,4 @@ pub use buffer::{Buffer, Memory};
 pub use commands::{Commands, Recorder, StageTime, Timing};
 pub use device::{Device, DeviceInfo, DeviceOptions, MemoryUse};
 pub use error::Error;
-pub use kernel::Kernel;
+pub use kernel::{Code, Kernel};

@@ -156,7 +156,7 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     let times = mean(|| {
         tracker.forget();
         for Best { pose, psnr } in &context.best[..last] {
-            tracker.keep(*pose, 10f64.powf(-0.1 * psnr), StartKind::Previous);
+            tracker.keep(*pose, 10f64.powf(-0.1 * psnr), StartKind::Previous, None);
         }
         let before = tracker.objective().renderer().renders().to_vec();
         tracker.track(&shot.picture, None)?;
