@@ -107,7 +107,8 @@ fn code(criterion: &mut Criterion) {
     let pose = QuantisedPose::quantise(&scene::pose(0.0), &scene.frame(), PoseProfile::Compact);
     let latent = Latent::new(0, scene.id(), &scene::CAMERA, pose.expect("a pose in range"), false)
         .expect("a camera that fits the header");
-    let packet = Packet { latent, camera: Some(scene::CAMERA), residual: coded.residual };
+    let (camera, residual) = (Some(scene::CAMERA), coded.residual);
+    let packet = Packet { latent, camera, render: None, residual };
     let bytes = packet.encode().expect("a packet");
     let mut group = criterion.benchmark_group("packet");
     group.bench_function("encode", |b| b.iter(|| black_box(&packet).encode()));

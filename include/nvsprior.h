@@ -138,6 +138,9 @@
 // short of the PSNR.
 #define NVSP_FRAME_RATE_MISSED 2
 
+// The picture leaves a direction of the pose open: see nvsp_frame_stats.pose_deviation.
+#define NVSP_FRAME_UNDETERMINED 4
+
 // The frame started from the pose given with it.
 #define NVSP_START_HINT 0
 
@@ -172,6 +175,13 @@
 // it. Of a difference picture that is cut short, the rows that arrived are then shown. Without this,
 // a difference picture is shown where it is whole and its check matches.
 #define NVSP_DECODE_START 1
+
+// The render is the vehicle's, byte for byte. Neither this nor NVSP_DECODED_OTHER_RENDER: the packet
+// does not tell.
+#define NVSP_DECODED_SAME_RENDER 8
+
+// The render is not the vehicle's: its device, or its driver, rounds differently.
+#define NVSP_DECODED_OTHER_RENDER 16
 
 // `pose` is given.
 #define NVSP_HEADER_POSE 2
@@ -350,6 +360,9 @@ typedef struct nvsp_encoder_options {
   uint32_t camera_interval;
   // Number of the first frame; packets carry it modulo 2^24.
   uint32_t first_frame;
+  // A check of the prior's render (6 bytes) is sent with the first frame and every so many after
+  // it, by which the topside knows whether it renders the same; 0: never.
+  uint32_t check_interval;
 } nvsp_encoder_options;
 
 // A camera's image; read during the call only. Its size may be another than the camera's, which it
@@ -409,6 +422,13 @@ typedef struct nvsp_frame_stats {
   double milliseconds;
   // The pose as the packet holds it.
   struct nvsp_pose pose;
+  // How far the pose may be off at least, standard deviations: translation along the camera's axes
+  // (the prior's unit), then turns about them (radians), by the picture's noise. Infinite along what
+  // the picture does not determine at all.
+  double pose_deviation[6];
+  // Best determined over least determined direction of the pose, as eigenvalues of the normal
+  // equations; infinite where one is not determined at all.
+  double pose_condition;
 } nvsp_frame_stats;
 
 // A place for a picture.
@@ -437,7 +457,7 @@ typedef struct nvsp_decoded {
   uint32_t width;
   // Pixels.
   uint32_t height;
-  // NVSP_FRAME_UNCERTAIN, or 0.
+  // NVSP_FRAME_UNCERTAIN, NVSP_DECODED_* bits.
   uint32_t flags;
   // Rows, from the top, that the difference picture reached; the others are the prior's render
   // alone.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::packet::{Latent, Residual, Salvage};
+use crate::packet::{Latent, RenderCheck, Residual, Salvage};
 use crate::render::{Plan, Renderer, Scene};
 use crate::residual::ResidualDecoder;
 use crate::{Camera, Engine, Error, Packet, Picture, Pose};
@@ -18,6 +18,9 @@ pub struct Decoded {
     pub pose: Pose,
     /// The vehicle was not sure of the pose.
     pub uncertain: bool,
+    /// Whether the render is the vehicle's, byte for byte; `None` where the packet does not tell. Where
+    /// it is not, the picture may be off by what two devices' roundings make of it.
+    pub same_render: Option<bool>,
     /// Rows, from the top, that the residual reached; the others are the render alone.
     pub rows: u32,
     /// What of the packet could not be used.
@@ -115,6 +118,8 @@ impl Decoder {
         view.renderer.coded_picture(&latent.pose.words(), &mut decoded.picture)?;
         (decoded.frame, decoded.pose) = (latent.frame, pose);
         decoded.uncertain = latent.uncertain_start;
+        let told = salvage.render.as_ref().ok().copied().flatten();
+        decoded.same_render = told.map(|check| check == RenderCheck::of(&decoded.picture));
         let rows = view.add_residual(&salvage, trust, &mut decoded.picture);
         (decoded.damage, decoded.rows) = match rows {
             Ok((rows, damage)) => (damage.or(camera_damage), rows),

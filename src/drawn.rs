@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::packet::{Latent, Residual};
+use crate::packet::{Latent, RenderCheck, Residual};
 use crate::residual::ResidualEncoder;
 use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
 
@@ -15,6 +15,8 @@ pub(crate) struct Drawn {
     pub difference: Vec<u8>,
     pub latent: Option<Latent>,
     pub camera: Option<Camera>,
+    /// Whether the packet tells what the render is.
+    pub checked: bool,
     pub rate: Option<Rate>,
     pub pose: Pose,
     /// As far as they are known.
@@ -57,7 +59,8 @@ impl Drawn {
         residual: &mut ResidualEncoder,
         encoded: &mut Encoded,
     ) -> Result<bool, Error> {
-        let mut packet = Packet { latent, camera: self.camera, residual: Residual::None };
+        let render = self.checked.then(|| RenderCheck::of(&self.render));
+        let mut packet = Packet { latent, camera: self.camera, render, residual: Residual::None };
         let Some(rate) = self.rate else {
             encoded.picture.clone_from(&self.render);
             packet.write(&mut encoded.packet)?;

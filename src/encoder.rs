@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use crate::drawn::Drawn;
 use crate::packet::{
-    CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, residual_part_len,
+    CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN,
+    residual_part_len,
 };
 use crate::refine::{
     Evaluation, Found, Objective, Observability, Optimizer, RefineOptions, StartKind, Stop, Tracker,
@@ -31,6 +32,9 @@ pub struct EncoderOptions {
     /// The camera is sent with the first frame, when it changes, and every so many frames for a
     /// topside that missed it; 0: no repeats.
     pub camera_interval: u32,
+    /// A check of the render is sent with the first frame and every so many after it, by which a
+    /// topside on another kind of device knows whether it renders the same; 0: never. Six bytes.
+    pub check_interval: u32,
     /// Number of the first frame.
     pub first_frame: u32,
     /// Reduction factors of the pyramid, finest first, beginning with 1.
@@ -45,6 +49,7 @@ impl Default for EncoderOptions {
             rate: Some(Rate::Quality(10.0)),
             profile: PoseProfile::Compact,
             camera_interval: 64,
+            check_interval: 0,
             first_frame: 0,
             factors: vec![1, 2, 4, 8],
         }
@@ -114,9 +119,10 @@ impl Encoded {
     }
 }
 
-/// Most bytes of a packet about a picture of this size, in either profile and with the camera.
+/// Most bytes of a packet about a picture of this size, in either profile and with all its parts.
 pub fn packet_bound(width: u32, height: u32) -> usize {
-    LONGEST_LATENT + CAMERA_PART_LEN + residual_part_len(max_payload_len(width, height))
+    let fixed = LONGEST_LATENT + CAMERA_PART_LEN + RENDER_PART_LEN;
+    fixed + residual_part_len(max_payload_len(width, height))
 }
 
 /// Encodes the frames of one camera, in order.
@@ -252,6 +258,7 @@ impl Encoder {
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found)?;
         let camera = self.camera_due().then_some(self.camera);
+        drawn.checked = self.check_due();
         let renderer = self.tracker.objective().renderer();
         drawn.render.resize(frame.width, frame.height);
         drawn.render.data.copy_from_slice(renderer.rendered());
@@ -312,6 +319,11 @@ impl Encoder {
         let pose = QuantisedPose::quantise(pose, &self.scene.frame(), profile)?;
         self.tracker.objective().renderer().draw_coded(&pose.words())?;
         Ok(pose)
+    }
+
+    fn check_due(&self) -> bool {
+        let done = self.frame.wrapping_sub(self.options.first_frame);
+        done.checked_rem(self.options.check_interval) == Some(0)
     }
 
     fn camera_due(&self) -> bool {

@@ -5,10 +5,12 @@ mod scene;
 
 use common::{assert_silent, engine};
 use glam::DVec3;
-use nvsprior::packet::{Latent, PoseProfile};
+use nvsprior::packet::{Latent, PoseProfile, RenderCheck};
 use nvsprior::refine::{Optimizer, StartKind};
 use nvsprior::render::Plan;
-use nvsprior::{Decoder, Encoded, Encoder, EncoderOptions, Error, Picture, Pipeline, Pose, Rate};
+use nvsprior::{
+    Decoder, Encoded, Encoder, EncoderOptions, Error, Packet, Picture, Pipeline, Pose, Rate,
+};
 use scene::{CAMERA, clean_frame, frame, pose, wall};
 
 const OFFSET: [f64; 6] = [0.05, -0.04, 0.06, 0.02, -0.03, 0.02];
@@ -312,4 +314,30 @@ fn the_rate_may_change_with_the_link() {
     let bare = encoder.encode(&picture, None).unwrap();
     let [fine, coarse, bare] = [fine, coarse, bare].map(|encoded| encoded.packet.len());
     assert!(fine > 300 && coarse <= 300 && coarse > 31 && bare == 31, "{fine}, {coarse}, {bare}");
+}
+
+/// A topside whose prior looks a little different is told so, where the vehicle sends a check.
+#[test]
+fn a_render_check_tells_a_different_render() {
+    let engine = common::engine();
+    let scene = engine.upload(&scene::wall(1)).unwrap();
+    let options = EncoderOptions { check_interval: 2, ..EncoderOptions::default() };
+    let mut encoder = Encoder::new(&engine, &scene, &scene::CAMERA, options).unwrap();
+    let mut decoder = Decoder::new(&engine, &scene);
+    for t in 0..3 {
+        let pose = scene::pose(f64::from(t));
+        let frame = scene::frame(&engine, &scene, &pose);
+        let encoded = encoder.encode(&frame, Some(pose)).unwrap();
+        let decoded = decoder.decode(&encoded.packet).unwrap();
+        assert_eq!(decoded.same_render, (t % 2 == 0).then_some(true), "frame {t}");
+        let packet = Packet::decode(&encoded.packet).unwrap();
+        if let Some(check) = packet.render {
+            let render = Some(RenderCheck(check.0 ^ 1));
+            let other = Packet { render, ..packet }.encode().unwrap();
+            let decoded = decoder.decode(&other).unwrap();
+            assert_eq!(decoded.same_render, Some(false));
+            assert_eq!(decoded.picture, encoded.picture, "shown all the same");
+        }
+    }
+    common::assert_silent(&engine);
 }

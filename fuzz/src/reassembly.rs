@@ -78,7 +78,7 @@ fn packet(sent: &Sent) -> Vec<u8> {
         None => Residual::None,
     };
     let camera = sent.camera.then_some(camera);
-    Packet { latent, camera, residual }.encode().expect("a packet")
+    Packet { latent, camera, render: None, residual }.encode().expect("a packet")
 }
 
 /// The frame, and whether it is as it was sent.

@@ -12,6 +12,8 @@ pub enum Part {
     Latent,
     /// Intrinsics.
     Camera,
+    /// Check of the render.
+    Render,
     /// Coded difference picture.
     Residual,
 }
@@ -21,6 +23,7 @@ impl fmt::Display for Part {
         f.write_str(match self {
             Part::Latent => "latent part",
             Part::Camera => "camera part",
+            Part::Render => "render part",
             Part::Residual => "residual part",
         })
     }

@@ -2,7 +2,9 @@
 
 use super::bytes::{Reader, from_u24};
 use super::latent::{Follows, check_start, encoded_len};
-use super::{CAMERA_PART_LEN, Latent, PacketError, Part, camera, residual};
+use super::{
+    CAMERA_PART_LEN, Latent, PacketError, Part, RENDER_PART_LEN, camera, render, residual,
+};
 
 /// What the start of a packet says of the whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +32,9 @@ impl Extent {
         let [_, flags] = reader.take();
         let frame = from_u24(reader.take());
         let follows = Follows::of_flags(flags);
-        let head = latent + if follows.camera { CAMERA_PART_LEN } else { 0 };
+        let camera = if follows.camera { CAMERA_PART_LEN } else { 0 };
+        let render = if follows.render { RENDER_PART_LEN } else { 0 };
+        let head = latent + camera + render;
         let total = if residual::has_part(follows.residual) {
             match residual::part_len(start.get(head..).unwrap_or(&[])) {
                 Ok(length) => Some(head + length),
@@ -45,7 +49,7 @@ impl Extent {
 }
 
 /// Bytes at the start of a packet that its own checks vouch for: none, the latent part, that and
-/// the camera part, or the packet.
+/// the fixed parts after it, or the packet.
 pub fn sound_len(start: &[u8]) -> usize {
     let Ok((latent, follows, rest)) = Latent::read(start) else { return 0 };
     let (latent_part, _) = start.split_at(start.len() - rest.len());
@@ -55,6 +59,12 @@ pub fn sound_len(start: &[u8]) -> usize {
             return sound;
         }
         sound += CAMERA_PART_LEN;
+    }
+    if follows.render {
+        if render::decode(&start[sound..], latent_part).is_err() {
+            return sound;
+        }
+        sound += RENDER_PART_LEN;
     }
     if residual::has_part(follows.residual)
         && let Ok((length, _)) = residual::checked(&start[sound..], latent_part)

@@ -16,6 +16,7 @@ pub(super) const FIXED_LEN: usize = 15;
 
 const FLAG_UNCERTAIN: u8 = 1 << 2;
 const FLAG_CAMERA: u8 = 1 << 3;
+const FLAG_RENDER: u8 = 1 << 7;
 
 /// What a packet says first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,13 +40,18 @@ pub struct Latent {
 /// Which parts come after the latent part.
 pub(super) struct Follows {
     pub(super) camera: bool,
+    pub(super) render: bool,
     /// Code of the residual.
     pub(super) residual: u8,
 }
 
 impl Follows {
     pub(super) fn of_flags(flags: u8) -> Follows {
-        Follows { camera: flags & FLAG_CAMERA != 0, residual: flags >> 4 }
+        Follows {
+            camera: flags & FLAG_CAMERA != 0,
+            render: flags & FLAG_RENDER != 0,
+            residual: flags >> 4 & 0b111,
+        }
     }
 }
 
@@ -97,16 +103,12 @@ impl Latent {
     }
 
     /// Writes the part at the start of an empty packet.
-    pub(super) fn write(
-        &self,
-        camera: bool,
-        residual: u8,
-        bytes: &mut Vec<u8>,
-    ) -> Result<(), PacketError> {
+    pub(super) fn write(&self, follows: &Follows, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
         let flags = self.pose.profile().code()
             | if self.uncertain_start { FLAG_UNCERTAIN } else { 0 }
-            | if camera { FLAG_CAMERA } else { 0 }
-            | residual << 4;
+            | if follows.camera { FLAG_CAMERA } else { 0 }
+            | if follows.render { FLAG_RENDER } else { 0 }
+            | follows.residual << 4;
         bytes.extend_from_slice(&[MAGIC << 4 | VERSION, flags]);
         bytes.extend_from_slice(&to_u24(self.frame));
         bytes.extend_from_slice(&self.prior.to_bytes());

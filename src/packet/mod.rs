@@ -1,6 +1,6 @@
 //! The wire format: one frame, one packet.
 //!
-//! A packet is a *latent part*, which makes a picture by itself, and up to two parts after it. All
+//! A packet is a *latent part*, which makes a picture by itself, and up to three parts after it. All
 //! numbers are little endian, all floats IEEE 754.
 //!
 //! | byte | latent part |
@@ -19,7 +19,8 @@
 //! | 0–1 | pose profile: 1 compact, 2 paper |
 //! | 2 | uncertain start: the pose was searched from one that may be far off |
 //! | 3 | the camera part follows |
-//! | 4–7 | residual: 0 none asked for, 1 left out for want of bytes, 2 and up its [`Coder`] |
+//! | 4–6 | residual: 0 none asked for, 1 left out for want of bytes, 2 and up its [`Coder`] |
+//! | 7 | the render part follows |
 //!
 //! So the latent part has 31 bytes in the compact profile, one frame of the smallest modems, and 43
 //! in the paper's. That CRC finds every error of one, two or any odd number of bits in a part this
@@ -29,6 +30,11 @@
 //! |---|---|
 //! | 16 | fx, fy, cx, cy as f32 |
 //! | 2 | CRC-16/IBM-3740 of bytes 9–11 of the latent part and of these 16 |
+//!
+//! | bytes | render part |
+//! |---|---|
+//! | 4 | CRC-32 (IEEE) of the render at this pose, 8-bit RGB row by row |
+//! | 2 | CRC-16/IBM-3740 of the latent part and of these 4 |
 //!
 //! | bytes | residual part |
 //! |---|---|
@@ -50,15 +56,19 @@ mod error;
 mod extent;
 mod latent;
 pub mod pose;
+mod render;
 mod residual;
 
 use crate::Camera;
+
+use latent::Follows;
 
 pub use camera::camera_tag;
 pub use error::{PacketError, Part};
 pub use extent::{Extent, sound_len};
 pub use latent::Latent;
 pub use pose::{PoseProfile, QuantisedPose};
+pub use render::RenderCheck;
 pub use residual::{Coder, Residual, ResidualStart, residual_part_len};
 
 /// Length of the latent part in the paper's profile, the longer one, bytes.
@@ -67,6 +77,9 @@ pub const LONGEST_LATENT: usize = latent::FIXED_LEN + pose::LONGEST;
 /// Length of the camera part, bytes.
 pub const CAMERA_PART_LEN: usize = camera::LEN;
 
+/// Length of the render part, bytes.
+pub const RENDER_PART_LEN: usize = render::LEN;
+
 /// One frame as it travels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Packet<'a> {
@@ -74,6 +87,8 @@ pub struct Packet<'a> {
     pub latent: Latent,
     /// The camera, sent when it changed and as a refresh now and then.
     pub camera: Option<Camera>,
+    /// A check of the render, where the vehicle sends one.
+    pub render: Option<RenderCheck>,
     /// The difference picture.
     pub residual: Residual<'a>,
 }
@@ -85,6 +100,8 @@ pub struct Salvage<'a> {
     pub latent: Latent,
     /// The camera part, `None` where none was sent.
     pub camera: Result<Option<Camera>, PacketError>,
+    /// The render part, `None` where none was sent.
+    pub render: Result<Option<RenderCheck>, PacketError>,
     /// The residual part.
     pub residual: Result<Residual<'a>, PacketError>,
     /// The residual's start, where only its end is missing. Nothing checks it: it is of use where the
@@ -107,11 +124,19 @@ impl<'a> Packet<'a> {
     /// [`Packet::encode`], in place of the content of `bytes`.
     pub fn write(&self, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
         bytes.clear();
-        let residual = residual::code_of(&self.residual);
-        self.latent.write(self.camera.is_some(), residual, bytes)?;
+        let follows = Follows {
+            camera: self.camera.is_some(),
+            render: self.render.is_some(),
+            residual: residual::code_of(&self.residual),
+        };
+        self.latent.write(&follows, bytes)?;
         let latent_len = bytes.len();
         if let Some(camera) = &self.camera {
             bytes.extend_from_slice(&camera::encode(camera, &self.latent)?);
+        }
+        if let Some(check) = self.render {
+            let part = render::encode(check, &bytes[..latent_len]);
+            bytes.extend_from_slice(&part);
         }
         if let Residual::Coded { payload, .. } = &self.residual {
             residual::write(payload, latent_len, bytes)?;
@@ -122,17 +147,18 @@ impl<'a> Packet<'a> {
     /// Length of [`Packet::encode`]'s bytes.
     pub fn encoded_len(&self) -> usize {
         let camera = if self.camera.is_some() { CAMERA_PART_LEN } else { 0 };
+        let render = if self.render.is_some() { RENDER_PART_LEN } else { 0 };
         let residual = match &self.residual {
             Residual::None | Residual::Omitted => 0,
             Residual::Coded { payload, .. } => residual_part_len(payload.len()),
         };
-        self.latent.encoded_len() + camera + residual
+        self.latent.encoded_len() + camera + render + residual
     }
 
     /// Reads a packet all of whose parts are sound.
     pub fn decode(bytes: &'a [u8]) -> Result<Packet<'a>, PacketError> {
-        let Salvage { latent, camera, residual, .. } = Packet::salvage(bytes)?;
-        Ok(Packet { latent, camera: camera?, residual: residual? })
+        let Salvage { latent, camera, render, residual, .. } = Packet::salvage(bytes)?;
+        Ok(Packet { latent, camera: camera?, render: render?, residual: residual? })
     }
 
     /// Reads what is sound in a truncated or damaged packet.
@@ -142,15 +168,21 @@ impl<'a> Packet<'a> {
     pub fn salvage(bytes: &'a [u8]) -> Result<Salvage<'a>, PacketError> {
         let (latent, follows, rest) = Latent::read(bytes)?;
         let latent_bytes = &bytes[..bytes.len() - rest.len()];
-        // The camera part's length is fixed, so damage in it does not hide the residual part.
+        // Both lengths are fixed, so damage in these parts does not hide those after them.
         let (camera, rest) = if follows.camera {
             let camera = camera::decode(rest, &latent).map(Some);
             (camera, rest.get(CAMERA_PART_LEN..).unwrap_or(&[]))
         } else {
             (Ok(None), rest)
         };
+        let (render, rest) = if follows.render {
+            let check = render::decode(rest, latent_bytes).map(Some);
+            (check, rest.get(RENDER_PART_LEN..).unwrap_or(&[]))
+        } else {
+            (Ok(None), rest)
+        };
         let (residual, residual_start) = residual::decode(follows.residual, rest, latent_bytes);
-        Ok(Salvage { latent, camera, residual, residual_start })
+        Ok(Salvage { latent, camera, render, residual, residual_start })
     }
 }
 

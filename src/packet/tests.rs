@@ -19,7 +19,8 @@ fn latent(profile: PoseProfile) -> Latent {
 }
 
 fn packet(profile: PoseProfile, camera: bool, residual: Residual<'_>) -> Packet<'_> {
-    Packet { latent: latent(profile), camera: camera.then_some(CAMERA), residual }
+    let (latent, camera) = (latent(profile), camera.then_some(CAMERA));
+    Packet { latent, camera, render: None, residual }
 }
 
 fn coded(payload: &[u8]) -> Residual<'_> {
@@ -70,6 +71,28 @@ fn golden_packets() {
         assert_eq!(hex(&bytes), expected);
         assert_eq!(Packet::decode(&bytes), Ok(packet));
     }
+}
+
+/// The render part, pinned as the others.
+#[test]
+fn golden_render_part() {
+    let bare = packet(PoseProfile::Compact, true, coded(b"difference"));
+    let told = Packet { render: Some(RenderCheck(0x0403_0201)), ..bare };
+    let bytes = told.encode().unwrap();
+    assert_eq!(bytes.len(), bare.encoded_len() + RENDER_PART_LEN);
+    assert_eq!(bytes[1], bare.encode().unwrap()[1] | 0x80);
+    assert_eq!(bytes[49..53], [1, 2, 3, 4]);
+    assert_eq!(bytes[53..55], bytes::crc16(&[&bytes[..31], &[1, 2, 3, 4]]).to_le_bytes());
+    assert_eq!(Packet::decode(&bytes), Ok(told));
+    // Damage in it leaves the others alone; cut off, it takes what follows along.
+    let mut damaged = bytes.clone();
+    damaged[50] ^= 1;
+    let salvage = Packet::salvage(&damaged).unwrap();
+    assert_eq!(salvage.render, Err(PacketError::Check(Part::Render)));
+    assert_eq!((salvage.camera, salvage.residual), (Ok(Some(CAMERA)), Ok(told.residual)));
+    assert_eq!(sound_len(&damaged), 49);
+    assert_eq!(sound_len(&bytes[..60]), 55);
+    assert_eq!(Extent::read(&bytes[..56]).unwrap().total, Some(bytes.len()));
 }
 
 #[test]
@@ -191,7 +214,8 @@ fn the_extent_of_what_is_no_packet() {
     assert_eq!(Extent::read(&endless), Err(PacketError::PayloadLength));
     // A coder to come has a part of the same form.
     let mut latent = Vec::new();
-    self::latent(PoseProfile::Compact).write(false, 15, &mut latent).unwrap();
+    let follows = Follows { camera: false, render: false, residual: 7 };
+    self::latent(PoseProfile::Compact).write(&follows, &mut latent).unwrap();
     assert_eq!(Extent::read(&latent).map(|extent| extent.total), Ok(None));
     assert_eq!(Extent::read(&[&latent[..], &[9]].concat()).unwrap().total, Some(31 + 14));
 }
@@ -218,10 +242,11 @@ fn names_what_is_wrong() {
 fn an_unknown_coder_leaves_the_latent() {
     let latent = latent(PoseProfile::Compact);
     let mut bytes = Vec::new();
-    latent.write(false, 15, &mut bytes).unwrap();
+    let follows = Follows { camera: false, render: false, residual: 7 };
+    latent.write(&follows, &mut bytes).unwrap();
     let salvage = Packet::salvage(&bytes).unwrap();
     assert_eq!(salvage.latent, latent);
-    assert_eq!(salvage.residual, Err(PacketError::Coder(15)));
+    assert_eq!(salvage.residual, Err(PacketError::Coder(7)));
 }
 
 #[test]
@@ -333,13 +358,14 @@ prop_compose! {
         (width, height) in (1_u32..=4096, 1_u32..=4096),
         (fx, cx) in (1e-3_f32..1e6, -1e5_f32..1e5),
         (frame, prior, uncertain) in (0..Latent::FRAMES, any::<u32>(), any::<bool>()),
-        with_camera in any::<bool>(),
+        (with_camera, with_check) in any::<(bool, bool)>(),
         residual in any_residual(),
     ) -> Packet<'static> {
         let camera = Camera { width, height, fx, fy: fx * 1.01, cx, cy: -cx };
         let pose = QuantisedPose::quantise(&pose, &FRAME, profile).unwrap();
         let latent = Latent::new(frame, PriorId(prior), &camera, pose, uncertain).unwrap();
-        Packet { latent, camera: with_camera.then_some(camera), residual }
+        let render = with_check.then_some(RenderCheck(latent.frame));
+        Packet { latent, camera: with_camera.then_some(camera), render, residual }
     }
 }
 
@@ -373,11 +399,12 @@ proptest! {
     #[test]
     fn arbitrary_later_parts_never_panic(
         tail in proptest::collection::vec(any::<u8>(), 0..60),
-        camera in any::<bool>(),
-        residual in 0_u8..16,
+        (camera, render) in any::<(bool, bool)>(),
+        residual in 0_u8..8,
     ) {
         let mut bytes = Vec::new();
-        latent(PoseProfile::Compact).write(camera, residual, &mut bytes).unwrap();
+        let follows = Follows { camera, render, residual };
+        latent(PoseProfile::Compact).write(&follows, &mut bytes).unwrap();
         bytes.extend(tail);
         prop_assert!(Packet::salvage(&bytes).is_ok());
         let _ = Extent::read(&bytes);

@@ -65,6 +65,19 @@ impl Observability {
         Observability { length, deviations, directions, condition, loose }
     }
 
+    /// Standard deviations of ρ, the prior's unit, and θ, radians; infinite where a direction along which
+    /// the picture does not react has a part in it.
+    pub fn pose_deviation(&self) -> Step {
+        let along = |i: usize| {
+            let parts = self.directions.iter().zip(self.deviations);
+            let part =
+                |(d, s): (&Step, f64)| if d[i].abs() > 1e-6 { (d[i] * s).powi(2) } else { 0.0 };
+            parts.map(part).sum::<f64>().sqrt()
+        };
+        let length = if self.length > 0.0 { self.length } else { 1.0 };
+        std::array::from_fn(|i| if i < 3 { along(i) * length } else { along(i) })
+    }
+
     /// Directions that the picture does not determine, `(ρ/L, θ)`.
     pub fn undetermined(&self) -> impl Iterator<Item = &Step> {
         self.directions.iter().zip(self.loose).filter(|(_, loose)| *loose).map(|(d, _)| d)

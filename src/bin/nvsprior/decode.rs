@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::Decoder;
+use nvsprior::{Decoded, Decoder};
 
 use crate::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use crate::camera_file::CameraFile;
@@ -49,16 +49,22 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     std::fs::create_dir_all(&args.frames)
         .with_context(|| format!("making {}", args.frames.display()))?;
     let bar = progress(packets.len(), "decoding");
-    let mut failed = 0;
+    let (mut failed, mut other) = (0, 0);
     for path in &packets {
-        if let Err(error) = decode(&mut decoder, path, &args.frames) {
-            bar.suspend(|| eprintln!("{}: {error:#}", path.display()));
-            failed += 1;
+        match decode(&mut decoder, path, &args.frames) {
+            Ok(decoded) => other += usize::from(decoded.same_render == Some(false)),
+            Err(error) => {
+                bar.suspend(|| eprintln!("{}: {error:#}", path.display()));
+                failed += 1;
+            }
         }
         bar.inc(1);
     }
     bar.finish_and_clear();
     println!("{} of {} packets decoded", packets.len() - failed, packets.len());
+    if other > 0 {
+        println!("{other} renders are not the vehicle's: its device or driver rounds differently");
+    }
     args.device.check(&engine)?;
     anyhow::ensure!(failed == 0, "{failed} of {} packets could not be decoded", packets.len());
     Ok(())
@@ -79,12 +85,13 @@ fn packet_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn decode(decoder: &mut Decoder, path: &Path, frames: &Path) -> anyhow::Result<()> {
+fn decode(decoder: &mut Decoder, path: &Path, frames: &Path) -> anyhow::Result<Decoded> {
     let decoded = decoder.decode(&std::fs::read(path)?)?;
     if let Some(damage) = &decoded.damage {
         eprintln!("{}: {damage}; the render alone is written", path.display());
     }
     let name = path.with_extension("png");
     let name = name.file_name().context("a packet without a name")?;
-    Ok(frame_file::write_png(&frames.join(name), &decoded.picture)?)
+    frame_file::write_png(&frames.join(name), &decoded.picture)?;
+    Ok(decoded)
 }

@@ -106,6 +106,10 @@ struct RateArgs {
     /// PSNR to reach at the least bytes, dB
     #[arg(long, value_name = "DB", group = "rate")]
     psnr: Option<f64>,
+    /// Sends a check of the render with every so many frames (6 bytes), so that the topside knows
+    /// whether it renders the same; 0: never
+    #[arg(long, value_name = "FRAMES", default_value_t = 0)]
+    render_check: u32,
     /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
     #[arg(long, value_enum, default_value = "compact")]
     profile: ProfileArg,
@@ -237,6 +241,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let scene = args.prior.upload(&engine)?;
     let mut options = args.refine.options();
     options.rate = args.rate.rate();
+    options.check_interval = args.rate.render_check;
     options.profile = match args.rate.profile {
         ProfileArg::Compact => PoseProfile::Compact,
         ProfileArg::Paper => PoseProfile::Paper,

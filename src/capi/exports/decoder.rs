@@ -36,6 +36,12 @@ type Content = Worker<Core>;
 /// a difference picture is shown where it is whole and its check matches.
 pub const NVSP_DECODE_START: u32 = 1;
 
+/// The render is the vehicle's, byte for byte. Neither this nor NVSP_DECODED_OTHER_RENDER: the packet
+/// does not tell.
+pub const NVSP_DECODED_SAME_RENDER: u32 = 8;
+/// The render is not the vehicle's: its device, or its driver, rounds differently.
+pub const NVSP_DECODED_OTHER_RENDER: u32 = 16;
+
 /// What decoding a packet gave, beside the picture.
 #[allow(non_camel_case_types)]
 #[repr(C)]
@@ -51,7 +57,7 @@ pub struct nvsp_decoded {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// NVSP_FRAME_UNCERTAIN, or 0.
+    /// NVSP_FRAME_UNCERTAIN, NVSP_DECODED_* bits.
     pub flags: u32,
     /// Rows, from the top, that the difference picture reached; the others are the prior's render
     /// alone.
@@ -423,6 +429,11 @@ unsafe fn fetch(
     out: &Out<nvsp_decoded>,
 ) -> Result<(), Failure> {
     let decoded = &core.decoded;
+    let render = match decoded.same_render {
+        Some(true) => NVSP_DECODED_SAME_RENDER,
+        Some(false) => NVSP_DECODED_OTHER_RENDER,
+        None => 0,
+    };
     if !picture.is_null() {
         // SAFETY: as the caller promises.
         unsafe { image::write(&decoded.picture, picture)? };
@@ -433,7 +444,7 @@ unsafe fn fetch(
         frame: decoded.frame,
         width: decoded.picture.width,
         height: decoded.picture.height,
-        flags: if decoded.uncertain { super::encoder::NVSP_FRAME_UNCERTAIN } else { 0 },
+        flags: if decoded.uncertain { super::encoder::NVSP_FRAME_UNCERTAIN } else { 0 } | render,
         rows: decoded.rows,
         damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),
         pose: image::pose_out(&decoded.pose),

@@ -91,14 +91,20 @@ pub struct nvsp_encoder_options {
     pub camera_interval: u32,
     /// Number of the first frame; packets carry it modulo 2^24.
     pub first_frame: u32,
+    /// A check of the prior's render (6 bytes) is sent with the first frame and every so many after
+    /// it, by which the topside knows whether it renders the same; 0: never.
+    pub check_interval: u32,
 }
-versioned!(nvsp_encoder_options, 40);
+versioned!(nvsp_encoder_options, 44);
 
 /// The pose was searched from a start that may be far off: it may be wrong.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
 /// The rate asked for was not kept: the budget holds no difference picture, or the best one falls
 /// short of the PSNR.
 pub const NVSP_FRAME_RATE_MISSED: u32 = 2;
+
+/// The picture leaves a direction of the pose open: see nvsp_frame_stats.pose_deviation.
+pub const NVSP_FRAME_UNDETERMINED: u32 = 4;
 
 /// The frame started from the pose given with it.
 pub const NVSP_START_HINT: u32 = 0;
@@ -151,8 +157,15 @@ pub struct nvsp_frame_stats {
     pub milliseconds: f64,
     /// The pose as the packet holds it.
     pub pose: nvsp_pose,
+    /// How far the pose may be off at least, standard deviations: translation along the camera's axes
+    /// (the prior's unit), then turns about them (radians), by the picture's noise. Infinite along what
+    /// the picture does not determine at all.
+    pub pose_deviation: [f64; 6],
+    /// Best determined over least determined direction of the pose, as eigenvalues of the normal
+    /// equations; infinite where one is not determined at all.
+    pub pose_condition: f64,
 }
-versioned!(nvsp_frame_stats, 120);
+versioned!(nvsp_frame_stats, 176);
 
 /// Makes an encoder of frames seen by `camera`. Allocates all that a frame takes, on host and device.
 /// `options` may be NULL.
@@ -224,6 +237,7 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         NVSP_CAMERA_ONCE => made.camera_interval = 0,
         interval => made.camera_interval = interval,
     }
+    made.check_interval = options.check_interval;
     match options.threshold {
         0.0 => {}
         threshold if threshold > 0.0 => made.threshold = threshold.into(),
@@ -568,6 +582,7 @@ impl Place {
             *self.written = packet.len();
         }
         let uncertain = stats.start == StartKind::BestOfBad;
+        let loose = stats.observability.undetermined().next().is_some();
         let flag = |set: bool, bit: u32| if set { bit } else { 0 };
         self.stats.write(&nvsp_frame_stats {
             struct_size: 0,
@@ -589,12 +604,15 @@ impl Place {
                 Stop::Iterations => NVSP_STOP_ITERATIONS,
             },
             flags: flag(uncertain, NVSP_FRAME_UNCERTAIN)
-                | flag(!stats.rate_kept, NVSP_FRAME_RATE_MISSED),
+                | flag(!stats.rate_kept, NVSP_FRAME_RATE_MISSED)
+                | flag(loose, NVSP_FRAME_UNDETERMINED),
             reserved: 0,
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
             milliseconds: stats.milliseconds,
             pose: image::pose_out(pose),
+            pose_deviation: stats.observability.pose_deviation(),
+            pose_condition: stats.observability.condition,
         });
         Ok(())
     }
