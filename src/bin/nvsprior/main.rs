@@ -11,6 +11,7 @@ mod frame_file;
 mod inspect;
 mod render;
 mod sheet;
+mod stability;
 mod summary;
 
 use std::process::ExitCode;
@@ -39,6 +40,7 @@ enum Command {
     Inspect(inspect::Args),
     Bench(bench::Args),
     Demo(demo::Args),
+    Stability(stability::Args),
 }
 
 fn main() -> ExitCode {
@@ -51,6 +53,7 @@ fn main() -> ExitCode {
         Command::Inspect(args) => inspect::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
+        Command::Stability(args) => stability::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,0 +1,153 @@
+//! The report: on standard output, as Markdown and as CSV.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::Context as _;
+
+use super::case::{Bench, Row, Section, Table};
+
+const HEADER: [&str; 11] = [
+    "case",
+    "path",
+    "as expected",
+    "picture error, max",
+    "mean",
+    "by rounding inputs",
+    "gradient error",
+    "JᵀJ error",
+    "optimiser: MSE at start → end, stop, evaluations",
+    "ms",
+    "note",
+];
+
+/// Words of the introduction.
+const ABOUT: &str = "\
+Extreme priors, pictures and numbers, each run on the device and by the f64 twin on the CPU, and compared
+with what was written down as expected before it was run. Made by `nvsprior stability --report DIR`.
+
+- *Path*: how it was run. `flow` and `exact` are the two pose Jacobians; depths are sorted exactly but in
+  `coarse`, where those within a part in 8,000 count as equal in evaluations (as encoders do it). `twin` is
+  f64 throughout.
+- *Picture error*: against the twin, over all channels, depth and transmittance, in units of the channel's
+  largest value where that is above 1. *By rounding inputs*: how much the twin's own picture changes where
+  every input moves by one unit in the last place of an f32. What close decisions (alpha's cut, the transmittance
+  stop, depth order) explain does not count as a fault, nor what rounding explains.
+- *Gradient* and *JᵀJ error*: largest entry's, relative to what Cauchy–Schwarz bounds it by.
+- *Optimiser*: the mean squared error of 8-bit pictures at a start beside the true pose, and at the outcome.
+- Times depend on what else the machine does.
+";
+
+/// Prints rows and tables.
+pub fn print(sections: &[Section]) {
+    for section in sections {
+        println!("\n{}\n", section.group.name);
+        for row in &section.rows {
+            let [case, path, met, ..] = cells(row);
+            let error = row.picture.map_or(String::new(), |p| format!("  picture {:.1e}", p.max));
+            println!(
+                "{met:3}  {case}, {path}: {}{error}  {:.1} ms",
+                row.expected, row.milliseconds
+            );
+            for fault in &row.faults {
+                println!("     {fault}");
+            }
+        }
+        for table in &section.tables {
+            println!("\n{}", table.title);
+            println!("{}", table.header.join(" | "));
+            for row in &table.rows {
+                println!("{}", row.join(" | "));
+            }
+        }
+    }
+}
+
+/// Writes stability.md and stability.csv.
+pub fn write(folder: &Path, bench: &Bench, sections: &[Section]) -> anyhow::Result<()> {
+    let path = folder.join("stability.md");
+    std::fs::write(&path, markdown(bench, sections))
+        .with_context(|| format!("writing {}", path.display()))?;
+    let path = folder.join("stability.csv");
+    csv(&path, sections).with_context(|| format!("writing {}", path.display()))
+}
+
+fn markdown(bench: &Bench, sections: &[Section]) -> String {
+    let rows = || sections.iter().flat_map(|section| &section.rows);
+    let met = rows().filter(|row| row.as_expected()).count();
+    let mut out = String::from("# Stability\n\n");
+    out.push_str(ABOUT);
+    let version = env!("CARGO_PKG_VERSION");
+    // Writing to a string cannot fail.
+    let _ = write!(out, "\nVersion {version}, on {}.", bench.engine.device());
+    let _ = writeln!(out, " {met} of {} rows are as expected.", rows().count());
+    for section in sections {
+        let _ = write!(out, "\n## {}\n\n{}\n", capital(section.group.name), section.group.about);
+        expectations(&mut out, section);
+        let cells: Vec<Vec<String>> = section.rows.iter().map(|row| cells(row).to_vec()).collect();
+        table(&mut out, &HEADER, &cells);
+        for Table { title, about, header, rows } in &section.tables {
+            let _ = write!(out, "\n### {title}\n\n{about}\n");
+            table(&mut out, header, rows);
+        }
+    }
+    out
+}
+
+fn capital(name: &str) -> String {
+    let mut letters = name.chars();
+    letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
+}
+
+/// What was expected, a line a case.
+fn expectations(out: &mut String, section: &Section) {
+    let mut last = "";
+    let _ = writeln!(out, "\nExpected:\n");
+    for row in section.rows.iter() {
+        if row.case != last {
+            let _ = writeln!(out, "- *{}*: {}", row.case, row.expected);
+            last = &row.case;
+        }
+    }
+}
+
+fn table(out: &mut String, header: &[&str], rows: &[Vec<String>]) {
+    let _ = writeln!(out, "\n| {} |", header.join(" | "));
+    let _ = writeln!(out, "|{}", "---|".repeat(header.len()));
+    for row in rows {
+        let _ = writeln!(out, "| {} |", row.join(" | ").replace('\n', " "));
+    }
+}
+
+fn cells(row: &Row) -> [String; 11] {
+    let figure = |v: Option<f64>| v.map_or("–".into(), |v| format!("{v:.1e}"));
+    let descent = row.descent.map_or("–".into(), |d| {
+        format!("{:.2e} → {:.2e}, {:?}, {}", d.start, d.end, d.stop, d.evaluations)
+    });
+    let note = [row.faults.join("; "), row.note.clone()];
+    [
+        row.case.clone(),
+        row.path.to_owned(),
+        if row.as_expected() { "yes" } else { "NO" }.to_owned(),
+        figure(row.picture.map(|p| p.max)),
+        figure(row.picture.map(|p| p.mean)),
+        figure(row.picture.map(|p| p.rounding)),
+        figure(row.gradient),
+        figure(row.jtj),
+        descent,
+        format!("{:.1}", row.milliseconds),
+        note.into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join("; "),
+    ]
+}
+
+fn csv(path: &Path, sections: &[Section]) -> Result<(), csv::Error> {
+    let mut csv = csv::Writer::from_path(path)?;
+    csv.write_record(["group", "expected"].iter().chain(&HEADER))?;
+    for section in sections {
+        for row in &section.rows {
+            let head = [section.group.name.to_owned(), row.expected.to_owned()];
+            csv.write_record(head.iter().chain(&cells(row)))?;
+        }
+    }
+    Ok(csv.flush()?)
+}
