@@ -23,7 +23,7 @@ const LARGEST_TURN: f32 = 1.0;
 const LEAST_DAMPING: f32 = 1e-5;
 /// Least entry of the damping's diagonal, in those of the other translations, or turns: an axis along
 /// which the picture hardly changes is not stepped along at random.
-const LEAST_DIAGONAL: f32 = 1e-6;
+const LEAST_DIAGONAL: f32 = 1e-4;
 
 /// [`Search::phase`]: evaluations go on.
 pub const SEARCHING: u32 = 0;

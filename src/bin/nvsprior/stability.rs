@@ -4,15 +4,20 @@
 //! measures, a row for each path that it is run on.
 
 mod case;
+mod devices;
 mod explained;
 mod extremes;
 mod measure;
+mod optimisers;
 mod pictures;
+mod poses;
 mod precision;
 mod random;
+mod refined;
 mod report;
 mod scenes;
 mod splats;
+mod units;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -23,7 +28,16 @@ use crate::args::{DeviceArgs, progress};
 use case::{Bench, Group, Row, Section};
 
 /// All groups, in the order of the report. A further one is a file beside these and a line here.
-const GROUPS: [Group; 4] = [splats::GROUP, pictures::GROUP, precision::GROUP, random::GROUP];
+const GROUPS: [Group; 8] = [
+    poses::GROUP,
+    units::GROUP,
+    optimisers::GROUP,
+    splats::GROUP,
+    pictures::GROUP,
+    precision::GROUP,
+    devices::GROUP,
+    random::GROUP,
+];
 
 /// Run extreme priors, pictures and poses, and compare each with what is expected of it
 ///
