@@ -131,7 +131,7 @@ impl Tracker {
         let proposed = self.cold.starts(&mut self.objective, frame, &start, HYPOTHESES)?;
         from.clear();
         from.extend_from_slice(proposed);
-        let searched = self.from(&from, &cold);
+        let searched = self.from_proposed(&from, &start, &cold);
         self.cold_starts = from;
         let mut cold = Found { start: kind, ..searched? };
         if external.is_none() && !self.lost(cold.outcome.mse) {
@@ -182,6 +182,26 @@ impl Tracker {
             found = Found { submissions, ..better };
         }
         Ok(Some(found))
+    }
+
+    /// Searches from the poses proposed for a start; from the start itself too, where what is proposed
+    /// looks worse: phase correlation may be wrong of a picture that is small, flat, or of another scene.
+    fn from_proposed(
+        &mut self,
+        proposed: &[Pose],
+        start: &Pose,
+        schedule: &Schedule,
+    ) -> Result<Found, Error> {
+        let found = self.from(proposed, schedule)?;
+        if !(found.first_mse > self.cold.error()) {
+            return Ok(found);
+        }
+        let own = self.from(&[*start], schedule)?;
+        let submissions = found.submissions + own.submissions;
+        // The search draws: the better one must be the last.
+        let better =
+            if own.outcome.mse <= found.outcome.mse { own } else { Found { drawn: None, ..found } };
+        Ok(Found { submissions, ..better })
     }
 
     fn lost(&self, mse: f64) -> bool {

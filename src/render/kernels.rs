@@ -64,10 +64,10 @@ kernels! {
     bin::bin_count(5, 1), of eight: bin_count_8;
     bin::bin_scan(3, 1), of eight: bin_scan_8;
     bin::bin_emit(8, 1), of eight: bin_emit_8;
-    splat::splat(5, 0), of eight: splat_lanes;
-    splat_flow::splat_flow(6, 0), of eight: splat_flow_lanes;
+    splat::splat(6, 0), of eight: splat_lanes;
+    splat_flow::splat_flow(7, 0), of eight: splat_flow_lanes;
     derive::derive(6, 0);
-    splat_exact::splat_exact(7, 0);
+    splat_exact::splat_exact(8, 0);
     reduce::reduce(3, 0);
     pyramid::pyramid(2, 6);
     solve::solve(7, 1);

@@ -3,7 +3,7 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::prior::{PriorFrame, Splats};
-use crate::shared::{self, GEOMETRY_PLANES};
+use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
 
@@ -22,9 +22,14 @@ impl Scene {
     /// Uploads a prior.
     pub fn new(device: &Device, prior: &Prior) -> Result<Scene, Error> {
         let splats = prior.splats();
+        let most = most_splats(device, splats.sh_degree);
+        let named = format!("splats of degree {}", splats.sh_degree);
+        let room = Error::with_room_for(most, &named);
+        check_workgroups(device, splats.len()).map_err(&room)?;
+        let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
         Ok(Scene {
-            geometry: Buffer::from_slice(device, "geometry", &geometry(splats, centre(prior)))?,
-            sh: Buffer::from_slice(device, "spherical harmonics", &sh_planes(splats))?,
+            geometry: upload("geometry", &geometry(splats, centre(prior)))?,
+            sh: upload("spherical harmonics", &sh_planes(splats))?,
             splats: splats.len() as u32,
             sh_degree: splats.sh_degree,
             options: *prior.options(),
@@ -48,6 +53,25 @@ impl Scene {
     pub fn frame(&self) -> PriorFrame {
         self.frame
     }
+}
+
+/// How many splats of a degree the device has room for.
+fn most_splats(device: &Device, sh_degree: u32) -> u64 {
+    let info = device.info();
+    let planes = GEOMETRY_PLANES.max(shared::sh_planes(sh_degree));
+    let by_bytes = info.storage_range / (u64::from(planes) * 8);
+    // One more shows nothing.
+    by_bytes.min(u64::from(info.workgroups) * u64::from(GROUP) - 1)
+}
+
+/// Refuses more splats than stage `project` has invocations for.
+fn check_workgroups(device: &Device, splats: usize) -> Result<(), Error> {
+    let (count, limit) = (splats as u64 / u64::from(GROUP) + 1, device.info().workgroups.into());
+    if count > limit {
+        let advice = String::new();
+        return Err(Error::TooManyWorkgroups { kernel: "project", count, limit, advice });
+    }
+    Ok(())
 }
 
 /// A splat's scaled axes in the world, the columns of `R S`: the covariance is their `A Aᵀ`, which
