@@ -265,9 +265,12 @@ fn count<L: Lanes, B: Pairs + ?Sized>(
 ) {
     let part = Part::new::<L>(params, visible, split, group);
     let [first_tile, tiles] = part.tiles(params);
+    let row = group.x * params.tiles_x * params.tiles_y + first_tile;
     let mut tile = lane;
     while tile < tiles {
         *at_mut(table, tile) = 0;
+        // What the driver's end of loops leaves uncounted is told as more than there can be room for.
+        *at_mut(starts, row + tile) = u32::MAX;
         tile += L::COUNT;
     }
     L::sync();
@@ -275,10 +278,8 @@ fn count<L: Lanes, B: Pairs + ?Sized>(
         L::tally(table, pair.tile, pair.any, lane, scratch);
     });
     L::sync();
-    let row = group.x * params.tiles_x * params.tiles_y + first_tile;
     tile = lane;
     while tile < tiles {
-        // Lists that were cut off are told as more than there can be room for.
         *at_mut(starts, row + tile) = if cut { u32::MAX } else { at(table, tile) };
         tile += L::COUNT;
     }

@@ -1,8 +1,10 @@
 //! Stage `derive`: how each splat's mean, covariance, opacity and colour change with the pose
 //! (exact Jacobian only). With `T' = Exp(τ) T`, `dp = ρ + θ × p` and `dV = θ × V`.
 //!
-//! A splat has twelve `Vec4`s: for ρ then θ the gradients (xyz) of u, v, Σ₀₀, Σ₀₁, Σ₁₁ and ln α; the
-//! w components of the first nine hold d(rgb)/dρ, row by row.
+//! A splat has twelve `Vec4`s: for ρ then θ the gradients (xyz) of u, v, K₀₀, K₀₁, K₁₁ and ln α; the
+//! w components of the first nine hold d(rgb)/dρ, row by row. `K = L dΣ Lᵀ` is the covariance's
+//! change as the conic's factor L sees it: of the splat's own size, where dΣ of a needle is as large as
+//! its length squared, and would cancel in blending.
 
 use crate::project::{self, Splat};
 use crate::shared::{self, DERIVATIVES, Params, RATIO_MIN, cross, dilated, dot};
@@ -15,11 +17,41 @@ struct Linear<'a> {
     splat: &'a Splat,
     ray: [f32; 2],
     inside: [bool; 2],
+    /// Rows of `M`, shrunk as [`shared::project`] does it; the splat's axes are, too.
     m0: [f32; 3],
     m1: [f32; 3],
+    /// The low-pass, and what opacity does not compensate of it, at that scale.
+    low_pass: f32,
+    kept: f32,
+    /// The conic's factor.
+    l: [f32; 3],
+    /// First row of `L M`.
+    n0: [f32; 3],
 }
 
-/// Derivatives along one motion: u, v, Σ₀₀, Σ₀₁, Σ₁₁, ln α.
+impl<'a> Linear<'a> {
+    fn new(params: &'a Params, splat: &'a mut Splat) -> Linear<'a> {
+        let (ray, inside) = shared::clamped_ray(params, splat.camera);
+        let (m0, m1) = shared::projected_axes(params, splat.camera[2], ray, &splat.axes);
+        let s = shared::shrinkage(m0, m1);
+        let [x, y, z] = splat.axes;
+        splat.axes = [shared::scaled(x, s), shared::scaled(y, s), shared::scaled(z, s)];
+        let (m0, m1) = (shared::scaled(m0, s), shared::scaled(m1, s));
+        let (low_pass, kept) = (params.dilation * s * s, params.dilation_kept * s * s);
+        let minors = cross(m0, m1);
+        let (a, c) = (dot(m0, m0), dot(m1, m1));
+        let det = dilated(dot(minors, minors), a + c, low_pass);
+        let l = shared::conic(dot(m0, m1), c + low_pass, det);
+        // `l11 m0 + l21 m1`, in which a needle's length would cancel, by the triple product.
+        let across = cross(m1, minors);
+        let scale = l[0] / (c + low_pass);
+        let along = |k: usize| scale * (across[k] + low_pass * m0[k]);
+        let n0 = [along(0), along(1), along(2)];
+        Linear { params, splat, ray, inside, m0, m1, low_pass, kept, l, n0 }
+    }
+}
+
+/// Derivatives along one motion: u, v, K₀₀, K₀₁, K₁₁, ln α.
 type Along = [f32; 6];
 
 impl Linear<'_> {
@@ -43,16 +75,24 @@ impl Linear<'_> {
         let z = p[2];
         let d0 = self.row(0, self.m0, dp, turned);
         let d1 = self.row(1, self.m1, dp, turned);
-        let (da, dc) = (2.0 * dot(self.m0, d0), 2.0 * dot(self.m1, d1));
-        let db = dot(self.m0, d1) + dot(self.m1, d0);
+        let d_trace = 2.0 * (dot(self.m0, d0) + dot(self.m1, d1));
+        let (n0, n1) = (self.n0, shared::scaled(self.m1, self.l[2]));
+        let (e0, e1) = self.whitened(d0, d1);
         [
             fx * (dp[0] - p[0] / z * dp[2]) / z,
             fy * (dp[1] - p[1] / z * dp[2]) / z,
-            da,
-            db,
-            dc,
-            self.ln_alpha(d0, d1, da + dc),
+            2.0 * dot(n0, e0),
+            dot(n0, e1) + dot(n1, e0),
+            2.0 * dot(n1, e1),
+            self.ln_alpha(d0, d1, d_trace),
         ]
+    }
+
+    /// The factor times two rows.
+    fn whitened(&self, r0: [f32; 3], r1: [f32; 3]) -> ([f32; 3], [f32; 3]) {
+        let [l11, l21, l22] = self.l;
+        let along = |a: usize| l11 * r0[a] + l21 * r1[a];
+        ([along(0), along(1), along(2)], shared::scaled(r1, l22))
     }
 
     /// Derivative of the logarithm of opacity's compensation `√(det_kept/det)`.
@@ -60,9 +100,10 @@ impl Linear<'_> {
         let minors = cross(self.m0, self.m1);
         let det0 = dot(minors, minors);
         let trace = dot(self.m0, self.m0) + dot(self.m1, self.m1);
-        let (low_pass, kept) = (self.params.dilation, self.params.dilation_kept);
+        let (low_pass, kept) = (self.low_pass, self.kept);
         let (det, det_kept) = (dilated(det0, trace, low_pass), dilated(det0, trace, kept));
-        if !(kept < low_pass) | !(det_kept > RATIO_MIN * det) {
+        let compensated = self.params.dilation_kept < self.params.dilation;
+        if !compensated | !(det_kept > RATIO_MIN * det) {
             return 0.0;
         }
         let d_det0 = 2.0 * (dot(minors, cross(d0, self.m1)) + dot(minors, cross(self.m0, d1)));
@@ -157,14 +198,13 @@ pub fn derive(
     if keys[i] == shared::CULLED {
         return;
     }
-    let splat = project::load(params, geometry, id.x);
-    let (ray, inside) = shared::clamped_ray(params, splat.camera);
-    let (m0, m1) = shared::projected_axes(params, splat.camera[2], ray, &splat.axes);
-    let linear = Linear { params, splat: &splat, ray, inside, m0, m1 };
+    let mut splat = project::load(params, geometry, id.x);
+    let world = splat.world;
+    let linear = Linear::new(params, &mut splat);
     let (tx, ty, tz) = (linear.translation(X), linear.translation(Y), linear.translation(Z));
     let (rx, ry, rz) = (linear.rotation(X), linear.rotation(Y), linear.rotation(Z));
 
-    let (d, inverse) = shared::direction(params, splat.world);
+    let (d, inverse) = shared::direction(params, world);
     let gradient = sh_gradient(params, sh_degree, sh, id.x, d);
     let colour = records[i * shared::RECORD as usize + 2];
     // A colour that the clamp at 0 holds does not change.

@@ -8,10 +8,11 @@
 //! power: 9.3. Stage `splat_flow`, likewise: 83; 46 plain; 23.0 handed round, of which a quarter is
 //! loads. A GPU that loads one address for a whole subgroup at once needs no handing round.
 
-use crate::shared::{self, RECORD};
+use crate::shared::{self, Counters, RECORD};
 use core::arch::asm;
-use spirv_std::arch::{IndexUnchecked, subgroup_shuffle};
+use spirv_std::arch::{IndexUnchecked, atomic_u_max, subgroup_shuffle};
 use spirv_std::glam::Vec4;
+use spirv_std::memory::{Scope, Semantics};
 use spirv_std::num_traits::Float;
 
 /// Invocations of a workgroup that hands records round; splats that it takes at a time.
@@ -141,6 +142,17 @@ impl Column {
 
 fn rows(y: f32) -> Vec4 {
     Vec4::new(y, y + 1.0, y + 2.0, y + 3.0)
+}
+
+/// Tells the host of a list that was not gone through: llvmpipe ends an invocation's loops after 65,535
+/// rounds. Told as more pairs than there can be room for.
+pub fn tell_cut(counters: &mut Counters) {
+    // SAFETY: an atomic on a word of a storage buffer.
+    unsafe {
+        const SCOPE: u32 = Scope::QueueFamily as u32;
+        const RELAXED: u32 = Semantics::NONE.bits();
+        atomic_u_max::<u32, SCOPE, RELAXED>(&mut counters.pairs_needed, u32::MAX);
+    }
 }
 
 /// The largest value that an invocation of eight has.

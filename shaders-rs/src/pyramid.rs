@@ -1,5 +1,6 @@
 //! Stage `pyramid`: one level of the camera's frame, reduced by area averaging, as floats in [0, 1].
 
+use crate::shared::GROUP;
 use spirv_std::glam::UVec3;
 use spirv_std::spirv;
 
@@ -30,15 +31,17 @@ pub fn byte(words: &[u32], at: u32) -> u32 {
 #[spirv(compute(threads(256)))]
 pub fn pyramid(
     #[spirv(global_invocation_id)] id: UVec3,
+    #[spirv(num_workgroups)] groups: UVec3,
     #[spirv(push_constant)] reduction: &Reduction,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] bytes: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] frame: &mut [f32],
 ) {
-    if id.x >= reduction.pixels {
+    let pixel = id.y * groups.x * GROUP + id.x;
+    if pixel >= reduction.pixels {
         return;
     }
     let factor = reduction.factor;
-    let (x, y) = (id.x % reduction.width, id.x / reduction.width);
+    let (x, y) = (pixel % reduction.width, pixel / reduction.width);
     let (mut red, mut green, mut blue) = (0, 0, 0);
     let mut row = 0;
     while row < factor {
@@ -53,7 +56,7 @@ pub fn pyramid(
         row += 1;
     }
     let scale = f32::from_bits(reduction.scale);
-    let to = (reduction.offset + id.x * 3) as usize;
+    let to = (reduction.offset + pixel * 3) as usize;
     frame[to] = red as f32 * scale;
     frame[to + 1] = green as f32 * scale;
     frame[to + 2] = blue as f32 * scale;

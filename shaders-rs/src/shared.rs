@@ -257,6 +257,28 @@ pub fn projected_axes(
     (m0, m1)
 }
 
+/// Longest row of a splat's projected axes, pixels, whose fourth power an f32 holds with room.
+const WIDE: f32 = 1e9;
+
+/// What a splat's projected axes, and lengths in pixels with them, are multiplied by before anything
+/// of them is squared: 1 but for splats so wide that the covariance's determinant would overflow.
+pub fn shrinkage(m0: [f32; 3], m1: [f32; 3]) -> f32 {
+    let longest = |m: [f32; 3]| max(m[0].abs(), max(m[1].abs(), m[2].abs()));
+    let most = max(longest(m0), longest(m1));
+    if most > WIDE { 1.0 / most } else { 1.0 }
+}
+
+/// `v` times a number.
+pub fn scaled(v: [f32; 3], by: f32) -> [f32; 3] {
+    [v[0] * by, v[1] * by, v[2] * by]
+}
+
+/// Factor `(l11, l21, l22)` of the inverse of a covariance `[[a, b], [b, c]]`.
+pub fn conic(b: f32, c: f32, det: f32) -> [f32; 3] {
+    let l11 = (c / det).sqrt();
+    [l11, -l11 * b / c, 1.0 / c.sqrt()]
+}
+
 /// Determinant of a 2D covariance with a low-pass on its diagonal, from those without.
 pub fn dilated(det: f32, trace: f32, low_pass: f32) -> f32 {
     det + low_pass * trace + low_pass * low_pass
@@ -265,7 +287,8 @@ pub fn dilated(det: f32, trace: f32, low_pass: f32) -> f32 {
 /// Projects a splat (Zwicker et al. 2001; Kerbl et al. 2023). `opacity` 0 in the result: culled.
 ///
 /// The determinant comes as `|m0 × m1|² + 0.3 tr + 0.09` (Cauchy–Binet), and the conic as its
-/// triangular factor: neither cancels, however thin the splat.
+/// triangular factor: neither cancels, however thin the splat. Splats too wide for f32 are projected
+/// at a smaller scale: see [`shrinkage`].
 pub fn project(params: &Params, p: [f32; 3], axes: &[[f32; 3]; 3], opacity: f32) -> Projected {
     let mut out = Projected { depth: p[2], ..Default::default() };
     if !(p[2] > params.near) {
@@ -273,8 +296,10 @@ pub fn project(params: &Params, p: [f32; 3], axes: &[[f32; 3]; 3], opacity: f32)
     }
     let (ray, _) = clamped_ray(params, p);
     let (m0, m1) = projected_axes(params, p[2], ray, axes);
+    let s = shrinkage(m0, m1);
+    let (m0, m1) = (scaled(m0, s), scaled(m1, s));
     let (a0, b, c0) = (dot(m0, m0), dot(m0, m1), dot(m1, m1));
-    let low_pass = params.dilation;
+    let low_pass = params.dilation * s * s;
     let (a, c) = (a0 + low_pass, c0 + low_pass);
     let minors = cross(m0, m1);
     let det0 = dot(minors, minors);
@@ -284,8 +309,8 @@ pub fn project(params: &Params, p: [f32; 3], axes: &[[f32; 3]; 3], opacity: f32)
         return out;
     }
     let mut alpha = opacity;
-    if params.dilation_kept < low_pass {
-        let kept = dilated(det0, a0 + c0, params.dilation_kept);
+    if params.dilation_kept < params.dilation {
+        let kept = dilated(det0, a0 + c0, params.dilation_kept * s * s);
         alpha *= max(kept / det, RATIO_MIN).sqrt();
     }
     if !(alpha >= ALPHA_MIN) {
@@ -296,9 +321,8 @@ pub fn project(params: &Params, p: [f32; 3], axes: &[[f32; 3]; 3], opacity: f32)
         params.focal[0] * p[0] * inverse_z + params.principal[0],
         params.focal[1] * p[1] * inverse_z + params.principal[1],
     ];
-    let l11 = (c / det).sqrt();
-    out.conic = [l11, -l11 * b / c, 1.0 / c.sqrt()];
-    out.sigma = [a.sqrt(), c.sqrt()];
+    out.conic = scaled(conic(b, c, det), s);
+    out.sigma = [a.sqrt() / s, c.sqrt() / s];
     out.opacity = alpha;
     out
 }

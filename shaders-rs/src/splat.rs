@@ -1,8 +1,8 @@
 //! Stage `splat`: front-to-back blending (Kerbl et al. 2023, eq. 3). A workgroup draws a tile; an
 //! invocation draws a column of pixels, so that a splat's record is loaded once for all of them.
 
-use crate::list::{Column, LANES, List, Splat, largest};
-use crate::shared::{self, Params, TILE, TRANSMITTANCE_STOP, max};
+use crate::list::{Column, LANES, List, Splat, largest, tell_cut};
+use crate::shared::{self, Counters, Params, TILE, TRANSMITTANCE_STOP, max};
 use spirv_std::arch::IndexUnchecked;
 use spirv_std::glam::{UVec2, UVec3, Vec4};
 use spirv_std::num_traits::Float;
@@ -176,6 +176,7 @@ pub fn splat(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] out: &mut [f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
 ) {
     let [x, y] = first_pixel(group, lane);
     let range = range(params, ranges, group);
@@ -190,6 +191,9 @@ pub fn splat(
         if pixels.transmittance() < 0.0 {
             break;
         }
+    }
+    if (at < range.y) & !(pixels.transmittance() < 0.0) {
+        tell_cut(counters);
     }
     pixels.store(params, out, x, y);
 }
@@ -220,6 +224,7 @@ pub fn splat_lanes(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] out: &mut [f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
 ) {
     let range = range(params, ranges, group);
     let list = List { records, pair_splats, end: range.y, centre: middle_of_tile(group) };
@@ -242,6 +247,10 @@ pub fn splat_lanes(
         if largest(left, lane) < 0.0 {
             break;
         }
+    }
+    let left = max(pixels.0.transmittance(), pixels.1.transmittance());
+    if (at < range.y) & !(largest(left, lane) < 0.0) {
+        tell_cut(counters);
     }
     let (x, y) = (group.x * TILE + lane, group.y * TILE);
     pixels.0.store(params, out, x, y);

@@ -1,9 +1,10 @@
 //! Stage `splat_exact`: blending with the exact pose Jacobian of what is drawn (order, tile lists and
-//! cuts held fixed): `dα = α (d ln α − v·dμ + ½ vᵀ dΣ v)`, `dC += c (T dα + α dT) + α T dc`,
+//! cuts held fixed): `dα = α (d ln α − v·dμ + ½ wᵀ K w)`, `dC += c (T dα + α dT) + α T dc`,
 //! `dT ← (1 − α) dT − T dα`.
 
 use crate::reduce::{Scratch, Sums};
-use crate::shared::{ALPHA_MIN, DERIVATIVES, Params, RECORD, TRANSMITTANCE_STOP};
+use crate::list::tell_cut;
+use crate::shared::{ALPHA_MIN, Counters, DERIVATIVES, Params, RECORD, TRANSMITTANCE_STOP};
 use crate::splat::{Clamp, first_pixel};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4, Vec4Swizzles};
 use spirv_std::num_traits::Float;
@@ -66,9 +67,9 @@ impl Twist {
 struct Derivatives {
     u: Twist,
     v: Twist,
-    s00: Twist,
-    s01: Twist,
-    s11: Twist,
+    k00: Twist,
+    k01: Twist,
+    k11: Twist,
     ln_alpha: Twist,
     red: Vec3,
     green: Vec3,
@@ -85,9 +86,9 @@ impl Derivatives {
         Derivatives {
             u: Twist { rho: a.xyz(), theta: b.xyz() },
             v: Twist { rho: c.xyz(), theta: d.xyz() },
-            s00: Twist { rho: e.xyz(), theta: f.xyz() },
-            s01: Twist { rho: g.xyz(), theta: h.xyz() },
-            s11: Twist { rho: i.xyz(), theta: j.xyz() },
+            k00: Twist { rho: e.xyz(), theta: f.xyz() },
+            k01: Twist { rho: g.xyz(), theta: h.xyz() },
+            k11: Twist { rho: i.xyz(), theta: j.xyz() },
             ln_alpha: Twist { rho: k.xyz(), theta: l.xyz() },
             red: Vec3::new(a.w, b.w, c.w),
             green: Vec3::new(d.w, e.w, f.w),
@@ -130,9 +131,9 @@ fn blend(p: Pixel, s: &Record, d: &Derivatives, clamp: Clamp, dx: f32, dy: f32) 
         .ln_alpha
         .plus(d.u, -v0)
         .plus(d.v, -v1)
-        .plus(d.s00, 0.5 * v0 * v0)
-        .plus(d.s01, v0 * v1)
-        .plus(d.s11, 0.5 * v1 * v1);
+        .plus(d.k00, 0.5 * hit.u * hit.u)
+        .plus(d.k01, hit.u * hit.w)
+        .plus(d.k11, 0.5 * hit.w * hit.w);
     let d_weight = Twist::ZERO.plus(d_ln, slope * p.transmittance).plus(p.d_transmittance, alpha);
     let channel = |before: Twist, colour: f32, d_colour: Vec3| {
         let moved = before.plus(d_weight, colour);
@@ -179,6 +180,7 @@ pub fn splat_exact(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] frame: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] partials: &mut [f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] derivatives: &[Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] counters: &mut Counters,
 ) {
     let [x, y] = first_pixel(group, lane);
     let tile = group.y * params.tiles_x + group.x;
@@ -200,6 +202,9 @@ pub fn splat_exact(
         if p0.live + p1.live + p2.live + p3.live == 0.0 {
             break;
         }
+    }
+    if (at < range.y) & !(p0.live + p1.live + p2.live + p3.live == 0.0) {
+        tell_cut(counters);
     }
     let sums = add(Sums::ZERO, params, frame, x, y, &p0);
     let sums = add(sums, params, frame, x, y + 1, &p1);

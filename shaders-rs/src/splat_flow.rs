@@ -3,9 +3,9 @@
 //! twelve sums a pixel (∂C/∂u, ∂C/∂v, and both weighted by 1/z) stand for the eighteen of the exact
 //! Jacobian, which follows from them after the loop.
 
-use crate::list::{Column, LANES, List, PRODUCT, Splat, largest};
+use crate::list::{Column, LANES, List, PRODUCT, Splat, largest, tell_cut};
 use crate::reduce::{Scratch, Sums};
-use crate::shared::{Params, TILE, max};
+use crate::shared::{Counters, Params, TILE, max};
 use crate::splat::{Clamp, Hits, both, dim, first_pixel, middle, range};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4};
 use spirv_std::spirv;
@@ -160,6 +160,7 @@ pub fn splat_flow(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] frame: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] partials: &mut [f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] counters: &mut Counters,
 ) {
     let [x, y] = first_pixel(group, lane);
     let range = range(params, ranges, group);
@@ -174,6 +175,9 @@ pub fn splat_flow(
         if pixels.left() < 0.0 {
             break;
         }
+    }
+    if (at < range.y) & !(pixels.left() < 0.0) {
+        tell_cut(counters);
     }
     let sums = pixels.add(Sums::ZERO, params, frame, x, y);
     sums.store(lane, group.y * params.tiles_x + group.x, scratch, partials);
@@ -194,6 +198,7 @@ pub fn splat_flow_lanes(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] frame: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] partials: &mut [f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] counters: &mut Counters,
 ) {
     let range = range(params, ranges, group);
     let [x, y] = first_pixel(group, half * LANES + lane);
@@ -216,6 +221,9 @@ pub fn splat_flow_lanes(
         if largest(pixels.left(), lane) < 0.0 {
             break;
         }
+    }
+    if (at < range.y) & !(largest(pixels.left(), lane) < 0.0) {
+        tell_cut(counters);
     }
     let sums = pixels.add(Sums::ZERO, params, frame, x, y);
     sums.store(half * LANES + lane, group.y * params.tiles_x + group.x, scratch, partials);

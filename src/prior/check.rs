@@ -8,6 +8,10 @@ use super::Splats;
 /// room for the products of a covariance.
 pub const MAX_LOG_SCALE: f32 = 40.0;
 
+/// Largest magnitude of a spherical harmonic's coefficient: a million times white. Up to there sums of
+/// squared colours stay within an f32.
+pub const MAX_COEFFICIENT: f32 = 1e6;
+
 /// What an infinite opacity logit becomes, its sign kept. Converters of quantised scenes write an
 /// opacity of exactly 1 as an infinite logit; at 20 the opacity is 1 to the last bit of an f32.
 pub const INFINITE_LOGIT: f32 = 20.0;
@@ -24,10 +28,12 @@ pub enum Fault {
     Rotation,
     /// A logarithmic scale lies beyond ±[`MAX_LOG_SCALE`].
     Scale,
+    /// A coefficient of the spherical harmonics lies beyond ±[`MAX_COEFFICIENT`].
+    Colour,
 }
 
 impl Fault {
-    const ALL: [Fault; 3] = [Fault::NonFinite, Fault::Rotation, Fault::Scale];
+    const ALL: [Fault; 4] = [Fault::NonFinite, Fault::Rotation, Fault::Scale, Fault::Colour];
 }
 
 impl fmt::Display for Fault {
@@ -36,6 +42,7 @@ impl fmt::Display for Fault {
             Fault::NonFinite => write!(f, "parameter that is not a finite number"),
             Fault::Rotation => write!(f, "quaternion shorter than {MIN_QUATERNION:e}"),
             Fault::Scale => write!(f, "logarithmic scale beyond ±{MAX_LOG_SCALE}"),
+            Fault::Colour => write!(f, "colour coefficient beyond ±{MAX_COEFFICIENT:e}"),
         }
     }
 }
@@ -105,12 +112,13 @@ fn fault_of(splats: &Splats, index: usize) -> Option<Fault> {
     let scales = &splats.log_scales[index];
     let rotation = splats.rotations[index];
     let stride = splats.sh_stride();
+    let sh = &splats.sh[index * stride..(index + 1) * stride];
     let finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
     let all_finite = finite(&splats.positions[index])
         && finite(scales)
         && finite(&rotation)
         && splats.opacity_logits[index].is_finite()
-        && finite(&splats.sh[index * stride..(index + 1) * stride]);
+        && finite(sh);
     let rotates = quaternion_length(rotation) >= MIN_QUATERNION;
     if !all_finite {
         Some(Fault::NonFinite)
@@ -118,6 +126,8 @@ fn fault_of(splats: &Splats, index: usize) -> Option<Fault> {
         Some(Fault::Rotation)
     } else if !scales.iter().all(|s| s.abs() <= MAX_LOG_SCALE) {
         Some(Fault::Scale)
+    } else if !sh.iter().all(|v| v.abs() <= MAX_COEFFICIENT) {
+        Some(Fault::Colour)
     } else {
         None
     }
@@ -137,6 +147,7 @@ mod tests {
         splats.sh[12 * 4 + 11] = f32::NAN;
         splats.rotations[2] = [1e-7, 0.0, 0.0, -1e-7];
         splats.log_scales[6] = [0.0, 40.5, 0.0];
+        splats.sh[12 * 7] = -1.1e6;
         let dropped = drop_unsound(&mut splats);
         assert_eq!(
             dropped,
@@ -144,9 +155,10 @@ mod tests {
                 Dropped { fault: Fault::NonFinite, count: 2, first: 1 },
                 Dropped { fault: Fault::Rotation, count: 1, first: 2 },
                 Dropped { fault: Fault::Scale, count: 1, first: 6 },
+                Dropped { fault: Fault::Colour, count: 1, first: 7 },
             ]
         );
-        let kept = [0, 3, 5, 7];
+        let kept = [0, 3, 5];
         assert_eq!(splats.positions, kept.map(|i| sound.positions[i]));
         assert_eq!(splats.rotations, kept.map(|i| sound.rotations[i]));
         assert_eq!(splats.sh[12..24], sound.sh[36..48]);

@@ -13,7 +13,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-pub use check::{Dropped, Fault, INFINITE_LOGIT, MAX_LOG_SCALE};
+pub use check::{Dropped, Fault, INFINITE_LOGIT, MAX_COEFFICIENT, MAX_LOG_SCALE};
 pub use error::PriorError;
 pub use frame::PriorFrame;
 pub use identity::PriorId;

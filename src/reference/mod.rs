@@ -1,5 +1,6 @@
 //! An f64 CPU twin of every GPU stage, same names: the oracle of the tests. It follows the textbook
-//! formulas, not the reformulations that keep the shaders' f32 exact, so that it checks those too.
+//! formulas, not the reformulations that keep the shaders' f32 exact, so that it checks those too; only
+//! the determinant and the conic are the shaders' kind, where a needle is beyond f64.
 //!
 //! A pixel has five channels: linear R, G, B before clamping, depth Σ wᵢ zᵢ, transmittance. All are
 //! `Σ wᵢ payloadᵢ + T · background`: the payload of depth is z over a background of 0, that of

@@ -17,6 +17,8 @@ pub struct Splat<'a> {
     pub position: DVec3,
     /// Covariance `R S Sᵀ Rᵀ`, world axes.
     pub covariance: DMat3,
+    /// Its scaled axes `R S`, columns, world axes.
+    pub axes: DMat3,
     /// Opacity, 0 to 1.
     pub opacity: f64,
     /// Spherical harmonics, RGB triples.
@@ -28,11 +30,13 @@ impl<'a> Splat<'a> {
     pub fn new(splats: &'a Splats, i: usize) -> Splat<'a> {
         let [w, x, y, z] = splats.rotations[i].map(f64::from);
         let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
-        let variances = DVec3::from(splats.log_scales[i].map(|s| (2.0 * f64::from(s)).exp()));
+        let deviations = DVec3::from(splats.log_scales[i].map(|s| f64::from(s).exp()));
+        let variances = deviations * deviations;
         let stride = splats.sh_stride();
         Splat {
             position: DVec3::from(splats.positions[i].map(f64::from)),
             covariance: rotation * DMat3::from_diagonal(variances) * rotation.transpose(),
+            axes: rotation * DMat3::from_diagonal(deviations),
             opacity: 1.0 / (1.0 + (-f64::from(splats.opacity_logits[i])).exp()),
             sh: &splats.sh[i * stride..][..stride],
         }
@@ -85,6 +89,14 @@ impl Linearisation {
         }
     }
 
+    /// Determinant of `J Σ Jᵀ + low_pass`, from the axes, `Σ = A Aᵀ` (Cauchy–Binet): that of a long
+    /// needle would drown in the rounding of its covariance.
+    pub fn determinant(&self, axes: &DMat3, low_pass: f64) -> f64 {
+        let [m0, m1] = self.rows.map(|row| axes.transpose() * row);
+        let trace = m0.length_squared() + m1.length_squared();
+        m0.cross(m1).length_squared() + low_pass * (trace + low_pass)
+    }
+
     /// `J Σ Jᵀ`.
     pub fn covariance(&self, sigma: &DMat3) -> DMat2 {
         let [j0, j1] = self.rows;
@@ -108,6 +120,8 @@ pub struct Projected {
     pub covariance: DMat2,
     /// Its inverse.
     pub conic: DMat2,
+    /// Factor `(l11, l21, l22)` of that: `dᵀ Q d = (l11 dx + l21 dy)² + (l22 dy)²`.
+    pub factor: [f64; 3],
     /// Opacity, compensated for the low-pass where that is due.
     pub opacity: f64,
     /// Colour, not below 0.
@@ -126,17 +140,19 @@ pub fn project(view: &View, index: u32, splat: &Splat) -> Option<Projected> {
     }
     let linear = Linearisation::at(view, p);
     let sharp = linear.covariance(&splat.camera_covariance(view));
-    let [added, kept] = view.low_pass.map(|v| DMat2::from_diagonal(DVec2::splat(v.into())));
-    let covariance = sharp + added;
-    let det = covariance.determinant();
+    let [added, kept] = view.low_pass.map(f64::from);
+    let covariance = sharp + DMat2::from_diagonal(DVec2::splat(added));
+    let axes = view.pose.matrix() * splat.axes;
+    let det = linear.determinant(&axes, added);
     if !(det > 0.0 && det.is_finite()) {
         return None;
     }
-    let opacity = splat.opacity * compensation(view, (sharp + kept).determinant() / det);
+    let opacity = splat.opacity * compensation(view, linear.determinant(&axes, kept) / det);
     let (rgb, _) = harmonics::evaluate(splat.sh, splat.direction(view).0);
     let c = view.camera;
     // How many standard deviations out the alpha passes the cut.
     let reach = 2.0 * (opacity * (1.0 + CUT_MARGIN) / f64::from(ALPHA_MIN)).ln();
+    let factor = factor(&covariance, det);
     let deviations = DVec2::new(covariance.x_axis.x.sqrt(), covariance.y_axis.y.sqrt());
     (reach >= 0.0).then(|| Projected {
         index,
@@ -149,11 +165,25 @@ pub fn project(view: &View, index: u32, splat: &Splat) -> Option<Projected> {
             f64::from(c.fy) * p.y / p.z + f64::from(c.cy),
         ),
         covariance,
-        conic: covariance.inverse(),
+        conic: squared(factor),
+        factor,
         opacity,
         rgb: rgb.map(|v| (v + 0.5).max(0.0)),
         extent: reach.sqrt() * deviations,
     })
+}
+
+/// The triangular factor of a covariance's inverse.
+fn factor(covariance: &DMat2, det: f64) -> [f64; 3] {
+    let (b, c) = (covariance.x_axis.y, covariance.y_axis.y);
+    let l11 = (c / det).sqrt();
+    [l11, -l11 * b / c, 1.0 / c.sqrt()]
+}
+
+/// `LᵀL`.
+fn squared([l11, l21, l22]: [f64; 3]) -> DMat2 {
+    let xy = l11 * l21;
+    DMat2::from_cols(DVec2::new(l11 * l11, xy), DVec2::new(xy, l21 * l21 + l22 * l22))
 }
 
 /// What opacity is scaled by, from the ratio of the determinants with what of the low-pass is kept

@@ -30,8 +30,10 @@ impl Hit {
     /// At a pixel centre; `None` where the exponent is positive.
     pub fn at(s: &Projected, options: &RenderOptions, centre: DVec2) -> Option<Hit> {
         let d = s.mean - centre;
-        let v = s.conic * d;
-        let exponent = -0.5 * d.dot(v);
+        let [l11, l21, l22] = s.factor;
+        let (u, w) = (l11 * d.x + l21 * d.y, l22 * d.y);
+        let v = DVec2::new(l11 * u, l21 * u + l22 * w);
+        let exponent = -0.5 * (u * u + w * w);
         let full = s.opacity * exponent.exp();
         let alpha_max = f64::from(options.alpha_max);
         let hit = Hit { alpha: full.min(alpha_max), clamped: full > alpha_max, v };

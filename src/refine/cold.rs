@@ -15,6 +15,8 @@ pub(super) struct ColdStart {
     hypotheses: Hypotheses,
     level: usize,
     starts: Vec<Pose>,
+    /// See [`ColdStart::error`].
+    error: f64,
 }
 
 impl ColdStart {
@@ -25,6 +27,7 @@ impl ColdStart {
             hypotheses: Hypotheses::new(&objective.camera(level)),
             level,
             starts: Vec::with_capacity(Hypotheses::MOST + 1),
+            error: f64::NAN,
         }
     }
 
@@ -39,9 +42,24 @@ impl ColdStart {
         self.pyramid.set(frame);
         let render = objective.renderer().draw_level(self.level, start)?;
         let render = &render[..render.len() / PIXEL as usize * PIXEL as usize];
+        self.error = mse(render, self.pyramid.level(0));
         let proposals = self.hypotheses.propose(self.pyramid.level(0), render, start);
         self.starts.clear();
         self.starts.extend(proposals.iter().take(most).map(|proposal| proposal.pose));
         Ok(&self.starts)
     }
+
+    /// Mean squared error of the rough start itself, at the level of the last proposals.
+    pub fn error(&self) -> f64 {
+        self.error
+    }
+}
+
+/// Mean squared error of a picture of five floats a pixel against one of three.
+fn mse(render: &[f32], frame: &[f32]) -> f64 {
+    let pixels = render.chunks_exact(PIXEL as usize).zip(frame.chunks_exact(3));
+    let square = |(r, f): (&[f32], &[f32])| -> f64 {
+        std::iter::zip(&r[..3], f).map(|(r, f)| f64::from(r - f).powi(2)).sum()
+    };
+    pixels.map(square).sum::<f64>() / frame.len() as f64
 }

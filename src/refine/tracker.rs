@@ -135,8 +135,8 @@ impl Tracker {
 
     /// Gauss–Newton on the device.
     fn search(&mut self, frame: &Picture, external: Option<Pose>) -> Result<Option<Found>, Error> {
-        let GaussNewtonOptions { warm: warm_schedule, cold, .. } = self.options.gauss_newton;
-        let warm = self.follow(&warm_schedule)?;
+        let GaussNewtonOptions { warm: schedule, cold, .. } = self.options.gauss_newton;
+        let warm = self.follow(&schedule)?;
         if let Some(found) = warm
             && !self.lost(found.outcome.mse)
         {
@@ -146,21 +146,11 @@ impl Tracker {
             return Ok(None);
         };
         let kind = if external.is_some() { StartKind::External } else { StartKind::BestOfBad };
-        let mut from = std::mem::take(&mut self.cold_starts);
-        let proposed = self.cold.starts(&mut self.objective, frame, &start, HYPOTHESES)?;
-        from.clear();
-        from.extend_from_slice(proposed);
-        let searched = self.from(&from, &cold);
-        self.cold_starts = from;
+        let searched = self.search_cold(frame, &start, &cold, &schedule);
         let mut cold = Found { start: kind, ..searched? };
         if external.is_none() && !self.lost(cold.outcome.mse) {
             // The frame before led there after all, by a longer way.
             cold.start = StartKind::Previous;
-        }
-        if self.lost(cold.outcome.mse) {
-            // A coarse level's valley may lie elsewhere: never worse than where it began.
-            let near = Schedule { first_level: 0, follow_level: 0, far_level: 0, ..warm_schedule };
-            cold = cold.or_last(Found { start: kind, ..self.from(&[start], &near)? });
         }
         Ok(Some(match warm {
             Some(warm) => Found { start: StartKind::BestOfBad, ..warm }.or_last(cold),
@@ -194,6 +184,35 @@ impl Tracker {
             found = found.or_last(Found { start, ..self.from(&[pose], &at(coarsest))? });
         }
         Ok(Some(found))
+    }
+
+    /// Searches from the poses that phase correlation proposes for a start. It may be wrong of a picture
+    /// that is small, flat, or of another scene, and a coarse level's valley may lie elsewhere: the outcome
+    /// is never worse than the start.
+    fn search_cold(
+        &mut self,
+        frame: &Picture,
+        start: &Pose,
+        cold: &Schedule,
+        warm: &Schedule,
+    ) -> Result<Found, Error> {
+        let mut from = std::mem::take(&mut self.cold_starts);
+        let proposed = self.cold.starts(&mut self.objective, frame, start, HYPOTHESES)?;
+        from.clear();
+        from.extend_from_slice(proposed);
+        let searched = self.from(&from, cold);
+        self.cold_starts = from;
+        let mut found = searched?;
+        // Of the start, at a coarse level, where errors are less than in the full picture.
+        let error = self.cold.error();
+        if !(found.first_mse <= error) {
+            found = found.or_last(self.from(&[*start], cold)?);
+        }
+        if !(found.outcome.mse < error) {
+            let near = Schedule { first_level: 0, follow_level: 0, far_level: 0, ..*warm };
+            found = found.or_last(self.from(&[*start], &near)?);
+        }
+        Ok(found)
     }
 
     fn lost(&self, mse: f64) -> bool {

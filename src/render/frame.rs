@@ -131,7 +131,12 @@ impl Chain<'_> {
             let push =
                 [frame_width, *factor, camera.width, pixels, params.frame_offset, scale.to_bits()];
             let buffers = [&self.frame.bytes, &self.view.frame];
-            r.dispatch(&self.kernels.pyramid, &buffers, &push, [pixels.div_ceil(GROUP), 1, 1])?;
+            // Down the second axis too: 4096×4096 pixels are more workgroups than every device takes
+            // along one.
+            let groups = pixels.div_ceil(GROUP);
+            let down = groups.div_ceil(GROUP);
+            let groups = [groups.div_ceil(down), down, 1];
+            r.dispatch(&self.kernels.pyramid, &buffers, &push, groups)?;
         }
         Ok(())
     }

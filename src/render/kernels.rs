@@ -111,11 +111,11 @@ kernels! {
     /// Pipelines made for one kind of prior.
     SceneKernels:
     project = project::project(6, 0), of eight: project_8;
-    splat = splat::splat(5, 0), of eight: splat_lanes;
-    splat_colour = splat::splat(5, 0), of eight: splat_lanes, with DEPTH = 0;
-    splat_flow = splat_flow::splat_flow(6, 0), of eight: splat_flow_lanes;
+    splat = splat::splat(6, 0), of eight: splat_lanes;
+    splat_colour = splat::splat(6, 0), of eight: splat_lanes, with DEPTH = 0;
+    splat_flow = splat_flow::splat_flow(7, 0), of eight: splat_flow_lanes;
     derive = derive::derive(6, 0);
-    splat_exact = splat_exact::splat_exact(7, 0);
+    splat_exact = splat_exact::splat_exact(8, 0);
 }
 
 impl SceneKernels {

@@ -225,7 +225,12 @@ impl Renderer {
         if pairs <= self.work.pair_capacity {
             return Ok(false);
         }
-        let room = pairs.saturating_add(pairs / 4);
+        if pairs == u32::MAX {
+            return Err(Error::TooManyPairs);
+        }
+        // A little to spare, but no more than the device holds.
+        let most = (self.device.info().storage_range / 4).min(u64::from(u32::MAX)) as u32;
+        let room = pairs.saturating_add(pairs / 4).min(most).max(pairs);
         let work = Workspace::new(&self.device, &self.scene, room, self.plan.exact())?;
         self.recorded = self.record_all(&work)?;
         self.work = work;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::prior::{PriorFrame, Splats};
-use crate::shared::{self, GEOMETRY_PLANES};
+use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
 
@@ -30,10 +30,15 @@ impl Scene {
         kernels: Arc<SceneKernels>,
     ) -> Result<Scene, Error> {
         let splats = prior.splats();
+        let most = most_splats(device, splats.sh_degree);
+        let named = format!("splats of degree {}", splats.sh_degree);
+        let room = Error::with_room_for(most, &named);
+        check_workgroups(device, splats.len()).map_err(&room)?;
+        let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
         Ok(Scene {
             kernels,
-            geometry: Buffer::from_slice(device, "geometry", &geometry(splats, centre(prior)))?,
-            sh: Buffer::from_slice(device, "spherical harmonics", &sh_planes(splats))?,
+            geometry: upload("geometry", &geometry(splats, centre(prior)))?,
+            sh: upload("spherical harmonics", &sh_planes(splats))?,
             splats: splats.len() as u32,
             options: *prior.options(),
             id: prior.id(),
@@ -67,6 +72,25 @@ impl Traits {
         let clamped = (0..splats.len()).any(|i| opacity(splats, i) > limit);
         Traits { sh_degree: splats.sh_degree, clamped }
     }
+}
+
+/// How many splats of a degree the device has room for.
+fn most_splats(device: &Device, sh_degree: u32) -> u64 {
+    let info = device.info();
+    let planes = GEOMETRY_PLANES.max(shared::sh_planes(sh_degree));
+    let by_bytes = info.storage_range / (u64::from(planes) * 8);
+    // One more shows nothing.
+    by_bytes.min(u64::from(info.workgroups) * u64::from(GROUP) - 1)
+}
+
+/// Refuses more splats than stage `project` has invocations for.
+fn check_workgroups(device: &Device, splats: usize) -> Result<(), Error> {
+    let (count, limit) = (splats as u64 / u64::from(GROUP) + 1, device.info().workgroups.into());
+    if count > limit {
+        let advice = String::new();
+        return Err(Error::TooManyWorkgroups { kernel: "project", count, limit, advice });
+    }
+    Ok(())
 }
 
 /// A splat's scaled axes in the world, the columns of `R S`: the covariance is their `A Aᵀ`, which

@@ -50,7 +50,8 @@ pub(crate) fn record(
     part: Part,
 ) -> Result<(), Error> {
     let pairs = &work.pair_splats;
-    let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.image];
+    let (params, counters) = (&view.params, &work.counters);
+    let buffers = [params, &view.ranges, pairs, &work.records, &view.image, counters];
     let kernel = match channels {
         Channels::All => &scene.kernels.splat,
         Channels::Colour => &scene.kernels.splat_colour,
@@ -68,7 +69,9 @@ fn record_flow(
     part: Part,
 ) -> Result<(), Error> {
     let pairs = &work.pair_splats;
-    let buffers = [&view.params, &view.ranges, pairs, &work.records, &view.frame, &view.partials];
+    let (params, ranges, counters) = (&view.params, &view.ranges, &work.counters);
+    let (frame, partials) = (&view.frame, &view.partials);
+    let buffers = [params, ranges, pairs, &work.records, frame, partials, counters];
     let tiles = part.at(offset_of!(Groups, tiles));
     recorder.dispatch_indirect(&scene.kernels.splat_flow, &buffers, &[], &view.groups, tiles)
 }
@@ -85,7 +88,9 @@ fn record_exact(
     let Some(derivatives) = &work.derivatives else { return Ok(()) };
     let pairs = &work.pair_splats;
     let (frame, partials) = (&view.frame, &view.partials);
-    let buffers = [&view.params, &view.ranges, pairs, &work.records, frame, partials, derivatives];
+    let (params, ranges, records, counters) =
+        (&view.params, &view.ranges, &work.records, &work.counters);
+    let buffers = [params, ranges, pairs, records, frame, partials, derivatives, counters];
     let tiles = part.at(offset_of!(Groups, tiles));
     recorder.dispatch_indirect(&scene.kernels.splat_exact, &buffers, &[], &view.groups, tiles)
 }

@@ -130,7 +130,11 @@ impl View {
             params.bin_blocks = 1 << log_bin_blocks;
         }
         let image = pixels * PIXEL as usize;
-        let own = |name, count, memory| Buffer::new::<f32>(device, name, count, memory);
+        // Of the buffers of a picture, the image is the largest, but for the frame's levels.
+        let most = device.info().storage_range / (4 * u64::from(PIXEL));
+        let room = Error::with_room_for(most, "pixels");
+        let own =
+            |name, count, memory| Buffer::new::<f32>(device, name, count, memory).map_err(&room);
         Ok(View {
             prototypes: Buffer::new::<Params>(device, "levels", levels.len(), Memory::Upload)?,
             params_asked: Buffer::new::<Params>(device, "parameters", 1, Memory::Upload)?,

@@ -35,6 +35,8 @@ impl Workspace {
         let splats = scene.splats as usize;
         let pairs = pair_capacity as usize;
         let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
+        let limit = device.info().storage_range;
+        let room_for = |of, each: u64| Error::with_room_for(limit / each - 1, of);
         let log_blocks = kernels::log_blocks(device, scene.splats);
         let between = || {
             let keys = own("keys half sorted", splats)?;
@@ -42,7 +44,8 @@ impl Workspace {
         };
         let derivatives = exact
             .then(|| own("pose derivatives", (splats + 1) * 4 * DERIVATIVES as usize))
-            .transpose()?;
+            .transpose()
+            .map_err(room_for("splats", 16 * u64::from(DERIVATIVES)))?;
         let counters_read =
             Buffer::new::<Counters>(device, "counters read back", 1, Memory::Readback)?;
         Ok(Workspace {
@@ -51,7 +54,7 @@ impl Workspace {
             between: [between()?, between()?],
             order: own("depth order", splats)?,
             histogram: own("digit histogram", (TABLE << log_blocks) as usize)?,
-            pair_splats: own("pair splats", pairs)?,
+            pair_splats: own("pair splats", pairs).map_err(room_for("pairs", 4))?,
             counters: Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?,
             counters_read,
             derivatives,

@@ -92,7 +92,12 @@ impl Buffer {
         let bytes = (count.max(1) as u64).saturating_mul(size_of::<T>() as u64).max(4);
         let limit = device.inner.info.storage_range;
         if bytes > limit {
-            return Err(Error::BufferTooLarge { buffer: name, bytes, limit });
+            return Err(Error::BufferTooLarge {
+                buffer: name,
+                bytes,
+                limit,
+                advice: String::new(),
+            });
         }
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::INDIRECT_BUFFER

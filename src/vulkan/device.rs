@@ -42,6 +42,8 @@ pub struct DeviceInfo {
     pub shared_memory: u32,
     /// Largest storage buffer, bytes.
     pub storage_range: u64,
+    /// `maxComputeWorkGroupCount`, first component.
+    pub workgroups: u32,
     /// Whether host and device share one memory, so that nothing needs staging.
     pub unified: bool,
 }
@@ -346,6 +348,7 @@ impl Instance {
             int64: features.shader_int64 == vk::TRUE,
             shared_memory: p.limits.max_compute_shared_memory_size,
             storage_range: u64::from(p.limits.max_storage_buffer_range),
+            workgroups: p.limits.max_compute_work_group_count[0],
             unified: matches!(rank, 1 | 3),
         };
         (info, rank)

@@ -51,7 +51,9 @@ pub enum Error {
         reason: String,
     },
     /// A buffer is larger than the device lets a shader see.
-    #[error("buffer {buffer} needs {bytes} bytes; this device's storage buffers hold {limit}")]
+    #[error(
+        "buffer {buffer} needs {bytes} bytes; this device's storage buffers hold {limit}{advice}"
+    )]
     BufferTooLarge {
         /// Which buffer.
         buffer: &'static str,
@@ -59,7 +61,29 @@ pub enum Error {
         bytes: u64,
         /// `maxStorageBufferRange` of the device.
         limit: u64,
+        /// What would fit, as the end of the message; empty where that is not known.
+        advice: String,
     },
+    /// More workgroups than the device runs at once.
+    #[error("{count} workgroups of {kernel}; this device dispatches {limit}{advice}")]
+    TooManyWorkgroups {
+        /// Which kernel.
+        kernel: &'static str,
+        /// Number needed.
+        count: u64,
+        /// `maxComputeWorkGroupCount` of the device, first component.
+        limit: u64,
+        /// As in [`Error::BufferTooLarge`].
+        advice: String,
+    },
+    /// A picture needs more (tile, splat) pairs than 32 bits count, or has so many splats in one tile
+    /// or workgroup that the driver ended a shader's loop before all were seen: llvmpipe does so after
+    /// 65,535 rounds.
+    #[error(
+        "too many (tile, splat) pairs: more than 32 bits count, or more in one tile than this \
+         device's driver lets a shader go through"
+    )]
+    TooManyPairs,
 }
 
 impl Error {
@@ -67,11 +91,27 @@ impl Error {
     pub fn is_out_of_memory(&self) -> bool {
         use vk::Result as R;
         match self {
-            Error::Memory { .. } | Error::BufferTooLarge { .. } => true,
+            Error::Memory { .. }
+            | Error::BufferTooLarge { .. }
+            | Error::TooManyWorkgroups { .. }
+            | Error::TooManyPairs => true,
             Error::Call { result, .. } => {
                 matches!(*result, R::ERROR_OUT_OF_HOST_MEMORY | R::ERROR_OUT_OF_DEVICE_MEMORY)
             }
             _ => false,
+        }
+    }
+
+    /// For `map_err`: says of a limit that was passed how many of something the device has room for.
+    pub(crate) fn with_room_for(most: u64, of: &str) -> impl Fn(Error) -> Error {
+        let text = format!("; {most} {of} would fit");
+        move |mut error| {
+            if let Error::BufferTooLarge { advice, .. } | Error::TooManyWorkgroups { advice, .. } =
+                &mut error
+            {
+                advice.clone_from(&text);
+            }
+            error
         }
     }
 

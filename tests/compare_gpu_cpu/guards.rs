@@ -162,7 +162,8 @@ fn more_pairs_than_the_device_holds_is_an_error_each_time() {
     let mut renderer = engine.renderer(&scene, &camera, Plan::picture()).unwrap();
     for _ in 0..2 {
         let refused = renderer.draw(&Pose::IDENTITY);
-        assert!(matches!(refused, Err(Error::BufferTooLarge { .. })), "{refused:?}");
+        let told = matches!(refused, Err(Error::BufferTooLarge { .. } | Error::TooManyPairs));
+        assert!(told, "{refused:?}");
     }
     let away = Pose::exp(&[0.0, 0.0, -10.0, 0.0, 0.0, 0.0]);
     assert_background(renderer.draw(&away).unwrap());

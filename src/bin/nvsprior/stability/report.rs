@@ -34,7 +34,7 @@ with what was written down as expected before it was run. Made by `nvsprior stab
   every input moves by one unit in the last place of an f32. What close decisions (alpha's cut, the transmittance
   stop, depth order) explain does not count as a fault, nor what rounding explains.
 - *Gradient* and *JᵀJ error*: largest entry's, relative to what Cauchy–Schwarz bounds it by.
-- *Optimiser*: the mean squared error of 8-bit pictures at a start beside the true pose, and at the outcome.
+- *Optimiser*: the mean squared error, values not clamped, at a start beside the true pose, and at the outcome.
 - Times depend on what else the machine does.
 ";
 
