@@ -36,9 +36,14 @@ impl Engine {
         self.device.validation_messages()
     }
 
-    /// Uploads a prior, for any number of renderers.
+    /// Uploads a prior, for any number of renderers; what no picture shows is left out.
     pub fn upload(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
         Ok(Arc::new(Scene::new(&self.device, prior)?))
+    }
+
+    /// Uploads a prior with what no picture shows, to compare with.
+    pub fn upload_whole(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
+        Ok(Arc::new(Scene::whole(&self.device, prior)?))
     }
 
     /// Makes a renderer of an uploaded prior.

@@ -124,6 +124,35 @@ impl Splats {
         q.map(|v| (f64::from(v) / length) as f32)
     }
 
+    /// Opacity of splat `index`, from its logit.
+    pub fn opacity(&self, index: usize) -> f64 {
+        1.0 / (1.0 + (-f64::from(self.opacity_logits[index])).exp())
+    }
+
+    /// The splats that `kept` names, in their order.
+    ///
+    /// # Panics
+    /// Where `kept` has not an entry a splat.
+    pub fn filtered(&self, kept: &[bool]) -> Splats {
+        assert_eq!(kept.len(), self.len(), "an entry a splat");
+        Splats {
+            positions: pick(&self.positions, kept, 1),
+            log_scales: pick(&self.log_scales, kept, 1),
+            rotations: pick(&self.rotations, kept, 1),
+            opacity_logits: pick(&self.opacity_logits, kept, 1),
+            sh: pick(&self.sh, kept, self.sh_stride()),
+            sh_degree: self.sh_degree,
+        }
+    }
+
+    /// The splats without the spherical harmonics above a degree.
+    pub fn with_sh_degree(&self, degree: u32) -> Splats {
+        let sh_degree = degree.min(self.sh_degree);
+        let own = 3 * (sh_degree as usize + 1).pow(2);
+        let sh = self.sh.chunks_exact(self.sh_stride()).flat_map(|c| &c[..own]).copied().collect();
+        Splats { sh, sh_degree, ..self.clone() }
+    }
+
     /// Checks that the degree is known and that all arrays hold the same number of splats.
     pub fn check_shape(&self) -> Result<(), PriorError> {
         if self.sh_degree > Self::MAX_SH_DEGREE {
@@ -141,6 +170,12 @@ impl Splats {
             None => Ok(()),
         }
     }
+}
+
+/// Entries of the splats that are kept, `stride` a splat.
+fn pick<T: Copy>(array: &[T], kept: &[bool], stride: usize) -> Vec<T> {
+    let entries = array.chunks_exact(stride).zip(kept);
+    entries.filter(|(_, kept)| **kept).flat_map(|(entry, _)| entry).copied().collect()
 }
 
 /// Where a prior's splats came from.

@@ -4,6 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::prior::{PriorFrame, Splats};
 use crate::shared::{self, GEOMETRY_PLANES};
+use crate::study::Needs;
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
 
@@ -14,23 +15,41 @@ pub struct Scene {
     pub(crate) splats: u32,
     pub(crate) sh_degree: u32,
     pub(crate) options: RenderOptions,
+    needs: Needs,
     id: PriorId,
     frame: PriorFrame,
 }
 
 impl Scene {
-    /// Uploads a prior.
+    /// Uploads what pictures of a prior need of it; they are the same, to the bit, as of all of it.
     pub fn new(device: &Device, prior: &Prior) -> Result<Scene, Error> {
+        Scene::of_needs(device, prior, Needs::of(prior))
+    }
+
+    /// Uploads a prior with all that no picture shows, to compare with.
+    pub fn whole(device: &Device, prior: &Prior) -> Result<Scene, Error> {
+        Scene::of_needs(device, prior, Needs::everything(prior))
+    }
+
+    fn of_needs(device: &Device, prior: &Prior, needs: Needs) -> Result<Scene, Error> {
         let splats = prior.splats();
+        let geometry = geometry(splats, &needs.splats, centre(prior));
+        let sh = sh_planes(splats, &needs);
         Ok(Scene {
-            geometry: Buffer::from_slice(device, "geometry", &geometry(splats, centre(prior)))?,
-            sh: Buffer::from_slice(device, "spherical harmonics", &sh_planes(splats))?,
-            splats: splats.len() as u32,
-            sh_degree: splats.sh_degree,
+            geometry: Buffer::from_slice(device, "geometry", &geometry)?,
+            sh: Buffer::from_slice(device, "spherical harmonics", &sh)?,
+            splats: needs.splats.len() as u32,
+            sh_degree: needs.sh_degree,
             options: *prior.options(),
+            needs,
             id: prior.id(),
             frame: prior.frame(),
         })
+    }
+
+    /// What was uploaded, and what was not.
+    pub fn needs(&self) -> &Needs {
+        &self.needs
     }
 
     /// Identity of the prior.
@@ -63,46 +82,45 @@ pub(crate) fn scaled_axes(splats: &Splats, i: usize) -> DMat3 {
     )
 }
 
-/// Opacity from its logit.
-pub(crate) fn opacity(splats: &Splats, i: usize) -> f64 {
-    1.0 / (1.0 + (-f64::from(splats.opacity_logits[i])).exp())
-}
-
 fn centre(prior: &Prior) -> DVec3 {
     DVec3::from(prior.frame().centre.map(f64::from))
 }
 
-/// Planes of position (relative to `centre`), opacity and axes, computed in f64 and rounded once.
-fn geometry(splats: &Splats, centre: DVec3) -> Vec<f32> {
-    pair_planes(splats.len(), GEOMETRY_PLANES, |i| {
+/// Planes of position (relative to `centre`), opacity and axes of the splats that `which` names,
+/// computed in f64 and rounded once.
+fn geometry(splats: &Splats, which: &[u32], centre: DVec3) -> Vec<f32> {
+    pair_planes(which, GEOMETRY_PLANES, |i| {
         let axes = scaled_axes(splats, i).to_cols_array();
         let position = DVec3::from(splats.positions[i].map(f64::from)) - centre;
         position
             .to_array()
             .map(|v| v as f32)
             .into_iter()
-            .chain([opacity(splats, i) as f32])
+            .chain([splats.opacity(i) as f32])
             .chain(axes.map(|v| v as f32))
     })
 }
 
-/// Planes of the coefficients, RGB after RGB; two coefficients are three planes.
-fn sh_planes(splats: &Splats) -> Vec<f32> {
+/// Planes of the coefficients that are needed, RGB after RGB; two coefficients are three planes.
+fn sh_planes(splats: &Splats, needs: &Needs) -> Vec<f32> {
     let stride = splats.sh_stride();
-    let planes = shared::sh_planes(splats.sh_degree);
-    pair_planes(splats.len(), planes, |i| splats.sh[i * stride..][..stride].iter().copied())
+    let needed = 3 * shared::sh_coefficients(needs.sh_degree) as usize;
+    let planes = shared::sh_planes(needs.sh_degree);
+    let of = |i: usize| splats.sh[i * stride..][..needed].iter().copied();
+    pair_planes(&needs.splats, planes, of)
 }
 
-/// Two values of every splat to a plane; 0 where it has no more.
+/// Two values of every splat that `which` names to a plane; 0 where it has no more.
 fn pair_planes<I: Iterator<Item = f32>>(
-    splats: usize,
+    which: &[u32],
     planes: u32,
     values: impl Fn(usize) -> I,
 ) -> Vec<f32> {
+    let splats = which.len();
     let mut words = vec![0.0; splats * planes as usize * 2];
-    for i in 0..splats {
-        for (k, value) in values(i).enumerate() {
-            words[(k / 2 * splats + i) * 2 + k % 2] = value;
+    for (place, i) in which.iter().enumerate() {
+        for (k, value) in values(*i as usize).enumerate() {
+            words[(k / 2 * splats + place) * 2 + k % 2] = value;
         }
     }
     words
