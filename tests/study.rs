@@ -62,21 +62,22 @@ fn what_is_left_out_changes_no_picture() {
     let camera = camera(61, 47);
     let config = Config { cases: 24, failure_persistence: None, ..Config::default() };
     let cases = (any::<u16>(), 0..=3_u32, 0..=3_u32, 1..7_usize, 0.3..0.999_f32, any::<bool>());
-    let run = |(seed, degree, kept, nth, alpha_max, antialiased): (u16, u32, u32, usize, f32, bool)| {
-        let mut splats = random_splats(seed.into(), 300, degree);
-        let coefficients = (kept as usize + 1).pow(2) * 3;
-        let stride = splats.sh_stride();
-        for own in splats.sh.chunks_exact_mut(stride) {
-            own.iter_mut().skip(coefficients).for_each(|v| *v = 0.0);
-        }
-        let splats = with_invisible(&splats, nth);
-        let options = RenderOptions { alpha_max, antialiased, ..RenderOptions::GSPLAT };
-        let prior = Prior::from_splats(splats, options).unwrap();
-        let scene = assert_same(&engine, &prior, &camera, &random_pose(seed.into()));
-        prop_assert_eq!(scene.needs().splats.len(), 300);
-        prop_assert_eq!(scene.needs().sh_degree, degree.min(kept));
-        Ok(())
-    };
+    let run =
+        |(seed, degree, kept, nth, alpha_max, antialiased): (u16, u32, u32, usize, f32, bool)| {
+            let mut splats = random_splats(seed.into(), 300, degree);
+            let coefficients = (kept as usize + 1).pow(2) * 3;
+            let stride = splats.sh_stride();
+            for own in splats.sh.chunks_exact_mut(stride) {
+                own.iter_mut().skip(coefficients).for_each(|v| *v = 0.0);
+            }
+            let splats = with_invisible(&splats, nth);
+            let options = RenderOptions { alpha_max, antialiased, ..RenderOptions::GSPLAT };
+            let prior = Prior::from_splats(splats, options).unwrap();
+            let scene = assert_same(&engine, &prior, &camera, &random_pose(seed.into()));
+            prop_assert_eq!(scene.needs().splats.len(), 300);
+            prop_assert_eq!(scene.needs().sh_degree, degree.min(kept));
+            Ok(())
+        };
     TestRunner::new(config).run(&cases, run).unwrap();
     assert_silent(&engine);
 }

@@ -226,7 +226,9 @@ mod tests {
     fn splats_that_are_never_seen_are_left_out_in_order() {
         // Logits just below and above that of 1/255.
         let limit = -(254.0_f32.ln());
-        let some = needs(|s, _| s.opacity_logits = vec![0.0, -9.0, limit - 1e-3, limit + 1e-3, -20.0, 1.0]);
+        let some = needs(|s, _| {
+            s.opacity_logits = vec![0.0, -9.0, limit - 1e-3, limit + 1e-3, -20.0, 1.0]
+        });
         assert_eq!(some.splats, [0, 3, 5]);
         let [finding] = some.findings() else { panic!("{:?}", some.findings()) };
         assert_eq!((finding.kind, finding.count), (Kind::Exact, 3));

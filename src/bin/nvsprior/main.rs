@@ -4,14 +4,17 @@ mod args;
 mod basin;
 mod bench;
 mod camera_file;
+mod container;
 mod decode;
 mod demo;
 mod encode;
 mod frame_file;
 mod inspect;
+mod mission;
 mod render;
 mod sheet;
 mod summary;
+mod trim;
 
 use std::process::ExitCode;
 
@@ -37,6 +40,7 @@ enum Command {
     Decode(decode::Args),
     Render(render::Args),
     Inspect(inspect::Args),
+    Trim(trim::Args),
     Bench(bench::Args),
     Demo(demo::Args),
 }
@@ -49,6 +53,7 @@ fn main() -> ExitCode {
         Command::Decode(args) => decode::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Trim(args) => trim::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
     };
