@@ -230,3 +230,162 @@ impl<J: Judge> Trimmer<'_, J> {
         train::train(splats, self.views, &options, pace, &mut step);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Picture;
+    use crate::mapping::preview;
+
+    const CAMERA: Camera = Camera { width: 48, height: 40, fx: 40.0, fy: 40.0, cx: 24.0, cy: 20.0 };
+    const RENDER: RenderOptions = RenderOptions::INRIA;
+
+    /// Splats about z = 3, some of them beside the picture.
+    fn cloud(count: usize, sh_degree: u32) -> Splats {
+        let wave = |i: usize, f: f32| (i as f32 * f + 0.7).sin();
+        let each = |f: &dyn Fn(usize) -> [f32; 3]| (0..count).map(f).collect::<Vec<_>>();
+        let mut splats = Splats {
+            positions: each(&|i| [2.4 * wave(i, 1.7), 1.4 * wave(i, 2.9), 3.0 + wave(i, 0.3)]),
+            log_scales: each(&|i| [-2.2 + 0.4 * wave(i, 0.7), -2.0, -2.6]),
+            rotations: (0..count).map(|i| [1.0, wave(i, 0.2), wave(i, 0.9), 0.3]).collect(),
+            opacity_logits: (0..count).map(|i| 1.0 + 2.0 * wave(i, 1.3)).collect(),
+            sh: Vec::new(),
+            sh_degree,
+        };
+        splats.sh = (0..count * splats.sh_stride()).map(|i| 0.3 * wave(i, 0.77)).collect();
+        splats
+    }
+
+    fn poses() -> Vec<Pose> {
+        let step = |t: f64| [0.1 * t, -0.05 * t, 0.0, 0.02 * t, 0.03 * t, 0.0];
+        (0..3).map(|t| Pose::exp(&step(f64::from(t)))).collect()
+    }
+
+    fn pictures(splats: &Splats) -> Vec<Picture> {
+        poses().iter().map(|pose| preview(splats, &RENDER, &CAMERA, pose).unwrap()).collect()
+    }
+
+    fn views(splats: &Splats) -> Vec<View> {
+        let all = std::iter::zip(poses(), pictures(splats));
+        all.map(|(pose, picture)| View { camera: CAMERA, pose, picture }).collect()
+    }
+
+    /// Finds how far pictures are below a PSNR.
+    struct Floor {
+        whole: Vec<Picture>,
+        psnr: f64,
+        rounds: Vec<Round>,
+    }
+
+    impl Judge for Floor {
+        type Error = MappingError;
+
+        fn loss(&mut self, splats: &Splats) -> Result<f64, MappingError> {
+            let all = std::iter::zip(pictures(splats), &self.whole);
+            Ok(self.psnr - all.map(|(a, b)| a.psnr(b)).fold(f64::INFINITY, f64::min))
+        }
+
+        fn told(&mut self, round: &Round) {
+            self.rounds.push(*round);
+        }
+
+        fn fitted(&mut self, done: u32, all: u32) {
+            assert!(done <= all);
+        }
+    }
+
+    fn trimmed(splats: &Splats, psnr: f64, change: fn(&mut TrimOptions)) -> (Splats, Vec<Round>) {
+        let mut floor = Floor { whole: pictures(splats), psnr, rounds: Vec::new() };
+        let mut options = TrimOptions { steps: 6, ..TrimOptions::new(RENDER, 0.0) };
+        change(&mut options);
+        let kept = trim(splats, &views(splats), &options, &mut floor).unwrap();
+        (kept, floor.rounds)
+    }
+
+    #[test]
+    fn removals_are_what_leaving_one_splat_out_does() {
+        let splats = cloud(60, 1);
+        let place = [(CAMERA, poses()[1])];
+        let render = RenderOptions { background: [0.1, 0.5, 0.9], ..RENDER };
+        let picture = |splats: &Splats| {
+            let mut picture = vec![glam::Vec3::ZERO; CAMERA.pixels()];
+            let colours = harmonics::colours(splats, place[0].1.centre().as_vec3());
+            let projection = Projection::new(&Geometry::of(splats), &CAMERA, &place[0].1, &render);
+            projection.render(&colours, render.background.into(), |i, value| picture[i] = value);
+            picture
+        };
+        let (whole, removals) = (picture(&splats), removals(&splats, &render, &place));
+        for (i, removal) in removals.iter().enumerate() {
+            let kept: Vec<bool> = (0..60).map(|k| k != i).collect();
+            let changes = std::iter::zip(&whole, picture(&splats.filtered(&kept)));
+            let changes: Vec<f32> = changes.map(|(a, b)| (*a - b).length_squared()).collect();
+            let error: f32 = changes.iter().sum();
+            assert!(
+                (removal.error - error).abs() <= 1e-3 * error + 1e-7,
+                "{i}: {removal:?} {error}"
+            );
+            assert_eq!(removal.pixels > 0.0, error > 0.0, "{i}");
+        }
+    }
+
+    #[test]
+    fn splats_go_until_the_floor_and_no_further() {
+        let splats = cloud(300, 1);
+        let (kept, rounds) = trimmed(&splats, 38.0, |_| ());
+        assert!(kept.len() < 200, "{} splats, {rounds:?}", kept.len());
+        let worst = |splats: &Splats| {
+            let all = std::iter::zip(pictures(splats), pictures(&cloud(300, 1)));
+            all.map(|(a, b)| a.psnr(&b)).fold(f64::INFINITY, f64::min)
+        };
+        assert!(worst(&kept) >= 38.0);
+        assert_eq!(rounds[0].step, Step::Unseen);
+        assert!(rounds.iter().all(|round| round.kept == (round.loss <= 0.0)), "{rounds:?}");
+        assert!(rounds.iter().any(|round| !round.kept));
+    }
+
+    #[test]
+    fn fitting_saves_what_leaving_out_costs() {
+        let splats = cloud(300, 1);
+        let (fitted, _) = trimmed(&splats, 38.0, |_| ());
+        let (bare, _) = trimmed(&splats, 38.0, |o| (o.sweeps, o.steps) = (0, 0));
+        assert!(fitted.len() < bare.len(), "{} against {}", fitted.len(), bare.len());
+    }
+
+    #[test]
+    fn a_loss_that_is_not_a_number_keeps_everything() {
+        let splats = cloud(40, 2);
+        assert_eq!(trimmed(&splats, f64::NAN, |_| ()).0, splats);
+        assert_eq!(trimmed(&splats, f64::INFINITY, |o| o.range = Some(0.1)).0, splats);
+    }
+
+    #[test]
+    fn bands_that_say_nothing_go() {
+        let mut splats = cloud(80, 3);
+        for own in splats.sh.chunks_exact_mut(48) {
+            own[3..12].iter_mut().for_each(|v| *v *= 4.0);
+            own[12..].fill(0.0);
+        }
+        let (kept, rounds) = trimmed(&splats, 45.0, |o| o.share = 0.0);
+        assert_eq!(kept.sh_degree, 1, "{rounds:?}");
+    }
+
+    #[test]
+    fn what_is_out_of_range_goes_where_it_is_not_needed() {
+        let mut splats = cloud(60, 0);
+        splats.positions[7] = [0.0, 0.0, 500.0];
+        let (kept, rounds) = trimmed(&splats, 40.0, |o| (o.range, o.share) = (Some(20.0), 0.0));
+        assert_eq!(rounds[0].step, Step::OutOfRange);
+        assert!(rounds[0].kept && rounds[0].splats == 59, "{rounds:?}");
+        assert!(kept.positions.iter().all(|p| p[2] < 20.0));
+    }
+
+    #[test]
+    fn the_result_does_not_depend_on_the_number_of_threads() {
+        let splats = cloud(120, 1);
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| trimmed(&splats, 36.0, |_| ()).0)
+        };
+        assert_eq!(run(1), run(3));
+    }
+}

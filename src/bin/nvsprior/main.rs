@@ -11,10 +11,12 @@ mod encode;
 mod frame_file;
 mod inspect;
 mod mission;
+mod painter;
 mod render;
 mod sheet;
 mod summary;
 mod trim;
+mod view_set;
 
 use std::process::ExitCode;
 

@@ -11,7 +11,8 @@ use nvsprior::{Camera, Pose, Prior};
 
 use crate::args::{DeviceArgs, OverrideArgs};
 use crate::container::Container;
-use crate::mission::{self, Mission, MissionArgs, Painter};
+use crate::mission::{self, Mission, MissionArgs};
+use crate::painter::Painter;
 use crate::sheet::{self, SheetRow};
 use judge::{Bench, Loss};
 
@@ -117,12 +118,12 @@ fn write_sheet(
     places: &[(Camera, Pose)],
 ) -> anyhow::Result<()> {
     let mut small = bench.painter(reduced)?;
-    let every = places.len().div_ceil(SHEET_ROWS);
     let row = |(camera, pose): &(Camera, Pose)| {
         let render = small.paint(camera, pose)?.clone();
         let camera = bench.whole.paint(camera, pose)?.clone();
         Ok(SheetRow { camera, reconstruction: render.clone(), render })
     };
-    let rows: anyhow::Result<Vec<SheetRow>> = places.iter().step_by(every).map(row).collect();
+    let rows: anyhow::Result<Vec<SheetRow>> =
+        mission::spaced(places, SHEET_ROWS).map(row).collect();
     sheet::write(path, &rows?)
 }

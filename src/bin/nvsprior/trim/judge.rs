@@ -3,14 +3,15 @@
 use std::time::Instant;
 
 use indicatif::ProgressBar;
-use nvsprior::picture::psnr_of_mse;
 use nvsprior::prior::Splats;
 use nvsprior::study::trim::{Judge, Round, Step};
-use nvsprior::{Camera, Engine, Picture, Pose, Prior};
+use nvsprior::{Engine, Prior};
 
 use crate::args::progress;
 use crate::container::Container;
-use crate::mission::{self, Mission, Painter, Sight, places};
+use crate::mission::{self, Mission};
+use crate::painter::{Painter, compare_times};
+use crate::view_set::{ViewSet, expected_loss};
 
 /// What may be lost.
 pub struct Loss {
@@ -20,58 +21,8 @@ pub struct Loss {
     pub floor: f64,
 }
 
-/// Equal pictures count as this, dB.
-const EQUAL: f64 = 100.0;
 /// Views at which renders are timed.
 const TIMED: usize = 12;
-
-/// Views with the whole prior's pictures.
-struct Set {
-    places: Vec<(Camera, Pose)>,
-    pictures: Vec<Picture>,
-    /// The camera's, where every view has one.
-    frames: Option<Vec<Picture>>,
-}
-
-impl Set {
-    fn new(
-        places: Vec<(Camera, Pose)>,
-        frames: Option<Vec<Picture>>,
-        whole: &mut Painter,
-    ) -> anyhow::Result<Set> {
-        let pictures = whole.paint_all(&places)?;
-        Ok(Set { places, pictures, frames })
-    }
-
-    fn of(sights: &[Sight], whole: &mut Painter) -> anyhow::Result<Set> {
-        let frames = sights.iter().map(|sight| sight.frame.clone()).collect();
-        Set::new(places(sights), frames, whole)
-    }
-
-    /// PSNR of a prior's pictures against the whole one's, and what they lose against the frames, as
-    /// means over the views; NaN where there are none.
-    fn compare(&self, small: &mut Painter) -> anyhow::Result<(f64, f64)> {
-        let (mut psnr, mut loss) = (0.0, 0.0);
-        for (i, (camera, pose)) in self.places.iter().enumerate() {
-            let picture = small.paint(camera, pose)?;
-            psnr += picture.psnr(&self.pictures[i]).min(EQUAL);
-            loss += self.frames.as_ref().map_or(f64::NAN, |frames| {
-                let of = |picture: &Picture| picture.psnr(&frames[i]).min(EQUAL);
-                of(&self.pictures[i]) - of(picture)
-            });
-        }
-        let count = self.places.len() as f64;
-        Ok((psnr / count, loss / count))
-    }
-
-    /// PSNR of the whole prior's pictures against the frames, mean over the views, dB.
-    fn fidelity(&self) -> Option<f64> {
-        let frames = self.frames.as_ref()?;
-        let all = std::iter::zip(&self.pictures, frames);
-        let sum: f64 = all.map(|(picture, frame)| picture.psnr(frame).min(EQUAL)).sum();
-        Some(sum / frames.len() as f64)
-    }
-}
 
 /// The whole prior and all views; judges what is left of it.
 pub struct Bench<'a> {
@@ -81,11 +32,11 @@ pub struct Bench<'a> {
     container: Container,
     limits: Loss,
     /// The views that the fit knows.
-    views: Set,
+    views: ViewSet,
     /// Within the margin of them, but not known to the fit.
-    near: Set,
+    near: ViewSet,
     /// The camera file's other splits.
-    others: Set,
+    others: ViewSet,
     bar: ProgressBar,
     since: Instant,
 }
@@ -102,9 +53,9 @@ impl<'a> Bench<'a> {
         let (known, first) = (mission.places(), mission.views.len() as u64);
         let margin = mission.margin;
         let near = if margin.is_none() { Vec::new() } else { margin.around(&known, first) };
-        let views = Set::of(&mission.views, &mut whole)?;
-        let near = Set::new(near, None, &mut whole)?;
-        let others = Set::of(&mission.others, &mut whole)?;
+        let views = ViewSet::of(&mission.views, usize::MAX, &mut whole)?;
+        let near = ViewSet::new(near, None, &mut whole)?;
+        let others = ViewSet::of(&mission.others, usize::MAX, &mut whole)?;
         let (bar, since) = (progress(0, "fitting"), Instant::now());
         Ok(Bench { engine, prior, whole, container, limits, views, near, others, bar, since })
     }
@@ -127,10 +78,7 @@ impl<'a> Bench<'a> {
         let none = self.near.places.is_empty();
         Ok(match self.views.fidelity() {
             Some(_) if none => loss,
-            Some(fidelity) => {
-                let grown = 1.0 + 10_f64.powf((fidelity - near) / 10.0);
-                loss.max(-psnr_of_mse(grown))
-            }
+            Some(fidelity) => loss.max(expected_loss(fidelity, near)),
             None if none => self.limits.floor - psnr,
             None => self.limits.floor - psnr.min(near),
         })
@@ -153,9 +101,8 @@ impl<'a> Bench<'a> {
         row("SH degree", format!("{} → {}", degrees.0, degrees.1));
         row("bytes", format!("{before} → {after}, {}", of(before as f64, after as f64)));
         let mut small = self.painter(reduced)?;
-        let every = self.views.places.len().div_ceil(TIMED);
-        let timed: Vec<_> = self.views.places.iter().step_by(every).copied().collect();
-        let times = mission::compare_times(&mut self.whole, &mut small, &timed)?;
+        let timed: Vec<_> = mission::spaced(&self.views.places, TIMED).copied().collect();
+        let times = compare_times(&mut self.whole, &mut small, &timed)?;
         let (a, b, ratio) = (times.first, times.second, times.ratio);
         row("render", format!("{a:.2} → {b:.2} ms, {ratio:.2} × (turn by turn, medians)"));
         let sets =
