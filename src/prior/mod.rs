@@ -1,6 +1,7 @@
 //! The prior: a trained 3D Gaussian Splatting scene that vehicle and topside share.
 
 mod check;
+pub mod compact;
 mod error;
 mod frame;
 mod identity;
@@ -100,6 +101,17 @@ pub struct Splats {
 impl Splats {
     /// Highest degree of spherical harmonics.
     pub const MAX_SH_DEGREE: u32 = 3;
+
+    /// None yet, with room for `count` of the degree.
+    pub(crate) fn with_capacity(count: usize, sh_degree: u32) -> Splats {
+        let mut splats = Splats { sh_degree, ..Splats::default() };
+        splats.positions.reserve_exact(count);
+        splats.log_scales.reserve_exact(count);
+        splats.rotations.reserve_exact(count);
+        splats.opacity_logits.reserve_exact(count);
+        splats.sh.reserve_exact(count * splats.sh_stride());
+        splats
+    }
 
     /// Number of splats.
     pub fn len(&self) -> usize {

@@ -257,12 +257,7 @@ struct SplatSink {
 
 impl SplatSink {
     fn new(layout: &Layout) -> SplatSink {
-        let mut splats = Splats { sh_degree: layout.sh_degree, ..Splats::default() };
-        splats.positions.reserve_exact(layout.count);
-        splats.log_scales.reserve_exact(layout.count);
-        splats.rotations.reserve_exact(layout.count);
-        splats.opacity_logits.reserve_exact(layout.count);
-        splats.sh.reserve_exact(layout.count * splats.sh_stride());
+        let splats = Splats::with_capacity(layout.count, layout.sh_degree);
         SplatSink { splats, properties: layout.properties() }
     }
 
