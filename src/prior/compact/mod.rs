@@ -11,6 +11,7 @@ mod stream;
 
 use std::io::Write;
 
+use super::check::fault_of;
 use super::{PriorError, PriorId, RenderOptions, Splats};
 use coder::{Reader, Writer};
 use header::Header;
@@ -129,9 +130,13 @@ impl Coded {
 
     /// Splats in steps and in order; those at one place keep theirs.
     fn of(splats: &Splats, quantisation: &Quantisation) -> Result<Coded, PriorError> {
+        let faults = (0..splats.len()).map(|splat| (splat, fault_of(splats, splat)));
+        for (splat, fault) in faults {
+            fault.map_or(Ok(()), |fault| Err(PriorError::Unsound { splat, fault }))?;
+        }
+        let grid = Grid::of(&splats.positions, quantisation.position);
         let rows = (0..splats.len()).map(|i| quantise(splats, i, quantisation));
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
-        let grid = Grid::of(&splats.positions, quantisation.position);
         let ranks = splats.positions.iter().map(|p| stream::rank(grid.code(*p)));
         let mut order: Vec<(u128, usize)> = ranks.zip(0..).collect();
         order.sort_unstable();
@@ -155,7 +160,7 @@ impl Coded {
     /// Codes all numbers, with either side of the coder.
     fn code(&mut self, coder: &mut impl coder::Coder) {
         stream::code_ranks(coder, &mut self.ranks);
-        stream::code_columns(coder, &mut self.columns);
+        stream::code_columns(coder, &mut self.columns, &|s| quantise::fineness(s, &self.grid, q));
     }
 
     /// The coded part of a file: at least a byte a splat, so that a reader can trust the count.

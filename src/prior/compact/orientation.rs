@@ -13,8 +13,7 @@ use super::super::Splats;
 /// Scales of splat `index`, and x, y, z of its rotation in steps, the axes named so that the rotation
 /// is the smallest. It may stay above that by what rounding does to it, so that what was written
 /// once is written the same again.
-pub fn reduced(splats: &Splats, index: usize, step: f32) -> ([f32; 3], [i32; 3]) {
-    let scales = splats.log_scales[index];
+pub fn reduced(splats: &Splats, index: usize, scales: [i32; 3], step: f32) -> ([i32; 3], [i32; 3]) {
     let [w, x, y, z] = splats.unit_rotation(index).map(f64::from);
     let q = DQuat::from_xyzw(x, y, z, w);
     let [w, x, y, z] = quaternion(steps(q, step), step).map(f64::from);

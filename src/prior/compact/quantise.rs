@@ -3,7 +3,7 @@
 //! Only additions, products, quotients and square roots of f64 take part, which every machine rounds
 //! alike: a file gives the same splats, and the same identity, everywhere.
 
-use super::super::check::{INFINITE_LOGIT, MAX_LOG_SCALE, fault_of};
+use super::super::check::{INFINITE_LOGIT, MAX_LOG_SCALE};
 use super::super::{PriorError, PriorFrame, Splats};
 use super::orientation;
 
@@ -165,12 +165,9 @@ pub fn columns(sh_degree: u32) -> usize {
 /// Largest magnitude of a number in a column.
 const MAX_CODE: f64 = (1 << 24) as f64;
 
-/// Splat `index` in steps, column by column. Fails where it is unsound, or where a value is too
-/// large for its step.
+/// Splat `index` in steps, column by column. It is sound; fails where a value is too large for
+/// its step.
 pub fn quantise(splats: &Splats, index: usize, q: &Quantisation) -> Result<Vec<i32>, PriorError> {
-    if let Some(fault) = fault_of(splats, index) {
-        return Err(PriorError::Unsound { splat: index, fault });
-    }
     let steps = |value: f32, step: f32| (f64::from(value) / f64::from(step)).round();
     let whole = |column, value: f32, step| {
         let code = steps(value, step);
@@ -179,10 +176,12 @@ pub fn quantise(splats: &Splats, index: usize, q: &Quantisation) -> Result<Vec<i
             false => Err(PriorError::OutOfSteps { splat: index, column, value, step }),
         }
     };
-    let (scales, rotation) = orientation::reduced(splats, index, q.rotation);
     let most = (f64::from(MAX_LOG_SCALE) / f64::from(q.log_scale)).floor();
+    let scales = splats.log_scales[index];
+    let scales = scales.map(|s| steps(s, q.log_scale).clamp(-most, most) as i32);
+    let (scales, rotation) = orientation::reduced(splats, index, scales, q.rotation);
     let mut codes = Vec::with_capacity(columns(splats.sh_degree));
-    codes.extend(scales.map(|s| steps(s, q.log_scale).clamp(-most, most) as i32));
+    codes.extend(scales);
     codes.extend(rotation);
     let logit = splats.opacity_logits[index].clamp(-INFINITE_LOGIT, INFINITE_LOGIT);
     codes.push(whole("opacity", logit, q.opacity_logit)?);
