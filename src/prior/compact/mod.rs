@@ -160,7 +160,7 @@ impl Coded {
     /// Codes all numbers, with either side of the coder.
     fn code(&mut self, coder: &mut impl coder::Coder) {
         stream::code_ranks(coder, &mut self.ranks);
-        stream::code_columns(coder, &mut self.columns, &|s| quantise::fineness(s, &self.grid, q));
+        stream::code_columns(coder, &mut self.columns);
     }
 
     /// The coded part of a file: at least a byte a splat, so that a reader can trust the count.
