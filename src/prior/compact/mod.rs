@@ -12,7 +12,7 @@ mod stream;
 use std::io::Write;
 
 use super::check::fault_of;
-use super::{PriorError, PriorId, RenderOptions, Splats};
+use super::{PriorError, PriorFile, PriorFormat, PriorId, RenderOptions, Splats};
 use coder::{Reader, Writer};
 use header::Header;
 use quantise::{Grid, dequantise, quantise};
@@ -23,17 +23,6 @@ pub const MAGIC: &[u8] = b"nvsg";
 
 /// Bytes of the check at the end.
 const CHECK: usize = 4;
-
-/// What a compact prior holds.
-#[derive(Debug)]
-pub struct CompactScene {
-    /// The splats, in the order of the Morton curve.
-    pub splats: Splats,
-    /// How to render them.
-    pub options: RenderOptions,
-    /// In which steps they were written.
-    pub quantisation: Quantisation,
-}
 
 /// Writes splats; returns the identity of the prior that readers get.
 ///
@@ -73,7 +62,7 @@ pub fn write(
 
 /// Reads the content of a compact prior. Memory grows with the content's size, whatever the header
 /// says: at most 500 bytes for each byte.
-pub fn read(bytes: &[u8]) -> Result<CompactScene, PriorError> {
+pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     if !bytes.starts_with(MAGIC) {
         return Err(PriorError::UnknownFormat);
     }
@@ -98,7 +87,8 @@ pub fn read(bytes: &[u8]) -> Result<CompactScene, PriorError> {
     if found != header.id {
         return Err(PriorError::Identity { stated: header.id, found });
     }
-    Ok(CompactScene { splats, options: header.options, quantisation: header.quantisation })
+    let (options, format) = (header.options, PriorFormat::Compact);
+    Ok(PriorFile { splats, options, format, comments: Vec::new() })
 }
 
 /// Checks the content; gives it without the check, and its coded part.

@@ -29,12 +29,12 @@ pub struct Quantisation {
 impl Default for Quantisation {
     fn default() -> Quantisation {
         Quantisation {
-            position: 1.0 / 2048.0,
-            log_scale: 0.1,
-            rotation: 0.02,
-            opacity_logit: 0.15,
-            colour: 0.03,
-            sh: 0.03,
+            position: 1.0 / 4096.0,
+            log_scale: 0.06,
+            rotation: 0.007,
+            opacity_logit: 0.08,
+            colour: 0.04,
+            sh: 0.05,
         }
     }
 }

@@ -13,9 +13,7 @@ fn sizes() {
     let mut sum = 0.0;
     for c in 0..coded.columns.len() {
         let mut w = Writer::new();
-        stream::code_columns(&mut w, &mut coded.columns[..=c], &|s| {
-            quantise::fineness(s, &coded.grid, &Quantisation::default())
-        });
+        stream::code_columns(&mut w, &mut coded.columns[..=c]);
         let bits = w.finish().len() as f64 * 8.0 / n;
         let h = entropy(&coded.columns[c]);
         println!("column {c}: {:.3} bits; order 0 entropy {h:.3}", bits - sum);
