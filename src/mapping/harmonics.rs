@@ -39,3 +39,31 @@ pub fn by_position(own: &[f32], gradient: Vec3, offset: Vec3) -> Vec3 {
         .sum();
     (by_direction - direction * direction.dot(by_direction)) * offset.length_recip()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn derivatives_by_position_agree_with_differences() {
+        let wave = |i: usize| (i as f32 * 0.77 + 0.4).sin();
+        for sh_degree in 0..=3 {
+            let position = Vec3::new(0.4, -0.7, 1.9);
+            let mut splats = Splats { sh_degree, ..Splats::default() };
+            splats.sh = (0..splats.sh_stride()).map(|i| 0.1 * wave(i)).collect();
+            splats.positions = vec![position.to_array()];
+            let (gradient, centre) = (Vec3::new(0.3, -1.0, 0.8), Vec3::new(-0.2, 0.1, 0.3));
+            let analytic = by_position(&splats.sh, gradient, position - centre);
+            for axis in 0..3 {
+                let mut value = |by: f32| {
+                    splats.positions[0] = position.to_array();
+                    splats.positions[0][axis] += by;
+                    gradient.dot(colours(&splats, centre)[0])
+                };
+                let difference = (value(1e-2) - value(-1e-2)) / 2e-2;
+                let error = (analytic[axis] - difference).abs();
+                assert!(error < 2e-3, "degree {sh_degree}: {} {difference}", analytic[axis]);
+            }
+        }
+    }
+}

@@ -1,8 +1,8 @@
 //! Reducing a prior to what a mission's views need: fewer splats, fitted to look like all of them.
 //!
 //! In rounds: the splats whose absence the views would show least are left out, and what remains is
-//! fitted to the pictures of the whole prior, colours by least squares, then everything by gradient
-//! steps. A round that costs more than the tolerance is taken back and tried with fewer splats, until
+//! fitted to pictures of the whole prior, or of the camera, everything by gradient steps, then colours by least
+//! squares. A round that costs more than the tolerance is taken back and tried with fewer splats, until
 //! there is nothing more to gain. What a splat's absence shows is the sum over pixels of
 //! `|T α (behind − colour)|²`, exact for one splat alone.
 
@@ -93,7 +93,7 @@ pub trait Judge {
 }
 
 /// Reduces `splats` as far as `judge` finds their loss within the tolerance; all of them where it
-/// never does. `views` hold pictures of the whole prior. The result is the same for any number of
+/// never does. `views` hold the pictures to fit to. The result is the same for any number of
 /// threads.
 ///
 /// # Errors
@@ -217,7 +217,7 @@ impl<J: Judge> Trimmer<'_, J> {
         removals(&self.best, &self.options.render, &places)
     }
 
-    /// Fits splats to the pictures of the whole prior.
+    /// Fits splats to the views.
     fn fit(&mut self, splats: &mut Splats) {
         let TrimOptions { render, sweeps, steps, pace, .. } = *self.options;
         let options = MappingOptions { render, sweeps, steps, ..MappingOptions::default() };
@@ -226,8 +226,9 @@ impl<J: Judge> Trimmer<'_, J> {
             done += 1;
             self.judge.fitted(done, sweeps + steps);
         };
-        fit::correct_colours(splats, self.views, &options, &mut step);
         train::train(splats, self.views, &options, pace, &mut step);
+        // Last, since it sees all views at once: it takes away what the last steps left of their own.
+        fit::correct_colours(splats, self.views, &options, &mut step);
     }
 }
 

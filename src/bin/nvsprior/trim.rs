@@ -5,7 +5,9 @@ mod judge;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
+use clap::ValueEnum;
 use nvsprior::mapping::View;
+use nvsprior::prior::compact::Quantisation;
 use nvsprior::study::trim::{TrimOptions, trim};
 use nvsprior::{Camera, Pose, Prior};
 
@@ -18,8 +20,7 @@ use judge::{Bench, Loss};
 
 /// Write a prior reduced to what a mission's views need
 ///
-/// Leaves out the splats whose absence shows least, in rounds, and fits those that remain to the
-/// pictures of the whole prior. The loss is measured at the views, at others within the margin, and
+/// Leaves out the splats whose absence shows least, in rounds, and fits those that remain. The loss is measured at the views, at others within the margin, and
 /// at the camera file's other splits. The reduced prior has an identity of its own: both sides of a
 /// link must hold it.
 #[derive(clap::Args)]
@@ -44,20 +45,33 @@ pub struct Args {
     /// Leave out splats farther than this from every camera, in the prior's unit
     #[arg(long, value_name = "LENGTH", value_parser = mission::not_negative)]
     range: Option<f64>,
+    /// Pictures that the rest is fitted to at the camera file's poses: the frames (where they are
+    /// there), or the whole prior's renders, which know nothing of this dive's light
+    #[arg(long, value_enum, default_value = "frames")]
+    fit: FitArg,
     /// Gradient steps of a round
     #[arg(long, value_name = "N", default_value_t = 60)]
     steps: u32,
     /// Share of the splats that a round leaves out at first
     #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = share)]
     share: f64,
-    /// The reduced prior
+    /// The reduced prior: .nvsg (compact, quantised; what that costs counts as loss) or .ply
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// Steps of a compact prior's quantisation, as multiples of the usual ones
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    coarseness: f32,
     /// Contact sheet to write (PNG): whole | reduced | difference | reduced, a row a view
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum FitArg {
+    Frames,
+    Renders,
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -72,12 +86,13 @@ fn share(text: &str) -> Result<f64, String> {
 const SHEET_ROWS: usize = 8;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let container = Container::of(&args.out)?;
+    let quantisation = Quantisation::default().scaled(args.coarseness);
+    let container = Container::of(&args.out, quantisation)?;
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
     let mission = args.mission.read(&args.cameras)?;
     let engine = args.device.open()?;
     let mut whole = Painter::new(&engine, &prior)?;
-    let views = fit_views(&mission, &mut whole)?;
+    let views = fit_views(&mission, args.fit, &mut whole)?;
     let limits = Loss { tolerance: args.tolerance, floor: args.floor };
     let mut bench = Bench::new(&engine, &prior, whole, &mission, container, limits)?;
     let options = TrimOptions {
@@ -98,17 +113,24 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)
 }
 
-/// The views to fit to, and one near each where there is a margin, as the whole prior shows them.
-fn fit_views(mission: &Mission, whole: &mut Painter) -> anyhow::Result<Vec<View>> {
-    let mut places = mission.places();
-    if !mission.margin.is_none() {
-        places.extend(mission.margin.around(&mission.places(), 0));
+/// The views to fit to, and one near each where there is a margin: there, and wherever frames do not
+/// count, as the whole prior shows them.
+fn fit_views(mission: &Mission, fit: FitArg, whole: &mut Painter) -> anyhow::Result<Vec<View>> {
+    let mut views = Vec::new();
+    for sight in &mission.views {
+        let (camera, pose) = (sight.camera, sight.pose);
+        let picture = match &sight.frame {
+            Some(frame) if fit == FitArg::Frames => frame.clone(),
+            _ => whole.paint(&camera, &pose)?.clone(),
+        };
+        views.push(View { camera, pose, picture });
     }
-    let view = |(camera, pose): &(Camera, Pose)| {
-        let picture = whole.paint(camera, pose)?.clone();
-        Ok(View { camera: *camera, pose: *pose, picture })
-    };
-    places.iter().map(view).collect()
+    if !mission.margin.is_none() {
+        for (camera, pose) in mission.margin.around(&mission.places(), 0) {
+            views.push(View { camera, pose, picture: whole.paint(&camera, &pose)?.clone() });
+        }
+    }
+    Ok(views)
 }
 
 fn write_sheet(
