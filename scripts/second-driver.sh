@@ -9,7 +9,7 @@ mkdir -p "$1/lists/partial" "$1/archives/partial" "$1/root"
 dir=$(cd "$1" && pwd)
 . /etc/os-release
 [ "$VERSION_CODENAME" = bookworm ] || { echo "this is no Debian 12: take any other driver" >&2; exit 1; }
-mirror=$(grep -rhs '^URIs:' /etc/apt/sources.list.d | head -n 1 | cut -d' ' -f2)
+mirror=$(grep -rhs '^URIs:.*/debian$' /etc/apt/sources.list.d | head -n 1 | cut -d' ' -f2)
 key=/usr/share/keyrings/debian-archive-keyring.gpg
 echo "deb [signed-by=$key] ${mirror:-http://deb.debian.org/debian} bookworm-backports main" \
     >"$dir/sources.list"
@@ -19,7 +19,9 @@ apt() {
         -o APT::Sandbox::User=root "$@"
 }
 apt update >&2
-(cd "$dir" && apt download mesa-vulkan-drivers libdrm2 libdrm-amdgpu1 >&2)
+(cd "$dir" && for package in mesa-vulkan-drivers libdrm2 libdrm-amdgpu1; do
+    apt download "$package/bookworm-backports" >&2
+done)
 for package in "$dir"/*.deb; do dpkg -x "$package" "$dir/root"; done
 
 libraries="$dir/root/usr/lib/$(uname -m)-linux-gnu"

@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::render::{Kernels, Plan, Renderer, Scene, SceneKernels, Traits};
+use crate::study::Needs;
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
 
@@ -40,11 +41,15 @@ impl Engine {
         self.device.validation_messages()
     }
 
-    /// Uploads a prior, for any number of renderers. Builds the pipelines for priors of its kind, where
-    /// it is the first.
+    /// Uploads a prior, for any number of renderers; what no picture shows is left out. Builds the
+    /// pipelines for priors of its kind, where it is the first.
     pub fn upload(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
-        let kernels = self.scene_kernels(&Traits::of(prior))?;
-        Ok(Arc::new(Scene::new(&self.device, prior, kernels)?))
+        self.upload_needed(prior, Needs::of(prior))
+    }
+
+    fn upload_needed(&self, prior: &Prior, needs: Needs) -> Result<Arc<Scene>, Error> {
+        let kernels = self.scene_kernels(&Traits::of(&needs))?;
+        Ok(Arc::new(Scene::new(&self.device, prior, needs, kernels)?))
     }
 
     fn scene_kernels(&self, traits: &Traits) -> Result<Arc<SceneKernels>, Error> {
@@ -56,6 +61,11 @@ impl Engine {
         let set = Arc::new(SceneKernels::new(&self.device, traits)?);
         sets.push((*traits, set.clone()));
         Ok(set)
+    }
+
+    /// Uploads a prior with what no picture shows, to compare with.
+    pub fn upload_whole(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
+        self.upload_needed(prior, Needs::everything(prior))
     }
 
     /// Makes a renderer of an uploaded prior.

@@ -44,6 +44,7 @@ pub mod reference;
 pub mod refine;
 pub mod render;
 pub mod residual;
+pub mod study;
 #[allow(unsafe_code)]
 pub mod vulkan;
 

@@ -31,8 +31,27 @@ pub fn fit_colours(
     let terms = harmonics::count(splats.sh_degree);
     let system = System { geometry: &geometry, views, options, terms };
     let mut x: Vec<Vec3> = splats.sh.chunks_exact(3).map(Vec3::from_slice).collect();
-    system.solve(&mut x, done);
+    let mut residual = system.pulled(&x, true);
+    system.damp(&x, &mut residual, -1.0);
+    system.solve(&mut x, residual, done);
     splats.sh = x.iter().flat_map(Vec3::to_array).collect();
+}
+
+/// Solves for changes of colours that are nearly right: as [`fit_colours`], but what the views do
+/// not decide stays as it is.
+pub fn correct_colours(
+    splats: &mut Splats,
+    views: &[View],
+    options: &MappingOptions,
+    done: &mut dyn FnMut(),
+) {
+    let geometry = Geometry::of(splats);
+    let terms = harmonics::count(splats.sh_degree);
+    let system = System { geometry: &geometry, views, options, terms };
+    let x: Vec<Vec3> = splats.sh.chunks_exact(3).map(Vec3::from_slice).collect();
+    let mut change = vec![Vec3::ZERO; x.len()];
+    system.solve(&mut change, system.pulled(&x, true), done);
+    splats.sh = std::iter::zip(x, change).flat_map(|(x, c)| (x + c).to_array()).collect();
 }
 
 /// The linear system of one geometry and its views.
@@ -45,14 +64,12 @@ struct System<'a> {
 }
 
 impl System<'_> {
-    /// Improves coefficients, `terms` per splat.
-    fn solve(&self, x: &mut [Vec3], done: &mut dyn FnMut()) {
+    /// Improves coefficients, `terms` per splat, from the residual of the normal equations there.
+    fn solve(&self, x: &mut [Vec3], mut residual: Vec<Vec3>, done: &mut dyn FnMut()) {
         let inverse_diagonal = self.inverse_diagonal();
         let precondition = |r: &[Vec3]| -> Vec<Vec3> {
             std::iter::zip(r, &inverse_diagonal).map(|(r, d)| *r * *d).collect()
         };
-        let mut residual = self.pulled(x, true);
-        self.damp(x, &mut residual, -1.0);
         let mut z = precondition(&residual);
         let mut direction = z.clone();
         let mut rz = dot(&residual, &z);
@@ -80,7 +97,11 @@ impl System<'_> {
         let background = Vec3::from(self.options.render.background);
         self.summed(vec![Vec3::ZERO; x.len()], |view, projection, sum: &mut [Vec3]| {
             let directions = self.directions(view);
-            let colours = self.colours(x, &directions, if against_pictures { 0.5 } else { 0.0 });
+            let mut colours =
+                self.colours(x, &directions, if against_pictures { 0.5 } else { 0.0 });
+            if against_pictures {
+                colours.iter_mut().for_each(|c| *c = c.max(Vec3::ZERO));
+            }
             let mut gradient = vec![Vec3::ZERO; colours.len()];
             projection.sweep(&colours, &mut gradient, |pixel, value, transmittance| {
                 if against_pictures {
@@ -115,33 +136,16 @@ impl System<'_> {
         sums.iter().enumerate().map(|(k, s)| 1.0 / (s + self.damping(k))).collect()
     }
 
-    /// Adds up, in a fixed order, what `add` makes of every view.
+    /// Adds up what `add` makes of every view and its projection.
     fn summed<T>(&self, zero: Vec<T>, add: impl Fn(&View, &Projection, &mut [T]) + Sync) -> Vec<T>
     where
         T: Copy + Send + Sync + std::ops::AddAssign,
     {
-        let size = self.views.len().div_ceil(GROUPS).max(1);
-        let sums: Vec<Vec<T>> = self
-            .views
-            .par_chunks(size)
-            .map(|group| {
-                let mut sum = zero.clone();
-                for view in group {
-                    let options = &self.options.render;
-                    let projection =
-                        Projection::new(self.geometry, &view.camera, &view.pose, options);
-                    add(view, &projection, &mut sum);
-                }
-                sum
-            })
-            .collect();
-        let mut total = zero;
-        for sum in sums {
-            for (t, s) in std::iter::zip(&mut total, sum) {
-                *t += s;
-            }
-        }
-        total
+        sum_over(self.views, zero, |view, sum| {
+            let options = &self.options.render;
+            let projection = Projection::new(self.geometry, &view.camera, &view.pose, options);
+            add(view, &projection, sum);
+        })
     }
 
     /// Unit directions from a view's camera to every splat.
@@ -171,6 +175,31 @@ impl System<'_> {
             *s += *x * (sign * self.damping(k));
         }
     }
+}
+
+/// Adds up, in an order that does not depend on the number of threads, what `add` makes of every
+/// view.
+pub fn sum_over<V, T>(views: &[V], zero: Vec<T>, add: impl Fn(&V, &mut [T]) + Sync) -> Vec<T>
+where
+    V: Sync,
+    T: Copy + Send + Sync + std::ops::AddAssign,
+{
+    let size = views.len().div_ceil(GROUPS).max(1);
+    let sums: Vec<Vec<T>> = views
+        .par_chunks(size)
+        .map(|group| {
+            let mut sum = zero.clone();
+            group.iter().for_each(|view| add(view, &mut sum));
+            sum
+        })
+        .collect();
+    let mut total = zero;
+    for sum in sums {
+        for (t, s) in std::iter::zip(&mut total, sum) {
+            *t += s;
+        }
+    }
+    total
 }
 
 /// Summed in f64: the sums run over 10⁵ terms and steer every step.

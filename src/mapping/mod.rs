@@ -6,11 +6,11 @@
 //! on the CPU and takes well under a minute for a hundred small pictures. For a scene without
 //! known surfaces use a full trainer, such as nerfstudio's Splatfacto.
 
-mod fit;
-mod harmonics;
-mod project;
-mod raster;
-mod train;
+pub(crate) mod fit;
+pub(crate) mod harmonics;
+pub(crate) mod project;
+pub(crate) mod raster;
+pub(crate) mod train;
 
 use glam::{Quat, Vec3};
 
@@ -157,7 +157,7 @@ pub fn make_prior(
     };
     let mut splats = discs(points, options);
     fit::fit_colours(&mut splats, views, options, &mut step);
-    train::train(&mut splats, views, options, &mut step);
+    train::train(&mut splats, views, options, 1.0, &mut step);
     Ok(splats)
 }
 
@@ -238,7 +238,7 @@ fn check_points(points: &[SurfacePoint]) -> Result<(), MappingError> {
     }
 }
 
-fn check_views(views: &[View]) -> Result<(), MappingError> {
+pub(crate) fn check_views(views: &[View]) -> Result<(), MappingError> {
     if views.is_empty() {
         return Err(MappingError::NoViews);
     }

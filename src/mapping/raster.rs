@@ -51,6 +51,22 @@ pub struct ImageGradient {
     pub opacity_logit: f32,
 }
 
+/// What leaving one splat out would do to pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Removal {
+    /// Sum over pixels and channels of the squared change, values in [0, 1].
+    pub error: f32,
+    /// Pixels in which the splat is blended.
+    pub pixels: f32,
+}
+
+impl std::ops::AddAssign for Removal {
+    fn add_assign(&mut self, other: Removal) {
+        self.error += other.error;
+        self.pixels += other.pixels;
+    }
+}
+
 /// Working memory of a tile, kept from tile to tile.
 #[derive(Default)]
 struct Tile {
@@ -179,6 +195,27 @@ impl Projection {
             self.blend(index, &mut tile);
             for w in &tile.weights {
                 sums[self.splats[w.slot as usize].index as usize] += w.weight * w.weight;
+            }
+        }
+    }
+
+    /// Adds to every splat's sums what leaving it alone out would do to this picture: in each pixel
+    /// what lies behind then shows in its place, `T α (behind − colour)`.
+    pub fn add_removals(&self, colours: &[Vec3], background: Vec3, sums: &mut [Removal]) {
+        let mut tile = Tile::default();
+        for index in 0..self.tiles() {
+            self.blend(index, &mut tile);
+            let inside = |pixel: usize| self.pixel_of(index, pixel).is_some();
+            let mut behind: Vec<Vec3> =
+                tile.transmittance.iter().map(|t| *t * background).collect();
+            for w in tile.weights.iter().rev() {
+                let splat = self.splats[w.slot as usize].index as usize;
+                let (pixel, shown) = (w.pixel as usize, w.weight * colours[splat]);
+                let change = behind[pixel] * (w.alpha / (1.0 - w.alpha)) - shown;
+                behind[pixel] += shown;
+                if inside(pixel) {
+                    sums[splat] += Removal { error: change.length_squared(), pixels: 1.0 };
+                }
             }
         }
     }

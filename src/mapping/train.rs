@@ -40,11 +40,13 @@ struct Moments {
     steps: i32,
 }
 
-/// Improves splats by `options.steps` steps; `done` is told after each.
+/// Improves splats by `options.steps` steps, `pace` times as long as for splats that know nothing;
+/// `done` is told after each. Bands of spherical harmonics above the first stay as they are.
 pub fn train(
     splats: &mut Splats,
     views: &[View],
     options: &MappingOptions,
+    pace: f32,
     done: &mut dyn FnMut(),
 ) {
     let count = splats.positions.len();
@@ -61,7 +63,7 @@ pub fn train(
             .map(|view| derivatives(splats, &geometry, view, options))
             .collect();
         // From the full rate to a tenth of it, geometrically.
-        let rate = 0.1f32.powf(step as f32 / options.steps as f32);
+        let rate = pace * 0.1f32.powf(step as f32 / options.steps as f32);
         for (index, moments) in moments.iter_mut().enumerate() {
             let mut sum = [0.0; PARAMETERS];
             for view in &derivatives {
@@ -143,7 +145,7 @@ fn derivatives(
         own[6..9].copy_from_slice(&shape.turn.to_array());
         own[9] = g.opacity_logit;
         let basis = harmonics::basis(offset.normalize_or_zero());
-        for (term, b) in basis[..terms].iter().enumerate() {
+        for (term, b) in basis[..terms.min(4)].iter().enumerate() {
             own[10 + 3 * term..13 + 3 * term].copy_from_slice(&(g.colour * *b).to_array());
         }
     }

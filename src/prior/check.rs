@@ -108,7 +108,8 @@ fn keep<T>(array: &mut Vec<T>, faults: &[Option<Fault>], stride: usize) {
     });
 }
 
-fn fault_of(splats: &Splats, index: usize) -> Option<Fault> {
+/// What is wrong with splat `index`.
+pub(super) fn fault_of(splats: &Splats, index: usize) -> Option<Fault> {
     let scales = &splats.log_scales[index];
     let rotation = splats.rotations[index];
     let stride = splats.sh_stride();

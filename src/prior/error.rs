@@ -1,6 +1,6 @@
 //! Why a prior cannot be used.
 
-use super::{Fault, Prior, Splats};
+use super::{Fault, Prior, PriorId, Splats};
 
 /// Why a prior cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -12,7 +12,7 @@ pub enum PriorError {
     #[error("writing a prior: {0}")]
     Write(#[source] std::io::Error),
     /// The content is of no format known here.
-    #[error("not a PLY file")]
+    #[error("neither a PLY file nor another format of priors known here")]
     UnknownFormat,
     /// The header breaks the format's grammar.
     #[error("PLY header: {reason}")]
@@ -109,6 +109,62 @@ pub enum PriorError {
         found: usize,
         /// Entries that the positions and the degree ask for.
         expected: usize,
+    },
+    /// A field of a binary format cannot be used.
+    #[error("{format}, byte {offset}: {reason}")]
+    Field {
+        /// The format.
+        format: &'static str,
+        /// Where the field stands, bytes from the start of the file.
+        offset: u64,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The content of a compact prior was changed, or its end is missing.
+    #[error("damaged: the check says {stated:08x}, the content {found:08x}")]
+    Damaged {
+        /// The check in the file.
+        stated: u32,
+        /// What the content gives.
+        found: u32,
+    },
+    /// The splats of a file are not those that were written.
+    #[error("the splats are prior {found}, not {stated} as the file says")]
+    Identity {
+        /// What the file says.
+        stated: PriorId,
+        /// What the splats and render options give.
+        found: PriorId,
+    },
+    /// A splat to be written is unsound.
+    #[error("splat {splat} has a {fault}")]
+    Unsound {
+        /// Its index.
+        splat: usize,
+        /// What it suffers from.
+        fault: Fault,
+    },
+    /// A value is too large to be written in steps of the wanted size.
+    #[error("splat {splat}: {column} {value} is out of the range of steps of {step}")]
+    OutOfSteps {
+        /// Index of the splat.
+        splat: usize,
+        /// What the value is.
+        column: &'static str,
+        /// The value.
+        value: f32,
+        /// The step.
+        step: f32,
+    },
+    /// A step of a quantisation lies outside its range.
+    #[error("quantisation of {name} in steps of {step}: at least 1e-6, at most {most}")]
+    Step {
+        /// What is quantised.
+        name: &'static str,
+        /// The step.
+        step: f32,
+        /// The largest allowed.
+        most: f32,
     },
     /// One of the above, about the content of a file.
     #[error("{file}: {error}")]

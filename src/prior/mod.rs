@@ -1,10 +1,15 @@
 //! The prior: a trained 3D Gaussian Splatting scene that vehicle and topside share.
 
 mod check;
+pub mod compact;
+#[cfg(feature = "formats")]
+mod compressed_ply;
 mod error;
 mod frame;
 mod identity;
 pub mod ply;
+#[cfg(feature = "formats")]
+mod spz;
 
 use std::fmt;
 use std::fs::File;
@@ -101,6 +106,17 @@ impl Splats {
     /// Highest degree of spherical harmonics.
     pub const MAX_SH_DEGREE: u32 = 3;
 
+    /// None yet, with room for `count` of the degree.
+    pub(crate) fn with_capacity(count: usize, sh_degree: u32) -> Splats {
+        let mut splats = Splats { sh_degree, ..Splats::default() };
+        splats.positions.reserve_exact(count);
+        splats.log_scales.reserve_exact(count);
+        splats.rotations.reserve_exact(count);
+        splats.opacity_logits.reserve_exact(count);
+        splats.sh.reserve_exact(count * splats.sh_stride());
+        splats
+    }
+
     /// Number of splats.
     pub fn len(&self) -> usize {
         self.positions.len()
@@ -124,6 +140,35 @@ impl Splats {
         q.map(|v| (f64::from(v) / length) as f32)
     }
 
+    /// Opacity of splat `index`, from its logit.
+    pub fn opacity(&self, index: usize) -> f64 {
+        1.0 / (1.0 + (-f64::from(self.opacity_logits[index])).exp())
+    }
+
+    /// The splats that `kept` names, in their order.
+    ///
+    /// # Panics
+    /// Where `kept` has not an entry a splat.
+    pub fn filtered(&self, kept: &[bool]) -> Splats {
+        assert_eq!(kept.len(), self.len(), "an entry a splat");
+        Splats {
+            positions: pick(&self.positions, kept, 1),
+            log_scales: pick(&self.log_scales, kept, 1),
+            rotations: pick(&self.rotations, kept, 1),
+            opacity_logits: pick(&self.opacity_logits, kept, 1),
+            sh: pick(&self.sh, kept, self.sh_stride()),
+            sh_degree: self.sh_degree,
+        }
+    }
+
+    /// The splats without the spherical harmonics above a degree.
+    pub fn with_sh_degree(&self, degree: u32) -> Splats {
+        let sh_degree = degree.min(self.sh_degree);
+        let own = 3 * (sh_degree as usize + 1).pow(2);
+        let sh = self.sh.chunks_exact(self.sh_stride()).flat_map(|c| &c[..own]).copied().collect();
+        Splats { sh, sh_degree, ..self.clone() }
+    }
+
     /// Checks that the degree is known and that all arrays hold the same number of splats.
     pub fn check_shape(&self) -> Result<(), PriorError> {
         if self.sh_degree > Self::MAX_SH_DEGREE {
@@ -143,6 +188,12 @@ impl Splats {
     }
 }
 
+/// Entries of the splats that are kept, `stride` a splat.
+fn pick<T: Copy>(array: &[T], kept: &[bool], stride: usize) -> Vec<T> {
+    let entries = array.chunks_exact(stride).zip(kept);
+    entries.filter(|(_, kept)| **kept).flat_map(|(entry, _)| entry).copied().collect()
+}
+
 /// Where a prior's splats came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PriorFormat {
@@ -154,6 +205,14 @@ pub enum PriorFormat {
     PlyLittleEndian,
     /// A binary PLY file, big endian.
     PlyBigEndian,
+    /// A compact prior.
+    Compact,
+    /// A PLY file packed by PlayCanvas's tools.
+    #[cfg(feature = "formats")]
+    PlyCompressed,
+    /// A scene in Niantic's format, of this version.
+    #[cfg(feature = "formats")]
+    Spz(u32),
 }
 
 impl fmt::Display for PriorFormat {
@@ -163,6 +222,11 @@ impl fmt::Display for PriorFormat {
             PriorFormat::PlyAscii => "PLY, ascii",
             PriorFormat::PlyLittleEndian => "PLY, binary little endian",
             PriorFormat::PlyBigEndian => "PLY, binary big endian",
+            PriorFormat::Compact => "compact prior",
+            #[cfg(feature = "formats")]
+            PriorFormat::PlyCompressed => "PLY, compressed",
+            #[cfg(feature = "formats")]
+            PriorFormat::Spz(version) => return write!(f, "SPZ, version {version}"),
         })
     }
 }
@@ -212,10 +276,10 @@ impl Prior {
         name: &str,
         overrides: &RenderOverrides,
     ) -> Result<Prior, PriorError> {
-        let build = |file: ply::PlyScene| {
+        let build = |file: PriorFile| {
             Prior::build(file.splats, overrides.over(file.options), file.format, file.comments)
         };
-        ply::read_ply(bytes).and_then(build).map_err(|error| error.in_file(name))
+        PriorFile::read(bytes).and_then(build).map_err(|error| error.in_file(name))
     }
 
     /// Makes a prior of splats in memory. Unsound splats are dropped and counted, as from a file.
@@ -282,13 +346,51 @@ impl Prior {
     }
 }
 
+/// What a file holds: splats as they stand there, not yet checked.
+#[derive(Debug)]
+pub struct PriorFile {
+    /// The splats.
+    pub splats: Splats,
+    /// Render options by the file, or those usual for its format.
+    pub options: RenderOptions,
+    /// Which format.
+    pub format: PriorFormat,
+    /// Comments in its header.
+    pub comments: Vec<String>,
+}
+
+impl PriorFile {
+    /// Reads a file's content, its format told by the first bytes.
+    fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
+        if bytes.starts_with(compact::MAGIC) {
+            return compact::read(bytes);
+        }
+        #[cfg(feature = "formats")]
+        if spz::MAGICS.iter().any(|magic| bytes.starts_with(magic)) {
+            return spz::read(bytes);
+        }
+        ply::read_ply(bytes)
+    }
+
+    /// Whether files of a known format start so.
+    fn is_known(start: &[u8]) -> bool {
+        let known = start.starts_with(ply::MAGIC) || start.starts_with(compact::MAGIC);
+        #[cfg(feature = "formats")]
+        let known = known || spz::MAGICS.iter().any(|magic| start.starts_with(magic));
+        known
+    }
+}
+
+/// Longest start of a file that tells its format, bytes.
+const LONGEST_MAGIC: u64 = 4;
+
 /// Reads the file, but no further than its first bytes where they show another format, so that a
 /// wrong path (a device, a video) costs neither time nor memory.
 fn read_prior_file(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let mut bytes = Vec::new();
-    (&mut file).take(ply::MAGIC.len() as u64).read_to_end(&mut bytes)?;
-    if bytes == ply::MAGIC {
+    (&mut file).take(LONGEST_MAGIC).read_to_end(&mut bytes)?;
+    if PriorFile::is_known(&bytes) {
         file.read_to_end(&mut bytes)?;
     }
     Ok(bytes)

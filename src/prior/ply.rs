@@ -21,7 +21,7 @@ use std::str::FromStr;
 use serde::de::{DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
 
-use super::{Prior, PriorError, PriorFormat, RenderOptions, Splats};
+use super::{Prior, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 
 /// How a PLY file starts.
 pub const MAGIC: &[u8] = b"ply";
@@ -46,25 +46,16 @@ const PROPERTIES: [&str; 59] = [
 /// How many of [`PROPERTIES`] a file of degree 0 has; `f_rest_*` follow them.
 const BASE_PROPERTIES: usize = 14;
 
-/// What a PLY file holds: splats as they stand there, not yet checked.
-#[derive(Debug)]
-pub struct PlyScene {
-    /// The splats.
-    pub splats: Splats,
-    /// Render options by the header's comments.
-    pub options: RenderOptions,
-    /// Which encoding.
-    pub format: PriorFormat,
-    /// The header's comments.
-    pub comments: Vec<String>,
-}
-
 /// Reads the content of a PLY file. Memory grows with the content's size, whatever the header says.
-pub fn read_ply(bytes: &[u8]) -> Result<PlyScene, PriorError> {
+pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     if !bytes.starts_with(MAGIC) {
         return Err(PriorError::UnknownFormat);
     }
     let (header, body) = read_header(bytes)?;
+    #[cfg(feature = "formats")]
+    if super::compressed_ply::is_packed(&header) {
+        return super::compressed_ply::read(bytes, header, body);
+    }
     let layout = Layout::of(&header)?;
     check_length(&header, layout.element, body, bytes.len())?;
     let options = options_of(&header.comments)?;
@@ -74,7 +65,7 @@ pub fn read_ply(bytes: &[u8]) -> Result<PlyScene, PriorError> {
         PlyFormat::BinaryLittleEndian => PriorFormat::PlyLittleEndian,
         PlyFormat::BinaryBigEndian => PriorFormat::PlyBigEndian,
     };
-    Ok(PlyScene { splats, options, format, comments: header.comments })
+    Ok(PriorFile { splats, options, format, comments: header.comments })
 }
 
 /// The header, and how many bytes it takes.
@@ -128,7 +119,7 @@ impl Layout {
 }
 
 /// Number of `f_rest_*` properties of a degree: `3 ((degree + 1)² − 1)`.
-fn rest_properties(degree: u32) -> usize {
+pub(super) fn rest_properties(degree: u32) -> usize {
     3 * ((degree as usize + 1).pow(2) - 1)
 }
 
@@ -145,7 +136,7 @@ fn check_property(vertex: &ElementDef, name: &str) -> Result<(), PriorError> {
 
 /// Checks that the content can hold what the header promises up to the last splat, so that nothing
 /// is allocated for, or looped over, on a lying header's word.
-fn check_length(
+pub(super) fn check_length(
     header: &PlyHeader,
     last_element: usize,
     body: usize,
@@ -257,12 +248,7 @@ struct SplatSink {
 
 impl SplatSink {
     fn new(layout: &Layout) -> SplatSink {
-        let mut splats = Splats { sh_degree: layout.sh_degree, ..Splats::default() };
-        splats.positions.reserve_exact(layout.count);
-        splats.log_scales.reserve_exact(layout.count);
-        splats.rotations.reserve_exact(layout.count);
-        splats.opacity_logits.reserve_exact(layout.count);
-        splats.sh.reserve_exact(layout.count * splats.sh_stride());
+        let splats = Splats::with_capacity(layout.count, layout.sh_degree);
         SplatSink { splats, properties: layout.properties() }
     }
 
@@ -374,7 +360,7 @@ impl Visitor<'_> for PropertyIndex {
 }
 
 /// The render options that a header's comments name.
-fn options_of(comments: &[String]) -> Result<RenderOptions, PriorError> {
+pub(super) fn options_of(comments: &[String]) -> Result<RenderOptions, PriorError> {
     let gsplat = comments.iter().any(|c| c.to_ascii_lowercase().contains("nerfstudio"));
     let mut options = if gsplat { RenderOptions::GSPLAT } else { RenderOptions::INRIA };
     for comment in comments {

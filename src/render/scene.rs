@@ -6,6 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::prior::{PriorFrame, Splats};
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
+use crate::study::Needs;
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
 
@@ -18,32 +19,39 @@ pub struct Scene {
     pub(crate) sh: Buffer,
     pub(crate) splats: u32,
     pub(crate) options: RenderOptions,
+    needs: Needs,
     id: PriorId,
     frame: PriorFrame,
 }
 
 impl Scene {
-    /// Uploads a prior, to be drawn by pipelines made for its [`Traits`].
+    /// Uploads what pictures of a prior need of it, to be drawn by pipelines made for its [`Traits`].
     pub(crate) fn new(
         device: &Device,
         prior: &Prior,
+        needs: Needs,
         kernels: Arc<SceneKernels>,
     ) -> Result<Scene, Error> {
-        let splats = prior.splats();
-        let most = most_splats(device, splats.sh_degree);
-        let named = format!("splats of degree {}", splats.sh_degree);
-        let room = Error::with_room_for(most, &named);
-        check_workgroups(device, splats.len()).map_err(&room)?;
+        let (splats, count) = (prior.splats(), needs.splats.len());
+        let named = format!("splats of degree {}", needs.sh_degree);
+        let room = Error::with_room_for(most_splats(device, needs.sh_degree), &named);
+        check_workgroups(device, count).map_err(&room)?;
         let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
         Ok(Scene {
             kernels,
-            geometry: upload("geometry", &geometry(splats, centre(prior)))?,
-            sh: upload("spherical harmonics", &sh_planes(splats))?,
-            splats: splats.len() as u32,
+            geometry: upload("geometry", &geometry(splats, &needs.splats, centre(prior)))?,
+            sh: upload("spherical harmonics", &sh_planes(splats, &needs))?,
+            splats: count as u32,
             options: *prior.options(),
+            needs,
             id: prior.id(),
             frame: prior.frame(),
         })
+    }
+
+    /// What was uploaded, and what was not.
+    pub fn needs(&self) -> &Needs {
+        &self.needs
     }
 
     /// Identity of the prior.
@@ -64,13 +72,9 @@ impl Scene {
 }
 
 impl Traits {
-    /// Of a prior.
-    pub fn of(prior: &Prior) -> Traits {
-        let splats = prior.splats();
-        // Rounding may lift an alpha a little above its splat's opacity.
-        let limit = f64::from(prior.options().alpha_max) * (1.0 - 1e-5);
-        let clamped = (0..splats.len()).any(|i| opacity(splats, i) > limit);
-        Traits { sh_degree: splats.sh_degree, clamped }
+    /// Of a prior that needs so much.
+    pub fn of(needs: &Needs) -> Traits {
+        Traits { sh_degree: needs.sh_degree, clamped: needs.clamps_alpha }
     }
 }
 
@@ -106,46 +110,45 @@ pub(crate) fn scaled_axes(splats: &Splats, i: usize) -> DMat3 {
     )
 }
 
-/// Opacity from its logit.
-pub(crate) fn opacity(splats: &Splats, i: usize) -> f64 {
-    1.0 / (1.0 + (-f64::from(splats.opacity_logits[i])).exp())
-}
-
 fn centre(prior: &Prior) -> DVec3 {
     DVec3::from(prior.frame().centre.map(f64::from))
 }
 
-/// Planes of position (relative to `centre`), opacity and axes, computed in f64 and rounded once.
-fn geometry(splats: &Splats, centre: DVec3) -> Vec<f32> {
-    pair_planes(splats.len(), GEOMETRY_PLANES, |i| {
+/// Planes of position (relative to `centre`), opacity and axes of the splats that `which` names,
+/// computed in f64 and rounded once.
+fn geometry(splats: &Splats, which: &[u32], centre: DVec3) -> Vec<f32> {
+    pair_planes(which, GEOMETRY_PLANES, |i| {
         let axes = scaled_axes(splats, i).to_cols_array();
         let position = DVec3::from(splats.positions[i].map(f64::from)) - centre;
         position
             .to_array()
             .map(|v| v as f32)
             .into_iter()
-            .chain([opacity(splats, i) as f32])
+            .chain([splats.opacity(i) as f32])
             .chain(axes.map(|v| v as f32))
     })
 }
 
-/// Planes of the coefficients, RGB after RGB; two coefficients are three planes.
-fn sh_planes(splats: &Splats) -> Vec<f32> {
+/// Planes of the coefficients that are needed, RGB after RGB; two coefficients are three planes.
+fn sh_planes(splats: &Splats, needs: &Needs) -> Vec<f32> {
     let stride = splats.sh_stride();
-    let planes = shared::sh_planes(splats.sh_degree);
-    pair_planes(splats.len(), planes, |i| splats.sh[i * stride..][..stride].iter().copied())
+    let needed = 3 * shared::sh_coefficients(needs.sh_degree) as usize;
+    let planes = shared::sh_planes(needs.sh_degree);
+    let of = |i: usize| splats.sh[i * stride..][..needed].iter().copied();
+    pair_planes(&needs.splats, planes, of)
 }
 
-/// Two values of every splat to a plane; 0 where it has no more.
+/// Two values of every splat that `which` names to a plane; 0 where it has no more.
 fn pair_planes<I: Iterator<Item = f32>>(
-    splats: usize,
+    which: &[u32],
     planes: u32,
     values: impl Fn(usize) -> I,
 ) -> Vec<f32> {
+    let splats = which.len();
     let mut words = vec![0.0; splats * planes as usize * 2];
-    for i in 0..splats {
-        for (k, value) in values(i).enumerate() {
-            words[(k / 2 * splats + i) * 2 + k % 2] = value;
+    for (place, i) in which.iter().enumerate() {
+        for (k, value) in values(*i as usize).enumerate() {
+            words[(k / 2 * splats + place) * 2 + k % 2] = value;
         }
     }
     words

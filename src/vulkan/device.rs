@@ -14,7 +14,7 @@ const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 /// How to choose and open a device.
 #[derive(Clone, Debug, Default)]
 pub struct DeviceOptions {
-    /// Part of the device's name, or its index. Default: a discrete GPU before an integrated one
+    /// The device's index, or a part of its name or of its driver's. Default: a discrete GPU before an integrated one
     /// before a CPU.
     pub device: Option<String>,
     /// Run under the Khronos validation layer and keep its messages.
@@ -228,6 +228,14 @@ unsafe extern "system" fn keep_message(
     vk::FALSE
 }
 
+/// Whether a device is the one asked for.
+fn is_the_one(wanted: &str, index: usize, info: &DeviceInfo) -> bool {
+    match wanted.parse::<usize>() {
+        Ok(number) => number == index,
+        Err(_) => info.name.contains(wanted) || info.driver.contains(wanted),
+    }
+}
+
 impl Instance {
     fn new(entry: Entry, validation: bool) -> Result<Instance, Error> {
         let app = vk::ApplicationInfo::default()
@@ -295,7 +303,7 @@ impl Instance {
         let mut passed_over = Vec::new();
         for (index, device) in devices.into_iter().enumerate() {
             let (info, rank) = self.describe(device);
-            if wanted.is_some_and(|w| !info.name.contains(w) && w != index.to_string()) {
+            if wanted.is_some_and(|wanted| !is_the_one(wanted, index, &info)) {
                 passed_over.push(format!("{} is not the one", info.name));
                 continue;
             }

@@ -49,7 +49,8 @@ impl OverrideArgs {
 /// The device to run on.
 #[derive(clap::Args)]
 pub struct DeviceArgs {
-    /// Part of the Vulkan device's name, or its number [default: the fastest kind there is]
+    /// The Vulkan device's number, or a part of its name or its driver's [default: the fastest kind
+    /// there is]
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
     /// Run under the Vulkan validation layer and fail where it complains

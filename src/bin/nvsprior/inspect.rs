@@ -1,12 +1,18 @@
-//! `nvsprior inspect`: what is in a prior.
+//! `nvsprior inspect`: what is in a prior, and what of it pictures do not need.
+
+mod study;
 
 use std::path::PathBuf;
 
 use nvsprior::Prior;
 
-use crate::args::OverrideArgs;
+use crate::args::{DeviceArgs, OverrideArgs};
+use crate::mission::{self, MissionArgs};
 
-/// Print what is in a prior
+/// Print what is in a prior, and what of it is left out because no picture shows it
+///
+/// With a camera file also what a mission's views do not show. `nvsprior trim` writes a prior without
+/// that.
 #[derive(clap::Args)]
 pub struct Args {
     /// The trained scene, a .ply as Inria's or nerfstudio's trainer writes it
@@ -14,12 +20,34 @@ pub struct Args {
     prior: PathBuf,
     #[command(flatten)]
     overrides: OverrideArgs,
+    /// cameras.json, or nerfstudio's transforms.json: where the mission's cameras stand
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    #[command(flatten)]
+    mission: MissionArgs,
+    /// Also look for the share of splats whose absence, without any fitting, costs no more than this
+    /// against the camera's frames, or against frames as far from the prior's pictures as 27 dB where
+    /// there are none
+    #[arg(long, value_name = "DB", requires = "cameras", value_parser = mission::not_negative)]
+    tolerance: Option<f64>,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
+    let mission = args.cameras.as_ref().map(|path| args.mission.read(path)).transpose()?;
+    describe(args, &prior);
+    study::print(&prior, mission.as_ref(), args.tolerance, &args.device)
+}
+
+/// One line of the report.
+fn row(name: &str, value: String) {
+    println!("{name:14} {value}");
+}
+
+fn describe(args: &Args, prior: &Prior) {
     let (splats, report, options) = (prior.splats(), prior.report(), prior.options());
-    let row = |name: &str, value: String| println!("{name:14} {value}");
     row("file", args.prior.display().to_string());
     row("format", report.format.to_string());
     row("identity", prior.id().to_string());
@@ -49,7 +77,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     for comment in &report.comments {
         row("comment", comment.clone());
     }
-    Ok(())
 }
 
 /// Least, percentiles and greatest of values.

@@ -4,15 +4,20 @@ mod args;
 mod basin;
 mod bench;
 mod camera_file;
+mod container;
 mod decode;
 mod demo;
 mod encode;
 mod frame_file;
 mod inspect;
+mod mission;
+mod painter;
 mod render;
 mod sheet;
 mod stability;
 mod summary;
+mod trim;
+mod view_set;
 
 use std::process::ExitCode;
 
@@ -38,6 +43,7 @@ enum Command {
     Decode(decode::Args),
     Render(render::Args),
     Inspect(inspect::Args),
+    Trim(trim::Args),
     Bench(bench::Args),
     Demo(demo::Args),
     Stability(stability::Args),
@@ -51,6 +57,7 @@ fn main() -> ExitCode {
         Command::Decode(args) => decode::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Trim(args) => trim::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Stability(args) => stability::run(&args),

@@ -36,8 +36,8 @@ pub struct nvsp_engine_options {
     pub struct_size: u32,
     /// Set by NVSP_INIT.
     pub abi_version: u32,
-    /// Part of the device's name, or its number as text. NULL: a discrete GPU before an integrated
-    /// one before a CPU.
+    /// The device's number as text, or a part of its name or its driver's. NULL: a discrete GPU before
+    /// an integrated one before a CPU.
     pub device: *const c_char,
     /// Receives messages; NULL: none are passed on.
     pub log: nvsp_log_callback,

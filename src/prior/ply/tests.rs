@@ -177,7 +177,7 @@ fn says_where_a_text_breaks() {
 fn errors_name_the_file_and_drops_are_reported() {
     let named = |bytes: &[u8]| Prior::from_bytes(bytes, "reef.ply", &RenderOverrides::default());
     let error = named(b"RIFF").unwrap_err().to_string();
-    assert_eq!(error, "reef.ply: not a PLY file");
+    assert_eq!(error, "reef.ply: neither a PLY file nor another format of priors known here");
     let text = header("ascii", 2, &SHUFFLED) + &"1 ".repeat(14) + &"nan ".repeat(14);
     let prior = named(text.as_bytes()).unwrap();
     let report = prior.report();

@@ -1,0 +1,39 @@
+//! Files that priors are written to.
+
+use std::path::Path;
+
+use nvsprior::RenderOptions;
+use nvsprior::prior::compact::{self, Quantisation};
+use nvsprior::prior::{PriorError, Splats, ply};
+
+/// A kind of file, by the ending of its name.
+#[derive(Clone, Copy)]
+pub enum Container {
+    /// `.nvsg`: the compact prior, in these steps.
+    Compact(Quantisation),
+    /// `.ply`: as trainers write it.
+    Ply,
+}
+
+impl Container {
+    /// The kind that a name's ending stands for.
+    pub fn of(path: &Path, quantisation: Quantisation) -> anyhow::Result<Container> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("nvsg") => Ok(Container::Compact(quantisation)),
+            Some("ply") => Ok(Container::Ply),
+            _ => anyhow::bail!("{}: a prior's name ends in .nvsg or .ply", path.display()),
+        }
+    }
+
+    /// The file's content.
+    pub fn write(self, splats: &Splats, options: &RenderOptions) -> Result<Vec<u8>, PriorError> {
+        let mut bytes = Vec::new();
+        match self {
+            Container::Compact(quantisation) => {
+                compact::write(splats, options, &quantisation, &mut bytes)?;
+            }
+            Container::Ply => ply::write_ply(splats, options, &mut bytes)?,
+        }
+        Ok(bytes)
+    }
+}

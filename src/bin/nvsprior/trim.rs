@@ -1,0 +1,151 @@
+//! `nvsprior trim`: a prior reduced to what a mission's views need.
+
+mod judge;
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use clap::ValueEnum;
+use nvsprior::mapping::View;
+use nvsprior::prior::compact::Quantisation;
+use nvsprior::study::trim::{TrimOptions, trim};
+use nvsprior::{Camera, Pose, Prior};
+
+use crate::args::{DeviceArgs, OverrideArgs};
+use crate::container::Container;
+use crate::mission::{self, Mission, MissionArgs};
+use crate::painter::Painter;
+use crate::sheet::{self, SheetRow};
+use judge::{Bench, Loss};
+
+/// Write a prior reduced to what a mission's views need
+///
+/// Leaves out the splats whose absence shows least, in rounds, and fits those that remain. The loss is measured at the views, at others within the margin, and
+/// at the camera file's other splits. The reduced prior has an identity of its own: both sides of a
+/// link must hold it.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The trained scene
+    #[arg(value_name = "PRIOR")]
+    prior: PathBuf,
+    #[command(flatten)]
+    overrides: OverrideArgs,
+    /// cameras.json, or nerfstudio's transforms.json: where the mission's cameras stand
+    #[arg(long, value_name = "FILE")]
+    cameras: PathBuf,
+    #[command(flatten)]
+    mission: MissionArgs,
+    /// Greatest loss of PSNR against the camera's frames, mean over the views, dB
+    #[arg(long, value_name = "DB", default_value_t = 0.1, value_parser = mission::not_negative)]
+    tolerance: f64,
+    /// Where frames are not there: least PSNR of pictures against the whole prior's, mean over the
+    /// views, dB
+    #[arg(long, value_name = "DB", default_value_t = 42.0, value_parser = mission::not_negative)]
+    floor: f64,
+    /// Leave out splats farther than this from every camera, in the prior's unit
+    #[arg(long, value_name = "LENGTH", value_parser = mission::not_negative)]
+    range: Option<f64>,
+    /// Pictures that the rest is fitted to at the camera file's poses: the frames (where they are
+    /// there), or the whole prior's renders, which know nothing of this dive's light
+    #[arg(long, value_enum, default_value = "frames")]
+    fit: FitArg,
+    /// Gradient steps of a round
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    steps: u32,
+    /// Share of the splats that a round leaves out at first
+    #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = share)]
+    share: f64,
+    /// The reduced prior: .nvsg (compact, quantised; what that costs counts as loss) or .ply
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Steps of a compact prior's quantisation, as multiples of the usual ones
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    coarseness: f32,
+    /// Contact sheet to write (PNG): whole | reduced | difference | reduced, a row a view
+    #[arg(long, value_name = "FILE")]
+    sheet: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum FitArg {
+    Frames,
+    Renders,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let value = mission::not_negative(text)?;
+    match value > 0.0 && value < 1.0 {
+        true => Ok(value),
+        false => Err("must lie between 0 and 1".into()),
+    }
+}
+
+/// Rows of the contact sheet.
+const SHEET_ROWS: usize = 8;
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let quantisation = Quantisation::default().scaled(args.coarseness);
+    let container = Container::of(&args.out, quantisation)?;
+    let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
+    let mission = args.mission.read(&args.cameras)?;
+    let engine = args.device.open()?;
+    let mut whole = Painter::new(&engine, &prior)?;
+    let views = fit_views(&mission, args.fit, &mut whole)?;
+    let limits = Loss { tolerance: args.tolerance, floor: args.floor };
+    let mut bench = Bench::new(&engine, &prior, whole, &mission, container, limits)?;
+    let options = TrimOptions {
+        range: args.range,
+        steps: args.steps,
+        share: args.share,
+        ..TrimOptions::new(*prior.options(), bench.tolerance())
+    };
+    let splats = trim(prior.splats(), &views, &options, &mut bench)?;
+    let bytes = container.write(&splats, prior.options())?;
+    std::fs::write(&args.out, &bytes).with_context(|| format!("writing {}", args.out.display()))?;
+    let reduced = Prior::open(&args.out, &Default::default())?;
+    let size = std::fs::metadata(&args.prior)?.len();
+    bench.print(&reduced, size, bytes.len() as u64)?;
+    if let Some(path) = &args.sheet {
+        write_sheet(path, &mut bench, &reduced, &mission.places())?;
+    }
+    args.device.check(&engine)
+}
+
+/// The views to fit to, and one near each where there is a margin: there, and wherever frames do not
+/// count, as the whole prior shows them.
+fn fit_views(mission: &Mission, fit: FitArg, whole: &mut Painter) -> anyhow::Result<Vec<View>> {
+    let mut views = Vec::new();
+    for sight in &mission.views {
+        let (camera, pose) = (sight.camera, sight.pose);
+        let picture = match &sight.frame {
+            Some(frame) if fit == FitArg::Frames => frame.clone(),
+            _ => whole.paint(&camera, &pose)?.clone(),
+        };
+        views.push(View { camera, pose, picture });
+    }
+    if !mission.margin.is_none() {
+        for (camera, pose) in mission.margin.around(&mission.places(), 0) {
+            views.push(View { camera, pose, picture: whole.paint(&camera, &pose)?.clone() });
+        }
+    }
+    Ok(views)
+}
+
+fn write_sheet(
+    path: &std::path::Path,
+    bench: &mut Bench,
+    reduced: &Prior,
+    places: &[(Camera, Pose)],
+) -> anyhow::Result<()> {
+    let mut small = bench.painter(reduced)?;
+    let row = |(camera, pose): &(Camera, Pose)| {
+        let render = small.paint(camera, pose)?.clone();
+        let camera = bench.whole.paint(camera, pose)?.clone();
+        Ok(SheetRow { camera, reconstruction: render.clone(), render })
+    };
+    let rows: anyhow::Result<Vec<SheetRow>> =
+        mission::spaced(places, SHEET_ROWS).map(row).collect();
+    sheet::write(path, &rows?)
+}

@@ -1,0 +1,165 @@
+//! What a reduced prior loses: measured on the device, on the prior as its file will hold it.
+
+use std::time::Instant;
+
+use indicatif::ProgressBar;
+use nvsprior::prior::Splats;
+use nvsprior::study::trim::{Judge, Round, Step};
+use nvsprior::{Engine, Prior};
+
+use crate::args::progress;
+use crate::container::Container;
+use crate::mission::{self, Mission};
+use crate::painter::{Painter, compare_times};
+use crate::view_set::{ViewSet, expected_loss};
+
+/// What may be lost.
+pub struct Loss {
+    /// Against frames, dB.
+    pub tolerance: f64,
+    /// PSNR against the whole prior's pictures where there are no frames, dB.
+    pub floor: f64,
+}
+
+/// Views at which renders are timed.
+const TIMED: usize = 12;
+
+/// The whole prior and all views; judges what is left of it.
+pub struct Bench<'a> {
+    engine: &'a Engine,
+    prior: &'a Prior,
+    pub whole: Painter,
+    container: Container,
+    limits: Loss,
+    /// The views that the fit knows.
+    views: ViewSet,
+    /// Within the margin of them, but not known to the fit.
+    near: ViewSet,
+    /// The camera file's other splits.
+    others: ViewSet,
+    bar: ProgressBar,
+    since: Instant,
+}
+
+impl<'a> Bench<'a> {
+    pub fn new(
+        engine: &'a Engine,
+        prior: &'a Prior,
+        mut whole: Painter,
+        mission: &Mission,
+        container: Container,
+        limits: Loss,
+    ) -> anyhow::Result<Bench<'a>> {
+        let (known, first) = (mission.places(), mission.views.len() as u64);
+        let margin = mission.margin;
+        let near = if margin.is_none() { Vec::new() } else { margin.around(&known, first) };
+        let views = ViewSet::of(&mission.views, usize::MAX, &mut whole)?;
+        let near = ViewSet::new(near, None, &mut whole)?;
+        let others = ViewSet::of(&mission.others, usize::MAX, &mut whole)?;
+        let (bar, since) = (progress(0, "fitting"), Instant::now());
+        Ok(Bench { engine, prior, whole, container, limits, views, near, others, bar, since })
+    }
+
+    /// The greatest loss that counts as none.
+    pub fn tolerance(&self) -> f64 {
+        if self.views.frames.is_some() { self.limits.tolerance } else { 0.0 }
+    }
+
+    pub fn painter(&self, prior: &Prior) -> anyhow::Result<Painter> {
+        Painter::new(self.engine, prior)
+    }
+
+    /// The greater of the losses at the views and within their margin. With frames: against them;
+    /// within the margin, where there are none, as far as pictures differ from the whole prior's,
+    /// had the frames differed from those as they do at the views. Without: below the floor.
+    fn loss_of(&mut self, small: &mut Painter) -> anyhow::Result<f64> {
+        let (psnr, loss) = self.views.compare(small)?;
+        let near = self.near.compare(small)?.0;
+        let none = self.near.places.is_empty();
+        Ok(match self.views.fidelity() {
+            Some(_) if none => loss,
+            Some(fidelity) => loss.max(expected_loss(fidelity, near)),
+            None if none => self.limits.floor - psnr,
+            None => self.limits.floor - psnr.min(near),
+        })
+    }
+
+    /// The prior as its file will hold it.
+    fn stored(&self, splats: &Splats) -> anyhow::Result<Prior> {
+        let bytes = self.container.write(splats, self.prior.options())?;
+        Ok(Prior::from_bytes(&bytes, "the reduced prior", &Default::default())?)
+    }
+
+    /// What became of the prior.
+    pub fn print(&mut self, reduced: &Prior, before: u64, after: u64) -> anyhow::Result<()> {
+        let row = |name: &str, value: String| println!("{name:14} {value}");
+        let of = |a: f64, b: f64| format!("{:.2} ×", a / b);
+        let (all, left) = (self.prior.len(), reduced.len());
+        row("identity", format!("{} → {}", self.prior.id(), reduced.id()));
+        row("splats", format!("{all} → {left}, {:.1} % left out", percent(all - left, all)));
+        let degrees = (self.prior.splats().sh_degree, reduced.splats().sh_degree);
+        row("SH degree", format!("{} → {}", degrees.0, degrees.1));
+        row("bytes", format!("{before} → {after}, {}", of(before as f64, after as f64)));
+        let mut small = self.painter(reduced)?;
+        let timed: Vec<_> = mission::spaced(&self.views.places, TIMED).copied().collect();
+        let times = compare_times(&mut self.whole, &mut small, &timed)?;
+        let (a, b, ratio) = (times.first, times.second, times.ratio);
+        row("render", format!("{a:.2} → {b:.2} ms, {ratio:.2} × (turn by turn, medians)"));
+        let sets =
+            [("views", &self.views), ("within margin", &self.near), ("other splits", &self.others)];
+        for (name, set) in sets.into_iter().filter(|(_, set)| !set.places.is_empty()) {
+            let (psnr, loss) = set.compare(&mut small)?;
+            let mut text = format!("{} views, {psnr:.2} dB between the renders", set.places.len());
+            if let Some(fidelity) = set.fidelity() {
+                text += &format!("; against frames {fidelity:.2} dB, {loss:.3} dB lost");
+            }
+            row(name, text);
+        }
+        Ok(())
+    }
+}
+
+fn percent(part: usize, of: usize) -> f64 {
+    100.0 * part as f64 / of as f64
+}
+
+/// In words, what a round leaves out.
+fn words(step: &Step) -> String {
+    match step {
+        Step::Unseen => "splats that no view shows".into(),
+        Step::OutOfRange => "splats out of range".into(),
+        Step::Band => "the highest band of spherical harmonics".into(),
+        Step::Share(share) => {
+            format!("{:.1} % of the splats, those that show least", 100.0 * share)
+        }
+    }
+}
+
+impl Judge for Bench<'_> {
+    type Error = anyhow::Error;
+
+    fn loss(&mut self, splats: &Splats) -> anyhow::Result<f64> {
+        let reduced = self.stored(splats)?;
+        let mut small = self.painter(&reduced)?;
+        self.loss_of(&mut small)
+    }
+
+    fn told(&mut self, round: &Round) {
+        self.bar.reset();
+        let Round { step, splats, loss, kept } = round;
+        let verdict = if *kept { "left out" } else { "needed" };
+        let lost = match self.views.frames {
+            Some(_) => format!("{loss:.3} dB lost"),
+            None => format!("{:.2} dB", self.limits.floor - loss),
+        };
+        let seconds = self.since.elapsed().as_secs_f64();
+        let line =
+            format!("{:8} {}: {splats} splats, {lost} ({seconds:.0} s)", verdict, words(step));
+        self.bar.suspend(|| println!("{line}"));
+    }
+
+    fn fitted(&mut self, done: u32, all: u32) {
+        self.bar.set_length(all.into());
+        self.bar.set_position(done.into());
+    }
+}

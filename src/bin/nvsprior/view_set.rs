@@ -1,0 +1,65 @@
+//! Views at which a reduced prior's pictures are compared with the whole one's.
+
+use nvsprior::{Camera, Picture, Pose};
+
+use crate::mission::{Sight, places, spaced};
+use crate::painter::Painter;
+
+/// Equal pictures count as this, dB.
+const EQUAL: f64 = 100.0;
+
+/// What pictures lose against frames that are not there: had those differed from the whole prior's
+/// by `fidelity`, and the reduced prior's do by `psnr`, in ways that have nothing to do with each
+/// other. All in dB.
+pub fn expected_loss(fidelity: f64, psnr: f64) -> f64 {
+    10.0 * (1.0 + 10_f64.powf((fidelity - psnr) / 10.0)).log10()
+}
+
+/// Views with the whole prior's pictures.
+pub struct ViewSet {
+    pub places: Vec<(Camera, Pose)>,
+    pictures: Vec<Picture>,
+    /// The camera's, where every view has one.
+    pub frames: Option<Vec<Picture>>,
+}
+
+impl ViewSet {
+    pub fn new(
+        places: Vec<(Camera, Pose)>,
+        frames: Option<Vec<Picture>>,
+        whole: &mut Painter,
+    ) -> anyhow::Result<ViewSet> {
+        let pictures = whole.paint_all(&places)?;
+        Ok(ViewSet { places, pictures, frames })
+    }
+
+    /// At most so many of some views, evenly spaced.
+    pub fn of(sights: &[Sight], most: usize, whole: &mut Painter) -> anyhow::Result<ViewSet> {
+        let frames = spaced(sights, most).map(|sight| sight.frame.clone()).collect();
+        ViewSet::new(places(spaced(sights, most)), frames, whole)
+    }
+
+    /// PSNR of a prior's pictures against the whole one's, and what they lose against the frames, as
+    /// means over the views; NaN where there are none.
+    pub fn compare(&self, small: &mut Painter) -> anyhow::Result<(f64, f64)> {
+        let (mut psnr, mut loss) = (0.0, 0.0);
+        for (i, (camera, pose)) in self.places.iter().enumerate() {
+            let picture = small.paint(camera, pose)?;
+            psnr += picture.psnr(&self.pictures[i]).min(EQUAL);
+            loss += self.frames.as_ref().map_or(f64::NAN, |frames| {
+                let of = |picture: &Picture| picture.psnr(&frames[i]).min(EQUAL);
+                of(&self.pictures[i]) - of(picture)
+            });
+        }
+        let count = self.places.len() as f64;
+        Ok((psnr / count, loss / count))
+    }
+
+    /// PSNR of the whole prior's pictures against the frames, mean over the views, dB.
+    pub fn fidelity(&self) -> Option<f64> {
+        let frames = self.frames.as_ref()?;
+        let all = std::iter::zip(&self.pictures, frames);
+        let sum: f64 = all.map(|(picture, frame)| picture.psnr(frame).min(EQUAL)).sum();
+        Some(sum / frames.len() as f64)
+    }
+}

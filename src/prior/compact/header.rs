@@ -1,0 +1,88 @@
+//! The first bytes of a compact prior.
+
+use super::super::{PriorError, PriorId, RenderOptions, Splats};
+use super::{Grid, MAGIC, Quantisation};
+
+/// Version of the format.
+const VERSION: u8 = 1;
+
+/// What precedes the coded part; the byte table is in the module above.
+pub struct Header {
+    pub sh_degree: u32,
+    pub count: u32,
+    pub id: PriorId,
+    pub options: RenderOptions,
+    pub grid: Grid,
+    pub quantisation: Quantisation,
+}
+
+impl Header {
+    /// Its size.
+    pub const BYTES: usize = 76;
+
+    /// As in a file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let options = &self.options;
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend([VERSION, self.sh_degree as u8, u8::from(options.antialiased), 0]);
+        bytes.extend(self.count.to_le_bytes());
+        bytes.extend(self.id.to_bytes());
+        let floats = [options.near, options.alpha_max].into_iter().chain(options.background);
+        bytes.extend(floats.chain(self.grid.origin).flat_map(f32::to_le_bytes));
+        bytes.extend(i32::from(self.grid.exponent).to_le_bytes());
+        bytes.extend(self.quantisation.steps().into_iter().flat_map(|(_, s)| s.to_le_bytes()));
+        bytes
+    }
+
+    /// Reads and checks the header at the start of `bytes`, which has that many.
+    pub fn read(bytes: &[u8]) -> Result<Header, PriorError> {
+        let word = |at: usize| -> [u8; 4] { std::array::from_fn(|i| bytes[at + i]) };
+        let float = |at| f32::from_le_bytes(word(at));
+        let triple = |at| [float(at), float(at + 4), float(at + 8)];
+        if bytes[4] != VERSION {
+            return Err(refusal(4, format!("version {} of the format", bytes[4])));
+        }
+        let sh_degree = u32::from(bytes[5]);
+        if sh_degree > Splats::MAX_SH_DEGREE {
+            return Err(PriorError::ShDegree { degree: sh_degree });
+        }
+        if bytes[6] > 1 || bytes[7] != 0 {
+            return Err(refusal(6, "unknown flags".into()));
+        }
+        let count = u32::from_le_bytes(word(8));
+        if count == 0 {
+            return Err(PriorError::Empty);
+        }
+        let options = RenderOptions {
+            near: float(16),
+            alpha_max: float(20),
+            antialiased: bytes[6] == 1,
+            background: triple(24),
+        };
+        options.check()?;
+        let grid = Grid { origin: triple(36), exponent: exponent(i32::from_le_bytes(word(48)))? };
+        if !grid.origin.iter().all(|v| v.is_finite()) {
+            return Err(refusal(36, "an origin that is not finite".into()));
+        }
+        let quantisation = Quantisation {
+            position: float(52),
+            log_scale: float(56),
+            rotation: float(60),
+            opacity_logit: float(64),
+            colour: float(68),
+            sh: float(72),
+        };
+        quantisation.check()?;
+        let id = PriorId::from_bytes(word(12));
+        Ok(Header { sh_degree, count, id, options, grid, quantisation })
+    }
+}
+
+fn exponent(value: i32) -> Result<i16, PriorError> {
+    let exponent = i16::try_from(value).ok().filter(|e| Grid::EXPONENTS.contains(e));
+    exponent.ok_or_else(|| refusal(48, format!("positions in steps of 2^{value}")))
+}
+
+fn refusal(offset: usize, reason: String) -> PriorError {
+    PriorError::Field { format: "compact prior", offset: offset as u64, reason }
+}
