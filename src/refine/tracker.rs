@@ -23,6 +23,11 @@ const FAR: f64 = 2.0;
 const WORSE: f64 = 1.15;
 /// A frame whose error is above this many times that of the frame before is looked for afresh.
 const LOST: f64 = 1.6;
+/// An outcome of a cold search at more than this many times the start's own error on a coarse level was
+/// misled. Pictures have less error on coarse levels, but not so much less.
+const MISLED: f64 = 4.0;
+/// An error that nobody sees: 50 dB.
+const NOTHING: f64 = 1e-5;
 
 /// What was found for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -184,8 +189,9 @@ impl Tracker {
         Ok(Some(found))
     }
 
-    /// Searches from the poses proposed for a start; from the start itself too, where what is proposed
-    /// looks worse: phase correlation may be wrong of a picture that is small, flat, or of another scene.
+    /// Searches from the poses proposed for a start. Phase correlation may be wrong of a picture that
+    /// is small, flat, or of another scene: where the outcome looks far worse than the start did, also
+    /// from the start itself, at full resolution, which never ends worse than it began.
     fn from_proposed(
         &mut self,
         proposed: &[Pose],
@@ -193,10 +199,11 @@ impl Tracker {
         schedule: &Schedule,
     ) -> Result<Found, Error> {
         let found = self.from(proposed, schedule)?;
-        if !(found.first_mse > self.cold.error()) {
+        if !(found.outcome.mse > MISLED * self.cold.error() + NOTHING) {
             return Ok(found);
         }
-        let own = self.from(&[*start], schedule)?;
+        let fine = Schedule { first_level: 0, follow_level: 0, ..*schedule };
+        let own = self.from(&[*start], &fine)?;
         let submissions = found.submissions + own.submissions;
         // The search draws: the better one must be the last.
         let better =
