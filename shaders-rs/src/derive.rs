@@ -60,9 +60,9 @@ impl Linear<'_> {
         let z = self.splat.camera[2];
         let scale = self.params.focal[k] / z;
         let ray = self.ray[k];
-        let d_ray = if self.inside[k] { (dp[k] - ray * dp[2]) / z } else { 0.0 };
+        let d_ray = if self.inside[k] { dp[k] / z - ray * (dp[2] / z) } else { 0.0 };
         let along = |a: usize| {
-            -m[a] * dp[2] / z
+            -m[a] * (dp[2] / z)
                 + scale * (turned[a][k] - ray * turned[a][2] - d_ray * self.splat.axes[a][2])
         };
         [along(0), along(1), along(2)]
@@ -79,8 +79,9 @@ impl Linear<'_> {
         let (n0, n1) = (self.n0, shared::scaled(self.m1, self.l[2]));
         let (e0, e1) = self.whitened(d0, d1);
         [
-            fx * (dp[0] - p[0] / z * dp[2]) / z,
-            fy * (dp[1] - p[1] / z * dp[2]) / z,
+            // Quotients first: the products of far points are beyond f32.
+            fx * (dp[0] / z - p[0] / z * (dp[2] / z)),
+            fy * (dp[1] / z - p[1] / z * (dp[2] / z)),
             2.0 * dot(n0, e0),
             dot(n0, e1) + dot(n1, e0),
             2.0 * dot(n1, e1),

@@ -258,7 +258,11 @@ pub fn projected_axes(
 }
 
 /// Longest row of a splat's projected axes, pixels, whose fourth power an f32 holds with room.
-const WIDE: f32 = 1e9;
+pub const WIDE: f32 = 1e9;
+
+/// Least determinant of a covariance, in units of the fourth power of its splat's length: below are only
+/// needles longer than [`WIDE`], 1e15 times as long as wide, which are not drawn.
+pub const THIN: f32 = 1e-30;
 
 /// What a splat's projected axes, and lengths in pixels with them, are multiplied by before anything
 /// of them is squared: 1 but for splats so wide that the covariance's determinant would overflow.
@@ -304,7 +308,7 @@ pub fn project(params: &Params, p: [f32; 3], axes: &[[f32; 3]; 3], opacity: f32)
     let minors = cross(m0, m1);
     let det0 = dot(minors, minors);
     let det = dilated(det0, a0 + c0, low_pass);
-    let finite = (det > 0.0) & (det < f32::MAX);
+    let finite = (det > THIN) & (det < f32::MAX);
     if !finite {
         return out;
     }
@@ -480,8 +484,11 @@ pub fn direction(params: &Params, position: [f32; 3]) -> ([f32; 3], f32) {
         position[1] - params.centre[1],
         position[2] - params.centre[2],
     ];
+    // The square of a distance beyond 1e18 is beyond f32.
+    let s = if dot(v, v) < 1e36 { 1.0 } else { 1e-20 };
+    let v = scaled(v, s);
     let inverse = 1.0 / max(dot(v, v).sqrt(), 1e-20);
-    ([v[0] * inverse, v[1] * inverse, v[2] * inverse], inverse)
+    (scaled(v, inverse), inverse * s)
 }
 
 /// Gradients of [`sh_basis`] with respect to `d`, taken as free coordinates.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 
 use crate::prior::Splats;
-use crate::shared::{ALPHA_MIN, FRUSTUM_MARGIN, RATIO_MIN};
+use crate::shared::{ALPHA_MIN, FRUSTUM_MARGIN, RATIO_MIN, THIN, WIDE};
 
 use super::risk::CUT_MARGIN;
 use super::{Channels, View, harmonics};
@@ -97,6 +97,13 @@ impl Linearisation {
         m0.cross(m1).length_squared() + low_pass * (trace + low_pass)
     }
 
+    /// What the determinant of a splat that is drawn is above: see [`THIN`].
+    fn least_determinant(&self, axes: &DMat3) -> f64 {
+        let longest = |row: DVec3| (axes.transpose() * row).abs().max_element();
+        let most = longest(self.rows[0]).max(longest(self.rows[1]));
+        if most > WIDE.into() { f64::from(THIN) * most.powi(4) } else { 0.0 }
+    }
+
     /// `J Σ Jᵀ`.
     pub fn covariance(&self, sigma: &DMat3) -> DMat2 {
         let [j0, j1] = self.rows;
@@ -144,7 +151,7 @@ pub fn project(view: &View, index: u32, splat: &Splat) -> Option<Projected> {
     let covariance = sharp + DMat2::from_diagonal(DVec2::splat(added));
     let axes = view.pose.matrix() * splat.axes;
     let det = linear.determinant(&axes, added);
-    if !(det > 0.0 && det.is_finite()) {
+    if !(det > linear.least_determinant(&axes) && det.is_finite()) {
         return None;
     }
     let opacity = splat.opacity * compensation(view, linear.determinant(&axes, kept) / det);

@@ -23,6 +23,8 @@ const FAR: f64 = 2.0;
 const WORSE: f64 = 1.15;
 /// A frame whose error is above this many times that of the frame before is looked for afresh.
 const LOST: f64 = 1.6;
+/// An error that nobody sees: 50 dB.
+const NOTHING: f64 = 1e-5;
 
 /// What was found for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -208,7 +210,7 @@ impl Tracker {
         if !(found.first_mse <= error) {
             found = found.or_last(self.from(&[*start], cold)?);
         }
-        if !(found.outcome.mse < error) {
+        if !(found.outcome.mse < error.max(NOTHING)) {
             let near = Schedule { first_level: 0, follow_level: 0, far_level: 0, ..*warm };
             found = found.or_last(self.from(&[*start], &near)?);
         }

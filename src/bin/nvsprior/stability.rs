@@ -77,7 +77,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         prior: args.prior.clone(),
     };
     let sections: Vec<Section> = groups.into_iter().map(|group| section(group, &bench)).collect();
-    report::print(&sections);
     if let Some(folder) = &args.report {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         report::write(folder, &bench, &sections)?;
@@ -102,6 +101,7 @@ fn chosen(names: &[String]) -> anyhow::Result<Vec<&'static Group>> {
 /// Runs a group's cases.
 fn section(group: &'static Group, bench: &Bench) -> Section {
     let cases = (group.cases)(bench);
+    println!("\n{}\n", group.name);
     let bar = progress(cases.len(), group.name);
     let mut section = Section { group, rows: Vec::new(), tables: Vec::new() };
     for case in cases {
@@ -112,8 +112,11 @@ fn section(group: &'static Group, bench: &Bench) -> Section {
             vec![Row { faults: vec![fault], ..Row::of("run", since) }].into()
         });
         for row in done.rows {
-            section.rows.push(Row { case: case.name.clone(), expected: case.expected, ..row });
+            let row = Row { case: case.name.clone(), expected: case.expected, ..row };
+            bar.suspend(|| report::print_row(&row));
+            section.rows.push(row);
         }
+        bar.suspend(|| done.tables.iter().for_each(report::print_table));
         section.tables.extend(done.tables);
         bar.inc(1);
     }

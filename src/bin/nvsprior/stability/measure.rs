@@ -18,6 +18,9 @@ use super::scenes;
 
 /// Reduction factors of the pyramid.
 const FACTORS: [u32; 4] = [1, 2, 4, 8];
+/// An error below which a search may end worse than it began: 40 dB.
+const UNSEEN: f64 = 1e-4;
+
 /// Most that the coarse sort may change gradient and JᵀJ by: it draws splats of nearly the same depth
 /// in the order of the file.
 const COARSE: f64 = 0.1;
@@ -143,7 +146,7 @@ impl Scenario {
             let stop = found.outcome.stop;
             row.descent = Some(Descent { start: before, end, stop, evaluations });
             row.expect(found.outcome.pose.is_finite(), || "the pose found is no number".into());
-            let fine = !self.limits.descends || end <= 1.05 * before + 1e-6;
+            let fine = !self.limits.descends || end <= before.max(UNSEEN);
             row.expect(fine, || format!("the search went from {before:.3e} up to {end:.3e}"));
         }
         Ok(row)

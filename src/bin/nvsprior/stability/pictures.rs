@@ -18,8 +18,8 @@ pub const GROUP: Group = Group {
     cases,
 };
 
-const NO_WORSE: &str = "equations as the twin's; the search ends no worse than it began; the topside shows what was encoded";
-const AS_TWIN: &str = "drawn and differentiated as by the twin; the search ends no worse than it began; the topside shows what was encoded";
+const NO_WORSE: &str = "equations as the twin's; the search ends no worse than it began, or above 40 dB; the topside shows what was encoded";
+const AS_TWIN: &str = "drawn and differentiated as by the twin; the search ends no worse than it began, or above 40 dB; the topside shows what was encoded";
 const TOO_LARGE: &str =
     "drawn, encoded and decoded where the device holds it, else refused with what would fit";
 
@@ -232,7 +232,7 @@ fn middle_differs(
         .max()
         .unwrap_or(0);
     // The frustum's clamp of covariances lies elsewhere for the part: splats beside it differ.
-    Ok((most > 2).then(|| format!("the middle differs by {most} of 255")))
+    Ok((most > 8).then(|| format!("the middle differs by {most} of 255")))
 }
 
 fn cameras() -> Vec<Case> {

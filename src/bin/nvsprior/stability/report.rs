@@ -38,28 +38,21 @@ with what was written down as expected before it was run. Made by `nvsprior stab
 - Times depend on what else the machine does.
 ";
 
-/// Prints rows and tables.
-pub fn print(sections: &[Section]) {
-    for section in sections {
-        println!("\n{}\n", section.group.name);
-        for row in &section.rows {
-            let [case, path, met, ..] = cells(row);
-            let error = row.picture.map_or(String::new(), |p| format!("  picture {:.1e}", p.max));
-            println!(
-                "{met:3}  {case}, {path}: {}{error}  {:.1} ms",
-                row.expected, row.milliseconds
-            );
-            for fault in &row.faults {
-                println!("     {fault}");
-            }
-        }
-        for table in &section.tables {
-            println!("\n{}", table.title);
-            println!("{}", table.header.join(" | "));
-            for row in &table.rows {
-                println!("{}", row.join(" | "));
-            }
-        }
+/// Prints a row.
+pub fn print_row(row: &Row) {
+    let [case, path, met, ..] = cells(row);
+    let error = row.picture.map_or(String::new(), |p| format!("  picture {:.1e}", p.max));
+    println!("{met:3}  {case}, {path}: {}{error}  {:.1} ms", row.expected, row.milliseconds);
+    for fault in &row.faults {
+        println!("     {fault}");
+    }
+}
+
+/// Prints a table.
+pub fn print_table(table: &Table) {
+    println!("\n{}\n{}", table.title, table.header.join(" | "));
+    for row in &table.rows {
+        println!("{}", row.join(" | "));
     }
 }
 
