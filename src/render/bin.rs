@@ -4,7 +4,7 @@ use std::mem::offset_of;
 
 use crate::Camera;
 use crate::shared::{self, Groups, TILE};
-use crate::vulkan::{Error, Recorder};
+use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
 
 use super::Kernels;
 use super::view::{Part, View};
@@ -19,14 +19,32 @@ pub(crate) const BANDS: u32 = TILES / shared::TABLE;
 
 const _: () = assert!(TABLE >= 4 * TILES, "blocks come by fours");
 
-/// Words of the table of a picture, with the row that says where lists end.
-pub(crate) fn starts(log_blocks: u32, tiles: u32) -> usize {
-    ((tiles << log_blocks) + tiles) as usize
+/// How binning is shared among workgroups.
+pub(crate) struct Binning {
+    /// Logarithm, base 2, of their number.
+    pub log_blocks: u32,
+    /// Where each block's part of each tile's list begins; a last row for the ends.
+    pub starts: Buffer,
+}
+
+impl Binning {
+    /// Of pictures of so many tiles at most.
+    pub fn new(device: &Device, log_blocks: u32, tiles: u32) -> Result<Binning, Error> {
+        let words = (u64::from(tiles) << log_blocks) + u64::from(tiles);
+        let starts = Buffer::new::<u32>(device, "tile starts", words as usize, Memory::Device)?;
+        Ok(Binning { log_blocks, starts })
+    }
 }
 
 /// Logarithm, base 2, of the number of blocks for a picture of so many tiles.
 pub(crate) fn log_blocks(most: u32, tiles: u32) -> u32 {
     (TABLE / tiles.max(1)).max(1).ilog2().min(most)
+}
+
+/// The same of the most blocks that binning may be shared among: stage `bin_scan` goes through the table
+/// in a loop, and llvmpipe ends loops of 65,535 rounds.
+pub(crate) fn log_most_blocks(tiles: u32) -> u32 {
+    (TABLE / 4 / tiles.max(1)).max(4).ilog2()
 }
 
 pub(crate) fn record(
@@ -36,11 +54,11 @@ pub(crate) fn record(
     work: &Workspace,
     part: Part,
 ) -> Result<(), Error> {
-    let split = [view.log_bin_blocks];
+    let split = [view.binning.log_blocks];
     let blocks = part.at(offset_of!(Groups, bin_blocks));
     let bands_at = part.at(offset_of!(Groups, bands));
     let (r, groups) = (recorder, &view.groups);
-    let (params, counters, starts) = (&view.params, &work.counters, &view.tile_starts);
+    let (params, counters, starts) = (&view.params, &work.counters, &view.binning.starts);
     let (order, records, bands) = (&work.order, &work.records, &view.bands);
     let buffers = [params, counters, order, records, starts];
     r.dispatch_indirect(&kernels.bin_count, &buffers, &split, groups, blocks)?;
@@ -65,6 +83,10 @@ mod tests {
         assert_eq!(log_blocks(4, 920), 4);
         assert_eq!(log_blocks(8, 14_400), 8);
         assert_eq!(log_blocks(7, TILES), 4);
-        assert_eq!(starts(4, 920), 17 * 920);
+        for tiles in [1, 920, 14_400, TILES] {
+            let rounds = (u64::from(tiles) << log_most_blocks(tiles)) / 32;
+            assert!(rounds < 65_535, "{tiles} tiles: {rounds} rounds");
+            assert!(log_most_blocks(tiles) >= 2, "blocks come by fours");
+        }
     }
 }

@@ -9,6 +9,7 @@ use crate::shared::{Counters, PIXEL};
 use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
+use super::bin::{self, Binning};
 use super::frame::{self, Bytes, Chain, Coded, Frame, SLOTS};
 use super::radix::Fineness;
 use super::splat::Channels;
@@ -226,7 +227,7 @@ impl Renderer {
             return Ok(false);
         }
         if pairs == u32::MAX {
-            return Err(Error::TooManyPairs);
+            return self.split_binning();
         }
         // A little to spare, but no more than the device holds.
         let most = (self.device.info().storage_range / 4).min(u64::from(u32::MAX)) as u32;
@@ -235,6 +236,28 @@ impl Renderer {
         self.recorded = self.record_all(&work)?;
         self.work = work;
         self.view.set_room(room);
+        Ok(true)
+    }
+
+    /// Shares the binning among more workgroups, each of which goes through fewer pairs: some drivers end
+    /// long loops. Where it fails, everything is as before.
+    fn split_binning(&mut self) -> Result<bool, Error> {
+        let before = self.view.binning.log_blocks;
+        let tiles = self.view.most_tiles();
+        let finest = bin::log_most_blocks(tiles);
+        if before >= finest {
+            return Err(Error::TooManyPairs);
+        }
+        let finer = Binning::new(&self.device, (before + 2).min(finest), tiles)?;
+        let coarser = self.view.share_binning(finer);
+        match self.record_all(&self.work) {
+            Ok(recorded) => self.recorded = recorded,
+            Err(error) => {
+                self.view.share_binning(coarser);
+                return Err(error);
+            }
+        }
+        self.view.set_room(self.work.pair_capacity);
         Ok(true)
     }
 

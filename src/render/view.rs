@@ -8,7 +8,8 @@ use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, low_pass};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose};
 
-use super::{Scene, bin, kernels};
+use super::bin::{self, Binning};
+use super::{Scene, kernels};
 
 /// One picture size.
 pub(crate) struct Level {
@@ -25,8 +26,7 @@ pub(crate) struct View {
     pub levels: Vec<Level>,
     /// Logarithm of the number of workgroups that share the sort of the splats.
     pub log_sort_blocks: u32,
-    /// Logarithm of the number of those that share their binning.
-    pub log_bin_blocks: u32,
+    pub binning: Binning,
     /// [`Level::params`] of each level, for stages that choose between them.
     pub prototypes: Buffer,
     /// What the host asks for, copied to `params` and `groups` before its renders.
@@ -40,8 +40,6 @@ pub(crate) struct View {
     pub image_read: Buffer,
     pub frame: Buffer,
     pub partials: Buffer,
-    /// Where each block's part of each tile's list begins; a last row for the ends.
-    pub tile_starts: Buffer,
     /// Pairs of each band of tiles.
     pub bands: Buffer,
     pub sums: Buffer,
@@ -145,18 +143,27 @@ impl View {
             image: own("picture", image, Memory::Device)?,
             image_read: own("picture read back", image, Memory::Readback)?,
             frame: own("frame", floats as usize, Memory::Upload)?,
-            tile_starts: own(
-                "tile starts",
-                bin::starts(log_bin_blocks, tiles as u32),
-                Memory::Device,
-            )?,
+            binning: Binning::new(device, log_bin_blocks, tiles as u32)?,
             bands: own("bands", bin::BANDS as usize, Memory::Device)?,
             partials: own("sums by tile", tiles * SUMS as usize, Memory::Device)?,
             sums: own("sums", SUMS as usize, Memory::Readback)?,
             levels,
             log_sort_blocks,
-            log_bin_blocks,
         })
+    }
+
+    /// Tiles of the level that has most.
+    pub fn most_tiles(&self) -> u32 {
+        let tiles = self.levels.iter().map(|level| level.params.tiles_x * level.params.tiles_y);
+        tiles.max().unwrap_or(0)
+    }
+
+    /// Shares the binning otherwise; how it was shared. What is recorded must be recorded anew.
+    pub fn share_binning(&mut self, binning: Binning) -> Binning {
+        for Level { params, .. } in &mut self.levels {
+            params.bin_blocks = 1 << binning.log_blocks;
+        }
+        std::mem::replace(&mut self.binning, binning)
     }
 
     /// Asks for a level at a pose, with room for so many pairs.

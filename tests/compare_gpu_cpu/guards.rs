@@ -169,3 +169,15 @@ fn more_pairs_than_the_device_holds_is_an_error_each_time() {
     assert_background(renderer.draw(&away).unwrap());
     common::assert_silent(&engine);
 }
+
+/// So many splats that each fill the picture that a workgroup of binning has more pairs than some drivers
+/// let it go through: it is shared among more.
+#[test]
+fn many_wide_splats() {
+    let positions: Vec<[f32; 3]> = (0..12_000).map(|i| [0.0, 0.0, 3.0 + 1e-4 * i as f32]).collect();
+    let mut splats = splats_at(&positions, 1.0);
+    // Faint, so that none hides those behind.
+    splats.opacity_logits.fill(-5.4);
+    let prior = Prior::from_splats(splats, OPTIONS).unwrap();
+    assert_same("many-wide-splats", &prior, &camera(320, 180), &Pose::IDENTITY);
+}
