@@ -44,7 +44,7 @@ pub(crate) fn log_blocks(most: u32, tiles: u32) -> u32 {
 /// The same of the most blocks that binning may be shared among: stage `bin_scan` goes through the table
 /// in a loop, and llvmpipe ends loops of 65,535 rounds.
 pub(crate) fn log_most_blocks(tiles: u32) -> u32 {
-    (TABLE / 4 / tiles.max(1)).max(4).ilog2()
+    (TABLE / 4 / tiles.max(1)).max(4).ilog2().min(14)
 }
 
 pub(crate) fn record(
