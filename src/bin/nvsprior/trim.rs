@@ -45,10 +45,10 @@ pub struct Args {
     /// Leave out splats farther than this from every camera, in the prior's unit
     #[arg(long, value_name = "LENGTH", value_parser = mission::not_negative)]
     range: Option<f64>,
-    /// Pictures that the rest is fitted to at the camera file's poses: the frames (where they are
-    /// there), or the whole prior's renders, which know nothing of this dive's light
-    #[arg(long, value_enum, default_value = "frames")]
-    fit: FitArg,
+    /// What the rest is fitted to: the frames, or the whole prior's renders [default: renders where
+    /// there is a margin, within which there are no frames, or where frames are not there]
+    #[arg(long, value_enum)]
+    fit: Option<FitArg>,
     /// Gradient steps of a round
     #[arg(long, value_name = "N", default_value_t = 60)]
     steps: u32,
@@ -73,6 +73,7 @@ enum FitArg {
     Frames,
     Renders,
 }
+use FitArg::{Frames, Renders};
 
 fn share(text: &str) -> Result<f64, String> {
     let value = mission::not_negative(text)?;
@@ -92,8 +93,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mission = args.mission.read(&args.cameras)?;
     let engine = args.device.open()?;
     let mut whole = Painter::new(&engine, &prior)?;
-    let views = fit_views(&mission, args.fit, &mut whole)?;
-    let limits = Loss { tolerance: args.tolerance, floor: args.floor };
+    let fit = args.fit.unwrap_or(if mission.margin.is_none() { Frames } else { Renders });
+    let views = fit_views(&mission, fit, &mut whole)?;
+    let limits = Loss { tolerance: args.tolerance, floor: args.floor, distilled: fit == Renders };
     let mut bench = Bench::new(&engine, &prior, whole, &mission, container, limits)?;
     let options = TrimOptions {
         range: args.range,
@@ -120,7 +122,7 @@ fn fit_views(mission: &Mission, fit: FitArg, whole: &mut Painter) -> anyhow::Res
     for sight in &mission.views {
         let (camera, pose) = (sight.camera, sight.pose);
         let picture = match &sight.frame {
-            Some(frame) if fit == FitArg::Frames => frame.clone(),
+            Some(frame) if fit == Frames => frame.clone(),
             _ => whole.paint(&camera, &pose)?.clone(),
         };
         views.push(View { camera, pose, picture });
