@@ -3,6 +3,10 @@
 
 #[path = "../fuzz/src/camera_file.rs"]
 mod camera_file;
+#[path = "../fuzz/src/compact.rs"]
+mod compact;
+#[path = "../fuzz/src/packed.rs"]
+mod packed;
 #[path = "../fuzz/src/packet.rs"]
 mod packet;
 #[path = "../fuzz/src/ply.rs"]
@@ -37,6 +41,16 @@ fn modem_frames() {
 #[test]
 fn priors() {
     run("ply", ply::run);
+}
+
+#[test]
+fn compact_priors() {
+    run("compact", compact::run);
+}
+
+#[test]
+fn packed_priors() {
+    run("packed", packed::run);
 }
 
 #[test]

@@ -15,7 +15,7 @@ use crate::mission::{self, MissionArgs};
 /// that.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene, a .ply as Inria's or nerfstudio's trainer writes it
+    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply, told by the content
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
     #[command(flatten)]

@@ -91,10 +91,12 @@ pub struct nvsp_prior_info {
 }
 versioned!(nvsp_prior_info, 64);
 
-/// Reads a prior from a .ply file, as Inria's trainer and nerfstudio write it, checks it and copies
-/// it to the device. Unsound splats are left out and logged as a warning. `options` may be NULL. The
-/// file is not needed afterwards, and no copy of it is kept in host memory. While it runs it takes, on
-/// host and device together, at most four times the size of a binary file, eight times that of a text.
+/// Reads a prior from a file, its format told by the content: a .ply as Inria's trainer and nerfstudio
+/// write it, or a compact prior (.nvsg); built with the feature "formats", an .spz or a
+/// .compressed.ply, too. Checks it and copies it to the device. Unsound splats are left out and logged
+/// as a warning. `options` may be NULL. The file is not needed afterwards, and no copy of it is kept in
+/// host memory. While it runs it takes, on host and device together, at most four times the size of a
+/// binary .ply, eight times that of a text; for the other formats, more by as much as they are packed.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
@@ -122,7 +124,7 @@ pub unsafe extern "C" fn nvsp_prior_open(
     }
 }
 
-/// nvsp_prior_open, from the content of a .ply file in memory, which is not needed afterwards.
+/// nvsp_prior_open, from the content of a file in memory, which is not needed afterwards.
 ///
 /// Fails as nvsp_prior_open does, but for NVSP_ERR_FILE.
 ///

@@ -85,13 +85,13 @@ pub const UNIFORM_BITS: u32 = 20;
 pub struct Grid {
     /// The prior's unit.
     pub origin: [f32; 3],
-    /// The step is two to the power of this, the prior's unit; −170 to 127.
+    /// The step is two to the power of this, the prior's unit; −149, where f32 ends, to 127.
     pub exponent: i16,
 }
 
 impl Grid {
     /// Exponents of a grid.
-    pub const EXPONENTS: std::ops::RangeInclusive<i16> = -170..=127;
+    pub const EXPONENTS: std::ops::RangeInclusive<i16> = -149..=127;
 
     /// The grid for splats at `positions`, at least one, with steps of about `share` of their
     /// spread. Positions that lie on a grid near that one already are left there, so that writing a
@@ -99,17 +99,16 @@ impl Grid {
     pub fn of(positions: &[[f32; 3]], share: f32) -> Grid {
         let frame = PriorFrame::of(positions);
         let far = frame.centre.iter().fold(0.0, |far: f32, v| far.max(v.abs()));
-        let step = (frame.unit() * f64::from(share)).max(f64::from(far) * 2_f64.powi(-22));
-        let exponent = (exponent_of(step) as i16).clamp(-169, 126);
-        let grid = |exponent| {
+        let step = (frame.unit() * f64::from(share)).max(f64::from(far) * 2_f64.powi(-20));
+        let exponent = exponent_of(step).clamp(-148, 126);
+        let grid = |exponent: i32| {
             let step = power_of_two(exponent);
             let origin = frame.centre.map(|v| ((f64::from(v) / step).round() * step) as f32);
             Grid { origin, exponent: exponent as i16 }
         };
         let keeps = |grid: &Grid| positions.iter().all(|p| grid.position(grid.code(*p)) == *p);
-        let near = [exponent + 1, exponent - 1].map(|e| grid(e.into()));
-        let kept = near.into_iter().find(keeps);
-        kept.unwrap_or_else(|| grid(exponent.into()))
+        let near = [0, 1, -1].map(|more| grid(exponent + more));
+        near.into_iter().find(keeps).unwrap_or(near[0])
     }
 
     fn step(&self) -> f64 {
@@ -162,8 +161,8 @@ pub fn columns(sh_degree: u32) -> usize {
     COLOUR + 3 * (sh_degree as usize + 1).pow(2)
 }
 
-/// Largest magnitude of a number in a column.
-const MAX_CODE: f64 = (1 << 24) as f64;
+/// Largest magnitude of a value in steps: with its step it is told apart as f32.
+const MAX_CODE: f64 = (1 << 22) as f64;
 
 /// Splat `index` in steps, column by column. It is sound; fails where a value is too large for
 /// its step.

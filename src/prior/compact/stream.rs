@@ -1,14 +1,22 @@
-//! The coded part of a compact prior: positions along the Morton curve, then the columns.
+//! The coded part of a compact prior: positions along the Morton curve, then the columns, byte by
+//! byte of their numbers, as one LZMA stream.
 
-use super::coder::Coder;
-use super::number::{Rising, Signed};
-use super::quantise::{COLOUR, LOGIT, ROTATION};
+use std::io::{Read, Write};
+
+use lzma_rust2::{LzmaOptions, LzmaReader, LzmaWriter};
 
 /// Added to the code of a coordinate before its bits are interleaved.
 const BIAS: i32 = 1 << 29;
 
 /// Bits of a coordinate on the curve.
 const BITS: u32 = 30;
+
+/// Bytes of a step along the curve, and of a number in a column.
+const RANK_BYTES: usize = 12;
+const NUMBER_BYTES: usize = 4;
+
+/// Largest window of the coder, bytes; smaller where there is less to code.
+const WINDOW: usize = 1 << 26;
 
 /// Where a position lies on the Morton curve, from its codes of magnitude below 2²⁹.
 pub fn rank(code: [i32; 3]) -> u128 {
@@ -29,71 +37,69 @@ pub fn unrank(rank: u128) -> [i32; 3] {
     })
 }
 
-/// Codes ranks, which do not fall. The reader's `ranks` say how many there are.
-pub fn code_ranks(coder: &mut impl Coder, ranks: &mut [u128]) {
-    let mut model = Rising::new();
-    for rank in ranks {
-        *rank = model.code(coder, *rank);
+/// Codes ranks, which do not fall, and columns of as many numbers.
+pub fn pack(ranks: &[u128], columns: &[Vec<i32>]) -> std::io::Result<Vec<u8>> {
+    let mut planes = Vec::with_capacity(size(ranks.len(), columns.len()));
+    let before = std::iter::once(&0).chain(ranks);
+    let steps: Vec<u128> = ranks.iter().zip(before).map(|(rank, before)| rank - before).collect();
+    for byte in 0..RANK_BYTES {
+        planes.extend(steps.iter().map(|step| (step >> (8 * byte)) as u8));
     }
-}
-
-/// Classes of a magnitude.
-const CLASSES: usize = 8;
-
-/// How a column is foretold.
-struct Prediction {
-    /// Whether values are close to those of the splats before: their differences are coded then.
-    local: bool,
-    /// Whether the column starts a group: nothing is known about the splats from columns before.
-    first: bool,
-}
-
-impl Prediction {
-    fn of(column: usize) -> Prediction {
-        Prediction {
-            local: !(ROTATION..LOGIT).contains(&column) && column < COLOUR + 3,
-            first: [0, ROTATION, LOGIT, COLOUR, COLOUR + 3].contains(&column),
+    for column in columns {
+        for byte in 0..NUMBER_BYTES {
+            planes.extend(column.iter().map(|v| (fold_sign(*v) >> (8 * byte)) as u8));
         }
     }
+    let mut options = LzmaOptions::with_preset(9);
+    (options.lc, options.lp, options.pb) = (0, 0, 0);
+    options.dict_size = window(planes.len());
+    let mut writer = LzmaWriter::new_no_header(Vec::new(), &options, false)?;
+    writer.write_all(&planes)?;
+    writer.finish()
 }
 
-/// Codes the columns, one after the other; `columns` have the length of the prior.
-///
-/// The context of a number is how large the numbers before it in its column are, and how large those
-/// of the same splat in the columns before.
-pub fn code_columns(coder: &mut impl Coder, columns: &mut [Vec<i32>]) {
-    let mut across = vec![0_u32; columns.first().map_or(0, Vec::len)];
-    for (index, column) in columns.iter_mut().enumerate() {
-        let prediction = Prediction::of(index);
-        if prediction.first {
-            across.fill(0);
-        }
-        code_column(coder, column, &mut across, &prediction);
-    }
+/// Reads `count` ranks and as many numbers of each column.
+pub fn unpack(
+    bytes: &[u8],
+    count: usize,
+    columns: usize,
+) -> std::io::Result<(Vec<u128>, Vec<Vec<i32>>)> {
+    let size = size(count, columns);
+    let mut reader = LzmaReader::new(bytes, size as u64, 0, 0, 0, window(size), None)?;
+    let mut planes = vec![0; size];
+    reader.read_exact(&mut planes)?;
+    let (steps, numbers) = planes.split_at(RANK_BYTES * count);
+    let mut rank = 0_u128;
+    let ranks = (0..count).map(|i| {
+        let step = steps[i..].iter().step_by(count).rev();
+        rank = rank.saturating_add(step.fold(0, |value, byte| value << 8 | u128::from(*byte)));
+        rank
+    });
+    let ranks = ranks.collect();
+    let columns = numbers.chunks_exact(NUMBER_BYTES * count).map(|column| {
+        let number = |i: usize| {
+            let bytes = std::array::from_fn(|byte| column[byte * count + i]);
+            unfold_sign(u32::from_le_bytes(bytes))
+        };
+        (0..count).map(number).collect()
+    });
+    Ok((ranks, columns.collect()))
 }
 
-fn code_column(
-    coder: &mut impl Coder,
-    column: &mut [i32],
-    across: &mut [u32],
-    prediction: &Prediction,
-) {
-    let mut models = vec![Signed::NEW; CLASSES * CLASSES];
-    let (mut mean, mut along) = (0_i64, 0_u32);
-    for (value, across) in column.iter_mut().zip(across) {
-        let guess = if prediction.local { (mean >> 8) as i32 } else { 0 };
-        let context = class(along) * CLASSES + class(*across);
-        let rest = models[context].code(coder, value.wrapping_sub(guess));
-        *value = guess.wrapping_add(rest);
-        mean += ((i64::from(*value) << 8) - mean) / 8;
-        let size = rest.unsigned_abs().min(1 << 20) * 16;
-        along = (7 * along + size) / 8;
-        *across = (*across + size) / 2;
-    }
+/// Bytes before coding.
+fn size(count: usize, columns: usize) -> usize {
+    count * (RANK_BYTES + NUMBER_BYTES * columns)
 }
 
-/// The class of a mean magnitude, given in sixteenths.
-fn class(magnitude: u32) -> usize {
-    let length = (u32::BITS - magnitude.leading_zeros()) as usize;
-    length.saturating_sub(2).min(CLASSES - 1)
+fn window(size: usize) -> u32 {
+    size.clamp(1 << 12, WINDOW) as u32
+}
+
+/// 0, −1, 1, −2, … as 0, 1, 2, 3, …
+fn fold_sign(value: i32) -> u32 {
+    ((value << 1) ^ (value >> 31)) as u32
+}
+
+fn unfold_sign(value: u32) -> i32 {
+    (value >> 1) as i32 ^ -((value & 1) as i32)
 }

@@ -1,43 +1,205 @@
+use proptest::prelude::*;
+
 use super::super::tests::sample_splats;
+use super::super::{Fault, INFINITE_LOGIT, Prior, PriorFrame, RenderOverrides};
 use super::*;
 
+fn written(splats: &Splats, options: &RenderOptions, q: &Quantisation) -> (PriorId, Vec<u8>) {
+    let mut bytes = Vec::new();
+    let id = write(splats, options, q, &mut bytes).unwrap();
+    (id, bytes)
+}
+
+/// A file of this many splats of degree 1.
+fn sample(count: usize) -> (PriorId, Vec<u8>) {
+    written(&sample_splats(count, 1), &RenderOptions::INRIA, &Quantisation::default())
+}
+
+/// The content with a check that fits.
+fn checked(content: &[u8]) -> Vec<u8> {
+    [content, &crc32fast::hash(content).to_le_bytes()].concat()
+}
+
+/// Splats of any kind that a prior may hold, from random words.
+fn any_splats(words: &[u32], sh_degree: u32) -> Splats {
+    let mut splats = Splats { sh_degree, ..Splats::default() };
+    let stride = splats.sh_stride();
+    for row in words.chunks_exact(11 + stride) {
+        let unit = |i: usize| row[i] as f32 / u32::MAX as f32 * 2.0 - 1.0;
+        // Mostly near, some anywhere up to the limits of f32.
+        let size = if row[0] & 7 == 0 { 10_f32.powf(38.0 * unit(1)) } else { 5.0 };
+        splats.positions.push([0, 1, 2].map(|i| unit(i) * size));
+        splats.log_scales.push([3, 4, 5].map(|i| unit(i) * 40.0));
+        splats.rotations.push([6, 7, 8, 9].map(|i| unit(i) + 1e-3));
+        splats.opacity_logits.push(unit(10) * 25.0);
+        splats.sh.extend((11..row.len()).map(|i| unit(i) * 4.0));
+    }
+    splats
+}
+
+/// R diag(exp(2 s)) Rᵀ of a splat, and its largest variance.
+fn covariance(splats: &Splats, index: usize) -> (glam::DMat3, f64) {
+    let [w, x, y, z] = splats.unit_rotation(index).map(f64::from);
+    let turn = glam::DMat3::from_quat(glam::DQuat::from_xyzw(x, y, z, w).normalize());
+    let scales = glam::DVec3::from(splats.log_scales[index].map(|s| (2.0 * f64::from(s)).exp()));
+    (turn * glam::DMat3::from_diagonal(scales) * turn.transpose(), scales.max_element())
+}
+
 #[test]
-fn sizes() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/reef/prior.ply");
-    let prior = crate::Prior::open(path.as_ref(), &Default::default()).unwrap();
-    let mut coded = Coded::of(prior.splats(), &Quantisation::default()).unwrap();
-    let n = prior.len() as f64;
-    let mut w = Writer::new();
-    stream::code_ranks(&mut w, &mut coded.ranks);
-    println!("positions {:.3} bits", w.finish().len() as f64 * 8.0 / n);
-    let mut sum = 0.0;
-    for c in 0..coded.columns.len() {
-        let mut w = Writer::new();
-        stream::code_columns(&mut w, &mut coded.columns[..=c]);
-        let bits = w.finish().len() as f64 * 8.0 / n;
-        let h = entropy(&coded.columns[c]);
-        println!("column {c}: {:.3} bits; order 0 entropy {h:.3}", bits - sum);
-        sum = bits;
+fn errors_are_half_a_step_at_most() {
+    let mut splats = sample_splats(300, 2);
+    for (i, position) in splats.positions.iter_mut().enumerate() {
+        position.rotate_left(i % 3);
+    }
+    let q = Quantisation::default();
+    let file = read(&written(&splats, &RenderOptions::GSPLAT, &q).1).unwrap();
+    assert_eq!((file.splats.len(), file.options), (300, RenderOptions::GSPLAT));
+    let step = PriorFrame::of(&splats.positions).unit() as f32 * q.position;
+    let mut left: Vec<usize> = (0..splats.len()).collect();
+    for i in 0..splats.len() {
+        // The order is the file's own: a splat is found by its place.
+        let found = left.iter().position(|from| {
+            let pairs = splats.positions[*from].iter().zip(&file.splats.positions[i]);
+            pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) <= step / 2.0
+        });
+        let from = left.swap_remove(found.expect("its place"));
+        let logit = splats.opacity_logits[from].min(INFINITE_LOGIT);
+        assert!((logit - file.splats.opacity_logits[i]).abs() <= 0.501 * q.opacity_logit);
+        for c in 0..27 {
+            let limit = 0.501 * if c < 3 { q.colour } else { q.sh };
+            let (a, b) = (splats.sh[27 * from + c], file.splats.sh[27 * i + c]);
+            assert!((a - b).abs() <= limit, "splat {i}: {a} {b}");
+        }
+        let ((before, largest), (after, _)) =
+            (covariance(&splats, from), covariance(&file.splats, i));
+        let errors = (before - after).to_cols_array().map(f64::abs);
+        // Scales off by half a step, a rotation by √3 half steps of half its angle.
+        let limit = 1.1 * f64::from(q.log_scale) + 4.0 * f64::from(q.rotation);
+        assert!(errors.iter().all(|e| *e <= limit * largest), "splat {i}: {errors:?}");
     }
 }
 
-fn entropy(v: &[i32]) -> f64 {
-    let mut m = std::collections::HashMap::new();
-    for x in v {
-        *m.entry(*x).or_insert(0.0) += 1.0;
-    }
-    m.values().map(|c: &f64| -c * (c / v.len() as f64).log2()).sum::<f64>() / v.len() as f64
-}
-
 #[test]
-fn probe() {
+fn opened_by_content_as_the_prior_that_was_written() {
+    let background = [0.1, 0.2, 0.3];
+    let options = RenderOptions { antialiased: true, background, ..RenderOptions::INRIA };
     for degree in 0..=3 {
-        let splats = sample_splats(7, degree);
-        let mut bytes = Vec::new();
-        let q = Quantisation::default();
-        let id = write(&splats, &RenderOptions::INRIA, &q, &mut bytes).unwrap();
-        let scene = read(&bytes).unwrap();
-        let mut again = Vec::new();
-        assert_eq!(write(&scene.splats, &RenderOptions::INRIA, &q, &mut again).unwrap(), id);
+        for count in [1, 2, 50] {
+            let splats = sample_splats(count, degree);
+            let (id, bytes) = written(&splats, &options, &Quantisation::default());
+            let prior = Prior::from_bytes(&bytes, "p.nvsg", &RenderOverrides::default()).unwrap();
+            assert_eq!((prior.id(), prior.len()), (id, count));
+            assert_eq!(*prior.options(), options);
+            assert_eq!(prior.report().format, PriorFormat::Compact);
+            assert!(prior.report().dropped.is_empty());
+        }
+    }
+}
+
+#[test]
+fn far_and_extreme_splats_stay_where_they_are() {
+    let mut splats = sample_splats(9, 0);
+    splats.positions[4] = [1e30, -1e30, 1e-30];
+    splats.positions[5] = [-3e38, 0.0, 3e38];
+    splats.log_scales[6] = [40.0, -40.0, 39.99];
+    splats.opacity_logits[7] = -1e30;
+    let (_, bytes) = written(&splats, &RenderOptions::INRIA, &Quantisation::default());
+    let file = read(&bytes).unwrap();
+    for far in [splats.positions[4], splats.positions[5]] {
+        let close = |p: &&[f32; 3]| (p[0] / far[0] - 1.0).abs() <= 2e-6;
+        assert_eq!(file.splats.positions.iter().filter(close).count(), 1, "{far:?}");
+    }
+    let prior = Prior::from_splats(file.splats, file.options).unwrap();
+    assert!(prior.report().dropped.is_empty());
+}
+
+#[test]
+fn unsound_splats_and_senseless_steps_are_named() {
+    let attempt = |change: fn(&mut Splats), q: &Quantisation| {
+        let mut splats = sample_splats(5, 1);
+        change(&mut splats);
+        write(&splats, &RenderOptions::INRIA, q, Vec::new()).unwrap_err()
+    };
+    let q = Quantisation::default();
+    let error = attempt(|s| s.positions[3][1] = f32::NAN, &q);
+    assert!(matches!(error, PriorError::Unsound { splat: 3, fault: Fault::NonFinite }), "{error}");
+    let error = attempt(|s| s.log_scales[2][0] = 41.0, &q);
+    assert!(matches!(error, PriorError::Unsound { splat: 2, fault: Fault::Scale }), "{error}");
+    let error = attempt(|s| s.sh[12 * 4 + 7] = 1e30, &q);
+    assert!(matches!(error, PriorError::OutOfSteps { splat: 4, .. }), "{error}");
+    let error = attempt(|s| *s = Splats::default(), &q);
+    assert!(matches!(error, PriorError::Empty), "{error}");
+    for step in [0.0, -1.0, f32::NAN, f32::INFINITY, 1.5] {
+        let error = attempt(|_| (), &Quantisation { colour: step, ..q });
+        assert!(matches!(error, PriorError::Step { name: "colour", .. }), "{error}");
+    }
+}
+
+#[test]
+fn every_flipped_bit_and_every_cut_is_noticed() {
+    let (_, bytes) = sample(4);
+    for bit in 0..bytes.len() * 8 {
+        let mut damaged = bytes.clone();
+        damaged[bit / 8] ^= 1 << (bit % 8);
+        assert!(read(&damaged).is_err(), "bit {bit}");
+    }
+    for length in 0..bytes.len() {
+        assert!(read(&bytes[..length]).is_err(), "{length} bytes");
+    }
+    assert!(matches!(read(&[&bytes[..], &[0]].concat()), Err(PriorError::Damaged { .. })));
+}
+
+#[test]
+fn another_prior_under_the_same_name_is_noticed() {
+    let (id, bytes) = sample(4);
+    let mut content = bytes[..bytes.len() - CHECK].to_vec();
+    content[20] ^= 1; // The clamp of alpha, in its last bit.
+    let error = read(&checked(&content)).unwrap_err();
+    assert!(matches!(error, PriorError::Identity { stated, .. } if stated == id), "{error}");
+}
+
+#[test]
+fn forged_counts_are_refused() {
+    let (_, bytes) = sample(4);
+    for count in [u32::MAX, 1 << 20, 1000] {
+        let mut content = bytes[..bytes.len() - CHECK].to_vec();
+        content[8..12].copy_from_slice(&count.to_le_bytes());
+        let error = read(&checked(&content)).unwrap_err();
+        assert!(matches!(error, PriorError::Truncated { .. }), "{error}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn what_was_read_is_written_the_same_again(
+        words in proptest::collection::vec(any::<u32>(), 23..600),
+        degree in 0..=1_u32,
+        factor in 0.01..2.0_f32,
+    ) {
+        let splats = any_splats(&words, degree);
+        let q = Quantisation::default().scaled(factor);
+        let (id, bytes) = written(&splats, &RenderOptions::INRIA, &q);
+        let file = read(&bytes).unwrap();
+        prop_assert_eq!(PriorId::of(&file.splats, &file.options), id);
+        let (again, bytes) = written(&file.splats, &file.options, &q);
+        prop_assert_eq!(read(&bytes).unwrap().splats, file.splats);
+        prop_assert_eq!(again, id);
+    }
+
+    #[test]
+    fn arbitrary_content_is_an_error(
+        header in proptest::collection::vec(any::<u8>(), Header::BYTES),
+        stream in proptest::collection::vec(any::<u8>(), 0..300),
+        forged in any::<bool>(),
+    ) {
+        let header = if forged { sample(20).1[..Header::BYTES].to_vec() } else { header };
+        let mut content = [&header[..], &stream[..]].concat();
+        content[..4].copy_from_slice(MAGIC);
+        prop_assert!(read(&checked(&content)).is_err());
+    }
+
+    #[test]
+    fn any_position_has_its_rank(code in proptest::array::uniform3(-(1_i32 << 29)..1 << 29)) {
+        prop_assert_eq!(stream::unrank(stream::rank(code)), code);
     }
 }

@@ -1,0 +1,7 @@
+//! An SPZ or a compressed PLY file: an error or a sound prior.
+use nvsprior::{Prior, RenderOverrides};
+
+pub fn run(bytes: &[u8]) {
+    let Ok(prior) = Prior::from_bytes(bytes, "input", &RenderOverrides::default()) else { return };
+    assert!(prior.len() > 0);
+}

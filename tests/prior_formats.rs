@@ -1,0 +1,110 @@
+//! Priors in other containers against the same scenes as plain PLY files, and what a compact prior
+//! loses in pictures. Runs where the data lies beside the project.
+
+mod common;
+
+use std::path::PathBuf;
+
+use common::{REEF_CAMERA, assert_silent, engine, reef_file, reef_prior};
+use nvsprior::prior::compact::{self, Quantisation};
+use nvsprior::prior::{PriorFormat, Splats};
+use nvsprior::render::Plan;
+use nvsprior::{Camera, Picture, Pose, Prior, RenderOverrides};
+
+/// Pictures of a prior from some poses.
+fn pictures(prior: &Prior, camera: &Camera, poses: &[Pose]) -> Vec<Picture> {
+    let engine = engine();
+    let scene = engine.upload(prior).unwrap();
+    let mut renderer = engine.renderer(&scene, camera, Plan::picture()).unwrap();
+    let mut draw = |pose| {
+        let mut picture = Picture::new(camera.width, camera.height);
+        renderer.picture(pose, &mut picture).unwrap();
+        picture
+    };
+    poses.iter().map(&mut draw).collect()
+}
+
+/// Every eighth training frame of the reef set, with its pose.
+fn training_frames(cameras: &PathBuf) -> Vec<(Picture, Pose)> {
+    let text = std::fs::read_to_string(cameras).unwrap();
+    let file: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let number = |v: &serde_json::Value| v.as_f64().unwrap();
+    let views = file["images"].as_array().unwrap().iter().filter(|v| v["split"] == "train");
+    let read = |view: &serde_json::Value| {
+        let file = cameras.with_file_name(view["file"].as_str().unwrap());
+        let rgb = image::open(file).unwrap().to_rgb8();
+        let q = std::array::from_fn(|i| number(&view["qvec"][i]));
+        let t = std::array::from_fn(|i| number(&view["tvec"][i]));
+        let frame = Picture::from_rgb(rgb.width(), rgb.height(), rgb.into_raw()).unwrap();
+        (frame, Pose::from_wxyz(q, t).unwrap())
+    };
+    views.step_by(8).map(read).collect()
+}
+
+#[test]
+fn a_compact_prior_is_an_eighth_and_shows_the_same() {
+    let (Some(prior), Some(cameras)) = (reef_prior(), reef_file("cameras.json")) else { return };
+    let (frames, poses): (Vec<_>, Vec<_>) = training_frames(&cameras).into_iter().unzip();
+    let mut bytes = Vec::new();
+    let quantisation = Quantisation::default();
+    let id = compact::write(prior.splats(), prior.options(), &quantisation, &mut bytes).unwrap();
+    let small = Prior::from_bytes(&bytes, "reef.nvsg", &RenderOverrides::default()).unwrap();
+    assert_eq!((small.id(), small.len()), (id, prior.len()));
+    assert!(bytes.len() * 8 <= 104 * prior.len(), "{} bytes", bytes.len());
+    let before = pictures(&prior, &REEF_CAMERA, &poses);
+    let after = pictures(&small, &REEF_CAMERA, &poses);
+    let mut loss = 0.0;
+    for ((frame, before), after) in frames.iter().zip(&before).zip(&after) {
+        assert!(after.psnr(before) >= 45.0, "{} dB", after.psnr(before));
+        loss += (before.psnr(frame) - after.psnr(frame)) / frames.len() as f64;
+    }
+    println!("{} bytes, {loss:.4} dB lost", bytes.len());
+    assert!(loss <= 0.1, "{loss} dB");
+    assert_silent(&engine());
+}
+
+/// The greatest difference of two sets of splats: positions, scales, rotations, opacities, colours.
+fn differences(a: &Splats, b: &Splats) -> [f32; 5] {
+    let most = |a: &[f32], b: &[f32]| {
+        assert_eq!(a.len(), b.len());
+        a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    [
+        most(a.positions.as_flattened(), b.positions.as_flattened()),
+        most(a.log_scales.as_flattened(), b.log_scales.as_flattened()),
+        most(a.rotations.as_flattened(), b.rotations.as_flattened()),
+        most(&a.opacity_logits, &b.opacity_logits),
+        most(&a.sh, &b.sh),
+    ]
+}
+
+#[test]
+fn other_containers_hold_the_same_scenes() {
+    let Some(reef) = reef_file("prior.ply") else { return };
+    let folder = reef.parent().unwrap().with_file_name("formats");
+    for (packed, plain, format) in [
+        ("biker.spz", "biker.ply", PriorFormat::Spz(4)),
+        ("guitar.compressed.ply", "guitar.ply", PriorFormat::PlyCompressed),
+    ] {
+        if !folder.join(packed).exists() {
+            println!("skipped: {packed} is not here");
+            continue;
+        }
+        let open = |name: &str| Prior::open(&folder.join(name), &Default::default()).unwrap();
+        let (packed, plain) = (open(packed), open(plain));
+        assert_eq!(packed.report().format, format);
+        let found = differences(packed.splats(), plain.splats());
+        println!("{format}: {found:?}");
+        assert_eq!(found[0], 0.0);
+        assert!(found.iter().all(|difference| *difference <= 1e-6), "{found:?}");
+        // From the front, two and a half spreads away.
+        let [x, y, z] = plain.frame().centre.map(f64::from);
+        let away = 2.5 * f64::from(plain.frame().spread);
+        let pose = Pose::from_wxyz([1.0, 0.0, 0.0, 0.0], [-x, -y, away - z]).unwrap();
+        let [a, b] = [&packed, &plain].map(|p| pictures(p, &REEF_CAMERA, &[pose]).swap_remove(0));
+        let shown = b.data.iter().filter(|byte| **byte > 0).count();
+        assert!(shown > b.data.len() / 100, "{shown} bytes are not black");
+        assert!(a.psnr(&b) > 60.0, "{} dB", a.psnr(&b));
+    }
+    assert_silent(&engine());
+}
