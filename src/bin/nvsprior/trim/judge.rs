@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use indicatif::ProgressBar;
 use nvsprior::prior::Splats;
+use nvsprior::prior::compact::Quantisation;
 use nvsprior::study::trim::{Judge, Round, Step};
 use nvsprior::{Engine, Prior};
 
@@ -32,7 +33,7 @@ pub struct Bench<'a> {
     engine: &'a Engine,
     prior: &'a Prior,
     pub whole: Painter,
-    container: Container,
+    pub container: Container,
     limits: Loss,
     /// The views that the fit knows.
     views: ViewSet,
@@ -53,11 +54,8 @@ impl<'a> Bench<'a> {
         container: Container,
         limits: Loss,
     ) -> anyhow::Result<Bench<'a>> {
-        let (known, first) = (mission.places(), mission.views.len() as u64);
-        let margin = mission.margin;
-        let near = if margin.is_none() { Vec::new() } else { margin.around(&known, first) };
         let views = ViewSet::of(&mission.views, usize::MAX, &mut whole)?;
-        let near = ViewSet::new(near, None, &mut whole)?;
+        let near = ViewSet::new(mission.near(1), None, &mut whole)?;
         let others = ViewSet::of(&mission.others, usize::MAX, &mut whole)?;
         let (bar, since) = (progress(0, "fitting"), Instant::now());
         Ok(Bench { engine, prior, whole, container, limits, views, near, others, bar, since })
@@ -66,6 +64,23 @@ impl<'a> Bench<'a> {
     /// The greatest loss that counts as none.
     pub fn tolerance(&self) -> f64 {
         if self.views.frames.is_some() { self.limits.tolerance } else { 0.0 }
+    }
+
+    /// Takes the coarsest steps for a compact prior, those of the usual ones, their half and so on to `finest` of
+    /// them, that alone cost a quarter of the tolerance at most, or stay 3 dB above the floor.
+    pub fn coarsen(&mut self, finest: f32) -> anyhow::Result<()> {
+        let Container::Compact(_) = self.container else { return Ok(()) };
+        let room = if self.views.frames.is_some() { 0.25 * self.limits.tolerance } else { -3.0 };
+        let mut factor = 1.0;
+        loop {
+            self.container = Container::Compact(Quantisation::default().scaled(factor));
+            let loss = self.loss(self.prior.splats())?;
+            if loss <= room || !(factor > finest) {
+                println!("quantised in {factor} of the usual steps");
+                return Ok(());
+            }
+            factor *= 0.5;
+        }
     }
 
     pub fn painter(&self, prior: &Prior) -> anyhow::Result<Painter> {
