@@ -27,10 +27,16 @@ impl Margin {
         pose.stepped(&[rho.x, rho.y, rho.z, theta.x, theta.y, theta.z])
     }
 
-    /// One pose near each, of those draws that are numbered from `first` on.
-    pub fn around(&self, views: &[(Camera, Pose)], first: u64) -> Vec<(Camera, Pose)> {
-        let draws = first..;
-        std::iter::zip(views, draws).map(|((c, p), draw)| (*c, self.near(p, draw))).collect()
+    /// Poses near each of `views` in turn, `count` in all, of those draws that are numbered from
+    /// `first` on.
+    pub fn around(
+        &self,
+        views: &[(Camera, Pose)],
+        first: u64,
+        count: usize,
+    ) -> Vec<(Camera, Pose)> {
+        let turns = std::iter::zip(views.iter().cycle(), first..).take(count);
+        turns.map(|((camera, pose), draw)| (*camera, self.near(pose, draw))).collect()
     }
 }
 

@@ -1,10 +1,14 @@
 //! Reducing a prior to what a mission's views need: fewer splats, fitted to look like all of them.
 //!
 //! In rounds: the splats whose absence the views would show least are left out, and what remains is
-//! fitted to pictures of the whole prior, or of the camera, everything by gradient steps, then colours by least
-//! squares. A round that costs more than the tolerance is taken back and tried with fewer splats, until
-//! there is nothing more to gain. What a splat's absence shows is the sum over pixels of
-//! `|T α (behind − colour)|²`, exact for one splat alone.
+//! fitted to the views' pictures, everything by gradient steps, then colours by least squares. A round
+//! that costs more than the tolerance is taken back and tried with fewer splats, until there is nothing
+//! more to gain. What a splat's absence shows is the sum over pixels of `|T α (behind − colour)|²`,
+//! exact for one splat alone.
+//!
+//! Ranked so, a fifth of the reef prior goes at 0.1 dB without any fit; divided by the pixels that a
+//! splat costs, as the time of a render might suggest, a tenth at 0.2 dB: time goes with the number of
+//! splats more than with their pixels.
 
 use crate::mapping::fit::{self, sum_over};
 use crate::mapping::project::Geometry;

@@ -78,7 +78,19 @@ impl MissionArgs {
     }
 }
 
+/// Fewest poses within the margin that stand for it.
+const LEAST_NEAR: usize = 64;
+
 impl Mission {
+    /// Poses within the margin, of the turn `turn` of as many; none where there is no margin.
+    pub fn near(&self, turn: u64) -> Vec<(Camera, Pose)> {
+        if self.margin.is_none() {
+            return Vec::new();
+        }
+        let count = self.views.len().max(LEAST_NEAR);
+        self.margin.around(&self.places(), turn * count as u64, count)
+    }
+
     /// Cameras and poses of the views.
     pub fn places(&self) -> Vec<(Camera, Pose)> {
         places(&self.views)

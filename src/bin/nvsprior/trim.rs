@@ -45,10 +45,10 @@ pub struct Args {
     /// Leave out splats farther than this from every camera, in the prior's unit
     #[arg(long, value_name = "LENGTH", value_parser = mission::not_negative)]
     range: Option<f64>,
-    /// Pictures that the rest is fitted to at the camera file's poses: the frames (where they are
-    /// there), or the whole prior's renders, which know nothing of this dive's light
-    #[arg(long, value_enum, default_value = "frames")]
-    fit: FitArg,
+    /// What the rest is fitted to: the frames, or the whole prior's renders [default: renders where
+    /// there is a margin, within which there are no frames, or where frames are not there]
+    #[arg(long, value_enum)]
+    fit: Option<FitArg>,
     /// Gradient steps of a round
     #[arg(long, value_name = "N", default_value_t = 60)]
     steps: u32,
@@ -58,9 +58,10 @@ pub struct Args {
     /// The reduced prior: .nvsg (compact, quantised; what that costs counts as loss) or .ply
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Steps of a compact prior's quantisation, as multiples of the usual ones
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
-    coarseness: f32,
+    /// Steps of a compact prior's quantisation, as multiples of the usual ones [default: the greatest
+    /// of 1, 1/2, 1/4 and 1/8 that leaves most of the tolerance to the splats]
+    #[arg(long, value_name = "FACTOR")]
+    coarseness: Option<f32>,
     /// Contact sheet to write (PNG): whole | reduced | difference | reduced, a row a view
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
@@ -73,6 +74,7 @@ enum FitArg {
     Frames,
     Renders,
 }
+use FitArg::{Frames, Renders};
 
 fn share(text: &str) -> Result<f64, String> {
     let value = mission::not_negative(text)?;
@@ -82,19 +84,25 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
+/// The finest steps that are tried, as multiples of the usual ones.
+const FINEST: f32 = 0.125;
 /// Rows of the contact sheet.
 const SHEET_ROWS: usize = 8;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let quantisation = Quantisation::default().scaled(args.coarseness);
-    let container = Container::of(&args.out, quantisation)?;
+    let finest = Quantisation::default().scaled(args.coarseness.unwrap_or(FINEST));
+    let container = Container::of(&args.out, finest)?;
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
     let mission = args.mission.read(&args.cameras)?;
     let engine = args.device.open()?;
     let mut whole = Painter::new(&engine, &prior)?;
-    let views = fit_views(&mission, args.fit, &mut whole)?;
-    let limits = Loss { tolerance: args.tolerance, floor: args.floor };
+    let fit = args.fit.unwrap_or(if mission.margin.is_none() { Frames } else { Renders });
+    let views = fit_views(&mission, fit, &mut whole)?;
+    let limits = Loss { tolerance: args.tolerance, floor: args.floor, distilled: fit == Renders };
     let mut bench = Bench::new(&engine, &prior, whole, &mission, container, limits)?;
+    if args.coarseness.is_none() {
+        bench.coarsen(FINEST)?;
+    }
     let options = TrimOptions {
         range: args.range,
         steps: args.steps,
@@ -102,7 +110,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         ..TrimOptions::new(*prior.options(), bench.tolerance())
     };
     let splats = trim(prior.splats(), &views, &options, &mut bench)?;
-    let bytes = container.write(&splats, prior.options())?;
+    let bytes = bench.container.write(&splats, prior.options())?;
     std::fs::write(&args.out, &bytes).with_context(|| format!("writing {}", args.out.display()))?;
     let reduced = Prior::open(&args.out, &Default::default())?;
     let size = std::fs::metadata(&args.prior)?.len();
@@ -113,22 +121,20 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)
 }
 
-/// The views to fit to, and one near each where there is a margin: there, and wherever frames do not
-/// count, as the whole prior shows them.
+/// The views to fit to, and some within the margin: there, and wherever frames do not count, as the whole
+/// prior shows them.
 fn fit_views(mission: &Mission, fit: FitArg, whole: &mut Painter) -> anyhow::Result<Vec<View>> {
     let mut views = Vec::new();
     for sight in &mission.views {
         let (camera, pose) = (sight.camera, sight.pose);
         let picture = match &sight.frame {
-            Some(frame) if fit == FitArg::Frames => frame.clone(),
+            Some(frame) if fit == Frames => frame.clone(),
             _ => whole.paint(&camera, &pose)?.clone(),
         };
         views.push(View { camera, pose, picture });
     }
-    if !mission.margin.is_none() {
-        for (camera, pose) in mission.margin.around(&mission.places(), 0) {
-            views.push(View { camera, pose, picture: whole.paint(&camera, &pose)?.clone() });
-        }
+    for (camera, pose) in mission.near(0) {
+        views.push(View { camera, pose, picture: whole.paint(&camera, &pose)?.clone() });
     }
     Ok(views)
 }

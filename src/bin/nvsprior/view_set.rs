@@ -63,3 +63,15 @@ impl ViewSet {
         Some(sum / frames.len() as f64)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_as_large_as_the_frames_own_costs_three_decibels() {
+        assert!((expected_loss(27.0, 27.0) - 3.0103).abs() < 1e-4);
+        assert!((expected_loss(27.0, 43.0) - 0.1077).abs() < 1e-3);
+        assert_eq!(expected_loss(27.0, f64::INFINITY), 0.0);
+    }
+}

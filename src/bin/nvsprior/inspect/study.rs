@@ -134,9 +134,7 @@ impl<'a> Sampled<'a> {
         let mut whole = Painter::new(engine, prior)?;
         let views = ViewSet::of(&mission.views, VIEWS, &mut whole)?;
         let others = ViewSet::of(&mission.others, VIEWS, &mut whole)?;
-        if !mission.margin.is_none() {
-            places.extend(mission.margin.around(&places, 0));
-        }
+        places.extend(mission.near(0));
         let removals = removals(prior.splats(), prior.options(), &places);
         Ok(Sampled { engine, prior, removals, views, others })
     }

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use indicatif::ProgressBar;
 use nvsprior::prior::Splats;
+use nvsprior::prior::compact::Quantisation;
 use nvsprior::study::trim::{Judge, Round, Step};
 use nvsprior::{Engine, Prior};
 
@@ -19,6 +20,9 @@ pub struct Loss {
     pub tolerance: f64,
     /// PSNR against the whole prior's pictures where there are no frames, dB.
     pub floor: f64,
+    /// Whether pictures are to be the whole prior's, so that other ones within the margin count as
+    /// loss.
+    pub distilled: bool,
 }
 
 /// Views at which renders are timed.
@@ -29,7 +33,7 @@ pub struct Bench<'a> {
     engine: &'a Engine,
     prior: &'a Prior,
     pub whole: Painter,
-    container: Container,
+    pub container: Container,
     limits: Loss,
     /// The views that the fit knows.
     views: ViewSet,
@@ -50,11 +54,8 @@ impl<'a> Bench<'a> {
         container: Container,
         limits: Loss,
     ) -> anyhow::Result<Bench<'a>> {
-        let (known, first) = (mission.places(), mission.views.len() as u64);
-        let margin = mission.margin;
-        let near = if margin.is_none() { Vec::new() } else { margin.around(&known, first) };
         let views = ViewSet::of(&mission.views, usize::MAX, &mut whole)?;
-        let near = ViewSet::new(near, None, &mut whole)?;
+        let near = ViewSet::new(mission.near(1), None, &mut whole)?;
         let others = ViewSet::of(&mission.others, usize::MAX, &mut whole)?;
         let (bar, since) = (progress(0, "fitting"), Instant::now());
         Ok(Bench { engine, prior, whole, container, limits, views, near, others, bar, since })
@@ -63,6 +64,23 @@ impl<'a> Bench<'a> {
     /// The greatest loss that counts as none.
     pub fn tolerance(&self) -> f64 {
         if self.views.frames.is_some() { self.limits.tolerance } else { 0.0 }
+    }
+
+    /// Takes the coarsest steps for a compact prior, those of the usual ones, their half and so on to `finest` of
+    /// them, that alone cost a quarter of the tolerance at most, or stay 3 dB above the floor.
+    pub fn coarsen(&mut self, finest: f32) -> anyhow::Result<()> {
+        let Container::Compact(_) = self.container else { return Ok(()) };
+        let room = if self.views.frames.is_some() { 0.25 * self.limits.tolerance } else { -3.0 };
+        let mut factor = 1.0;
+        loop {
+            self.container = Container::Compact(Quantisation::default().scaled(factor));
+            let loss = self.loss(self.prior.splats())?;
+            if loss <= room || !(factor > finest) {
+                println!("quantised in {factor} of the usual steps");
+                return Ok(());
+            }
+            factor *= 0.5;
+        }
     }
 
     pub fn painter(&self, prior: &Prior) -> anyhow::Result<Painter> {
@@ -77,7 +95,7 @@ impl<'a> Bench<'a> {
         let near = self.near.compare(small)?.0;
         let none = self.near.places.is_empty();
         Ok(match self.views.fidelity() {
-            Some(_) if none => loss,
+            Some(_) if none || !self.limits.distilled => loss,
             Some(fidelity) => loss.max(expected_loss(fidelity, near)),
             None if none => self.limits.floor - psnr,
             None => self.limits.floor - psnr.min(near),
@@ -112,6 +130,9 @@ impl<'a> Bench<'a> {
             let mut text = format!("{} views, {psnr:.2} dB between the renders", set.places.len());
             if let Some(fidelity) = set.fidelity() {
                 text += &format!("; against frames {fidelity:.2} dB, {loss:.3} dB lost");
+                if !(loss <= self.limits.tolerance) {
+                    text += ": more than at the views; more of them would help";
+                }
             }
             row(name, text);
         }
