@@ -70,6 +70,17 @@ impl Explained {
     }
 }
 
+/// Whether f32 may tell otherwise than f64 which splats lie before the near plane.
+pub fn undecided(prior: &Prior, pose: &Pose) -> bool {
+    let near = f64::from(prior.options().near);
+    prior.splats().positions.iter().any(|p| {
+        let position = DVec3::from(p.map(f64::from));
+        let z = (pose.rotation * position + pose.translation).z;
+        let size = position.length() + pose.translation.length();
+        (z - near).abs() < ROUNDINGS * f64::from(f32::EPSILON) * size
+    })
+}
+
 /// The prior with every number moved by one unit in the last place, equal ones alike.
 pub fn rounded(prior: &Prior) -> Result<Prior, PriorError> {
     let mut splats = prior.splats().clone();
