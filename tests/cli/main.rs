@@ -11,3 +11,4 @@ mod refusals;
 mod render;
 #[path = "../scene/mod.rs"]
 mod scene;
+mod stability;

@@ -245,7 +245,7 @@ impl Reference {
         let other = Twin::new(&near);
         let both = |jacobian| Both {
             exact: twin.normal_equations(camera, &start, &floats, jacobian),
-            rounded: other.normal_equations(camera, &nudged(&start), &floats, jacobian),
+            rounded: other.normal_equations(camera, &nudged(prior, &start), &floats, jacobian),
         };
         let equations = [both(Jacobian::Flow), both(Jacobian::Exact)];
         let mut row = Row::of("twin", since);
@@ -355,11 +355,11 @@ pub fn psnr(got: &[f32], expected: &[f32]) -> f64 {
     psnr_of_mse(square / a.len() as f64)
 }
 
-/// Lengths of the columns of J. A motion that moves the picture less than a millionth of what another
+/// Lengths of the columns of J. A motion that moves the picture less than a ten-thousandth of what another
 /// does (a roll about the only pixel) counts as so much.
 fn lengths(e: &NormalEquations) -> [f64; 6] {
     let own = [0, 1, 2, 3, 4, 5].map(|k: usize| e.jtj[k][k].sqrt());
-    let least = 1e-6 * own.iter().copied().fold(0.0, f64::max);
+    let least = 1e-4 * own.iter().copied().fold(0.0, f64::max);
     own.map(|length| length.max(least))
 }
 

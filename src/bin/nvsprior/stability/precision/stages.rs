@@ -76,7 +76,7 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
     }
     let (errors, excess) = picture;
     row.expect(bits(excess) >= 12.0, || format!("a pixel is off by {excess:.1e}"));
-    all.insert(5, errors);
+    all.insert(6, errors);
     let header = vec!["stage", "quantity", "bits right, median", "least", "largest error", "of"];
     let table = Table {
         title: format!("Bits right by stage: {}", which.name()),
