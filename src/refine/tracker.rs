@@ -136,7 +136,7 @@ impl Tracker {
         let proposed = self.cold.starts(&mut self.objective, frame, &start, HYPOTHESES)?;
         from.clear();
         from.extend_from_slice(proposed);
-        let searched = self.from_proposed(&from, &start, &cold);
+        let searched = self.search_proposed(&from, &start, &cold);
         self.cold_starts = from;
         let mut cold = Found { start: kind, ..searched? };
         if external.is_none() && !self.lost(cold.outcome.mse) {
@@ -192,7 +192,7 @@ impl Tracker {
     /// Searches from the poses proposed for a start. Phase correlation may be wrong of a picture that
     /// is small, flat, or of another scene: where the outcome looks far worse than the start did, also
     /// from the start itself, at full resolution, which never ends worse than it began.
-    fn from_proposed(
+    fn search_proposed(
         &mut self,
         proposed: &[Pose],
         start: &Pose,

@@ -47,8 +47,8 @@ impl Explained {
     pub fn compare(&self, drawn: &[f32]) -> Difference {
         let mut out = Difference::default();
         for (at, pixel) in drawn.chunks_exact(5).enumerate() {
-            for k in 0..5 {
-                let (got, expected) = (f64::from(pixel[k]), self.picture.pixels[at][k]);
+            for (k, value) in pixel.iter().enumerate() {
+                let (got, expected) = (f64::from(*value), self.picture.pixels[at][k]);
                 let off = (got - expected).abs() / self.scale[k];
                 let rounding = self.rounding[at][k] / self.scale[k];
                 // Several decisions may hang together: the sum of their jumps is a guide only.

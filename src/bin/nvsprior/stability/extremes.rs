@@ -214,10 +214,10 @@ pub fn check(engine: &Engine, seed: u64) -> Result<Outcome, Fault> {
         prior => prior?,
     };
     let drawn = draw(engine, &prior, &scene)?;
-    if seed % 4 == 0 {
+    if seed.is_multiple_of(4) {
         send(engine, &prior, &scene, seed)?;
     }
-    if seed % 8 == 0 {
+    if seed.is_multiple_of(8) {
         as_twin(&prior, &scene, &drawn)?;
     }
     Ok(Outcome::Drawn)

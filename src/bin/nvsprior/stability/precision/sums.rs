@@ -28,9 +28,7 @@ pub fn solved(e: &NormalEquations, damping: f64) -> [f64; 6] {
     for k in 0..6 {
         for row in k + 1..6 {
             let factor = a[row][k] / a[k][k];
-            for column in k..6 {
-                a[row][column] -= factor * a[k][column];
-            }
+            a[row] = std::array::from_fn(|column| a[row][column] - factor * a[k][column]);
             x[row] -= factor * x[k];
         }
     }
