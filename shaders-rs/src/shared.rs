@@ -257,8 +257,9 @@ pub fn projected_axes(
     (m0, m1)
 }
 
-/// Longest row of a splat's projected axes, pixels, whose fourth power an f32 holds with room.
-pub const WIDE: f32 = 1e9;
+/// Longest component of a splat's projected axes, pixels, whose fourth power an f32 holds with room for
+/// its derivatives.
+pub const WIDE: f32 = 1e6;
 
 /// Least determinant of a covariance, in units of the fourth power of its splat's length: below are only
 /// needles longer than [`WIDE`], 1e15 times as long as wide, which are not drawn.

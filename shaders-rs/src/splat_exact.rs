@@ -2,8 +2,8 @@
 //! cuts held fixed): `dα = α (d ln α − v·dμ + ½ wᵀ K w)`, `dC += c (T dα + α dT) + α T dc`,
 //! `dT ← (1 − α) dT − T dα`.
 
-use crate::reduce::{Scratch, Sums};
 use crate::list::tell_cut;
+use crate::reduce::{Scratch, Sums};
 use crate::shared::{ALPHA_MIN, Counters, DERIVATIVES, Params, RECORD, TRANSMITTANCE_STOP};
 use crate::splat::{Clamp, first_pixel};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4, Vec4Swizzles};

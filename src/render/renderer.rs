@@ -107,6 +107,13 @@ pub struct Renderer {
     times: Vec<f64>,
 }
 
+/// Room to make for so many pairs: a little to spare, but no more than a device holds that has storage
+/// buffers of so many bytes, unless the pairs themselves take more.
+fn room_for(pairs: u32, storage_range: u64) -> u32 {
+    let most = (storage_range / size_of::<u32>() as u64).min(u32::MAX.into()) as u32;
+    pairs.saturating_add(pairs / 4).min(most).max(pairs)
+}
+
 /// Submissions after which a search that still goes on is given up: its caps let none need as many.
 const MOST_SUBMISSIONS: u32 = 64;
 
@@ -229,9 +236,7 @@ impl Renderer {
         if pairs == u32::MAX {
             return self.split_binning();
         }
-        // A little to spare, but no more than the device holds.
-        let most = (self.device.info().storage_range / 4).min(u64::from(u32::MAX)) as u32;
-        let room = pairs.saturating_add(pairs / 4).min(most).max(pairs);
+        let room = room_for(pairs, self.device.info().storage_range);
         let work = Workspace::new(&self.device, &self.scene, room, self.plan.exact())?;
         self.recorded = self.record_all(&work)?;
         self.work = work;
@@ -434,5 +439,19 @@ impl Renderer {
     pub fn stage_times(&self, job: Job) -> Result<Vec<StageTime>, Error> {
         let commands = self.recorded.iter().find(|(recorded, _)| *recorded == job);
         commands.map_or(Ok(Vec::new()), |(_, commands)| commands.stage_times())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::room_for;
+
+    #[test]
+    fn room_to_spare_never_keeps_a_picture_out() {
+        assert_eq!(room_for(1000, 1 << 27), 1250);
+        // 30 million pairs fit into 128 MiB, with a quarter more they would not.
+        assert_eq!(room_for(30_000_000, 1 << 27), 1 << 25);
+        assert_eq!(room_for(40_000_000, 1 << 27), 40_000_000);
+        assert_eq!(room_for(u32::MAX - 1, u64::MAX), u32::MAX);
     }
 }

@@ -11,4 +11,5 @@ mod refusals;
 mod render;
 #[path = "../scene/mod.rs"]
 mod scene;
+mod stability;
 mod study;

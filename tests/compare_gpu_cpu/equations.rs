@@ -74,6 +74,17 @@ fn options() {
     }
 }
 
+/// Long needles: a covariance's entries are then as large as their length squared, and what of them
+/// counts is a few pixels.
+#[test]
+fn needles() {
+    let mut splats = random_splats(89, 300, 1);
+    splats.positions.iter_mut().for_each(|p| p[2] = p[2].abs() + 2.0);
+    splats.log_scales.iter_mut().for_each(|s| *s = [-4.0, -4.0, 4.0]);
+    let prior = Prior::from_splats(splats, RenderOptions::INRIA).unwrap();
+    assert_same("needles", &prior, &camera(64, 48), &random_pose(89));
+}
+
 #[test]
 fn reef() {
     let Some(prior) = common::reef_prior() else { return };

@@ -54,6 +54,26 @@ fn the_pyramid_is_the_host_s() {
     assert_silent(&engine);
 }
 
+/// More pixels than a row of workgroups of the reduction holds.
+#[test]
+fn large_frames_are_reduced_whole() {
+    let engine = common::engine();
+    let camera = Camera { width: 512, height: 161, fx: 400.0, fy: 400.0, cx: 256.0, cy: 80.0 };
+    let scene = engine.upload(&random_prior(94, 50, 0)).unwrap();
+    let plan = Plan { jacobians: vec![Jacobian::Flow], ..Plan::picture() };
+    let mut renderer = engine.renderer(&scene, &camera, plan).unwrap();
+    let floats = common::random_frame(94, &camera);
+    let data: Vec<u8> = floats.iter().map(|v| to_byte(*v)).collect();
+    renderer.set_picture(&Picture { width: 512, height: 161, data: data.clone() });
+    renderer.reduce_picture().unwrap();
+    let away = Pose::exp(&[0.0, 0.0, -100.0, 0.0, 0.0, 0.0]);
+    let square = renderer.normal_equations(0, Jacobian::Flow, &away).unwrap().square;
+    // Nothing is in view, on black.
+    let expected: f64 = data.iter().map(|v| (f64::from(*v) / 255.0).powi(2)).sum();
+    assert!((square / expected - 1.0).abs() < 1e-5, "{square}, {expected}");
+    assert_silent(&engine);
+}
+
 fn placement(pose: &Pose, centre: glam::DVec3) -> Placement {
     let translation = pose.translation + pose.rotation * centre;
     Placement {

@@ -1,7 +1,7 @@
 //! Scenes at the edge of what can be drawn.
 
 use nvsprior::prior::{Fault, Splats};
-use nvsprior::render::Plan;
+use nvsprior::render::{Jacobian, Plan};
 use nvsprior::shared::TILE;
 use nvsprior::vulkan::Error;
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
@@ -93,7 +93,7 @@ fn unsound_splats_leave_no_trace() {
 #[test]
 fn huge_and_tiny_splats() {
     let around = [[0.0, 0.0, 2.0], [1.0, 0.5, 3.0], [-30.0, 4.0, 2.5], [0.3, 900.0, 5.0]];
-    for log_scale in [-40.0, -15.0, 3.0, 10.0] {
+    for log_scale in [-40.0, -15.0, 3.0, 10.0, 20.0, 40.0] {
         let prior = prior_at(&around, log_scale);
         assert_same(&format!("scale-{log_scale}"), &prior, &camera(40, 30), &Pose::IDENTITY);
     }
@@ -180,4 +180,53 @@ fn many_wide_splats() {
     splats.opacity_logits.fill(-5.4);
     let prior = Prior::from_splats(splats, OPTIONS).unwrap();
     assert_same("many-wide-splats", &prior, &camera(320, 180), &Pose::IDENTITY);
+}
+
+#[test]
+fn too_many_splats_for_a_buffer_are_told_with_what_fits() {
+    let engine = common::engine();
+    let count = engine.device().storage_range / (14 * 4) + 1;
+    if count > 5_000_000 {
+        println!("skipped: {} holds more splats than are made here", engine.device());
+        return;
+    }
+    let prior = prior_at(&vec![[0.0, 0.0, 3.0]; count as usize], -3.0);
+    let Err(refused) = engine.upload(&prior) else { panic!("{count} splats fit") };
+    let told = format!("; {} splats of degree 0 would fit", count - 1);
+    assert!(refused.to_string().ends_with(&told), "{refused}");
+}
+
+/// Drivers that end long loops must be noticed: llvmpipe goes 65,535 rounds, one a splat here.
+#[test]
+fn a_list_is_gone_through_or_refused() {
+    let engine = common::engine();
+    let camera = Camera { width: 8, height: 8, fx: 8.0, fy: 8.0, cx: 4.0, cy: 4.0 };
+    // In the first pixel's corner; one behind them all covers the tile.
+    let mut splats = splats_at(&vec![[-1.75, -1.75, 4.0]; 70_000], -8.0);
+    splats.opacity_logits.fill(-5.0);
+    let one = splats_at(&[[0.0, 0.0, 9.0]], 1.0);
+    splats.positions.extend(one.positions);
+    splats.log_scales.extend(one.log_scales);
+    splats.rotations.extend(one.rotations);
+    splats.opacity_logits.push(6.0);
+    splats.sh.extend([0.9; 3]);
+    let prior = Prior::from_splats(splats, OPTIONS).unwrap();
+    let scene = engine.upload(&prior).unwrap();
+    let frame = vec![0.5; 8 * 8 * 3];
+    let twin = nvsprior::reference::Twin::new(&prior);
+    for jacobian in [Jacobian::Flow, Jacobian::Exact] {
+        let plan = Plan { jacobians: vec![jacobian], ..Plan::picture() };
+        let mut renderer = engine.renderer(&scene, &camera, plan).unwrap();
+        renderer.set_frame(0, &frame);
+        match renderer.normal_equations(0, jacobian, &Pose::IDENTITY) {
+            Err(Error::TooManyPairs) => println!("{jacobian:?}: refused"),
+            got => {
+                let got = got.unwrap().square;
+                let expected =
+                    twin.normal_equations(&camera, &Pose::IDENTITY, &frame, jacobian).square;
+                assert!((got / expected - 1.0).abs() < 1e-3, "{jacobian:?}: {got}, {expected}");
+            }
+        }
+    }
+    common::assert_silent(&engine);
 }

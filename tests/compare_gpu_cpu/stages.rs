@@ -124,8 +124,8 @@ fn derivatives() {
                 assert_twist("mean", i, &got.mean[k], &expected.mean[k], 0.0);
             }
             let changes = whitened(s, expected.covariance);
-            for k in 0..3 {
-                assert_twist("Σ", i, &got.covariance[k], &changes[k], 1.0);
+            for (k, change) in changes.iter().enumerate() {
+                assert_twist("Σ", i, &got.covariance[k], change, 1.0);
                 assert_twist("colour", i, &got.rgb[k], &expected.rgb[k], 1e-2);
             }
             assert_twist("ln α", i, &got.ln_alpha, &expected.ln_alpha, 1.0);

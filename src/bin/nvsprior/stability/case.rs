@@ -29,8 +29,11 @@ pub struct Case {
     pub name: String,
     /// A sentence.
     pub expected: &'static str,
-    pub run: Box<dyn FnOnce(&Bench) -> anyhow::Result<Done>>,
+    pub run: Run,
 }
+
+/// What measures a case.
+type Run = Box<dyn FnOnce(&Bench) -> anyhow::Result<Done>>;
 
 impl Case {
     pub fn new<D: Into<Done>>(

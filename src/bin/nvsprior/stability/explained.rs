@@ -34,7 +34,7 @@ impl Explained {
     pub fn new(prior: &Prior, camera: &Camera, pose: &Pose) -> Result<Explained, PriorError> {
         let picture = Twin::new(prior).render(camera, pose);
         let mut rounding = vec![[0.0; 5]; picture.pixels.len()];
-        let other = Twin::new(&rounded(prior)?).render(camera, &nudged(pose));
+        let other = Twin::new(&rounded(prior)?).render(camera, &nudged(prior, pose));
         for (to, (a, b)) in rounding.iter_mut().zip(picture.pixels.iter().zip(&other.pixels)) {
             *to = std::array::from_fn(|k| (a[k] - b[k]).abs());
         }
@@ -47,8 +47,8 @@ impl Explained {
     pub fn compare(&self, drawn: &[f32]) -> Difference {
         let mut out = Difference::default();
         for (at, pixel) in drawn.chunks_exact(5).enumerate() {
-            for k in 0..5 {
-                let (got, expected) = (f64::from(pixel[k]), self.picture.pixels[at][k]);
+            for (k, value) in pixel.iter().enumerate() {
+                let (got, expected) = (f64::from(*value), self.picture.pixels[at][k]);
                 let off = (got - expected).abs() / self.scale[k];
                 let rounding = self.rounding[at][k] / self.scale[k];
                 // Several decisions may hang together: the sum of their jumps is a guide only.
@@ -70,10 +70,34 @@ impl Explained {
     }
 }
 
-/// The prior with every number moved by one unit in the last place, equal ones alike.
+/// Whether f32 may tell otherwise than f64 which splats lie before the near plane.
+pub fn undecided(prior: &Prior, pose: &Pose) -> bool {
+    let near = f64::from(prior.options().near);
+    let centre = DVec3::from(prior.frame().centre.map(f64::from));
+    prior.splats().positions.iter().any(|p| {
+        let position = DVec3::from(p.map(f64::from));
+        let z = (pose.rotation * position + pose.translation).z;
+        let held = pose.translation + pose.rotation * centre;
+        let size = (position - centre).length() + held.length();
+        (z - near).abs() < ROUNDINGS * f64::from(f32::EPSILON) * size
+    })
+}
+
+/// The prior with every number moved by one unit in the last place, equal ones alike; positions by one
+/// of their distance from the prior's centre, from which the device holds them, where that is more.
 pub fn rounded(prior: &Prior) -> Result<Prior, PriorError> {
     let mut splats = prior.splats().clone();
-    splats.positions.iter_mut().flatten().for_each(nudge);
+    let centre = prior.frame().centre;
+    for position in &mut splats.positions {
+        for (v, c) in position.iter_mut().zip(centre) {
+            let mut from_centre = *v - c;
+            nudge(&mut from_centre);
+            nudge(v);
+            if c.abs() > v.abs() {
+                *v = c + from_centre;
+            }
+        }
+    }
     splats.log_scales.iter_mut().flatten().for_each(nudge);
     splats.rotations.iter_mut().flatten().for_each(nudge);
     splats.opacity_logits.iter_mut().for_each(nudge);
@@ -96,10 +120,12 @@ fn nudge(value: &mut f32) {
     }
 }
 
-/// The pose as far off as f32 holds it.
-pub fn nudged(pose: &Pose) -> Pose {
+/// The pose as far off as f32 holds it, for points relative to the prior's centre.
+pub fn nudged(prior: &Prior, pose: &Pose) -> Pose {
     let by = f64::from(f32::EPSILON);
     let mut pose = *pose;
-    pose.translation *= DVec3::new(1.0 + by, 1.0 - by, 1.0 + by);
+    let centre = DVec3::from(prior.frame().centre.map(f64::from));
+    let held = pose.translation + pose.rotation * centre;
+    pose.translation += held * DVec3::new(by, -by, by);
     pose.stepped(&[0.0, 0.0, 0.0, by, -by, by])
 }

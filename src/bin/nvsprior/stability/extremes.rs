@@ -12,7 +12,7 @@ use nvsprior::{
     RenderOptions,
 };
 
-use super::explained::Explained;
+use super::explained::{Explained, undecided};
 
 /// A deterministic sequence of numbers (SplitMix64: Steele, Lea & Flood 2014).
 pub struct Random(u64);
@@ -214,10 +214,10 @@ pub fn check(engine: &Engine, seed: u64) -> Result<Outcome, Fault> {
         prior => prior?,
     };
     let drawn = draw(engine, &prior, &scene)?;
-    if seed % 4 == 0 {
+    if seed.is_multiple_of(4) {
         send(engine, &prior, &scene, seed)?;
     }
-    if seed % 8 == 0 {
+    if seed.is_multiple_of(8) {
         as_twin(&prior, &scene, &drawn)?;
     }
     Ok(Outcome::Drawn)
@@ -294,6 +294,9 @@ fn send(engine: &Engine, prior: &Prior, scene: &Extreme, seed: u64) -> Result<()
 const PICTURE: f64 = 1e-3;
 
 fn as_twin(prior: &Prior, scene: &Extreme, drawn: &[f32]) -> Result<(), Fault> {
+    if undecided(prior, &scene.pose) {
+        return Ok(());
+    }
     let difference = Explained::new(prior, &scene.camera, &scene.pose)?.compare(drawn);
     ensure(difference.excess <= PICTURE, || difference.worst)
 }

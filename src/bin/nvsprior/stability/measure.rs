@@ -18,8 +18,8 @@ use super::scenes;
 
 /// Reduction factors of the pyramid.
 const FACTORS: [u32; 4] = [1, 2, 4, 8];
-/// An error below which a search may end worse than it began: 40 dB.
-const UNSEEN: f64 = 1e-4;
+/// An error below which encoders take a frame as found, by their default threshold: 30 dB.
+const UNSEEN: f64 = 1e-3;
 
 /// Most that the coarse sort may change gradient and JᵀJ by: it draws splats of nearly the same depth
 /// in the order of the file.
@@ -154,7 +154,11 @@ impl Scenario {
 }
 
 /// The sums of one evaluation as a search makes them.
-fn evaluated(renderer: &mut Renderer, prior: &Prior, at: &Pose) -> Result<NormalEquations, Error> {
+pub fn evaluated(
+    renderer: &mut Renderer,
+    prior: &Prior,
+    at: &Pose,
+) -> Result<NormalEquations, Error> {
     let centre = glam::DVec3::from(prior.frame().centre.map(f64::from));
     let program = Program {
         renders: 1,
@@ -241,7 +245,7 @@ impl Reference {
         let other = Twin::new(&near);
         let both = |jacobian| Both {
             exact: twin.normal_equations(camera, &start, &floats, jacobian),
-            rounded: other.normal_equations(camera, &nudged(&start), &floats, jacobian),
+            rounded: other.normal_equations(camera, &nudged(prior, &start), &floats, jacobian),
         };
         let equations = [both(Jacobian::Flow), both(Jacobian::Exact)];
         let mut row = Row::of("twin", since);
@@ -319,9 +323,14 @@ fn descend(scenario: &Scenario, frame: &Picture) -> anyhow::Result<Descent> {
     Ok(Descent { start: mse(&start), end: mse(&end), stop, evaluations: s.evaluations as usize })
 }
 
+/// Rows and columns of the upper triangle, in order.
+pub fn upper() -> impl Iterator<Item = (usize, usize)> {
+    (0..6).flat_map(|i| (i..6).map(move |j| (i, j)))
+}
+
 /// The 28 sums of normal equations.
 pub fn sums(e: &NormalEquations) -> [f64; SUMS as usize] {
-    let upper = (0..6).flat_map(|i| (i..6).map(move |j| (i, j))).map(|(i, j)| e.jtj[i][j]);
+    let upper = upper().map(|(i, j)| e.jtj[i][j]);
     let mut out = [0.0; SUMS as usize];
     let values = upper.chain(e.jtr).chain([e.square]);
     out.iter_mut().zip(values).for_each(|(to, from)| *to = from);
@@ -346,13 +355,21 @@ pub fn psnr(got: &[f32], expected: &[f32]) -> f64 {
     psnr_of_mse(square / a.len() as f64)
 }
 
+/// Lengths of the columns of J. A motion that moves the picture less than a ten-thousandth of what another
+/// does (a roll about the only pixel) counts as so much.
+fn lengths(e: &NormalEquations) -> [f64; 6] {
+    let own = [0, 1, 2, 3, 4, 5].map(|k: usize| e.jtj[k][k].sqrt());
+    let least = 1e-4 * own.iter().copied().fold(0.0, f64::max);
+    own.map(|length| length.max(least))
+}
+
 /// Largest error of an entry of JᵀJ, by Cauchy–Schwarz.
 pub fn jtj_error(got: &NormalEquations, twin: &NormalEquations) -> f64 {
-    let length = |k: usize| twin.jtj[k][k].sqrt();
+    let length = lengths(twin);
     let entries = (0..6).flat_map(|row| (0..6).map(move |column| (row, column)));
     largest(entries.map(|(row, column)| {
         let off = (got.jtj[row][column] - twin.jtj[row][column]).abs();
-        share(off, length(row) * length(column))
+        share(off, length[row] * length[column])
     }))
 }
 
@@ -361,10 +378,8 @@ pub fn jtj_error(got: &NormalEquations, twin: &NormalEquations) -> f64 {
 pub fn gradient_error(got: &NormalEquations, twin: &NormalEquations) -> f64 {
     let least = twin.residuals as f64 * (0.5_f64 / 255.0).powi(2);
     let residual = twin.square.max(least).sqrt();
-    largest((0..6).map(|k| {
-        let off = (got.jtr[k] - twin.jtr[k]).abs();
-        share(off, twin.jtj[k][k].sqrt() * residual)
-    }))
+    let length = lengths(twin);
+    largest((0..6).map(|k| share((got.jtr[k] - twin.jtr[k]).abs(), length[k] * residual)))
 }
 
 /// An error as a share of its bound; nothing off is no error, whatever the bound.

@@ -31,7 +31,7 @@ with what was written down as expected before it was run. Made by `nvsprior stab
   f64 throughout.
 - *Picture error*: against the twin, over all channels, depth and transmittance, in units of the channel's
   largest value where that is above 1. *By rounding inputs*: how much the twin's own picture changes where
-  every input moves by one unit in the last place of an f32. What close decisions (alpha's cut, the transmittance
+  every input moves by one unit in the last place of an f32, as the device holds it. What close decisions (alpha's cut, the transmittance
   stop, depth order) explain does not count as a fault, nor what rounding explains.
 - *Gradient* and *JᵀJ error*: largest entry's, relative to what Cauchy–Schwarz bounds it by.
 - *Optimiser*: the mean squared error, values not clamped, at a start beside the true pose, and at the outcome.
