@@ -23,8 +23,8 @@ const HEADER: [&str; 11] = [
 
 /// Words of the introduction.
 const ABOUT: &str = "\
-Extreme priors, pictures and numbers, each run on the device and by the f64 twin on the CPU, and compared
-with what was written down as expected before it was run. Made by `nvsprior stability --report DIR`.
+Extreme priors, pictures and numbers, each run on the device and by the f64 twin on the CPU, and held
+against what is expected of it. Made by `nvsprior stability --report DIR`.
 
 - *Path*: how it was run. `flow` and `exact` are the two pose Jacobians; depths are sorted exactly but in
   `coarse`, where those within a part in 8,000 count as equal in evaluations (as encoders do it). `twin` is
