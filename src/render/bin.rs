@@ -18,6 +18,7 @@ const TILES: u32 = (Camera::MAX_SIDE / TILE).pow(2);
 pub(crate) const BANDS: u32 = TILES / shared::TABLE;
 
 const _: () = assert!(TABLE >= 4 * TILES, "blocks come by fours");
+const _: () = assert!(shared::TABLE >= Camera::MAX_SIDE / TILE, "a band has a row and more");
 
 /// How binning is shared among workgroups.
 pub(crate) struct Binning {

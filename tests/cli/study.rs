@@ -109,13 +109,23 @@ fn trim_without_frames_keeps_to_the_floor_within_the_margin() {
     let dive = Dive::new();
     std::fs::remove_dir_all(dive.path("images")).unwrap();
     let mission = "--cameras cameras.json --margin-distance 0.2 --margin-angle 3 --floor 40";
-    let trim = format!("trim prior.ply {mission} --steps 2 --range 50 --out small.ply");
+    let trim = format!("trim prior.ply {mission} --steps 2 --range 50 --out small.nvsg");
     let text = dive.run(&trim).ends_with(0).stdout;
     for name in ["views", "within margin"] {
         let psnr = row(&text, name).split(", ").nth(1).unwrap().split(' ').next().unwrap();
         assert!(psnr.parse::<f64>().unwrap() >= 40.0, "{text}");
     }
     assert!(!text.contains("frames") && !text.contains("other splits"), "{text}");
+    assert!(text.contains("of the usual steps"), "{text}");
+    let small = Prior::open(&dive.path("small.nvsg"), &Default::default()).unwrap();
+    assert!(row(&text, "identity").ends_with(&format!("→ {}", small.id())), "{text}");
+    let bytes = |name: &str| dive.bytes(name).len();
+    assert!(8 * bytes("small.nvsg") < bytes("prior.ply"), "{text}");
+    // Cameras that may stand elsewhere need more of it than those of the file.
+    let narrow = "--cameras cameras.json --floor 40 --steps 2 --out narrow.nvsg";
+    dive.run(&format!("trim prior.ply {narrow}")).ends_with(0);
+    let narrow = Prior::open(&dive.path("narrow.nvsg"), &Default::default()).unwrap();
+    assert!(narrow.len() < small.len(), "{} against {}", narrow.len(), small.len());
 }
 
 #[test]

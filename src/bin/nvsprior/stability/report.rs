@@ -23,18 +23,20 @@ const HEADER: [&str; 11] = [
 
 /// Words of the introduction.
 const ABOUT: &str = "\
-Extreme priors, pictures and numbers, each run on the device and by the f64 twin on the CPU, and compared
-with what was written down as expected before it was run. Made by `nvsprior stability --report DIR`.
+Extreme priors, pictures and numbers, each run on the device and by the f64 twin on the CPU, and held
+against what is expected of it. Made by `nvsprior stability --report DIR`.
 
 - *Path*: how it was run. `flow` and `exact` are the two pose Jacobians; depths are sorted exactly but in
   `coarse`, where those within a part in 8,000 count as equal in evaluations (as encoders do it). `twin` is
   f64 throughout.
 - *Picture error*: against the twin, over all channels, depth and transmittance, in units of the channel's
   largest value where that is above 1. *By rounding inputs*: how much the twin's own picture changes where
-  every input moves by one unit in the last place of an f32, as the device holds it. What close decisions (alpha's cut, the transmittance
-  stop, depth order) explain does not count as a fault, nor what rounding explains.
+  every input moves by one unit in the last place of an f32, as the device holds it. What close decisions
+  (alpha's cut, the transmittance stop, depth order) explain does not count as a fault, nor up to sixteen
+  times what rounding explains.
 - *Gradient* and *JᵀJ error*: largest entry's, relative to what Cauchy–Schwarz bounds it by.
-- *Optimiser*: the mean squared error, values not clamped, at a start beside the true pose, and at the outcome.
+- *Optimiser*: the mean squared error, values not clamped, at a start beside the true pose, and at the
+  outcome. 30 dB is the encoder's default threshold, below which it takes a frame as found.
 - Times depend on what else the machine does.
 ";
 
@@ -92,15 +94,19 @@ fn capital(name: &str) -> String {
     letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }
 
-/// What was expected, a line a case.
+/// What was expected, a line for all cases of which the same is.
 fn expectations(out: &mut String, section: &Section) {
-    let mut last = "";
-    let _ = writeln!(out, "\nExpected:\n");
-    for row in section.rows.iter() {
-        if row.case != last {
-            let _ = writeln!(out, "- *{}*: {}", row.case, row.expected);
-            last = &row.case;
+    let mut kinds: Vec<(&str, Vec<&str>)> = Vec::new();
+    for row in &section.rows {
+        match kinds.iter_mut().find(|(expected, _)| *expected == row.expected) {
+            Some((_, names)) if names.last() != Some(&row.case.as_str()) => names.push(&row.case),
+            Some(_) => {}
+            None => kinds.push((row.expected, vec![&row.case])),
         }
+    }
+    let _ = writeln!(out, "\nExpected:\n");
+    for (expected, names) in kinds {
+        let _ = writeln!(out, "- {}: *{expected}*.", names.join("; "));
     }
 }
 

@@ -113,9 +113,10 @@ pub fn keys(bench: &Bench, which: Which) -> anyhow::Result<Done> {
     let mut row = Row::of("device", since);
     row.expect(db >= 35.0, || format!("{db:.1} dB"));
     let times = times(bench, &seen)?;
+    let shown = if db.is_finite() { format!("{db:.1}") } else { "the same picture".into() };
     let rows = vec![
-        vec!["three digits".into(), "∞".into(), format!("{:.2}", times[0])],
-        vec!["two digits".into(), format!("{db:.1}"), format!("{:.2}", times[1])],
+        vec!["three digits".into(), "–".into(), format!("{:.2}", times[0])],
+        vec!["two digits".into(), shown, format!("{:.2}", times[1])],
     ];
     let table = Table {
         title: format!("Width of depth keys: {}", which.name()),
