@@ -89,8 +89,8 @@ pub trait Judge {
     /// What the splats lose against all of them.
     fn loss(&mut self, splats: &Splats) -> Result<f64, Self::Error>;
 
-    /// Hears of a round that is over.
-    fn told(&mut self, round: &Round);
+    /// Hears of a round that is over, and what remained of the splats.
+    fn told(&mut self, round: &Round, splats: &Splats) -> Result<(), Self::Error>;
 
     /// Hears that so many steps of a fit are done.
     fn fitted(&mut self, done: u32, all: u32);
@@ -209,7 +209,8 @@ impl<J: Judge> Trimmer<'_, J> {
     fn judged(&mut self, step: Step, candidate: Splats, limit: f64) -> Result<bool, J::Error> {
         let loss = self.judge.loss(&candidate)?;
         let kept = loss <= limit;
-        self.judge.told(&Round { step, splats: candidate.len(), loss, kept });
+        let round = Round { step, splats: candidate.len(), loss, kept };
+        self.judge.told(&round, &candidate)?;
         if kept {
             self.best = candidate;
         }
@@ -290,8 +291,10 @@ mod tests {
             Ok(self.psnr - all.map(|(a, b)| a.psnr(b)).fold(f64::INFINITY, f64::min))
         }
 
-        fn told(&mut self, round: &Round) {
+        fn told(&mut self, round: &Round, splats: &Splats) -> Result<(), MappingError> {
+            assert_eq!(round.splats, splats.len());
             self.rounds.push(*round);
+            Ok(())
         }
 
         fn fitted(&mut self, done: u32, all: u32) {

@@ -4,7 +4,6 @@ mod judge;
 
 use std::path::PathBuf;
 
-use anyhow::Context as _;
 use clap::ValueEnum;
 use nvsprior::mapping::View;
 use nvsprior::prior::compact::Quantisation;
@@ -20,9 +19,10 @@ use judge::{Bench, Loss};
 
 /// Write a prior reduced to what a mission's views need
 ///
-/// Leaves out the splats whose absence shows least, in rounds, and fits those that remain. The loss is measured at the views, at others within the margin, and
-/// at the camera file's other splits. The reduced prior has an identity of its own: both sides of a
-/// link must hold it.
+/// Leaves out the splats whose absence shows least, in rounds, and fits those that remain. The loss is
+/// measured at the views, at others within the margin, and at the camera file's other splits. The best
+/// so far is in the file after every round. The reduced prior has an identity of its own: both sides
+/// of a link must hold it.
 #[derive(clap::Args)]
 pub struct Args {
     /// The trained scene
@@ -99,7 +99,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let fit = args.fit.unwrap_or(if mission.margin.is_none() { Frames } else { Renders });
     let views = fit_views(&mission, fit, &mut whole)?;
     let limits = Loss { tolerance: args.tolerance, floor: args.floor, distilled: fit == Renders };
-    let mut bench = Bench::new(&engine, &prior, whole, &mission, container, limits)?;
+    let mut bench = Bench::new(&engine, &prior, whole, &mission, (container, &args.out), limits)?;
     if args.coarseness.is_none() {
         bench.coarsen(FINEST)?;
     }
@@ -110,11 +110,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         ..TrimOptions::new(*prior.options(), bench.tolerance())
     };
     let splats = trim(prior.splats(), &views, &options, &mut bench)?;
-    let bytes = bench.container.write(&splats, prior.options())?;
-    std::fs::write(&args.out, &bytes).with_context(|| format!("writing {}", args.out.display()))?;
+    let bytes = bench.save(&splats)?;
     let reduced = Prior::open(&args.out, &Default::default())?;
     let size = std::fs::metadata(&args.prior)?.len();
-    bench.print(&reduced, size, bytes.len() as u64)?;
+    bench.print(&reduced, size, bytes as u64)?;
     if let Some(path) = &args.sheet {
         write_sheet(path, &mut bench, &reduced, &mission.places())?;
     }

@@ -1,6 +1,9 @@
 //! What a reduced prior loses: measured on the device, on the prior as its file will hold it.
 
+use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+use anyhow::Context as _;
 
 use indicatif::ProgressBar;
 use nvsprior::prior::Splats;
@@ -34,6 +37,8 @@ pub struct Bench<'a> {
     prior: &'a Prior,
     pub whole: Painter,
     pub container: Container,
+    /// Where the best so far is written.
+    out: PathBuf,
     limits: Loss,
     /// The views that the fit knows.
     views: ViewSet,
@@ -51,14 +56,15 @@ impl<'a> Bench<'a> {
         prior: &'a Prior,
         mut whole: Painter,
         mission: &Mission,
-        container: Container,
+        (container, out): (Container, &Path),
         limits: Loss,
     ) -> anyhow::Result<Bench<'a>> {
         let views = ViewSet::of(&mission.views, usize::MAX, &mut whole)?;
         let near = ViewSet::new(mission.near(1), None, &mut whole)?;
         let others = ViewSet::of(&mission.others, usize::MAX, &mut whole)?;
         let (bar, since) = (progress(0, "fitting"), Instant::now());
-        Ok(Bench { engine, prior, whole, container, limits, views, near, others, bar, since })
+        let out = out.to_owned();
+        Ok(Bench { engine, prior, whole, container, out, limits, views, near, others, bar, since })
     }
 
     /// The greatest loss that counts as none.
@@ -100,6 +106,14 @@ impl<'a> Bench<'a> {
             None if none => self.limits.floor - psnr,
             None => self.limits.floor - psnr.min(near),
         })
+    }
+
+    /// Writes a prior to the file asked for; its bytes.
+    pub fn save(&self, splats: &Splats) -> anyhow::Result<usize> {
+        let bytes = self.container.write(splats, self.prior.options())?;
+        std::fs::write(&self.out, &bytes)
+            .with_context(|| format!("writing {}", self.out.display()))?;
+        Ok(bytes.len())
     }
 
     /// The prior as its file will hold it.
@@ -165,8 +179,12 @@ impl Judge for Bench<'_> {
         self.loss_of(&mut small)
     }
 
-    fn told(&mut self, round: &Round) {
+    fn told(&mut self, round: &Round, splats: &Splats) -> anyhow::Result<()> {
         self.bar.reset();
+        // A run that is cut short leaves what it had.
+        if round.kept {
+            self.save(splats)?;
+        }
         let Round { step, splats, loss, kept } = round;
         let verdict = if *kept { "left out" } else { "needed" };
         let lost = match self.views.frames {
@@ -177,6 +195,7 @@ impl Judge for Bench<'_> {
         let line =
             format!("{:8} {}: {splats} splats, {lost} ({seconds:.0} s)", verdict, words(step));
         self.bar.suspend(|| println!("{line}"));
+        Ok(())
     }
 
     fn fitted(&mut self, done: u32, all: u32) {
