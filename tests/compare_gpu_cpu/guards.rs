@@ -204,12 +204,12 @@ fn a_list_is_gone_through_or_refused() {
     // In the first pixel's corner; one behind them all covers the tile.
     let mut splats = splats_at(&vec![[-1.75, -1.75, 4.0]; 70_000], -8.0);
     splats.opacity_logits.fill(-5.0);
-    let one = splats_at(&[[0.0, 0.0, 9.0]], 1.0);
+    let one = splats_at(&[[0.0, 0.0, 9.0]], 3.0);
     splats.positions.extend(one.positions);
     splats.log_scales.extend(one.log_scales);
     splats.rotations.extend(one.rotations);
     splats.opacity_logits.push(6.0);
-    splats.sh.extend([0.9; 3]);
+    splats.sh.extend([3.0; 3]);
     let prior = Prior::from_splats(splats, OPTIONS).unwrap();
     let scene = engine.upload(&prior).unwrap();
     let frame = vec![0.5; 8 * 8 * 3];
@@ -221,10 +221,11 @@ fn a_list_is_gone_through_or_refused() {
         match renderer.normal_equations(0, jacobian, &Pose::IDENTITY) {
             Err(Error::TooManyPairs) => println!("{jacobian:?}: refused"),
             got => {
-                let got = got.unwrap().square;
+                println!("{jacobian:?}: gone through");
+                let got = got.unwrap().jtj[0][0];
                 let expected =
-                    twin.normal_equations(&camera, &Pose::IDENTITY, &frame, jacobian).square;
-                assert!((got / expected - 1.0).abs() < 1e-3, "{jacobian:?}: {got}, {expected}");
+                    twin.normal_equations(&camera, &Pose::IDENTITY, &frame, jacobian).jtj[0][0];
+                assert!((got / expected - 1.0).abs() < 1e-2, "{jacobian:?}: {got}, {expected}");
             }
         }
     }
