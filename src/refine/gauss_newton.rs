@@ -226,7 +226,7 @@ fn stop(search: &Search) -> Stop {
 }
 
 /// Mean squared error, values in [0, 1], of a difference picture.
-fn mse(difference: &[u8]) -> f64 {
+pub(super) fn mse(difference: &[u8]) -> f64 {
     let square = |v: &u8| u64::from(v.abs_diff(128)).pow(2);
     let sum: u64 = difference.iter().map(square).sum();
     sum as f64 / (difference.len() as f64 * 255.0 * 255.0)

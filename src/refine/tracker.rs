@@ -1,6 +1,7 @@
 //! The pose of frame after frame: where to start, how to search, and when to start afresh.
 
-use crate::search::{PoseCode, STARTS};
+use crate::render::view::{anchor, placement};
+use crate::search::{PoseCode, STARTS, quantised};
 use crate::vulkan::Error;
 use crate::{Picture, Pose};
 
@@ -23,8 +24,6 @@ const FAR: f64 = 2.0;
 const WORSE: f64 = 1.15;
 /// A frame whose error is above this many times that of the frame before is looked for afresh.
 const LOST: f64 = 1.6;
-/// An error that nobody sees: 50 dB.
-const NOTHING: f64 = 1e-5;
 
 /// What was found for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -198,6 +197,7 @@ impl Tracker {
         cold: &Schedule,
         warm: &Schedule,
     ) -> Result<Found, Error> {
+        let begun = self.error_at(start)?;
         let mut from = std::mem::take(&mut self.cold_starts);
         let proposed = self.cold.starts(&mut self.objective, frame, start, HYPOTHESES)?;
         from.clear();
@@ -205,16 +205,23 @@ impl Tracker {
         let searched = self.from(&from, cold);
         self.cold_starts = from;
         let mut found = searched?;
-        // Of the start, at a coarse level, where errors are less than in the full picture.
-        let error = self.cold.error();
-        if !(found.first_mse <= error) {
+        if !(found.first_mse <= self.cold.error()) {
             found = found.or_last(self.from(&[*start], cold)?);
         }
-        if !(found.outcome.mse < error.max(NOTHING)) {
+        if !(found.outcome.mse <= begun) {
             let near = Schedule { first_level: 0, follow_level: 0, far_level: 0, ..*warm };
             found = found.or_last(self.from(&[*start], &near)?);
         }
         Ok(found)
+    }
+
+    /// Mean squared error of the picture as a packet about this pose has it drawn.
+    fn error_at(&mut self, pose: &Pose) -> Result<f64, Error> {
+        let renderer = self.objective.renderer();
+        let code =
+            quantised(&placement(renderer.scene(), pose), &anchor(renderer.scene()), self.profile);
+        renderer.draw_coded(&code)?;
+        Ok(gauss_newton::mse(renderer.difference()))
     }
 
     fn lost(&self, mse: f64) -> bool {

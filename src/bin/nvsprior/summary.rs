@@ -44,6 +44,9 @@ fn frame(row: &Row) -> Value {
         "milliseconds": s.milliseconds,
         "start": s.start.name(),
         "rate_kept": s.rate_kept,
+        // Infinite ones become null.
+        "pose_deviation": s.observability.pose_deviation(),
+        "open_directions": s.observability.undetermined().count(),
     })
 }
 

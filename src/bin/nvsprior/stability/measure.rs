@@ -18,8 +18,10 @@ use super::scenes;
 
 /// Reduction factors of the pyramid.
 const FACTORS: [u32; 4] = [1, 2, 4, 8];
-/// An error below which encoders take a frame as found, by their default threshold: 30 dB.
-const UNSEEN: f64 = 1e-3;
+/// An error that nobody sees: 50 dB.
+const UNSEEN: f64 = 1e-5;
+/// Share of an error that the rounding of a pose in its packet may add.
+const ROUNDED: f64 = 1e-3;
 
 /// Most that the coarse sort may change gradient and JᵀJ by: it draws splats of nearly the same depth
 /// in the order of the file.
@@ -128,6 +130,7 @@ impl Scenario {
             Fineness::Coarse => evaluated(&mut renderer, &self.prior, &start)?,
         };
         let before = renderer.normal_equations(0, jacobian, &start)?.mse();
+        let seen_before = seen(&mut renderer, &start, &twin.frame)?;
         let refine = RefineOptions { jacobian, fineness, ..RefineOptions::default() };
         debug_assert_eq!(refine.optimizer, Optimizer::GaussNewton);
         let mut tracker = Tracker::new(Objective::new(renderer), refine, 1e-3, COMPACT);
@@ -146,11 +149,21 @@ impl Scenario {
             let stop = found.outcome.stop;
             row.descent = Some(Descent { start: before, end, stop, evaluations });
             row.expect(found.outcome.pose.is_finite(), || "the pose found is no number".into());
-            let fine = !self.limits.descends || end <= before.max(UNSEEN);
+            // By the sums that it minimises, or by what is seen: colours beyond white are one.
+            let no_worse = end <= (1.0 + ROUNDED) * before.max(UNSEEN)
+                || seen(renderer, &found.outcome.pose, &twin.frame)? <= seen_before.max(UNSEEN);
+            let fine = !self.limits.descends || no_worse;
             row.expect(fine, || format!("the search went from {before:.3e} up to {end:.3e}"));
         }
         Ok(row)
     }
+}
+
+/// Mean squared error of the 8-bit picture from a pose.
+fn seen(renderer: &mut Renderer, pose: &Pose, frame: &Picture) -> Result<f64, Error> {
+    let mut picture = Picture::new(frame.width, frame.height);
+    renderer.picture(pose, &mut picture)?;
+    Ok(picture.mse(frame))
 }
 
 /// The sums of one evaluation as a search makes them.

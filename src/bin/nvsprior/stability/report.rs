@@ -36,7 +36,7 @@ against what is expected of it. Made by `nvsprior stability --report DIR`.
   times what rounding explains.
 - *Gradient* and *JᵀJ error*: largest entry's, relative to what Cauchy–Schwarz bounds it by.
 - *Optimiser*: the mean squared error, values not clamped, at a start beside the true pose, and at the
-  outcome. 30 dB is the encoder's default threshold, below which it takes a frame as found.
+  outcome. What is above 50 dB (MSE 1e-5) counts as found.
 - Times depend on what else the machine does.
 ";
 

@@ -20,7 +20,7 @@ pub const GROUP: Group = Group {
     cases,
 };
 
-const AS_TWIN: &str = "drawn and differentiated as by the twin; the search ends no worse than it began, or above 30 dB";
+const AS_TWIN: &str = "drawn and differentiated as by the twin; the search ends no worse than it began, or above 50 dB";
 const NOTHING: &str = "nothing but the background, no derivative, and the search stays where it is";
 const REFUSED: &str = "left out at loading, counted, and named by kind";
 const TOO_LARGE: &str = "drawn where the device holds it, else refused with what would fit";
