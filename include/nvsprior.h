@@ -244,8 +244,8 @@ typedef struct nvsp_engine_options {
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // Part of the device's name, or its number as text. NULL: a discrete GPU before an integrated
-  // one before a CPU.
+  // The device's number as text, or a part of its name or its driver's. NULL: a discrete GPU before
+  // an integrated one before a CPU.
   const char *device;
   // Receives messages; NULL: none are passed on.
   nvsp_log_callback log;
