@@ -25,6 +25,9 @@ const WORSE: f64 = 1.15;
 /// A frame whose error is above this many times that of the frame before is looked for afresh.
 const LOST: f64 = 1.6;
 
+/// Going back along directions that the picture does not determine may add so much to the error.
+const SETTLED: f64 = 1.01;
+
 /// What was found for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
@@ -41,6 +44,8 @@ pub struct Found {
     pub first_mse: f64,
     /// What of the pose the picture determines.
     pub observability: Observability,
+    /// Where the search began.
+    pub begun: Pose,
 }
 
 impl Found {
@@ -141,7 +146,7 @@ impl Tracker {
         if let Some(found) = warm
             && !self.lost(found.outcome.mse)
         {
-            return Ok(Some(found));
+            return self.settled(found).map(Some);
         }
         let Some(start) = external.or(self.starts.last()) else {
             return Ok(None);
@@ -153,10 +158,11 @@ impl Tracker {
             // The frame before led there after all, by a longer way.
             cold.start = StartKind::Previous;
         }
-        Ok(Some(match warm {
+        let found = match warm {
             Some(warm) => Found { start: StartKind::BestOfBad, ..warm }.or_last(cold),
             None => cold,
-        }))
+        };
+        self.settled(found).map(Some)
     }
 
     /// Searches from the frames before, at a level that did for the last of them, the finest at
@@ -197,7 +203,7 @@ impl Tracker {
         cold: &Schedule,
         warm: &Schedule,
     ) -> Result<Found, Error> {
-        let begun = self.error_at(start)?;
+        let (_, begun) = self.draw(start)?;
         let mut from = std::mem::take(&mut self.cold_starts);
         let proposed = self.cold.starts(&mut self.objective, frame, start, HYPOTHESES)?;
         from.clear();
@@ -212,16 +218,33 @@ impl Tracker {
             let near = Schedule { first_level: 0, follow_level: 0, far_level: 0, ..*warm };
             found = found.or_last(self.from(&[*start], &near)?);
         }
-        Ok(found)
+        Ok(Found { begun: *start, ..found })
     }
 
-    /// Mean squared error of the picture as a packet about this pose has it drawn.
-    fn error_at(&mut self, pose: &Pose) -> Result<f64, Error> {
+    /// Takes back what the search moved along directions that the picture does not determine, as long as
+    /// that costs nothing: noise moved it, and over many frames it would wander off.
+    fn settled(&mut self, found: Found) -> Result<Found, Error> {
+        if found.observability.undetermined().next().is_none() {
+            return Ok(found);
+        }
+        let (pose, begun) = (found.outcome.pose, found.begun);
+        let motion = pose.after(&begun.inverse()).log();
+        let pose = begun.stepped(&found.observability.determined(&motion));
+        let (code, mse) = self.draw(&pose)?;
+        if !(mse <= SETTLED * found.outcome.mse) {
+            return Ok(Found { drawn: None, ..found });
+        }
+        let outcome = Outcome { pose, mse, ..found.outcome };
+        Ok(Found { outcome, drawn: Some(code), ..found })
+    }
+
+    /// Draws a pose as a packet about it will have it drawn; its code, and the mean squared error.
+    fn draw(&mut self, pose: &Pose) -> Result<(PoseCode, f64), Error> {
         let renderer = self.objective.renderer();
-        let code =
-            quantised(&placement(renderer.scene(), pose), &anchor(renderer.scene()), self.profile);
+        let scene = renderer.scene();
+        let code = quantised(&placement(scene, pose), &anchor(scene), self.profile);
         renderer.draw_coded(&code)?;
-        Ok(gauss_newton::mse(renderer.difference()))
+        Ok((code, gauss_newton::mse(renderer.difference())))
     }
 
     fn lost(&self, mse: f64) -> bool {
@@ -240,6 +263,7 @@ impl Tracker {
             submissions: tracked.submissions,
             first_mse: tracked.first_mse,
             observability: tracked.observability,
+            begun: poses[0],
         })
     }
 
@@ -265,6 +289,7 @@ impl Tracker {
             submissions: 0,
             first_mse: f64::NAN,
             observability: *self.objective.observability(),
+            begun: start.pose,
         }))
     }
 
