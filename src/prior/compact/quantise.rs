@@ -101,11 +101,9 @@ impl Grid {
         let far = frame.centre.iter().fold(0.0, |far: f32, v| far.max(v.abs()));
         let step = (frame.unit() * f64::from(share)).max(f64::from(far) * 2_f64.powi(-20));
         let exponent = exponent_of(step).clamp(-148, 126);
-        let grid = |exponent: i32| {
-            let step = power_of_two(exponent);
-            let origin = frame.centre.map(|v| ((f64::from(v) / step).round() * step) as f32);
-            Grid { origin, exponent: exponent as i16 }
-        };
+        // The median itself: it stays where it is, so that the next writing finds the same origin, and
+        // with that the same order.
+        let grid = |exponent: i32| Grid { origin: frame.centre, exponent: exponent as i16 };
         let keeps = |grid: &Grid| positions.iter().all(|p| grid.position(grid.code(*p)) == *p);
         let near = [0, 1, -1].map(|more| grid(exponent + more));
         near.into_iter().find(keeps).unwrap_or(near[0])

@@ -126,6 +126,8 @@ fn unsound_splats_and_senseless_steps_are_named() {
     let error = attempt(|s| s.log_scales[2][0] = 41.0, &q);
     assert!(matches!(error, PriorError::Unsound { splat: 2, fault: Fault::Scale }), "{error}");
     let error = attempt(|s| s.sh[12 * 4 + 7] = 1e30, &q);
+    assert!(matches!(error, PriorError::Unsound { splat: 4, fault: Fault::Colour }), "{error}");
+    let error = attempt(|s| s.sh[12 * 4] = 9e5, &Quantisation { colour: 1e-3, ..q });
     assert!(matches!(error, PriorError::OutOfSteps { splat: 4, .. }), "{error}");
     let error = attempt(|s| *s = Splats::default(), &q);
     assert!(matches!(error, PriorError::Empty), "{error}");
