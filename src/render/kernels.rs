@@ -59,7 +59,7 @@ macro_rules! kernels {
                             push_words: $push,
                             constants: &constants,
                         };
-                        Kernel::new(device, stringify!($name), &code)?
+                        Kernel::new(device, stringify!($entry), &code)?
                     },)*
                 })
             }
