@@ -27,10 +27,7 @@ pub fn fit_colours(
     options: &MappingOptions,
     done: &mut dyn FnMut(),
 ) {
-    let geometry = Geometry::of(splats);
-    let terms = harmonics::count(splats.sh_degree);
-    let system = System { geometry: &geometry, views, options, terms };
-    let mut x: Vec<Vec3> = splats.sh.chunks_exact(3).map(Vec3::from_slice).collect();
+    let (system, mut x) = System::of(splats, views, options);
     let mut residual = system.pulled(&x, true);
     system.damp(&x, &mut residual, -1.0);
     system.solve(&mut x, residual, done);
@@ -45,10 +42,7 @@ pub fn correct_colours(
     options: &MappingOptions,
     done: &mut dyn FnMut(),
 ) {
-    let geometry = Geometry::of(splats);
-    let terms = harmonics::count(splats.sh_degree);
-    let system = System { geometry: &geometry, views, options, terms };
-    let x: Vec<Vec3> = splats.sh.chunks_exact(3).map(Vec3::from_slice).collect();
+    let (system, x) = System::of(splats, views, options);
     let mut change = vec![Vec3::ZERO; x.len()];
     system.solve(&mut change, system.pulled(&x, true), done);
     splats.sh = std::iter::zip(x, change).flat_map(|(x, c)| (x + c).to_array()).collect();
@@ -56,14 +50,25 @@ pub fn correct_colours(
 
 /// The linear system of one geometry and its views.
 struct System<'a> {
-    geometry: &'a Geometry,
+    geometry: Geometry,
     views: &'a [View],
     options: &'a MappingOptions,
     /// Coefficients per splat.
     terms: usize,
 }
 
-impl System<'_> {
+impl<'a> System<'a> {
+    /// That of splats, and the coefficients that they have.
+    fn of(
+        splats: &Splats,
+        views: &'a [View],
+        options: &'a MappingOptions,
+    ) -> (System<'a>, Vec<Vec3>) {
+        let terms = harmonics::count(splats.sh_degree);
+        let system = System { geometry: Geometry::of(splats), views, options, terms };
+        (system, splats.sh.chunks_exact(3).map(Vec3::from_slice).collect())
+    }
+
     /// Improves coefficients, `terms` per splat, from the residual of the normal equations there.
     fn solve(&self, x: &mut [Vec3], mut residual: Vec<Vec3>, done: &mut dyn FnMut()) {
         let inverse_diagonal = self.inverse_diagonal();
@@ -143,7 +148,7 @@ impl System<'_> {
     {
         sum_over(self.views, zero, |view, sum| {
             let options = &self.options.render;
-            let projection = Projection::new(self.geometry, &view.camera, &view.pose, options);
+            let projection = Projection::new(&self.geometry, &view.camera, &view.pose, options);
             add(view, &projection, sum);
         })
     }
