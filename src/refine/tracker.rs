@@ -24,7 +24,6 @@ const FAR: f64 = 2.0;
 const WORSE: f64 = 1.15;
 /// A frame whose error is above this many times that of the frame before is looked for afresh.
 const LOST: f64 = 1.6;
-
 /// Going back along directions that the picture does not determine may add so much to the error.
 const SETTLED: f64 = 1.01;
 
