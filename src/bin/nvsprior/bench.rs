@@ -26,6 +26,7 @@ use crate::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use crate::encode::InputArgs;
 use context::{Context, OptimizerRun, Shot, host_bytes};
 use forward::Forward;
+pub use perturbed::even;
 use report::Report;
 
 /// Measure run time and error on a run of frames, in milliseconds and in forward renders

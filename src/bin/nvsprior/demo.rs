@@ -36,6 +36,10 @@ pub struct Args {
     /// Quality of the difference pictures, 0 to 100
     #[arg(long, value_name = "Q", default_value_t = 20.0)]
     quality: f32,
+    /// Also draws so many views from random places of the basin, to look for lost cameras in
+    /// (`nvsprior bench --lost`)
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    views: usize,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -61,6 +65,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let table = dive.table(&frames)?;
         println!("\n{table}");
         tables += &format!("{table}\n");
+    }
+    if args.views > 0 {
+        let bar = progress(args.views, "drawing random views");
+        let views = basin::random_views(args.views, Conditions::BASIN);
+        basin::write_run(&args.out.join("views"), "views", views, |_| bar.inc(1))?;
+        bar.finish_and_clear();
     }
     let path = args.out.join("table.txt");
     std::fs::write(&path, tables).with_context(|| format!("writing {}", path.display()))?;

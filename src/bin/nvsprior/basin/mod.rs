@@ -18,6 +18,7 @@ use nvsprior::{Camera, Picture, Pose};
 pub use export::write_run;
 pub use surface::surface_points;
 
+use crate::bench::even;
 use scene::Scene;
 use sensor::Disturbance;
 use trajectory::FRAME_RATE;
@@ -96,6 +97,23 @@ pub fn inspection_run(
         }
     })
 }
+
+/// Views from anywhere in the free water, of the scene as mapped: the first `count` of a fixed sequence,
+/// each drawn when asked for.
+pub fn random_views(
+    count: usize,
+    conditions: Conditions,
+) -> impl ExactSizeIterator<Item = DemoFrame> {
+    let scene = Scene::mapped();
+    let poses: Vec<Pose> = trajectory::random_poses(even(VIEWS_SEED)).take(count).collect();
+    poses
+        .into_iter()
+        .enumerate()
+        .map(move |(index, pose)| draw(&scene, &conditions, pose, index, 4.0 * index as f64, 3))
+}
+
+/// Seed of the random views.
+const VIEWS_SEED: u64 = 11;
 
 fn draw(
     scene: &Scene,

@@ -6,7 +6,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use nvsprior::Pose;
 
 use super::Run;
-use super::scene::HALF_PLAN;
+use super::scene::{BASIN, HALF_PLAN, STRUCTURE_HEIGHT, Scene};
 
 /// Frames a second of the inspection runs.
 pub const FRAME_RATE: f64 = 3.0;
@@ -51,6 +51,33 @@ pub fn inspection_pose(run: Run, time: f64) -> Pose {
     let yaw = inward + f64::to_radians(5.0) * sway(23.0, 2.0);
     let pitch = f64::to_radians(-8.0 - 6.0 * up + 1.5 * sway(7.0, 0.5));
     looking(place.extend(height), yaw, pitch)
+}
+
+/// Distances of [`random_poses`] from the nearest surface and from the point looked at, metres.
+const CLEARANCE: f32 = 0.5;
+const SIGHT: std::ops::RangeInclusive<f64> = 1.0..=5.0;
+
+/// The endless sequence of a seed: poses anywhere in the free water that look at the structure, level.
+///
+/// `even`: numbers in [−1, 1).
+pub fn random_poses(mut even: impl Iterator<Item = f64>) -> impl Iterator<Item = Pose> {
+    let scene = Scene::mapped();
+    let half =
+        DVec3::new(HALF_PLAN[0].into(), HALF_PLAN[1].into(), f64::from(STRUCTURE_HEIGHT) / 2.0);
+    let (low, high) = (BASIN.0.as_dvec3(), BASIN.1.as_dvec3());
+    let mut draw =
+        move || DVec3::from_array(std::array::from_fn(|_| even.next().unwrap_or_default()));
+    std::iter::repeat_with(move || {
+        let centre = (low + high) / 2.0 + draw() * (high - low) / 2.0;
+        let target = DVec3::Z * half.z + draw() * half;
+        (centre, target - centre)
+    })
+    .filter(move |(centre, sight)| {
+        SIGHT.contains(&sight.length()) && scene.distance(centre.as_vec3(), 1.0) > CLEARANCE
+    })
+    .map(|(centre, sight)| {
+        looking(centre, sight.y.atan2(sight.x), (sight.z / sight.length()).asin())
+    })
 }
 
 /// The closed track at a clearance around the structure's plan: straight along the sides, arcs
@@ -122,7 +149,6 @@ fn looking(centre: DVec3, yaw: f64, pitch: f64) -> Pose {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scene::Scene;
     use super::*;
 
     #[test]
