@@ -7,7 +7,7 @@ use crate::dive::Dive;
 use crate::scene::{wall, write_prior};
 
 /// What a row of a report says.
-fn row<'a>(text: &'a str, name: &str) -> &'a str {
+pub fn row<'a>(text: &'a str, name: &str) -> &'a str {
     let line = text.lines().find(|line| line.starts_with(&format!("{name:14} ")));
     line.unwrap_or_else(|| panic!("no row \"{name}\" in:\n{text}"))[15..].trim()
 }

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use nvsprior::mapping::{MappingOptions, View, make_prior};
+use nvsprior::prior::KeyFrames;
 use nvsprior::prior::ply::write_ply;
 use nvsprior::refine::Optimizer;
 use nvsprior::render::Scene;
@@ -86,7 +87,7 @@ fn map(path: &Path) -> anyhow::Result<Prior> {
         make_prior(&points, &views, &options, &mut |done, _| bar.set_position(done.into()))?;
     bar.finish_and_clear();
     let mut bytes = Vec::new();
-    write_ply(&splats, &options.render, &mut bytes)?;
+    write_ply(&splats, &options.render, &KeyFrames::NONE, &mut bytes)?;
     std::fs::write(path, bytes).with_context(|| format!("writing {}", path.display()))?;
     let prior = Prior::open(path, &Default::default())?;
     println!(
