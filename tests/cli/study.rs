@@ -115,7 +115,8 @@ fn trim_without_frames_keeps_to_the_floor_within_the_margin() {
         let psnr = row(&text, name).split(", ").nth(1).unwrap().split(' ').next().unwrap();
         assert!(psnr.parse::<f64>().unwrap() >= 40.0, "{text}");
     }
-    assert!(!text.contains("frames") && !text.contains("other splits"), "{text}");
+    assert!(!text.contains("against frames") && !text.contains("other splits"), "{text}");
+    assert_eq!(row(&text, "key frames"), "0");
     assert!(text.contains("of the usual steps"), "{text}");
     let small = Prior::open(&dive.path("small.nvsg"), &Default::default()).unwrap();
     assert!(row(&text, "identity").ends_with(&format!("→ {}", small.id())), "{text}");

@@ -5,7 +5,7 @@ mod range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use nvsprior::prior::{KeyFrames, PriorFormat, compact, ply, replace_file};
+use nvsprior::prior::{KeyFrames, PriorError, PriorFormat, Splats, compact, ply, replace_file};
 use nvsprior::{Camera, Pose, Prior};
 
 use crate::camera_file::CameraFile;
@@ -34,7 +34,7 @@ pub struct Args {
     #[arg(long, value_name = "LENGTH", value_parser = mission::not_negative)]
     distance: Option<f64>,
     /// How near its direction is, degrees; roll does not count
-    #[arg(long, value_name = "DEGREES", default_value_t = 10.0, value_parser = mission::not_negative)]
+    #[arg(long, value_name = "DEGREES", default_value_t = ANGLE, value_parser = mission::not_negative)]
     angle: f64,
     /// What to write: .keys, key frames alone; .ply or .nvsg, a copy of a prior of that format with the
     /// key frames in it, and nothing else that the file had [default: PRIOR.keys, which is read with
@@ -46,6 +46,9 @@ pub struct Args {
 /// Share of the median distance to the splats by which key frames lie apart. A step aside of 5 % of the
 /// distance moves a picture by about as much of its width: far less than the searches for a pose hold.
 const SHARE: f64 = 0.05;
+
+/// Angle between the directions of key frames at one place, degrees.
+const ANGLE: f64 = 10.0;
 
 /// A kind of file that key frames are written to.
 #[derive(Clone, Copy)]
@@ -64,25 +67,60 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = Prior::from_bytes(&bytes, &name, &Default::default())?;
     kind.check(&out, &prior).with_context(|| out.display().to_string())?;
     let views = posed_views(args)?;
-    let (seeing, range) = Sample::of(&prior).seen_by(&views);
-    let Some(range) = range else {
-        anyhow::bail!(
-            "no view of {} shows a splat of {name}: are its poses in the prior's coordinates?",
-            args.cameras.display()
-        );
-    };
-    let distance = args.distance.unwrap_or(SHARE * range);
-    let key_frames = KeyFrames::thinned(&seeing, distance, args.angle.to_radians())?;
+    let sample = Sample::of(prior.splats(), prior.options().near);
+    let thinned = Thinned::of(&sample, &views, args.distance, args.angle)?;
+    let thinned = thinned.with_context(|| {
+        let cameras = args.cameras.display();
+        format!("no view of {cameras} shows a splat of {name}: are its poses in the prior's frame?")
+    })?;
+    let Thinned { key_frames, seeing, range, distance } = thinned;
     let content = kind.content(&bytes, &prior, &key_frames)?;
     replace_file(&out, &content)?;
     let row = |name: &str, value: String| println!("{name:14} {value}");
-    row("views", format!("{} with poses, {} show the prior", views.len(), seeing.len()));
+    row("views", format!("{} with poses, {seeing} show the prior", views.len()));
     row("scene", format!("{range:.4} away, median of what the views show"));
     row("thinned", format!("by {distance:.4} and {}°", args.angle));
     row("key frames", describe(&key_frames));
     row("written", format!("{}, {} bytes", out.display(), content.len()));
     row("identity", format!("{}, as it was", prior.id()));
     Ok(())
+}
+
+/// Key frames of some views, and how they came about.
+struct Thinned {
+    key_frames: KeyFrames,
+    /// How many of the views show the prior.
+    seeing: usize,
+    /// How far away what they show is.
+    range: f64,
+    /// How far apart key frames are.
+    distance: f64,
+}
+
+impl Thinned {
+    /// `None` where no view shows any of the splats; `angle` in degrees.
+    fn of(
+        sample: &Sample,
+        views: &[(Camera, Pose)],
+        distance: Option<f64>,
+        angle: f64,
+    ) -> Result<Option<Thinned>, PriorError> {
+        let (poses, range) = sample.seen_by(views);
+        let Some(range) = range else { return Ok(None) };
+        let distance = distance.unwrap_or(SHARE * range);
+        let key_frames = KeyFrames::thinned(&poses, distance, angle.to_radians())?;
+        Ok(Some(Thinned { key_frames, seeing: poses.len(), range, distance }))
+    }
+}
+
+/// The key frames of a mapping run by default; none where it shows none of the splats.
+pub fn of_run(
+    splats: &Splats,
+    near: f32,
+    views: &[(Camera, Pose)],
+) -> Result<KeyFrames, PriorError> {
+    let thinned = Thinned::of(&Sample::of(splats, near), views, None, ANGLE)?;
+    Ok(thinned.map_or(KeyFrames::NONE, |thinned| thinned.key_frames))
 }
 
 /// The views of the split that have a pose.

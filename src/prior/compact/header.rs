@@ -27,8 +27,7 @@ impl Header {
         let options = &self.options;
         let mut bytes = MAGIC.to_vec();
         let flags = [u8::from(options.antialiased), u8::from(self.key_frames)];
-        bytes.extend([VERSION, self.sh_degree as u8]);
-        bytes.extend(flags);
+        bytes.extend([VERSION, self.sh_degree as u8].into_iter().chain(flags));
         bytes.extend(self.count.to_le_bytes());
         bytes.extend(self.id.to_bytes());
         let floats = [options.near, options.alpha_max].into_iter().chain(options.background);

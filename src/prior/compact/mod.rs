@@ -27,8 +27,9 @@
 //! | 34 + 10 i | u32 | its rotation, world to camera, of w, x, y, z: bits 30 and 31 which is the largest, and positive; then ten bits for each of the others, first to last, 0 to 1022 for −√½ to √½ |
 //!
 //! Positions are off by up to half a step, and the bounds are rounded to f32; rotations are off by up
-//! to 0.28°. Key frames are no part
-//! of the identity. The coded part is a raw LZMA stream (lc, lp and pb 0, no end mark, a window as
+//! to 0.28°. Key frames are no part of the identity.
+//!
+//! The coded part is a raw LZMA stream (lc, lp and pb 0, no end mark, a window as
 //! large as what it holds, but 4 KiB to 64 MiB), filled up with zeros to a byte a splat where it is
 //! shorter. It holds numbers plane by plane: the lowest byte of a number for all splats, then the next
 //! byte. First, twelve bytes each, how far the splats lie apart on the Morton curve of their
@@ -132,8 +133,7 @@ fn assembled(header: &Header, key_frames: &KeyFrames, stream: &[u8]) -> Vec<u8> 
 }
 
 /// Reads the content of a compact prior. Memory grows with the content's size, whatever the header
-/// says: at most 1000 bytes for each byte, and a
-/// window of 64 MiB at most.
+/// says: at most 1000 bytes for each byte, and a window of 64 MiB at most.
 pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let Parts { header, key_frames, stream_at, stream } = Parts::of(bytes)?;
     let count = header.count as usize;

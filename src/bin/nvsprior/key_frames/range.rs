@@ -1,7 +1,8 @@
 //! How far away what cameras show of a prior is.
 
 use glam::DVec3;
-use nvsprior::{Camera, Pose, Prior};
+use nvsprior::prior::Splats;
+use nvsprior::{Camera, Pose};
 
 use crate::mission::spaced;
 
@@ -15,10 +16,11 @@ pub struct Sample {
 }
 
 impl Sample {
-    pub fn of(prior: &Prior) -> Sample {
-        let positions = &prior.splats().positions;
-        let positions = spaced(positions, SPLATS).map(|p| DVec3::from(p.map(f64::from)));
-        Sample { positions: positions.collect(), near: prior.options().near.into() }
+    /// Of splats that are culled up to the plane `near`.
+    pub fn of(splats: &Splats, near: f32) -> Sample {
+        let positions = spaced(&splats.positions, SPLATS);
+        let positions = positions.map(|p| DVec3::from(p.map(f64::from))).collect();
+        Sample { positions, near: near.into() }
     }
 
     /// The poses of the views that show any of the splats, and the median over them of the median
@@ -52,9 +54,6 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use nvsprior::RenderOptions;
-    use nvsprior::prior::Splats;
-
     use super::*;
 
     #[test]
@@ -72,10 +71,9 @@ mod tests {
             sh: vec![0.0; 3 * count],
             sh_degree: 0,
         };
-        let prior = Prior::from_splats(splats, RenderOptions::INRIA).unwrap();
         let camera = Camera { width: 20, height: 20, fx: 10.0, fy: 10.0, cx: 10.0, cy: 10.0 };
         let away = Pose::from_wxyz([0.0, 0.0, 1.0, 0.0], [0.0, 0.0, -9.0]).unwrap();
-        let sample = Sample::of(&prior);
+        let sample = Sample::of(&splats, 0.2);
         let (poses, range) = sample.seen_by(&[(camera, away), (camera, Pose::IDENTITY)]);
         assert_eq!((poses, range), (vec![Pose::IDENTITY], Some(3.0)));
         assert_eq!(sample.seen_by(&[(camera, away)]), (vec![], None));
