@@ -122,7 +122,8 @@ fn load(criterion: &mut Criterion) {
     group.sample_size(20);
     for View { name, prior, .. } in views() {
         let mut bytes = Vec::new();
-        write_ply(prior.splats(), prior.options(), &mut bytes).expect("a file in memory");
+        write_ply(prior.splats(), prior.options(), prior.key_frames(), &mut bytes)
+            .expect("a file in memory");
         group.bench_function(name, |b| {
             b.iter(|| {
                 Prior::from_bytes(black_box(&bytes), name, &Default::default()).expect("a prior")

@@ -318,6 +318,8 @@ typedef struct nvsp_prior_info {
   float centre[3];
   // Spread of the positions around it, the prior's unit.
   float spread;
+  // Key frames: poses at which a lost camera is looked for.
+  uint32_t key_frames;
 } nvsp_prior_info;
 
 // A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers
@@ -709,6 +711,10 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // host memory. While it runs it takes, on host and device together, at most four times the size of a
 // binary .ply, eight times that of a text; for the other formats, more by as much as they are packed.
 //
+// Key frames, poses at which a lost camera is looked for, are read by themselves: those of the file
+// PATH.keys beside the prior, if there is one, else those in the prior's own. They are no part of its
+// identity; `nvsprior key-frames` writes them. A file PATH.keys that is not sound is NVSP_ERR_PRIOR.
+//
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
 // is the engine's.
@@ -721,7 +727,8 @@ nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
                             const struct nvsp_prior_options *options,
                             struct nvsp_prior **prior);
 
-// nvsp_prior_open, from the content of a file in memory, which is not needed afterwards.
+// nvsp_prior_open, from the content of a file in memory, which is not needed afterwards. Key frames
+// are those in it.
 //
 // Fails as nvsp_prior_open does, but for NVSP_ERR_FILE.
 //

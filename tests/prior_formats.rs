@@ -1,13 +1,15 @@
-//! Priors in other containers against the same scenes as plain PLY files, and what a compact prior
-//! loses in pictures. Runs where the data lies beside the project.
+//! Priors in other containers against the same scenes as plain PLY files, what a compact prior loses
+//! in pictures (both where the data lies beside the project), and key frames in every container.
 
 mod common;
 
 use std::path::PathBuf;
 
-use common::{REEF_CAMERA, assert_silent, engine, reef_file, reef_prior};
+use common::{
+    REEF_CAMERA, assert_silent, engine, random_pose, random_prior, reef_file, reef_prior,
+};
 use nvsprior::prior::compact::{self, Quantisation};
-use nvsprior::prior::{PriorFormat, Splats};
+use nvsprior::prior::{KeyFrameSource, KeyFrames, PriorFormat, Splats, ply};
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Picture, Pose, Prior, RenderOverrides};
 
@@ -47,7 +49,8 @@ fn a_compact_prior_is_an_eighth_and_shows_the_same() {
     let (frames, poses): (Vec<_>, Vec<_>) = training_frames(&cameras).into_iter().unzip();
     let mut bytes = Vec::new();
     let quantisation = Quantisation::default();
-    let id = compact::write(prior.splats(), prior.options(), &quantisation, &mut bytes).unwrap();
+    let (splats, options, key_frames) = (prior.splats(), prior.options(), prior.key_frames());
+    let id = compact::write(splats, options, key_frames, &quantisation, &mut bytes).unwrap();
     let small = Prior::from_bytes(&bytes, "reef.nvsg", &RenderOverrides::default()).unwrap();
     assert_eq!((small.id(), small.len()), (id, prior.len()));
     assert!(bytes.len() * 8 <= 104 * prior.len(), "{} bytes", bytes.len());
@@ -106,5 +109,40 @@ fn other_containers_hold_the_same_scenes() {
         assert!(shown > b.data.len() / 100, "{shown} bytes are not black");
         assert!(a.psnr(&b) > 60.0, "{} dB", a.psnr(&b));
     }
+    assert_silent(&engine());
+}
+
+#[test]
+fn key_frames_go_from_container_to_container() {
+    let key_frames = KeyFrames::new((0..50).map(random_pose).collect()).unwrap();
+    let prior = random_prior(7, 300, 1);
+    let id = prior.id();
+    let prior = prior.with_key_frames(key_frames.clone());
+    let open = |bytes: &[u8]| Prior::from_bytes(bytes, "prior", &Default::default()).unwrap();
+    // As text, bit for bit.
+    let mut bytes = Vec::new();
+    ply::write_ply(prior.splats(), prior.options(), prior.key_frames(), &mut bytes).unwrap();
+    let plain = open(&bytes);
+    assert_eq!((plain.id(), plain.key_frames()), (id, &key_frames));
+    // In ten bytes each: within half a step of the poses' bounds, and 0.28°.
+    let (mut bytes, mut without) = (Vec::new(), Vec::new());
+    let (splats, options, q) = (plain.splats(), plain.options(), Quantisation::default());
+    let id = compact::write(splats, options, plain.key_frames(), &q, &mut bytes).unwrap();
+    assert_eq!(compact::write(splats, options, &KeyFrames::NONE, &q, &mut without).unwrap(), id);
+    assert_eq!(bytes.len(), without.len() + 28 + 50 * 10);
+    let small = open(&bytes);
+    assert_eq!((small.id(), small.report().key_frames), (id, KeyFrameSource::InFile));
+    assert_eq!(small.splats(), open(&without).splats());
+    let [least, most] = key_frames.bounds().unwrap();
+    let limit = 0.51 * (most - least).length() / 65_535.0 + 1e-6;
+    for (a, b) in key_frames.poses().iter().zip(small.key_frames().poses()) {
+        assert!((a.centre() - b.centre()).length() <= limit, "{a:?} {b:?}");
+        assert!(a.angle_to(b).to_degrees() <= 0.28, "{a:?} {b:?}");
+    }
+    // On the device.
+    let scene = engine().upload(&small).unwrap();
+    assert_eq!(scene.key_frames(), small.key_frames());
+    assert_eq!(scene.id(), id);
+    assert!(engine().upload(&open(&without)).unwrap().key_frames().is_empty());
     assert_silent(&engine());
 }

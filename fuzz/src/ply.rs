@@ -7,7 +7,10 @@ pub fn run(bytes: &[u8]) {
     assert!(prior.len() > 0);
     // What was read is written and read again as the same prior.
     let mut file = Vec::new();
-    write_ply(prior.splats(), prior.options(), &mut file).expect("memory takes it");
+    let (splats, options, key_frames) = (prior.splats(), prior.options(), prior.key_frames());
+    write_ply(splats, options, key_frames, &mut file).expect("memory takes it");
     let again = Prior::from_bytes(&file, "again", &RenderOverrides::default());
-    assert_eq!(again.expect("what was written can be read").id(), prior.id());
+    let again = again.expect("what was written can be read");
+    assert_eq!(again.id(), prior.id());
+    assert_eq!(again.key_frames(), key_frames);
 }

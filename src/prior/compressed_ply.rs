@@ -11,7 +11,7 @@
 
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PropertyType, ScalarType};
 
-use super::ply::{check_length, options_of, rest_properties};
+use super::ply::{Comments, check_length, rest_properties};
 use super::{Prior, PriorError, PriorFile, PriorFormat, Splats};
 
 /// Splats of a chunk.
@@ -70,9 +70,9 @@ pub fn read(bytes: &[u8], header: PlyHeader, body: usize) -> Result<PriorFile, P
         push(&mut splats, &bounds, at.map(|at| vertices.word(bytes, index, at)));
         sh.push(&mut splats, bytes, index);
     }
-    let options = options_of(&header.comments)?;
+    let Comments { options, key_frames, others } = Comments::of(header.comments)?;
     let format = PriorFormat::PlyCompressed;
-    Ok(PriorFile { splats, options, format, comments: header.comments })
+    Ok(PriorFile { splats, options, format, comments: others, key_frames })
 }
 
 /// Appends a splat, up to the constant coefficients.

@@ -1,6 +1,6 @@
 //! Why a prior cannot be used.
 
-use super::{Fault, Prior, PriorId, Splats};
+use super::{Fault, KeyFrames, Prior, PriorId, Splats};
 
 /// Why a prior cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -8,8 +8,8 @@ pub enum PriorError {
     /// The file cannot be read.
     #[error("{0}")]
     Read(#[source] std::io::Error),
-    /// A prior cannot be written.
-    #[error("writing a prior: {0}")]
+    /// A prior, or its key frames, cannot be written.
+    #[error("writing: {0}")]
     Write(#[source] std::io::Error),
     /// The content is of no format known here.
     #[error("neither a PLY file nor another format of priors known here")]
@@ -59,9 +59,9 @@ pub enum PriorError {
         /// What is wrong with it.
         reason: String,
     },
-    /// A render option in the header's comments cannot be understood. It is not passed over, since
-    /// two sides that understand different options would render different pictures.
-    #[error("unknown render option in \"comment {comment}\"")]
+    /// A comment in the header that is meant for this program cannot be understood. It is not passed
+    /// over, since two sides that understand different options would render different pictures.
+    #[error("\"comment {comment}\" is no render option and no key frame that is known here")]
     Comment {
         /// The comment.
         comment: String,
@@ -165,6 +165,28 @@ pub enum PriorError {
         step: f32,
         /// The largest allowed.
         most: f32,
+    },
+    /// A pose is no key frame.
+    #[error("key frame {index}: {reason}")]
+    KeyFrame {
+        /// Its index.
+        index: usize,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+    /// There are more key frames than a prior may have.
+    #[error("{count} key frames: at most {}; thin them out by a greater distance", KeyFrames::MAX)]
+    TooManyKeyFrames {
+        /// How many, at least.
+        count: usize,
+    },
+    /// A line of a file of key frames cannot be used.
+    #[error("line {line}: {reason}")]
+    Line {
+        /// Its number, from 1.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
     },
     /// One of the above, about the content of a file.
     #[error("{file}: {error}")]

@@ -7,7 +7,9 @@ mod compressed_ply;
 mod error;
 mod frame;
 mod identity;
+mod key_frames;
 pub mod ply;
+mod replace;
 #[cfg(feature = "formats")]
 mod spz;
 
@@ -22,6 +24,8 @@ pub use check::{Dropped, Fault, INFINITE_LOGIT, MAX_COEFFICIENT, MAX_LOG_SCALE};
 pub use error::PriorError;
 pub use frame::PriorFrame;
 pub use identity::PriorId;
+pub use key_frames::{KeyFrameSource, KeyFrames};
+pub use replace::replace_file;
 
 /// How a prior was trained to be rendered; stored with it, and part of its identity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -244,8 +248,10 @@ pub struct LoadReport {
     pub dropped: Vec<Dropped>,
     /// Splats whose opacity logit was infinite, and became ±[`INFINITE_LOGIT`].
     pub clamped_logits: usize,
-    /// Comments in the file's header, as they stand there.
+    /// Comments in the file's header, as they stand there, but for those that are key frames.
     pub comments: Vec<String>,
+    /// Where the key frames came from.
+    pub key_frames: KeyFrameSource,
 }
 
 /// A checked, immutable prior: at least one splat, every parameter usable by the renderer.
@@ -255,6 +261,7 @@ pub struct Prior {
     options: RenderOptions,
     id: PriorId,
     frame: PriorFrame,
+    key_frames: KeyFrames,
     report: LoadReport,
 }
 
@@ -263,11 +270,17 @@ impl Prior {
     pub const MAX_SPLATS: usize = u32::MAX as usize;
 
     /// Reads a prior from a file, its format told by the content. See [`ply`] for where the render
-    /// options come from; `overrides` has the last word.
+    /// options come from; `overrides` has the last word. Key frames are those of the file
+    /// [`KeyFrames::path_beside`] it, if there is one, else those in the prior's own.
     pub fn open(path: &Path, overrides: &RenderOverrides) -> Result<Prior, PriorError> {
         let name = path.display().to_string();
         let bytes = read_prior_file(path).map_err(|e| PriorError::Read(e).in_file(&name))?;
-        Prior::from_bytes(&bytes, &name, overrides)
+        let beside = KeyFrames::open_beside(path)?;
+        let mut prior = Prior::from_bytes(&bytes, &name, overrides)?;
+        if let Some(key_frames) = beside {
+            prior.set_key_frames(key_frames, KeyFrameSource::Beside);
+        }
+        Ok(prior)
     }
 
     /// Reads a prior from a file's content; `name` stands for the file in errors.
@@ -277,22 +290,19 @@ impl Prior {
         overrides: &RenderOverrides,
     ) -> Result<Prior, PriorError> {
         let build = |file: PriorFile| {
-            Prior::build(file.splats, overrides.over(file.options), file.format, file.comments)
+            Prior::build(PriorFile { options: overrides.over(file.options), ..file })
         };
         PriorFile::read(bytes).and_then(build).map_err(|error| error.in_file(name))
     }
 
     /// Makes a prior of splats in memory. Unsound splats are dropped and counted, as from a file.
     pub fn from_splats(splats: Splats, options: RenderOptions) -> Result<Prior, PriorError> {
-        Prior::build(splats, options, PriorFormat::Memory, Vec::new())
+        let (format, comments) = (PriorFormat::Memory, Vec::new());
+        Prior::build(PriorFile { splats, options, format, comments, key_frames: KeyFrames::NONE })
     }
 
-    fn build(
-        mut splats: Splats,
-        options: RenderOptions,
-        format: PriorFormat,
-        comments: Vec<String>,
-    ) -> Result<Prior, PriorError> {
+    fn build(file: PriorFile) -> Result<Prior, PriorError> {
+        let PriorFile { mut splats, options, format, comments, key_frames } = file;
         options.check()?;
         splats.check_shape()?;
         let read = splats.len();
@@ -308,10 +318,33 @@ impl Prior {
             return Err(PriorError::AllDropped { read, fault: first.fault });
         }
         let kept = splats.len();
-        let report = LoadReport { format, read, kept, dropped, clamped_logits, comments };
+        let source = match key_frames.is_empty() {
+            true => KeyFrameSource::None,
+            false => KeyFrameSource::InFile,
+        };
+        let report = LoadReport {
+            format,
+            read,
+            kept,
+            dropped,
+            clamped_logits,
+            comments,
+            key_frames: source,
+        };
         let id = PriorId::of(&splats, &options);
         let frame = PriorFrame::of(&splats.positions);
-        Ok(Prior { splats, options, id, frame, report })
+        Ok(Prior { splats, options, id, frame, key_frames, report })
+    }
+
+    /// The same prior with other key frames; they are no part of its identity.
+    pub fn with_key_frames(mut self, key_frames: KeyFrames) -> Prior {
+        self.set_key_frames(key_frames, KeyFrameSource::Memory);
+        self
+    }
+
+    fn set_key_frames(&mut self, key_frames: KeyFrames, source: KeyFrameSource) {
+        self.key_frames = key_frames;
+        self.report.key_frames = source;
     }
 
     /// Number of splats; never zero.
@@ -340,6 +373,11 @@ impl Prior {
         self.frame
     }
 
+    /// Where to look for a lost camera; possibly none.
+    pub fn key_frames(&self) -> &KeyFrames {
+        &self.key_frames
+    }
+
     /// What loading found.
     pub fn report(&self) -> &LoadReport {
         &self.report
@@ -355,8 +393,10 @@ pub struct PriorFile {
     pub options: RenderOptions,
     /// Which format.
     pub format: PriorFormat,
-    /// Comments in its header.
+    /// Comments in its header, but for those that are key frames.
     pub comments: Vec<String>,
+    /// The key frames in it.
+    pub key_frames: KeyFrames,
 }
 
 impl PriorFile {

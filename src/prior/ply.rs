@@ -12,8 +12,10 @@
 //! 1. a comment that contains "nerfstudio" (any case) means [`RenderOptions::GSPLAT`], none means
 //!    [`RenderOptions::INRIA`];
 //! 2. comments `nvsprior near 0.2`, `nvsprior alpha_max 0.99`, `nvsprior antialiased 0` (or 1) and
-//!    `nvsprior background 0 0 0`, as [`write_ply`] leaves them, replace single options. Any other
-//!    comment that starts with `nvsprior` is refused.
+//!    `nvsprior background 0 0 0`, as [`write_ply`] leaves them, replace single options.
+//!
+//! **Key frames** stand there, too, one a comment: `nvsprior key_frame qw qx qy qz tx ty tz`, a
+//! world-to-camera pose. Any other comment that starts with `nvsprior` is refused.
 
 use std::io::{BufRead, Cursor, Read, Write};
 use std::str::FromStr;
@@ -21,13 +23,18 @@ use std::str::FromStr;
 use serde::de::{DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
 
-use super::{Prior, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use super::key_frames::{pose_from_words, words};
+use super::{KeyFrames, Prior, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use crate::Pose;
 
 /// How a PLY file starts.
 pub const MAGIC: &[u8] = b"ply";
 
-/// First word of the comments that hold render options.
+/// First word of the comments that hold render options and key frames.
 const COMMENT_PREFIX: &str = "nvsprior";
+
+/// Second word of those that hold key frames.
+const KEY_FRAME: &str = "key_frame";
 
 /// Properties that are read, in the order in which [`SplatSink::push`] wants their values.
 #[rustfmt::skip]
@@ -58,14 +65,14 @@ pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     }
     let layout = Layout::of(&header)?;
     check_length(&header, layout.element, body, bytes.len())?;
-    let options = options_of(&header.comments)?;
+    let Comments { options, key_frames, others } = Comments::of(header.comments)?;
     let splats = read_splats(bytes, header.format, &layout)?;
     let format = match header.format {
         PlyFormat::Ascii => PriorFormat::PlyAscii,
         PlyFormat::BinaryLittleEndian => PriorFormat::PlyLittleEndian,
         PlyFormat::BinaryBigEndian => PriorFormat::PlyBigEndian,
     };
-    Ok(PriorFile { splats, options, format, comments: header.comments })
+    Ok(PriorFile { splats, options, format, comments: others, key_frames })
 }
 
 /// The header, and how many bytes it takes.
@@ -359,18 +366,39 @@ impl Visitor<'_> for PropertyIndex {
     }
 }
 
-/// The render options that a header's comments name.
-pub(super) fn options_of(comments: &[String]) -> Result<RenderOptions, PriorError> {
-    let gsplat = comments.iter().any(|c| c.to_ascii_lowercase().contains("nerfstudio"));
-    let mut options = if gsplat { RenderOptions::GSPLAT } else { RenderOptions::INRIA };
-    for comment in comments {
-        let words: Vec<&str> = comment.split_whitespace().collect();
-        if let [COMMENT_PREFIX, rest @ ..] = words.as_slice() {
-            set_option(&mut options, rest)
-                .ok_or_else(|| PriorError::Comment { comment: comment.clone() })?;
+/// What a header's comments say.
+pub(super) struct Comments {
+    pub options: RenderOptions,
+    pub key_frames: KeyFrames,
+    /// Those that are no key frames.
+    pub others: Vec<String>,
+}
+
+impl Comments {
+    pub(super) fn of(comments: Vec<String>) -> Result<Comments, PriorError> {
+        let gsplat = comments.iter().any(|c| c.to_ascii_lowercase().contains("nerfstudio"));
+        let mut options = if gsplat { RenderOptions::GSPLAT } else { RenderOptions::INRIA };
+        let (mut poses, mut others) = (Vec::new(), Vec::new());
+        for comment in comments {
+            let words: Vec<&str> = comment.split_whitespace().collect();
+            let understood = match words.as_slice() {
+                [COMMENT_PREFIX, KEY_FRAME, rest @ ..] => match pose_from_words(rest) {
+                    Ok(pose) => {
+                        poses.push(pose);
+                        continue;
+                    }
+                    Err(_) => None,
+                },
+                [COMMENT_PREFIX, rest @ ..] => set_option(&mut options, rest),
+                _ => Some(()),
+            };
+            match understood {
+                Some(()) => others.push(comment),
+                None => return Err(PriorError::Comment { comment }),
+            }
         }
+        Ok(Comments { options, key_frames: KeyFrames::new(poses)?, others })
     }
-    Ok(options)
 }
 
 /// Sets the option that the words name; `None` where they name none.
@@ -387,15 +415,16 @@ fn set_option(options: &mut RenderOptions, words: &[&str]) -> Option<()> {
     Some(())
 }
 
-/// Writes splats as a binary PLY file with Inria's list of properties (normals zero), and the
-/// options as comments; [`read_ply`] gives both back unchanged.
+/// Writes splats as a binary PLY file with Inria's list of properties (normals zero), options and key
+/// frames as comments; [`read_ply`] gives all of them back unchanged.
 pub fn write_ply(
     splats: &Splats,
     options: &RenderOptions,
+    key_frames: &KeyFrames,
     mut writer: impl Write,
 ) -> Result<(), PriorError> {
     splats.check_shape()?;
-    let mut bytes = header_text(splats, options).into_bytes();
+    let mut bytes = header_text(splats, options, key_frames).into_bytes();
     let stride = splats.sh_stride();
     for (i, position) in splats.positions.iter().enumerate() {
         let sh = &splats.sh[i * stride..(i + 1) * stride];
@@ -416,16 +445,21 @@ pub fn write_ply(
     writer.write_all(&bytes).and_then(|()| writer.flush()).map_err(PriorError::Write)
 }
 
-fn header_text(splats: &Splats, options: &RenderOptions) -> String {
+fn header_text(splats: &Splats, options: &RenderOptions, key_frames: &KeyFrames) -> String {
     let RenderOptions { near, alpha_max, antialiased, background: [r, g, b] } = options;
-    let comments = [
+    let options = [
         format!("near {near}"),
         format!("alpha_max {alpha_max}"),
         format!("antialiased {}", u8::from(*antialiased)),
         format!("background {r} {g} {b}"),
-    ]
-    .map(|c| format!("comment {COMMENT_PREFIX} {c}\n"))
-    .concat();
+    ];
+    let key_frame = |pose: &Pose| format!("{KEY_FRAME} {}", words(pose).join(" "));
+    let key_frames = key_frames.poses().iter().map(key_frame);
+    let comments: String = options
+        .into_iter()
+        .chain(key_frames)
+        .map(|c| format!("comment {COMMENT_PREFIX} {c}\n"))
+        .collect();
     let rest = &PROPERTIES[BASE_PROPERTIES..BASE_PROPERTIES + rest_properties(splats.sh_degree)];
     let properties: String = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]
         .iter()

@@ -14,7 +14,7 @@ use std::io::Read;
 use flate2::read::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
-use super::{Prior, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use super::{KeyFrames, Prior, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 
 /// How SPZ files start: as gzip up to version 3, with the format's own mark in version 4.
 pub const MAGICS: [&[u8]; 2] = [&[0x1f, 0x8b], b"NGSP"];
@@ -59,6 +59,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         options: RenderOptions { antialiased, ..RenderOptions::INRIA },
         format: PriorFormat::Spz(header.version),
         comments,
+        key_frames: KeyFrames::NONE,
     })
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::prior::{PriorFrame, Splats};
+use crate::prior::{KeyFrames, PriorFrame, Splats};
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::study::Needs;
 use crate::vulkan::{Buffer, Device, Error};
@@ -22,6 +22,7 @@ pub struct Scene {
     needs: Needs,
     id: PriorId,
     frame: PriorFrame,
+    key_frames: KeyFrames,
 }
 
 impl Scene {
@@ -46,6 +47,7 @@ impl Scene {
             needs,
             id: prior.id(),
             frame: prior.frame(),
+            key_frames: prior.key_frames().clone(),
         })
     }
 
@@ -68,6 +70,11 @@ impl Scene {
     /// The frame in which packets state camera positions.
     pub fn frame(&self) -> PriorFrame {
         self.frame
+    }
+
+    /// Where to look for a lost camera; possibly none.
+    pub fn key_frames(&self) -> &KeyFrames {
+        &self.key_frames
     }
 }
 

@@ -55,6 +55,7 @@ static void headers(void) {
     MUST(NVSP_INIT(&info));
     EXPECT(NVSP_OK, nvsp_prior_get_info(both.prior, &prior));
     CHECK(prior.splats == 4800 && prior.dropped == 0 && prior.sh_degree == 0 && prior.spread > 0);
+    CHECK(prior.key_frames == 0);
     const packet one = packets[1];
     EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, both.prior, &header));
     EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, 31, both.prior, &alone));
@@ -70,6 +71,17 @@ static void headers(void) {
         EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(one.bytes, size, both.prior, &header));
     }
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode_header(one.bytes, SIZE_MAX, both.prior, &header));
+}
+
+// Key frames are read from the file beside a prior.
+static void key_frames(void) {
+    nvsp_prior *other;
+    nvsp_prior_info info;
+    MUST(NVSP_INIT(&info));
+    MUST(nvsp_prior_open(both.engine, dive.other_prior, NULL, &other));
+    EXPECT(NVSP_OK, nvsp_prior_get_info(other, &info));
+    CHECK(info.key_frames == 3);
+    nvsp_prior_destroy(other);
 }
 
 // The paper's profile: absolute poses, told without the prior.
@@ -305,6 +317,7 @@ int main(int argc, char **argv) {
 
     the_encoders_pictures();
     headers();
+    key_frames();
     papers_profile();
     const uint32_t formats[] = {NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8, NVSP_FORMAT_RGBA8};
     for (int i = 0; i < 6; i++) {

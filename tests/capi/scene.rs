@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use nvsprior::prior::KeyFrames;
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Engine, Picture};
 
@@ -25,13 +26,17 @@ pub fn folder() -> &'static Path {
     })
 }
 
-/// Writes `prior.ply`, `other.ply`, `frame-0.ppm` and so on, and `scene.txt`: a line with the camera
+/// Writes `prior.ply`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on, and `scene.txt`: a line with the camera
 /// (width,height,fx,fy,cx,cy), then a line a frame with its pose (qw,qx,qy,qz,tx,ty,tz).
 fn write(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
     let prior = wall::wall(1);
+    let other = folder.join("other.ply");
     wall::write_prior(&folder.join("prior.ply"), &prior);
-    wall::write_prior(&folder.join("other.ply"), &wall::wall(2));
+    wall::write_prior(&other, &wall::wall(2));
+    let key_frames = (0..3).map(|t| wall::pose(f64::from(t))).collect();
+    let key_frames = KeyFrames::new(key_frames).unwrap();
+    key_frames.save(&KeyFrames::path_beside(&other)).unwrap();
 
     let engine = Engine::new(&Default::default()).expect("a Vulkan device");
     let scene = engine.upload(&prior).unwrap();

@@ -7,6 +7,7 @@ mod decode;
 mod dive;
 mod encode;
 mod inputs;
+mod key_frames;
 mod refusals;
 mod render;
 #[path = "../scene/mod.rs"]

@@ -7,7 +7,7 @@ use crate::dive::Dive;
 use crate::scene::{wall, write_prior};
 
 /// What a row of a report says.
-fn row<'a>(text: &'a str, name: &str) -> &'a str {
+pub fn row<'a>(text: &'a str, name: &str) -> &'a str {
     let line = text.lines().find(|line| line.starts_with(&format!("{name:14} ")));
     line.unwrap_or_else(|| panic!("no row \"{name}\" in:\n{text}"))[15..].trim()
 }
@@ -115,7 +115,8 @@ fn trim_without_frames_keeps_to_the_floor_within_the_margin() {
         let psnr = row(&text, name).split(", ").nth(1).unwrap().split(' ').next().unwrap();
         assert!(psnr.parse::<f64>().unwrap() >= 40.0, "{text}");
     }
-    assert!(!text.contains("frames") && !text.contains("other splits"), "{text}");
+    assert!(!text.contains("against frames") && !text.contains("other splits"), "{text}");
+    assert_eq!(row(&text, "key frames"), "0");
     assert!(text.contains("of the usual steps"), "{text}");
     let small = Prior::open(&dive.path("small.nvsg"), &Default::default()).unwrap();
     assert!(row(&text, "identity").ends_with(&format!("→ {}", small.id())), "{text}");

@@ -71,6 +71,7 @@ pub fn frame(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
 /// Writes the wall as a .ply.
 pub fn write_prior(path: &Path, prior: &Prior) {
     let mut bytes = Vec::new();
-    nvsprior::prior::ply::write_ply(prior.splats(), prior.options(), &mut bytes).unwrap();
+    let (splats, options, key_frames) = (prior.splats(), prior.options(), prior.key_frames());
+    nvsprior::prior::ply::write_ply(splats, options, key_frames, &mut bytes).unwrap();
     std::fs::write(path, bytes).unwrap();
 }

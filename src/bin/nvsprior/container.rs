@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nvsprior::RenderOptions;
 use nvsprior::prior::compact::{self, Quantisation};
-use nvsprior::prior::{PriorError, Splats, ply};
+use nvsprior::prior::{KeyFrames, PriorError, Splats, ply};
 
 /// A kind of file, by the ending of its name.
 #[derive(Clone, Copy)]
@@ -26,13 +26,18 @@ impl Container {
     }
 
     /// The file's content.
-    pub fn write(self, splats: &Splats, options: &RenderOptions) -> Result<Vec<u8>, PriorError> {
+    pub fn write(
+        self,
+        splats: &Splats,
+        options: &RenderOptions,
+        key_frames: &KeyFrames,
+    ) -> Result<Vec<u8>, PriorError> {
         let mut bytes = Vec::new();
         match self {
             Container::Compact(quantisation) => {
-                compact::write(splats, options, &quantisation, &mut bytes)?;
+                compact::write(splats, options, key_frames, &quantisation, &mut bytes)?;
             }
-            Container::Ply => ply::write_ply(splats, options, &mut bytes)?,
+            Container::Ply => ply::write_ply(splats, options, key_frames, &mut bytes)?,
         }
         Ok(bytes)
     }

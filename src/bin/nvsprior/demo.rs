@@ -17,6 +17,7 @@ use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
 use crate::args::{DeviceArgs, progress};
 use crate::basin::{self, CAMERA, Conditions, DemoFrame, Run};
 use crate::frame_file;
+use crate::key_frames;
 use crate::sheet::{self, SheetRow};
 use table::{Table, TableRow};
 
@@ -96,12 +97,15 @@ fn map(path: &Path) -> anyhow::Result<Prior> {
         make_prior(&points, &views, &options, &mut |done, _| bar.set_position(done.into()))?;
     bar.finish_and_clear();
     let mut bytes = Vec::new();
-    write_ply(&splats, &options.render, &mut bytes)?;
+    let posed: Vec<_> = views.iter().map(|view| (view.camera, view.pose)).collect();
+    let key_frames = key_frames::of_run(&splats, options.render.near, &posed)?;
+    write_ply(&splats, &options.render, &key_frames, &mut bytes)?;
     std::fs::write(path, bytes).with_context(|| format!("writing {}", path.display()))?;
     let prior = Prior::open(path, &Default::default())?;
     println!(
-        "prior: {} splats from {} pictures of M1 in {:.0} s",
+        "prior: {} splats and {} key frames from {} pictures of M1 in {:.0} s",
         prior.len(),
+        prior.key_frames().len(),
         views.len(),
         since.elapsed().as_secs_f64()
     );

@@ -5,8 +5,10 @@ mod study;
 use std::path::PathBuf;
 
 use nvsprior::Prior;
+use nvsprior::prior::KeyFrameSource;
 
 use crate::args::{DeviceArgs, OverrideArgs};
+use crate::key_frames;
 use crate::mission::{self, MissionArgs};
 
 /// Print what is in a prior, and what of it is left out because no picture shows it
@@ -74,8 +76,18 @@ fn describe(args: &Args, prior: &Prior) {
     row("opacities", spread(opacities));
     let frame = prior.frame();
     row("frame", format!("centre {:?}, spread {}", frame.centre, frame.spread));
+    row("key frames", key_frames(prior));
     for comment in &report.comments {
         row("comment", comment.clone());
+    }
+}
+
+/// How many key frames, where they came from, and where their cameras stand.
+fn key_frames(prior: &Prior) -> String {
+    let source = prior.report().key_frames;
+    match source {
+        KeyFrameSource::None => source.to_string(),
+        _ => format!("{source}: {}", key_frames::describe(prior.key_frames())),
     }
 }
 

@@ -10,6 +10,7 @@ mod demo;
 mod encode;
 mod frame_file;
 mod inspect;
+mod key_frames;
 mod mission;
 mod painter;
 mod render;
@@ -44,6 +45,7 @@ enum Command {
     Render(render::Args),
     Inspect(inspect::Args),
     Trim(trim::Args),
+    KeyFrames(key_frames::Args),
     Bench(bench::Args),
     Demo(demo::Args),
     Stability(stability::Args),
@@ -58,6 +60,7 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Trim(args) => trim::run(&args),
+        Command::KeyFrames(args) => key_frames::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Stability(args) => stability::run(&args),

@@ -2,10 +2,11 @@
 
 mod judge;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use nvsprior::mapping::View;
+use nvsprior::prior::KeyFrames;
 use nvsprior::prior::compact::Quantisation;
 use nvsprior::study::trim::{TrimOptions, trim};
 use nvsprior::{Camera, Pose, Prior};
@@ -92,6 +93,7 @@ const SHEET_ROWS: usize = 8;
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let finest = Quantisation::default().scaled(args.coarseness.unwrap_or(FINEST));
     let container = Container::of(&args.out, finest)?;
+    check_beside(&args.out)?;
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
     let mission = args.mission.read(&args.cameras)?;
     let engine = args.device.open()?;
@@ -120,6 +122,17 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)
 }
 
+/// Key frames beside the reduced prior, of an earlier run, would be read in place of those written to
+/// it: says so, and refuses broken ones before any work is done.
+fn check_beside(out: &Path) -> anyhow::Result<()> {
+    let beside = KeyFrames::path_beside(out);
+    if beside.exists() {
+        KeyFrames::open(&beside)?;
+        eprintln!("{}: takes precedence over the key frames of the prior", beside.display());
+    }
+    Ok(())
+}
+
 /// The views to fit to, and some within the margin: there, and wherever frames do not count, as the whole
 /// prior shows them.
 fn fit_views(mission: &Mission, fit: FitArg, whole: &mut Painter) -> anyhow::Result<Vec<View>> {
@@ -139,7 +152,7 @@ fn fit_views(mission: &Mission, fit: FitArg, whole: &mut Painter) -> anyhow::Res
 }
 
 fn write_sheet(
-    path: &std::path::Path,
+    path: &Path,
     bench: &mut Bench,
     reduced: &Prior,
     places: &[(Camera, Pose)],

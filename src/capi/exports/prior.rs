@@ -88,8 +88,10 @@ pub struct nvsp_prior_info {
     pub centre: [f32; 3],
     /// Spread of the positions around it, the prior's unit.
     pub spread: f32,
+    /// Key frames: poses at which a lost camera is looked for.
+    pub key_frames: u32,
 }
-versioned!(nvsp_prior_info, 64);
+versioned!(nvsp_prior_info, 68);
 
 /// Reads a prior from a file, its format told by the content: a .ply as Inria's trainer and nerfstudio
 /// write it, or a compact prior (.nvsg); built with the feature "formats", an .spz or a
@@ -97,6 +99,10 @@ versioned!(nvsp_prior_info, 64);
 /// as a warning. `options` may be NULL. The file is not needed afterwards, and no copy of it is kept in
 /// host memory. While it runs it takes, on host and device together, at most four times the size of a
 /// binary .ply, eight times that of a text; for the other formats, more by as much as they are packed.
+///
+/// Key frames, poses at which a lost camera is looked for, are read by themselves: those of the file
+/// PATH.keys beside the prior, if there is one, else those in the prior's own. They are no part of its
+/// identity; `nvsprior key-frames` writes them. A file PATH.keys that is not sound is NVSP_ERR_PRIOR.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
@@ -124,7 +130,8 @@ pub unsafe extern "C" fn nvsp_prior_open(
     }
 }
 
-/// nvsp_prior_open, from the content of a file in memory, which is not needed afterwards.
+/// nvsp_prior_open, from the content of a file in memory, which is not needed afterwards. Key frames
+/// are those in it.
 ///
 /// Fails as nvsp_prior_open does, but for NVSP_ERR_FILE.
 ///
@@ -197,7 +204,9 @@ fn log_load(handle: &Handle<EngineContent>, prior: &Prior) {
     for dropped in &prior.report().dropped {
         log.write(NVSP_LOG_WARNING, &format!("prior: {dropped}"));
     }
-    log.write(NVSP_LOG_INFO, &format!("prior {} of {} splats", prior.id(), prior.len()));
+    let (splats, key_frames) = (prior.len(), prior.key_frames().len());
+    let text = format!("prior {} of {splats} splats, {key_frames} key frames", prior.id());
+    log.write(NVSP_LOG_INFO, &text);
 }
 
 fn info_of(prior: &Prior) -> nvsp_prior_info {
@@ -215,6 +224,7 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
         background: options.background,
         centre: frame.centre,
         spread: frame.spread,
+        key_frames: prior.key_frames().len() as u32,
     }
 }
 

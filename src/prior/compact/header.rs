@@ -1,7 +1,7 @@
 //! The first bytes of a compact prior.
 
 use super::super::{PriorError, PriorId, RenderOptions, Splats};
-use super::{Grid, MAGIC, Quantisation};
+use super::{Grid, MAGIC, Quantisation, refusal};
 
 /// Version of the format.
 const VERSION: u8 = 1;
@@ -9,6 +9,8 @@ const VERSION: u8 = 1;
 /// What precedes the coded part; the byte table is in the module above.
 pub struct Header {
     pub sh_degree: u32,
+    /// Whether key frames follow.
+    pub key_frames: bool,
     pub count: u32,
     pub id: PriorId,
     pub options: RenderOptions,
@@ -24,7 +26,8 @@ impl Header {
     pub fn to_bytes(&self) -> Vec<u8> {
         let options = &self.options;
         let mut bytes = MAGIC.to_vec();
-        bytes.extend([VERSION, self.sh_degree as u8, u8::from(options.antialiased), 0]);
+        let flags = [u8::from(options.antialiased), u8::from(self.key_frames)];
+        bytes.extend([VERSION, self.sh_degree as u8].into_iter().chain(flags));
         bytes.extend(self.count.to_le_bytes());
         bytes.extend(self.id.to_bytes());
         let floats = [options.near, options.alpha_max].into_iter().chain(options.background);
@@ -46,7 +49,7 @@ impl Header {
         if sh_degree > Splats::MAX_SH_DEGREE {
             return Err(PriorError::ShDegree { degree: sh_degree });
         }
-        if bytes[6] > 1 || bytes[7] != 0 {
+        if bytes[6] > 1 || bytes[7] > 1 {
             return Err(refusal(6, "unknown flags".into()));
         }
         let count = u32::from_le_bytes(word(8));
@@ -74,15 +77,12 @@ impl Header {
         };
         quantisation.check()?;
         let id = PriorId::from_bytes(word(12));
-        Ok(Header { sh_degree, count, id, options, grid, quantisation })
+        let key_frames = bytes[7] == 1;
+        Ok(Header { sh_degree, key_frames, count, id, options, grid, quantisation })
     }
 }
 
 fn exponent(value: i32) -> Result<i16, PriorError> {
     let exponent = i16::try_from(value).ok().filter(|e| Grid::EXPONENTS.contains(e));
     exponent.ok_or_else(|| refusal(48, format!("positions in steps of 2^{value}")))
-}
-
-fn refusal(offset: usize, reason: String) -> PriorError {
-    PriorError::Field { format: "compact prior", offset: offset as u64, reason }
 }

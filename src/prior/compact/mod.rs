@@ -6,17 +6,30 @@
 //! | 4 | u8 | version of the format: 1 |
 //! | 5 | u8 | degree of the spherical harmonics, 0 to 3 |
 //! | 6 | u8 | 1: anti-aliased |
-//! | 7 | u8 | 0 |
+//! | 7 | u8 | 1: there are key frames |
 //! | 8 | u32 | number of splats, at least one |
 //! | 12 | u32 | [`PriorId`] of the splats as they come out of the reader, with the options below |
 //! | 16 | f32 × 5 | near plane, clamp of alpha, background |
 //! | 36 | f32 × 3 | origin of the positions |
 //! | 48 | i32 | step of the positions, as an exponent of two |
 //! | 52 | f32 × 6 | [`Quantisation`] in the order of its fields |
-//! | 76 | | the splats, coded |
+//! | 76 | | the key frames, where there are any |
+//! | | | the splats, coded |
 //! | end − 4 | u32 | CRC-32 of all bytes before |
 //!
-//! All little endian. The coded part is a raw LZMA stream (lc, lp and pb 0, no end mark, a window as
+//! All little endian. The key frames, `n` of them:
+//!
+//! | byte | type | content |
+//! |---|---|---|
+//! | 0 | u32 | `n`, 1 to 65,536 |
+//! | 4 | f32 × 6 | bounds of the camera positions: least x, y, z, greatest x, y, z |
+//! | 28 + 10 i | u16 × 3 | position of camera `i`: 0 is the least, 65,535 the greatest |
+//! | 34 + 10 i | u32 | its rotation, world to camera, of w, x, y, z: bits 30 and 31 which is the largest, and positive; then ten bits for each of the others, first to last, 0 to 1022 for −√½ to √½ |
+//!
+//! Positions are off by up to half a step, and the bounds are rounded to f32; rotations are off by up
+//! to 0.28°. Key frames are no part of the identity.
+//!
+//! The coded part is a raw LZMA stream (lc, lp and pb 0, no end mark, a window as
 //! large as what it holds, but 4 KiB to 64 MiB), filled up with zeros to a byte a splat where it is
 //! shorter. It holds numbers plane by plane: the lowest byte of a number for all splats, then the next
 //! byte. First, twelve bytes each, how far the splats lie apart on the Morton curve of their
@@ -46,6 +59,7 @@
 //! with the size and opacity of a splat gave less at the same bytes than even ones.
 
 mod header;
+mod key_frames;
 mod orientation;
 mod quantise;
 mod stream;
@@ -53,7 +67,7 @@ mod stream;
 use std::io::Write;
 
 use super::check::fault_of;
-use super::{PriorError, PriorFile, PriorFormat, PriorId, RenderOptions, Splats};
+use super::{KeyFrames, PriorError, PriorFile, PriorFormat, PriorId, RenderOptions, Splats};
 use header::Header;
 use quantise::{Grid, dequantise, quantise};
 pub use quantise::{Quantisation, UNIFORM_BITS};
@@ -64,13 +78,15 @@ pub const MAGIC: &[u8] = b"nvsg";
 /// Bytes of the check at the end.
 const CHECK: usize = 4;
 
-/// Writes splats; returns the identity of the prior that readers get.
+/// Writes splats and key frames; returns the identity of the prior that readers get, in which the key
+/// frames take no part.
 ///
 /// Fails where the quantisation is out of its range, where a splat is unsound or one of its values
 /// too large for its step, and where `writer` does.
 pub fn write(
     splats: &Splats,
     options: &RenderOptions,
+    key_frames: &KeyFrames,
     quantisation: &Quantisation,
     mut writer: impl Write,
 ) -> Result<PriorId, PriorError> {
@@ -87,28 +103,39 @@ pub fn write(
     let id = PriorId::of(&kept, options);
     let header = Header {
         sh_degree: splats.sh_degree,
+        key_frames: !key_frames.is_empty(),
         count,
         id,
         options: *options,
         grid: coded.grid,
         quantisation: *quantisation,
     };
-    let mut bytes = header.to_bytes();
-    bytes.extend(coded.stream()?);
-    bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+    let bytes = assembled(&header, key_frames, &coded.stream()?);
     writer.write_all(&bytes).and_then(|()| writer.flush()).map_err(PriorError::Write)?;
     Ok(id)
 }
 
+/// The bytes of a compact prior with other key frames: the splats, as they are coded, and the identity
+/// stay as they are. Fails where `bytes` are no compact prior.
+pub fn with_key_frames(bytes: &[u8], key_frames: &KeyFrames) -> Result<Vec<u8>, PriorError> {
+    let parts = Parts::of(bytes)?;
+    let header = Header { key_frames: !key_frames.is_empty(), ..parts.header };
+    Ok(assembled(&header, key_frames, parts.stream))
+}
+
+/// A whole file.
+fn assembled(header: &Header, key_frames: &KeyFrames, stream: &[u8]) -> Vec<u8> {
+    let mut bytes = header.to_bytes();
+    bytes.extend(key_frames::to_bytes(key_frames));
+    bytes.extend(stream);
+    bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
+    bytes
+}
+
 /// Reads the content of a compact prior. Memory grows with the content's size, whatever the header
-/// says: at most 1000 bytes for each byte, and a
-/// window of 64 MiB at most.
+/// says: at most 1000 bytes for each byte, and a window of 64 MiB at most.
 pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
-    if !bytes.starts_with(MAGIC) {
-        return Err(PriorError::UnknownFormat);
-    }
-    let (content, stream) = split(bytes)?;
-    let header = Header::read(content)?;
+    let Parts { header, key_frames, stream_at, stream } = Parts::of(bytes)?;
     let count = header.count as usize;
     if count > stream.len() {
         let needed = (bytes.len() - stream.len()) as u128 + count as u128;
@@ -117,7 +144,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let unpacked = stream::unpack(stream, count, quantise::columns(header.sh_degree));
     let (ranks, columns) = unpacked.map_err(|e| PriorError::Field {
         format: "compact prior",
-        offset: Header::BYTES as u64,
+        offset: stream_at as u64,
         reason: format!("LZMA: {e}"),
     })?;
     let coded = Coded { grid: header.grid, ranks, columns };
@@ -127,20 +154,44 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         return Err(PriorError::Identity { stated: header.id, found });
     }
     let (options, format) = (header.options, PriorFormat::Compact);
-    Ok(PriorFile { splats, options, format, comments: Vec::new() })
+    Ok(PriorFile { splats, options, format, comments: Vec::new(), key_frames })
 }
 
-/// Checks the content; gives it without the check, and its coded part.
-fn split(bytes: &[u8]) -> Result<(&[u8], &[u8]), PriorError> {
-    let truncated =
-        || PriorError::Truncated { needed: (Header::BYTES + CHECK) as u128, found: bytes.len() };
-    let (content, check) = bytes.split_last_chunk::<CHECK>().ok_or_else(truncated)?;
-    let stream = content.get(Header::BYTES..).ok_or_else(truncated)?;
-    let (stated, found) = (u32::from_le_bytes(*check), crc32fast::hash(content));
-    match stated == found {
-        true => Ok((content, stream)),
-        false => Err(PriorError::Damaged { stated, found }),
+/// What a file consists of, but for the check.
+struct Parts<'a> {
+    header: Header,
+    key_frames: KeyFrames,
+    /// Byte at which the coded part begins.
+    stream_at: usize,
+    stream: &'a [u8],
+}
+
+impl Parts<'_> {
+    /// Checks a file's content, and reads all but the coded part.
+    fn of(bytes: &[u8]) -> Result<Parts<'_>, PriorError> {
+        if !bytes.starts_with(MAGIC) {
+            return Err(PriorError::UnknownFormat);
+        }
+        let needed = (Header::BYTES + CHECK) as u128;
+        let truncated = || PriorError::Truncated { needed, found: bytes.len() };
+        let (content, check) = bytes.split_last_chunk::<CHECK>().ok_or_else(truncated)?;
+        let rest = content.get(Header::BYTES..).ok_or_else(truncated)?;
+        let (stated, found) = (u32::from_le_bytes(*check), crc32fast::hash(content));
+        if stated != found {
+            return Err(PriorError::Damaged { stated, found });
+        }
+        let header = Header::read(content)?;
+        let (key_frames, size) = match header.key_frames {
+            true => key_frames::read(rest, Header::BYTES)?,
+            false => (KeyFrames::NONE, 0),
+        };
+        let (stream_at, stream) = (Header::BYTES + size, &rest[size..]);
+        Ok(Parts { header, key_frames, stream_at, stream })
     }
+}
+
+fn refusal(offset: usize, reason: String) -> PriorError {
+    PriorError::Field { format: "compact prior", offset: offset as u64, reason }
 }
 
 /// Splats in steps, in the order of the file.

@@ -1,18 +1,26 @@
 use proptest::prelude::*;
 
+use super::super::key_frames::tests::sample_key_frames;
 use super::super::tests::sample_splats;
 use super::super::{Fault, INFINITE_LOGIT, Prior, PriorFrame, RenderOverrides};
 use super::*;
 
 fn written(splats: &Splats, options: &RenderOptions, q: &Quantisation) -> (PriorId, Vec<u8>) {
     let mut bytes = Vec::new();
-    let id = write(splats, options, q, &mut bytes).unwrap();
+    let id = write(splats, options, &KeyFrames::NONE, q, &mut bytes).unwrap();
     (id, bytes)
 }
 
 /// A file of this many splats of degree 1.
 fn sample(count: usize) -> (PriorId, Vec<u8>) {
     written(&sample_splats(count, 1), &RenderOptions::INRIA, &Quantisation::default())
+}
+
+/// The same with key frames.
+fn sample_with_key_frames(count: usize) -> (PriorId, Vec<u8>) {
+    let (splats, key_frames) = (sample_splats(count, 1), sample_key_frames(5));
+    let (options, q, mut bytes) = (RenderOptions::INRIA, Quantisation::default(), Vec::new());
+    (write(&splats, &options, &key_frames, &q, &mut bytes).unwrap(), bytes)
 }
 
 /// The content with a check that fits.
@@ -118,7 +126,7 @@ fn unsound_splats_and_senseless_steps_are_named() {
     let attempt = |change: fn(&mut Splats), q: &Quantisation| {
         let mut splats = sample_splats(5, 1);
         change(&mut splats);
-        write(&splats, &RenderOptions::INRIA, q, Vec::new()).unwrap_err()
+        write(&splats, &RenderOptions::INRIA, &KeyFrames::NONE, q, Vec::new()).unwrap_err()
     };
     let q = Quantisation::default();
     let error = attempt(|s| s.positions[3][1] = f32::NAN, &q);
@@ -137,18 +145,92 @@ fn unsound_splats_and_senseless_steps_are_named() {
     }
 }
 
+/// Files of the version before key frames, and what they hold.
+#[test]
+fn files_without_key_frames_are_as_they_ever_were() {
+    #[rustfmt::skip]
+    let first = [
+        110, 118, 115, 103, 1, 0, 0, 0, 1, 0, 0, 0, 30, 17, 250, 37, 10, 215, 35, 60, 164, 112, 125, 63,
+        0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 128, 61, 0, 0, 0, 62, 0, 0, 64, 62, 244, 255, 255, 255,
+        0, 0, 128, 57, 143, 194, 117, 61, 66, 96, 229, 59, 10, 215, 163, 61, 10, 215, 35, 61, 205, 204,
+        76, 61, 0, 0, 108, 65, 77, 241, 22, 60, 216, 57, 124, 21, 64, 233, 123, 69, 18, 24, 27, 103, 10,
+        223, 21, 234, 93, 120, 179, 92,
+    ];
+    assert!(read(&first).unwrap().key_frames.is_empty());
+    for (degree, count, size, id, hash) in [
+        (
+            0,
+            1,
+            104,
+            0x25fa_111e,
+            "fb7ae52f9b5a6fd75f36df8dc0a24ac2b2a9d9679f98f9612b96b72b4e181d85",
+        ),
+        (
+            1,
+            7,
+            226,
+            0xfc7a_8116,
+            "c6d4d55aafa2d1a31048350175c827f1cf11e4732f4c39afdcfda127ccaebff9",
+        ),
+        (
+            3,
+            300,
+            1910,
+            0x8ea5_bb9d,
+            "329861d415afa1e04aedc941e3759878772d92878bb6c18028f728b766266ee9",
+        ),
+    ] {
+        let splats = sample_splats(count, degree);
+        let written = written(&splats, &RenderOptions::GSPLAT, &Quantisation::default());
+        assert_eq!((written.0, written.1.len()), (PriorId(id), size));
+        assert_eq!(blake3::hash(&written.1).to_hex().as_str(), hash, "{degree}, {count}");
+        assert!(count > 1 || written.1 == first);
+    }
+}
+
+#[test]
+fn key_frames_travel_with_the_splats_and_change_nothing_of_them() {
+    let (id, without) = sample(7);
+    let (same, with) = sample_with_key_frames(7);
+    assert_eq!((same, with.len()), (id, without.len() + 28 + 10 * 5));
+    assert_eq!(read(&with).unwrap().splats, read(&without).unwrap().splats);
+    let prior = Prior::from_bytes(&with, "p.nvsg", &RenderOverrides::default()).unwrap();
+    assert_eq!((prior.id(), prior.key_frames().len()), (id, 5));
+    // Put in, replaced and taken out of a file.
+    assert_eq!(with_key_frames(&without, &sample_key_frames(5)).unwrap(), with);
+    assert_eq!(with_key_frames(&with, prior.key_frames()).unwrap(), with);
+    assert_eq!(with_key_frames(&with, &KeyFrames::NONE).unwrap(), without);
+    assert!(matches!(
+        with_key_frames(&with[1..], &KeyFrames::NONE),
+        Err(PriorError::UnknownFormat)
+    ));
+}
+
+#[test]
+fn unknown_flags_are_refused() {
+    let mut content = sample(4).1[..70].to_vec();
+    content[7] = 2;
+    content.resize(200, 0);
+    let error = read(&checked(&content)).unwrap_err();
+    assert!(matches!(error, PriorError::Field { offset: 6, .. }), "{error}");
+}
+
 #[test]
 fn every_flipped_bit_and_every_cut_is_noticed() {
-    let (_, bytes) = sample(4);
+    every_damage_is_noticed(&sample(4).1);
+    every_damage_is_noticed(&sample_with_key_frames(4).1);
+}
+
+fn every_damage_is_noticed(bytes: &[u8]) {
     for bit in 0..bytes.len() * 8 {
-        let mut damaged = bytes.clone();
+        let mut damaged = bytes.to_vec();
         damaged[bit / 8] ^= 1 << (bit % 8);
         assert!(read(&damaged).is_err(), "bit {bit}");
     }
     for length in 0..bytes.len() {
         assert!(read(&bytes[..length]).is_err(), "{length} bytes");
     }
-    assert!(matches!(read(&[&bytes[..], &[0]].concat()), Err(PriorError::Damaged { .. })));
+    assert!(matches!(read(&[bytes, &[0]].concat()), Err(PriorError::Damaged { .. })));
 }
 
 #[test]
@@ -162,7 +244,13 @@ fn another_prior_under_the_same_name_is_noticed() {
 
 #[test]
 fn forged_counts_are_refused() {
-    let (_, bytes) = sample(4);
+    let (_, bytes) = sample_with_key_frames(4);
+    // Of key frames: the rest of the file is not long enough for so many, or makes no splats.
+    for count in [0, 4, 6, 65_536, u32::MAX] {
+        let mut content = bytes[..bytes.len() - CHECK].to_vec();
+        content[76..80].copy_from_slice(&u32::to_le_bytes(count));
+        assert!(read(&checked(&content)).is_err(), "{count}");
+    }
     for count in [u32::MAX, 1 << 20, 1000] {
         let mut content = bytes[..bytes.len() - CHECK].to_vec();
         content[8..12].copy_from_slice(&count.to_le_bytes());
@@ -193,8 +281,10 @@ proptest! {
         header in proptest::collection::vec(any::<u8>(), Header::BYTES),
         stream in proptest::collection::vec(any::<u8>(), 0..300),
         forged in any::<bool>(),
+        key_frames in any::<bool>(),
     ) {
-        let header = if forged { sample(20).1[..Header::BYTES].to_vec() } else { header };
+        let sample = if key_frames { sample_with_key_frames(20).1 } else { sample(20).1 };
+        let header = if forged { sample[..Header::BYTES].to_vec() } else { header };
         let mut content = [&header[..], &stream[..]].concat();
         content[..4].copy_from_slice(MAGIC);
         prop_assert!(read(&checked(&content)).is_err());

@@ -2,13 +2,18 @@ use std::path::Path;
 
 use proptest::prelude::*;
 
+use super::super::key_frames::tests::sample_key_frames;
 use super::super::tests::sample_splats;
 use super::super::{Fault, RenderOverrides};
 use super::*;
 
 fn written(splats: &Splats, options: &RenderOptions) -> Vec<u8> {
+    with_key_frames(splats, options, &KeyFrames::NONE)
+}
+
+fn with_key_frames(splats: &Splats, options: &RenderOptions, key_frames: &KeyFrames) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_ply(splats, options, &mut bytes).unwrap();
+    write_ply(splats, options, key_frames, &mut bytes).unwrap();
     bytes
 }
 
@@ -128,6 +133,37 @@ fn options_come_from_comments_then_from_the_user() {
 }
 
 #[test]
+fn key_frames_stand_in_comments() {
+    let (splats, key_frames) = (sample_splats(3, 0), sample_key_frames(4));
+    let bytes = with_key_frames(&splats, &RenderOptions::GSPLAT, &key_frames);
+    let file = read_ply(&bytes).unwrap();
+    assert_eq!((&file.key_frames, &file.splats), (&key_frames, &splats));
+    assert_eq!(file.options, RenderOptions::GSPLAT);
+    // The list of comments is for people.
+    assert_eq!(file.comments.len(), 4);
+    // Without key frames a file is as it ever was.
+    let line =
+        |text: &[u8]| text.split(|b| *b == b'\n').any(|l| l.starts_with(b"comment nvsprior key"));
+    assert!(line(&bytes) && !line(&written(&splats, &RenderOptions::GSPLAT)));
+    let lines = |comment: &str| {
+        let text = header("ascii", 1, &SHUFFLED)
+            .replace("element", &format!("comment nvsprior key_frame {comment}\nelement"));
+        read_ply((text + "1 2 3 4 5 6 7 8 9 10 11 12 13 14\n").as_bytes())
+    };
+    let found = lines("2 0 0 0  1 -2e0 3.5").unwrap().key_frames;
+    let expected = crate::Pose::from_wxyz([1.0, 0.0, 0.0, 0.0], [1.0, -2.0, 3.5]).unwrap();
+    assert_eq!(found.poses(), [expected]);
+    for bad in
+        ["", "1 0 0 0 1 2", "1 0 0 0 1 2 3 4", "1 0 0 0 1 2 x", "0 0 0 0 1 2 3", "1 0 0 0 nan 2 3"]
+    {
+        let refused = lines(bad).unwrap_err();
+        assert!(matches!(refused, PriorError::Comment { .. }), "{bad}: {refused}");
+        assert!(refused.to_string().contains(bad), "{refused}");
+    }
+    assert!(matches!(lines("1 0 0 0 1e99 2 3"), Err(PriorError::KeyFrame { index: 0, .. })));
+}
+
+#[test]
 fn refuses_lying_headers_without_allocating() {
     let row = [0_u8; 56];
     for count in [2, 1_000_000_000, u64::from(u32::MAX)] {
@@ -224,7 +260,7 @@ proptest! {
         let mut bytes = if ascii {
             (header("ascii", 2, &SHUFFLED) + &"0.5 -1e3 ".repeat(14)).into_bytes()
         } else {
-            written(&sample_splats(2, 1), &RenderOptions::INRIA)
+            with_key_frames(&sample_splats(2, 1), &RenderOptions::INRIA, &sample_key_frames(2))
         };
         for (index, value) in damage {
             let index = index.index(bytes.len());

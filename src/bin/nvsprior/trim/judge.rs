@@ -6,8 +6,8 @@ use std::time::Instant;
 use anyhow::Context as _;
 
 use indicatif::ProgressBar;
-use nvsprior::prior::Splats;
 use nvsprior::prior::compact::Quantisation;
+use nvsprior::prior::{PriorError, Splats};
 use nvsprior::study::trim::{Judge, Round, Step};
 use nvsprior::{Engine, Prior};
 
@@ -108,9 +108,14 @@ impl<'a> Bench<'a> {
         })
     }
 
+    /// The file of a reduced prior, with the whole one's key frames.
+    fn content(&self, splats: &Splats) -> Result<Vec<u8>, PriorError> {
+        self.container.write(splats, self.prior.options(), self.prior.key_frames())
+    }
+
     /// Writes a prior to the file asked for; its bytes.
     pub fn save(&self, splats: &Splats) -> anyhow::Result<usize> {
-        let bytes = self.container.write(splats, self.prior.options())?;
+        let bytes = self.content(splats)?;
         std::fs::write(&self.out, &bytes)
             .with_context(|| format!("writing {}", self.out.display()))?;
         Ok(bytes.len())
@@ -118,7 +123,7 @@ impl<'a> Bench<'a> {
 
     /// The prior as its file will hold it.
     fn stored(&self, splats: &Splats) -> anyhow::Result<Prior> {
-        let bytes = self.container.write(splats, self.prior.options())?;
+        let bytes = self.content(splats)?;
         Ok(Prior::from_bytes(&bytes, "the reduced prior", &Default::default())?)
     }
 
@@ -131,6 +136,7 @@ impl<'a> Bench<'a> {
         row("splats", format!("{all} → {left}, {:.1} % left out", percent(all - left, all)));
         let degrees = (self.prior.splats().sh_degree, reduced.splats().sh_degree);
         row("SH degree", format!("{} → {}", degrees.0, degrees.1));
+        row("key frames", self.prior.key_frames().len().to_string());
         row("bytes", format!("{before} → {after}, {}", of(before as f64, after as f64)));
         let mut small = self.painter(reduced)?;
         let timed: Vec<_> = mission::spaced(&self.views.places, TIMED).copied().collect();

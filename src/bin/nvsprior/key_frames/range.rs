@@ -1,0 +1,81 @@
+//! How far away what cameras show of a prior is.
+
+use glam::DVec3;
+use nvsprior::prior::Splats;
+use nvsprior::{Camera, Pose};
+
+use crate::mission::spaced;
+
+/// Most splats that stand for all of a prior's, evenly spaced in its list.
+const SPLATS: usize = 20_000;
+
+/// Splats that stand for a prior's.
+pub struct Sample {
+    positions: Vec<DVec3>,
+    near: f64,
+}
+
+impl Sample {
+    /// Of splats that are culled up to the plane `near`.
+    pub fn of(splats: &Splats, near: f32) -> Sample {
+        let positions = spaced(&splats.positions, SPLATS);
+        let positions = positions.map(|p| DVec3::from(p.map(f64::from))).collect();
+        Sample { positions, near: near.into() }
+    }
+
+    /// The poses of the views that show any of the splats, and the median over them of the median
+    /// distance to those.
+    pub fn seen_by(&self, views: &[(Camera, Pose)]) -> (Vec<Pose>, Option<f64>) {
+        let seen =
+            views.iter().filter_map(|(camera, pose)| Some((*pose, self.distance(camera, pose)?)));
+        let (poses, distances): (Vec<Pose>, Vec<f64>) = seen.unzip();
+        (poses, median(distances))
+    }
+
+    /// Median distance from a camera to the splats whose centres it shows.
+    fn distance(&self, camera: &Camera, pose: &Pose) -> Option<f64> {
+        let within = |v: f64, side: u32| (0.0..f64::from(side)).contains(&v);
+        let distances = self.positions.iter().filter_map(|position| {
+            let p = pose.rotation * *position + pose.translation;
+            let x = f64::from(camera.fx) * p.x / p.z + f64::from(camera.cx);
+            let y = f64::from(camera.fy) * p.y / p.z + f64::from(camera.cy);
+            let shown = p.z > self.near && within(x, camera.width) && within(y, camera.height);
+            shown.then(|| p.length())
+        });
+        median(distances.collect())
+    }
+}
+
+/// The upper median.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_what_is_in_front_and_within_the_picture() {
+        // On the axis at 1 to 5, behind the camera, before the near plane, and beside the picture.
+        let z = [1.0, 2.0, 3.0, 4.0, 5.0, -2.0, 0.1];
+        let mut positions: Vec<[f32; 3]> = z.iter().map(|z| [0.0, 0.0, *z]).collect();
+        positions.push([1.1, 0.0, 1.0]);
+        let count = positions.len();
+        let splats = Splats {
+            positions,
+            log_scales: vec![[-3.0; 3]; count],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],
+            opacity_logits: vec![1.0; count],
+            sh: vec![0.0; 3 * count],
+            sh_degree: 0,
+        };
+        let camera = Camera { width: 20, height: 20, fx: 10.0, fy: 10.0, cx: 10.0, cy: 10.0 };
+        let away = Pose::from_wxyz([0.0, 0.0, 1.0, 0.0], [0.0, 0.0, -9.0]).unwrap();
+        let sample = Sample::of(&splats, 0.2);
+        let (poses, range) = sample.seen_by(&[(camera, away), (camera, Pose::IDENTITY)]);
+        assert_eq!((poses, range), (vec![Pose::IDENTITY], Some(3.0)));
+        assert_eq!(sample.seen_by(&[(camera, away)]), (vec![], None));
+    }
+}

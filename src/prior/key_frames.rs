@@ -1,0 +1,204 @@
+//! Key frames: camera poses at which the prior is rendered as a thumbnail, to find a lost camera again.
+//!
+//! They are poses of the mapping run, thinned, and travel with the prior: in a compact prior, in the
+//! comments of a `.ply`, or in a file beside a prior of any format. They are no part of the prior's
+//! identity.
+
+mod text;
+
+use std::fmt;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::{PriorError, replace_file};
+use crate::Pose;
+pub(super) use text::{pose_from_words, words};
+
+/// A checked list of key frames, possibly empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KeyFrames {
+    poses: Vec<Pose>,
+}
+
+/// Where a prior's key frames came from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum KeyFrameSource {
+    /// There are none.
+    #[default]
+    None,
+    /// The prior's own file.
+    InFile,
+    /// The file `NAME.EXT.keys` beside it.
+    Beside,
+    /// Handed over in memory.
+    Memory,
+}
+
+impl fmt::Display for KeyFrameSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            KeyFrameSource::None => "none",
+            KeyFrameSource::InFile => "in the file",
+            KeyFrameSource::Beside => "in the file beside it",
+            KeyFrameSource::Memory => "from memory",
+        })
+    }
+}
+
+/// How far the length of a key frame's quaternion may be from 1.
+const UNIT_TOLERANCE: f64 = 1e-6;
+
+/// Largest file of key frames that is read, bytes: more than the longest list can take as it is
+/// written.
+const MOST_BYTES: u64 = 256 * (KeyFrames::MAX as u64 + 1);
+
+impl KeyFrames {
+    /// Most key frames of a prior.
+    pub const MAX: usize = 65_536;
+
+    /// None.
+    pub const NONE: KeyFrames = KeyFrames { poses: Vec::new() };
+
+    /// Checks world-to-camera poses, lengths in the prior's unit: at most [`MAX`](Self::MAX) of them,
+    /// all numbers finite, quaternions of unit length, cameras where f32 reaches. An error names the
+    /// first pose that fails.
+    pub fn new(poses: Vec<Pose>) -> Result<KeyFrames, PriorError> {
+        if poses.len() > Self::MAX {
+            return Err(PriorError::TooManyKeyFrames { count: poses.len() });
+        }
+        for (index, pose) in poses.iter().enumerate() {
+            fault(pose).map_or(Ok(()), |reason| Err(PriorError::KeyFrame { index, reason }))?;
+        }
+        Ok(KeyFrames { poses })
+    }
+
+    /// The poses.
+    pub fn poses(&self) -> &[Pose] {
+        &self.poses
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.poses.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.poses.is_empty()
+    }
+
+    /// Some of `poses`, in their order: each that has no pose kept before it that is nearer than
+    /// `distance` (the prior's unit) and looks in a direction less than `angle` (radians) away. So
+    /// every pose that is left out has a kept one that near, and no two kept ones are. Roll about the
+    /// optical axis does not count: the search for a lost camera holds for any roll. Where `distance`
+    /// or `angle` is not above 0, all are kept.
+    ///
+    /// Fails as [`new`](Self::new) does, where more than [`MAX`](Self::MAX) remain, too. Takes time by
+    /// the number of poses times that of those kept.
+    pub fn thinned(poses: &[Pose], distance: f64, angle: f64) -> Result<KeyFrames, PriorError> {
+        let mut kept: Vec<(DVec3, DVec3)> = Vec::new();
+        let mut key_frames = Vec::new();
+        for (index, pose) in poses.iter().enumerate() {
+            fault(pose).map_or(Ok(()), |reason| Err(PriorError::KeyFrame { index, reason }))?;
+            let (centre, direction) = (pose.centre(), viewing_direction(pose));
+            let near = |(other, looking): &(DVec3, DVec3)| {
+                centre.distance(*other) < distance && angle_between(direction, *looking) < angle
+            };
+            // A run's newest poses are the likeliest to be near.
+            if kept.iter().rev().any(near) {
+                continue;
+            }
+            if kept.len() == Self::MAX {
+                return Err(PriorError::TooManyKeyFrames { count: Self::MAX + 1 });
+            }
+            kept.push((centre, direction));
+            key_frames.push(*pose);
+        }
+        KeyFrames::new(key_frames)
+    }
+
+    /// Least and greatest camera position on each axis, the prior's unit; `None` where there are no
+    /// key frames.
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
+        let mut centres = self.poses.iter().map(Pose::centre);
+        let first = centres.next()?;
+        Some(centres.fold([first; 2], |[least, most], c| [least.min(c), most.max(c)]))
+    }
+
+    /// Where key frames stand beside a prior's file: `prior.ply.keys` beside `prior.ply`.
+    pub fn path_beside(prior: &Path) -> PathBuf {
+        let mut name = prior.as_os_str().to_owned();
+        name.push(".keys");
+        name.into()
+    }
+
+    /// Reads a file of key frames: CSV with the header `qw,qx,qy,qz,tx,ty,tz`, one key frame a line.
+    /// Errors name the file and the line.
+    pub fn open(path: &Path) -> Result<KeyFrames, PriorError> {
+        let read = || KeyFrames::from_csv(&read_text(path)?);
+        read().map_err(|error| error.in_file(&path.display().to_string()))
+    }
+
+    /// Those in the file beside a prior's; `None` where there is no such file.
+    pub(super) fn open_beside(prior: &Path) -> Result<Option<KeyFrames>, PriorError> {
+        let path = KeyFrames::path_beside(prior);
+        let absent = fs::metadata(&path).is_err_and(|error| {
+            // A name that is too long for a file is none of a file.
+            matches!(error.kind(), ErrorKind::NotFound | ErrorKind::InvalidFilename)
+        });
+        if absent { Ok(None) } else { KeyFrames::open(&path).map(Some) }
+    }
+
+    /// Writes a file of key frames, which is there whole or not at all; [`open`](Self::open) gives
+    /// them back unchanged.
+    pub fn save(&self, path: &Path) -> Result<(), PriorError> {
+        replace_file(path, self.to_csv().as_bytes())
+    }
+}
+
+/// What is wrong with a pose as a key frame.
+fn fault(pose: &Pose) -> Option<&'static str> {
+    if !pose.is_finite() {
+        return Some("a number that is not finite");
+    }
+    if !((pose.rotation.length() - 1.0).abs() <= UNIT_TOLERANCE) {
+        return Some("a quaternion that has not the length 1");
+    }
+    let reached = pose.centre().to_array().iter().all(|v| (*v as f32).is_finite());
+    (!reached).then_some("a camera farther away than f32 reaches")
+}
+
+/// The camera's optical axis in the world, `Rᵀ (0, 0, 1)`.
+fn viewing_direction(pose: &Pose) -> DVec3 {
+    pose.rotation.conjugate() * DVec3::Z
+}
+
+/// Angle between two directions, radians; exact for small ones, too.
+fn angle_between(a: DVec3, b: DVec3) -> f64 {
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+/// A file's text, but no more of it than key frames can take, and of no device or pipe.
+fn read_text(path: &Path) -> Result<String, PriorError> {
+    let refuse = |what: &str| PriorError::Read(std::io::Error::other(what));
+    if !fs::metadata(path).map_err(PriorError::Read)?.is_file() {
+        return Err(refuse("no file of key frames"));
+    }
+    let mut text = Vec::new();
+    let file = File::open(path).map_err(PriorError::Read)?;
+    file.take(MOST_BYTES + 1).read_to_end(&mut text).map_err(PriorError::Read)?;
+    if text.len() as u64 > MOST_BYTES {
+        return Err(refuse("too long for a file of key frames"));
+    }
+    String::from_utf8(text).map_err(|error| {
+        let read = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = 1 + read.iter().filter(|byte| **byte == b'\n').count();
+        PriorError::Line { line, reason: "no UTF-8 text".into() }
+    })
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

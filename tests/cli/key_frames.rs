@@ -1,0 +1,128 @@
+//! `nvsprior key-frames`, and what `inspect` and `trim` make of key frames.
+
+use nvsprior::prior::compact::{self, Quantisation};
+use nvsprior::prior::{KeyFrameSource, KeyFrames};
+use nvsprior::{Pose, Prior};
+
+use crate::dive::{Dive, camera_file, view};
+use crate::scene::{CAMERA, pose, wall};
+use crate::study::row;
+
+fn open(dive: &Dive, name: &str) -> Prior {
+    Prior::open(&dive.path(name), &Default::default()).unwrap()
+}
+
+/// The poses of the camera file, which gives numbers as text.
+fn poses(times: &[f64]) -> Vec<Pose> {
+    times.iter().map(|t| pose(*t)).collect()
+}
+
+fn assert_near(key_frames: &KeyFrames, expected: &[Pose], centre: f64, angle: f64) {
+    assert_eq!(key_frames.len(), expected.len());
+    for (a, b) in key_frames.poses().iter().zip(expected) {
+        assert!((a.centre() - b.centre()).length() <= centre && a.angle_to(b) <= angle);
+    }
+}
+
+#[test]
+fn written_beside_the_prior_and_read_with_it() {
+    let dive = Dive::new();
+    let id = open(&dive, "prior.ply").id();
+    assert_eq!(row(&dive.run("inspect prior.ply").ends_with(0).stdout, "key frames"), "none");
+    let command = "key-frames prior.ply --cameras cameras.json";
+    let text = dive.run(&format!("{command} --distance 0")).ends_with(0).stdout;
+    assert_eq!(row(&text, "views"), "4 with poses, 4 show the prior");
+    assert!(row(&text, "key frames").starts_with("4, cameras at x "), "{text}");
+    assert!(row(&text, "written").starts_with("prior.ply.keys, "), "{text}");
+    assert_eq!(row(&text, "identity"), format!("{id}, as it was"));
+    let prior = open(&dive, "prior.ply");
+    assert_eq!((prior.id(), prior.report().key_frames), (id, KeyFrameSource::Beside));
+    assert_near(prior.key_frames(), &poses(&[0.0, 1.0, 2.0, 3.0]), 1e-12, 1e-12);
+    let text = dive.run("inspect prior.ply").ends_with(0).stdout;
+    assert!(row(&text, "key frames").starts_with("in the file beside it: 4, cameras"), "{text}");
+    // By default those 5 % of the distance to the wall apart: the views lie 0.055 apart, the wall 4.
+    let text = dive.run(command).ends_with(0).stdout;
+    let away: f64 = row(&text, "scene").split(' ').next().unwrap().parse().unwrap();
+    assert!((3.6..5.0).contains(&away), "{text}");
+    assert_eq!(row(&text, "thinned"), format!("by {:.4} and 10°", 0.05 * away));
+    assert_near(open(&dive, "prior.ply").key_frames(), &poses(&[0.0]), 1e-12, 1e-12);
+    // Of a split, and by angle alone: two views are 0.0078 rad of pitch and yaw apart, 0.41°.
+    let narrow = format!("{command} --split dive --distance 100 --angle 0.5");
+    dive.run(&narrow).ends_with(0);
+    assert_near(open(&dive, "prior.ply").key_frames(), &poses(&[0.0, 2.0]), 1e-12, 1e-12);
+    // A broken file is replaced.
+    std::fs::write(dive.path("prior.ply.keys"), "broken").unwrap();
+    dive.run("inspect prior.ply").ends_with(1).says("prior.ply.keys: line 1: ");
+    dive.run(&format!("{command} --out prior.ply.keys")).ends_with(0);
+    assert_eq!(open(&dive, "prior.ply").key_frames().len(), 1);
+    let leftover = |name: &str| name.contains("keys.");
+    let names = std::fs::read_dir(dive.path(".")).unwrap();
+    assert!(!names.into_iter().any(|f| leftover(f.unwrap().file_name().to_str().unwrap())));
+}
+
+#[test]
+fn written_to_copies_of_the_prior() {
+    let dive = Dive::new();
+    let wall = wall(1);
+    let mut bytes = Vec::new();
+    let (none, q) = (KeyFrames::NONE, Quantisation::default());
+    let id = compact::write(wall.splats(), wall.options(), &none, &q, &mut bytes).unwrap();
+    std::fs::write(dive.path("small.nvsg"), &bytes).unwrap();
+    let options = "--cameras cameras.json --distance 0";
+    dive.run(&format!("key-frames prior.ply {options} --out with.ply")).ends_with(0);
+    // In its own place, too.
+    dive.run(&format!("key-frames small.nvsg {options} --out small.nvsg")).ends_with(0);
+    let times = [0.0, 1.0, 2.0, 3.0];
+    for (name, id, splats, error) in [
+        ("with.ply", wall.id(), wall.splats().clone(), 1e-12),
+        ("small.nvsg", id, compact::read(&bytes).unwrap().splats, 5e-3),
+    ] {
+        let prior = open(&dive, name);
+        assert_eq!((prior.id(), prior.splats()), (id, &splats), "{name}");
+        assert_near(prior.key_frames(), &poses(&times), error, error);
+        let text = dive.run(&format!("inspect {name}")).ends_with(0).stdout;
+        assert!(row(&text, "key frames").starts_with("in the file: 4, cameras"), "{text}");
+    }
+    assert_eq!(dive.bytes("small.nvsg").len(), bytes.len() + 28 + 40);
+}
+
+#[test]
+fn trim_carries_them_over() {
+    let dive = Dive::new();
+    dive.run("key-frames prior.ply --cameras cameras.json --distance 0").ends_with(0);
+    let trim = "trim prior.ply --cameras cameras.json --steps 1 --share 0.3";
+    for (name, error) in [("small.ply", 1e-12), ("small.nvsg", 5e-3)] {
+        let text = dive.run(&format!("{trim} --out {name}")).ends_with(0).stdout;
+        assert_eq!(row(&text, "key frames"), "4");
+        let small = open(&dive, name);
+        assert_eq!(small.report().key_frames, KeyFrameSource::InFile);
+        assert_near(small.key_frames(), &poses(&[0.0, 1.0, 2.0, 3.0]), error, error);
+    }
+}
+
+#[test]
+fn refusals_name_what_is_wrong() {
+    let dive = Dive::new();
+    let command = "key-frames prior.ply --cameras cameras.json";
+    // A camera that looks away from the wall.
+    let away = Pose::from_wxyz([0.0, 0.0, 1.0, 0.0], [0.0; 3]).unwrap();
+    dive.write_json("away.json", &camera_file(&CAMERA, vec![view("a.png", 0, "a", &away)]));
+    std::fs::write(dive.path("taken.ply.keys"), "").unwrap();
+    for (args, code, named) in [
+        ("key-frames prior.ply", 2, "--cameras"),
+        (&format!("{command} --distance=-1"), 2, "not negative"),
+        (&format!("{command} --angle nan"), 2, "--angle"),
+        (&format!("{command} --split night"), 1, "\"night\"; there are: dive, survey"),
+        (&format!("{command} --out a.csv"), 1, "a.csv: ends in .keys, .nvsg or .ply"),
+        (&format!("{command} --out a.nvsg"), 1, "a.nvsg: a copy must have the format"),
+        (&format!("{command} --out taken.ply"), 1, "taken.ply.keys takes precedence"),
+        (&format!("{command} --out none/a.keys"), 1, "none/a.keys"),
+        ("key-frames none.ply --cameras cameras.json", 1, "none.ply"),
+        ("key-frames cameras.json --cameras cameras.json", 1, "cameras.json: neither a PLY"),
+        ("key-frames prior.ply --cameras none.json", 1, "none.json"),
+        ("key-frames prior.ply --cameras away.json", 1, "no view of away.json shows a splat"),
+    ] {
+        dive.run(args).ends_with(code).says(named);
+        assert!(!dive.path("prior.ply.keys").exists(), "{args}");
+    }
+}
