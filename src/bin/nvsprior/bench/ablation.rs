@@ -14,6 +14,7 @@ mod start;
 mod summary;
 mod table;
 
+use std::num::NonZeroUsize;
 use std::path::Path;
 
 use anyhow::Context as _;
@@ -35,36 +36,34 @@ pub struct AblationArgs {
     #[arg(long)]
     pub ablation: bool,
     /// Starts a kind of perturbation (rotation, translation), the same for every method
-    #[arg(long, value_name = "N", default_value_t = 40, requires = "ablation")]
-    ablation_trials: usize,
+    #[arg(long, value_name = "N", default_value = "40", requires = "ablation")]
+    ablation_trials: NonZeroUsize,
     /// Of them, those that Adam and Adam→BFGS are measured from: up to 1000 renders each
     #[arg(long, value_name = "N", requires = "ablation")]
     ablation_adam_trials: Option<usize>,
     /// Translations are put off by up to this, in the prior's unit (paper: 1.58 m)
-    #[arg(long, value_name = "U", default_value_t = 1.58, requires = "ablation")]
+    #[arg(long, value_name = "U", default_value = "1.58", value_parser = positive, requires = "ablation")]
     ablation_units: f64,
 }
 
 impl AblationArgs {
-    fn check(&self) -> anyhow::Result<()> {
-        let units = self.ablation_units;
-        anyhow::ensure!(self.ablation_trials > 0, "--ablation-trials 0: at least one is needed");
-        anyhow::ensure!(
-            units.is_finite() && units > 0.0,
-            "--ablation-units {units}: must be a positive number"
-        );
-        Ok(())
-    }
-
     fn limits(&self) -> Limits {
         Limits { units: self.ablation_units, degrees: perturbation::DEGREES }
     }
 
     /// Starts of a kind that a method is measured from.
     fn trials(&self, method: Method) -> usize {
-        let adam = self.ablation_adam_trials.unwrap_or(self.ablation_trials);
-        if method.slow() { adam.min(self.ablation_trials) } else { self.ablation_trials }
+        let all = self.ablation_trials.get();
+        let adam = self.ablation_adam_trials.unwrap_or(all);
+        if method.slow() { adam.min(all) } else { all }
     }
+}
+
+/// A positive number.
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    let good = value.is_finite() && value > 0.0;
+    good.then_some(value).ok_or_else(|| "must be above 0".to_owned())
 }
 
 /// One start with one method.
@@ -88,7 +87,6 @@ pub struct Ablation {
 
 /// Measures, prints and writes it all to a folder.
 pub fn run(args: &AblationArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
-    args.check()?;
     std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     let bar = progress(context.shots.len(), "best poses");
     optimum::find(context, || bar.inc(1))?;
@@ -123,7 +121,7 @@ fn measure(
     let total: usize = Method::ALL.iter().map(|method| args.trials(*method)).sum();
     let bar = progress(Kind::ALL.len() * total, "trials");
     let mut trials = Vec::new();
-    for number in 0..args.ablation_trials {
+    for number in 0..args.ablation_trials.get() {
         for kind in Kind::ALL {
             let perturbation = Perturbation::of(kind, &args.limits(), number);
             let shot = number % poses.len();

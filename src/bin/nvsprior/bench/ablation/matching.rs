@@ -40,8 +40,8 @@ pub struct Matching {
 }
 
 impl Matching {
-    pub fn new() -> anyhow::Result<Matching> {
-        Ok(Matching { detector: Detector::new(), renderer: None })
+    pub fn new() -> Matching {
+        Matching { detector: Detector::new(), renderer: None }
     }
 
     /// Searches from a start; what it gives is never worse than that, by its own loss.

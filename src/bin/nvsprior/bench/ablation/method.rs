@@ -108,7 +108,7 @@ impl Searches {
             bfgs: encoder(Optimizer::Bfgs)?,
             gauss_newton: encoder(Optimizer::GaussNewton)?,
             adam: encoder(Optimizer::Adam)?,
-            matching: Matching::new()?,
+            matching: Matching::new(),
         })
     }
 

@@ -76,8 +76,11 @@ fn draw(
     root.fill(&WHITE)?;
     let (head, body) = root.split_vertically(HEAD);
     head.draw(&Text::new(caption, (16, 8), ("sans-serif", 22)))?;
+    let measured =
+        |(method, _): &&(Method, &str)| ablation.trials.iter().any(|trial| trial.method == *method);
+    let methods: Vec<_> = methods.iter().filter(measured).collect();
     let mut left = 20;
-    for (method, name) in methods {
+    for (method, name) in &methods {
         let colour = colour(*method);
         head.draw(&Rectangle::new([(left, 38), (left + 28, 56)], colour.mix(0.25).filled()))?;
         head.draw(&PathElement::new([(left, 47), (left + 28, 47)], colour.stroke_width(3)))?;
@@ -122,7 +125,7 @@ fn panel(
         return Ok(cell.draw(&Text::new(text, (20, 40), ("sans-serif", 15)))?);
     }
     let mut chart = ChartBuilder::on(cell);
-    chart.margin(10).x_label_area_size(42).y_label_area_size(66);
+    chart.margin(10).margin_right(26).x_label_area_size(42).y_label_area_size(66);
     if figure.log && low > 0.0 {
         let chart = chart.build_cartesian_2d(0.0..limit, (low * 0.8..high * 1.25).log_scale())?;
         fill(chart, kind, figure, curves, 1e-9 + low * 0.8 < 0.05)
@@ -153,7 +156,7 @@ where
     };
     let y_label = |v: &f64| if small { format!("{v:.0e}") } else { format!("{v}") };
     let mut mesh = chart.configure_mesh();
-    mesh.x_labels(6).y_labels(6).x_desc(x_label).y_desc(figure.name);
+    mesh.x_labels(6).y_labels(6).x_desc(x_label).y_desc(figure.name).max_light_lines(1);
     mesh.label_style(("sans-serif", 14)).axis_desc_style(("sans-serif", 15));
     if small {
         mesh.y_label_formatter(&y_label);
