@@ -41,6 +41,13 @@ impl Quartiles {
         Quartiles { first, median, third }
     }
 
+    /// Of values of which more is better: the lower of two in the middle counts, as the upper one does
+    /// of errors. So a PSNR's median is the trial's whose error is the median.
+    pub fn of_gains(values: impl IntoIterator<Item = f64>) -> Quartiles {
+        let Quartiles { first, median, third } = Quartiles::of(values.into_iter().map(|v| -v));
+        Quartiles { first: -third, median: -median, third: -first }
+    }
+
     pub fn json(&self) -> Value {
         json!({ "first_quartile": self.first, "median": self.median, "third_quartile": self.third })
     }
@@ -69,5 +76,7 @@ mod tests {
         assert!(median([]).is_nan());
         let quartiles = Quartiles::of((0..8).rev().map(f64::from));
         assert_eq!(quartiles, Quartiles { first: 2.0, median: 4.0, third: 6.0 });
+        let gains = Quartiles::of_gains((0..8).rev().map(f64::from));
+        assert_eq!(gains, Quartiles { first: 1.0, median: 3.0, third: 5.0 });
     }
 }

@@ -22,14 +22,31 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 struct Figure {
     name: &'static str,
     log: bool,
+    /// Whether more is better.
+    gain: bool,
     of: fn(&Result) -> f64,
 }
 
 const FIGURES: [Figure; 4] = [
-    Figure { name: "PSNR of the render, dB", log: false, of: |(_, _, v)| v.psnr() },
-    Figure { name: "energy of the difference (MSE)", log: true, of: |(_, _, v)| v.energy },
-    Figure { name: "bytes of the difference", log: false, of: |(_, _, v)| v.bytes as f64 },
-    Figure { name: "iterations (evaluations)", log: true, of: |(_, a, _)| a.iterations as f64 },
+    Figure { name: "PSNR of the render, dB", log: false, gain: true, of: |(_, _, v)| v.psnr() },
+    Figure {
+        name: "energy of the difference (MSE)",
+        log: true,
+        gain: false,
+        of: |(_, _, v)| v.energy,
+    },
+    Figure {
+        name: "bytes of the difference",
+        log: false,
+        gain: false,
+        of: |(_, _, v)| v.bytes as f64,
+    },
+    Figure {
+        name: "iterations (evaluations)",
+        log: true,
+        gain: false,
+        of: |(_, a, _)| a.iterations as f64,
+    },
 ];
 
 /// A method's curve: where, and the quartiles there.
@@ -103,7 +120,9 @@ fn curve(ablation: &Ablation, method: Method, kind: Kind, figure: &Figure) -> Cu
     let point = |bin| {
         let results = ablation.bin(method, kind, bin);
         let [from, to] = ablation.limits.bounds(kind, bin);
-        let quartiles = Quartiles::of(results.iter().map(figure.of));
+        let values = results.iter().map(figure.of);
+        let quartiles =
+            if figure.gain { Quartiles::of_gains(values) } else { Quartiles::of(values) };
         (0.5 * (from + to), quartiles)
     };
     let finite = |(_, q): &(f64, Quartiles)| q.first.is_finite() && q.third.is_finite();
