@@ -146,8 +146,11 @@ fn panel(
     let mut chart = ChartBuilder::on(cell);
     chart.margin(10).margin_right(26).x_label_area_size(42).y_label_area_size(66);
     if figure.log && low > 0.0 {
-        let chart = chart.build_cartesian_2d(0.0..limit, (low * 0.8..high * 1.25).log_scale())?;
-        fill(chart, kind, figure, curves, 1e-9 + low * 0.8 < 0.05)
+        // Whole decades: only these have labels.
+        let [low, high] = [low.log10().floor(), high.log10().ceil()].map(|e| 10f64.powf(e));
+        let chart =
+            chart.build_cartesian_2d(0.0..limit, (low..high.max(10.0 * low)).log_scale())?;
+        fill(chart, kind, figure, curves, low < 0.05)
     } else {
         let margin = (0.06 * (high - low)).max(1e-3);
         let chart = chart.build_cartesian_2d(0.0..limit, low - margin..high + margin)?;
@@ -175,7 +178,11 @@ where
     };
     let y_label = |v: &f64| if small { format!("{v:.0e}") } else { format!("{v}") };
     let mut mesh = chart.configure_mesh();
-    mesh.x_labels(6).y_labels(6).x_desc(x_label).y_desc(figure.name).max_light_lines(1);
+    mesh.x_labels(6)
+        .y_labels(6)
+        .x_desc(x_label)
+        .y_desc(figure.name)
+        .max_light_lines(if figure.log { 9 } else { 1 });
     mesh.label_style(("sans-serif", 14)).axis_desc_style(("sans-serif", 15));
     if small {
         mesh.y_label_formatter(&y_label);
