@@ -1,5 +1,6 @@
 //! The command line, as scripts use it: arguments, files, exit codes.
 
+mod ablation;
 mod bench;
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,5 +1,6 @@
 //! `nvsprior bench`: run time and error of a prior on a run of frames, in one report.
 
+mod ablation;
 mod configurations;
 mod context;
 mod forward;
@@ -56,6 +57,8 @@ pub struct Args {
     /// Also measure time against the number of splats (to 2 million) and pixels (to 1280×720)
     #[arg(long)]
     scaling: bool,
+    #[command(flatten)]
+    ablation: ablation::AblationArgs,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
     threshold: f64,
@@ -69,6 +72,10 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut context = open(args)?;
     let folder = &args.report;
+    if args.ablation.ablation {
+        ablation::run(&args.ablation, &mut context, folder)?;
+        return args.device.check(&context.engine);
+    }
     std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     let report = measure(args, &mut context)?;
     print::print(&context, &report);

@@ -24,6 +24,35 @@ impl Spread {
     }
 }
 
+/// The middle half of some values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quartiles {
+    pub first: f64,
+    pub median: f64,
+    pub third: f64,
+}
+
+impl Quartiles {
+    /// All NaN where there is no value.
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Quartiles {
+        let mut values: Vec<f64> = values.into_iter().collect();
+        values.sort_by(f64::total_cmp);
+        let [first, median, third] = [0.25, 0.5, 0.75].map(|share| at(&values, share));
+        Quartiles { first, median, third }
+    }
+
+    /// Of values of which more is better: the lower of two in the middle counts, as the upper one does
+    /// of errors. So a PSNR's median is the trial's whose error is the median.
+    pub fn of_gains(values: impl IntoIterator<Item = f64>) -> Quartiles {
+        let Quartiles { first, median, third } = Quartiles::of(values.into_iter().map(|v| -v));
+        Quartiles { first: -third, median: -median, third: -first }
+    }
+
+    pub fn json(&self) -> Value {
+        json!({ "first_quartile": self.first, "median": self.median, "third_quartile": self.third })
+    }
+}
+
 /// The upper median: no value between two is made up.
 pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     Spread::of(values).median
@@ -45,5 +74,9 @@ mod tests {
         assert_eq!(spread, Spread { median: 50.0, p95: 95.0, most: 99.0 });
         assert_eq!(median([3.0, 1.0]), 3.0);
         assert!(median([]).is_nan());
+        let quartiles = Quartiles::of((0..8).rev().map(f64::from));
+        assert_eq!(quartiles, Quartiles { first: 2.0, median: 4.0, third: 6.0 });
+        let gains = Quartiles::of_gains((0..8).rev().map(f64::from));
+        assert_eq!(gains, Quartiles { first: 1.0, median: 3.0, third: 5.0 });
     }
 }
