@@ -1,4 +1,5 @@
-//! Stage `pyramid`: one level of the camera's frame, reduced by area averaging, as floats in [0, 1].
+//! Stage `pyramid`: one level of the camera's frame, reduced by area averaging, as floats in [0, 1], its light
+//! brought to the prior's.
 
 use crate::shared::GROUP;
 use spirv_std::glam::UVec3;
@@ -35,6 +36,7 @@ pub fn pyramid(
     #[spirv(push_constant)] reduction: &Reduction,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] bytes: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] frame: &mut [f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] light: &[f32],
 ) {
     let pixel = id.y * groups.x * GROUP + id.x;
     if pixel >= reduction.pixels {
@@ -57,7 +59,8 @@ pub fn pyramid(
     }
     let scale = f32::from_bits(reduction.scale);
     let to = (reduction.offset + pixel * 3) as usize;
-    frame[to] = red as f32 * scale;
-    frame[to + 1] = green as f32 * scale;
-    frame[to + 2] = blue as f32 * scale;
+    // Three factors, then three summands.
+    frame[to] = red as f32 * scale * light[0] + light[3];
+    frame[to + 1] = green as f32 * scale * light[1] + light[4];
+    frame[to + 2] = blue as f32 * scale * light[2] + light[5];
 }

@@ -15,6 +15,7 @@ mod objective;
 mod observability;
 mod phase_correlation;
 mod pyramid;
+mod relocaliser;
 mod starts;
 mod tracker;
 
@@ -25,6 +26,7 @@ pub use hypotheses::{Hypotheses, Proposal};
 pub use objective::{Evaluation, Objective};
 pub use observability::Observability;
 pub use pyramid::Pyramid;
+pub use relocaliser::{Candidate, Relocaliser};
 pub use starts::{Start, StartKind, Starts};
 pub use tracker::{Found, Tracker};
 

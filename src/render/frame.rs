@@ -39,11 +39,34 @@ pub(crate) struct Bytes {
 /// What a search needs beyond a [`View`].
 pub(crate) struct Frame {
     pub bytes: Buffer,
+    /// Factors and summands by which the frame's light becomes the prior's: see [`Correction`].
+    pub light: Buffer,
     pub difference: Buffer,
     pub search_asked: Buffer,
     pub search: Buffer,
     pub search_read: Buffer,
     pub coded_read: Buffer,
+}
+
+/// What brings the light of a frame to the prior's: `factor · value + summand`, by channel, of values in
+/// [0, 1].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Correction {
+    /// Of R, G, B.
+    pub factor: [f32; 3],
+    /// Of R, G, B.
+    pub summand: [f32; 3],
+}
+
+impl Correction {
+    /// Changes nothing.
+    pub const NONE: Correction = Correction { factor: [1.0; 3], summand: [0.0; 3] };
+
+    /// A value of a channel, corrected.
+    pub fn of(&self, channel: usize, value: f32) -> f32 {
+        self.factor[channel] * value + self.summand[channel]
+    }
 }
 
 /// Words of a picture's bytes, up to whole groups of four pixels.
@@ -65,7 +88,10 @@ impl Bytes {
 impl Frame {
     pub fn new(device: &Device, view: &View) -> Result<Frame, Error> {
         let words = view.levels.first().map_or(0, words);
+        let mut light = Buffer::new::<Correction>(device, "light", 1, Memory::Upload)?;
+        light.write(&[Correction::NONE]);
         Ok(Frame {
+            light,
             bytes: Buffer::new::<u32>(device, "8-bit frame", words, Memory::Upload)?,
             difference: Buffer::new::<u32>(device, "difference", words, Memory::Readback)?,
             search_asked: Buffer::new::<Search>(device, "search", 1, Memory::Upload)?,
@@ -130,7 +156,7 @@ impl Chain<'_> {
             let scale = 1.0 / (255.0 * (factor * factor) as f32);
             let push =
                 [frame_width, *factor, camera.width, pixels, params.frame_offset, scale.to_bits()];
-            let buffers = [&self.frame.bytes, &self.view.frame];
+            let buffers = [&self.frame.bytes, &self.view.frame, &self.frame.light];
             // Down the second axis too: 4096×4096 pixels are more workgroups than every device takes
             // along one.
             let groups = pixels.div_ceil(GROUP);

@@ -77,7 +77,7 @@ kernels! {
     bin_scan = bin::bin_scan(3, 1), of eight: bin_scan_8;
     bin_emit = bin::bin_emit(8, 1), of eight: bin_emit_8;
     reduce = reduce::reduce(3, 0);
-    pyramid = pyramid::pyramid(2, 6);
+    pyramid = pyramid::pyramid(3, 6);
     solve = solve::solve(7, 1);
     place = place::place(3, 0);
     finish = finish::finish(3, 0);

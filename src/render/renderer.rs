@@ -10,7 +10,7 @@ use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
 use super::bin::{self, Binning};
-use super::frame::{self, Bytes, Chain, Coded, Frame, SLOTS};
+use super::frame::{self, Bytes, Chain, Coded, Correction, Frame, SLOTS};
 use super::radix::Fineness;
 use super::splat::Channels;
 use super::view::{NormalEquations, Part, View, anchor};
@@ -344,6 +344,16 @@ impl Renderer {
         let camera = self.camera(0);
         assert_eq!((frame.width, frame.height), (camera.width, camera.height), "frame size");
         self.frame.as_mut().expect("only planned frames are set").set(frame);
+    }
+
+    /// Corrects the light of pictures in searches and evaluations from here on; the difference is taken
+    /// from the picture as it is.
+    ///
+    /// # Panics
+    /// If the plan knows no frame.
+    pub fn set_correction(&mut self, correction: &Correction) {
+        let frame = self.frame.as_mut().expect("only planned frames are corrected");
+        frame.light.write(&[*correction]);
     }
 
     /// Reduces the camera's picture to all levels, for evaluations that the host asks for.

@@ -1,0 +1,350 @@
+//! Finding a lost camera again: where, among the prior's key frames, the frame was taken.
+//!
+//! The prior is rendered at its key frames; corners of these renders get descriptors ([`features`]) and,
+//! by the rendered depth, world points ([`landmarks`]). A frame's corners vote for key frames. Corners that
+//! match those of the key frames voted for give poses ([`resection`]). The prior, rendered at such a pose,
+//! is a key frame nearer to the frame than any other: its corners are matched again, and the pose follows.
+//! All of it holds for any roll, for gain and offset of the light, and where a part of the picture differs.
+
+mod features;
+mod landmarks;
+mod p3p;
+mod resection;
+
+use glam::DVec3;
+
+use crate::shared::PIXEL;
+use crate::vulkan::Error;
+use crate::{Camera, Picture, Pose};
+
+use super::Objective;
+use features::{Descriptor, Extractor, Feature, distance};
+use landmarks::Landmarks;
+use resection::{Match, Resection, absolute, relative};
+
+/// Corners of a frame.
+const FEATURES: usize = 1000;
+/// Most corners of a key frame.
+const KEY_FEATURES: usize = 800;
+/// Fewest corners of a key frame, if there are very many key frames.
+const LEAST_KEY_FEATURES: usize = 120;
+/// Memory for the points of all key frames, bytes, as long as [`LEAST_KEY_FEATURES`] fit.
+const MEMORY: usize = 48 << 20;
+/// Key frames whose corners are compared with the frame's, those with most votes.
+const VOTED: usize = 32;
+/// Poses that are proposed.
+const PROPOSALS: usize = 6;
+/// Key frames that stand nearer than this to another, in depths of the scene, propose together with it.
+const TOGETHER: f64 = 0.8;
+/// The nearest descriptor counts if the second nearest differs from it by more than this.
+const DISTINCT: f32 = 0.85;
+/// The same for a render where the camera is thought to stand.
+const DISTINCT_NEAR: f32 = 0.9;
+/// Descriptors that differ in more bits are of two points.
+const ALIKE: u32 = 70;
+/// Renders at a proposed pose.
+const ROUNDS: usize = 3;
+/// Pictures are not looked at in more detail than this width, pixels.
+const WIDTH: u32 = 320;
+
+/// A pose that may be the frame's, and how many of the frame's corners it explains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// World-to-camera.
+    pub pose: Pose,
+    /// Corners of the frame that the prior shows within three pixels of where the frame does.
+    pub features: u32,
+}
+
+/// Finds cameras by the key frames of a prior. All memory is taken when it is made.
+pub struct Relocaliser {
+    level: usize,
+    factor: usize,
+    camera: Camera,
+    origin: DVec3,
+    key_frames: Vec<Pose>,
+    /// Median depth of the corners of each key frame that was rendered; 0 of none.
+    depths: Vec<f64>,
+    key_features: usize,
+    landmarks: Landmarks,
+    extractor: Extractor,
+    resection: Resection,
+    luma: Vec<f32>,
+    frame: Vec<Feature>,
+    render: Vec<Feature>,
+    /// Of the render's corners, relative to the origin; not a number where nothing is seen.
+    points: Vec<[f32; 3]>,
+    votes: Vec<(u32, u32)>,
+    by_key_frame: Vec<Vec<Match>>,
+    matches: Vec<Match>,
+    /// Places in `votes`, those of most matches first.
+    ranked: Vec<usize>,
+    pairs: Pairs,
+    sorted: Vec<f64>,
+    candidates: Vec<Candidate>,
+}
+
+impl Relocaliser {
+    /// For the camera of an objective, with the prior's key frames. Nothing is rendered yet.
+    pub fn new(objective: &mut Objective, key_frames: &[Pose]) -> Relocaliser {
+        let detailed = |level: &usize| objective.camera(*level).width >= WIDTH;
+        let level = (0..objective.levels()).rev().find(detailed).unwrap_or(0);
+        let camera = objective.camera(level);
+        let each = MEMORY / Landmarks::bytes(key_frames.len().max(1), 1);
+        let key_features = each.clamp(LEAST_KEY_FEATURES, KEY_FEATURES);
+        let origin = objective.renderer().scene().centre();
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        // Each level rounds its share.
+        let room = FEATURES + 16;
+        Relocaliser {
+            level,
+            factor: objective.factor(level) as usize,
+            camera,
+            origin,
+            key_frames: key_frames.iter().map(|pose| relative(pose, origin)).collect(),
+            depths: Vec::with_capacity(key_frames.len()),
+            key_features,
+            landmarks: Landmarks::with_room(key_frames.len(), key_features),
+            extractor: Extractor::new(width, height, FEATURES),
+            resection: Resection::new(&camera, room),
+            luma: vec![0.0; camera.pixels()],
+            frame: Vec::with_capacity(room),
+            render: Vec::with_capacity(room),
+            points: Vec::with_capacity(room),
+            votes: Vec::with_capacity(key_frames.len()),
+            by_key_frame: (0..VOTED).map(|_| Vec::with_capacity(room)).collect(),
+            matches: Vec::with_capacity(VOTED * room),
+            ranked: Vec::with_capacity(VOTED),
+            pairs: Pairs::with_room(room),
+            sorted: Vec::with_capacity(room),
+            candidates: Vec::with_capacity(PROPOSALS),
+        }
+    }
+
+    /// Key frames that are not rendered yet.
+    pub fn left(&self) -> usize {
+        self.key_frames.len() - self.landmarks.len()
+    }
+
+    /// Number of key frames.
+    pub fn len(&self) -> usize {
+        self.key_frames.len()
+    }
+
+    /// Renders the next `most` key frames and takes their corners: one render each.
+    pub fn learn(&mut self, objective: &mut Objective, most: usize) -> Result<(), Error> {
+        for _ in 0..most.min(self.left()) {
+            let pose = self.key_frames[self.landmarks.len()];
+            self.look(objective, &pose)?;
+            self.sorted.clear();
+            let seen = self.points.iter().filter(|p| p[0].is_finite());
+            self.sorted.extend(seen.map(|p| (pose.rotation * vector(p) + pose.translation).z));
+            self.sorted.sort_unstable_by(f64::total_cmp);
+            self.depths.push(self.sorted.get(self.sorted.len() / 2).copied().unwrap_or(0.0));
+            // Corners stand level by level: those beyond the room are passed over evenly.
+            let (seen, room) = (self.sorted.len().max(1), self.key_features);
+            let sound = self.points.iter().zip(&self.render).filter(|(p, _)| p[0].is_finite());
+            let kept = sound
+                .enumerate()
+                .filter(|(i, _)| i * room / seen != (i + 1) * room / seen || seen <= room);
+            self.landmarks.add(kept.map(|(_, (p, f))| (*p, f.descriptor)));
+        }
+        Ok(())
+    }
+
+    /// Takes the corners of a frame, of the size of the objective's full picture.
+    pub fn set_frame(&mut self, frame: &Picture) {
+        let (factor, width) = (self.factor, self.camera.width as usize);
+        let stride = frame.width as usize * 3;
+        let scale = 1.0 / (255.0 * (factor * factor) as f32);
+        for (i, to) in self.luma.iter_mut().enumerate() {
+            let first = i / width * factor * stride + i % width * factor * 3;
+            let rows = (0..factor)
+                .flat_map(|row| frame.data[first + row * stride..][..factor * 3].chunks_exact(3));
+            *to = scale
+                * rows.map(|rgb| luma(&[rgb[0].into(), rgb[1].into(), rgb[2].into()])).sum::<f32>();
+        }
+        self.extractor.extract(&self.luma, &mut self.frame);
+    }
+
+    /// Corners of the frame.
+    pub fn features(&self) -> usize {
+        self.frame.len()
+    }
+
+    /// Poses that the key frames rendered so far propose for the frame, best first.
+    pub fn propose(&mut self) -> &[Candidate] {
+        self.candidates.clear();
+        self.landmarks.vote(&self.frame, &mut self.votes);
+        self.votes.truncate(VOTED);
+        for slot in 0..self.votes.len() {
+            self.compare(slot);
+        }
+        self.ranked.clear();
+        self.ranked.extend(0..self.votes.len());
+        self.ranked.sort_by_key(|slot| std::cmp::Reverse(self.by_key_frame[*slot].len()));
+        for rank in 0..self.ranked.len().min(PROPOSALS) {
+            self.pool(self.ranked[rank]);
+            if let Some(found) = self.resection.resect(&self.matches, None) {
+                let pose = absolute(&found.pose, self.origin);
+                self.candidates.push(Candidate { pose, features: found.features });
+            }
+        }
+        self.candidates.sort_by(|a, b| b.features.cmp(&a.features));
+        &self.candidates
+    }
+
+    /// Comes nearer from a pose, by renders there, as long as more of the frame's corners are explained.
+    /// `None` if there is nothing to go by.
+    pub fn approach(
+        &mut self,
+        objective: &mut Objective,
+        from: &Pose,
+    ) -> Result<Option<Candidate>, Error> {
+        let mut at = relative(from, self.origin);
+        let mut best: Option<Candidate> = None;
+        for _ in 0..ROUNDS {
+            self.look(objective, &at)?;
+            self.match_render();
+            let Some(found) = self.resection.resect(&self.matches, Some(at)) else { break };
+            let before = best.map_or(0, |best| best.features);
+            if found.features > before {
+                let pose = absolute(&found.pose, self.origin);
+                best = Some(Candidate { pose, features: found.features });
+                at = found.pose;
+            }
+            // A tenth more is worth another render.
+            if found.features * 10 <= before * 11 {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Renders the prior and takes the corners with their points.
+    fn look(&mut self, objective: &mut Objective, pose: &Pose) -> Result<(), Error> {
+        let (level, Camera { width, height, fx, fy, cx, cy }) = (self.level, self.camera);
+        let render = objective.renderer().draw_level(level, &absolute(pose, self.origin))?;
+        let pixels = render.chunks_exact(PIXEL as usize);
+        for (to, pixel) in self.luma.iter_mut().zip(pixels) {
+            *to = luma(&[pixel[0], pixel[1], pixel[2]].map(|v| v.clamp(0.0, 1.0)));
+        }
+        self.extractor.extract(&self.luma, &mut self.render);
+        let back = pose.inverse();
+        self.points.clear();
+        for Feature { place: [x, y], .. } in &self.render {
+            let (column, row) = ((*x as u32).min(width - 1), (*y as u32).min(height - 1));
+            let pixel = &render[(row * width + column) as usize * PIXEL as usize..];
+            let opacity = f64::from(1.0 - pixel[4]);
+            let z = if opacity > 0.5 { f64::from(pixel[3]) / opacity } else { f64::NAN };
+            let p = DVec3::new(f64::from((x - cx) / fx) * z, f64::from((y - cy) / fy) * z, z);
+            self.points.push((back.rotation * p + back.translation).to_array().map(|v| v as f32));
+        }
+        Ok(())
+    }
+
+    /// Matches the frame's corners with those of the key frame that is `slot`-th by votes.
+    fn compare(&mut self, slot: usize) {
+        let (points, descriptors) = self.landmarks.group(self.votes[slot].0 as usize);
+        let pairs = self.pairs.between(&self.frame, descriptors.iter(), DISTINCT);
+        let matches = &mut self.by_key_frame[slot];
+        matches.clear();
+        matches.extend(pairs.map(|(index, at)| Match {
+            feature: index as u32,
+            place: self.frame[index].place,
+            point: vector(&points[at]),
+        }));
+    }
+
+    /// Gathers the matches of a key frame, and of others near it.
+    fn pool(&mut self, slot: usize) {
+        let at = |slot: usize| self.votes[slot].0 as usize;
+        let here = &self.key_frames[at(slot)];
+        let reach = TOGETHER * self.depths[at(slot)];
+        self.matches.clear();
+        for other in 0..self.votes.len() {
+            let there = &self.key_frames[at(other)];
+            let near = (here.centre() - there.centre()).length() < reach;
+            let same_way = axis(here).dot(axis(there)) > 0.6;
+            if other == slot || (near && same_way) {
+                self.matches.extend_from_slice(&self.by_key_frame[other]);
+            }
+        }
+    }
+
+    /// Matches the frame's corners with the render's.
+    fn match_render(&mut self) {
+        let render = self.render.iter().map(|f| &f.descriptor);
+        let pairs = self.pairs.between(&self.frame, render, DISTINCT_NEAR);
+        self.matches.clear();
+        let sound = pairs.filter(|(_, at)| self.points[*at][0].is_finite());
+        self.matches.extend(sound.map(|(index, at)| Match {
+            feature: index as u32,
+            place: self.frame[index].place,
+            point: vector(&self.points[at]),
+        }));
+    }
+}
+
+/// Pairs of descriptors that are each other's nearest.
+#[derive(Default)]
+struct Pairs {
+    /// Of each descriptor of the one side, the nearest of the other, and its distance.
+    nearest: Vec<Option<u32>>,
+    /// The same the other way round.
+    back: Vec<(u32, u32)>,
+}
+
+impl Pairs {
+    fn with_room(features: usize) -> Pairs {
+        Pairs { nearest: Vec::with_capacity(features), back: Vec::with_capacity(features) }
+    }
+
+    /// Features and descriptors that are each other's nearest, differ in few bits, and whose second
+    /// nearest differs in more: the first in less than `share` of the second's.
+    fn between<'a>(
+        &mut self,
+        features: &[Feature],
+        descriptors: impl Iterator<Item = &'a Descriptor> + Clone,
+        share: f32,
+    ) -> impl Iterator<Item = (usize, usize)> {
+        self.nearest.clear();
+        self.back.clear();
+        self.back.extend(descriptors.clone().map(|_| (u32::MAX, 0)));
+        for (index, feature) in features.iter().enumerate() {
+            let (mut at, mut least, mut second) = (0, u32::MAX, u32::MAX);
+            for ((i, d), back) in descriptors.clone().enumerate().zip(&mut self.back) {
+                let d = distance(d, &feature.descriptor);
+                if d < back.0 {
+                    *back = (d, index as u32);
+                }
+                if d < least {
+                    (at, least, second) = (i, d, least);
+                } else if d < second {
+                    second = d;
+                }
+            }
+            let distinct = least <= ALIKE && (least as f32) < share * second as f32;
+            self.nearest.push(distinct.then_some(at as u32));
+        }
+        let pairs = self.nearest.iter().enumerate();
+        pairs.filter_map(|(index, at)| {
+            let at = (*at)? as usize;
+            (self.back[at].1 == index as u32).then_some((index, at))
+        })
+    }
+}
+
+/// Where a camera looks, world axes.
+fn axis(pose: &Pose) -> DVec3 {
+    pose.rotation.conjugate() * DVec3::Z
+}
+
+fn vector(point: &[f32; 3]) -> DVec3 {
+    DVec3::from_array(point.map(f64::from))
+}
+
+/// Luma of R, G, B (ITU-R BT.601).
+fn luma(rgb: &[f32; 3]) -> f32 {
+    0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2]
+}

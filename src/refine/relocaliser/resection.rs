@@ -1,0 +1,272 @@
+//! The pose at which most of some world points are seen where a picture has them: RANSAC (Fischler &
+//! Bolles 1981) over [`p3p`](super::p3p), then Gauss–Newton on the distances in the picture.
+
+use glam::DVec3;
+
+use super::p3p;
+use crate::search::damped_step;
+use crate::shared::SUMS;
+use crate::{Camera, Pose};
+
+/// Draws of three points; fewer once a pose is found by which a further draw would hardly be better.
+const DRAWS: usize = 2000;
+/// The chance that the draws, if they end early, held no three right points.
+const MISSED: f64 = 1e-3;
+/// A point counts as seen within this many pixels while poses are compared.
+const WITHIN: f64 = 3.0;
+/// Steps of Gauss–Newton, and the distances, in pixels, at which points weigh half in them: Geman &
+/// McClure's weights, ever narrower.
+const WIDTHS: [f64; 8] = [6.0, 4.0, 3.0, 2.0, 2.0, 1.5, 1.5, 1.5];
+/// Damping of Gauss–Newton, relative to the diagonal.
+const DAMPING: f32 = 1e-4;
+
+/// A place of the picture, and the world point that may be seen there.
+#[derive(Clone, Copy, Debug)]
+pub struct Match {
+    /// Index of the picture's feature: several points may be proposed for one.
+    pub feature: u32,
+    /// Pixels.
+    pub place: [f32; 2],
+    /// World axes.
+    pub point: DVec3,
+}
+
+/// A pose, and how many of the picture's features it explains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resected {
+    /// World-to-camera.
+    pub pose: Pose,
+    /// Features seen within three pixels.
+    pub features: u32,
+}
+
+/// Buffers to resect with. Nothing is allocated for pictures of no more features than it was made for.
+pub struct Resection {
+    camera: Camera,
+    /// The call in which a feature was last counted.
+    counted: Vec<u32>,
+    calls: u32,
+}
+
+impl Resection {
+    /// For pictures of a camera with at most so many features.
+    pub fn new(camera: &Camera, features: usize) -> Resection {
+        Resection { camera: *camera, counted: vec![0; features], calls: 0 }
+    }
+
+    /// The best pose of `matches`, starting from `guess` too, if there is one; `None` of fewer than four.
+    /// Matches of one feature stand next to each other. The same input gives the same pose.
+    pub fn resect(&mut self, matches: &[Match], guess: Option<Pose>) -> Option<Resected> {
+        if matches.len() < 4 {
+            return None;
+        }
+        let mut best: Option<Resected> = None;
+        if let Some(pose) = guess {
+            self.take(&mut best, matches, pose);
+        }
+        let mut random = Random(matches.len() as u64);
+        let mut draws = DRAWS;
+        let mut drawn = 0;
+        while drawn < draws {
+            drawn += 1;
+            let chosen = [0; 4].map(|_| &matches[random.below(matches.len())]);
+            let distinct = (0..4).all(|i| (0..i).all(|j| chosen[i].feature != chosen[j].feature));
+            if !distinct {
+                continue;
+            }
+            let rays = [0, 1, 2].map(|i| self.ray(chosen[i]));
+            let points = [0, 1, 2].map(|i| chosen[i].point);
+            let by_fourth = |pose: &Pose| self.off(pose, chosen[3]);
+            let poses = p3p::poses(rays, points).into_iter().flatten();
+            let Some(pose) = poses.min_by(|a, b| by_fourth(a).total_cmp(&by_fourth(b))) else {
+                continue;
+            };
+            if by_fourth(&pose) < 4.0 * WITHIN && self.take(&mut best, matches, pose) {
+                draws = draws.min(enough(best.map_or(0, |b| b.features), matches));
+            }
+        }
+        let refined = self.refined(matches, best?.pose);
+        self.take(&mut best, matches, refined);
+        best
+    }
+
+    /// Takes a pose if it explains more features than the best one.
+    fn take(&mut self, best: &mut Option<Resected>, matches: &[Match], pose: Pose) -> bool {
+        let features = self.count(matches, &pose);
+        let better = best.is_none_or(|best| features > best.features);
+        if better {
+            *best = Some(Resected { pose, features });
+        }
+        better
+    }
+
+    /// Features that are seen within [`WITHIN`].
+    pub fn count(&mut self, matches: &[Match], pose: &Pose) -> u32 {
+        self.calls = self.calls.wrapping_add(1);
+        let mut count = 0;
+        for of in matches {
+            if self.off(pose, of) < WITHIN {
+                let counted = &mut self.counted[of.feature as usize];
+                count += u32::from(*counted != self.calls);
+                *counted = self.calls;
+            }
+        }
+        count
+    }
+
+    fn ray(&self, of: &Match) -> DVec3 {
+        let Camera { fx, fy, cx, cy, .. } = self.camera;
+        DVec3::new(((of.place[0] - cx) / fx).into(), ((of.place[1] - cy) / fy).into(), 1.0)
+    }
+
+    /// Where a pose sees a point, less where the picture has it, pixels; and the point in camera axes.
+    /// `None` of points behind the camera.
+    fn residual(&self, pose: &Pose, of: &Match) -> Option<([f64; 2], DVec3)> {
+        let Camera { fx, fy, cx, cy, .. } = self.camera;
+        let p = pose.rotation * of.point + pose.translation;
+        if !(p.z > 1e-9) {
+            return None;
+        }
+        let x = f64::from(fx) * p.x / p.z + f64::from(cx) - f64::from(of.place[0]);
+        let y = f64::from(fy) * p.y / p.z + f64::from(cy) - f64::from(of.place[1]);
+        Some(([x, y], p))
+    }
+
+    /// Distance of the two, pixels.
+    fn off(&self, pose: &Pose, of: &Match) -> f64 {
+        self.residual(pose, of).map_or(f64::INFINITY, |([x, y], _)| x.hypot(y))
+    }
+
+    /// A few steps of robust Gauss–Newton.
+    fn refined(&self, matches: &[Match], mut pose: Pose) -> Pose {
+        for width in WIDTHS {
+            let mut sums = [0.0_f64; SUMS as usize];
+            for of in matches {
+                if let Some((residual, p)) = self.residual(&pose, of) {
+                    self.add(&mut sums, residual, p, width);
+                }
+            }
+            let step = damped_step(&sums.map(|v| v as f32), DAMPING);
+            if !step.downhill {
+                break;
+            }
+            pose = pose.stepped(&step.tau.map(f64::from));
+        }
+        pose
+    }
+
+    /// Adds a point to the normal equations of a left step.
+    fn add(&self, sums: &mut [f64; SUMS as usize], residual: [f64; 2], p: DVec3, width: f64) {
+        let square = residual[0] * residual[0] + residual[1] * residual[1];
+        let weight = (1.0 / (1.0 + square / (width * width))).powi(2);
+        let (fx, fy) = (f64::from(self.camera.fx) / p.z, f64::from(self.camera.fy) / p.z);
+        let (x, y) = (p.x / p.z, p.y / p.z);
+        // dp = ρ + θ × p.
+        let rows = [
+            [fx, 0.0, -fx * x, -fx * x * p.y, fx * (p.z + x * p.x), -fx * p.y],
+            [0.0, fy, -fy * y, -fy * (p.z + y * p.y), fy * y * p.x, fy * p.x],
+        ];
+        for (row, r) in rows.iter().zip(residual) {
+            let mut at = 0;
+            for i in 0..6 {
+                for j in i..6 {
+                    sums[at] += weight * row[i] * row[j];
+                    at += 1;
+                }
+                sums[21 + i] += weight * row[i] * r;
+            }
+            sums[27] += weight * r * r;
+        }
+    }
+}
+
+/// Draws after which another is hardly better than `features` explained.
+fn enough(features: u32, matches: &[Match]) -> usize {
+    let right = f64::from(features) / matches.len() as f64;
+    let draws = MISSED.ln() / (1.0 - right.min(0.99).powi(4)).ln();
+    if draws.is_finite() { draws.max(20.0) as usize } else { usize::MAX }
+}
+
+/// SplitMix64 (Steele, Lea & Flood 2014).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (((z ^ (z >> 31)) >> 32) as usize * end) >> 32
+    }
+}
+
+/// The pose of points that are given relative to `origin`.
+pub fn relative(pose: &Pose, origin: DVec3) -> Pose {
+    Pose { translation: pose.translation + pose.rotation * origin, ..*pose }
+}
+
+/// Undoes [`relative`].
+pub fn absolute(pose: &Pose, origin: DVec3) -> Pose {
+    Pose { translation: pose.translation - pose.rotation * origin, ..*pose }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAMERA: Camera =
+        Camera { width: 320, height: 180, fx: 230.0, fy: 230.0, cx: 160.0, cy: 90.0 };
+
+    /// `right` matches of a pose with half a pixel of noise, and `wrong` ones.
+    fn matches(truth: &Pose, right: usize, wrong: usize) -> Vec<Match> {
+        let mut random = Random(99);
+        let mut even = move || random.below(1 << 20) as f64 / f64::from(1 << 20);
+        let mut all = Vec::new();
+        for feature in 0..(right + wrong) as u32 {
+            let place = [(320.0 * even()) as f32, (180.0 * even()) as f32];
+            let z = 2.0 + 4.0 * even();
+            let noise = [even() - 0.5, even() - 0.5];
+            let seen = if (feature as usize) < right {
+                [f64::from(place[0]) + noise[0], f64::from(place[1]) + noise[1]]
+            } else {
+                [320.0 * even(), 180.0 * even()]
+            };
+            let p = DVec3::new((seen[0] - 160.0) / 230.0 * z, (seen[1] - 90.0) / 230.0 * z, z);
+            let back = truth.inverse();
+            all.push(Match { feature, place, point: back.rotation * p + back.translation });
+        }
+        all
+    }
+
+    #[test]
+    fn a_fifth_of_right_matches_is_enough() {
+        let truth = Pose::exp(&[0.5, -1.0, 2.0, 0.3, -2.0, 1.0]);
+        for (right, wrong) in [(300, 0), (100, 100), (60, 240)] {
+            let matches = matches(&truth, right, wrong);
+            let mut resection = Resection::new(&CAMERA, matches.len());
+            let found = resection.resect(&matches, None).unwrap();
+            assert!(found.features as usize + 2 >= right, "{} of {right}", found.features);
+            let off = (found.pose.centre() - truth.centre()).length();
+            assert!(found.pose.angle_to(&truth) < 5e-3 && off < 0.03, "{off}");
+            assert_eq!(resection.resect(&matches, None), Some(found));
+        }
+    }
+
+    #[test]
+    fn nothing_is_found_among_wrong_ones() {
+        let matches = matches(&Pose::IDENTITY, 0, 300);
+        let found = Resection::new(&CAMERA, 300).resect(&matches, None);
+        assert!(found.is_none_or(|found| found.features < 20), "{found:?}");
+        assert!(Resection::new(&CAMERA, 300).resect(&matches[..3], None).is_none());
+    }
+
+    #[test]
+    fn origins_can_be_moved() {
+        let pose = Pose::exp(&[0.5, -1.0, 2.0, 0.3, -2.0, 1.0]);
+        let origin = DVec3::new(100.0, -5.0, 2.0);
+        let there = relative(&pose, origin);
+        let point = DVec3::new(1.0, 2.0, 3.0);
+        let (a, b) = (pose.rotation * point + pose.translation, there.rotation * (point - origin));
+        assert!((a - (b + there.translation)).length() < 1e-9);
+        assert!((absolute(&there, origin).translation - pose.translation).length() < 1e-9);
+    }
+}
