@@ -95,6 +95,9 @@
 // BT.709, full range.
 #define NVSP_COLOUR_BT709_FULL 3
 
+// For nvsp_frame_info.given: `time` is the frame's.
+#define NVSP_FRAME_TIME 1
+
 // Quality 10.
 #define NVSP_RATE_DEFAULT 0
 
@@ -131,7 +134,7 @@
 // For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
 #define NVSP_CAMERA_ONCE UINT32_MAX
 
-// The pose was searched from a start that may be far off: it may be wrong.
+// The pose is not certain: the picture does not confirm it.
 #define NVSP_FRAME_UNCERTAIN 1
 
 // The rate asked for was not kept: the budget holds no difference picture, or the best one falls
@@ -164,6 +167,12 @@
 
 // The iterations were used up.
 #define NVSP_STOP_ITERATIONS 3
+
+// The picture confirms the pose.
+#define NVSP_STATE_CERTAIN 0
+
+// The pose is not certain. The encoder looks for it again at every frame.
+#define NVSP_STATE_LOST 1
 
 // What the topside will show of the last frame.
 #define NVSP_PICTURE_SHOWN 0
@@ -412,10 +421,10 @@ typedef struct nvsp_frame_stats {
   uint32_t start;
   // NVSP_STOP_*: why the refinement ended.
   uint32_t stop;
-  // NVSP_FRAME_* bits.
+  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED and NVSP_FRAME_UNDETERMINED bits.
   uint32_t flags;
-  // Zero.
-  uint32_t reserved;
+  // NVSP_STATE_*.
+  uint32_t state;
   // PSNR of the prior's render against the frame, dB.
   double render_psnr;
   // PSNR of what the topside will show, dB.
@@ -431,7 +440,35 @@ typedef struct nvsp_frame_stats {
   // Best determined over least determined direction of the pose, as eigenvalues of the normal
   // equations; infinite where one is not determined at all.
   double pose_condition;
+  // Frames since the last one whose pose was certain, or since the encoder was made or reset, this
+  // one counted; 0 if it is certain.
+  uint32_t lost_frames;
+  // Zero.
+  uint32_t reserved;
 } nvsp_frame_stats;
+
+// What is known of a frame beside its image; all zero: nothing. Read during the call only.
+typedef struct nvsp_frame_info {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // The pose as sensors or an estimator have it; NULL: none.
+  const struct nvsp_pose *hint;
+  // How sure the hint is: the covariance of the small motion that leads from it to the true pose, 36
+  // values row by row: translation along the camera's axes (the prior's unit), then turn about them
+  // (radians). Finite, symmetric and positive semidefinite. NULL: not stated.
+  const double *hint_covariance;
+  // Seconds from when the hint was taken to when the frame was; 0 or more.
+  double hint_age;
+  // When the frame was taken, seconds on a clock of yours; counts if `given` says so. It must not go
+  // back from a frame to a later one. nvsp_encoder_reset allows any again.
+  double time;
+  // NVSP_FRAME_TIME, or 0.
+  uint32_t given;
+  // Zero.
+  uint32_t reserved;
+} nvsp_frame_info;
 
 // A place for a picture.
 typedef struct nvsp_picture {
@@ -807,6 +844,15 @@ nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
                                 const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior);
 
+// Forgets all frames before: the next one is looked for as the first was, and its time may be any.
+// Frame numbers go on. Call it if the camera was carried elsewhere, for example.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Preconditions:
+// `encoder` is NULL or a live encoder.
+nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
+
 // Bytes that hold every packet of frames of a camera of this size, in either profile and with the
 // camera; 0 where there is no camera of this size. With NVSP_RATE_BYTES the budget will do too.
 size_t nvsp_packet_bound(uint32_t width, uint32_t height);
@@ -836,6 +882,20 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         size_t *written,
                         struct nvsp_frame_stats *stats);
 
+// As nvsp_encode, with all that is known of the frame in place of the hint; `info` may be NULL.
+//
+// Fails as there; the text of NVSP_ERR_ARGUMENT names the field of `info`.
+//
+// Preconditions:
+// As there.
+nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
+                              const struct nvsp_image *image,
+                              const struct nvsp_frame_info *info,
+                              uint8_t *packet,
+                              size_t size,
+                              size_t *written,
+                              struct nvsp_frame_stats *stats);
+
 // Begins to encode a frame on the encoder's own thread, which the first such call starts, and
 // returns at once: the image is read, and scaled, during the call. Until the frame is finished, other
 // calls on the encoder fail with NVSP_ERR_BUSY, but for nvsp_encode_poll, nvsp_encode_wait,
@@ -850,6 +910,17 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
 nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
                               const struct nvsp_pose *hint);
+
+// As nvsp_encode_begin, with all that is known of the frame in place of the hint; `info` may be NULL,
+// and is read during the call.
+//
+// Fails as there, and with NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
+//
+// Preconditions:
+// As there.
+nvsp_status nvsp_encode_begin_frame(struct nvsp_encoder *encoder,
+                                    const struct nvsp_image *image,
+                                    const struct nvsp_frame_info *info);
 
 // Whether the frame that was begun has ended, well or not: NVSP_OK, or NVSP_PENDING. Never waits.
 //

@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 # One source in the header's order, so that nothing but what is exported is looked at.
 source=$(mktemp --suffix=.rs)
 trap 'rm -f "$source"' EXIT
-for part in structs version status log engine prior image encoder decoder modem; do
+for part in structs version status log engine prior image frame encoder decoder modem; do
     sed '/^\/\/!/d' "src/capi/exports/$part.rs"
 done > "$source"
 cbindgen --quiet --config cbindgen.toml "$source" | sed 's!^// # Safety$!// Preconditions:!'

@@ -16,7 +16,7 @@ pub struct Decoded {
     pub frame: u32,
     /// The pose it was rendered at.
     pub pose: Pose,
-    /// The vehicle was not sure of the pose.
+    /// The pose is not certain: the vehicle's picture does not confirm it.
     pub uncertain: bool,
     /// Whether the render is the vehicle's, byte for byte; `None` where the packet does not tell. Where
     /// it is not, the picture may be off by what two devices' roundings make of it.
@@ -117,7 +117,7 @@ impl Decoder {
         decoded.picture.resize(latent.width, latent.height);
         view.renderer.coded_picture(&latent.pose.words(), &mut decoded.picture)?;
         (decoded.frame, decoded.pose) = (latent.frame, pose);
-        decoded.uncertain = latent.uncertain_start;
+        decoded.uncertain = latent.uncertain;
         let told = salvage.render.as_ref().ok().copied().flatten();
         decoded.same_render = told.map(|check| check == RenderCheck::of(&decoded.picture));
         let rows = view.add_residual(&salvage, trust, &mut decoded.picture);

@@ -9,7 +9,8 @@ use crate::packet::{
     residual_part_len,
 };
 use crate::refine::{
-    Evaluation, Found, Objective, Observability, Optimizer, RefineOptions, StartKind, Stop, Tracker,
+    Evaluation, Found, Known, Objective, Observability, Optimizer, RefineOptions, StartKind, Stop,
+    Tracker,
 };
 use crate::render::{Plan, Scene};
 use crate::residual::{ResidualEncoder, max_payload_len};
@@ -90,6 +91,12 @@ pub struct FrameStats {
     pub observability: Observability,
     /// Whether the residual's rate was kept; true where none was asked for.
     pub rate_kept: bool,
+    /// Whether the picture confirms the pose. While it does not, the pose is looked for again at every
+    /// frame.
+    pub certain: bool,
+    /// Frames since the last certain one, or since the encoder was made or reset, this one counted; 0 if
+    /// it is certain.
+    pub lost_frames: u32,
 }
 
 /// An encoded frame.
@@ -139,6 +146,10 @@ pub struct Encoder {
     frame: u32,
     /// Frames since the camera was last sent; `None`: not yet.
     camera_age: Option<u32>,
+    /// The last time that a frame stated.
+    time: Option<f64>,
+    /// Of the frame before: [`FrameStats::lost_frames`].
+    lost_frames: u32,
 }
 
 impl Encoder {
@@ -163,6 +174,8 @@ impl Encoder {
             drawn: Drawn::default(),
             renders_before: Vec::new(),
             camera_age: None,
+            time: None,
+            lost_frames: 0,
         })
     }
 
@@ -202,14 +215,16 @@ impl Encoder {
         &self.camera
     }
 
-    /// Encodes a frame. `external`: its pose as sensors or an estimator have it, used where the frame
-    /// before is no good start.
+    /// Encodes a frame. `known`: its pose as sensors or an estimator have it, used where the frame before
+    /// is no good start, and when it was taken; a [`Pose`], an `Option` of one, a [`Hint`](crate::Hint),
+    /// or all of it.
     ///
     /// # Errors
-    /// A frame that cannot be encoded changes nothing: the next one goes on from the one before.
-    pub fn encode(&mut self, frame: &Picture, external: Option<Pose>) -> Result<Encoded, Error> {
+    /// A frame that cannot be encoded, or of which something is stated that cannot be, changes nothing:
+    /// the next one goes on from the one before.
+    pub fn encode(&mut self, frame: &Picture, known: impl Into<Known>) -> Result<Encoded, Error> {
         let mut encoded = Encoded::default();
-        self.encode_into(frame, external, &mut encoded)?;
+        self.encode_into(frame, known, &mut encoded)?;
         Ok(encoded)
     }
 
@@ -218,13 +233,14 @@ impl Encoder {
     pub fn encode_into(
         &mut self,
         frame: &Picture,
-        external: Option<Pose>,
+        known: impl Into<Known>,
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
+        let known = known.into();
         let mut drawn = std::mem::take(&mut self.drawn);
-        let done = self.draw(frame, external, &mut drawn).and_then(|found| {
+        let done = self.draw(frame, &known, &mut drawn).and_then(|found| {
             drawn.encode(&mut self.residual, encoded)?;
-            self.keep(&drawn, &found);
+            self.keep(&drawn, &found, &known);
             Ok(())
         });
         self.drawn = drawn;
@@ -235,28 +251,25 @@ impl Encoder {
     pub(crate) fn draw_next(
         &mut self,
         frame: &Picture,
-        external: Option<Pose>,
+        known: &Known,
         drawn: &mut Drawn,
     ) -> Result<(), Error> {
-        let found = self.draw(frame, external, drawn)?;
-        self.keep(drawn, &found);
+        let found = self.draw(frame, known, drawn)?;
+        self.keep(drawn, &found, known);
         Ok(())
     }
 
     /// Finds a frame's pose and draws it; changes nothing that the next frame goes on from.
-    fn draw(
-        &mut self,
-        frame: &Picture,
-        external: Option<Pose>,
-        drawn: &mut Drawn,
-    ) -> Result<Found, Error> {
+    fn draw(&mut self, frame: &Picture, known: &Known, drawn: &mut Drawn) -> Result<Found, Error> {
         let since = Instant::now();
         self.check_frame(frame)?;
+        self.check_known(known)?;
         self.renders_before.clear();
         self.renders_before.extend_from_slice(self.tracker.objective().renderer().renders());
-        let found = self.tracker.track(frame, external)?;
+        let found = self.tracker.track(frame, known)?;
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found)?;
+        let lost_frames = self.lost_frames_with(&found);
         let camera = self.camera_due().then_some(self.camera);
         drawn.checked = self.check_due();
         let renderer = self.tracker.objective().renderer();
@@ -266,8 +279,7 @@ impl Encoder {
         drawn.difference.extend_from_slice(renderer.difference());
         drawn.frame.clone_from(frame);
         drawn.pose = pose.dequantise(&self.scene.frame());
-        let uncertain = found.start == StartKind::BestOfBad;
-        let latent = Latent::new(self.frame, self.scene.id(), &self.camera, pose, uncertain)?;
+        let latent = Latent::new(self.frame, self.scene.id(), &self.camera, pose, !found.certain)?;
         drawn.latent = Some(latent);
         drawn.camera = camera;
         drawn.rate = self.options.rate;
@@ -282,22 +294,38 @@ impl Encoder {
         stats.stop = found.outcome.stop;
         stats.submissions = found.submissions;
         stats.observability = found.observability;
+        stats.certain = found.certain;
+        stats.lost_frames = lost_frames;
         stats.refine_milliseconds = since.elapsed().as_secs_f64() * 1e3;
         Ok(found)
     }
 
+    /// [`FrameStats::lost_frames`] of the next frame.
+    fn lost_frames_with(&self, found: &Found) -> u32 {
+        if found.certain { 0 } else { self.lost_frames.saturating_add(1) }
+    }
+
     /// What the next frame goes on from.
-    fn keep(&mut self, drawn: &Drawn, found: &Found) {
+    fn keep(&mut self, drawn: &Drawn, found: &Found, known: &Known) {
         let sent = drawn.camera.is_some();
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         self.frame = self.frame.wrapping_add(1);
+        self.time = known.time.or(self.time);
+        self.lost_frames = self.lost_frames_with(found);
         let observability = Some(&found.observability);
         self.tracker.keep(drawn.pose, found.outcome.mse, found.start, observability);
     }
 
-    /// Forgets the frames before: the next one is looked for as the first was.
-    pub fn forget(&mut self) {
-        self.tracker.forget();
+    /// Forgets the frames before: the next one is looked for as the first was, and its time may be any.
+    /// Frame numbers go on, and the camera is sent again when it is due.
+    pub fn reset(&mut self) {
+        self.tracker.reset();
+        (self.time, self.lost_frames) = (None, 0);
+    }
+
+    /// Whether what is stated of the next frame can be used.
+    pub(crate) fn check_known(&self, known: &Known) -> Result<(), Error> {
+        known.check(self.frame, self.time)
     }
 
     /// Whether the frame is whole and of the camera's size.

@@ -49,6 +49,47 @@ pub enum Error {
         /// Number of the frame.
         frame: u32,
     },
+    /// The pose from outside is not finite, or its rotation is no unit quaternion.
+    #[error("frame {frame}: the pose from outside is no rigid motion")]
+    HintPose {
+        /// Number of the frame.
+        frame: u32,
+    },
+    /// The covariance of the pose from outside is none.
+    #[error(
+        "frame {frame}: the covariance of the pose from outside is not finite, symmetric and \
+         positive semidefinite"
+    )]
+    HintCovariance {
+        /// Number of the frame.
+        frame: u32,
+    },
+    /// The age of the pose from outside is negative or not finite.
+    #[error("frame {frame}: the pose from outside is {age} s old: must be finite and not negative")]
+    HintAge {
+        /// Number of the frame.
+        frame: u32,
+        /// The age, seconds.
+        age: f64,
+    },
+    /// The frame's time is not finite.
+    #[error("frame {frame}: its time is {time} s: must be finite")]
+    FrameTime {
+        /// Number of the frame.
+        frame: u32,
+        /// The time, seconds.
+        time: f64,
+    },
+    /// The frame's time lies before that of an earlier frame.
+    #[error("frame {frame}: its time, {time} s, lies before that of an earlier frame, {before} s")]
+    FrameTimeBack {
+        /// Number of the frame.
+        frame: u32,
+        /// Its time, seconds.
+        time: f64,
+        /// The earlier frame's, seconds.
+        before: f64,
+    },
     /// A coder was to go on with another prior than its own.
     #[error("prior {found} in the place of {expected}")]
     PriorChanged {

@@ -71,4 +71,5 @@ pub use picture::Picture;
 pub use pipeline::Pipeline;
 pub use pose::Pose;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
+pub use refine::{Hint, Known};
 pub use residual::Rate;

@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 
 use crate::drawn::Drawn;
 use crate::residual::ResidualEncoder;
-use crate::{Encoded, Encoder, Error, Picture, Pose};
+use crate::{Encoded, Encoder, Error, Known, Picture};
 
 /// A frame on its way through the coding thread, and back.
 #[derive(Default)]
@@ -51,7 +51,7 @@ impl Pipeline {
     }
 
     /// Finds the pose of a frame, while the difference of the frame before is coded; then fills
-    /// `encoded` with the frame before. `false`: there was none.
+    /// `encoded` with the frame before. `false`: there was none. `known`: as for [`Encoder::encode`].
     ///
     /// # Errors
     /// Where the pose cannot be found: the frame is then left out, and the frame before still comes
@@ -60,11 +60,11 @@ impl Pipeline {
     pub fn push(
         &mut self,
         frame: &Picture,
-        external: Option<Pose>,
+        known: impl Into<Known>,
         encoded: &mut Encoded,
     ) -> Result<bool, Error> {
         let mut parcel = self.spare.pop().unwrap_or_default();
-        if let Err(error) = self.encoder.draw_next(frame, external, &mut parcel.drawn) {
+        if let Err(error) = self.encoder.draw_next(frame, &known.into(), &mut parcel.drawn) {
             self.spare.push(parcel);
             return Err(error);
         }

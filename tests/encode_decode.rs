@@ -9,7 +9,8 @@ use nvsprior::packet::{Latent, PoseProfile, RenderCheck};
 use nvsprior::refine::{Optimizer, StartKind};
 use nvsprior::render::Plan;
 use nvsprior::{
-    Decoder, Encoded, Encoder, EncoderOptions, Error, Packet, Picture, Pipeline, Pose, Rate,
+    Decoder, Encoded, Encoder, EncoderOptions, Error, Hint, Known, Packet, Picture, Pipeline, Pose,
+    Rate,
 };
 use scene::{CAMERA, clean_frame, frame, pose, wall};
 
@@ -134,7 +135,7 @@ fn starts_follow_the_paper() {
         let starts = [Some(pose(0.0)), external, external];
         let encode = |(frame, start)| encoder.encode(frame, start).unwrap();
         let encoded: Vec<_> = frames.iter().zip(starts).map(encode).collect();
-        let uncertain = Latent::decode(&encoded[1].packet).unwrap().uncertain_start;
+        let uncertain = Latent::decode(&encoded[1].packet).unwrap().uncertain;
         (encoded.iter().map(|e| e.stats.start).collect::<Vec<_>>(), uncertain)
     };
     let (kinds, uncertain) = run(1.0, Some(pose(1.0)));
@@ -177,7 +178,7 @@ fn a_jump_is_looked_for_afresh() {
     assert_eq!(untold[1].stats.submissions, 1);
     if untold[2].stats.render_psnr < 20.0 {
         assert_eq!(untold[2].stats.start, StartKind::BestOfBad);
-        assert!(Latent::decode(&untold[2].packet).unwrap().uncertain_start);
+        assert!(Latent::decode(&untold[2].packet).unwrap().uncertain);
     }
     assert_silent(&engine);
 }
@@ -190,10 +191,91 @@ fn the_first_frame_needs_a_pose_and_a_failed_frame_changes_nothing() {
     let picture = frame(&engine, &scene, &pose(0.0));
     assert!(matches!(encoder.encode(&picture, None), Err(Error::NoStart { frame: 0 })));
     let nan = Pose { translation: glam::DVec3::NAN, ..pose(0.0) };
-    assert!(matches!(encoder.encode(&picture, Some(nan)), Err(Error::NoStart { frame: 0 })));
+    assert!(matches!(encoder.encode(&picture, Some(nan)), Err(Error::HintPose { frame: 0 })));
     let other = Picture::new(8, 8);
     assert!(matches!(encoder.encode(&other, Some(pose(0.0))), Err(Error::FrameSize { .. })));
     assert_eq!(encoder.encode(&picture, Some(pose(0.0))).unwrap().stats.frame, 0);
+}
+
+/// What cannot be is refused before the frame is looked at; the next packet is as if it had not been.
+#[test]
+fn what_is_stated_of_a_frame_is_checked() {
+    let engine = engine();
+    let scene = engine.upload(&wall(4)).unwrap();
+    let encoder = || Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
+    let frames = [0.0, 1.0].map(|t| frame(&engine, &scene, &pose(t)));
+    let sure = Hint::with_deviation(pose(0.0), &[0.01; 6]).unwrap();
+    let at = |hint, time| Known { hint, time: Some(time) };
+    let sound = [at(Some(Hint { age: 0.1, ..sure }), 5.0), at(None, 5.5)];
+    let mut plain = encoder();
+    let expected = [0, 1].map(|t| plain.encode(&frames[t], sound[t]).unwrap().packet);
+
+    let mut encoder = encoder();
+    assert_eq!(encoder.encode(&frames[0], sound[0]).unwrap().packet, expected[0]);
+    let mut covariance = sure.covariance.unwrap();
+    covariance[0][1] = 1.0;
+    let none = Hint { covariance: Some(covariance), ..sure };
+    let before = encoder.trace().to_vec();
+    for (known, named) in [
+        (at(None, 4.0), "5 s"),
+        (at(None, f64::NAN), "NaN s"),
+        (none.into(), "covariance"),
+        (Hint { age: -1.0, ..sure }.into(), "-1 s old"),
+    ] {
+        let error = encoder.encode(&frames[1], known).unwrap_err().to_string();
+        assert!(error.starts_with("frame 1: ") && error.contains(named), "{error}");
+    }
+    assert_eq!(encoder.trace().len(), before.len(), "no work was done");
+    assert_eq!(encoder.encode(&frames[1], sound[1]).unwrap().packet, expected[1]);
+
+    let mut pipeline = Pipeline::new(encoder).unwrap();
+    let mut encoded = Encoded::default();
+    let back = pipeline.push(&frames[1], at(None, 4.0), &mut encoded);
+    assert!(matches!(back, Err(Error::FrameTimeBack { frame: 2, time: 4.0, before: 5.5 })));
+}
+
+/// The last stated time counts, whichever frames came between; a reset forgets it with the frames.
+#[test]
+fn a_reset_forgets_the_frames_before() {
+    let engine = engine();
+    let scene = engine.upload(&wall(4)).unwrap();
+    let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+    let picture = frame(&engine, &scene, &pose(0.0));
+    let at = |time| Known { hint: Some(Hint::of(pose(0.0))), time: Some(time) };
+    encoder.encode(&picture, at(5.0)).unwrap();
+    assert_eq!(encoder.encode(&picture, None).unwrap().packet.len(), 31);
+    assert!(matches!(encoder.encode(&picture, at(4.0)), Err(Error::FrameTimeBack { .. })));
+    encoder.reset();
+    assert!(matches!(encoder.encode(&picture, None), Err(Error::NoStart { frame: 2 })));
+    let afresh = encoder.encode(&picture, at(4.0)).unwrap();
+    assert_eq!((afresh.stats.frame, afresh.stats.start), (2, StartKind::External));
+    assert_eq!(afresh.packet.len(), 31, "the camera is known to the topside");
+}
+
+/// A frame is certain or not in its figures and its packet alike, and those that are not are counted.
+#[test]
+fn frames_that_are_not_certain_are_counted() {
+    let engine = engine();
+    let scene = engine.upload(&wall(3)).unwrap();
+    let mut options = EncoderOptions { threshold: 0.0, rate: None, ..EncoderOptions::default() };
+    options.refine.optimizer = Optimizer::Bfgs;
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+    let picture = frame(&engine, &scene, &pose(0.0));
+    let lost = |encoder: &mut Encoder, start: Option<Pose>| {
+        let Encoded { stats, packet, .. } = encoder.encode(&picture, start).unwrap();
+        assert_eq!(stats.certain, stats.lost_frames == 0);
+        assert_eq!(Latent::decode(&packet).unwrap().uncertain, !stats.certain);
+        stats.lost_frames
+    };
+    let told = Some(pose(0.0));
+    let starts = [told, None, None, told, None];
+    assert_eq!(starts.map(|start| lost(&mut encoder, start)), [0, 1, 2, 0, 1]);
+    // A frame that cannot be encoded is none.
+    assert!(encoder.encode(&Picture::new(8, 8), None).is_err());
+    assert_eq!(lost(&mut encoder, None), 2);
+    encoder.reset();
+    assert_eq!([told, None].map(|start| lost(&mut encoder, start)), [0, 1]);
 }
 
 #[test]

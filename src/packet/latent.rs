@@ -33,8 +33,8 @@ pub struct Latent {
     pub camera_tag: u8,
     /// The pose to render at.
     pub pose: QuantisedPose,
-    /// The pose was searched from a start that may be far off, so it may be wrong.
-    pub uncertain_start: bool,
+    /// The pose is not certain: the picture does not confirm it.
+    pub uncertain: bool,
 }
 
 /// Which parts come after the latent part.
@@ -65,12 +65,12 @@ impl Latent {
         prior: PriorId,
         camera: &Camera,
         pose: QuantisedPose,
-        uncertain_start: bool,
+        uncertain: bool,
     ) -> Result<Latent, PacketError> {
         let Camera { width, height, .. } = *camera;
         let frame = frame % Self::FRAMES;
         let camera_tag = camera_tag(camera)?;
-        Ok(Latent { frame, prior, width, height, camera_tag, pose, uncertain_start })
+        Ok(Latent { frame, prior, width, height, camera_tag, pose, uncertain })
     }
 
     /// Reads the latent part at the start of `bytes`, and nothing of what follows.
@@ -105,7 +105,7 @@ impl Latent {
     /// Writes the part at the start of an empty packet.
     pub(super) fn write(&self, follows: &Follows, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
         let flags = self.pose.profile().code()
-            | if self.uncertain_start { FLAG_UNCERTAIN } else { 0 }
+            | if self.uncertain { FLAG_UNCERTAIN } else { 0 }
             | if follows.camera { FLAG_CAMERA } else { 0 }
             | if follows.render { FLAG_RENDER } else { 0 }
             | follows.residual << 4;
@@ -142,7 +142,7 @@ impl Latent {
             height: (size >> 12) + 1,
             camera_tag,
             pose: pose?,
-            uncertain_start: flags & FLAG_UNCERTAIN != 0,
+            uncertain: flags & FLAG_UNCERTAIN != 0,
         };
         Ok((latent, Follows::of_flags(flags), &bytes[len..]))
     }

@@ -17,7 +17,7 @@
 //! | bits | flags |
 //! |---|---|
 //! | 0–1 | pose profile: 1 compact, 2 paper |
-//! | 2 | uncertain start: the pose was searched from one that may be far off |
+//! | 2 | the pose is not certain: the picture does not confirm it |
 //! | 3 | the camera part follows |
 //! | 4–6 | residual: 0 none asked for, 1 left out for want of bytes, 2 and up its [`Coder`] |
 //! | 7 | the render part follows |

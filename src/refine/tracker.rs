@@ -7,7 +7,7 @@ use crate::{Picture, Pose};
 
 use super::gauss_newton::{self, Schedule};
 use super::{
-    ColdStart, Evaluation, GaussNewtonOptions, Objective, Observability, Optimizer, Outcome,
+    ColdStart, Evaluation, GaussNewtonOptions, Known, Objective, Observability, Optimizer, Outcome,
     RefineOptions, StartKind, Starts, adam, bfgs,
 };
 
@@ -45,6 +45,8 @@ pub struct Found {
     pub observability: Observability,
     /// Where the search began.
     pub begun: Pose,
+    /// Whether the picture confirms the pose.
+    pub certain: bool,
 }
 
 impl Found {
@@ -101,23 +103,21 @@ impl Tracker {
         self.objective = objective;
     }
 
-    /// Finds the pose of a frame; `None` where there is neither a frame before nor `external`, its
-    /// pose as sensors or an estimator have it.
+    /// Finds the pose of a frame; `None` where there is neither a frame before nor a hint, its pose as
+    /// sensors or an estimator have it.
     ///
     /// # Panics
     /// Where the frame has not the camera's size.
-    pub fn track(
-        &mut self,
-        frame: &Picture,
-        external: Option<Pose>,
-    ) -> Result<Option<Found>, Error> {
+    pub fn track(&mut self, frame: &Picture, known: &Known) -> Result<Option<Found>, Error> {
         self.objective.set_frame(frame);
-        let external = external.filter(Pose::is_finite);
-        if self.options.optimizer == Optimizer::GaussNewton {
+        let external = known.hint.map(|hint| hint.pose).filter(Pose::is_finite);
+        let found = if self.options.optimizer == Optimizer::GaussNewton {
             self.search(frame, external)
         } else {
             self.descend(external)
-        }
+        };
+        let certain = |found: &Found| found.start != StartKind::BestOfBad;
+        Ok(found?.map(|found| Found { certain: certain(&found), ..found }))
     }
 
     /// Notes what was drawn for the frame, and what that determines of the pose where it is known, for
@@ -134,7 +134,7 @@ impl Tracker {
     }
 
     /// Forgets the frames before.
-    pub fn forget(&mut self) {
+    pub fn reset(&mut self) {
         (self.starts, self.error, self.level) = (Starts::default(), None, 0);
     }
 
@@ -263,6 +263,7 @@ impl Tracker {
             first_mse: tracked.first_mse,
             observability: tracked.observability,
             begun: poses[0],
+            certain: true,
         })
     }
 
@@ -289,6 +290,7 @@ impl Tracker {
             first_mse: f64::NAN,
             observability: *self.objective.observability(),
             begun: start.pose,
+            certain: true,
         }))
     }
 

@@ -91,6 +91,10 @@ static void busy_with(nvsp_encoder *encoder, const nvsp_image *image) {
     EXPECT(NVSP_ERR_BUSY, nvsp_encoder_set_rate(encoder, NVSP_RATE_QUALITY, 50));
     EXPECT(NVSP_ERR_BUSY, nvsp_encoder_set_camera(encoder, &dive.camera));
     EXPECT(NVSP_ERR_BUSY, nvsp_encoder_reopen(encoder, both.engine, both.prior));
+    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_reset(encoder));
+    EXPECT(NVSP_ERR_BUSY, nvsp_encode_begin_frame(encoder, image, NULL));
+    EXPECT(NVSP_ERR_BUSY,
+           nvsp_encode_frame(encoder, image, NULL, bytes, sizeof bytes, &written, NULL));
     EXPECT(NVSP_ERR_BUSY, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
     EXPECT(NVSP_PENDING, nvsp_encode_finish(encoder, bytes, sizeof bytes, &written, NULL));
     EXPECT(NVSP_PENDING, nvsp_encode_poll(encoder));
@@ -124,6 +128,183 @@ static void begun_and_finished(void) {
     encoder = new_encoder(NULL);
     const nvsp_image image = scene_image(&dive, 0);
     EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, &dive.poses[0]));
+    nvsp_encoder_destroy(encoder);
+}
+
+// The covariance of a pose that may be off by so much, in every direction alike.
+static void covariance_of(double deviation, double *covariance) {
+    for (int i = 0; i < 36; i++) {
+        covariance[i] = i % 7 == 0 ? deviation * deviation : 0;
+    }
+}
+
+// With nothing but a hint the packets are those of nvsp_encode. All else may be stated too.
+static void known_frames(int all) {
+    nvsp_encoder *encoder = new_encoder(NULL);
+    uint8_t bytes[4096];
+    double covariance[36];
+    covariance_of(0.01, covariance);
+    for (int i = 0; i < dive.frames; i++) {
+        const nvsp_image image = scene_image(&dive, i);
+        nvsp_frame_info info;
+        nvsp_frame_stats stats;
+        MUST(NVSP_INIT(&info));
+        MUST(NVSP_INIT(&stats));
+        info.hint = i == 0 ? &dive.poses[0] : NULL;
+        if (all) {
+            info.hint_covariance = i == 0 ? covariance : NULL;
+            info.hint_age = i == 0 ? 0.2 : 0;
+            info.time = -3 + 0.5 * i;
+            info.given = NVSP_FRAME_TIME;
+        }
+        size_t size = 0;
+        if (i % 2 == 0) {
+            EXPECT(NVSP_OK,
+                   nvsp_encode_frame(encoder, &image, &info, bytes, sizeof bytes, &size, &stats));
+        } else {
+            EXPECT(NVSP_OK, nvsp_encode_begin_frame(encoder, &image, i == 1 ? NULL : &info));
+            EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 60000));
+            EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, sizeof bytes, &size, &stats));
+        }
+        CHECK(all || is_packet(i, bytes, size));
+        CHECK(stats.state == NVSP_STATE_CERTAIN && stats.lost_frames == 0);
+        CHECK((stats.flags & NVSP_FRAME_UNCERTAIN) == 0 && stats.reserved == 0);
+    }
+    nvsp_encoder_destroy(encoder);
+}
+
+// What is refused of a frame, by a text that names the field; the frame was none.
+static void refused(nvsp_encoder *encoder, const nvsp_frame_info *info, const char *field) {
+    const nvsp_image image = scene_image(&dive, 1);
+    uint8_t bytes[4096];
+    char text[512] = "";
+    size_t written = 77;
+    memset(bytes, 0xa5, sizeof bytes);
+    EXPECT(NVSP_ERR_ARGUMENT,
+           nvsp_encode_frame(encoder, &image, info, bytes, sizeof bytes, &written, NULL));
+    MUST(nvsp_encoder_last_error(encoder, text, sizeof text));
+    CHECK(strstr(text, field) != NULL);
+    CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin_frame(encoder, &image, info));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
+}
+
+static void refused_hints(nvsp_encoder *encoder) {
+    const double nan = strtod("nan", NULL), ages[] = {-0.5, nan, strtod("inf", NULL)};
+    double covariance[36];
+    nvsp_pose none = dive.poses[0];
+    none.translation[1] = nan;
+    nvsp_frame_info info;
+    MUST(NVSP_INIT(&info));
+    info.hint = &none;
+    refused(encoder, &info, "nvsp_frame_info.hint:");
+    info.hint = &dive.poses[0];
+    info.hint_covariance = covariance;
+    const struct {
+        int at;
+        double value;
+    } wrong[] = {{0, -1}, {7, nan}, {35, strtod("inf", NULL)}, {1, 1e-5}, {30, 0.5}};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        covariance_of(0.01, covariance);
+        covariance[wrong[i].at] = wrong[i].value;
+        refused(encoder, &info, "nvsp_frame_info.hint_covariance");
+    }
+    // Symmetric, and a correlation above 1.
+    covariance_of(0.01, covariance);
+    covariance[2] = covariance[12] = 2e-4;
+    refused(encoder, &info, "nvsp_frame_info.hint_covariance");
+    info.hint = NULL;
+    covariance_of(0.01, covariance);
+    refused(encoder, &info, "nvsp_frame_info.hint_covariance");
+    info.hint_covariance = NULL;
+    info.hint_age = 1;
+    refused(encoder, &info, "nvsp_frame_info.hint_age");
+    info.hint = &dive.poses[0];
+    for (int i = 0; i < 3; i++) {
+        info.hint_age = ages[i];
+        refused(encoder, &info, "nvsp_frame_info.hint_age");
+    }
+}
+
+static void refused_times(nvsp_encoder *encoder, double last) {
+    const double times[] = {last - 0.001, strtod("nan", NULL), strtod("-inf", NULL)};
+    nvsp_frame_info info;
+    MUST(NVSP_INIT(&info));
+    info.given = NVSP_FRAME_TIME;
+    for (int i = 0; i < 3; i++) {
+        info.time = times[i];
+        refused(encoder, &info, "nvsp_frame_info.time");
+    }
+    info.time = last;
+    info.given = 0;
+    refused(encoder, &info, "nvsp_frame_info.time");
+    info.given = NVSP_FRAME_TIME | 2;
+    refused(encoder, &info, "nvsp_frame_info.given");
+    info.given = NVSP_FRAME_TIME;
+    info.reserved = 1;
+    refused(encoder, &info, "nvsp_frame_info.reserved");
+}
+
+// What was refused changes no later packet; after a reset, the next frame is as a first one.
+static void refused_and_reset(void) {
+    nvsp_encoder *encoder = new_encoder(NULL), *plain = new_encoder(NULL);
+    uint8_t bytes[4096], expected[4096];
+    size_t size = 0, wanted = 0;
+    nvsp_frame_info info;
+    MUST(NVSP_INIT(&info));
+    info.hint = &dive.poses[0];
+    info.given = NVSP_FRAME_TIME;
+    info.time = 20;
+    nvsp_image image = scene_image(&dive, 0);
+    MUST(nvsp_encode_frame(plain, &image, &info, expected, sizeof expected, &wanted, NULL));
+    EXPECT(NVSP_OK, nvsp_encode_frame(encoder, &image, &info, bytes, sizeof bytes, &size, NULL));
+    CHECK(size == wanted && memcmp(bytes, expected, size) == 0);
+    refused_hints(encoder);
+    refused_times(encoder, info.time);
+    image = scene_image(&dive, 1);
+    info.hint = NULL;
+    info.time = 20.5;
+    MUST(nvsp_encode_frame(plain, &image, &info, expected, sizeof expected, &wanted, NULL));
+    EXPECT(NVSP_OK, nvsp_encode_frame(encoder, &image, &info, bytes, sizeof bytes, &size, NULL));
+    CHECK(size == wanted && memcmp(bytes, expected, size) == 0);
+    nvsp_encoder_destroy(plain);
+
+    EXPECT(NVSP_OK, nvsp_encoder_reset(encoder));
+    info.time = 3;
+    EXPECT(NVSP_ERR_NO_START,
+           nvsp_encode_frame(encoder, &image, &info, bytes, sizeof bytes, &size, NULL));
+    info.hint = &dive.poses[1];
+    nvsp_frame_stats stats;
+    MUST(NVSP_INIT(&stats));
+    EXPECT(NVSP_OK, nvsp_encode_frame(encoder, &image, &info, bytes, sizeof bytes, &size, &stats));
+    CHECK(stats.frame == 2 && stats.start == NVSP_START_HINT);
+    nvsp_encoder_destroy(encoder);
+}
+
+// No picture is near enough for this threshold: without a hint the pose is not certain.
+static void lost_frames(void) {
+    nvsp_encoder_options options;
+    MUST(NVSP_INIT(&options));
+    options.optimizer = NVSP_OPTIMIZER_BFGS;
+    options.threshold = 1e-9f;
+    nvsp_encoder *encoder = new_encoder(&options);
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t bytes[4096];
+    size_t size = 0;
+    for (uint32_t i = 0; i < 3; i++) {
+        nvsp_frame_stats stats;
+        nvsp_header header;
+        MUST(NVSP_INIT(&stats));
+        MUST(NVSP_INIT(&header));
+        const nvsp_pose *hint = i == 0 ? &dive.poses[0] : NULL;
+        EXPECT(NVSP_OK, nvsp_encode(encoder, &image, hint, bytes, sizeof bytes, &size, &stats));
+        EXPECT(NVSP_OK, nvsp_decode_header(bytes, size, NULL, &header));
+        const uint32_t uncertain = i == 0 ? 0 : NVSP_FRAME_UNCERTAIN;
+        CHECK((stats.flags & NVSP_FRAME_UNCERTAIN) == uncertain);
+        CHECK((header.flags & NVSP_FRAME_UNCERTAIN) == uncertain);
+        CHECK(stats.state == (i == 0 ? NVSP_STATE_CERTAIN : NVSP_STATE_LOST));
+        CHECK(stats.lost_frames == i);
+    }
     nvsp_encoder_destroy(encoder);
 }
 
@@ -306,6 +487,10 @@ int main(int argc, char **argv) {
     nothing_yet();
     short_buffers();
     begun_and_finished();
+    known_frames(0);
+    known_frames(1);
+    refused_and_reset();
+    lost_frames();
     rates();
     bound_of_noise();
     options_and_cameras();

@@ -71,6 +71,16 @@ static void encoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_encode(encoder, &image, pose, bytes, size, NULL, &stats));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(NULL, &image, pose));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(encoder, NULL, pose));
+    nvsp_frame_info info;
+    MUST(NVSP_INIT(&info));
+    info.hint = pose;
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_frame(NULL, &image, &info, bytes, size, &written, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_frame(encoder, NULL, &info, bytes, size, &written, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_frame(encoder, &image, &info, NULL, size, &written, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_frame(encoder, &image, &info, bytes, size, NULL, &stats));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_begin_frame(NULL, &image, &info));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_begin_frame(encoder, NULL, &info));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_reset(NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_poll(NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_wait(NULL, 1));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_finish(NULL, bytes, size, &written, &stats));

@@ -50,6 +50,29 @@ static nvsp_status frame_stats(void *structure) {
     return status;
 }
 
+static nvsp_status frame_info(void *structure) {
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t bytes[4096];
+    memset(bytes, 0xa5, sizeof bytes);
+    size_t written = 77;
+    const nvsp_status status =
+        nvsp_encode_frame(both.encoder, &image, structure, bytes, sizeof bytes, &written, NULL);
+    CHECK(status == NVSP_OK ? written != 77 : written == 77 && all_are(bytes, 0xa5, sizeof bytes));
+    return status;
+}
+
+static nvsp_status begun_info(void *structure) {
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t bytes[4096];
+    size_t written = 77;
+    const nvsp_status status = nvsp_encode_begin_frame(both.encoder, &image, structure);
+    if (status == NVSP_OK) {
+        MUST(nvsp_encode_wait(both.encoder, 60000));
+        MUST(nvsp_encode_finish(both.encoder, bytes, sizeof bytes, &written, NULL));
+    }
+    return status;
+}
+
 static nvsp_status decoded(void *structure) {
     uint8_t *pixels = malloc(dive.size);
     memset(pixels, 0xa5, dive.size);
@@ -99,6 +122,8 @@ static const struct {
     {sizeof(nvsp_prior_options), prior_options, 0},
     {sizeof(nvsp_prior_info), prior_info, 1},
     {sizeof(nvsp_encoder_options), encoder_options, 0},
+    {sizeof(nvsp_frame_info), frame_info, 0},
+    {sizeof(nvsp_frame_info), begun_info, 0},
     {sizeof(nvsp_frame_stats), frame_stats, 1},
     {sizeof(nvsp_decoded), decoded, 1},
     {sizeof(nvsp_header), header, 1},

@@ -1,8 +1,8 @@
 //! `nvsprior encode`: what it writes, at every kind of rate, from every kind of start.
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
-use crate::dive::{Dive, FRAMES, name, pictures};
+use crate::dive::{Dive, FRAMES, INPUT, name, pictures};
 use crate::scene::{CAMERA, pose};
 
 /// Bytes of the latent part, and of the camera part that the first packet carries too.
@@ -50,6 +50,8 @@ fn check_summary(dive: &Dive, summary: &Value) {
         assert_eq!(row["latent_bytes"], LATENT);
         assert!(row["psnr"].as_f64() > row["render_psnr"].as_f64());
         assert_eq!(row["start"], ["external", "previous", "predicted"][t]);
+        assert_eq!((&row["certain"], &row["lost_frames"]), (&Value::Bool(true), &json!(0)));
+        assert_eq!(row["time"], Value::Null);
     }
     for figure in ["bytes", "latent_bytes", "render_psnr", "psnr", "full_renders", "milliseconds"] {
         let values = rows.iter().map(|row| row[figure].as_f64().unwrap());
@@ -57,6 +59,7 @@ fn check_summary(dive: &Dive, summary: &Value) {
         assert!((summary["mean"][figure].as_f64().unwrap() - mean).abs() < 1e-9, "{figure}");
         assert!(values.into_iter().all(|v| v > 0.0), "{figure}");
     }
+    assert_eq!(summary["mean"]["certain"], 1.0);
 }
 
 #[test]
@@ -119,12 +122,82 @@ fn poses_from_outside_come_from_the_camera_file_or_from_a_csv_file() {
     let dive = Dive::new();
     assert_eq!(starts(&dive, ""), ["external", "uncertain", "uncertain"]);
     assert_eq!(starts(&dive, "--starts camera-file"), ["external"; FRAMES]);
-    let row = |t: usize| {
-        let pose = pose(t as f64);
-        let ([w, x, y, z], p) = (pose.wxyz(), pose.translation);
-        format!("{},{w},{x},{y},{z},{},{},{}\n", name(t), p.x, p.y, p.z)
-    };
     let header = "file,qw,qx,qy,qz,tx,ty,tz\n";
-    std::fs::write(dive.path("poses.csv"), format!("{header}{}{}", row(0), row(2))).unwrap();
+    let rows = [0, 2].map(|t| row(t) + "\n").concat();
+    std::fs::write(dive.path("poses.csv"), format!("{header}{rows}")).unwrap();
     assert_eq!(starts(&dive, "--starts poses.csv"), ["external", "uncertain", "external"]);
+}
+
+/// A row of poses.csv.
+fn row(t: usize) -> String {
+    let pose = pose(t as f64);
+    let ([w, x, y, z], p) = (pose.wxyz(), pose.translation);
+    format!("{},{w},{x},{y},{z},{},{},{}", name(t), p.x, p.y, p.z)
+}
+
+#[test]
+fn without_any_pose_the_first_frame_is_named() {
+    let dive = Dive::new();
+    let encode = format!("encode {INPUT} --packets p --starts none");
+    dive.run(&encode).ends_with(1).says("images/0.png").says("no pose to start from");
+}
+
+/// The table marks them, the summary tells them and their share.
+#[test]
+fn frames_that_are_not_certain_are_told() {
+    let dive = Dive::new();
+    let args = "--packets p --optimizer bfgs --residual none --threshold 0 --summary summary.json";
+    let table = dive.run(&format!("encode {INPUT} {args}")).ends_with(0).stdout;
+    let marked: Vec<_> = table.lines().map(|line| line.contains("NOT CERTAIN")).collect();
+    assert_eq!(marked[..=FRAMES], [false, false, true, true], "{table}");
+    assert!(table.contains("not certain: 2 of 3 frames"), "{table}");
+    let summary = dive.json("summary.json");
+    let told = |row: &Value| (row["certain"].as_bool(), row["lost_frames"].as_u64());
+    let told: Vec<_> = frames(&summary).iter().map(told).collect();
+    assert_eq!(told, [(Some(true), Some(0)), (Some(false), Some(1)), (Some(false), Some(2))]);
+    assert!((summary["mean"]["certain"].as_f64().unwrap() - 1.0 / 3.0).abs() < 1e-12);
+}
+
+/// Gives the camera file's frames these times.
+fn set_times(dive: &Dive, times: [f64; FRAMES]) {
+    let mut cameras = dive.json("cameras.json");
+    for image in cameras["images"].as_array_mut().unwrap() {
+        let index = image["index"].as_u64().unwrap() as usize;
+        if let Some(time) = times.get(index) {
+            image["time"] = json!(time);
+        }
+    }
+    dive.write_json("cameras.json", &cameras);
+}
+
+#[test]
+fn times_come_from_the_csv_file_or_the_camera_file_and_do_not_go_back() {
+    let dive = Dive::new();
+    let times = |dive: &Dive, args: &str| -> Vec<_> {
+        let summary = dive.encode(&format!("--residual none {args}"));
+        frames(&summary).iter().map(|row| row["time"].as_f64()).collect()
+    };
+    let header = "file,qw,qx,qy,qz,tx,ty,tz,time,age,srx,sry,srz,sax,say,saz";
+    let write = |times: [&str; 2]| {
+        let [first, last] = times;
+        let rows = [
+            format!("{},{first},0.1,0.01,0.01,0.01,0.5,0.5,0.5", row(0)),
+            format!("{},{last},,,,,,,", row(2)),
+        ];
+        std::fs::write(dive.path("poses.csv"), format!("{header}\n{}\n", rows.join("\n"))).unwrap();
+    };
+    write(["7", "7.5"]);
+    assert_eq!(times(&dive, "--starts poses.csv"), [Some(7.0), None, Some(7.5)]);
+    let encode = format!("encode {INPUT} --packets none --starts poses.csv");
+    write(["7", "6.5"]);
+    dive.run(&encode).ends_with(1).says("images/2.png: its time, 6.5 s").says("images/0.png, 7 s;");
+    write(["7", "soon"]);
+    dive.run(&encode).ends_with(1).says("poses.csv: row 2: time");
+    assert!(!dive.path("none").exists(), "no work was done");
+    // The camera file's own come first.
+    write(["9", "1"]);
+    set_times(&dive, [1.0, 1.5, 2.0]);
+    assert_eq!(times(&dive, "--starts poses.csv"), [1.0, 1.5, 2.0].map(Some));
+    set_times(&dive, [1.0, 0.5, 2.0]);
+    dive.run(&encode).ends_with(1).says("images/1.png: its time, 0.5 s");
 }

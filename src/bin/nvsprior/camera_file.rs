@@ -2,7 +2,7 @@
 //!
 //! `cameras.json` holds `width`, `height`, `fx`, `fy`, `cx`, `cy` and `images`, each with `file`,
 //! `index` (time order), `split`, `qvec` (w, x, y, z), `tvec` of the OpenCV world-to-camera pose,
-//! and intrinsics of its own where they differ. `transforms.json` holds OpenGL camera-to-world
+//! intrinsics of its own where they differ, and `time`, seconds, if it is known. `transforms.json` holds OpenGL camera-to-world
 //! matrices (nerfstudio's data conventions), which are turned into the former. They are taken as
 //! they stand: a prior exported after nerfstudio's own scaling and centring lies in another frame.
 
@@ -22,6 +22,8 @@ pub struct View {
     pub split: Option<String>,
     pub camera: Camera,
     pub pose: Option<Pose>,
+    /// When it was taken, seconds on the file's clock.
+    pub time: Option<f64>,
 }
 
 /// All views of a camera file, in time order.
@@ -168,6 +170,14 @@ impl Entry<'_> {
         Ok(camera)
     }
 
+    fn time(&self) -> Result<Option<f64>, String> {
+        let Some(value) = self.value.get("time").filter(|value| !value.is_null()) else {
+            return Ok(None);
+        };
+        let time = value.as_f64().filter(|v| v.is_finite());
+        time.map(Some).ok_or_else(|| "\"time\" is no finite number".to_owned())
+    }
+
     fn opencv_view(&self) -> Result<(f64, View), String> {
         let name = self.text("file")?.to_owned();
         let pose = if self.value.get("qvec").is_some() {
@@ -179,7 +189,8 @@ impl Entry<'_> {
         let order = self.value["index"].as_f64().unwrap_or(self.order as f64);
         let camera = self.camera(["width", "height", "fx", "fy", "cx", "cy"])?;
         let split = self.value["split"].as_str().map(str::to_owned);
-        Ok((order, View { file: self.folder.join(&name), name, split, camera, pose }))
+        let time = self.time()?;
+        Ok((order, View { file: self.folder.join(&name), name, split, camera, pose, time }))
     }
 
     fn nerfstudio_view(&self) -> Result<(f64, View), String> {
@@ -201,7 +212,8 @@ impl Entry<'_> {
             None
         };
         let file = with_ending(self.folder.join(&name));
-        Ok((self.order as f64, View { file, name, split: None, camera, pose }))
+        // Its "time", of moving scenes, is no seconds.
+        Ok((self.order as f64, View { file, name, split: None, camera, pose, time: None }))
     }
 
     /// An OpenGL camera-to-world matrix as an OpenCV world-to-camera pose: y and z of the camera
@@ -268,6 +280,17 @@ mod tests {
         assert_eq!(file.views[0].pose.unwrap().wxyz(), [1.0, 0.0, 0.0, 0.0]);
         assert_eq!(file.select(Some("b")).unwrap().len(), 1);
         assert_eq!(file.view("b/2.png").unwrap().split.as_deref(), Some("b"));
+    }
+
+    #[test]
+    fn times_are_each_views_own_or_none() {
+        let mut value = opencv();
+        value["images"][0]["time"] = 2.5.into();
+        value["images"][1]["time"] = Value::Null;
+        let file = parse(value.clone()).unwrap();
+        assert_eq!((file.views[0].time, file.views[1].time), (None, Some(2.5)));
+        value["images"][1]["time"] = "noon".into();
+        assert!(parse(value).unwrap_err().to_string().contains("a/1.png: \"time\""));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
-use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Picture, Pose, Rate};
+use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Known, Picture, Pose, Rate};
 
 use crate::args::{DeviceArgs, OptimizerArg, PriorArgs, SizeArgs, StepArg, progress};
 use crate::camera_file::{CameraFile, View};
@@ -19,7 +19,8 @@ use crate::summary::{self, Row};
 ///
 /// Frames are taken in time order. The first one starts from its pose in the camera file (or the CSV
 /// file), moved by --start-offset; each later one from where constant velocity leads, and, if that
-/// comes to nothing (--threshold), from a pose given for it with --starts.
+/// comes to nothing (--threshold), from a pose given for it with --starts. When a frame was taken is
+/// told by `time` in cameras.json, or by the CSV file.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -63,8 +64,10 @@ pub struct InputArgs {
     /// Moves the first frame's start: ρx,ρy,ρz,θx,θy,θz in the prior's unit and degrees
     #[arg(long, value_name = "STEP", allow_hyphen_values = true)]
     pub start_offset: Option<StepArg>,
-    /// Poses from outside: `first` (the camera file's, first frame only), `camera-file` (the camera
-    /// file's, every frame), or a CSV file (file,qw,qx,qy,qz,tx,ty,tz)
+    /// Poses from outside: `none`, `first` (the camera file's, first frame only), `camera-file` (the
+    /// camera file's, every frame), or a CSV file: file,qw,qx,qy,qz,tx,ty,tz, and if they are known
+    /// `time` (seconds) of the frame, `age` (seconds) of the pose, and its standard deviations
+    /// srx,sry,srz (along the camera's axes, the prior's unit), sax,say,saz (about them, degrees)
     #[arg(long, value_name = "FROM", default_value = "first")]
     pub starts: String,
 }
@@ -161,8 +164,8 @@ pub struct Input {
     pub name: String,
     /// The camera at the size that it is encoded at.
     pub camera: Camera,
-    /// Its pose from outside.
-    pub external: Option<Pose>,
+    /// Its pose from outside, and when it was taken.
+    pub external: Known,
     /// Its pose in the camera file.
     pub known: Option<Pose>,
 }
@@ -187,8 +190,8 @@ impl InputArgs {
         views.truncate(self.limit.unwrap_or(usize::MAX));
         anyhow::ensure!(!views.is_empty(), "{}: no frames to encode", self.cameras.display());
         let csv = match self.starts.as_str() {
-            "first" | "camera-file" => None,
-            path => Some(frame_file::read_poses(Path::new(path))?),
+            "none" | "first" | "camera-file" => None,
+            path => Some(frame_file::read_known(Path::new(path))?),
         };
         let mut names = HashSet::new();
         let distinct = views.iter().all(|view| names.insert(stem(&view.file)));
@@ -207,21 +210,18 @@ impl InputArgs {
         views.iter().enumerate().map(input).collect()
     }
 
-    fn external(
-        &self,
-        index: usize,
-        view: &View,
-        csv: Option<&HashMap<String, Pose>>,
-    ) -> Option<Pose> {
-        let pose = match csv {
-            Some(poses) => poses.get(&view.name).copied(),
-            None if index == 0 || self.starts == "camera-file" => view.pose,
-            None => None,
+    fn external(&self, index: usize, view: &View, csv: Option<&HashMap<String, Known>>) -> Known {
+        let mut known = match (csv, self.starts.as_str()) {
+            (Some(frames), _) => frames.get(&view.name).copied().unwrap_or_default(),
+            (None, "camera-file") => view.pose.into(),
+            (None, "first") if index == 0 => view.pose.into(),
+            _ => Known::default(),
         };
-        match self.start_offset {
-            Some(offset) if index == 0 => pose.map(|p| p.stepped(&offset.0)),
-            _ => pose,
+        if let (Some(offset), Some(hint), 0) = (self.start_offset, &mut known.hint, index) {
+            hint.pose = hint.pose.stepped(&offset.0);
         }
+        known.time = view.time.or(known.time);
+        known
     }
 }
 
@@ -234,8 +234,22 @@ fn flat_name(name: &str) -> String {
     stem(Path::new(&name.replace(['/', '\\'], "_")))
 }
 
+/// Fails where a frame's time lies before that of an earlier one.
+fn check_times(frames: &[Input]) -> anyhow::Result<()> {
+    let times = frames.iter().filter_map(|frame| Some((&frame.file, frame.external.time?)));
+    for ((before, earlier), (file, time)) in times.clone().zip(times.skip(1)) {
+        anyhow::ensure!(
+            time >= earlier,
+            "{file}: its time, {time} s, lies before that of an earlier frame, {before}, {earlier} s; \
+             the order of frames is that of \"index\", and --split takes one run of several"
+        );
+    }
+    Ok(())
+}
+
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let frames = args.input.frames()?;
+    check_times(&frames)?;
     let first = &frames[0];
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
@@ -283,7 +297,8 @@ fn encode(
         let path = folder.join(&input.name).with_added_extension("png");
         frame_file::write_png(&path, &encoded.picture)?;
     }
-    let row = Row { file: input.file.clone(), stats: encoded.stats };
+    let time = input.external.time;
+    let row = Row { file: input.file.clone(), time, stats: encoded.stats };
     let (render, reconstruction) = (encoded.render, encoded.picture);
     let sheet = args.sheet.is_some().then_some(SheetRow { camera: frame, render, reconstruction });
     Ok((row, sheet))

@@ -1,10 +1,10 @@
-//! Pictures and start poses on disk.
+//! Pictures on disk, and what is known of them from outside.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use image::imageops::FilterType;
-use nvsprior::{Picture, Pose};
+use nvsprior::{Hint, Known, Picture, Pose};
 
 /// Why a file of pictures or poses cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +19,8 @@ pub enum FrameFileError {
     #[error("{}: column \"{column}\" is missing; the header must name {}",
         path.display(), COLUMNS.join(","))]
     Column { path: PathBuf, column: &'static str },
+    #[error("{}: of the columns {} either all or none are due", path.display(), DEVIATION.join(","))]
+    Deviation { path: PathBuf },
     #[error("{}: row {row}: {what}", path.display())]
     Row { path: PathBuf, row: usize, what: String },
 }
@@ -58,37 +60,85 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FrameFileError> {
 }
 
 const COLUMNS: [&str; 8] = ["file", "qw", "qx", "qy", "qz", "tx", "ty", "tz"];
+/// Standard deviations of a pose, as of a left step: ρ in the prior's unit, θ in degrees.
+const DEVIATION: [&str; 6] = ["srx", "sry", "srz", "sax", "say", "saz"];
 
-/// Reads start poses (world-to-camera) by file name from a CSV file with a header; columns in any
-/// order.
-pub fn read_poses(path: &Path) -> Result<HashMap<String, Pose>, FrameFileError> {
+/// Where a CSV file has its columns.
+struct Columns {
+    pose: [usize; 8],
+    time: Option<usize>,
+    age: Option<usize>,
+    deviation: Option<[usize; 6]>,
+}
+
+impl Columns {
+    fn of(header: &csv::StringRecord, path: &Path) -> Result<Columns, FrameFileError> {
+        let at = |column: &str| header.iter().position(|name| name == column);
+        let mut pose = [0; 8];
+        for (place, column) in pose.iter_mut().zip(COLUMNS) {
+            let missing = || FrameFileError::Column { path: path.to_path_buf(), column };
+            *place = at(column).ok_or_else(missing)?;
+        }
+        let found = DEVIATION.map(at);
+        let deviation = match found.iter().flatten().count() {
+            0 => None,
+            6 => Some(found.map(Option::unwrap_or_default)),
+            _ => return Err(FrameFileError::Deviation { path: path.to_path_buf() }),
+        };
+        Ok(Columns { pose, time: at("time"), age: at("age"), deviation })
+    }
+
+    /// What a row states; what is wrong with it.
+    fn known(&self, record: &csv::StringRecord) -> Result<Known, String> {
+        let at = |i: usize| record.get(i).unwrap_or_default();
+        let number = |i: usize, name: &str| {
+            let number = at(i).parse::<f64>().map_err(|e| format!("{name}: {e}"))?;
+            let finite = number.is_finite();
+            finite.then_some(number).ok_or_else(|| format!("{name}: {number} is not finite"))
+        };
+        let optional = |i: Option<usize>, name: &str| {
+            i.filter(|i| !at(*i).is_empty()).map(|i| number(i, name)).transpose()
+        };
+        let pose = |i: usize| number(self.pose[i], COLUMNS[i]);
+        let (q, t) = ([pose(1)?, pose(2)?, pose(3)?, pose(4)?], [pose(5)?, pose(6)?, pose(7)?]);
+        let pose = Pose::from_wxyz(q, t).ok_or("no pose")?;
+        let mut hint = Hint::of(pose);
+        if let Some(columns) = self.deviation.filter(|c| c.iter().any(|i| !at(*i).is_empty())) {
+            let mut deviation = [0.0; 6];
+            for (i, value) in deviation.iter_mut().enumerate() {
+                let unit = if i < 3 { 1.0 } else { 1f64.to_radians() };
+                *value = number(columns[i], DEVIATION[i])? * unit;
+            }
+            let hinted = Hint::with_deviation(pose, &deviation);
+            hint = hinted.ok_or("a standard deviation is negative, or too large")?;
+        }
+        hint.age = optional(self.age, "age")?.unwrap_or(0.0);
+        if hint.age < 0.0 {
+            return Err(format!("age: {} is negative", hint.age));
+        }
+        Ok(Known { hint: Some(hint), time: optional(self.time, "time")? })
+    }
+}
+
+/// Reads what is known of frames from a CSV file with a header, by file name: poses
+/// (world-to-camera), and as optional columns, in which fields may be empty, the frame's time, the
+/// pose's age (seconds) and its standard deviations. Columns in any order.
+pub fn read_known(path: &Path) -> Result<HashMap<String, Known>, FrameFileError> {
     let failed = |error| FrameFileError::Csv { path: path.to_path_buf(), error };
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(failed)?;
-    let header = reader.headers().map_err(failed)?.clone();
-    let mut columns = [0; 8];
-    for (at, column) in columns.iter_mut().zip(COLUMNS) {
-        *at = header
-            .iter()
-            .position(|name| name == column)
-            .ok_or(FrameFileError::Column { path: path.to_path_buf(), column })?;
-    }
-    let mut poses = HashMap::new();
+    let columns = Columns::of(reader.headers().map_err(failed)?, path)?;
+    let mut frames = HashMap::new();
     for (row, record) in reader.records().enumerate() {
         let record = record.map_err(failed)?;
-        let field = |i: usize| record.get(columns[i]).unwrap_or_default();
-        let number = |i: usize| field(i).parse::<f64>().map_err(|e| format!("{}: {e}", COLUMNS[i]));
-        let pose = || {
-            let q = [number(1)?, number(2)?, number(3)?, number(4)?];
-            let t = [number(5)?, number(6)?, number(7)?];
-            Pose::from_wxyz(q, t).ok_or_else(|| "no pose".to_owned())
-        };
+        let file = record.get(columns.pose[0]).unwrap_or_default();
         let wrong = |what| FrameFileError::Row { path: path.to_path_buf(), row: row + 1, what };
-        if poses.insert(field(0).to_owned(), pose().map_err(wrong)?).is_some() {
-            return Err(wrong(format!("\"{}\" stands there twice", field(0))));
+        let known = columns.known(&record).map_err(wrong)?;
+        if frames.insert(file.to_owned(), known).is_some() {
+            return Err(wrong(format!("\"{file}\" stands there twice")));
         }
     }
-    Ok(poses)
+    Ok(frames)
 }
 
 #[cfg(test)]
@@ -117,15 +167,50 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("p.csv");
         std::fs::write(&path, "tx,ty,tz,qw,qx,qy,qz,file\n1,2,3, 1,0,0,0, a.png\n").unwrap();
-        assert_eq!(read_poses(&path).unwrap()["a.png"].translation.z, 3.0);
+        let known = read_known(&path).unwrap()["a.png"];
+        assert_eq!(known.hint.unwrap().pose.translation.z, 3.0);
+        assert_eq!(known, known.hint.map(|hint| hint.pose).into(), "and nothing else");
         let row = "a,1,0,0,0,1,2,3\n";
         std::fs::write(&path, format!("file,qw,qx,qy,qz,tx,ty,tz\n{row}{row}")).unwrap();
-        assert!(read_poses(&path).unwrap_err().to_string().contains("row 2: \"a\""));
+        assert!(read_known(&path).unwrap_err().to_string().contains("row 2: \"a\""));
         std::fs::write(&path, "file,qw\n").unwrap();
-        assert!(read_poses(&path).unwrap_err().to_string().contains("\"qx\""));
+        assert!(read_known(&path).unwrap_err().to_string().contains("\"qx\""));
         std::fs::write(&path, "file,qw,qx,qy,qz,tx,ty,tz\na,0,0,0,0,1,2,3\n").unwrap();
-        assert!(read_poses(&path).unwrap_err().to_string().contains("row 1"));
+        assert!(read_known(&path).unwrap_err().to_string().contains("row 1"));
         std::fs::write(&path, "file,qw,qx,qy,qz,tx,ty,tz\na,1,0,0,0,1,2,x\n").unwrap();
-        assert!(read_poses(&path).unwrap_err().to_string().contains("tz"));
+        assert!(read_known(&path).unwrap_err().to_string().contains("tz"));
+    }
+    #[test]
+    fn time_age_and_deviation_are_optional_columns() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.csv");
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            read_known(&path)
+        };
+        let pose = "file,qw,qx,qy,qz,tx,ty,tz";
+        let all = format!("time,age,{pose},saz,say,sax,srz,sry,srx\n");
+        let known = read(&format!(
+            "{all}7.5,0.25,a,1,0,0,0,1,2,3,180,90,0,3,2,1\n,,b,1,0,0,0,1,2,3,,,,,,\n"
+        ))
+        .unwrap();
+        let a = known["a"];
+        let hint = a.hint.unwrap();
+        assert_eq!((a.time, hint.age), (Some(7.5), 0.25));
+        let expected = [1.0, 2.0, 3.0, 0.0, std::f64::consts::FRAC_PI_2, std::f64::consts::PI];
+        let found = hint.deviation().unwrap();
+        assert!(expected.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        assert_eq!(known["b"], hint.pose.into());
+        for (text, named) in [
+            (format!("{pose},srx\na,1,0,0,0,1,2,3,1\n"), "srx,sry,srz,sax,say,saz"),
+            (format!("{all}1,1,a,1,0,0,0,1,2,3,1,,1,1,1,1\n"), "row 1: say"),
+            (format!("{all}1,1,a,1,0,0,0,1,2,3,1,1,1,1,1,-1\n"), "row 1: a standard deviation"),
+            (format!("{all}1,-1,a,1,0,0,0,1,2,3,,,,,,\n"), "row 1: age"),
+            (format!("{all}inf,1,a,1,0,0,0,1,2,3,,,,,,\n"), "row 1: time"),
+            (format!("{all}noon,1,a,1,0,0,0,1,2,3,,,,,,\n"), "row 1: time"),
+        ] {
+            let error = read(&text).unwrap_err().to_string();
+            assert!(error.contains(named), "{error}");
+        }
     }
 }

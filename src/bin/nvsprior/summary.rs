@@ -9,6 +9,8 @@ use serde_json::{Value, json};
 /// A frame's file name and figures.
 pub struct Row {
     pub file: String,
+    /// When it was taken, seconds, if that is known.
+    pub time: Option<f64>,
     pub stats: FrameStats,
 }
 
@@ -16,13 +18,15 @@ pub struct Row {
 type Figure = (&'static str, fn(&FrameStats) -> f64);
 
 /// The figures that have a mean.
-const FIGURES: [Figure; 6] = [
+const FIGURES: [Figure; 7] = [
     ("bytes", |s| s.bytes as f64),
     ("latent_bytes", |s| s.latent_bytes as f64),
     ("render_psnr", |s| s.render_psnr),
     ("psnr", |s| s.psnr),
     ("full_renders", |s| f64::from(s.full_renders)),
     ("milliseconds", |s| s.milliseconds),
+    // The share of them.
+    ("certain", |s| f64::from(u8::from(s.certain))),
 ];
 
 /// Mean of a figure over rows; 0 of none.
@@ -35,6 +39,7 @@ fn frame(row: &Row) -> Value {
     let s = &row.stats;
     json!({
         "file": row.file,
+        "time": row.time,
         "bytes": s.bytes,
         "latent_bytes": s.latent_bytes,
         "render_psnr": s.render_psnr,
@@ -43,6 +48,8 @@ fn frame(row: &Row) -> Value {
         "renders_by_level": s.renders,
         "milliseconds": s.milliseconds,
         "start": s.start.name(),
+        "certain": s.certain,
+        "lost_frames": s.lost_frames,
         "rate_kept": s.rate_kept,
         // Infinite ones become null.
         "pose_deviation": s.observability.pose_deviation(),
@@ -67,18 +74,26 @@ pub fn print(rows: &[Row]) {
         "{:24} {:>7} {:>9} {:>9} {:>8} {:>9}  start",
         "frame", "bytes", "render dB", "PSNR dB", "renders", "ms"
     );
-    for Row { file, stats: s } in rows {
+    for Row { file, stats: s, .. } in rows {
         println!(
-            "{file:24} {:7} {:9.2} {:9.2} {:8} {:9.1}  {}{}",
+            "{file:24} {:7} {:9.2} {:9.2} {:8} {:9.1}  {}{}{}",
             s.bytes,
             s.render_psnr,
             s.psnr,
             s.full_renders,
             s.milliseconds,
             s.start.name(),
+            if s.certain { "" } else { ", NOT CERTAIN" },
             if s.rate_kept { "" } else { ", rate not kept" },
         );
     }
-    let [bytes, _, render, psnr, renders, ms] = FIGURES.map(|(_, figure)| mean(rows, figure));
+    let [bytes, _, render, psnr, renders, ms, _] = FIGURES.map(|(_, figure)| mean(rows, figure));
     println!("{:24} {bytes:7.0} {render:9.2} {psnr:9.2} {renders:8.1} {ms:9.1}", "mean");
+    let lost = rows.iter().filter(|row| !row.stats.certain).count();
+    if lost > 0 {
+        println!(
+            "not certain: {lost} of {} frames; their pictures do not confirm the pose",
+            rows.len()
+        );
+    }
 }

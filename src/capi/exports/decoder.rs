@@ -370,7 +370,7 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
         frame: latent.frame,
         width: latent.width,
         height: latent.height,
-        flags: flag(latent.uncertain_start, super::encoder::NVSP_FRAME_UNCERTAIN)
+        flags: flag(latent.uncertain, super::encoder::NVSP_FRAME_UNCERTAIN)
             | flag(pose.is_some(), NVSP_HEADER_POSE),
         profile: match profile {
             PoseProfile::Compact => super::encoder::NVSP_PROFILE_COMPACT,

@@ -6,9 +6,10 @@ use std::time::Duration;
 use crate::packet::PoseProfile;
 use crate::pixels::Converter;
 use crate::refine::{Optimizer, StartKind, Stop};
-use crate::{Encoded, Encoder, EncoderOptions, Picture, Pose, Rate, packet_bound};
+use crate::{Encoded, Encoder, EncoderOptions, Known, Picture, Rate, packet_bound};
 
 use super::engine::{EngineContent, nvsp_engine};
+use super::frame::{self, nvsp_frame_info};
 use super::handle::Handle;
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
 use super::prior::{PriorContent, nvsp_prior};
@@ -27,7 +28,7 @@ struct Core {
     encoder: Encoder,
     converter: Converter,
     frame: Picture,
-    hint: Option<Pose>,
+    known: Known,
     encoded: Encoded,
     /// Whether `encoded` holds a frame.
     full: bool,
@@ -97,7 +98,7 @@ pub struct nvsp_encoder_options {
 }
 versioned!(nvsp_encoder_options, 44);
 
-/// The pose was searched from a start that may be far off: it may be wrong.
+/// The pose is not certain: the picture does not confirm it.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
 /// The rate asked for was not kept: the budget holds no difference picture, or the best one falls
 /// short of the PSNR.
@@ -124,6 +125,11 @@ pub const NVSP_STOP_NO_DESCENT: u32 = 2;
 /// The iterations were used up.
 pub const NVSP_STOP_ITERATIONS: u32 = 3;
 
+/// The picture confirms the pose.
+pub const NVSP_STATE_CERTAIN: u32 = 0;
+/// The pose is not certain. The encoder looks for it again at every frame.
+pub const NVSP_STATE_LOST: u32 = 1;
+
 /// What encoding a frame took and gave.
 #[allow(non_camel_case_types)]
 #[repr(C)]
@@ -145,10 +151,10 @@ pub struct nvsp_frame_stats {
     pub start: u32,
     /// NVSP_STOP_*: why the refinement ended.
     pub stop: u32,
-    /// NVSP_FRAME_* bits.
+    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED and NVSP_FRAME_UNDETERMINED bits.
     pub flags: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// NVSP_STATE_*.
+    pub state: u32,
     /// PSNR of the prior's render against the frame, dB.
     pub render_psnr: f64,
     /// PSNR of what the topside will show, dB.
@@ -164,8 +170,13 @@ pub struct nvsp_frame_stats {
     /// Best determined over least determined direction of the pose, as eigenvalues of the normal
     /// equations; infinite where one is not determined at all.
     pub pose_condition: f64,
+    /// Frames since the last one whose pose was certain, or since the encoder was made or reset, this
+    /// one counted; 0 if it is certain.
+    pub lost_frames: u32,
+    /// Zero.
+    pub reserved: u32,
 }
-versioned!(nvsp_frame_stats, 176);
+versioned!(nvsp_frame_stats, 184);
 
 /// Makes an encoder of frames seen by `camera`. Allocates all that a frame takes, on host and device.
 /// `options` may be NULL.
@@ -199,7 +210,7 @@ pub unsafe extern "C" fn nvsp_encoder_create(
                 encoder: made,
                 converter: Converter::new(camera.width, camera.height)?,
                 frame: Picture::new(camera.width, camera.height),
-                hint: None,
+                known: Known::default(),
                 encoded: Encoded::with_room(camera.width, camera.height),
                 full: false,
             };
@@ -335,6 +346,24 @@ pub unsafe extern "C" fn nvsp_encoder_reopen(
     }
 }
 
+/// Forgets all frames before: the next one is looked for as the first was, and its time may be any.
+/// Frame numbers go on. Call it if the camera was carried elsewhere, for example.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// `encoder` is NULL or a live encoder.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_reset(encoder: *mut nvsp_encoder) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            content.core()?.encoder.reset();
+            Ok(NVSP_OK)
+        })
+    }
+}
+
 /// Bytes that hold every packet of frames of a camera of this size, in either profile and with the
 /// camera; 0 where there is no camera of this size. With NVSP_RATE_BYTES the budget will do too.
 #[unsafe(no_mangle)]
@@ -374,7 +403,33 @@ pub unsafe extern "C" fn nvsp_encode(
     unsafe {
         Handle::<Content>::call(encoder.cast(), |content| {
             let place = Place::new(packet, size, written, stats)?;
-            content.run(|core| prepare(core, image, hint))?;
+            content.run(|core| prepare(core, image, image::pose(hint)?.into()))?;
+            content.take(|core| place.write(core))
+        })
+    }
+}
+
+/// As nvsp_encode, with all that is known of the frame in place of the hint; `info` may be NULL.
+///
+/// Fails as there; the text of NVSP_ERR_ARGUMENT names the field of `info`.
+///
+/// # Safety
+/// As there.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encode_frame(
+    encoder: *mut nvsp_encoder,
+    image: *const nvsp_image,
+    info: *const nvsp_frame_info,
+    packet: *mut u8,
+    size: usize,
+    written: *mut usize,
+    stats: *mut nvsp_frame_stats,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            let place = Place::new(packet, size, written, stats)?;
+            content.run(|core| prepare(core, image, frame::known(info)?))?;
             content.take(|core| place.write(core))
         })
     }
@@ -400,7 +455,29 @@ pub unsafe extern "C" fn nvsp_encode_begin(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::<Content>::call(encoder.cast(), |content| {
-            content.begin(|core| prepare(core, image, hint))?;
+            content.begin(|core| prepare(core, image, image::pose(hint)?.into()))?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// As nvsp_encode_begin, with all that is known of the frame in place of the hint; `info` may be NULL,
+/// and is read during the call.
+///
+/// Fails as there, and with NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
+///
+/// # Safety
+/// As there.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encode_begin_frame(
+    encoder: *mut nvsp_encoder,
+    image: *const nvsp_image,
+    info: *const nvsp_frame_info,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            content.begin(|core| prepare(core, image, frame::known(info)?))?;
             Ok(NVSP_OK)
         })
     }
@@ -521,7 +598,7 @@ pub unsafe extern "C" fn nvsp_encoder_destroy(encoder: *mut nvsp_encoder) {
 /// The job.
 fn encode(core: &mut Core) -> Result<(), Failure> {
     core.full = false;
-    core.encoder.encode_into(&core.frame, core.hint, &mut core.encoded)?;
+    core.encoder.encode_into(&core.frame, core.known, &mut core.encoded)?;
     core.full = true;
     Ok(())
 }
@@ -529,16 +606,13 @@ fn encode(core: &mut Core) -> Result<(), Failure> {
 /// Takes a frame in.
 ///
 /// # Safety
-/// Pointers are null or valid.
-unsafe fn prepare(
-    core: &mut Core,
-    image: *const nvsp_image,
-    hint: *const nvsp_pose,
-) -> Result<(), Failure> {
+/// `image` is null or valid.
+unsafe fn prepare(core: &mut Core, image: *const nvsp_image, known: Known) -> Result<(), Failure> {
     // SAFETY: as the caller promises; the view ends with this call.
-    let (view, hint) = unsafe { (image::view(image)?, image::pose(hint)?) };
+    let view = unsafe { image::view(image)? };
+    core.encoder.check_known(&known).map_err(frame::refused)?;
     core.converter.convert(&view, &mut core.frame)?;
-    core.hint = hint;
+    core.known = known;
     Ok(())
 }
 
@@ -581,7 +655,6 @@ impl Place {
             self.packet.copy_from_nonoverlapping(packet.as_ptr(), packet.len());
             *self.written = packet.len();
         }
-        let uncertain = stats.start == StartKind::BestOfBad;
         let loose = stats.observability.undetermined().next().is_some();
         let flag = |set: bool, bit: u32| if set { bit } else { 0 };
         self.stats.write(&nvsp_frame_stats {
@@ -603,16 +676,18 @@ impl Place {
                 Stop::NoDescent => NVSP_STOP_NO_DESCENT,
                 Stop::Iterations => NVSP_STOP_ITERATIONS,
             },
-            flags: flag(uncertain, NVSP_FRAME_UNCERTAIN)
+            flags: flag(!stats.certain, NVSP_FRAME_UNCERTAIN)
                 | flag(!stats.rate_kept, NVSP_FRAME_RATE_MISSED)
                 | flag(loose, NVSP_FRAME_UNDETERMINED),
-            reserved: 0,
+            state: if stats.certain { NVSP_STATE_CERTAIN } else { NVSP_STATE_LOST },
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
             milliseconds: stats.milliseconds,
             pose: image::pose_out(pose),
             pose_deviation: stats.observability.pose_deviation(),
             pose_condition: stats.observability.condition,
+            lost_frames: stats.lost_frames,
+            reserved: 0,
         });
         Ok(())
     }

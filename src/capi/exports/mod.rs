@@ -17,6 +17,8 @@ mod prior;
 
 mod image;
 
+mod frame;
+
 mod encoder;
 
 mod decoder;

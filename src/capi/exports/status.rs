@@ -180,6 +180,11 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         E::Pixels(_) | E::FrameSize { .. } => NVSP_ERR_IMAGE,
         E::Budget { .. } => NVSP_ERR_BUDGET,
         E::NoStart { .. } => NVSP_ERR_NO_START,
+        E::HintPose { .. }
+        | E::HintCovariance { .. }
+        | E::HintAge { .. }
+        | E::FrameTime { .. }
+        | E::FrameTimeBack { .. } => NVSP_ERR_ARGUMENT,
         E::CameraUnknown { .. } => NVSP_ERR_CAMERA_UNKNOWN,
         E::Thread(_) | E::CoderGone => NVSP_ERR_MEMORY,
     }

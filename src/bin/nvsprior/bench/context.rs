@@ -30,7 +30,7 @@ impl Shot {
             file: input.file.clone(),
             camera: input.camera,
             picture: frame_file::read_frame(&input.path, width, height)?,
-            external: input.external,
+            external: input.external.hint.map(|hint| hint.pose),
             known: input.known,
         })
     }

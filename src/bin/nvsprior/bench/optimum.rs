@@ -42,7 +42,7 @@ impl Search {
 
     fn from(&mut self, context: &Context, shot: usize, start: &Pose) -> anyhow::Result<Best> {
         let shot = &context.shots[shot];
-        self.encoder.forget();
+        self.encoder.reset();
         self.encoder.set_camera(&shot.camera)?;
         let encoded = self.encoder.encode(&shot.picture, Some(*start));
         let encoded = encoded.with_context(|| format!("looking for the best of {}", shot.file))?;

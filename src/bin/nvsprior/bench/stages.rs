@@ -1,7 +1,7 @@
 //! The device's time by stage, beside the bytes and operations that a model counts and the rates
 //! that the device reaches at best.
 
-use nvsprior::refine::{Objective, RefineOptions, StartKind, Tracker};
+use nvsprior::refine::{Known, Objective, RefineOptions, StartKind, Tracker};
 use nvsprior::render::ceilings::{self, Ceilings};
 use nvsprior::render::probe::{self, Fineness};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
@@ -154,12 +154,12 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     let mut tracker = Tracker::new(Objective::new(renderer), refine, threshold, profile);
     let mut renders = Vec::new();
     let times = mean(|| {
-        tracker.forget();
+        tracker.reset();
         for Best { pose, psnr } in &context.best[..last] {
             tracker.keep(*pose, 10f64.powf(-0.1 * psnr), StartKind::Previous, None);
         }
         let before = tracker.objective().renderer().renders().to_vec();
-        tracker.track(&shot.picture, None)?;
+        tracker.track(&shot.picture, &Known::default())?;
         let renderer = tracker.objective().renderer();
         renders = renderer.renders().iter().zip(before).map(|(now, then)| now - then).collect();
         Ok(renderer.stage_times(Job::Search)?)

@@ -23,7 +23,7 @@ pub fn measure(
     let mut samples = Vec::new();
     for (trial, step) in steps(magnitude, SEED).take(trials).enumerate() {
         let shot = trial % poses.len();
-        encoder.forget();
+        encoder.reset();
         let sample = context.sample(&mut encoder, shot, Some(poses[shot].stepped(&step)))?;
         context.learn(&sample);
         samples.push(sample);

@@ -134,7 +134,7 @@ impl Scenario {
         let refine = RefineOptions { jacobian, fineness, ..RefineOptions::default() };
         debug_assert_eq!(refine.optimizer, Optimizer::GaussNewton);
         let mut tracker = Tracker::new(Objective::new(renderer), refine, 1e-3, COMPACT);
-        let found = tracker.track(&twin.frame, Some(start))?;
+        let found = tracker.track(&twin.frame, &start.into())?;
         let mut row = Row::of(path, since);
         twin.compare_picture(self, &drawn, &mut row);
         let limit = match fineness {

@@ -51,7 +51,7 @@ impl Sought<'_> {
         let scene = bench.engine.upload(self.prior)?;
         let renderer = bench.engine.renderer(&scene, &self.camera, plan)?;
         let mut tracker = Tracker::new(Objective::new(renderer), refine, 1e-3, COMPACT);
-        let found = tracker.track(self.frame, Some(self.start))?;
+        let found = tracker.track(self.frame, &self.start.into())?;
         let found = found.ok_or_else(|| anyhow::anyhow!("a start was given"))?;
         let begun = picture(bench, self.prior, &self.camera, &self.start)?.mse(self.frame);
         let end = picture(bench, self.prior, &self.camera, &found.outcome.pose)?.mse(self.frame);

@@ -1,0 +1,98 @@
+//! What is known of a frame beside its image, as C hands it over.
+
+use crate::{Error, Hint, Known};
+
+use super::image::{self, nvsp_pose};
+use super::status::*;
+use super::structs::{read, versioned};
+
+/// For nvsp_frame_info.given: `time` is the frame's.
+pub const NVSP_FRAME_TIME: u32 = 1;
+
+/// What is known of a frame beside its image; all zero: nothing. Read during the call only.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_frame_info {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// The pose as sensors or an estimator have it; NULL: none.
+    pub hint: *const nvsp_pose,
+    /// How sure the hint is: the covariance of the small motion that leads from it to the true pose, 36
+    /// values row by row: translation along the camera's axes (the prior's unit), then turn about them
+    /// (radians). Finite, symmetric and positive semidefinite. NULL: not stated.
+    pub hint_covariance: *const f64,
+    /// Seconds from when the hint was taken to when the frame was; 0 or more.
+    pub hint_age: f64,
+    /// When the frame was taken, seconds on a clock of yours; counts if `given` says so. It must not go
+    /// back from a frame to a later one. nvsp_encoder_reset allows any again.
+    pub time: f64,
+    /// NVSP_FRAME_TIME, or 0.
+    pub given: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+versioned!(nvsp_frame_info, 48);
+
+/// What a caller states of a frame, its fields checked as far as they can be without the encoder.
+///
+/// # Safety
+/// `info` is null or valid, and so are the pointers in it.
+pub(super) unsafe fn known(info: *const nvsp_frame_info) -> Result<Known, Failure> {
+    // SAFETY: as the caller promises.
+    let (info, hint) = unsafe {
+        let info = read(info)?;
+        (info, hint(&info)?)
+    };
+    if info.given & !NVSP_FRAME_TIME != 0 {
+        return Err(Failure::argument("nvsp_frame_info.given: bits that are not known"));
+    }
+    if info.reserved != 0 {
+        return Err(Failure::argument("nvsp_frame_info.reserved: not zero"));
+    }
+    let timed = info.given & NVSP_FRAME_TIME != 0;
+    if !timed && info.time != 0.0 {
+        let what = "nvsp_frame_info.time: stated, but NVSP_FRAME_TIME is not in `given`";
+        return Err(Failure::argument(what));
+    }
+    Ok(Known { hint, time: timed.then_some(info.time) })
+}
+
+const NO_POSE: &str = "nvsp_frame_info.hint: no rigid motion";
+
+/// # Safety
+/// As for [`known`].
+unsafe fn hint(info: &nvsp_frame_info) -> Result<Option<Hint>, Failure> {
+    // SAFETY: as the caller promises; C's array of 36 numbers has the layout of six by six.
+    let (pose, covariance) = unsafe {
+        let covariance = info.hint_covariance.cast::<[[f64; 6]; 6]>();
+        (image::pose(info.hint), (!covariance.is_null()).then(|| covariance.read_unaligned()))
+    };
+    let Ok(pose) = pose else { return Err(Failure::argument(NO_POSE)) };
+    let Some(pose) = pose else {
+        return match covariance {
+            Some(_) => Err(Failure::argument("nvsp_frame_info.hint_covariance: without a hint")),
+            None if info.hint_age != 0.0 => {
+                Err(Failure::argument("nvsp_frame_info.hint_age: without a hint"))
+            }
+            None => Ok(None),
+        };
+    };
+    Ok(Some(Hint { pose, covariance, age: info.hint_age }))
+}
+
+/// The failure that names the field of nvsp_frame_info which the encoder refuses.
+pub(super) fn refused(error: Error) -> Failure {
+    Failure::argument(match error {
+        Error::HintPose { .. } => NO_POSE,
+        Error::HintCovariance { .. } => {
+            "nvsp_frame_info.hint_covariance: not finite, symmetric and positive semidefinite"
+        }
+        Error::HintAge { .. } => "nvsp_frame_info.hint_age: negative or not finite",
+        Error::FrameTime { .. } => "nvsp_frame_info.time: not finite",
+        Error::FrameTimeBack { .. } => "nvsp_frame_info.time: before that of an earlier frame",
+        other => return Failure::Library(other),
+    })
+}

@@ -1,0 +1,270 @@
+//! What is known of a frame from outside: a pose from sensors or an estimator, and when it was taken.
+
+use crate::{Error, Pose};
+
+/// Covariance of a left step `τ = (ρ, θ)`, row by row: ρ in the prior's unit, θ in radians.
+pub type Covariance = [[f64; 6]; 6];
+
+/// How far a covariance may be from symmetric and from positive semidefinite, as correlations:
+/// estimators that work in f32 round by less.
+const ROUNDING: f64 = 1e-6;
+/// How far the length of a unit quaternion may be from 1.
+const UNIT: f64 = 1e-4;
+
+/// A pose from sensors or an estimator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hint {
+    /// The pose.
+    pub pose: Pose,
+    /// How sure it is: the camera stands at `Exp(τ) ∘ pose`, `τ` of mean 0 and this covariance. `None`:
+    /// not stated.
+    pub covariance: Option<Covariance>,
+    /// Seconds from when the pose was taken to when the frame was.
+    pub age: f64,
+}
+
+impl Hint {
+    /// A pose as old as the frame, its covariance not stated.
+    pub fn of(pose: Pose) -> Hint {
+        Hint { pose, covariance: None, age: 0.0 }
+    }
+
+    /// A pose as old as the frame. `None` unless the covariance is finite, symmetric and positive
+    /// semidefinite.
+    pub fn with_covariance(pose: Pose, covariance: &Covariance) -> Option<Hint> {
+        is_covariance(covariance).then(|| Hint { covariance: Some(*covariance), ..Hint::of(pose) })
+    }
+
+    /// A pose as old as the frame. `deviation`: standard deviations of `τ`, which do not depend on one
+    /// another. `None` unless they are finite and not negative.
+    pub fn with_deviation(pose: Pose, deviation: &[f64; 6]) -> Option<Hint> {
+        let square = |i: usize, j: usize| if i == j { deviation[i] * deviation[i] } else { 0.0 };
+        let covariance = std::array::from_fn(|i| std::array::from_fn(|j| square(i, j)));
+        let negative = deviation.iter().any(|d| *d < 0.0);
+        Hint::with_covariance(pose, &covariance).filter(|_| !negative)
+    }
+
+    /// Standard deviations of `τ`; `None`: not stated.
+    pub fn deviation(&self) -> Option<[f64; 6]> {
+        self.covariance.map(|rows| std::array::from_fn(|i| rows[i][i].sqrt()))
+    }
+
+    fn check(&self, frame: u32) -> Result<(), Error> {
+        let unit = (self.pose.rotation.length() - 1.0).abs() <= UNIT;
+        if !(self.pose.is_finite() && unit) {
+            return Err(Error::HintPose { frame });
+        }
+        if !self.covariance.as_ref().is_none_or(is_covariance) {
+            return Err(Error::HintCovariance { frame });
+        }
+        let age = self.age;
+        let sound = age.is_finite() && age >= 0.0;
+        if sound { Ok(()) } else { Err(Error::HintAge { frame, age }) }
+    }
+}
+
+/// What is known of a frame beside its picture. Nothing, by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Known {
+    /// About where the camera stood.
+    pub hint: Option<Hint>,
+    /// When the frame was taken, seconds on a clock of the caller's. May be left out, of some frames
+    /// too. It must not go back from a frame to a later one.
+    pub time: Option<f64>,
+}
+
+impl Known {
+    /// Whether it can be used. `frame`: the frame's number; `before`: the last time that an earlier frame
+    /// stated.
+    ///
+    /// # Errors
+    /// [`Error::HintPose`], [`Error::HintCovariance`], [`Error::HintAge`], [`Error::FrameTime`] and
+    /// [`Error::FrameTimeBack`].
+    pub(crate) fn check(&self, frame: u32, before: Option<f64>) -> Result<(), Error> {
+        if let Some(hint) = &self.hint {
+            hint.check(frame)?;
+        }
+        match (self.time, before) {
+            (Some(time), _) if !time.is_finite() => Err(Error::FrameTime { frame, time }),
+            (Some(time), Some(before)) if time < before => {
+                Err(Error::FrameTimeBack { frame, time, before })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl From<Hint> for Known {
+    fn from(hint: Hint) -> Known {
+        Known { hint: Some(hint), time: None }
+    }
+}
+
+impl From<Pose> for Known {
+    fn from(pose: Pose) -> Known {
+        Hint::of(pose).into()
+    }
+}
+
+// None from `Option<Hint>`: with two of this kind, `encode(frame, None)` would be ambiguous.
+impl From<Option<Pose>> for Known {
+    fn from(pose: Option<Pose>) -> Known {
+        Known { hint: pose.map(Hint::of), time: None }
+    }
+}
+
+/// Whether a matrix is finite, symmetric and positive semidefinite, within rounding.
+fn is_covariance(rows: &Covariance) -> bool {
+    if !rows.as_flattened().iter().all(|v| v.is_finite()) || (0..6).any(|i| rows[i][i] < 0.0) {
+        return false;
+    }
+    // As correlations, as units of length and angle have nothing to do with each other.
+    let mut scaled = [[0.0; 6]; 6];
+    for (i, row) in rows.iter().enumerate() {
+        for (j, value) in row.iter().enumerate() {
+            let scale = rows[i][i].sqrt() * rows[j][j].sqrt();
+            if scale == 0.0 && *value != 0.0 {
+                return false;
+            }
+            scaled[i][j] = if scale == 0.0 { 0.0 } else { value / scale };
+        }
+    }
+    let symmetric = |(i, j): (usize, usize)| (scaled[i][j] - scaled[j][i]).abs() <= ROUNDING;
+    let mut pairs = (0..6).flat_map(|i| (0..i).map(move |j| (i, j)));
+    pairs.all(symmetric) && is_positive(&scaled)
+}
+
+/// Whether no eigenvalue of a symmetric matrix is below `-ROUNDING`: Cholesky's factorisation (Golub &
+/// Van Loan, Matrix Computations, 4.2) of the matrix with that added to its diagonal.
+fn is_positive(matrix: &[[f64; 6]; 6]) -> bool {
+    let mut factor = [[0.0; 6]; 6];
+    for i in 0..6 {
+        for j in 0..=i {
+            let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
+            let left = matrix[i][j] - known;
+            if i > j {
+                factor[i][j] = left / factor[j][j];
+                continue;
+            }
+            let pivot = left + ROUNDING;
+            if !(pivot > 0.0) {
+                return false;
+            }
+            factor[i][i] = pivot.sqrt();
+        }
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const DEVIATION: [f64; 6] = [0.1, 0.2, 0.05, 0.01, 0.02, 0.0];
+
+    fn covariance() -> Covariance {
+        Hint::with_deviation(Pose::IDENTITY, &DEVIATION).unwrap().covariance.unwrap()
+    }
+
+    fn is_sound(covariance: &Covariance) -> bool {
+        Hint::with_covariance(Pose::IDENTITY, covariance).is_some()
+    }
+
+    #[test]
+    fn deviations_come_back() {
+        let hint = Hint::with_deviation(Pose::IDENTITY, &DEVIATION).unwrap();
+        let found = hint.deviation().unwrap();
+        assert!(DEVIATION.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        assert_eq!(Hint::of(Pose::IDENTITY).deviation(), None);
+        assert!(is_sound(&[[0.0; 6]; 6]), "known exactly");
+        for wrong in [-0.1, f64::NAN, f64::INFINITY] {
+            assert_eq!(Hint::with_deviation(Pose::IDENTITY, &[wrong; 6]), None);
+        }
+    }
+
+    #[test]
+    fn what_is_no_covariance_is_refused() {
+        let with = |entries: &[(usize, usize, f64)]| {
+            let mut rows = covariance();
+            entries.iter().for_each(|(i, j, value)| rows[*i][*j] = *value);
+            is_sound(&rows)
+        };
+        assert!(with(&[(0, 1, 0.019), (1, 0, 0.019)]));
+        assert!(with(&[(0, 1, 0.02), (1, 0, 0.02)]), "wholly correlated");
+        assert!(!with(&[(0, 1, 0.021), (1, 0, 0.021)]), "more than wholly");
+        assert!(!with(&[(0, 1, 0.019)]), "not symmetric");
+        assert!(!with(&[(3, 3, -1e-9)]));
+        assert!(!with(&[(0, 5, 1e-9), (5, 0, 1e-9)]), "with what does not vary");
+        assert!(!with(&[(2, 4, f64::NAN), (4, 2, f64::NAN)]));
+        assert!(!with(&[(1, 1, f64::INFINITY)]));
+        // Each pair may be so; the three together may not.
+        let apart = [(0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1)];
+        let deviation = |i: usize| covariance()[i][i].sqrt();
+        let entries = apart.map(|(i, j)| (i, j, -0.6 * deviation(i) * deviation(j)));
+        assert!(!with(&entries));
+        assert!(with(&entries.map(|(i, j, v)| (i, j, v * 0.8))));
+    }
+
+    proptest! {
+        /// Sums of squares of steps are covariances, in any units, of any rank, and rounded to f32.
+        #[test]
+        fn sums_of_squares_are_sound(
+            steps in prop::collection::vec(prop::array::uniform6(-1.0f64..1.0), 0..8),
+            units in prop::array::uniform6(1e-6f64..1e6),
+        ) {
+            let entry = |i: usize, j: usize| -> f64 {
+                steps.iter().map(|s| s[i] * units[i] * s[j] * units[j]).sum()
+            };
+            let exact: Covariance = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
+            prop_assert!(is_sound(&exact));
+            prop_assert!(is_sound(&exact.map(|row| row.map(|v| f64::from(v as f32)))));
+        }
+
+        /// And are none once one direction's variance is below zero.
+        #[test]
+        fn less_than_nothing_is_not(
+            deviation in prop::array::uniform6(0.1f64..10.0),
+            direction in prop::array::uniform6(0.1f64..1.0),
+        ) {
+            // vᵀ C v < 0 of C = D (I − 1.01 n nᵀ) D, n of length 1, v = D⁻¹ n.
+            let length = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let entry = |i: usize, j: usize| {
+                let n = direction[i] * direction[j] / (length * length);
+                (f64::from(u8::from(i == j)) - 1.01 * n) * deviation[i] * deviation[j]
+            };
+            let rows: Covariance = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
+            prop_assert!(!is_sound(&rows));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_used_is_named() {
+        let check = |known: Known, before| known.check(7, before);
+        let hint = Hint::of(Pose::IDENTITY);
+        assert!(check(Known::default(), None).is_ok());
+        assert!(check(Known::from(hint), Some(5.0)).is_ok());
+        assert_eq!(Known::from(None), Known::default());
+        for rotation in [glam::DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), glam::DQuat::IDENTITY * 2.0] {
+            let pose = Pose { rotation, ..Pose::IDENTITY };
+            assert!(matches!(check(pose.into(), None), Err(Error::HintPose { frame: 7 })));
+        }
+        let pose = Pose { translation: glam::DVec3::INFINITY, ..Pose::IDENTITY };
+        assert!(matches!(check(Some(pose).into(), None), Err(Error::HintPose { frame: 7 })));
+        let wrong = Hint { covariance: Some([[1.0; 6]; 6].map(|row| row.map(|v| -v))), ..hint };
+        assert!(matches!(check(wrong.into(), None), Err(Error::HintCovariance { frame: 7 })));
+        for age in [-1e-9, f64::NAN, f64::INFINITY] {
+            let found = check(Hint { age, ..hint }.into(), None);
+            assert!(matches!(found, Err(Error::HintAge { frame: 7, .. })));
+        }
+        let at = |time| Known { hint: None, time: Some(time) };
+        assert!(check(at(5.0), Some(5.0)).is_ok(), "two cameras may be triggered together");
+        assert!(check(at(-1e9), None).is_ok(), "any clock will do");
+        let back = check(at(4.5), Some(5.0));
+        assert!(matches!(back, Err(Error::FrameTimeBack { frame: 7, time: 4.5, before: 5.0 })));
+        for time in [f64::NAN, f64::NEG_INFINITY] {
+            assert!(matches!(check(at(time), None), Err(Error::FrameTime { frame: 7, .. })));
+        }
+    }
+}
