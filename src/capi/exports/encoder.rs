@@ -115,6 +115,8 @@ pub const NVSP_START_PREVIOUS: u32 = 1;
 pub const NVSP_START_PREDICTED: u32 = 2;
 /// Nothing was near, and no pose was given: it started from the best there was.
 pub const NVSP_START_UNCERTAIN: u32 = 3;
+/// It was found by the prior's key frames.
+pub const NVSP_START_KEY_FRAME: u32 = 4;
 
 /// The gradient became small.
 pub const NVSP_STOP_GRADIENT: u32 = 0;
@@ -669,6 +671,7 @@ impl Place {
                 StartKind::Previous => NVSP_START_PREVIOUS,
                 StartKind::Predicted => NVSP_START_PREDICTED,
                 StartKind::BestOfBad => NVSP_START_UNCERTAIN,
+                StartKind::KeyFrame => NVSP_START_KEY_FRAME,
             },
             stop: match stats.stop {
                 Stop::Gradient => NVSP_STOP_GRADIENT,
