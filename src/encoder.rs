@@ -22,9 +22,9 @@ pub struct EncoderOptions {
     /// How to refine poses.
     pub refine: RefineOptions,
     /// Mean squared error, values in [0, 1] (paper: 1e-3 in a basin, 1e-2 on real footage). The
-    /// gradient methods start from the frame before where the error there is below this.
-    /// Gauss–Newton always tries that first, and looks afresh where the outcome is neither below
-    /// this nor near the error of the frame before.
+    /// gradient methods start from the frame before if the error there is below this. Gauss–Newton
+    /// tells by the pictures whether a pose is right; if the prior shows too little for that, a frame
+    /// whose error is below this is not looked for afresh.
     pub threshold: f64,
     /// How fine the difference picture is; `None`: none is sent.
     pub rate: Option<Rate>,

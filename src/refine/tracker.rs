@@ -260,6 +260,13 @@ impl Tracker {
                 best = Some(Found::or_judged(best, found));
             }
         }
+        if best.is_none()
+            && let Some(pose) = self.relocaliser.likeliest()
+        {
+            let schedule = Schedule { renders: 1, leap: 0.0, ..schedule };
+            let found = self.from(&[pose], &schedule)?;
+            best = Some(self.judged(found)?);
+        }
         Ok(best.map(|best| {
             let start = if best.certain { best.start } else { StartKind::BestOfBad };
             Found { start, ..best }
