@@ -115,7 +115,7 @@ mod tests {
             assert!((direction.length() - 1.0).abs() < 1e-12);
             assert!(directions.near[i].contains(&i) && directions.near[i].len() >= 5);
             assert!(directions.cone[i].len() >= directions.near[i].len());
-            // Half of space is within 60° of the axis, or three quarters of that by the cosine: 1/4.
+            // A cap of 60° holds a quarter of all directions, 13.5 of the bins.
             assert!((9..=19).contains(&directions.same_side[i].count_ones()));
         }
     }
