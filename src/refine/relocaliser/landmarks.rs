@@ -54,11 +54,11 @@ impl Landmarks {
     /// Bytes that groups of so many points take in memory.
     pub fn bytes(groups: usize, points: usize) -> usize {
         let point = size_of::<[f32; 3]>() + size_of::<Descriptor>() + 4 + 4 * TABLES;
-        groups * points * point + (4 * TABLES << BITS)
+        groups * points * point + ((4 * TABLES) << BITS)
     }
 
     /// Number of groups.
-    pub fn len(&self) -> usize {
+    pub fn groups(&self) -> usize {
         self.groups.len()
     }
 
@@ -166,6 +166,6 @@ mod tests {
         let mut landmarks = Landmarks::with_room(0, 50);
         let mut votes = vec![(1, 1)];
         landmarks.vote(&[], &mut votes);
-        assert!(votes.is_empty() && landmarks.len() == 0);
+        assert!(votes.is_empty() && landmarks.groups() == 0);
     }
 }

@@ -42,8 +42,11 @@ const DISTINCT: f32 = 0.85;
 const DISTINCT_NEAR: f32 = 0.9;
 /// Key frames whose matches are taken together at most, those of most matches.
 const POOLED: usize = 32;
-/// Descriptors that differ in more bits are of two points.
-const ALIKE: u32 = 40;
+/// Descriptors of one point differ in no more bits: poses are proposed by the strict figure, and by the loose
+/// one, with which there are more right matches, but many more wrong ones.
+const ALIKE: [u32; 2] = [40, 54];
+/// The same for a render where the camera is thought to stand.
+const ALIKE_NEAR: u32 = 64;
 /// Renders at a proposed pose.
 const ROUNDS: usize = 3;
 /// Pictures are not looked at in more detail than this width, pixels.
@@ -77,7 +80,8 @@ pub struct Relocaliser {
     /// Of the render's corners, relative to the origin; not a number where nothing is seen.
     points: Vec<[f32; 3]>,
     votes: Vec<(u32, u32)>,
-    by_key_frame: Vec<Vec<Match>>,
+    /// With the distances of their descriptors.
+    by_key_frame: Vec<Vec<(u32, Match)>>,
     matches: Vec<Match>,
     /// Places in `votes`, those of most matches first.
     ranked: Vec<usize>,
@@ -119,24 +123,19 @@ impl Relocaliser {
             ranked: Vec::with_capacity(VOTED),
             pairs: Pairs::with_room(room),
             sorted: Vec::with_capacity(room),
-            candidates: Vec::with_capacity(PROPOSALS),
+            candidates: Vec::with_capacity(ALIKE.len() * PROPOSALS),
         }
     }
 
     /// Key frames that are not rendered yet.
     pub fn left(&self) -> usize {
-        self.key_frames.len() - self.landmarks.len()
-    }
-
-    /// Number of key frames.
-    pub fn len(&self) -> usize {
-        self.key_frames.len()
+        self.key_frames.len() - self.landmarks.groups()
     }
 
     /// Renders the next `most` key frames and takes their corners: one render each.
     pub fn learn(&mut self, objective: &mut Objective, most: usize) -> Result<(), Error> {
         for _ in 0..most.min(self.left()) {
-            let pose = self.key_frames[self.landmarks.len()];
+            let pose = self.key_frames[self.landmarks.groups()];
             self.look(objective, &pose)?;
             self.sorted.clear();
             let seen = self.points.iter().filter(|p| p[0].is_finite());
@@ -184,15 +183,19 @@ impl Relocaliser {
         }
         self.ranked.clear();
         self.ranked.extend(0..self.votes.len());
-        self.ranked.sort_by_key(|slot| std::cmp::Reverse(self.by_key_frame[*slot].len()));
-        for rank in 0..self.ranked.len().min(PROPOSALS) {
-            self.pool(self.ranked[rank]);
-            if let Some(found) = self.resection.resect(&self.matches, None) {
-                let pose = absolute(&found.pose, self.origin);
-                self.candidates.push(Candidate { pose, features: found.features });
+        let strict =
+            |slot: &usize| self.by_key_frame[*slot].iter().filter(|(d, _)| *d <= ALIKE[0]).count();
+        self.ranked.sort_by_cached_key(|slot| std::cmp::Reverse(strict(slot)));
+        for alike in ALIKE {
+            for rank in 0..self.ranked.len().min(PROPOSALS) {
+                self.pool(self.ranked[rank], alike);
+                if let Some(found) = self.resection.resect(&self.matches, None) {
+                    let pose = absolute(&found.pose, self.origin);
+                    self.candidates.push(Candidate { pose, features: found.features });
+                }
             }
         }
-        self.candidates.sort_by(|a, b| b.features.cmp(&a.features));
+        self.candidates.sort_by_key(|candidate| std::cmp::Reverse(candidate.features));
         &self.candidates
     }
 
@@ -255,18 +258,19 @@ impl Relocaliser {
     /// Matches the frame's corners with those of the key frame that is `slot`-th by votes.
     fn compare(&mut self, slot: usize) {
         let (points, descriptors) = self.landmarks.group(self.votes[slot].0 as usize);
-        let pairs = self.pairs.between(&self.frame, descriptors.iter(), DISTINCT);
+        let pairs = self.pairs.between(&self.frame, descriptors.iter(), ALIKE[1], DISTINCT);
         let matches = &mut self.by_key_frame[slot];
         matches.clear();
-        matches.extend(pairs.map(|(index, at)| Match {
-            feature: index as u32,
-            place: self.frame[index].place,
-            point: vector(&points[at]),
+        matches.extend(pairs.map(|(index, at)| {
+            let Feature { place, descriptor } = self.frame[index];
+            let point = vector(&points[at]);
+            let of = Match { feature: index as u32, place, point };
+            (distance(&descriptor, &descriptors[at]), of)
         }));
     }
 
-    /// Gathers the matches of a key frame, and of others near it.
-    fn pool(&mut self, slot: usize) {
+    /// Gathers the matches of a key frame, and of others near it, whose descriptors are `alike`.
+    fn pool(&mut self, slot: usize, alike: u32) {
         let at = |slot: usize| self.votes[slot].0 as usize;
         let here = &self.key_frames[at(slot)];
         let reach = TOGETHER * self.depths[at(slot)];
@@ -277,7 +281,8 @@ impl Relocaliser {
             let near = (here.centre() - there.centre()).length() < reach;
             let same_way = axis(here).dot(axis(there)) > 0.6;
             if other == slot || (near && same_way) {
-                self.matches.extend_from_slice(&self.by_key_frame[other]);
+                let sound = self.by_key_frame[other].iter().filter(|(d, _)| *d <= alike);
+                self.matches.extend(sound.map(|(_, of)| *of));
             }
         }
     }
@@ -285,7 +290,7 @@ impl Relocaliser {
     /// Matches the frame's corners with the render's.
     fn match_render(&mut self) {
         let render = self.render.iter().map(|f| &f.descriptor);
-        let pairs = self.pairs.between(&self.frame, render, DISTINCT_NEAR);
+        let pairs = self.pairs.between(&self.frame, render, ALIKE_NEAR, DISTINCT_NEAR);
         self.matches.clear();
         let sound = pairs.filter(|(_, at)| self.points[*at][0].is_finite());
         self.matches.extend(sound.map(|(index, at)| Match {
@@ -310,12 +315,13 @@ impl Pairs {
         Pairs { nearest: Vec::with_capacity(features), back: Vec::with_capacity(features) }
     }
 
-    /// Features and descriptors that are each other's nearest, differ in few bits, and whose second
+    /// Features and descriptors that are each other's nearest, differ in at most `alike` bits, and whose second
     /// nearest differs in more: the first in less than `share` of the second's.
     fn between<'a>(
         &mut self,
         features: &[Feature],
         descriptors: impl Iterator<Item = &'a Descriptor> + Clone,
+        alike: u32,
         share: f32,
     ) -> impl Iterator<Item = (usize, usize)> {
         self.nearest.clear();
@@ -334,7 +340,7 @@ impl Pairs {
                     second = d;
                 }
             }
-            let distinct = least <= ALIKE && (least as f32) < share * second as f32;
+            let distinct = least <= alike && (least as f32) < share * second as f32;
             self.nearest.push(distinct.then_some(at as u32));
         }
         let pairs = self.nearest.iter().enumerate();

@@ -88,7 +88,9 @@ impl Resection {
         let best = best?;
         let pose = self.refined(matches, best.pose);
         let features = self.count(matches, &pose);
-        Some(if features >= best.features { Resected { pose, features } } else { best })
+        // Three points are seen better by chance than all of them by their best pose.
+        let as_good = features * 10 >= best.features * 9;
+        Some(if as_good { Resected { pose, features } } else { best })
     }
 
     /// Takes a pose if it explains more features than the best one.
@@ -248,7 +250,8 @@ mod tests {
             assert!(found.features as usize + 2 >= right, "{} of {right}", found.features);
             // A pixel is 4e-3 radians, and 0.02 at the middle of the points.
             let off = (found.pose.centre() - truth.centre()).length();
-            assert!(found.pose.angle_to(&truth) < 8e-3 && off < 0.04, "{off}");
+            let turned = found.pose.angle_to(&truth);
+            assert!(turned < 8e-3 && off < 0.04, "{right} of {wrong} wrong: {turned} {off}");
             assert_eq!(resection.resect(&matches, None), Some(found));
         }
     }
