@@ -651,7 +651,7 @@ typedef struct nvsp_reassembler_statistics {
 // An image's size, shape, strides or planes do not fit.
 #define NVSP_ERR_IMAGE -16
 
-// The first frame came without a pose to start from.
+// The first frame came without a pose to start from, and the prior has no key frames.
 #define NVSP_ERR_NO_START -17
 
 // The byte budget does not even hold the pose.
@@ -878,8 +878,8 @@ nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
 size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 
 // Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the
-// device. `hint` is the pose as sensors or an estimator have it, used where the frame before is no
-// good start; NULL where nothing is known, which the first frame cannot do with. `stats` may be
+// device. `hint` is the pose as sensors or an estimator have it, used if the frame before leads
+// nowhere; NULL if nothing is known: the first frame is then found by the prior's key frames. `stats` may be
 // NULL. Allocates nothing from the second frame on, but where a view of the prior needs more room
 // on the device than any before it.
 //

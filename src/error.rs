@@ -43,8 +43,11 @@ pub enum Error {
         /// Bytes of the packet without residual.
         needed: usize,
     },
-    /// The first frame came without a pose to start from.
-    #[error("frame {frame}: no pose to start from, neither from outside nor from a frame before")]
+    /// The first frame came without a pose, and the prior has no key frames to find it by.
+    #[error(
+        "frame {frame}: no pose to start from, neither from outside nor from a frame before, and the \
+         prior has no key frames: give a pose, or make key frames with `nvsprior key-frames`"
+    )]
     NoStart {
         /// Number of the frame.
         frame: u32,

@@ -409,8 +409,8 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 }
 
 /// Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the
-/// device. `hint` is the pose as sensors or an estimator have it, used where the frame before is no
-/// good start; NULL where nothing is known, which the first frame cannot do with. `stats` may be
+/// device. `hint` is the pose as sensors or an estimator have it, used if the frame before leads
+/// nowhere; NULL if nothing is known: the first frame is then found by the prior's key frames. `stats` may be
 /// NULL. Allocates nothing from the second frame on, but where a view of the prior needs more room
 /// on the device than any before it.
 ///

@@ -48,7 +48,7 @@ pub const NVSP_ERR_PRIOR: nvsp_status = -14;
 pub const NVSP_ERR_CAMERA: nvsp_status = -15;
 /// An image's size, shape, strides or planes do not fit.
 pub const NVSP_ERR_IMAGE: nvsp_status = -16;
-/// The first frame came without a pose to start from.
+/// The first frame came without a pose to start from, and the prior has no key frames.
 pub const NVSP_ERR_NO_START: nvsp_status = -17;
 /// The byte budget does not even hold the pose.
 pub const NVSP_ERR_BUDGET: nvsp_status = -18;

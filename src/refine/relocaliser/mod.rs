@@ -83,8 +83,8 @@ pub struct Relocaliser {
     /// With the distances of their descriptors.
     by_key_frame: Vec<Vec<(u32, Match)>>,
     matches: Vec<Match>,
-    /// Places in `votes`, those of most matches first.
-    ranked: Vec<usize>,
+    /// Number of strict matches, and place in `votes`; most first.
+    ranked: Vec<(usize, usize)>,
     pairs: Pairs,
     sorted: Vec<f64>,
     candidates: Vec<Candidate>,
@@ -182,26 +182,28 @@ impl Relocaliser {
             self.compare(slot);
         }
         self.ranked.clear();
-        self.ranked.extend(0..self.votes.len());
-        let strict =
-            |slot: &usize| self.by_key_frame[*slot].iter().filter(|(d, _)| *d <= ALIKE[0]).count();
-        self.ranked.sort_by_cached_key(|slot| std::cmp::Reverse(strict(slot)));
+        for (slot, matches) in self.by_key_frame[..self.votes.len()].iter().enumerate() {
+            let strict = matches.iter().filter(|(d, _)| *d <= ALIKE[0]).count();
+            self.ranked.push((strict, slot));
+        }
+        self.ranked.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
         for alike in ALIKE {
             for rank in 0..self.ranked.len().min(PROPOSALS) {
-                self.pool(self.ranked[rank], alike);
+                self.pool(self.ranked[rank].1, alike);
                 if let Some(found) = self.resection.resect(&self.matches, None) {
                     let pose = absolute(&found.pose, self.origin);
                     self.candidates.push(Candidate { pose, features: found.features });
                 }
             }
         }
-        self.candidates.sort_by_key(|candidate| std::cmp::Reverse(candidate.features));
+        let by_features = |candidate: &Candidate| std::cmp::Reverse(candidate.features);
+        self.candidates.sort_unstable_by_key(by_features);
         &self.candidates
     }
 
     /// The key frame that looks most like the frame, or any: the camera must be thought to stand somewhere.
     pub fn likeliest(&self) -> Option<Pose> {
-        let voted = self.ranked.first().map(|slot| self.votes[*slot].0 as usize);
+        let voted = self.ranked.first().map(|(_, slot)| self.votes[*slot].0 as usize);
         let pose = self.key_frames.get(voted.unwrap_or(0))?;
         Some(absolute(pose, self.origin))
     }
@@ -276,7 +278,7 @@ impl Relocaliser {
         let reach = TOGETHER * self.depths[at(slot)];
         self.matches.clear();
         for rank in 0..self.ranked.len().min(POOLED) {
-            let other = self.ranked[rank];
+            let other = self.ranked[rank].1;
             let there = &self.key_frames[at(other)];
             let near = (here.centre() - there.centre()).length() < reach;
             let same_way = axis(here).dot(axis(there)) > 0.6;
