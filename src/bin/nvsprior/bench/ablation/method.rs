@@ -144,7 +144,7 @@ impl Searches {
             _ => {}
         }
         let encoder = self.encoder(method);
-        encoder.forget();
+        encoder.reset();
         Ok(Attempt::of(&context.sample(encoder, shot, Some(*start))?))
     }
 }

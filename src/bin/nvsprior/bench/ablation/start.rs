@@ -94,7 +94,7 @@ fn sample(
     before: &Pose,
 ) -> anyhow::Result<Sample> {
     let encoder = searches.encoder(method);
-    encoder.forget();
+    encoder.reset();
     if outside.is_none() {
         context.sample(encoder, shot - 1, Some(*before))?;
     }
