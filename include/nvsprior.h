@@ -156,6 +156,9 @@
 // Nothing was near, and no pose was given: it started from the best there was.
 #define NVSP_START_UNCERTAIN 3
 
+// It was found by the prior's key frames.
+#define NVSP_START_KEY_FRAME 4
+
 // The gradient became small.
 #define NVSP_STOP_GRADIENT 0
 
@@ -360,10 +363,10 @@ typedef struct nvsp_encoder_options {
   uint32_t optimizer;
   // NVSP_PROFILE_*.
   uint32_t profile;
-  // Mean squared error, values in [0, 1]; 0: 1e-3. Gauss-Newton starts at the frame before, and
-  // looks afresh (from the hint, if there is one) where what it finds is neither below this nor
-  // near the error of the frame before. BFGS and Adam start at the frame before only where the
-  // error there is below this: 1e-3 suits a basin, 1e-2 real footage.
+  // Mean squared error, values in [0, 1]; 0: 1e-3. BFGS and Adam start at the frame before only if the
+  // error there is below this: 1e-3 suits a basin, 1e-2 real footage. Gauss-Newton tells by the pictures
+  // whether a pose is right; if the prior shows too little for that, a frame whose error is below this is
+  // not looked for afresh.
   float threshold;
   // Levels of the image pyramid, 1 to 6; 0: 4.
   uint32_t levels;
@@ -374,6 +377,9 @@ typedef struct nvsp_encoder_options {
   // A check of the prior's render (6 bytes) is sent with the first frame and every so many after
   // it, by which the topside knows whether it renders the same; 0: never.
   uint32_t check_interval;
+  // Renders of the prior, of any size, that a frame may take to look afresh for its pose; what it does
+  // not find is looked for again with the next frame. A search that has begun is ended. 0: 96.
+  uint32_t lost_renders;
 } nvsp_encoder_options;
 
 // A camera's image; read during the call only. Its size may be another than the camera's, which it
@@ -830,6 +836,20 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder, uint32_t mode, f
 // Preconditions:
 // Pointers are NULL or valid.
 nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera);
+
+// Renders up to `most` of the prior's key frames that are not rendered yet, by which the encoder finds a
+// camera that it has lost, and waits for them; `left` (may be NULL) tells how many remain. Without this
+// they are rendered while a frame is lost, as far as nvsp_encoder_options.lost_renders goes. After
+// nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered anew.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
+// NVSP_ERR_DEVICE_LOST.
+//
+// Preconditions:
+// Pointers are NULL or valid.
+nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
+                                 uint32_t most,
+                                 uint32_t *left);
 
 // Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
 // prior, by its identity. Frame numbers and poses carry over. Where it fails, all is as before.

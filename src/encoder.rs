@@ -22,9 +22,9 @@ pub struct EncoderOptions {
     /// How to refine poses.
     pub refine: RefineOptions,
     /// Mean squared error, values in [0, 1] (paper: 1e-3 in a basin, 1e-2 on real footage). The
-    /// gradient methods start from the frame before where the error there is below this.
-    /// Gauss–Newton always tries that first, and looks afresh where the outcome is neither below
-    /// this nor near the error of the frame before.
+    /// gradient methods start from the frame before if the error there is below this. Gauss–Newton
+    /// tells by the pictures whether a pose is right; if the prior shows too little for that, a frame
+    /// whose error is below this is not looked for afresh.
     pub threshold: f64,
     /// How fine the difference picture is; `None`: none is sent.
     pub rate: Option<Rate>,
@@ -148,8 +148,6 @@ pub struct Encoder {
     camera_age: Option<u32>,
     /// The last time that a frame stated.
     time: Option<f64>,
-    /// Of the frame before: [`FrameStats::lost_frames`].
-    lost_frames: u32,
 }
 
 impl Encoder {
@@ -175,7 +173,6 @@ impl Encoder {
             renders_before: Vec::new(),
             camera_age: None,
             time: None,
-            lost_frames: 0,
         })
     }
 
@@ -302,7 +299,7 @@ impl Encoder {
 
     /// [`FrameStats::lost_frames`] of the next frame.
     fn lost_frames_with(&self, found: &Found) -> u32 {
-        if found.certain { 0 } else { self.lost_frames.saturating_add(1) }
+        if found.certain { 0 } else { self.tracker.lost_frames().saturating_add(1) }
     }
 
     /// What the next frame goes on from.
@@ -311,16 +308,22 @@ impl Encoder {
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         self.frame = self.frame.wrapping_add(1);
         self.time = known.time.or(self.time);
-        self.lost_frames = self.lost_frames_with(found);
-        let observability = Some(&found.observability);
-        self.tracker.keep(drawn.pose, found.outcome.mse, found.start, observability);
+        let Found { outcome, start, certain, observability, .. } = found;
+        self.tracker.keep(drawn.pose, outcome.mse, *start, *certain, Some(observability));
     }
 
     /// Forgets the frames before: the next one is looked for as the first was, and its time may be any.
     /// Frame numbers go on, and the camera is sent again when it is due.
     pub fn reset(&mut self) {
         self.tracker.reset();
-        (self.time, self.lost_frames) = (None, 0);
+        self.time = None;
+    }
+
+    /// Renders up to `most` of the prior's key frames that are not rendered yet, by which lost cameras are
+    /// found; how many are left. Without this they are rendered while a frame is lost, as far as its renders
+    /// go ([`RefineOptions::lost_renders`]). One render each, and some 20 ms of the host.
+    pub fn prepare(&mut self, most: usize) -> Result<usize, Error> {
+        Ok(self.tracker.prepare(most)?)
     }
 
     /// Whether what is stated of the next frame can be used.

@@ -4,6 +4,7 @@ mod check;
 pub mod compact;
 #[cfg(feature = "formats")]
 mod compressed_ply;
+mod coverage;
 mod error;
 mod frame;
 mod identity;
@@ -21,6 +22,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 pub use check::{Dropped, Fault, INFINITE_LOGIT, MAX_COEFFICIENT, MAX_LOG_SCALE};
+pub use coverage::Covering;
 pub use error::PriorError;
 pub use frame::PriorFrame;
 pub use identity::PriorId;

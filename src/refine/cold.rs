@@ -1,5 +1,6 @@
 //! Starts of a frame of which only a rough pose is known.
 
+use crate::render::Correction;
 use crate::shared::PIXEL;
 use crate::vulkan::Error;
 use crate::{Picture, Pose};
@@ -40,9 +41,10 @@ impl ColdStart {
         most: usize,
     ) -> Result<&[Pose], Error> {
         self.pyramid.set(frame);
+        let correction = *objective.correction();
         let render = objective.renderer().draw_level(self.level, start)?;
         let render = &render[..render.len() / PIXEL as usize * PIXEL as usize];
-        self.error = mse(render, self.pyramid.level(0));
+        self.error = mse(render, self.pyramid.level(0), &correction);
         let proposals = self.hypotheses.propose(self.pyramid.level(0), render, start);
         self.starts.clear();
         self.starts.extend(proposals.iter().take(most).map(|proposal| proposal.pose));
@@ -55,11 +57,11 @@ impl ColdStart {
     }
 }
 
-/// Mean squared error of a picture of five floats a pixel against one of three.
-fn mse(render: &[f32], frame: &[f32]) -> f64 {
+/// Mean squared error of a picture of five floats a pixel against one of three, whose light is corrected.
+fn mse(render: &[f32], frame: &[f32], correction: &Correction) -> f64 {
     let pixels = render.chunks_exact(PIXEL as usize).zip(frame.chunks_exact(3));
     let square = |(r, f): (&[f32], &[f32])| -> f64 {
-        std::iter::zip(&r[..3], f).map(|(r, f)| f64::from(r - f).powi(2)).sum()
+        (0..3).map(|c| f64::from(r[c] - correction.of(c, f[c])).powi(2)).sum()
     };
     pixels.map(square).sum::<f64>() / frame.len() as f64
 }

@@ -210,9 +210,7 @@ fn search(objective: &mut Objective, program: &Program) -> Result<Found, Error> 
     let (found, promised) = (search.found, f64::from(search.promised));
     let sums = search.place_sums.map(f64::from);
     let observability = Observability::of(&NormalEquations::from_sums(&sums, levels[0] as usize));
-    let pose = pose_of(&scene, &found);
-    let mse = mse(renderer.difference());
-    let outcome = Outcome { pose, mse, stop };
+    let outcome = Outcome { pose: pose_of(&scene, &found), mse: objective.error(), stop };
     let tracked = Tracked { outcome, code, submissions, first_mse, observability };
     Ok(Found { tracked, found, promised, seen, seen_mse: square / levels[0] })
 }
@@ -223,11 +221,4 @@ fn stop(search: &Search) -> Stop {
         STOP_NO_DESCENT => Stop::NoDescent,
         _ => Stop::Iterations,
     }
-}
-
-/// Mean squared error, values in [0, 1], of a difference picture.
-pub(super) fn mse(difference: &[u8]) -> f64 {
-    let square = |v: &u8| u64::from(v.abs_diff(128)).pow(2);
-    let sum: u64 = difference.iter().map(square).sum();
-    sum as f64 / (difference.len() as f64 * 255.0 * 255.0)
 }

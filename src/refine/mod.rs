@@ -6,6 +6,7 @@
 //! BFGS and Adam, the paper's choices, are led by the host, an evaluation a submission.
 
 mod adam;
+mod agreement;
 mod bfgs;
 mod cold;
 mod gauss_newton;
@@ -21,6 +22,7 @@ mod starts;
 mod tracker;
 
 pub use adam::AdamOptions;
+pub use agreement::Agreement;
 pub use bfgs::BfgsOptions;
 pub use gauss_newton::{GaussNewtonOptions, Schedule};
 pub use hypotheses::{Hypotheses, Proposal};
@@ -78,6 +80,9 @@ pub struct RefineOptions {
     pub bfgs: BfgsOptions,
     /// Options of Adam.
     pub adam: AdamOptions,
+    /// Renders, of any level, that a frame may take in looking afresh; what it does not find is looked for
+    /// again in the next frame. A search that has begun is ended.
+    pub lost_renders: u32,
 }
 
 impl Default for RefineOptions {
@@ -89,6 +94,7 @@ impl Default for RefineOptions {
             gauss_newton: GaussNewtonOptions::default(),
             bfgs: BfgsOptions::default(),
             adam: AdamOptions::default(),
+            lost_renders: 96,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::render::{Jacobian, NormalEquations, Renderer};
+use crate::render::{Correction, Jacobian, NormalEquations, Renderer};
 use crate::search::LEVELS;
 use crate::vulkan::Error;
 use crate::{Camera, Picture, Pose};
@@ -43,6 +43,8 @@ pub struct Objective {
     reduced: bool,
     /// Of the last evaluation at full resolution that the host asked for.
     observability: Observability,
+    picture: Picture,
+    correction: Correction,
 }
 
 impl Objective {
@@ -50,7 +52,16 @@ impl Objective {
     pub fn new(renderer: Renderer) -> Objective {
         let trace = Trace(Vec::with_capacity(TRACE));
         let observability = Observability::default();
-        Objective { renderer, trace, since: Instant::now(), reduced: false, observability }
+        let camera = renderer.camera(0);
+        Objective {
+            picture: Picture::new(camera.width, camera.height),
+            renderer,
+            trace,
+            since: Instant::now(),
+            reduced: false,
+            observability,
+            correction: Correction::NONE,
+        }
     }
 
     /// Sets the frame to match and begins a new trace.
@@ -61,7 +72,40 @@ impl Objective {
         self.trace.0.clear();
         self.since = Instant::now();
         self.renderer.set_picture(frame);
+        self.picture.clone_from(frame);
         (self.reduced, self.observability) = (false, Observability::default());
+    }
+
+    /// The bytes of the frame, and of the 8-bit picture drawn last.
+    pub(super) fn pictures(&self) -> (&[u8], &[u8]) {
+        (&self.picture.data, self.renderer.rendered())
+    }
+
+    /// Corrects the frame's light, of this frame and those to come.
+    pub fn set_correction(&mut self, correction: &Correction) {
+        if *correction != self.correction {
+            self.correction = *correction;
+            self.renderer.set_correction(correction);
+            self.reduced = false;
+        }
+    }
+
+    /// How the frame's light is corrected.
+    pub fn correction(&self) -> &Correction {
+        &self.correction
+    }
+
+    /// Mean squared error of the 8-bit picture drawn last, the frame's light corrected; values in [0, 1].
+    pub(super) fn error(&self) -> f64 {
+        if self.correction == Correction::NONE {
+            return mse(self.renderer.difference());
+        }
+        let values = self.picture.data.iter().zip(self.renderer.rendered()).enumerate();
+        let square = |(i, (frame, render)): (usize, (&u8, &u8))| {
+            let frame = self.correction.of(i % 3, f32::from(*frame) / 255.0);
+            f64::from(frame - f32::from(*render) / 255.0).powi(2)
+        };
+        values.map(square).sum::<f64>() / self.picture.data.len() as f64
     }
 
     /// The normal equations at a pose. Where the pose is not finite, or the device returns something
@@ -144,4 +188,11 @@ impl Objective {
     pub fn levels(&self) -> usize {
         self.renderer.levels()
     }
+}
+
+/// Mean squared error, values in [0, 1], of a difference picture.
+fn mse(difference: &[u8]) -> f64 {
+    let square = |v: &u8| u64::from(v.abs_diff(128)).pow(2);
+    let sum: u64 = difference.iter().map(square).sum();
+    sum as f64 / (difference.len() as f64 * 255.0 * 255.0)
 }

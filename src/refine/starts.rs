@@ -7,6 +7,7 @@
 //! resolution.
 
 use crate::Pose;
+use crate::pose::Step;
 use crate::render::Jacobian;
 use crate::vulkan::Error;
 
@@ -24,6 +25,8 @@ pub enum StartKind {
     External,
     /// Nothing passed the threshold and nothing came from outside: the best candidate, unsure.
     BestOfBad,
+    /// Found by the prior's key frames.
+    KeyFrame,
 }
 
 impl StartKind {
@@ -34,6 +37,7 @@ impl StartKind {
             StartKind::Predicted => "predicted",
             StartKind::External => "external",
             StartKind::BestOfBad => "uncertain",
+            StartKind::KeyFrame => "key frame",
         }
     }
 }
@@ -47,11 +51,19 @@ pub struct Start {
     pub kind: StartKind,
 }
 
+/// Longest time for which the last motion is taken to go on, in times of that motion.
+const LONGEST: f64 = 4.0;
+
 /// Poses of the frames before.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Starts {
     last: Option<Pose>,
     before_last: Option<Pose>,
+    /// When they were taken, if that was stated.
+    last_time: Option<f64>,
+    before_last_time: Option<f64>,
+    /// When the next one was.
+    time: Option<f64>,
     /// Of the frame before, where that is known.
     observability: Option<Observability>,
 }
@@ -64,9 +76,35 @@ impl Starts {
     /// of the velocity; nor does what the picture did not determine.
     pub fn push(&mut self, pose: Pose, start: StartKind, observability: Option<&Observability>) {
         self.observability = observability.copied();
+        self.before_last_time = std::mem::replace(&mut self.last_time, self.time);
         let before = self.last.replace(pose);
         let follows = matches!(start, StartKind::Previous | StartKind::Predicted);
         self.before_last = before.filter(|_| follows);
+    }
+
+    /// Says when the next frame was taken, seconds on any clock; `None`: as long after the last one as that
+    /// was after the one before.
+    pub fn set_time(&mut self, time: Option<f64>) {
+        self.time = time;
+    }
+
+    /// How many times the last motion leads to the next frame.
+    fn motions(&self) -> f64 {
+        let (Some(time), Some(last), Some(before)) =
+            (self.time, self.last_time, self.before_last_time)
+        else {
+            return 1.0;
+        };
+        let motions = (time - last) / (last - before);
+        if motions.is_finite() { motions.clamp(0.0, LONGEST) } else { 1.0 }
+    }
+
+    /// The motion of so many seconds, as the last one was; `None` if its time is not known.
+    pub(super) fn motion_of(&self, seconds: f64) -> Option<Step> {
+        let (last, before) = (self.last?, self.before_last?);
+        let share = seconds / (self.last_time? - self.before_last_time?);
+        let motion = last.after(&before.inverse()).log();
+        (share.is_finite() && share.abs() <= LONGEST).then(|| motion.map(|v| v * share))
     }
 
     /// The pose of the frame before.
@@ -88,10 +126,14 @@ impl Starts {
     /// Where constant velocity leads. Along directions that the picture does not determine the camera
     /// is taken to stay: nothing would ever end a drift that noise began there.
     fn predicted(&self, last: &Pose, before: &Pose) -> Pose {
+        let motions = self.motions();
         match &self.observability {
             Some(observed) if observed.undetermined().next().is_some() => {
-                let motion = last.after(&before.inverse()).log();
+                let motion = last.after(&before.inverse()).log().map(|v| v * motions);
                 last.stepped(&observed.determined(&motion))
+            }
+            _ if motions != 1.0 => {
+                last.stepped(&last.after(&before.inverse()).log().map(|v| v * motions))
             }
             _ => last.predicted(before),
         }

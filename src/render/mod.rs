@@ -20,7 +20,7 @@ pub(crate) mod splat;
 pub(crate) mod view;
 mod workspace;
 
-pub use frame::to_byte;
+pub use frame::{Correction, to_byte};
 pub use kernels::{Kernels, SceneKernels, Traits};
 pub use radix::Fineness;
 pub use renderer::{Jacobian, Job, Plan, Renderer, Searched};

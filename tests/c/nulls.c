@@ -81,6 +81,7 @@ static void encoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin_frame(NULL, &image, &info));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin_frame(encoder, NULL, &info));
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_reset(NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_prepare(NULL, 1, NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_poll(NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_wait(NULL, 1));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_finish(NULL, bytes, size, &written, &stats));

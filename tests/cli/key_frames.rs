@@ -29,7 +29,7 @@ fn written_beside_the_prior_and_read_with_it() {
     let dive = Dive::new();
     let id = open(&dive, "prior.ply").id();
     assert_eq!(row(&dive.run("inspect prior.ply").ends_with(0).stdout, "key frames"), "none");
-    let command = "key-frames prior.ply --cameras cameras.json";
+    let command = "key-frames prior.ply --cameras cameras.json --cover 0";
     let text = dive.run(&format!("{command} --distance 0")).ends_with(0).stdout;
     assert_eq!(row(&text, "views"), "4 with poses, 4 show the prior");
     assert!(row(&text, "key frames").starts_with("4, cameras at x "), "{text}");
@@ -44,7 +44,7 @@ fn written_beside_the_prior_and_read_with_it() {
     let text = dive.run(command).ends_with(0).stdout;
     let away: f64 = row(&text, "scene").split(' ').next().unwrap().parse().unwrap();
     assert!((3.6..5.0).contains(&away), "{text}");
-    assert_eq!(row(&text, "thinned"), format!("by {:.4} and 10°", 0.05 * away));
+    assert_eq!(row(&text, "thinned"), format!("to 1, by {:.4} and 10°", 0.05 * away));
     assert_near(open(&dive, "prior.ply").key_frames(), &poses(&[0.0]), 1e-12, 1e-12);
     // Of a split, and by angle alone: two views are 0.0078 rad of pitch and yaw apart, 0.41°.
     let narrow = format!("{command} --split dive --distance 100 --angle 0.5");
@@ -61,6 +61,39 @@ fn written_beside_the_prior_and_read_with_it() {
 }
 
 #[test]
+fn added_ones_cover_what_the_views_saw() {
+    let dive = Dive::new();
+    let mut before = 0.0;
+    for (cover, added) in [(4, 0), (20, 16), (60, 56)] {
+        let command = "key-frames prior.ply --cameras cameras.json --distance 0 --cover";
+        let text = dive.run(&format!("{command} {cover}")).ends_with(0).stdout;
+        let covering = row(&text, "covering");
+        let (count, share) = covering.split_once(" added, ").unwrap();
+        let share: f64 = share.split(' ').next().unwrap().parse().unwrap();
+        assert!(count == added.to_string() && share > before && share <= 100.0, "{text}");
+        before = share;
+        assert!(row(&text, "key frames").starts_with(&format!("{cover}, cameras")), "{text}");
+        let prior = open(&dive, "prior.ply");
+        assert_eq!(prior.key_frames().len(), cover);
+        let first = KeyFrames::new(prior.key_frames().poses()[..4].to_vec()).unwrap();
+        assert_near(&first, &poses(&[0.0, 1.0, 2.0, 3.0]), 1e-12, 1e-12);
+        // All on the cameras' side of the wall, and they look at it.
+        for pose in prior.key_frames().poses() {
+            assert!(pose.centre().z < 4.4 && (pose.rotation.conjugate() * glam::DVec3::Z).z > 0.2);
+        }
+    }
+}
+
+#[test]
+fn without_cameras_they_stand_in_the_free_volume_if_there_is_one() {
+    let dive = Dive::new();
+    // In a box around the wall alone there is room in the hollows of its relief.
+    let text = dive.run("key-frames prior.ply --cover 10").ends_with(0).stdout;
+    assert!(!text.contains("thinned"), "{text}");
+    assert!((1..=10).contains(&open(&dive, "prior.ply").key_frames().len()), "{text}");
+}
+
+#[test]
 fn written_to_copies_of_the_prior() {
     let dive = Dive::new();
     let wall = wall(1);
@@ -68,7 +101,7 @@ fn written_to_copies_of_the_prior() {
     let (none, q) = (KeyFrames::NONE, Quantisation::default());
     let id = compact::write(wall.splats(), wall.options(), &none, &q, &mut bytes).unwrap();
     std::fs::write(dive.path("small.nvsg"), &bytes).unwrap();
-    let options = "--cameras cameras.json --distance 0";
+    let options = "--cameras cameras.json --distance 0 --cover 0";
     dive.run(&format!("key-frames prior.ply {options} --out with.ply")).ends_with(0);
     // In its own place, too.
     dive.run(&format!("key-frames small.nvsg {options} --out small.nvsg")).ends_with(0);
@@ -89,7 +122,7 @@ fn written_to_copies_of_the_prior() {
 #[test]
 fn trim_carries_them_over() {
     let dive = Dive::new();
-    dive.run("key-frames prior.ply --cameras cameras.json --distance 0").ends_with(0);
+    dive.run("key-frames prior.ply --cameras cameras.json --distance 0 --cover 0").ends_with(0);
     let trim = "trim prior.ply --cameras cameras.json --steps 1 --share 0.3";
     for (name, error) in [("small.ply", 1e-12), ("small.nvsg", 5e-3)] {
         let text = dive.run(&format!("{trim} --out {name}")).ends_with(0).stdout;
@@ -109,7 +142,10 @@ fn refusals_name_what_is_wrong() {
     dive.write_json("away.json", &camera_file(&CAMERA, vec![view("a.png", 0, "a", &away)]));
     std::fs::write(dive.path("taken.ply.keys"), "").unwrap();
     for (args, code, named) in [
-        ("key-frames prior.ply", 2, "--cameras"),
+        ("key-frames prior.ply --split dive", 2, "--cameras"),
+        ("key-frames prior.ply --distance 1", 2, "--cameras"),
+        ("key-frames prior.ply --cover 0", 1, "prior.ply: --cover 0 and no --cameras"),
+        (&format!("{command} --cover 65537"), 2, "--cover"),
         (&format!("{command} --distance=-1"), 2, "not negative"),
         (&format!("{command} --angle nan"), 2, "--angle"),
         (&format!("{command} --split night"), 1, "\"night\"; there are: dive, survey"),

@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("making {}", args.out.display()))?;
     let prior_file = args.out.join("prior.ply");
-    let prior = map(&prior_file)?;
+    let prior = map(&prior_file, &args.out.join("M1"))?;
     let scene = engine.upload(&prior)?;
     let mut tables = String::new();
     for (run, name) in [(Run::T1, "T1"), (Run::T2, "T2")] {
@@ -79,16 +79,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)
 }
 
-/// Draws the mapping run and makes the prior from it, and from it alone.
-fn map(path: &Path) -> anyhow::Result<Prior> {
+/// Draws the mapping run into a folder and makes the prior from it, and from it alone.
+fn map(path: &Path, folder: &Path) -> anyhow::Result<Prior> {
     let since = Instant::now();
     let run = basin::mapping_run(Conditions::BASIN);
     let bar = progress(run.len(), "drawing the mapping run M1");
-    let view = |frame: DemoFrame| {
+    let mut views: Vec<View> = Vec::new();
+    basin::write_run(folder, "M1", run, |frame| {
+        views.push(View { camera: CAMERA, pose: frame.pose, picture: frame.picture.clone() });
         bar.inc(1);
-        View { camera: CAMERA, pose: frame.pose, picture: frame.picture }
-    };
-    let views: Vec<View> = run.map(view).collect();
+    })?;
     bar.finish_and_clear();
     let points = basin::surface_points(PITCH);
     let options = MappingOptions::default();

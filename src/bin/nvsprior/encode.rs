@@ -81,9 +81,9 @@ pub struct RefineArgs {
     /// Pose Jacobian of gauss-newton
     #[arg(long, value_enum, default_value = "flow")]
     pub jacobian: JacobianArg,
-    /// Mean squared error (values in [0, 1]): gauss-newton looks afresh for a frame that comes out
-    /// neither below this nor near the frame before; the others start from the frame before only
-    /// where the error there is below this (1e-2 suits real footage)
+    /// Mean squared error (values in [0, 1]): the gradient methods start from the frame before only if
+    /// the error there is below this (1e-2 suits real footage); gauss-newton asks for it only if the
+    /// prior shows too little to tell whether a pose is right
     #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
     pub threshold: f64,
 }
@@ -261,6 +261,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         ProfileArg::Paper => PoseProfile::Paper,
     };
     let mut encoder = Encoder::new(&engine, &scene, &first.camera, options)?;
+    if args.input.starts == "none" {
+        render_key_frames(&mut encoder)?;
+    }
     for folder in [Some(&args.packets), args.frames_out.as_ref()].into_iter().flatten() {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
@@ -281,6 +284,21 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         sheet::write(path, &pictures)?;
     }
     args.device.check(&engine)
+}
+
+/// Renders all key frames: without any pose the first frame is found by them.
+fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
+    /// Between two steps of the progress bar.
+    const AT_ONCE: usize = 8;
+    let all = encoder.prepare(0)?;
+    let bar = progress(all, "key frames");
+    let mut left = all;
+    while left > 0 {
+        left = encoder.prepare(AT_ONCE)?;
+        bar.set_position((all - left) as u64);
+    }
+    bar.finish_and_clear();
+    Ok(())
 }
 
 /// Encodes one frame and writes what was asked for; its pictures where a sheet was.

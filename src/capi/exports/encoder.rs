@@ -81,10 +81,10 @@ pub struct nvsp_encoder_options {
     pub optimizer: u32,
     /// NVSP_PROFILE_*.
     pub profile: u32,
-    /// Mean squared error, values in [0, 1]; 0: 1e-3. Gauss-Newton starts at the frame before, and
-    /// looks afresh (from the hint, if there is one) where what it finds is neither below this nor
-    /// near the error of the frame before. BFGS and Adam start at the frame before only where the
-    /// error there is below this: 1e-3 suits a basin, 1e-2 real footage.
+    /// Mean squared error, values in [0, 1]; 0: 1e-3. BFGS and Adam start at the frame before only if the
+    /// error there is below this: 1e-3 suits a basin, 1e-2 real footage. Gauss-Newton tells by the pictures
+    /// whether a pose is right; if the prior shows too little for that, a frame whose error is below this is
+    /// not looked for afresh.
     pub threshold: f32,
     /// Levels of the image pyramid, 1 to 6; 0: 4.
     pub levels: u32,
@@ -95,8 +95,11 @@ pub struct nvsp_encoder_options {
     /// A check of the prior's render (6 bytes) is sent with the first frame and every so many after
     /// it, by which the topside knows whether it renders the same; 0: never.
     pub check_interval: u32,
+    /// Renders of the prior, of any size, that a frame may take to look afresh for its pose; what it does
+    /// not find is looked for again with the next frame. A search that has begun is ended. 0: 96.
+    pub lost_renders: u32,
 }
-versioned!(nvsp_encoder_options, 44);
+versioned!(nvsp_encoder_options, 48);
 
 /// The pose is not certain: the picture does not confirm it.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -115,6 +118,8 @@ pub const NVSP_START_PREVIOUS: u32 = 1;
 pub const NVSP_START_PREDICTED: u32 = 2;
 /// Nothing was near, and no pose was given: it started from the best there was.
 pub const NVSP_START_UNCERTAIN: u32 = 3;
+/// It was found by the prior's key frames.
+pub const NVSP_START_KEY_FRAME: u32 = 4;
 
 /// The gradient became small.
 pub const NVSP_STOP_GRADIENT: u32 = 0;
@@ -249,6 +254,9 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         interval => made.camera_interval = interval,
     }
     made.check_interval = options.check_interval;
+    if options.lost_renders > 0 {
+        made.refine.lost_renders = options.lost_renders;
+    }
     match options.threshold {
         0.0 => {}
         threshold if threshold > 0.0 => made.threshold = threshold.into(),
@@ -313,6 +321,34 @@ pub unsafe extern "C" fn nvsp_encoder_set_camera(
             core.encoder.set_camera(&camera)?;
             core.converter = converter;
             core.frame.resize(camera.width, camera.height);
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Renders up to `most` of the prior's key frames that are not rendered yet, by which the encoder finds a
+/// camera that it has lost, and waits for them; `left` (may be NULL) tells how many remain. Without this
+/// they are rendered while a frame is lost, as far as nvsp_encoder_options.lost_renders goes. After
+/// nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered anew.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
+/// NVSP_ERR_DEVICE_LOST.
+///
+/// # Safety
+/// Pointers are NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_prepare(
+    encoder: *mut nvsp_encoder,
+    most: u32,
+    left: *mut u32,
+) -> nvsp_status {
+    // SAFETY: as the caller promises; `left` is written where it is not NULL.
+    unsafe {
+        Handle::<Content>::call(encoder.cast(), |content| {
+            let remaining = content.core()?.encoder.prepare(most as usize)?;
+            if let Some(left) = left.as_mut() {
+                *left = u32::try_from(remaining).unwrap_or(u32::MAX);
+            }
             Ok(NVSP_OK)
         })
     }
@@ -669,6 +705,7 @@ impl Place {
                 StartKind::Previous => NVSP_START_PREVIOUS,
                 StartKind::Predicted => NVSP_START_PREDICTED,
                 StartKind::BestOfBad => NVSP_START_UNCERTAIN,
+                StartKind::KeyFrame => NVSP_START_KEY_FRAME,
             },
             stop: match stats.stop {
                 Stop::Gradient => NVSP_STOP_GRADIENT,

@@ -8,7 +8,7 @@ const TABLES: usize = 8;
 /// Bits of a table's key.
 const BITS: u32 = 14;
 /// Two descriptors that differ in more bits are of two points.
-const ALIKE: u32 = 45;
+const ALIKE: u32 = 40;
 /// A longer chain is of patches that look all the same; its rest is passed over.
 const LONGEST: usize = 256;
 /// No entry.

@@ -31,7 +31,7 @@ const LEAST_KEY_FEATURES: usize = 120;
 /// Memory for the points of all key frames, bytes, as long as [`LEAST_KEY_FEATURES`] fit.
 const MEMORY: usize = 48 << 20;
 /// Key frames whose corners are compared with the frame's, those with most votes.
-const VOTED: usize = 32;
+const VOTED: usize = 64;
 /// Poses that are proposed.
 const PROPOSALS: usize = 6;
 /// Key frames that stand nearer than this to another, in depths of the scene, propose together with it.
@@ -40,8 +40,10 @@ const TOGETHER: f64 = 0.8;
 const DISTINCT: f32 = 0.85;
 /// The same for a render where the camera is thought to stand.
 const DISTINCT_NEAR: f32 = 0.9;
+/// Key frames whose matches are taken together at most, those of most matches.
+const POOLED: usize = 32;
 /// Descriptors that differ in more bits are of two points.
-const ALIKE: u32 = 70;
+const ALIKE: u32 = 40;
 /// Renders at a proposed pose.
 const ROUNDS: usize = 3;
 /// Pictures are not looked at in more detail than this width, pixels.
@@ -194,6 +196,13 @@ impl Relocaliser {
         &self.candidates
     }
 
+    /// The key frame that looks most like the frame, or any: the camera must be thought to stand somewhere.
+    pub fn likeliest(&self) -> Option<Pose> {
+        let voted = self.ranked.first().map(|slot| self.votes[*slot].0 as usize);
+        let pose = self.key_frames.get(voted.unwrap_or(0))?;
+        Some(absolute(pose, self.origin))
+    }
+
     /// Comes nearer from a pose, by renders there, as long as more of the frame's corners are explained.
     /// `None` if there is nothing to go by.
     pub fn approach(
@@ -262,7 +271,8 @@ impl Relocaliser {
         let here = &self.key_frames[at(slot)];
         let reach = TOGETHER * self.depths[at(slot)];
         self.matches.clear();
-        for other in 0..self.votes.len() {
+        for rank in 0..self.ranked.len().min(POOLED) {
+            let other = self.ranked[rank];
             let there = &self.key_frames[at(other)];
             let near = (here.centre() - there.centre()).length() < reach;
             let same_way = axis(here).dot(axis(there)) > 0.6;

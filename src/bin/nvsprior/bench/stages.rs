@@ -156,7 +156,8 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     let times = mean(|| {
         tracker.reset();
         for Best { pose, psnr } in &context.best[..last] {
-            tracker.keep(*pose, 10f64.powf(-0.1 * psnr), StartKind::Previous, None);
+            let mse = 10f64.powf(-0.1 * psnr);
+            tracker.keep(*pose, mse, StartKind::Previous, true, None);
         }
         let before = tracker.objective().renderer().renders().to_vec();
         tracker.track(&shot.picture, &Known::default())?;

@@ -1,0 +1,355 @@
+//! Key frames that cover the free volume of a prior: wherever a camera may be lost, one is near that
+//! looks the same way at the same matter.
+//!
+//! The free volume is taken apart into views, places times directions. Each place stands for a block of
+//! cells, and each view has a depth, that of the matter in the middle of its picture. A key frame covers
+//! the views around it; the next one is always that which covers most of what is left, weighted by the detail in
+//! which it was seen (the greedy method
+//! for maximum coverage, Nemhauser, Wolsey and Fisher 1978).
+
+mod directions;
+mod grid;
+mod seen;
+
+use std::collections::BinaryHeap;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::key_frames::{fault, viewing_direction};
+use super::{KeyFrames, PriorError, Splats};
+use crate::Pose;
+use directions::{DIRECTIONS, Directions};
+use grid::{Grid, Hit};
+use seen::{Seen, median};
+
+/// How near a view a key frame stands that covers it, in the lesser depth of the two.
+const DISTANCE: f64 = 0.35;
+
+/// How near its direction is, radians: 20°.
+const ANGLE: f64 = 0.349;
+
+/// Most places that stand for the free volume.
+const MOST_PLACES: usize = 4000;
+
+/// Most views of a round from which key frames are chosen.
+const MOST_CANDIDATES: usize = 16_384;
+
+/// Share of the middle of a picture that must show matter that is known.
+const ENOUGH: f64 = 0.6;
+
+/// Share of all directions in which a place must see matter, if no camera vouches for it.
+const ENOUGH_AROUND: f64 = 0.3;
+
+/// Nearest matter of a view, cells: what is nearer, the grid does not resolve.
+const NEAREST: f64 = 2.0;
+
+/// Key frames that cover a free volume, and how well.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Covering {
+    /// The seeds, then those that were added.
+    pub key_frames: KeyFrames,
+    /// How many were added.
+    pub added: usize,
+    /// Views that stand for the free volume.
+    pub views: usize,
+    /// How many of them have a key frame near.
+    pub covered: usize,
+}
+
+impl Covering {
+    /// Share of the views that have a key frame near; `None` if there are no views.
+    pub fn share(&self) -> Option<f64> {
+        (self.views > 0).then(|| self.covered as f64 / self.views as f64)
+    }
+}
+
+impl KeyFrames {
+    /// Key frames so that each view of the free volume has one within 0.35 of its depth and 20° of its
+    /// direction, but no more than `most` in all, the most useful first. `seeds` are kept, all of them
+    /// and first.
+    ///
+    /// Seeds are poses from which the prior was made, world to camera. Then a view counts if a seed saw
+    /// through its place or stood near, and if most of what it looks at was seen by a seed from the
+    /// same side and not from much farther away. What the seeds saw in most detail is covered first.
+    /// Seeds are taken to see 70° by 44°. If there are no seeds, views count in the largest connected
+    /// part of the free volume within the splats' 1 to 99 % of each axis, unless they see little. That
+    /// is wrong for a hollow thing with nothing around it, whose inside is that part.
+    ///
+    /// The same input gives the same key frames. A prior of no extent, or of faint splats alone, has no
+    /// views. Fails as [`new`](Self::new) does with the seeds, and if the arrays of `splats` disagree.
+    pub fn covering(splats: &Splats, seeds: &[Pose], most: usize) -> Result<Covering, PriorError> {
+        splats.check_shape()?;
+        let seeds = KeyFrames::new(seeds.to_vec())?;
+        let most = most.min(Self::MAX);
+        let centres: Vec<DVec3> = seeds.poses().iter().map(Pose::centre).collect();
+        let Some(grid) = Grid::of(splats, &centres) else {
+            return Ok(Covering { key_frames: seeds, added: 0, views: 0, covered: 0 });
+        };
+        let mut views = Views::of(&grid, seeds.poses());
+        for pose in seeds.poses() {
+            if let Some(depth) = seen::depth(&grid, pose) {
+                views.cover_from(pose.centre(), viewing_direction(pose), depth);
+            }
+        }
+        let added = views.choose(most.saturating_sub(seeds.len()), up(seeds.poses()));
+        let poses = seeds.poses().iter().copied().chain(added.iter().copied());
+        let key_frames = KeyFrames::new(poses.collect())?;
+        let (count, left) = (views.count, views.left());
+        Ok(Covering { key_frames, added: added.len(), views: count, covered: count - left })
+    }
+}
+
+/// The direction that is up in most poses' pictures; +z if there are none.
+fn up(poses: &[Pose]) -> DVec3 {
+    let sum: DVec3 = poses.iter().map(|pose| pose.rotation.conjugate() * DVec3::NEG_Y).sum();
+    sum.try_normalize().unwrap_or(DVec3::Z)
+}
+
+/// The pose of a camera that stands at `centre` and looks along a direction.
+fn looking(centre: DVec3, forward: DVec3, up: DVec3) -> Pose {
+    let right = forward.cross(up);
+    let right = match right.length() > 1e-3 {
+        true => right.normalize(),
+        false => forward.any_orthonormal_vector(),
+    };
+    let to_world = DMat3::from_cols(right, forward.cross(right), forward);
+    Pose::from_centre(DQuat::from_mat3(&to_world.transpose()).normalize(), centre)
+}
+
+/// What a camera may see from the free volume.
+struct Views {
+    places: Vec<DVec3>,
+    directions: Directions,
+    /// By place, then direction; 0 if the view does not count or is covered.
+    open: Vec<f32>,
+    /// By place, then direction; 0 if the view does not count.
+    depths: Vec<f32>,
+    /// By place, then direction: rays of seeds that met a cell of what the view shows, the median; 1 if
+    /// there are no seeds.
+    weights: Vec<u32>,
+    /// How many count.
+    count: usize,
+    blocks: Blocks,
+}
+
+impl Views {
+    fn of(grid: &Grid, seeds: &[Pose]) -> Views {
+        let directions = Directions::new(ANGLE);
+        let seen = (!seeds.is_empty()).then(|| Seen::of(grid, seeds, &directions));
+        let mut free = grid.clear();
+        match &seen {
+            Some(seen) => free.iter_mut().zip(&seen.through).for_each(|(a, b)| *a &= b),
+            None => {
+                free.iter_mut().enumerate().for_each(|(i, free)| *free &= grid.within_bounds(i));
+                grid.keep_largest_part(&mut free);
+            }
+        }
+        let blocks = Blocks::of(grid, &free);
+        let places: Vec<DVec3> = blocks.chosen.iter().map(|cell| grid.centre(*cell)).collect();
+        let look = |place: &DVec3| views_from(grid, *place, seen.as_ref(), &directions);
+        let (depths, weights): (Vec<f32>, Vec<u32>) = places.iter().flat_map(look).unzip();
+        let count = depths.iter().filter(|depth| **depth > 0.0).count();
+        Views { places, directions, open: depths.clone(), depths, weights, count, blocks }
+    }
+
+    /// How many views have no key frame near.
+    fn left(&self) -> usize {
+        self.open.iter().filter(|depth| **depth > 0.0).count()
+    }
+
+    /// Chooses up to `most` key frames, and covers what is near them.
+    fn choose(&mut self, most: usize, up: DVec3) -> Vec<Pose> {
+        let mut chosen = Vec::new();
+        while chosen.len() < most {
+            let left = self.left();
+            let every = left.div_ceil(MOST_CANDIDATES).max(1);
+            let open = (0..self.open.len()).filter(|view| self.open[*view] > 0.0);
+            let candidates: Vec<usize> = open.step_by(every).collect();
+            if candidates.is_empty() {
+                break;
+            }
+            self.choose_of(&candidates, most, up, &mut chosen);
+        }
+        chosen
+    }
+
+    /// Chooses among candidates until they are covered themselves. A gain only falls as others are
+    /// chosen, so that only the greatest is looked at again (Minoux 1978).
+    fn choose_of(&mut self, candidates: &[usize], most: usize, up: DVec3, chosen: &mut Vec<Pose>) {
+        let key = |gain: u64, view: usize| (gain, std::cmp::Reverse(view));
+        let mut heap: BinaryHeap<_> =
+            candidates.iter().map(|view| key(self.gain(*view), *view)).collect();
+        while let Some((_, std::cmp::Reverse(view))) = heap.pop() {
+            if chosen.len() >= most {
+                return;
+            }
+            if self.open[view] == 0.0 {
+                continue;
+            }
+            let gain = self.gain(view);
+            if heap.peek().is_some_and(|next| *next > key(gain, view)) {
+                heap.push(key(gain, view));
+                continue;
+            }
+            let (place, direction) = (view / DIRECTIONS, view % DIRECTIONS);
+            let (centre, forward) = (self.places[place], self.directions.all()[direction]);
+            let pose = looking(centre, forward, up);
+            let depth = self.depths[view].into();
+            self.cover_from(centre, forward, depth);
+            // A view that f32 does not reach stays without.
+            self.open[view] = 0.0;
+            if fault(&pose).is_none() {
+                chosen.push(pose);
+            }
+        }
+    }
+
+    /// Weight of the open views that a key frame at a view would cover.
+    fn gain(&self, view: usize) -> u64 {
+        let (place, direction) = (self.places[view / DIRECTIONS], view % DIRECTIONS);
+        let mut gain = 0;
+        self.near(place, self.depths[view].into(), |other, distance| {
+            let own = &self.open[other * DIRECTIONS..][..DIRECTIONS];
+            let weights = &self.weights[other * DIRECTIONS..][..DIRECTIONS];
+            let covered = |d: &&usize| distance < DISTANCE * f64::from(own[**d]);
+            let near = self.directions.near[direction].iter().filter(covered);
+            gain += near.map(|d| u64::from(weights[*d])).sum::<u64>();
+        });
+        gain
+    }
+
+    /// Covers the views near a key frame that looks at matter at a depth.
+    fn cover_from(&mut self, centre: DVec3, forward: DVec3, depth: f64) {
+        let directions = self.directions.within(forward, ANGLE);
+        let mut near = Vec::new();
+        self.near(centre, depth, |place, distance| near.push((place, distance)));
+        for (place, distance) in near {
+            let own = &mut self.open[place * DIRECTIONS..][..DIRECTIONS];
+            for direction in &directions {
+                if distance < DISTANCE * f64::from(own[*direction]) {
+                    own[*direction] = 0.0;
+                }
+            }
+        }
+    }
+
+    /// The places that a key frame covers by its own depth, with their distances.
+    fn near(&self, centre: DVec3, depth: f64, mut visit: impl FnMut(usize, f64)) {
+        let reach = DISTANCE * depth;
+        self.blocks.within(centre, reach, |place| {
+            let distance = centre.distance(self.places[place]);
+            if distance < reach {
+                visit(place, distance);
+            }
+        });
+    }
+}
+
+/// Depths and weights of the views from a place, by direction: the median of what the middle of the
+/// picture shows; 0 if that is too little, unknown or too near.
+fn views_from(
+    grid: &Grid,
+    place: DVec3,
+    seen: Option<&Seen>,
+    directions: &Directions,
+) -> Vec<(f32, u32)> {
+    let look = |(i, along): (usize, &DVec3)| {
+        let hit = grid.march(place, *along, f64::INFINITY, |_| ())?;
+        let known = seen.is_none_or(|seen| seen.knows(&hit, directions.same_side[i]));
+        known.then_some(hit)
+    };
+    let hits: Vec<Option<Hit>> = directions.all().iter().enumerate().map(look).collect();
+    let around = hits.iter().flatten().count();
+    if seen.is_none() && (around as f64) < ENOUGH_AROUND * hits.len() as f64 {
+        return vec![(0.0, 0); hits.len()];
+    }
+    let view = |cone: &Vec<usize>| {
+        let shown: Vec<Hit> = cone.iter().filter_map(|i| hits[*i]).collect();
+        let enough = shown.len() as f64 >= ENOUGH * cone.len() as f64;
+        let depth = median(shown.iter().map(|hit| hit.distance).collect());
+        let Some(depth) = depth.filter(|depth| enough && *depth >= NEAREST * grid.cell) else {
+            return (0.0, 0);
+        };
+        let detail = |seen: &Seen| {
+            let rays = shown.iter().map(|hit| f64::from(seen.rays(hit.cell))).collect();
+            median(rays).map_or(1, |rays| rays as u32)
+        };
+        (depth as f32, seen.map_or(1, detail))
+    };
+    directions.cone.iter().map(view).collect()
+}
+
+/// Blocks of cells, one free cell of each its place.
+struct Blocks {
+    /// Blocks along each axis.
+    size: [usize; 3],
+    /// Index of each block's place, if it has one.
+    place: Vec<Option<u32>>,
+    /// The cell of each place.
+    chosen: Vec<usize>,
+    /// Centre of block 0, and a block's side, the prior's unit.
+    low: DVec3,
+    length: f64,
+}
+
+impl Blocks {
+    /// The smallest blocks of which no more than [`MOST_PLACES`] have a free cell.
+    fn of(grid: &Grid, free: &[bool]) -> Blocks {
+        let mut side = 1;
+        loop {
+            let blocks = Blocks::of_side(grid, free, side);
+            if blocks.chosen.len() <= MOST_PLACES {
+                return blocks;
+            }
+            side += 1;
+        }
+    }
+
+    fn of_side(grid: &Grid, free: &[bool], side: usize) -> Blocks {
+        let size = grid.size().map(|n| n.div_ceil(side));
+        // The free cell nearest the middle: by its distance in half cells, squared.
+        let mut best: Vec<Option<(usize, usize)>> = vec![None; size.iter().product()];
+        for cell in (0..free.len()).filter(|cell| free[*cell]) {
+            let at = grid.at(cell);
+            let off = at.map(|v| (2 * (v % side) + 1).abs_diff(side).pow(2)).iter().sum();
+            let [x, y, z] = at.map(|v| v / side);
+            let best = &mut best[(z * size[1] + y) * size[0] + x];
+            if best.is_none_or(|(least, _)| off < least) {
+                *best = Some((off, cell));
+            }
+        }
+        let mut chosen = Vec::new();
+        let mut number = |(_, cell)| {
+            chosen.push(cell);
+            chosen.len() as u32 - 1
+        };
+        let place = best.into_iter().map(|best| best.map(&mut number)).collect();
+        let length = side as f64 * grid.cell;
+        let low = grid.centre(0) + 0.5 * (length - grid.cell);
+        Blocks { size, place, chosen, low, length }
+    }
+
+    /// Visits the places of the blocks that come within `reach` of a point.
+    fn within(&self, point: DVec3, reach: f64, mut visit: impl FnMut(usize)) {
+        let at = ((point - self.low) / self.length).to_array();
+        let blocks = reach / self.length + 0.5;
+        let range = |k: usize| {
+            let end = self.size[k] as f64;
+            let first = (at[k] - blocks).ceil().clamp(0.0, end) as usize;
+            let last = ((at[k] + blocks).floor() + 1.0).clamp(0.0, end) as usize;
+            first..last
+        };
+        for z in range(2) {
+            for y in range(1) {
+                for x in range(0) {
+                    if let Some(place) = self.place[(z * self.size[1] + y) * self.size[0] + x] {
+                        visit(place as usize);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
