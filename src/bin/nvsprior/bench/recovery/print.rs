@@ -29,7 +29,9 @@ pub fn print(context: &Context, columns: &[Column]) {
 }
 
 fn spread(spread: &Spread) -> String {
-    format!("{:.1}, {:.1}", spread.median, spread.p95)
+    let Spread { median, p95, .. } = spread;
+    // Of no value at all.
+    if median.is_nan() { "none".to_owned() } else { format!("{median:.1}, {p95:.1}") }
 }
 
 fn of(count: usize, all: usize) -> String {

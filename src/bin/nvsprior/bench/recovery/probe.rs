@@ -139,7 +139,9 @@ impl<'a> Probe<'a> {
         let options = EncoderOptions { rate: None, ..context.options() };
         let camera = &context.shots[0].camera;
         let mut encoder = Encoder::new(&context.engine, scene, camera, options)?;
-        // Not counted: the first use of the commands.
+        // Not counted: the renders of the key frames, without which the first trials would be others than
+        // the last ones; and the first use of the commands.
+        encoder.prepare(usize::MAX)?;
         encoder.encode(&context.shots[0].picture, Some(context.best[0].pose))?;
         let probe = Probe { encoder, forward: &mut context.forward };
         Ok((probe, &context.shots, &context.best))
