@@ -1,6 +1,6 @@
 //! What water, light and dirt do to a picture. Random, the same for the same seed.
 
-use image::RgbImage;
+use image::Rgb32FImage;
 use imageproc::filter::gaussian_blur_f32;
 use nvsprior::{Camera, Picture};
 
@@ -28,9 +28,12 @@ pub fn light(picture: &Picture, gain: f64, offset: f64) -> Picture {
 /// Gaussian blur; `deviation` in pixels.
 pub fn blurred(picture: &Picture, deviation: f32) -> Picture {
     let Picture { width, height, data } = picture;
-    let image = RgbImage::from_raw(*width, *height, data.clone());
-    let image = image.map(|image| gaussian_blur_f32(&image, deviation).into_raw());
-    Picture { width: *width, height: *height, data: image.unwrap_or_default() }
+    // Of 8-bit values the filter would cut off the fractions.
+    let values = data.iter().map(|value| f32::from(*value)).collect();
+    let image = Rgb32FImage::from_raw(*width, *height, values);
+    let values = image.map(|image| gaussian_blur_f32(&image, deviation).into_raw());
+    let data = values.unwrap_or_default().into_iter().map(|value| value.round() as u8).collect();
+    Picture { width: *width, height: *height, data }
 }
 
 /// Marine snow: bright specks of 1 to 3 pixels.
