@@ -9,6 +9,7 @@ mod dive;
 mod encode;
 mod inputs;
 mod key_frames;
+mod recovery;
 mod refusals;
 mod render;
 #[path = "../scene/mod.rs"]

@@ -9,6 +9,7 @@ mod optimum;
 mod perturbed;
 mod plot;
 mod print;
+mod recovery;
 mod report;
 mod scaling;
 mod stages;
@@ -59,6 +60,8 @@ pub struct Args {
     scaling: bool,
     #[command(flatten)]
     ablation: ablation::AblationArgs,
+    #[command(flatten)]
+    recovery: recovery::RecoveryArgs,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
     threshold: f64,
@@ -74,6 +77,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let folder = &args.report;
     if args.ablation.ablation {
         ablation::run(&args.ablation, &mut context, folder)?;
+        return args.device.check(&context.engine);
+    }
+    if args.recovery.recovery {
+        recovery::run(&args.recovery, &mut context, folder)?;
         return args.device.check(&context.engine);
     }
     std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;

@@ -21,6 +21,8 @@ pub struct Shot {
     pub external: Option<Pose>,
     /// Its pose in the camera file.
     pub known: Option<Pose>,
+    /// When it was taken, seconds.
+    pub time: Option<f64>,
 }
 
 impl Shot {
@@ -32,6 +34,7 @@ impl Shot {
             picture: frame_file::read_frame(&input.path, width, height)?,
             external: input.external.hint.map(|hint| hint.pose),
             known: input.known,
+            time: input.external.time,
         })
     }
 }

@@ -40,8 +40,7 @@ impl Search {
         Ok(Search { encoder: context.encoder(options)? })
     }
 
-    fn from(&mut self, context: &Context, shot: usize, start: &Pose) -> anyhow::Result<Best> {
-        let shot = &context.shots[shot];
+    fn from(&mut self, shot: &Shot, start: &Pose) -> anyhow::Result<Best> {
         self.encoder.reset();
         self.encoder.set_camera(&shot.camera)?;
         let encoded = self.encoder.encode(&shot.picture, Some(*start));
@@ -50,32 +49,51 @@ impl Search {
     }
 }
 
-/// Looks for the best pose of every frame: from the camera file's pose, where there is one, and
-/// from the best of the frame before; then, with both Jacobians, from what was found.
-pub fn find(context: &mut Context, done: impl Fn()) -> anyhow::Result<()> {
-    let mut first = Search::new(context, Jacobian::Flow, CAREFUL)?;
-    let mut last = [Jacobian::Flow, Jacobian::Exact]
-        .map(|jacobian| Search::new(context, jacobian, LAST))
-        .into_iter()
-        .collect::<anyhow::Result<Vec<Search>>>()?;
-    for shot in 0..context.shots.len() {
-        let before = context.best.last().map(|best| best.pose);
-        let Shot { file, known, external, .. } = &context.shots[shot];
+/// All ways to search, one after another.
+pub struct Searches {
+    first: Search,
+    last: [Search; 2],
+}
+
+impl Searches {
+    pub fn new(context: &Context) -> anyhow::Result<Searches> {
+        let new = |jacobian, schedule| Search::new(context, jacobian, schedule);
+        let first = new(Jacobian::Flow, CAREFUL)?;
+        Ok(Searches { first, last: [new(Jacobian::Flow, LAST)?, new(Jacobian::Exact, LAST)?] })
+    }
+
+    /// The best pose of a frame: from each of some starts, then, with both Jacobians, from what was
+    /// found.
+    pub fn best(&mut self, shot: &Shot, starts: &[Pose]) -> anyhow::Result<Best> {
         let mut best: Option<Best> = None;
-        for start in [known.or(*external), before].into_iter().flatten() {
-            best = better(best, first.from(context, shot, &start)?);
+        for start in starts {
+            best = Some(better(best, self.first.from(shot, start)?));
         }
-        let found =
-            best.with_context(|| format!("{file}: no pose to look for the best one from"))?;
-        for search in &mut last {
-            best = better(best, search.from(context, shot, &found.pose)?);
+        let none = || format!("{}: no pose to look for the best one from", shot.file);
+        let found = best.with_context(none)?;
+        let mut best = found;
+        for search in &mut self.last {
+            best = better(Some(best), search.from(shot, &found.pose)?);
         }
-        context.best.extend(best);
+        Ok(best)
+    }
+}
+
+/// Looks for the best pose of every frame: from the camera file's pose, if there is one, and from the
+/// best of the frame before.
+pub fn find(context: &mut Context, done: impl Fn()) -> anyhow::Result<()> {
+    let mut searches = Searches::new(context)?;
+    for shot in &context.shots {
+        let before = context.best.last().map(|best| best.pose);
+        let starts: Vec<Pose> =
+            [shot.known.or(shot.external), before].into_iter().flatten().collect();
+        context.best.push(searches.best(shot, &starts)?);
         done();
     }
     Ok(())
 }
 
-fn better(best: Option<Best>, found: Best) -> Option<Best> {
-    Some(best.filter(|best| best.psnr >= found.psnr).unwrap_or(found))
+/// The one of higher PSNR.
+fn better(best: Option<Best>, found: Best) -> Best {
+    best.filter(|best| best.psnr >= found.psnr).unwrap_or(found)
 }
