@@ -1,6 +1,8 @@
 //! Corners of a picture, with descriptors that hold for any roll, gain and offset: ORB (Rublee et al.,
 //! ICCV 2011) on a picture of even local contrast, with Shi & Tomasi's corners (CVPR 1994).
 
+use std::sync::LazyLock;
+
 /// A descriptor: 256 comparisons of two places of a patch, a bit each.
 pub type Descriptor = [u64; 4];
 
@@ -61,7 +63,6 @@ pub struct Extractor {
     sums: Vec<f32>,
     strengths: Vec<f32>,
     corners: Vec<Corner>,
-    pattern: Vec<[f32; 4]>,
     disc: Vec<[i32; 2]>,
 }
 
@@ -95,7 +96,6 @@ impl Extractor {
             strengths: zeros(),
             // Of eight neighbours one at most is a corner.
             corners: Vec::with_capacity(room / 2 + 1),
-            pattern: pattern(),
             disc: disc(),
         }
     }
@@ -216,7 +216,7 @@ impl Extractor {
                     [(at as i32 + v.round() as i32 * width as i32 + u.round() as i32) as usize]
             };
             let mut descriptor = Descriptor::default();
-            for (bit, [ax, ay, bx, by]) in self.pattern.iter().enumerate() {
+            for (bit, [ax, ay, bx, by]) in PATTERN.iter().enumerate() {
                 descriptor[bit / 64] |= u64::from(value(*ax, *ay) < value(*bx, *by)) << (bit % 64);
             }
             let (x, y) = ((at % width) as f32 + 0.5, (at / width) as f32 + 0.5);
@@ -270,30 +270,42 @@ fn box_mean(
     }
 }
 
-/// Pairs of places of a patch whose comparisons tell most: those that depend least on each other, and least
-/// on the patch's orientation, in pictures whose values are correlated as `exp(−distance / CORRELATED)`.
-/// (ORB learns its pairs for the same ends from pictures.)
-fn pattern() -> Vec<[f32; 4]> {
+/// Pairs of places of a patch whose comparisons tell most: see [`choose_pairs`].
+static PATTERN: LazyLock<Vec<[f32; 4]>> =
+    LazyLock::new(|| choose_pairs().iter().map(|pair| pair.map(|v| v as f32)).collect());
+
+/// Furthest that a place of a pair lies from the patch's middle.
+const MOST: i32 = RADIUS as i32 - 2;
+/// Distance over which values of a picture are alike, pixels.
+const CORRELATED: f32 = 5.0;
+/// By how much a patch gets brighter along its orientation, standard deviations a pixel.
+const BRIGHTER: f32 = 0.12;
+
+/// A pair of places: x and y of the one, x and y of the other.
+type Pair = [i32; 4];
+
+/// Pairs that depend least on each other, and least on the patch's orientation, in pictures whose values are
+/// correlated as `exp(−distance / CORRELATED)`. (ORB learns its pairs for the same ends from pictures.)
+fn choose_pairs() -> Vec<Pair> {
     let mut state = 1_u64;
-    let most = RADIUS as u64 - 2;
     let mut coordinate = move || {
         state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) % (2 * most + 1)) as f32 - most as f32
+        ((z ^ (z >> 31)) % (2 * MOST as u64 + 1)) as i32 - MOST
     };
-    let inside = |x: f32, y: f32| x.hypot(y) <= most as f32;
-    let mut chosen: Vec<[f32; 4]> = Vec::with_capacity(256);
+    let inside = |x: i32, y: i32| x * x + y * y <= MOST * MOST;
+    let alike = Alike::new();
+    let mut chosen: Vec<Pair> = Vec::with_capacity(256);
     for tried in 0_u32.. {
-        let pair = [0; 4].map(|_| coordinate());
-        let [ax, ay, bx, by] = pair;
-        let sound = inside(ax, ay) && inside(bx, by) && (ax - bx).hypot(ay - by) >= 2.0;
+        let pair @ [ax, ay, bx, by] = [0; 4].map(|_| coordinate());
+        let sound = inside(ax, ay) && inside(bx, by) && (ax - bx).pow(2) + (ay - by).pow(2) >= 4;
         // The patch's orientation is where it gets brighter, which says how such a pair compares.
-        if !sound || (ax - bx).abs() * BRIGHTER > spread(pair) {
+        if !sound || (ax - bx).abs() as f32 * BRIGHTER > alike.spread(pair) {
             continue;
         }
         let most_dependent = 0.2 + 0.02 * (tried / 2000) as f32;
-        if chosen.iter().all(|other| dependence(pair, *other) <= most_dependent) {
+        if chosen.iter().all(|other| alike.dependence(pair, *other) <= most_dependent) {
             chosen.push(pair);
         }
         if chosen.len() == 256 {
@@ -303,25 +315,35 @@ fn pattern() -> Vec<[f32; 4]> {
     chosen
 }
 
-/// Distance over which values of a picture are alike, pixels.
-const CORRELATED: f32 = 5.0;
-/// By how much a patch gets brighter along its orientation, standard deviations a pixel.
-const BRIGHTER: f32 = 0.12;
+/// Correlations of the values of places, by how far they lie apart.
+struct Alike(Vec<f32>);
 
-/// Correlation of two places' values.
-fn like(ax: f32, ay: f32, bx: f32, by: f32) -> f32 {
-    (-(ax - bx).hypot(ay - by) / CORRELATED).exp()
-}
+impl Alike {
+    /// Places along a row of the table.
+    const ROW: i32 = 2 * MOST + 1;
 
-/// Standard deviation of a pair's difference.
-fn spread([ax, ay, bx, by]: [f32; 4]) -> f32 {
-    (2.0 - 2.0 * like(ax, ay, bx, by)).sqrt()
-}
+    fn new() -> Alike {
+        let of = |i: i32| {
+            let (x, y) = ((i % Self::ROW) as f32, (i / Self::ROW) as f32);
+            (-x.hypot(y) / CORRELATED).exp()
+        };
+        Alike((0..Self::ROW * Self::ROW).map(of).collect())
+    }
 
-/// Correlation of two pairs' differences, without its sign.
-fn dependence(p: [f32; 4], q: [f32; 4]) -> f32 {
-    let of = |i: usize, j: usize| like(p[i], p[i + 1], q[j], q[j + 1]);
-    ((of(0, 0) + of(2, 2) - of(0, 2) - of(2, 0)) / (spread(p) * spread(q))).abs()
+    fn of(&self, dx: i32, dy: i32) -> f32 {
+        self.0[(dy.abs() * Self::ROW + dx.abs()) as usize]
+    }
+
+    /// Standard deviation of a pair's difference.
+    fn spread(&self, [ax, ay, bx, by]: Pair) -> f32 {
+        (2.0 - 2.0 * self.of(ax - bx, ay - by)).sqrt()
+    }
+
+    /// Correlation of two pairs' differences, without its sign.
+    fn dependence(&self, p: Pair, q: Pair) -> f32 {
+        let of = |i: usize, j: usize| self.of(p[i] - q[j], p[i + 1] - q[j + 1]);
+        ((of(0, 0) + of(2, 2) - of(0, 2) - of(2, 0)) / (self.spread(p) * self.spread(q))).abs()
+    }
 }
 
 /// Offsets within a patch's circle.
