@@ -35,6 +35,10 @@ const EXPLAINED: u32 = 13;
 const PROPOSED: usize = 4;
 /// Light that differs by less is left as it is.
 const LIGHT: f32 = 0.03;
+/// A share of what the prior shows that is enough to look for no other pose; less is, if it is no less than
+/// this share of the frame before's.
+const SURE: f64 = 0.8;
+const AS_BEFORE: f64 = 0.85;
 /// A hint disagrees with the track beyond so many standard deviations.
 const DISAGREES: f64 = 3.0;
 /// Standard deviations of a hint that states none: share of the scene's depth, and radians.
@@ -100,6 +104,10 @@ pub struct Tracker {
     good: bool,
     /// Frames since the last certain one.
     lost_frames: u32,
+    /// Share of the last certain frame that agreed; infinite before the first.
+    share: f64,
+    /// The same of the frame under way.
+    share_found: f64,
 }
 
 impl Tracker {
@@ -126,6 +134,8 @@ impl Tracker {
             relocaliser,
             good: false,
             lost_frames: 0,
+            share: f64::INFINITY,
+            share_found: f64::INFINITY,
         }
     }
 
@@ -151,11 +161,13 @@ impl Tracker {
     pub fn track(&mut self, frame: &Picture, known: &Known) -> Result<Option<Found>, Error> {
         self.objective.set_frame(frame);
         self.starts.set_time(known.time);
-        if self.options.optimizer == Optimizer::GaussNewton {
-            self.search(frame, known)
+        let found = if self.options.optimizer == Optimizer::GaussNewton {
+            self.search(frame, known)?
         } else {
-            self.descend(known.hint.map(|hint| hint.pose))
-        }
+            self.descend(known.hint.map(|hint| hint.pose))?
+        };
+        self.share_found = found.map_or(f64::INFINITY, |found| found.agreement.share);
+        Ok(found)
     }
 
     /// Notes what was drawn for the frame, whether it is certain, and what it determines of the pose if that
@@ -173,6 +185,9 @@ impl Tracker {
             self.error = Some(mse);
         }
         self.good |= certain;
+        if certain {
+            self.share = self.share_found;
+        }
         self.lost_frames = if certain { 0 } else { self.lost_frames.saturating_add(1) };
     }
 
@@ -180,6 +195,7 @@ impl Tracker {
     pub fn reset(&mut self) {
         (self.starts, self.error, self.level) = (Starts::default(), None, 0);
         (self.good, self.lost_frames) = (false, 0);
+        (self.share, self.share_found) = (f64::INFINITY, f64::INFINITY);
         self.objective.set_correction(&Correction::NONE);
     }
 
@@ -192,7 +208,7 @@ impl Tracker {
             None => None,
         };
         if let Some(found) = warm
-            && (found.certain || (!found.agreement.tells && !self.lost(found.outcome.mse)))
+            && (self.settles(&found) || (!found.agreement.tells && !self.lost(found.outcome.mse)))
         {
             let found = match hint {
                 Some(hint) if disagrees(&hint, &found) => self.heard(frame, found, &hint)?,
@@ -241,14 +257,14 @@ impl Tracker {
             let found = self.judged(Found { start: kind, ..found })?;
             best = Some(Found::or_judged(best, found));
         }
-        if best.is_some_and(|best| best.certain) {
+        if best.is_some_and(|best| self.settles(&best)) {
             return Ok(best);
         }
         self.relocaliser.set_frame(frame);
         // Which comes first changes: neither is kept from its turn by the other.
         let key_frames_first = self.lost_frames % 2 == 1;
         for turn in [0, 1, 2] {
-            if best.is_some_and(|best| best.certain) || self.renders() >= end {
+            if best.is_some_and(|best| self.settles(&best)) || self.renders() >= end {
                 break;
             }
             let found = match (turn, key_frames_first) {
@@ -308,11 +324,17 @@ impl Tracker {
             if let Some(found) = self.near(&pose, StartKind::KeyFrame)? {
                 best = Some(Found::or_judged(best, found));
             }
-            if best.is_some_and(|best| best.certain) || self.renders() >= end {
+            if best.is_some_and(|best| self.settles(&best)) || self.renders() >= end {
                 break;
             }
         }
         Ok(best)
+    }
+
+    /// Whether no other pose need be looked for: nearly all agrees, or nearly as much as in the frame before.
+    /// At a wrong pose a part of the scene may agree, such as a far wall behind what is near.
+    fn settles(&self, found: &Found) -> bool {
+        found.certain && found.agreement.share >= SURE.min(AS_BEFORE * self.share)
     }
 
     /// Corrects the frame's light to that of the prior at a pose, if the two agree there.
