@@ -28,8 +28,8 @@ const WORSE: f64 = 1.15;
 const LOST: f64 = 1.6;
 /// Going back along directions that the picture does not determine may add so much to the error.
 const SETTLED: f64 = 1.01;
-/// A pose that explains fewer of the frame's corners than this is chance: of wrong ones, none explained more
-/// than 11.
+/// A pose that explains fewer of the frame's corners than this is most likely chance, and not worth a search.
+/// One that explains more may still be wrong: the picture decides.
 const EXPLAINED: u32 = 13;
 /// Poses that key frames propose and that are looked at more closely.
 const PROPOSED: usize = 4;
