@@ -176,7 +176,7 @@ impl Candidate {
 }
 
 /// Luma of a pixel that begins with R, G, B (ITU-R BT.601).
-fn luma(pixel: &[f32]) -> f32 {
+pub(super) fn luma(pixel: &[f32]) -> f32 {
     0.299 * pixel[0] + 0.587 * pixel[1] + 0.114 * pixel[2]
 }
 

@@ -3,6 +3,8 @@
 
 use std::sync::LazyLock;
 
+use super::resection::Random;
+
 /// A descriptor: 256 comparisons of two places of a patch, a bit each.
 pub type Descriptor = [u64; 4];
 
@@ -287,13 +289,8 @@ type Pair = [i32; 4];
 /// Pairs that depend least on each other, and least on the patch's orientation, in pictures whose values are
 /// correlated as `exp(−distance / CORRELATED)`. (ORB learns its pairs for the same ends from pictures.)
 fn choose_pairs() -> Vec<Pair> {
-    let mut state = 1_u64;
-    let mut coordinate = move || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) % (2 * MOST as u64 + 1)) as i32 - MOST
-    };
+    let mut random = Random(1);
+    let mut coordinate = move || (random.bits() % (2 * MOST as u64 + 1)) as i32 - MOST;
     let inside = |x: i32, y: i32| x * x + y * y <= MOST * MOST;
     let alike = Alike::new();
     let mut chosen: Vec<Pair> = Vec::with_capacity(256);

@@ -18,6 +18,7 @@ use crate::vulkan::Error;
 use crate::{Camera, Picture, Pose};
 
 use super::Objective;
+use super::hypotheses::luma;
 use features::{Descriptor, Extractor, Feature, distance};
 use landmarks::Landmarks;
 use resection::{Match, Resection, absolute, relative};
@@ -166,11 +167,6 @@ impl Relocaliser {
                 * rows.map(|rgb| luma(&[rgb[0].into(), rgb[1].into(), rgb[2].into()])).sum::<f32>();
         }
         self.extractor.extract(&self.luma, &mut self.frame);
-    }
-
-    /// Corners of the frame.
-    pub fn features(&self) -> usize {
-        self.frame.len()
     }
 
     /// Poses that the key frames rendered so far propose for the frame, best first.
@@ -360,9 +356,4 @@ fn axis(pose: &Pose) -> DVec3 {
 
 fn vector(point: &[f32; 3]) -> DVec3 {
     DVec3::from_array(point.map(f64::from))
-}
-
-/// Luma of R, G, B (ITU-R BT.601).
-fn luma(rgb: &[f32; 3]) -> f32 {
-    0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2]
 }
