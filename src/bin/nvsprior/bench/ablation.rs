@@ -145,7 +145,7 @@ fn measure(
     Ok(trials)
 }
 
-/// Takes a pose for the best known one where it is better.
+/// Keeps a pose as the best known one if it is better.
 fn learn(context: &mut Context, shot: usize, attempt: &Attempt, verdict: &Verdict) {
     let best = &mut context.best[shot];
     if verdict.psnr() > best.psnr {

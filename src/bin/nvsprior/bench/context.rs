@@ -121,7 +121,7 @@ impl Context {
         Ok(Sample { shot, forward_ms, stats: encoded.stats, pose: encoded.pose, trace })
     }
 
-    /// Takes a pose for the best known one where it is better; only of the whole prior.
+    /// Keeps a pose as the best known one if it is better. only of the whole prior.
     pub fn learn(&mut self, sample: &Sample) {
         let best = &mut self.best[sample.shot];
         if sample.stats.render_psnr > best.psnr {

@@ -26,7 +26,7 @@ const MOST: usize = 20;
 /// A pose has six parameters, a match has two: with fewer than this many, nothing tells wrong ones.
 const LEAST: usize = 4;
 const ROUNDS: usize = 15;
-/// Done where the matched points move less than this on average, pixels.
+/// The search is done if the matched points move less than this on average, pixels.
 const STILL: f64 = 0.05;
 /// Renders thinner than this have no depth.
 const OPAQUE: f32 = 0.5;

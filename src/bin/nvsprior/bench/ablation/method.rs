@@ -112,7 +112,7 @@ impl Searches {
         })
     }
 
-    /// The encoder that searches by a method; by BFGS where a method has none.
+    /// The encoder that searches by a method; by BFGS if the method has none of its own.
     pub fn encoder(&mut self, method: Method) -> &mut Encoder {
         match method {
             Method::GAUSS_NEWTON => &mut self.gauss_newton,
@@ -121,7 +121,7 @@ impl Searches {
         }
     }
 
-    /// Searches from a start. `adam`: what Adam came to from the same start, where that is known;
+    /// Searches from a start. `adam`: what Adam came to from the same start, if that is known;
     /// Adam→BFGS goes on from there in place of doing the same again.
     pub fn search(
         &mut self,

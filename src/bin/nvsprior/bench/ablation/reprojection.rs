@@ -24,7 +24,7 @@ const DAMPING_RAISES: usize = 8;
 /// Points nearer than this share of their first depth are behind the camera, or nearly so.
 const NEAREST: f64 = 0.05;
 
-/// Projects a point; `None` where it is not in front of the camera.
+/// Projects a point; `None` if it is not in front of the camera.
 fn project(camera: &Camera, p: DVec3, nearest: f64) -> Option<[f64; 2]> {
     let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(f64::from);
     (p.z > nearest).then(|| [fx * p.x / p.z + cx, fy * p.y / p.z + cy])
@@ -71,7 +71,7 @@ pub fn fit(camera: &Camera, pairs: &[Pair]) -> Pose {
     motion
 }
 
-/// Weighted sum of squares; infinite where a weighted point is behind the camera.
+/// Weighted sum of squares; infinite if a weighted point is behind the camera.
 fn cost(camera: &Camera, pairs: &[Pair], weights: &[f64], motion: &Pose) -> f64 {
     let of = |(pair, weight): (&Pair, &f64)| match residual(camera, motion, pair) {
         Some([x, y]) => weight * (x * x + y * y),
@@ -128,7 +128,7 @@ fn equations(camera: &Camera, pairs: &[Pair], weights: &[f64], motion: &Pose) ->
     (hessian, gradient)
 }
 
-/// Solves a symmetric positive definite system by Cholesky's method; `None` where it is not.
+/// Solves a symmetric positive definite system by Cholesky's method; `None` if the matrix is not positive definite.
 fn solve(a: [Step; 6], b: Step) -> Option<Step> {
     let mut l = [[0.0; 6]; 6];
     for i in 0..6 {
