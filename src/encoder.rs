@@ -308,8 +308,7 @@ impl Encoder {
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         self.frame = self.frame.wrapping_add(1);
         self.time = known.time.or(self.time);
-        let Found { outcome, start, certain, observability, .. } = found;
-        self.tracker.keep(drawn.pose, outcome.mse, *start, *certain, Some(observability));
+        self.tracker.keep(drawn.pose, found);
     }
 
     /// Forgets the frames before: the next one is looked for as the first was, and its time may be any.

@@ -1,8 +1,8 @@
 //! Stage `pyramid`: one level of the camera's frame, reduced by area averaging, as floats in [0, 1], its light
-//! brought to the prior's.
+//! brought to the prior's, and what does not count masked.
 
-use crate::shared::GROUP;
-use spirv_std::glam::UVec3;
+use crate::shared::{CELL, GROUP, LIGHT, MASKED, max};
+use spirv_std::glam::{UVec3, Vec3};
 use spirv_std::spirv;
 
 /// What to reduce, and where to.
@@ -60,7 +60,65 @@ pub fn pyramid(
     let scale = f32::from_bits(reduction.scale);
     let to = (reduction.offset + pixel * 3) as usize;
     // Three factors, then three summands.
-    frame[to] = red as f32 * scale * light[0] + light[3];
-    frame[to + 1] = green as f32 * scale * light[1] + light[4];
-    frame[to + 2] = blue as f32 * scale * light[2] + light[5];
+    let mut rgb = Vec3::new(
+        red as f32 * scale * light[0] + light[3],
+        green as f32 * scale * light[1] + light[4],
+        blue as f32 * scale * light[2] + light[5],
+    );
+    let cells = Cells { columns: light[6] as u32, rows: light[7] as u32 };
+    if cells.columns > 0 {
+        let (u, v) = (cells_across(x, factor), cells_across(y, factor));
+        rgb = cells.corrected(light, rgb, u, v);
+    }
+    frame[to] = rgb.x;
+    frame[to + 1] = rgb.y;
+    frame[to + 2] = rgb.z;
+}
+
+/// Where the middle of a level's pixel lies, in cells.
+fn cells_across(pixel: u32, factor: u32) -> f32 {
+    (pixel as f32 + 0.5) * factor as f32 / CELL as f32
+}
+
+/// The cells of a flat field: factor, summand and whether it counts, of each, row by row.
+#[derive(Clone, Copy)]
+struct Cells {
+    columns: u32,
+    rows: u32,
+}
+
+impl Cells {
+    /// A pixel at `(u, v)`, corrected by the cells around it; or masked.
+    fn corrected(self, light: &[f32], rgb: Vec3, u: f32, v: f32) -> Vec3 {
+        let own = self.at(v as u32, u as u32);
+        if light[own + 2] == 0.0 {
+            return Vec3::splat(MASKED);
+        }
+        let (u, v) = (max(u - 0.5, 0.0), max(v - 0.5, 0.0));
+        let (column, row) = (u as u32, v as u32);
+        let (across, down) = (u - column as f32, v - row as f32);
+        let at = [
+            self.at(row, column),
+            self.at(row, column + 1),
+            self.at(row + 1, column),
+            self.at(row + 1, column + 1),
+        ];
+        let factor = between(light, at, 0, across, down);
+        let summand = between(light, at, 1, across, down);
+        rgb * factor + Vec3::splat(summand)
+    }
+
+    /// Index of a cell's first float; beyond the last row or column, that of the last.
+    fn at(self, row: u32, column: u32) -> usize {
+        let row = if row < self.rows { row } else { self.rows - 1 };
+        let column = if column < self.columns { column } else { self.columns - 1 };
+        (LIGHT + (row * self.columns + column) * 3) as usize
+    }
+}
+
+/// One of the floats of four cells, interpolated.
+fn between(light: &[f32], at: [usize; 4], float: usize, across: f32, down: f32) -> f32 {
+    let above = light[at[0] + float] * (1.0 - across) + light[at[1] + float] * across;
+    let below = light[at[2] + float] * (1.0 - across) + light[at[3] + float] * across;
+    above * (1.0 - down) + below * down
 }

@@ -25,6 +25,12 @@ pub const RECORD: u32 = 3;
 pub const DERIVATIVES: u32 = 12;
 /// Sums of the normal equations: 21 of JᵀJ (upper triangle, row by row), 6 of Jᵀr, 1 of r².
 pub const SUMS: u32 = 28;
+/// Side of a cell of a flat field, pixels of the frame.
+pub const CELL: u32 = 16;
+/// Floats before the cells in the buffer of a frame's light: factors, summands, columns, rows.
+pub const LIGHT: u32 = 8;
+/// Value of pixels of a frame that do not count in the normal equations. Those that count are far above.
+pub const MASKED: f32 = -1e9;
 /// Floats of a rendered pixel: linear R, G, B, depth Σ wᵢ zᵢ, transmittance.
 pub const PIXEL: u32 = 5;
 /// Depth key of a splat that touches no tile; it is not sorted.

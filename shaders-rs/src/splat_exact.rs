@@ -4,7 +4,9 @@
 
 use crate::list::tell_cut;
 use crate::reduce::{Scratch, Sums};
-use crate::shared::{ALPHA_MIN, Counters, DERIVATIVES, Params, RECORD, TRANSMITTANCE_STOP};
+use crate::shared::{
+    ALPHA_MIN, Counters, DERIVATIVES, MASKED, Params, RECORD, TRANSMITTANCE_STOP,
+};
 use crate::splat::{Clamp, first_pixel};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4, Vec4Swizzles};
 use spirv_std::num_traits::Float;
@@ -150,12 +152,15 @@ fn blend(p: Pixel, s: &Record, d: &Derivatives, clamp: Clamp, dx: f32, dy: f32) 
     }
 }
 
-/// Adds one pixel to the normal equations; outside of the picture nothing.
+/// Adds one pixel to the normal equations; nothing if it is masked or outside of the picture.
 fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) -> Sums {
     if (x >= params.width) | (y >= params.height) {
         return sums;
     }
     let at = (params.frame_offset + (y * params.width + x) * 3) as usize;
+    if frame[at] <= MASKED {
+        return sums;
+    }
     let t = p.transmittance;
     let bg = params.background;
     let d = p.d_r.plus(p.d_transmittance, bg[0]);

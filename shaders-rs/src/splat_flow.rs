@@ -5,7 +5,7 @@
 
 use crate::list::{Column, LANES, List, PRODUCT, Splat, largest, tell_cut};
 use crate::reduce::{Scratch, Sums};
-use crate::shared::{Counters, Params, TILE, max};
+use crate::shared::{Counters, MASKED, Params, TILE, max};
 use crate::splat::{Clamp, Hits, both, dim, first_pixel, middle, range};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4};
 use spirv_std::spirv;
@@ -122,12 +122,15 @@ fn pose_derivative(params: &Params, ray: [f32; 2], d: Motion) -> (Vec3, Vec3) {
     (rho, theta)
 }
 
-/// Adds one pixel to the normal equations; outside of the picture nothing.
+/// Adds one pixel to the normal equations; nothing if it is masked or outside of the picture.
 fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) -> Sums {
     if (x >= params.width) | (y >= params.height) {
         return sums;
     }
     let at = (params.frame_offset + (y * params.width + x) * 3) as usize;
+    if frame[at] <= MASKED {
+        return sums;
+    }
     let ray = [
         (x as f32 + 0.5 - params.principal[0]) / params.focal[0],
         (y as f32 + 0.5 - params.principal[1]) / params.focal[1],

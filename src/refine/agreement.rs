@@ -5,7 +5,9 @@
 //! shows nothing, the frame cannot confirm it. At a wrong pose a part of the scene may agree all the same,
 //! such as a far wall behind what is near: the tracker looks for other poses unless nearly all agrees.
 
-use crate::render::Correction;
+use std::ops::Range;
+
+use crate::render::{Cell, Correction, FlatField};
 
 /// Side of a block, pixels of half the picture's size.
 const BLOCK: usize = 8;
@@ -26,11 +28,24 @@ const RANGE: f64 = 3.0;
 const SAME_GAIN: f64 = 0.3;
 const SAME_OFFSET: f64 = 0.1;
 
+/// Cells around each that tell its light, to each side.
+const AROUND: usize = 2;
+/// Agreeing cells by which the light of a place can be told.
+const TOLD: usize = 4;
+/// Below this share of agreement, what does not agree is masked.
+const NEARLY_ALL: f64 = 0.8;
+/// What does not agree is masked if it makes a larger share of the squared error.
+const MOSTLY: f64 = 0.85;
+/// Light differs from place to place if the mean change by cells is larger, values in [0, 1].
+const UNEVEN: f64 = 0.02;
+
 /// How a frame and a render agree.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Agreement {
     /// Share of what the prior shows that the frame shows too, 0 to 1; 0 if the prior shows nothing.
     pub share: f64,
+    /// Mean correlation, 0 to 1, of what the prior shows: tells poses apart at which nearly the same agrees.
+    pub score: f64,
     /// Whether the prior shows enough, and the pictures are large enough, to confirm or refute a pose.
     pub tells: bool,
     /// What brings the frame's light to the prior's, by the blocks that agree; `None` if it cannot be told.
@@ -38,34 +53,121 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// Of two 8-bit RGB pictures of a size, row by row.
-    ///
-    /// # Panics
-    /// If a picture has not `3 · width · height` bytes.
-    pub fn of(frame: &[u8], render: &[u8], width: usize, height: usize) -> Agreement {
-        assert_eq!((frame.len(), render.len()), (3 * width * height, 3 * width * height), "bytes");
-        let (mut seen, mut agreeing, mut blocks) = (0.0, 0.0, 0.0);
-        let mut light = [Sums::default(); 3];
-        for top in (0..height / 2 / BLOCK).map(|y| 2 * BLOCK * y) {
-            for left in (0..width / 2 / BLOCK).map(|x| 2 * BLOCK * x) {
-                let block = Block::of(frame, render, width, left, top);
-                let luma = block.luma;
-                seen += luma.render_deviation();
-                blocks += 1.0;
-                if luma.correlation() > AGREES {
-                    agreeing += luma.render_deviation();
-                    light.iter_mut().zip(&block.channels).for_each(|(to, of)| to.add(of));
-                }
-            }
-        }
-        let tells = blocks >= BLOCKS && seen > PLAIN * blocks;
-        let share = if tells { agreeing / seen } else { 0.0 };
-        Agreement { share, tells, correction: if tells { correction(&light) } else { None } }
-    }
-
     /// Whether the frame confirms the pose.
     pub fn confirms(&self) -> bool {
         self.share >= CONFIRMED
+    }
+}
+
+/// Compares frames and renders of a size. All memory is taken when it is made.
+pub struct Comparison {
+    width: usize,
+    columns: usize,
+    rows: usize,
+    /// Luma of each block of the pictures compared last.
+    blocks: Vec<Sums>,
+}
+
+impl Comparison {
+    /// Of pictures of a size in pixels.
+    pub fn new(width: usize, height: usize) -> Comparison {
+        let (columns, rows) = (width / (2 * BLOCK), height / (2 * BLOCK));
+        Comparison { width, columns, rows, blocks: Vec::with_capacity(columns * rows) }
+    }
+
+    /// Compares two 8-bit RGB pictures, row by row.
+    ///
+    /// # Panics
+    /// If a picture has fewer bytes than its size takes.
+    pub fn compare(&mut self, frame: &[u8], render: &[u8]) -> Agreement {
+        let (mut seen, mut agreeing, mut score) = (0.0, 0.0, 0.0);
+        let mut light = [Sums::default(); 3];
+        self.blocks.clear();
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                let (left, top) = (2 * BLOCK * column, 2 * BLOCK * row);
+                let Block { channels, luma } = Block::of(frame, render, self.width, left, top);
+                let (weight, correlation) = (luma.render_deviation(), luma.correlation());
+                seen += weight;
+                score += weight * correlation.max(0.0);
+                if correlation > AGREES {
+                    agreeing += weight;
+                    light.iter_mut().zip(&channels).for_each(|(to, of)| to.add(of));
+                }
+                self.blocks.push(luma);
+            }
+        }
+        let blocks = self.blocks.len() as f64;
+        let tells = blocks >= BLOCKS && seen > PLAIN * blocks;
+        let share = |of: f64| if tells { of / seen } else { 0.0 };
+        let correction = if tells { correction(&light) } else { None };
+        Agreement { share: share(agreeing), score: share(score), tells, correction }
+    }
+
+    /// Whether a search must take account of more than one light for all: a part does not agree, or the light
+    /// differs from place to place. Of the pictures compared last, and what came of that.
+    pub fn is_uneven(&self, agreement: &Agreement) -> bool {
+        let (Some(all), Some(correction)) = (self.light(), agreement.correction) else {
+            return false;
+        };
+        let (mut error, mut other, mut change, mut agreeing) = (0.0, 0.0, 0.0, 0.0);
+        for (index, block) in self.blocks.iter().enumerate() {
+            let own = block.error(&correction);
+            error += own;
+            if block.correlation() > AGREES {
+                let cell = self.cell(index, all);
+                let mean = correction.mean(block.frame / block.count / 255.0);
+                let lit = f64::from(cell.factor) * mean + f64::from(cell.summand);
+                change += (lit - mean).abs();
+                agreeing += 1.0;
+            } else {
+                other += own;
+            }
+        }
+        agreement.share < NEARLY_ALL || other > MOSTLY * error || change > UNEVEN * agreeing
+    }
+
+    /// Masks the blocks that do not agree, and tells the light of each place, by the pictures compared last.
+    ///
+    /// # Panics
+    /// If the flat field is of another size.
+    pub fn describe(&self, field: &mut FlatField) {
+        assert_eq!(field.size(), [self.columns, self.rows], "cells");
+        let Some(all) = self.light() else { return };
+        for (index, to) in field.set().iter_mut().enumerate() {
+            *to = self.cell(index, all);
+        }
+    }
+
+    /// One light for all that agrees, `(gain, offset)`.
+    fn light(&self) -> Option<(f64, f64)> {
+        self.pooled(0..self.rows, 0..self.columns).0.light()
+    }
+
+    /// The light of a block beside that of all, `(gain, offset)`.
+    fn cell(&self, index: usize, all: (f64, f64)) -> Cell {
+        let (column, row) = (index % self.columns, index / self.columns);
+        let around = |at: usize, end: usize| at.saturating_sub(AROUND)..(at + AROUND + 1).min(end);
+        let (sums, told) = self.pooled(around(row, self.rows), around(column, self.columns));
+        let counts = if self.blocks[index].correlation() > AGREES { 1.0 } else { 0.0 };
+        let own = if told < TOLD { None } else { sums.light() };
+        let (gain, offset) = own.unwrap_or(all);
+        let factor = (all.0 / gain).clamp(0.2, 5.0) as f32;
+        Cell { factor, summand: ((all.1 - offset) / gain) as f32, counts }
+    }
+
+    /// Sums of the agreeing blocks of some rows and columns, and their number.
+    fn pooled(&self, rows: Range<usize>, columns: Range<usize>) -> (Sums, usize) {
+        let (mut sums, mut count) = (Sums::default(), 0);
+        for row in rows {
+            for block in &self.blocks[row * self.columns..][columns.clone()] {
+                if block.correlation() > AGREES {
+                    sums.add(block);
+                    count += 1;
+                }
+            }
+        }
+        (sums, count)
     }
 }
 
@@ -128,6 +230,15 @@ impl Sums {
         self.product / self.count - self.frame / self.count * (self.render / self.count)
     }
 
+    /// Sum of the squared differences, the frame's light corrected.
+    fn error(&self, correction: &Correction) -> f64 {
+        let summand = 255.0 * correction.mean(0.0);
+        let factor = correction.mean(1.0) - correction.mean(0.0);
+        let frame = factor * (factor * self.frame_square + 2.0 * summand * self.frame);
+        let both = factor * self.product + summand * self.render;
+        (frame + self.count * summand * summand - 2.0 * both + self.render_square).max(0.0)
+    }
+
     fn correlation(&self) -> f64 {
         let spread = (self.frame_variance() + NOISE) * (self.render_variance() + NOISE);
         self.covariance() / spread.sqrt()
@@ -184,7 +295,7 @@ fn luma(rgb: &[f64; 3]) -> f64 {
 mod tests {
     use super::*;
 
-    const SIZE: (usize, usize) = (64, 48);
+    const SIZE: (usize, usize) = (192, 48);
 
     /// Smooth noise.
     fn picture(seed: u32) -> Vec<u8> {
@@ -210,7 +321,7 @@ mod tests {
     }
 
     fn agreement(frame: &[u8], render: &[u8]) -> Agreement {
-        Agreement::of(frame, render, SIZE.0, SIZE.1)
+        Comparison::new(SIZE.0, SIZE.1).compare(frame, render)
     }
 
     #[test]
@@ -245,12 +356,46 @@ mod tests {
         }
     }
 
+    /// What a search is told of two pictures of the size, if it must take account of that.
+    fn described(frame: &[u8], render: &[u8]) -> Option<FlatField> {
+        let mut comparison = Comparison::new(SIZE.0, SIZE.1);
+        let agreement = comparison.compare(frame, render);
+        let mut field = FlatField::new(SIZE.0, SIZE.1);
+        comparison.describe(&mut field);
+        comparison.is_uneven(&agreement).then_some(field)
+    }
+
+    #[test]
+    fn what_is_covered_does_not_count() {
+        let render = picture(1);
+        let mut frame = lit(&render, 0.8, 0.05);
+        assert_eq!(described(&frame, &render), None);
+        // The upper third.
+        frame[..3 * SIZE.0 * 16].copy_from_slice(&picture(3)[..3 * SIZE.0 * 16]);
+        let field = described(&frame, &render).unwrap();
+        let (covered, others) = field.cells().split_at(12);
+        assert!(covered.iter().all(|cell| cell.counts == 0.0), "{covered:?}");
+        assert!(others.iter().all(|cell| cell.counts == 1.0), "{others:?}");
+    }
+
+    #[test]
+    fn a_lamp_beside_the_picture_is_told() {
+        let render = picture(1);
+        let gain = |i: usize| 1.3 - 1.0 * (i / 3 % SIZE.0) as f64 / SIZE.0 as f64;
+        let lit = |(i, v): (usize, &u8)| (f64::from(*v) * gain(i)).min(255.0) as u8;
+        let frame: Vec<u8> = render.iter().enumerate().map(lit).collect();
+        let field = described(&frame, &render).unwrap();
+        let first = &field.cells()[..12];
+        assert!(first.iter().all(|cell| cell.counts == 1.0), "{first:?}");
+        assert!(first[10].factor > 1.8 * first[1].factor, "{first:?}");
+    }
+
     #[test]
     fn what_shows_nothing_confirms_nothing() {
         let (flat, textured) = (vec![90; 3 * SIZE.0 * SIZE.1], picture(1));
         for (frame, render) in [(&flat, &flat), (&flat, &textured), (&textured, &flat)] {
             assert!(!agreement(frame, render).confirms());
         }
-        assert!(!Agreement::of(&[0; 9], &[0; 9], 3, 1).confirms());
+        assert!(!Comparison::new(3, 1).compare(&[0; 9], &[0; 9]).confirms());
     }
 }

@@ -22,7 +22,7 @@ mod starts;
 mod tracker;
 
 pub use adam::AdamOptions;
-pub use agreement::Agreement;
+pub use agreement::{Agreement, Comparison};
 pub use bfgs::BfgsOptions;
 pub use gauss_newton::{GaussNewtonOptions, Schedule};
 pub use hypotheses::{Hypotheses, Proposal};
@@ -83,6 +83,8 @@ pub struct RefineOptions {
     /// Renders, of any level, that a frame may take in looking afresh; what it does not find is looked for
     /// again in the next frame. A search that has begun is ended.
     pub lost_renders: u32,
+    /// Whether a frame that is looked for afresh is also searched for without what does not agree.
+    pub masks: bool,
 }
 
 impl Default for RefineOptions {
@@ -95,6 +97,7 @@ impl Default for RefineOptions {
             bfgs: BfgsOptions::default(),
             adam: AdamOptions::default(),
             lost_renders: 96,
+            masks: true,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::render::{Correction, Jacobian, NormalEquations, Renderer};
+use crate::render::{Correction, FlatField, Jacobian, NormalEquations, Renderer};
 use crate::search::LEVELS;
 use crate::vulkan::Error;
 use crate::{Camera, Picture, Pose};
@@ -45,6 +45,7 @@ pub struct Objective {
     observability: Observability,
     picture: Picture,
     correction: Correction,
+    field: FlatField,
 }
 
 impl Objective {
@@ -55,6 +56,7 @@ impl Objective {
         let camera = renderer.camera(0);
         Objective {
             picture: Picture::new(camera.width, camera.height),
+            field: FlatField::new(camera.width as usize, camera.height as usize),
             renderer,
             trace,
             since: Instant::now(),
@@ -81,31 +83,53 @@ impl Objective {
         (&self.picture.data, self.renderer.rendered())
     }
 
-    /// Corrects the frame's light, of this frame and those to come.
+    /// Corrects the light of this frame and of those to come. A flat field is switched off.
     pub fn set_correction(&mut self, correction: &Correction) {
-        if *correction != self.correction {
+        if *correction != self.correction || self.field.is_on() {
             self.correction = *correction;
-            self.renderer.set_correction(correction);
-            self.reduced = false;
+            self.field.switch_off();
+            self.light_changed();
         }
     }
 
-    /// How the frame's light is corrected.
+    /// Changes what corrects the light from place to place, and what counts, of this frame and of those to come.
+    pub fn set_field(&mut self, change: impl FnOnce(&mut FlatField)) {
+        change(&mut self.field);
+        self.light_changed();
+    }
+
+    fn light_changed(&mut self) {
+        self.renderer.set_light(&self.correction, &self.field);
+        self.reduced = false;
+    }
+
+    /// How the frame's light is corrected everywhere.
     pub fn correction(&self) -> &Correction {
         &self.correction
     }
 
-    /// Mean squared error of the 8-bit picture drawn last, the frame's light corrected; values in [0, 1].
+    /// How it is corrected from place to place, and what counts.
+    pub fn field(&self) -> &FlatField {
+        &self.field
+    }
+
+    /// Mean squared error of the 8-bit picture drawn last, values in [0, 1]: the frame's light corrected, and
+    /// nothing added by what does not count.
     pub(super) fn error(&self) -> f64 {
-        if self.correction == Correction::NONE {
+        if self.correction == Correction::NONE && !self.field.is_on() {
             return mse(self.renderer.difference());
         }
-        let values = self.picture.data.iter().zip(self.renderer.rendered()).enumerate();
-        let square = |(i, (frame, render)): (usize, (&u8, &u8))| {
-            let frame = self.correction.of(i % 3, f32::from(*frame) / 255.0);
-            f64::from(frame - f32::from(*render) / 255.0).powi(2)
+        let width = self.picture.width as usize;
+        let pixels =
+            self.picture.data.chunks_exact(3).zip(self.renderer.rendered().chunks_exact(3));
+        let square = |(i, (frame, render)): (usize, (&[u8], &[u8]))| -> f64 {
+            let lit = |c: usize| self.correction.of(c, f32::from(frame[c]) / 255.0);
+            let (x, y) = ((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+            let Some(rgb) = self.field.of([lit(0), lit(1), lit(2)], x, y) else { return 0.0 };
+            let off = |c: usize| f64::from(rgb[c] - f32::from(render[c]) / 255.0);
+            (0..3).map(|c| off(c).powi(2)).sum()
         };
-        values.map(square).sum::<f64>() / self.picture.data.len() as f64
+        pixels.enumerate().map(square).sum::<f64>() / self.picture.data.len() as f64
     }
 
     /// The normal equations at a pose. Where the pose is not finite, or the device returns something

@@ -10,6 +10,7 @@ use crate::search::{Anchor, PoseCode, Program, Search};
 use crate::shared::{GROUP, Groups};
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
 
+use super::light::{Correction, FlatField};
 use super::radix::Fineness;
 use super::splat::Channels;
 use super::view::{Level, Part, View};
@@ -39,34 +40,14 @@ pub(crate) struct Bytes {
 /// What a search needs beyond a [`View`].
 pub(crate) struct Frame {
     pub bytes: Buffer,
-    /// Factors and summands by which the frame's light becomes the prior's: see [`Correction`].
+    /// How the frame's light becomes the prior's: see [`FlatField`].
     pub light: Buffer,
+    light_floats: Vec<f32>,
     pub difference: Buffer,
     pub search_asked: Buffer,
     pub search: Buffer,
     pub search_read: Buffer,
     pub coded_read: Buffer,
-}
-
-/// What brings the light of a frame to the prior's: `factor · value + summand`, by channel, of values in
-/// [0, 1].
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Correction {
-    /// Of R, G, B.
-    pub factor: [f32; 3],
-    /// Of R, G, B.
-    pub summand: [f32; 3],
-}
-
-impl Correction {
-    /// Changes nothing.
-    pub const NONE: Correction = Correction { factor: [1.0; 3], summand: [0.0; 3] };
-
-    /// A value of a channel, corrected.
-    pub fn of(&self, channel: usize, value: f32) -> f32 {
-        self.factor[channel] * value + self.summand[channel]
-    }
 }
 
 /// Words of a picture's bytes, up to whole groups of four pixels.
@@ -88,9 +69,12 @@ impl Bytes {
 impl Frame {
     pub fn new(device: &Device, view: &View) -> Result<Frame, Error> {
         let words = view.levels.first().map_or(0, words);
-        let mut light = Buffer::new::<Correction>(device, "light", 1, Memory::Upload)?;
-        light.write(&[Correction::NONE]);
-        Ok(Frame {
+        let camera = view.levels.first().map(|level| level.camera);
+        let [width, height] = camera.map_or([0, 0], |c| [c.width, c.height].map(|v| v as usize));
+        let field = FlatField::new(width, height);
+        let light = Buffer::new::<f32>(device, "light", field.room(), Memory::Upload)?;
+        let mut frame = Frame {
+            light_floats: Vec::with_capacity(field.room()),
             light,
             bytes: Buffer::new::<u32>(device, "8-bit frame", words, Memory::Upload)?,
             difference: Buffer::new::<u32>(device, "difference", words, Memory::Readback)?,
@@ -98,7 +82,15 @@ impl Frame {
             search: Buffer::new::<Search>(device, "search", 1, Memory::Device)?,
             search_read: Buffer::new::<Search>(device, "search read back", 1, Memory::Readback)?,
             coded_read: Buffer::new::<Coded>(device, "pose code read back", 1, Memory::Readback)?,
-        })
+        };
+        frame.set_light(&Correction::NONE, &field);
+        Ok(frame)
+    }
+
+    /// How the light of frames is corrected, and what of them counts.
+    pub fn set_light(&mut self, correction: &Correction, field: &FlatField) {
+        field.floats(correction, &mut self.light_floats);
+        self.light.write(&self.light_floats);
     }
 
     /// Asks for a search.

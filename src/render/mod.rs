@@ -7,6 +7,7 @@ pub mod ceilings;
 pub(crate) mod derive;
 pub(crate) mod frame;
 mod kernels;
+mod light;
 mod lists;
 #[cfg(feature = "reference")]
 #[doc(hidden)]
@@ -20,8 +21,9 @@ pub(crate) mod splat;
 pub(crate) mod view;
 mod workspace;
 
-pub use frame::{Correction, to_byte};
+pub use frame::to_byte;
 pub use kernels::{Kernels, SceneKernels, Traits};
+pub use light::{Cell, Correction, FlatField, counts};
 pub use radix::Fineness;
 pub use renderer::{Jacobian, Job, Plan, Renderer, Searched};
 pub use scene::Scene;

@@ -5,12 +5,13 @@ use std::sync::Arc;
 use bytemuck::Zeroable;
 
 use crate::search::{PoseCode, Program, Search};
-use crate::shared::{Counters, PIXEL};
+use crate::shared::{CELL, Counters, PIXEL};
 use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
 use super::bin::{self, Binning};
-use super::frame::{self, Bytes, Chain, Coded, Correction, Frame, SLOTS};
+use super::frame::{self, Bytes, Chain, Coded, Frame, SLOTS};
+use super::light::{Correction, FlatField};
 use super::radix::Fineness;
 use super::splat::Channels;
 use super::view::{NormalEquations, Part, View, anchor};
@@ -346,14 +347,16 @@ impl Renderer {
         self.frame.as_mut().expect("only planned frames are set").set(frame);
     }
 
-    /// Corrects the light of pictures in searches and evaluations from here on; the difference is taken
-    /// from the picture as it is.
+    /// Corrects the light of pictures in searches and evaluations from here on, and says what of them counts;
+    /// the difference is taken from the picture as it is.
     ///
     /// # Panics
-    /// If the plan knows no frame.
-    pub fn set_correction(&mut self, correction: &Correction) {
-        let frame = self.frame.as_mut().expect("only planned frames are corrected");
-        frame.light.write(&[*correction]);
+    /// If the plan knows no frame, or the flat field is not of the size of level 0.
+    pub fn set_light(&mut self, correction: &Correction, field: &FlatField) {
+        let camera = self.camera(0);
+        let side = |length: u32| (length / CELL) as usize;
+        assert_eq!(field.size(), [side(camera.width), side(camera.height)], "cells");
+        self.frame.as_mut().expect("only planned frames are lit").set_light(correction, field);
     }
 
     /// Reduces the camera's picture to all levels, for evaluations that the host asks for.

@@ -2,6 +2,7 @@
 
 use nvsprior::reference::Twin;
 use nvsprior::render::{Jacobian, NormalEquations, Plan, Renderer};
+use nvsprior::shared::MASKED;
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 
 use crate::common::{self, camera, random_frame, random_pose, random_prior, random_splats};
@@ -40,13 +41,16 @@ fn assert_equations(what: &str, got: &NormalEquations, twin: &NormalEquations) {
 }
 
 fn assert_same(what: &str, prior: &Prior, camera: &Camera, pose: &Pose) {
-    let frame = random_frame(80, camera);
+    assert_same_of(what, prior, camera, pose, &random_frame(80, camera));
+}
+
+fn assert_same_of(what: &str, prior: &Prior, camera: &Camera, pose: &Pose, frame: &[f32]) {
     let twin = Twin::new(prior);
     let mut renderer = renderer(prior, camera);
-    renderer.set_frame(0, &frame);
+    renderer.set_frame(0, frame);
     for jacobian in BOTH {
         let got = renderer.normal_equations(0, jacobian, pose).unwrap();
-        let expected = twin.normal_equations(camera, pose, &frame, jacobian);
+        let expected = twin.normal_equations(camera, pose, frame, jacobian);
         assert_equations(&format!("{what}, {jacobian:?}"), &got, &expected);
     }
     common::assert_silent(&common::engine());
@@ -60,6 +64,25 @@ fn random_scenes() {
     }
     let prior = random_prior(84, 1_000, 1);
     assert_same("odd size", &prior, &camera(33, 17), &random_pose(84));
+}
+
+#[test]
+fn masked_pixels_do_not_count() {
+    let (prior, camera, pose) = (random_prior(86, 2_000, 1), camera(96, 64), random_pose(86));
+    let mut frame = random_frame(86, &camera);
+    for (i, rgb) in frame.chunks_exact_mut(3).enumerate() {
+        if i % 7 < 3 || i % 96 > 60 {
+            rgb.fill(MASKED);
+        }
+    }
+    assert_same_of("masked", &prior, &camera, &pose, &frame);
+    frame.fill(MASKED);
+    let mut renderer = renderer(&prior, &camera);
+    renderer.set_frame(0, &frame);
+    for jacobian in BOTH {
+        let nothing = renderer.normal_equations(0, jacobian, &pose).unwrap();
+        assert_eq!((nothing.square, nothing.jtr), (0.0, [0.0; 6]), "{jacobian:?}");
+    }
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! What surrounds the renders of a frame, against the host: the pyramid, the search, the 8-bit pictures.
 
 use nvsprior::refine::{GaussNewtonOptions, Pyramid};
-use nvsprior::render::{Jacobian, Plan, Renderer, to_byte};
+use nvsprior::render::{Cell, Correction, FlatField, Jacobian, Plan, Renderer, to_byte};
 use nvsprior::search::{self, COMPACT, Placement, Program, STARTS, Search};
-use nvsprior::shared::SUMS;
+use nvsprior::shared::{MASKED, SUMS};
 use nvsprior::{Camera, Engine, Picture, Pose, residual};
 
 use crate::common::{self, assert_silent, random_pose, random_prior};
@@ -50,6 +50,55 @@ fn the_pyramid_is_the_host_s() {
         renderer.set_frame(level, pyramid.level(level));
         let set = renderer.normal_equations(level, Jacobian::Flow, &pose).unwrap();
         assert_eq!(reduced, set, "level {level}");
+    }
+    assert_silent(&engine);
+}
+
+/// A random flat field: some cells do not count.
+fn flat_field(seed: u64) -> FlatField {
+    let mut field = FlatField::new(150, 83);
+    let drawn = common::random_frame(seed, &camera());
+    for (cell, drawn) in field.set().iter_mut().zip(drawn.chunks_exact(3)) {
+        let counts = if drawn[2] < 0.7 { 1.0 } else { 0.0 };
+        *cell = Cell { factor: 0.5 + drawn[0], summand: 0.2 * drawn[1], counts };
+    }
+    field
+}
+
+#[test]
+fn the_light_of_the_pyramid_is_the_host_s() {
+    let engine = common::engine();
+    let mut renderer = renderer(&engine, 93);
+    let frame = noise(93);
+    let mut pyramid = Pyramid::new(&camera(), &FACTORS);
+    pyramid.set(&frame);
+    let field = flat_field(95);
+    let correction = Correction { factor: [1.5, 0.8, 1.1], summand: [-0.1, 0.05, 0.2] };
+    renderer.set_light(&correction, &field);
+    let pose = random_pose(93);
+    for (level, factor) in FACTORS.into_iter().enumerate() {
+        renderer.set_picture(&frame);
+        renderer.reduce_picture().unwrap();
+        let reduced = renderer.normal_equations(level, Jacobian::Flow, &pose).unwrap();
+        let width = (camera().width / factor) as usize;
+        let mut masked = 0;
+        let lit = |(i, rgb): (usize, &[f32])| {
+            let rgb = std::array::from_fn(|c| correction.of(c, rgb[c]));
+            let middle = |at: usize| (at as f32 + 0.5) * factor as f32;
+            let rgb = field.of(rgb, middle(i % width), middle(i / width));
+            masked += usize::from(rgb.is_none());
+            rgb.unwrap_or([MASKED; 3])
+        };
+        let host: Vec<f32> =
+            pyramid.level(level).chunks_exact(3).enumerate().flat_map(lit).collect();
+        assert!(masked * 10 > host.len() / 3 && masked * 2 < host.len() / 3, "{masked} masked");
+        renderer.set_frame(level, &host);
+        let set = renderer.normal_equations(level, Jacobian::Flow, &pose).unwrap();
+        assert!((reduced.square / set.square - 1.0).abs() < 1e-6, "level {level}");
+        for (a, b) in reduced.jtr.iter().zip(&set.jtr) {
+            assert!((a - b).abs() < 1e-5 * b.abs().max(1.0), "level {level}: {a}, {b}");
+        }
+        assert_eq!(reduced.jtj, set.jtj, "level {level}: the same pixels count");
     }
     assert_silent(&engine);
 }

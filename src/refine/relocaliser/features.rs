@@ -1,17 +1,6 @@
-//! Corners of a picture, with descriptors that hold for any roll, gain and offset: ORB (Rublee et al.,
-//! ICCV 2011) on a picture of even local contrast, with Shi & Tomasi's corners (CVPR 1994).
+//! Corners of a picture of even local contrast, at several sizes (Shi & Tomasi, CVPR 1994), with their descriptors.
 
-use std::sync::LazyLock;
-
-use super::resection::Random;
-
-/// A descriptor: 256 comparisons of two places of a patch, a bit each.
-pub type Descriptor = [u64; 4];
-
-/// Number of bits in which two descriptors differ.
-pub fn distance(a: &Descriptor, b: &Descriptor) -> u32 {
-    (0..4).map(|i| (a[i] ^ b[i]).count_ones()).sum()
-}
+use super::descriptor::{Describer, Descriptor, RADIUS};
 
 /// A corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,8 +19,6 @@ const RATIO: f32 = 1.2;
 const FINEST: f32 = 2.0;
 /// No level is wider than this, pixels.
 const WIDEST: f32 = 640.0;
-/// Half the side of a patch, pixels of its level.
-const RADIUS: usize = 15;
 /// Half the side of the window over which contrast is made even, pixels of the picture.
 const EVEN: usize = 12;
 /// Noise that contrast is measured against, values in [0, 1].
@@ -65,7 +52,7 @@ pub struct Extractor {
     sums: Vec<f32>,
     strengths: Vec<f32>,
     corners: Vec<Corner>,
-    disc: Vec<[i32; 2]>,
+    describer: Describer,
 }
 
 impl Extractor {
@@ -98,7 +85,7 @@ impl Extractor {
             strengths: zeros(),
             // Of eight neighbours one at most is a corner.
             corners: Vec::with_capacity(room / 2 + 1),
-            disc: disc(),
+            describer: Describer::new(room),
         }
     }
 
@@ -139,12 +126,14 @@ impl Extractor {
         let (from_width, from_height) = (self.width, self.height);
         for y in 0..height {
             let v = ((y as f32 + 0.5) / scale - 0.5).clamp(0.0, (from_height - 1) as f32);
-            let (row, ay) = (v as usize, v.fract());
+            let row = v as usize;
+            let ay = v - row as f32;
             let upper = &self.even[row * from_width..][..from_width];
             let lower = &self.even[(row + 1).min(from_height - 1) * from_width..][..from_width];
             for (x, to) in self.level[y * width..][..width].iter_mut().enumerate() {
                 let u = ((x as f32 + 0.5) / scale - 0.5).clamp(0.0, (from_width - 1) as f32);
-                let (left, ax) = (u as usize, u.fract());
+                let left = u as usize;
+                let ax = u - left as f32;
                 let right = (left + 1).min(from_width - 1);
                 let above = upper[left] + (upper[right] - upper[left]) * ax;
                 let below = lower[left] + (lower[right] - lower[left]) * ax;
@@ -201,27 +190,13 @@ impl Extractor {
     }
 
     /// Adds the level's corners with their descriptors.
-    fn describe(&self, k: usize, features: &mut Vec<Feature>) {
-        let Level { scale, width, .. } = self.levels[k];
+    fn describe(&mut self, k: usize, features: &mut Vec<Feature>) {
+        let Level { scale, width, height, .. } = self.levels[k];
+        self.describer.set(&self.smooth[..width * height], width);
         for corner in &self.corners {
             let at = corner.at as usize;
-            let (mut mx, mut my) = (0.0, 0.0);
-            for [dx, dy] in &self.disc {
-                let v = self.level[(at as i32 + dy * width as i32 + dx) as usize];
-                (mx, my) = (mx + *dx as f32 * v, my + *dy as f32 * v);
-            }
-            let length = (mx * mx + my * my).sqrt();
-            let (c, s) = if length > 0.0 { (mx / length, my / length) } else { (1.0, 0.0) };
-            let value = |x: f32, y: f32| {
-                let (u, v) = (c * x - s * y, s * x + c * y);
-                self.smooth
-                    [(at as i32 + v.round() as i32 * width as i32 + u.round() as i32) as usize]
-            };
-            let mut descriptor = Descriptor::default();
-            for (bit, [ax, ay, bx, by]) in PATTERN.iter().enumerate() {
-                descriptor[bit / 64] |= u64::from(value(*ax, *ay) < value(*bx, *by)) << (bit % 64);
-            }
             let (x, y) = ((at % width) as f32 + 0.5, (at / width) as f32 + 0.5);
+            let descriptor = self.describer.describe(at);
             features.push(Feature { place: [x / scale, y / scale], descriptor });
         }
     }
@@ -272,86 +247,9 @@ fn box_mean(
     }
 }
 
-/// Pairs of places of a patch whose comparisons tell most: see [`choose_pairs`].
-static PATTERN: LazyLock<Vec<[f32; 4]>> =
-    LazyLock::new(|| choose_pairs().iter().map(|pair| pair.map(|v| v as f32)).collect());
-
-/// Furthest that a place of a pair lies from the patch's middle.
-const MOST: i32 = RADIUS as i32 - 2;
-/// Distance over which values of a picture are alike, pixels.
-const CORRELATED: f32 = 5.0;
-/// By how much a patch gets brighter along its orientation, standard deviations a pixel.
-const BRIGHTER: f32 = 0.12;
-
-/// A pair of places: x and y of the one, x and y of the other.
-type Pair = [i32; 4];
-
-/// Pairs that depend least on each other, and least on the patch's orientation, in pictures whose values are
-/// correlated as `exp(−distance / CORRELATED)`. (ORB learns its pairs for the same ends from pictures.)
-fn choose_pairs() -> Vec<Pair> {
-    let mut random = Random(1);
-    let mut coordinate = move || (random.bits() % (2 * MOST as u64 + 1)) as i32 - MOST;
-    let inside = |x: i32, y: i32| x * x + y * y <= MOST * MOST;
-    let alike = Alike::new();
-    let mut chosen: Vec<Pair> = Vec::with_capacity(256);
-    for tried in 0_u32.. {
-        let pair @ [ax, ay, bx, by] = [0; 4].map(|_| coordinate());
-        let sound = inside(ax, ay) && inside(bx, by) && (ax - bx).pow(2) + (ay - by).pow(2) >= 4;
-        // The patch's orientation is where it gets brighter, which says how such a pair compares.
-        if !sound || (ax - bx).abs() as f32 * BRIGHTER > alike.spread(pair) {
-            continue;
-        }
-        let most_dependent = 0.2 + 0.02 * (tried / 2000) as f32;
-        if chosen.iter().all(|other| alike.dependence(pair, *other) <= most_dependent) {
-            chosen.push(pair);
-        }
-        if chosen.len() == 256 {
-            break;
-        }
-    }
-    chosen
-}
-
-/// Correlations of the values of places, by how far they lie apart.
-struct Alike(Vec<f32>);
-
-impl Alike {
-    /// Places along a row of the table.
-    const ROW: i32 = 2 * MOST + 1;
-
-    fn new() -> Alike {
-        let of = |i: i32| {
-            let (x, y) = ((i % Self::ROW) as f32, (i / Self::ROW) as f32);
-            (-x.hypot(y) / CORRELATED).exp()
-        };
-        Alike((0..Self::ROW * Self::ROW).map(of).collect())
-    }
-
-    fn of(&self, dx: i32, dy: i32) -> f32 {
-        self.0[(dy.abs() * Self::ROW + dx.abs()) as usize]
-    }
-
-    /// Standard deviation of a pair's difference.
-    fn spread(&self, [ax, ay, bx, by]: Pair) -> f32 {
-        (2.0 - 2.0 * self.of(ax - bx, ay - by)).sqrt()
-    }
-
-    /// Correlation of two pairs' differences, without its sign.
-    fn dependence(&self, p: Pair, q: Pair) -> f32 {
-        let of = |i: usize, j: usize| self.of(p[i] - q[j], p[i + 1] - q[j + 1]);
-        ((of(0, 0) + of(2, 2) - of(0, 2) - of(2, 0)) / (self.spread(p) * self.spread(q))).abs()
-    }
-}
-
-/// Offsets within a patch's circle.
-fn disc() -> Vec<[i32; 2]> {
-    let radius = RADIUS as i32;
-    let square = (-radius..=radius).flat_map(|y| (-radius..=radius).map(move |x| [x, y]));
-    square.filter(|[x, y]| x * x + y * y <= radius * radius).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::descriptor::distance;
     use super::*;
 
     /// Dots of several sizes and brightness, from a place in an endless plane.

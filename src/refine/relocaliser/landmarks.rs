@@ -1,7 +1,8 @@
 //! Points of the prior as key frames see them, found again by their descriptors: locality-sensitive
 //! hashing (Indyk & Motwani 1998), each table by some bits of the descriptor.
 
-use super::features::{Descriptor, Feature, distance};
+use super::descriptor::{Descriptor, distance};
+use super::features::Feature;
 
 /// Tables; each right match is found in at least one of them with about four chances in five.
 const TABLES: usize = 8;

@@ -6,6 +6,7 @@
 //! is a key frame nearer to the frame than any other: its corners are matched again, and the pose follows.
 //! All of it holds for any roll, for gain and offset of the light, and where a part of the picture differs.
 
+mod descriptor;
 mod features;
 mod landmarks;
 mod p3p;
@@ -19,7 +20,8 @@ use crate::{Camera, Picture, Pose};
 
 use super::Objective;
 use super::hypotheses::luma;
-use features::{Descriptor, Extractor, Feature, distance};
+use descriptor::{Descriptor, distance};
+use features::{Extractor, Feature};
 use landmarks::Landmarks;
 use resection::{Match, Resection, absolute, relative};
 
@@ -45,9 +47,11 @@ const DISTINCT_NEAR: f32 = 0.9;
 const POOLED: usize = 32;
 /// Descriptors of one point differ in no more bits: poses are proposed by the strict figure, and by the loose
 /// one, with which there are more right matches, but many more wrong ones.
-const ALIKE: [u32; 2] = [40, 54];
+const ALIKE: [u32; 2] = [50, 66];
 /// The same for a render where the camera is thought to stand.
 const ALIKE_NEAR: u32 = 64;
+/// Fewer corners are explained by wrong poses too.
+const CHANCE: u32 = 8;
 /// Renders at a proposed pose.
 const ROUNDS: usize = 3;
 /// Pictures are not looked at in more detail than this width, pixels.
@@ -199,9 +203,15 @@ impl Relocaliser {
 
     /// The key frame that looks most like the frame, or any: the camera must be thought to stand somewhere.
     pub fn likeliest(&self) -> Option<Pose> {
-        let voted = self.ranked.first().map(|(_, slot)| self.votes[*slot].0 as usize);
-        let pose = self.key_frames.get(voted.unwrap_or(0))?;
-        Some(absolute(pose, self.origin))
+        self.likely(0).or_else(|| Some(absolute(self.key_frames.first()?, self.origin)))
+    }
+
+    /// Of the key frames that were compared with the frame, the `rank`-th by matches, the most from 0 on; after
+    /// the last one follows the first.
+    pub fn likely(&self, rank: usize) -> Option<Pose> {
+        let (_, slot) = *self.ranked.get(rank.checked_rem(self.ranked.len())?)?;
+        let key_frame = self.votes[slot].0 as usize;
+        Some(absolute(&self.key_frames[key_frame], self.origin))
     }
 
     /// Comes nearer from a pose, by renders there, as long as more of the frame's corners are explained.
@@ -223,8 +233,8 @@ impl Relocaliser {
                 best = Some(Candidate { pose, features: found.features });
                 at = found.pose;
             }
-            // A tenth more is worth another render.
-            if found.features * 10 <= before * 11 {
+            // A tenth more is worth another render, unless all of it may be chance.
+            if found.features * 10 <= before * 11 || found.features < CHANCE {
                 break;
             }
         }

@@ -191,11 +191,11 @@ fn enough(features: u32, matches: &[Match]) -> usize {
 }
 
 /// SplitMix64 (Steele, Lea & Flood 2014).
-pub struct Random(pub u64);
+struct Random(u64);
 
 impl Random {
     /// The next 64 bits.
-    pub fn bits(&mut self) -> u64 {
+    fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -27,6 +27,12 @@ impl Forward {
         Forward { engine, scene, renderer: None, picture: Picture::default(), times: Vec::new() }
     }
 
+    /// The render at a pose.
+    pub fn picture(&mut self, camera: &Camera, pose: &Pose) -> anyhow::Result<&Picture> {
+        self.measure(camera, pose)?;
+        Ok(&self.picture)
+    }
+
     /// Milliseconds of a render now.
     pub fn measure(&mut self, camera: &Camera, pose: &Pose) -> anyhow::Result<f64> {
         let renderer = match &mut self.renderer {

@@ -35,6 +35,8 @@ impl Search {
     fn new(context: &Context, jacobian: Jacobian, schedule: Schedule) -> anyhow::Result<Search> {
         let mut options = EncoderOptions { rate: None, ..context.options() };
         options.refine.jacobian = jacobian;
+        options.refine.masks = false;
+        options.refine.lost_renders = 0;
         options.refine.gauss_newton.warm = schedule;
         options.refine.gauss_newton.cold = schedule;
         Ok(Search { encoder: context.encoder(options)? })

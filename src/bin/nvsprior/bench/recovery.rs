@@ -29,6 +29,7 @@ use super::context::Context;
 use super::optimum;
 use super::perturbed::SHORT;
 use crate::args::progress;
+use condition::Condition;
 use probe::Run;
 
 /// Further below the best known pose's render than this, a pose is wrong, dB.
@@ -80,6 +81,9 @@ pub struct RecoveryArgs {
     /// Only these measurements [default: all, foreign if --foreign is given]
     #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', requires = "recovery")]
     recovery_only: Vec<Measurement>,
+    /// Only these conditions of frames of which nothing is known [default: all]
+    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', requires = "recovery")]
+    recovery_conditions: Vec<Condition>,
     /// The prior of another scene, which the frames must not be found in
     #[arg(
         long,
@@ -119,6 +123,14 @@ impl RecoveryArgs {
         }
         self.recovery_only.contains(&measurement)
     }
+
+    fn conditions(&self) -> &[Condition] {
+        if self.recovery_conditions.is_empty() {
+            &Condition::ALL
+        } else {
+            &self.recovery_conditions
+        }
+    }
 }
 
 /// Measures, prints and writes it all to a folder.
@@ -156,7 +168,7 @@ fn measure(
         runs.extend(capture::measure(context, trials)?);
     }
     if args.measures(Measurement::Nothing) {
-        runs.extend(nothing::measure(context, trials)?);
+        runs.extend(nothing::measure(context, args.conditions(), trials)?);
     }
     if args.measures(Measurement::Dropouts) {
         let lengths: Vec<usize> = args.recovery_dropouts.iter().map(|n| n.get()).collect();

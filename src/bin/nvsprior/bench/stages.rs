@@ -1,7 +1,7 @@
 //! The device's time by stage, beside the bytes and operations that a model counts and the rates
 //! that the device reaches at best.
 
-use nvsprior::refine::{Known, Objective, RefineOptions, StartKind, Tracker};
+use nvsprior::refine::{Found, Known, Objective, RefineOptions, Tracker};
 use nvsprior::render::ceilings::{self, Ceilings};
 use nvsprior::render::probe::{self, Fineness};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
@@ -156,8 +156,7 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     let times = mean(|| {
         tracker.reset();
         for Best { pose, psnr } in &context.best[..last] {
-            let mse = 10f64.powf(-0.1 * psnr);
-            tracker.keep(*pose, mse, StartKind::Previous, true, None);
+            tracker.keep(*pose, &Found::known(*pose, 10f64.powf(-0.1 * psnr)));
         }
         let before = tracker.objective().renderer().renders().to_vec();
         tracker.track(&shot.picture, &Known::default())?;

@@ -72,7 +72,7 @@ pub fn measure(context: &mut Context, trials: usize) -> anyhow::Result<Vec<Run>>
             let (step, detail) = figure.step(&mut drawn);
             let hint = Hint::of(best.pose.stepped(&step));
             probe.reset();
-            let target = Target { shot, best, foreign: false };
+            let target = Target { shot, best, foreign: false, shown: None };
             let frames = vec![probe.frame(Phase::Search, target, &shot.picture, hint)?];
             let (measurement, column) = (Measurement::Capture, figure.name());
             runs.push(Run { measurement, column, number, detail, frames });

@@ -5,17 +5,27 @@ use nvsprior::Picture;
 use super::pixels;
 
 /// A change of the frame that the encoder gets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Condition {
+    /// As they are
     Plain,
+    /// At a quarter of their brightness
     Dark,
+    /// At a fifth of their contrast, raised by 0.3
     LowContrast,
+    /// Rolled copies
     Rolled,
+    /// Rolled copies, dark
     RolledDark,
+    /// Rolled copies in low contrast
     RolledLowContrast,
+    /// Blurred by 2 pixels
     Blur,
+    /// With marine snow
     Snow,
+    /// Darker towards the corners
     Vignette,
+    /// Half of the picture covered
     Object,
 }
 

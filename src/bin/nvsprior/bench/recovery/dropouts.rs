@@ -138,7 +138,7 @@ fn sequence(
         let empty = (phase == Phase::Dropout).then(|| case.outage.picture(shot, n - GOOD));
         let hint = shot.known.filter(|_| case.hints || n == 0).map(Hint::of);
         let known = Known { hint, time: Some(n as f64 / case.rate) };
-        let target = Target { shot, best: &best[at(n)], foreign: false };
+        let target = Target { shot, best: &best[at(n)], foreign: false, shown: None };
         let frame = probe.frame(phase, target, empty.as_ref().unwrap_or(&shot.picture), known)?;
         let again = phase == Phase::Clear && frame.found() && frame.certain();
         frames.push(frame);

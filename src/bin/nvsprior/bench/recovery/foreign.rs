@@ -15,7 +15,7 @@ pub fn measure(context: &mut Context, prior: &Prior) -> anyhow::Result<Vec<Run>>
     let mut runs = Vec::new();
     for (column, hinted) in [("from nothing", false), ("with hints", true)] {
         for (number, (shot, best)) in shots.iter().zip(best).enumerate() {
-            let target = Target { shot, best, foreign: true };
+            let target = Target { shot, best, foreign: true, shown: None };
             let hint = shot.known.filter(|_| hinted);
             let frames = probe.tries(target, &shot.picture, hint, Frame::certain)?;
             let (measurement, column) = (Measurement::Foreign, column.to_owned());

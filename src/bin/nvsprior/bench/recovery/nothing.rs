@@ -1,13 +1,12 @@
 //! Frames of which nothing is known, as after the vehicle's computer has restarted.
 
-use nvsprior::{Picture, Pose};
+use nvsprior::Picture;
 
 use super::super::context::{Best, Context, Shot};
-use super::super::optimum::Searches;
 use super::super::perturbed::even;
 use super::Measurement;
 use super::condition::Condition;
-use super::probe::{Frame, Probe, Run, Target};
+use super::probe::{Frame, Probe, Run, Target, psnr_where};
 use super::roll;
 use crate::args::progress;
 
@@ -16,26 +15,32 @@ struct Rolled {
     shot: Shot,
     best: Best,
     degrees: f64,
+    shown: Vec<bool>,
 }
 
-/// Looks for every frame, and for `trials` rolled copies, under each condition.
-pub fn measure(context: &mut Context, trials: usize) -> anyhow::Result<Vec<Run>> {
-    let rolled = rolled(context, trials)?;
+/// Looks for every frame, or for `trials` rolled copies, under each of some conditions.
+pub fn measure(
+    context: &mut Context,
+    conditions: &[Condition],
+    trials: usize,
+) -> anyhow::Result<Vec<Run>> {
+    let rolling = conditions.iter().any(|condition| condition.rolled());
+    let rolled = rolled(context, if rolling { trials } else { 0 })?;
     let frames = context.shots.len();
     let count = |condition: Condition| if condition.rolled() { trials } else { frames };
-    let bar = progress(Condition::ALL.into_iter().map(count).sum(), "from nothing");
+    let bar = progress(conditions.iter().copied().map(count).sum(), "from nothing");
     let (mut probe, shots, best) = Probe::new(context)?;
     let mut runs = Vec::new();
-    for condition in Condition::ALL {
+    for &condition in conditions {
         for number in 0..count(condition) {
-            let (shot, best, detail) = if condition.rolled() {
-                let Rolled { shot, best, degrees } = &rolled[number];
-                (shot, best, format!("rolled by {degrees:.4} degrees"))
+            let (shot, best, shown, detail) = if condition.rolled() {
+                let Rolled { shot, best, degrees, shown } = &rolled[number];
+                (shot, best, Some(&shown[..]), format!("rolled by {degrees:.4} degrees"))
             } else {
-                (&shots[number], &best[number], String::new())
+                (&shots[number], &best[number], None, String::new())
             };
             let given = condition.apply(&shot.picture, other(shots, number), number as u64);
-            let target = Target { shot, best, foreign: false };
+            let target = Target { shot, best, foreign: false, shown };
             let frames = probe.tries(target, &given, None, Frame::found)?;
             let (measurement, column) = (Measurement::Nothing, condition.name().to_owned());
             runs.push(Run { measurement, column, number, detail, frames });
@@ -56,25 +61,26 @@ fn other(shots: &[Shot], number: usize) -> &Picture {
 }
 
 /// Rolled copies of the frames in turn, by up to 180° either way.
-fn rolled(context: &Context, trials: usize) -> anyhow::Result<Vec<Rolled>> {
-    let mut searches = Searches::new(context)?;
-    let bar = progress(trials, "best poses of rolled copies");
+fn rolled(context: &mut Context, trials: usize) -> anyhow::Result<Vec<Rolled>> {
+    let bar = progress(trials, "renders of rolled copies");
     let mut copies = Vec::new();
     for (number, share) in even(201).take(trials).enumerate() {
         let index = number % context.shots.len();
         let (from, angle) = (&context.shots[index], share * std::f64::consts::PI);
+        let (picture, shown) = roll::picture(&from.camera, &from.picture, angle);
         let shot = Shot {
             file: from.file.clone(),
             camera: from.camera,
-            picture: roll::picture(&from.camera, &from.picture, angle),
+            picture,
             external: None,
             known: from.known.map(|pose| roll::pose(&pose, angle)),
             time: from.time,
         };
-        let best = roll::pose(&context.best[index].pose, angle);
-        let starts: Vec<Pose> = shot.known.into_iter().chain([best]).collect();
-        let best = searches.best(&shot, &starts)?;
-        copies.push(Rolled { shot, best, degrees: angle.to_degrees() });
+        let pose = roll::pose(&context.best[index].pose, angle);
+        // What comes in at the corners would draw the best pose to itself: the frame's own counts, rolled.
+        let render = context.forward.picture(&shot.camera, &pose)?;
+        let best = Best { pose, psnr: psnr_where(&shown, &shot.picture, render) };
+        copies.push(Rolled { shot, best, degrees: angle.to_degrees(), shown });
         bar.inc(1);
     }
     bar.finish_and_clear();

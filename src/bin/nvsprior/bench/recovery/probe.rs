@@ -116,6 +116,31 @@ pub struct Target<'a> {
     pub best: &'a Best,
     /// The prior is of another scene.
     pub foreign: bool,
+    /// Which pixels the frame shows, if not all: errors are of these.
+    pub shown: Option<&'a [bool]>,
+}
+
+impl Target<'_> {
+    /// PSNR of the clean frame and a render, dB.
+    pub fn psnr(&self, render: &Picture) -> f64 {
+        let clean = &self.shot.picture;
+        match self.shown {
+            Some(shown) => psnr_where(shown, clean, render),
+            None => clean.psnr(render),
+        }
+    }
+}
+
+/// PSNR of two pictures over some of their pixels, dB.
+pub fn psnr_where(shown: &[bool], a: &Picture, b: &Picture) -> f64 {
+    let pixels = a.data.chunks_exact(3).zip(b.data.chunks_exact(3)).zip(shown);
+    let (mut square, mut count) = (0.0, 0.0);
+    for ((a, b), _) in pixels.filter(|(_, shown)| **shown) {
+        let off = |c: usize| f64::from(a[c].abs_diff(b[c])) / 255.0;
+        square += (0..3).map(|c| off(c).powi(2)).sum::<f64>();
+        count += 3.0;
+    }
+    -10.0 * (square / count).log10()
 }
 
 /// An encoder that codes nothing, and the unit of its times.
@@ -159,7 +184,7 @@ impl<'a> Probe<'a> {
         given: &Picture,
         known: impl Into<Known>,
     ) -> anyhow::Result<Frame> {
-        let Target { shot, best, foreign } = target;
+        let Target { shot, best, foreign, .. } = target;
         let encoding = || format!("encoding {}", shot.file);
         self.encoder.set_camera(&shot.camera).with_context(encoding)?;
         let forward_ms = self.forward.measure(&shot.camera, &best.pose)?;
@@ -174,7 +199,7 @@ impl<'a> Probe<'a> {
             let (stats, pose) = (&encoded.stats, &encoded.pose);
             let distance = (pose.centre() - best.pose.centre()).length();
             Answer {
-                psnr: shot.picture.psnr(&encoded.render),
+                psnr: target.psnr(&encoded.render),
                 certain: stats.certain,
                 lost_frames: stats.lost_frames,
                 start: stats.start.name(),

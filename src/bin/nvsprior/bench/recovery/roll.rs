@@ -2,23 +2,27 @@
 
 use nvsprior::{Camera, Picture, Pose};
 
-/// The picture, rolled. What leaves it is lost; what comes in shows nothing and has the mean colour.
-pub fn picture(camera: &Camera, clean: &Picture, angle: f64) -> Picture {
+/// The picture, rolled, and which pixels show what the clean one shows. What leaves it is lost; what comes in
+/// shows nothing and has the mean colour.
+pub fn picture(camera: &Camera, clean: &Picture, angle: f64) -> (Picture, Vec<bool>) {
     let mean = mean(clean);
     let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(f64::from);
     let (sin, cos) = angle.sin_cos();
     let mut rolled = Picture::new(clean.width, clean.height);
+    let mut shown = Vec::new();
     for (index, pixel) in rolled.data.chunks_exact_mut(3).enumerate() {
         let (column, row) = (index % clean.width as usize, index / clean.width as usize);
         // The ray of the pixel's centre, turned back.
         let (x, y) = ((column as f64 + 0.5 - cx) / fx, (row as f64 + 0.5 - cy) / fy);
         let (u, v) = (fx * (cos * x + sin * y) + cx, fy * (cos * y - sin * x) + cy);
-        let values = sample(clean, u, v).unwrap_or(mean);
+        let sampled = sample(clean, u, v);
+        shown.push(sampled.is_some());
+        let values = sampled.unwrap_or(mean);
         for (value, sampled) in pixel.iter_mut().zip(values) {
             *value = sampled.round() as u8;
         }
     }
-    rolled
+    (rolled, shown)
 }
 
 /// The pose from which the rolled picture was taken.
@@ -73,11 +77,11 @@ mod tests {
     #[test]
     fn quarter_turns_carry_pixels_over_as_the_pose_carries_points() {
         let clean = ramp();
-        assert_eq!(picture(&CAMERA, &clean, 0.0), clean);
-        let half = picture(&CAMERA, &clean, PI);
+        assert_eq!(picture(&CAMERA, &clean, 0.0), (clean.clone(), vec![true; 16]));
+        let (half, _) = picture(&CAMERA, &clean, PI);
         assert_eq!(at(&half, 0, 0), at(&clean, 3, 3));
         // A point to the right of the camera's axis comes to lie below it, y being down.
-        let quarter = picture(&CAMERA, &clean, FRAC_PI_2);
+        let (quarter, _) = picture(&CAMERA, &clean, FRAC_PI_2);
         assert_eq!(at(&quarter, 2, 3), at(&clean, 3, 1));
         let rolled = pose(&Pose::IDENTITY, FRAC_PI_2);
         let point = rolled.rotation * glam::DVec3::new(1.0, 0.0, 2.0) + rolled.translation;
@@ -87,8 +91,9 @@ mod tests {
     #[test]
     fn corners_that_show_nothing_have_the_mean_colour() {
         let clean = ramp();
-        let rolled = picture(&CAMERA, &clean, 0.25 * PI);
+        let (rolled, shown) = picture(&CAMERA, &clean, 0.25 * PI);
         assert_eq!(at(&rolled, 0, 0), mean(&clean).map(|v| v.round() as u8));
         assert_ne!(at(&rolled, 1, 1), at(&rolled, 0, 0));
+        assert!(!shown[0] && shown[5]);
     }
 }

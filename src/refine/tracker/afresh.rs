@@ -1,0 +1,181 @@
+//! Looking for a frame that the frames before do not lead to.
+
+use crate::vulkan::Error;
+use crate::{Picture, Pose};
+
+use super::super::gauss_newton::Schedule;
+use super::super::{GaussNewtonOptions, Hint, StartKind};
+use super::{Found, Tracker};
+
+/// Hypotheses that a cold start follows. The first alone reached the optimum from each of 200 starts
+/// off by up to 10° and 0.3 units; each further one costs a coarse render and more.
+const HYPOTHESES: usize = 1;
+/// A pose that explains fewer of the frame's corners than this is most likely chance, and not worth a search.
+/// One that explains more may still be wrong: the picture decides.
+const EXPLAINED: u32 = 13;
+/// Poses that key frames propose and that are looked at more closely.
+const PROPOSED: usize = 4;
+/// Key frames that are looked at more closely if none of those poses is right.
+const LIKELY: usize = 6;
+/// A hint disagrees with the track beyond so many standard deviations.
+const DISAGREES: f64 = 3.0;
+/// Standard deviations of a hint that states none: share of the scene's depth, and radians.
+const HINT_DEVIATION: [f64; 2] = [0.1, 0.1];
+
+impl Tracker {
+    /// Looks where a hint says that the camera stands, though the track is certain: the better one by the
+    /// picture alone.
+    pub(super) fn heard(
+        &mut self,
+        frame: &Picture,
+        found: Found,
+        hint: &Hint,
+    ) -> Result<Found, Error> {
+        self.relocaliser.set_frame(frame);
+        Ok(match self.near(&hint.pose, StartKind::External)? {
+            Some(heard) => Found::or_judged(Some(found), heard),
+            None => Found { drawn: None, ..found },
+        })
+    }
+
+    /// Looks for a frame that the frames before do not lead to: from the hint, from the last good pose, and
+    /// by the key frames, until a pose is certain or the frame's renders are used up.
+    pub(super) fn look_afresh(
+        &mut self,
+        frame: &Picture,
+        warm: Option<Found>,
+        hint: Option<&Hint>,
+    ) -> Result<Option<Found>, Error> {
+        let last = self.starts.last();
+        let mut best = warm.map(|warm| Found { start: StartKind::BestOfBad, ..warm });
+        let end = self.renders() + u64::from(self.options.lost_renders);
+        let GaussNewtonOptions { warm: schedule, cold, .. } = self.options.gauss_newton;
+        let rough = hint.map(|h| (h.pose, StartKind::External));
+        let rough = rough.or(last.map(|pose| (pose, StartKind::Previous)));
+        if let Some((pose, kind)) = rough {
+            let found = self.search_cold(frame, &pose, &cold, &schedule)?;
+            let found = self.judged(Found { start: kind, ..found })?;
+            let found = self.with_masks(found)?;
+            best = Some(Found::or_judged(best, found));
+        }
+        if best.is_some_and(|best| self.settles(&best)) {
+            return Ok(best);
+        }
+        self.relocaliser.set_frame(frame);
+        // Which comes first changes: neither is kept from its turn by the other.
+        let key_frames_first = self.lost_frames % 2 == 1;
+        for turn in [0, 1, 2] {
+            if best.is_some_and(|best| self.settles(&best)) || self.renders() >= end {
+                break;
+            }
+            let found = match (turn, key_frames_first) {
+                (0, _) => self.near_one(hint.map(|hint| hint.pose), StartKind::External)?,
+                (1, false) | (2, true) => self.near_one(last, StartKind::Previous)?,
+                _ => self.by_key_frames(end)?,
+            };
+            if let Some(found) = found {
+                best = Some(Found::or_judged(best, found));
+            }
+        }
+        if best.is_none()
+            && let Some(pose) = self.relocaliser.likeliest()
+        {
+            let schedule = Schedule { renders: 1, leap: 0.0, ..schedule };
+            let found = self.from(&[pose], &schedule)?;
+            best = Some(self.judged(found)?);
+        }
+        Ok(best.map(|best| {
+            let start = if best.certain { best.start } else { StartKind::BestOfBad };
+            Found { start, ..best }
+        }))
+    }
+
+    fn near_one(&mut self, pose: Option<Pose>, kind: StartKind) -> Result<Option<Found>, Error> {
+        pose.map_or(Ok(None), |pose| self.near(&pose, kind))
+    }
+
+    /// Searches by the corners that the prior shows at a pose; `None` if they say nothing.
+    fn near(&mut self, pose: &Pose, kind: StartKind) -> Result<Option<Found>, Error> {
+        let candidate = self.relocaliser.approach(&mut self.objective, pose)?;
+        let Some(candidate) = candidate.filter(|c| c.features >= EXPLAINED) else {
+            return Ok(None);
+        };
+        self.from_candidate(&candidate.pose, kind).map(Some)
+    }
+
+    /// Searches by the prior's key frames; those not rendered yet are rendered first, as far as the frame's
+    /// renders go.
+    fn by_key_frames(&mut self, end: u64) -> Result<Option<Found>, Error> {
+        let room = end.saturating_sub(self.renders()) as usize;
+        self.relocaliser.learn(&mut self.objective, room)?;
+        let mut proposed = [None; PROPOSED + LIKELY];
+        for (to, from) in proposed[..PROPOSED].iter_mut().zip(self.relocaliser.propose()) {
+            *to = Some(from.pose);
+        }
+        // Other ones in each frame.
+        let first = self.lost_frames as usize * LIKELY;
+        for (rank, to) in proposed[PROPOSED..].iter_mut().enumerate() {
+            *to = self.relocaliser.likely(first + rank);
+        }
+        let mut best: Option<Found> = None;
+        for pose in proposed.into_iter().flatten() {
+            if let Some(found) = self.near(&pose, StartKind::KeyFrame)? {
+                best = Some(Found::or_judged(best, found));
+            }
+            if best.is_some_and(|best| self.settles(&best)) || self.renders() >= end {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Searches from the poses that phase correlation proposes for a start. It may be wrong of a picture
+    /// that is small, flat, or of another scene, and a coarse level's valley may lie elsewhere: the outcome
+    /// is never worse than the start.
+    fn search_cold(
+        &mut self,
+        frame: &Picture,
+        start: &Pose,
+        cold: &Schedule,
+        warm: &Schedule,
+    ) -> Result<Found, Error> {
+        let (_, begun) = self.draw(start)?;
+        let mut from = std::mem::take(&mut self.cold_starts);
+        let proposed = self.cold.starts(&mut self.objective, frame, start, HYPOTHESES)?;
+        from.clear();
+        from.extend_from_slice(proposed);
+        let searched = self.from(&from, cold);
+        self.cold_starts = from;
+        let mut found = searched?;
+        if !(found.first_mse <= self.cold.error()) {
+            found = found.or_last(self.from(&[*start], cold)?);
+        }
+        if !(found.outcome.mse <= begun) {
+            let near = Schedule { first_level: 0, follow_level: 0, far_level: 0, ..*warm };
+            found = found.or_last(self.from(&[*start], &near)?);
+        }
+        Ok(Found { begun: *start, ..found })
+    }
+
+    /// Renders of all levels so far.
+    fn renders(&mut self) -> u64 {
+        self.objective.renderer().renders().iter().map(|count| u64::from(*count)).sum()
+    }
+}
+
+/// Whether a hint lies further from what was found than its covariance lets expect.
+pub(super) fn disagrees(hint: &Hint, found: &Found) -> bool {
+    let off = found.outcome.pose.after(&hint.pose.inverse()).log();
+    let depth = found.observability.length;
+    let [moved, turned] = HINT_DEVIATION;
+    let usual = std::array::from_fn(|i| if i < 3 { moved * depth } else { turned });
+    let stated = hint.deviation().unwrap_or(usual);
+    // The found pose is not exact either.
+    let own = found.observability.pose_deviation();
+    let squares = (0..6).map(|i| {
+        let own = if own[i].is_finite() { own[i] } else { return 0.0 };
+        let spread = stated[i] * stated[i] + own * own + (1e-3 * usual[i]).powi(2);
+        if spread > 0.0 { off[i] * off[i] / spread } else { 0.0 }
+    });
+    squares.fold(0.0, f64::max) > DISAGREES * DISAGREES
+}

@@ -1,0 +1,139 @@
+//! How a frame agrees with the render at a pose, and searches that take account of it: of another light, and of
+//! what the prior does not know.
+
+use crate::Pose;
+use crate::render::Correction;
+use crate::vulkan::Error;
+
+use super::super::gauss_newton::Schedule;
+use super::super::{Agreement, Outcome, StartKind};
+use super::{Found, Tracker};
+
+/// Light that differs by less is left as it is.
+const LIGHT: f32 = 0.03;
+/// How often what does not agree is masked anew.
+const MASKINGS: u32 = 2;
+/// With less agreement at a proposed pose, masks would leave only what agrees by chance.
+const HINTED: f64 = 0.15;
+
+impl Tracker {
+    /// Draws what was found, unless that is drawn, and judges it. If the frame agrees in another light than
+    /// was searched in, the search goes on in that light.
+    pub(super) fn judged(&mut self, mut found: Found) -> Result<Found, Error> {
+        if found.drawn.is_none() {
+            let (code, mse) = self.draw(&found.outcome.pose)?;
+            found.drawn = Some(code);
+            found.outcome.mse = mse;
+        }
+        found.agreement = self.agreement();
+        if let Some(correction) = found.agreement.correction
+            && differs(&correction, self.objective.correction())
+        {
+            self.objective.set_correction(&correction);
+            let again = self.from(&[found.outcome.pose], &self.nearby(1))?;
+            found = found.gone_on(again, self.agreement());
+        }
+        found.certain = found.agreement.confirms();
+        Ok(found)
+    }
+
+    /// Goes on from what was found and judged last: what does not agree is masked, and the light is corrected from
+    /// place to place. The plain search has the last word if nearly all agrees then, in one light.
+    pub(super) fn with_masks(&mut self, found: Found) -> Result<Found, Error> {
+        if !(found.certain && self.is_uneven(&found.agreement)) {
+            return Ok(found);
+        }
+        let mut best = found;
+        for _ in 0..MASKINGS {
+            let again = self.masked_from(&best.outcome.pose)?;
+            if !(again.agreement.score > best.agreement.score) {
+                break;
+            }
+            best = best.gone_on(again, again.agreement);
+        }
+        let pose = best.outcome.pose;
+        let plain = self.from(&[pose], &self.nearby(0))?;
+        let agreement = self.agreement();
+        if agreement.score > best.agreement.score || !self.comparison.is_uneven(&agreement) {
+            return Ok(best.gone_on(plain, agreement));
+        }
+        Ok(Found { drawn: None, ..best })
+    }
+
+    /// Searches from a pose that corners propose. What does not agree there is masked first: a plain search would
+    /// be led astray by it.
+    pub(super) fn from_candidate(&mut self, pose: &Pose, kind: StartKind) -> Result<Found, Error> {
+        self.draw(pose)?;
+        let agreement = self.agreement();
+        if let Some(correction) = agreement.correction {
+            self.objective.set_correction(&correction);
+        }
+        let mut best = None;
+        if agreement.share > HINTED && self.is_uneven(&agreement) {
+            let found = Found { start: kind, ..self.masked_from(pose)? };
+            let found = self.with_masks(found)?;
+            if found.certain {
+                return Ok(found);
+            }
+            best = Some(found);
+        }
+        let cold = self.options.gauss_newton.cold;
+        let found = self.from(&[*pose], &cold)?;
+        let found = self.judged(Found { start: kind, ..found })?;
+        let found = self.with_masks(found)?;
+        Ok(Found::or_judged(best, found))
+    }
+
+    /// Follows the frames before as far as the frame agrees with the render where they lead: for frames of which
+    /// a part was masked. `None` if that does not lead to a certain pose.
+    pub(super) fn follow_masked(&mut self) -> Result<Option<Found>, Error> {
+        let Some((pose, start)) = self.starts.near() else { return Ok(None) };
+        self.draw(&pose)?;
+        if !self.agreement().confirms() {
+            return Ok(None);
+        }
+        let found = Found { start, ..self.masked_from(&pose)? };
+        Ok(Some(found).filter(|found| found.certain))
+    }
+
+    /// Searches near a pose at which the render was compared last, with what does not agree there masked. The
+    /// error is that of the whole picture.
+    fn masked_from(&mut self, pose: &Pose) -> Result<Found, Error> {
+        let comparison = &self.comparison;
+        self.objective.set_field(|field| comparison.describe(field));
+        let found = self.from(&[*pose], &self.nearby(1));
+        let correction = *self.objective.correction();
+        self.objective.set_correction(&correction);
+        let found = found?;
+        let agreement = self.agreement();
+        let outcome = Outcome { mse: self.objective.error(), ..found.outcome };
+        let masked = self.comparison.is_uneven(&agreement);
+        Ok(Found { outcome, agreement, certain: agreement.confirms(), masked, ..found })
+    }
+
+    fn is_uneven(&self, agreement: &Agreement) -> bool {
+        self.options.masks && self.comparison.is_uneven(agreement)
+    }
+
+    /// How to search from a pose that is nearly right.
+    fn nearby(&self, level: usize) -> Schedule {
+        let cold = self.options.gauss_newton.cold;
+        Schedule { first_level: level, follow_level: level, far_level: 0, ..cold }
+    }
+
+    /// How the frame agrees with the picture drawn last.
+    pub(super) fn agreement(&mut self) -> Agreement {
+        let (frame, render) = self.objective.pictures();
+        self.comparison.compare(frame, render)
+    }
+}
+
+/// Whether two corrections differ by more than a search would notice.
+fn differs(a: &Correction, b: &Correction) -> bool {
+    let apart = |channel: usize| {
+        let ends = [0.2, 0.8].map(|v| (a.of(channel, v) - b.of(channel, v)).abs());
+        ends[0].max(ends[1])
+    };
+    // Of the frame's own values, which the factor makes larger.
+    (0..3).any(|c| apart(c) > LIGHT * a.factor[c].max(1.0))
+}
