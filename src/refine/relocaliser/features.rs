@@ -204,9 +204,15 @@ impl Extractor {
 
 /// Whether a value is the highest within two pixels; of equal ones the first counts.
 fn highest(values: &[f32], width: usize, x: usize, y: usize, value: f32) -> bool {
-    let here = y * width + x;
-    let rows = (y - 2..=y + 2).flat_map(|v| (v * width + x - 2)..=(v * width + x + 2));
-    rows.filter(|i| *i != here).all(|i| values[i] < value || (values[i] == value && i > here))
+    let row = |v: usize| &values[v * width + x - 2..][..5];
+    let own = row(y);
+    // Most pixels are out at once.
+    if own[1] >= value || own[3] > value || own[0] >= value || own[4] > value {
+        return false;
+    }
+    let below = |v: usize| row(v).iter().all(|other| *other < value);
+    let not_above = |v: usize| row(v).iter().all(|other| *other <= value);
+    below(y - 1) && below(y - 2) && not_above(y + 1) && not_above(y + 2)
 }
 
 /// Mean over a square of side `2 radius + 1`, cut off at the picture's edges.
@@ -218,33 +224,48 @@ fn box_mean(
     height: usize,
     radius: usize,
 ) {
-    for y in 0..height {
-        let row = &from[y * width..][..width];
-        let mut sum: f32 = row[..radius.min(width)].iter().sum();
-        for x in 0..width {
-            if x + radius < width {
-                sum += row[x + radius];
-            }
-            if x > radius {
-                sum -= row[x - radius - 1];
-            }
-            let count = (x + radius).min(width - 1) - x.saturating_sub(radius) + 1;
-            rows[y * width + x] = sum / count as f32;
-        }
+    for (from, to) in from.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
+        along(from, to, radius);
     }
-    to[..width].fill(0.0);
-    for y in 0..height {
+    for (y, to) in to.chunks_exact_mut(width).take(height).enumerate() {
         let first = y.saturating_sub(radius);
         let last = (y + radius).min(height - 1);
         let scale = 1.0 / (last - first + 1) as f32;
-        to[y * width..][..width].fill(0.0);
-        for row in first..=last {
-            for x in 0..width {
-                to[y * width + x] += rows[row * width + x];
-            }
+        to.fill(0.0);
+        for row in rows.chunks_exact(width).take(last + 1).skip(first) {
+            to.iter_mut().zip(row).for_each(|(to, row)| *to += row);
         }
-        to[y * width..][..width].iter_mut().for_each(|v| *v *= scale);
+        to.iter_mut().for_each(|to| *to *= scale);
     }
+}
+
+/// Means along a row, cut off at its ends. In short sums many pixels go at once; a long one runs along.
+fn along(from: &[f32], to: &mut [f32], radius: usize) {
+    let width = from.len();
+    let side = 2 * radius + 1;
+    let cut = |x: usize| &from[x.saturating_sub(radius)..(x + radius + 1).min(width)];
+    let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
+    if width < side {
+        to.iter_mut().enumerate().for_each(|(x, to)| *to = mean(cut(x)));
+        return;
+    }
+    for x in (0..radius).chain(width - radius..width) {
+        to[x] = mean(cut(x));
+    }
+    let (middle, scale) = (&mut to[radius..width - radius], 1.0 / side as f32);
+    if radius > 3 {
+        let mut sum: f32 = from[..side].iter().sum();
+        for (x, to) in middle.iter_mut().enumerate() {
+            *to = sum * scale;
+            sum += from.get(x + side).unwrap_or(&0.0) - from[x];
+        }
+        return;
+    }
+    middle.fill(0.0);
+    for offset in 0..side {
+        middle.iter_mut().zip(&from[offset..]).for_each(|(to, from)| *to += from);
+    }
+    middle.iter_mut().for_each(|to| *to *= scale);
 }
 
 #[cfg(test)]

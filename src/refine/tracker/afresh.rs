@@ -100,7 +100,7 @@ impl Tracker {
         let Some(candidate) = candidate.filter(|c| c.features >= EXPLAINED) else {
             return Ok(None);
         };
-        self.from_candidate(&candidate.pose, kind).map(Some)
+        self.search_candidate(&candidate.pose, kind).map(Some)
     }
 
     /// Searches by the prior's key frames; those not rendered yet are rendered first, as far as the frame's

@@ -62,7 +62,11 @@ impl Tracker {
 
     /// Searches from a pose that corners propose. What does not agree there is masked first: a plain search would
     /// be led astray by it.
-    pub(super) fn from_candidate(&mut self, pose: &Pose, kind: StartKind) -> Result<Found, Error> {
+    pub(super) fn search_candidate(
+        &mut self,
+        pose: &Pose,
+        kind: StartKind,
+    ) -> Result<Found, Error> {
         self.draw(pose)?;
         let agreement = self.agreement();
         if let Some(correction) = agreement.correction {
