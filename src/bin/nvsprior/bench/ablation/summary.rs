@@ -115,7 +115,11 @@ fn starts(context: &Context, ablation: &Ablation) -> Value {
     let mut starts = Vec::new();
     for source in StartSource::ALL {
         for method in METHODS {
-            let figures = figures(context, &from_source(ablation, source, method));
+            let results = from_source(ablation, source, method);
+            if results.is_empty() {
+                continue;
+            }
+            let figures = figures(context, &results);
             let names = json!({ "source": source.name(), "method": method.name() });
             starts.push(with(figures, names));
         }
