@@ -1,5 +1,5 @@
 #!/bin/sh
-# Prints include/nvsprior.h as src/capi/exports has it. Usage: header.sh > include/nvsprior.h
+# Prints include/nvsprior.h as src/capi has it. Usage: header.sh > include/nvsprior.h
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -7,6 +7,6 @@ cd "$(dirname "$0")/.."
 source=$(mktemp --suffix=.rs)
 trap 'rm -f "$source"' EXIT
 for part in structs version status log engine prior image frame encoder decoder modem; do
-    sed '/^\/\/!/d' "src/capi/exports/$part.rs"
+    sed '/^\/\/!/d' "src/capi/$part.rs"
 done > "$source"
 cbindgen --quiet --config cbindgen.toml "$source" | sed 's!^// # Safety$!// Preconditions:!'

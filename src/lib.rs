@@ -29,7 +29,9 @@
 #![deny(unsafe_code)]
 
 pub mod camera;
-#[allow(unsafe_code)] // With `vulkan` the only places with any; each block says why it is sound.
+#[cfg(feature = "capi")]
+#[allow(unsafe_code)]
+// With `vulkan` and `residual::libwebp` the only places; each block says why it is sound.
 pub mod capi;
 #[cfg(feature = "mapping")]
 pub mod mapping;

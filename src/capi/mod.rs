@@ -1,11 +1,18 @@
-//! Where Rust and C meet: the C library that vendors link, whose contract is `include/nvsprior.h`,
-//! and the one C library that is linked here.
+//! The C library that vendors link, whose contract is `include/nvsprior.h`. Parts stand in the header's order.
 //!
-//! With `vulkan`, the only place with `unsafe` code. Every exported function checks its arguments,
-//! then does its work on safe types behind a fence: errors become status codes with a text, panics are
-//! caught, and nothing is written unless all of it succeeded.
+//! Every exported function checks its arguments, then does its work on safe types behind a fence: errors become
+//! status codes with a text, panics are caught, and nothing is written unless all of it succeeded.
 
-pub(crate) mod libwebp;
-
-#[cfg(feature = "capi")]
-mod exports;
+mod decoder;
+mod encoder;
+mod engine;
+mod frame;
+mod handle;
+mod image;
+mod log;
+mod modem;
+mod prior;
+mod status;
+mod structs;
+mod version;
+mod worker;

@@ -4,6 +4,8 @@
 //! always measured on the 8-bit picture that the decoder will show.
 
 mod difference;
+#[allow(unsafe_code)] // It wraps a C codec; each block says why it is sound.
+mod libwebp;
 mod rate;
 mod webp;
 

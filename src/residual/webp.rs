@@ -11,8 +11,8 @@
 //! | 26–29 | width and height, 14 bits each, scale 0 | no |
 //! | 30–… | partitions, a zero after an odd number of bytes | yes, less one last zero |
 
+use super::libwebp::{Arena, Lossy, decode_rgb, decode_rows, encode_rgb, features};
 use crate::Picture;
-use crate::capi::libwebp::{Arena, Lossy, decode_rgb, decode_rows, encode_rgb, features};
 use crate::packet::{Coder, ResidualStart};
 
 use super::{ResidualError, check_shape};

@@ -10,7 +10,7 @@ use super::Arena;
 
 /// What a file's header says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Features {
+pub struct Features {
     /// Width, pixels.
     pub width: u32,
     /// Height, pixels.
@@ -23,7 +23,7 @@ pub(crate) struct Features {
 const LOSSY: c_int = 1;
 
 /// Reads the header of a file; `None` where it is none of a WebP file.
-pub(crate) fn features(file: &[u8]) -> Option<Features> {
+pub fn features(file: &[u8]) -> Option<Features> {
     let mut found = MaybeUninit::zeroed();
     // SAFETY: pointer and length are those of a slice; the structure is plain numbers.
     let (status, found) = unsafe {
@@ -42,7 +42,7 @@ pub(crate) fn features(file: &[u8]) -> Option<Features> {
 
 /// Decodes a file of pixels of the given width into `rgb`, without padding; `None` where it is
 /// damaged, or its rows are not as many as `rgb` has room for.
-pub(crate) fn decode_rgb(file: &[u8], width: u32, rgb: &mut [u8], arena: &mut Arena) -> Option<()> {
+pub fn decode_rgb(file: &[u8], width: u32, rgb: &mut [u8], arena: &mut Arena) -> Option<()> {
     let stride = c_int::try_from(width).ok()?.checked_mul(3)?;
     // SAFETY: pointers and lengths are those of slices; libwebp refuses a picture that does not fit.
     let decoded = arena.lend(|| unsafe {
@@ -53,7 +53,7 @@ pub(crate) fn decode_rgb(file: &[u8], width: u32, rgb: &mut [u8], arena: &mut Ar
 
 /// Decodes the beginning of a file as [`decode_rgb`] does a whole one, as far as it goes; the number
 /// of rows written, or `None` where it is damaged.
-pub(crate) fn decode_rows(
+pub fn decode_rows(
     start: &[u8],
     width: u32,
     rgb: &mut [u8],

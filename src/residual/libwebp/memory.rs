@@ -31,7 +31,7 @@ const ALIGN: usize = 32;
 struct Unit(MaybeUninit<[u8; ALIGN]>);
 
 /// Memory for one call of libwebp at a time; blocks follow one another, and all go at the call's end.
-pub(crate) struct Arena {
+pub struct Arena {
     units: Vec<Unit>,
     /// Units in use.
     used: usize,
@@ -50,7 +50,7 @@ thread_local! {
 
 impl Arena {
     /// Memory is taken from the system as it is first touched, so a generous capacity costs nothing.
-    pub(crate) fn with_capacity(bytes: usize) -> Arena {
+    pub fn with_capacity(bytes: usize) -> Arena {
         let count = bytes.div_ceil(ALIGN);
         let mut units = Vec::with_capacity(count);
         // SAFETY: the capacity is there, and a unit needs no initialisation.
@@ -67,7 +67,7 @@ impl Arena {
 
     /// Calls libwebp through `work`, with all of its blocks in here. They end with the call: `work`
     /// must free or forget them all.
-    pub(crate) fn lend<R>(&mut self, work: impl FnOnce() -> R) -> R {
+    pub fn lend<R>(&mut self, work: impl FnOnce() -> R) -> R {
         struct Return(*mut Arena);
         impl Drop for Return {
             fn drop(&mut self) {
@@ -81,13 +81,13 @@ impl Arena {
 
     /// Most bytes that a call took.
     #[cfg(test)]
-    pub(crate) fn peak(&self) -> usize {
+    pub fn peak(&self) -> usize {
         self.peak * ALIGN
     }
 
     /// Blocks that did not fit and came from the heap.
     #[cfg(test)]
-    pub(crate) fn spilled(&self) -> usize {
+    pub fn spilled(&self) -> usize {
         self.spilled
     }
 

@@ -153,7 +153,7 @@ impl<T: Versioned> Out<T> {
 macro_rules! versioned {
     ($name:ident, $first_size:expr) => {
         // SAFETY: its definition stands above, with numbers and pointers only.
-        unsafe impl crate::capi::exports::structs::Versioned for $name {
+        unsafe impl crate::capi::structs::Versioned for $name {
             const FIRST_SIZE: usize = $first_size;
             const NAME: &'static str = stringify!($name);
         }

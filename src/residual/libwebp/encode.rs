@@ -8,7 +8,7 @@ use super::Arena;
 
 /// How to code a picture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lossy {
+pub struct Lossy {
     /// 0 to 100.
     pub quality: f32,
     /// 0 (fast) to 6 (small).
@@ -22,7 +22,7 @@ pub(crate) struct Lossy {
 ///
 /// # Panics
 /// Where `rgb` has not three bytes a pixel.
-pub(crate) fn encode_rgb(
+pub fn encode_rgb(
     rgb: &[u8],
     width: u32,
     height: u32,

@@ -1,9 +1,0 @@
-//! Libwebp, in memory that is lent to it: no call allocates once its arena is made.
-
-mod decode;
-mod encode;
-mod memory;
-
-pub(crate) use decode::{decode_rgb, decode_rows, features};
-pub(crate) use encode::{Lossy, encode_rgb};
-pub(crate) use memory::Arena;

@@ -1,0 +1,9 @@
+//! Libwebp, in memory that is lent to it: no call allocates once its arena is made.
+
+mod decode;
+mod encode;
+mod memory;
+
+pub use decode::{decode_rgb, decode_rows, features};
+pub use encode::{Lossy, encode_rgb};
+pub use memory::Arena;
