@@ -12,7 +12,7 @@ mod scene;
 use std::ops::Range;
 use std::sync::Arc;
 
-use nvsprior::render::ceilings::{self, Ceilings};
+use nvsprior::render::ceilings::Ceilings;
 use nvsprior::render::probe::{self, Fineness, Stages};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer, Scene};
 use nvsprior::shared::{
@@ -186,7 +186,7 @@ struct Best<'a> {
 
 impl Best<'_> {
     fn measure(&mut self) -> Result<(), Error> {
-        let Ceilings { flops, bytes } = ceilings::measure(self.engine)?;
+        let Ceilings { flops, bytes } = self.engine.ceilings()?;
         let best = &mut self.ceilings;
         *best = Ceilings { flops: best.flops.max(flops), bytes: best.bytes.max(bytes) };
         Ok(())
@@ -500,7 +500,7 @@ fn main() -> Result<(), Error> {
     println!("{}", engine.device());
     let seen = Seen::new(&engine)?;
     let view = View::new(&engine, &seen, 1)?;
-    let mut best = Best { engine: &engine, ceilings: ceilings::measure(&engine)? };
+    let mut best = Best { engine: &engine, ceilings: engine.ceilings()? };
     blending(&device, &view, &mut best)?;
     let keys = &view.stages.keys;
     sorting(&device, keys, &mut best)?;

@@ -2,8 +2,9 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::prior::analysis::PriorAnalysis;
+use crate::render::ceilings::{self, Ceilings};
 use crate::render::{Kernels, Plan, Renderer, Scene, SceneKernels, Traits};
-use crate::study::Needs;
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
 
@@ -31,6 +32,11 @@ impl Engine {
         self.device.info()
     }
 
+    /// Measures what the device can do at best. Takes a few tenths of a second on a CPU.
+    pub fn ceilings(&self) -> Result<Ceilings, Error> {
+        ceilings::measure(&self.device)
+    }
+
     /// Device memory in use.
     pub fn memory(&self) -> MemoryUse {
         self.device.memory()
@@ -44,12 +50,12 @@ impl Engine {
     /// Uploads a prior, for any number of renderers; what no picture shows is left out. Builds the
     /// pipelines for priors of its kind, where it is the first.
     pub fn upload(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
-        self.upload_needed(prior, Needs::of(prior))
+        self.upload_analysed(prior, PriorAnalysis::of(prior))
     }
 
-    fn upload_needed(&self, prior: &Prior, needs: Needs) -> Result<Arc<Scene>, Error> {
-        let kernels = self.scene_kernels(&Traits::of(&needs))?;
-        Ok(Arc::new(Scene::new(&self.device, prior, needs, kernels)?))
+    fn upload_analysed(&self, prior: &Prior, analysis: PriorAnalysis) -> Result<Arc<Scene>, Error> {
+        let kernels = self.scene_kernels(&Traits::of(&analysis))?;
+        Ok(Arc::new(Scene::new(&self.device, prior, analysis, kernels)?))
     }
 
     fn scene_kernels(&self, traits: &Traits) -> Result<Arc<SceneKernels>, Error> {
@@ -65,7 +71,7 @@ impl Engine {
 
     /// Uploads a prior with what no picture shows, to compare with.
     pub fn upload_whole(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
-        self.upload_needed(prior, Needs::everything(prior))
+        self.upload_analysed(prior, PriorAnalysis::everything(prior))
     }
 
     /// Makes a renderer of an uploaded prior.

@@ -34,7 +34,7 @@ fn assert_same(engine: &Engine, prior: &Prior, camera: &Camera, pose: &Pose) -> 
     let (reduced, whole) = (engine.upload(prior).unwrap(), engine.upload_whole(prior).unwrap());
     assert_eq!((reduced.id(), reduced.frame()), (whole.id(), whole.frame()));
     let same = seen(engine, &reduced, camera, pose) == seen(engine, &whole, camera, pose);
-    assert!(same, "{:?}", reduced.needs().findings());
+    assert!(same, "{:?}", reduced.analysis().findings());
     reduced
 }
 
@@ -74,8 +74,8 @@ fn what_is_left_out_changes_no_picture() {
             let options = RenderOptions { alpha_max, antialiased, ..RenderOptions::GSPLAT };
             let prior = Prior::from_splats(splats, options).unwrap();
             let scene = assert_same(&engine, &prior, &camera, &random_pose(seed.into()));
-            prop_assert_eq!(scene.needs().splats.len(), 300);
-            prop_assert_eq!(scene.needs().sh_degree, degree.min(kept));
+            prop_assert_eq!(scene.analysis().splats.len(), 300);
+            prop_assert_eq!(scene.analysis().sh_degree, degree.min(kept));
             Ok(())
         };
     TestRunner::new(config).run(&cases, run).unwrap();
@@ -91,7 +91,7 @@ fn a_prior_that_shows_nothing_shows_its_background() {
     let prior = Prior::from_splats(splats, options).unwrap();
     let (camera, pose) = (camera(33, 20), random_pose(1));
     let scene = assert_same(&engine, &prior, &camera, &pose);
-    assert_eq!(scene.needs().splats, [0]);
+    assert_eq!(scene.analysis().splats, [0]);
     let mut renderer = engine.renderer(&scene, &camera, Plan::picture()).unwrap();
     let floats = renderer.draw(&pose).unwrap();
     assert!(floats.chunks_exact(5).all(|p| p == [0.2, 0.4, 0.6, 0.0, 1.0]), "{:?}", &floats[..5]);
@@ -101,8 +101,8 @@ fn a_prior_that_shows_nothing_shows_its_background() {
 fn the_wall_needs_all_that_it_has() {
     let prior = scene::wall(1);
     let scene = assert_same(&engine(), &prior, &scene::CAMERA, &scene::pose(1.0));
-    assert_eq!(scene.needs().splats.len(), prior.len());
-    assert_eq!(scene.needs().findings(), []);
+    assert_eq!(scene.analysis().splats.len(), prior.len());
+    assert_eq!(scene.analysis().findings(), []);
 }
 
 #[test]
@@ -110,5 +110,5 @@ fn the_reef_is_drawn_to_the_same_bits() {
     let Some(path) = reef_file("prior.ply") else { return };
     let prior = Prior::open(&path, &Default::default()).unwrap();
     let scene = assert_same(&engine(), &prior, &common::REEF_CAMERA, &reef_pose());
-    println!("left out of {}: {:?}", prior.len(), scene.needs().findings());
+    println!("left out of {}: {:?}", prior.len(), scene.analysis().findings());
 }

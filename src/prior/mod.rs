@@ -1,5 +1,6 @@
 //! The prior: a trained 3D Gaussian Splatting scene that vehicle and topside share.
 
+pub mod analysis;
 mod check;
 pub mod compact;
 #[cfg(feature = "formats")]

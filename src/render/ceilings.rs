@@ -1,7 +1,6 @@
 //! What a device can do at best, measured: the rate of multiply-adds in registers and that of copying
 //! words. Stages are reported as shares of these.
 
-use crate::Engine;
 use crate::shared::{CEILING_CHAINS, CEILING_STEPS, CEILING_TURNS};
 use crate::vulkan::{Buffer, Code, Device, Error, Kernel, Memory, Recorder, Timing};
 
@@ -23,9 +22,8 @@ const WORDS: usize = 1 << 22;
 /// Runs, of which the fastest counts.
 const RUNS: usize = 5;
 
-/// Measures the engine's device. Takes a few tenths of a second on a CPU.
-pub fn measure(engine: &Engine) -> Result<Ceilings, Error> {
-    let device = &engine.device;
+/// Measures a device. Takes a few tenths of a second on a CPU.
+pub fn measure(device: &Device) -> Result<Ceilings, Error> {
     let operations = CHAINED as f64 * f64::from(CEILING_CHAINS * CEILING_STEPS * CEILING_TURNS);
     Ok(Ceilings {
         flops: 2.0 * operations / arithmetic(device)?,

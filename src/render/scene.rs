@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
 
+use crate::prior::analysis::PriorAnalysis;
 use crate::prior::{KeyFrames, PriorFrame, Splats};
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
-use crate::study::Needs;
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
 
@@ -19,7 +19,7 @@ pub struct Scene {
     pub(crate) sh: Buffer,
     pub(crate) splats: u32,
     pub(crate) options: RenderOptions,
-    needs: Needs,
+    analysis: PriorAnalysis,
     id: PriorId,
     frame: PriorFrame,
     key_frames: KeyFrames,
@@ -30,21 +30,21 @@ impl Scene {
     pub(crate) fn new(
         device: &Device,
         prior: &Prior,
-        needs: Needs,
+        analysis: PriorAnalysis,
         kernels: Arc<SceneKernels>,
     ) -> Result<Scene, Error> {
-        let (splats, count) = (prior.splats(), needs.splats.len());
-        let named = format!("splats of degree {}", needs.sh_degree);
-        let room = Error::with_room_for(most_splats(device, needs.sh_degree), &named);
+        let (splats, count) = (prior.splats(), analysis.splats.len());
+        let named = format!("splats of degree {}", analysis.sh_degree);
+        let room = Error::with_room_for(most_splats(device, analysis.sh_degree), &named);
         check_workgroups(device, count).map_err(&room)?;
         let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
         Ok(Scene {
             kernels,
-            geometry: upload("geometry", &geometry(splats, &needs.splats, centre(prior)))?,
-            sh: upload("spherical harmonics", &sh_planes(splats, &needs))?,
+            geometry: upload("geometry", &geometry(splats, &analysis.splats, centre(prior)))?,
+            sh: upload("spherical harmonics", &sh_planes(splats, &analysis))?,
             splats: count as u32,
             options: *prior.options(),
-            needs,
+            analysis,
             id: prior.id(),
             frame: prior.frame(),
             key_frames: prior.key_frames().clone(),
@@ -52,8 +52,8 @@ impl Scene {
     }
 
     /// What was uploaded, and what was not.
-    pub fn needs(&self) -> &Needs {
-        &self.needs
+    pub fn analysis(&self) -> &PriorAnalysis {
+        &self.analysis
     }
 
     /// Identity of the prior.
@@ -79,9 +79,9 @@ impl Scene {
 }
 
 impl Traits {
-    /// Of a prior that needs so much.
-    pub fn of(needs: &Needs) -> Traits {
-        Traits { sh_degree: needs.sh_degree, clamped: needs.clamps_alpha }
+    /// Of a prior, by its analysis.
+    pub fn of(analysis: &PriorAnalysis) -> Traits {
+        Traits { sh_degree: analysis.sh_degree, clamped: analysis.clamps_alpha }
     }
 }
 
@@ -137,12 +137,12 @@ fn geometry(splats: &Splats, which: &[u32], centre: DVec3) -> Vec<f32> {
 }
 
 /// Planes of the coefficients that are needed, RGB after RGB; two coefficients are three planes.
-fn sh_planes(splats: &Splats, needs: &Needs) -> Vec<f32> {
+fn sh_planes(splats: &Splats, analysis: &PriorAnalysis) -> Vec<f32> {
     let stride = splats.sh_stride();
-    let needed = 3 * shared::sh_coefficients(needs.sh_degree) as usize;
-    let planes = shared::sh_planes(needs.sh_degree);
+    let needed = 3 * shared::sh_coefficients(analysis.sh_degree) as usize;
+    let planes = shared::sh_planes(analysis.sh_degree);
     let of = |i: usize| splats.sh[i * stride..][..needed].iter().copied();
-    pair_planes(&needs.splats, planes, of)
+    pair_planes(&analysis.splats, planes, of)
 }
 
 /// Two values of every splat that `which` names to a plane; 0 where it has no more.

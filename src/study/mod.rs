@@ -1,9 +1,6 @@
-//! What a scene does not need: exactly, whatever the camera ([`Needs`]), or within a tolerance at a
-//! mission's views ([`trim`], with the feature `mapping`).
+//! What of a prior a mission's views do not need, within a tolerance ([`trim`], with the feature `mapping`). What no
+//! view at all needs: [`crate::prior::analysis`].
 
-mod needs;
 pub mod samples;
 #[cfg(feature = "mapping")]
 pub mod trim;
-
-pub use needs::{Finding, Kind, Needs, key_bits, splat_bytes};

@@ -53,12 +53,7 @@ pub fn decode_rgb(file: &[u8], width: u32, rgb: &mut [u8], arena: &mut Arena) ->
 
 /// Decodes the beginning of a file as [`decode_rgb`] does a whole one, as far as it goes; the number
 /// of rows written, or `None` where it is damaged.
-pub fn decode_rows(
-    start: &[u8],
-    width: u32,
-    rgb: &mut [u8],
-    arena: &mut Arena,
-) -> Option<usize> {
+pub fn decode_rows(start: &[u8], width: u32, rgb: &mut [u8], arena: &mut Arena) -> Option<usize> {
     let stride = c_int::try_from(width).ok()?.checked_mul(3)?;
     let mut rows = 0;
     // SAFETY: pointers and lengths are those of slices that outlive the decoder, which is deleted

@@ -2,7 +2,7 @@
 //! that the device reaches at best.
 
 use nvsprior::refine::{Found, Known, Objective, RefineOptions, Tracker};
-use nvsprior::render::ceilings::{self, Ceilings};
+use nvsprior::render::ceilings::Ceilings;
 use nvsprior::render::probe::{self, Fineness};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
 use nvsprior::vulkan::StageTime;
@@ -49,7 +49,7 @@ pub struct Stages {
 
 /// Measures a picture, both sums and a whole search of a frame that follows another.
 pub fn measure(context: &Context) -> anyhow::Result<Stages> {
-    let ceilings = ceilings::measure(&context.engine)?;
+    let ceilings = context.engine.ceilings()?;
     let (camera, pose) = (context.shots[0].camera, context.best[0].pose);
     let counts = counts(context, &camera, &camera, &pose)?;
     let rated = |job, times: Vec<StageTime>, count: &dyn Fn(&str) -> Work| {

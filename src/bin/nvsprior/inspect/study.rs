@@ -1,7 +1,7 @@
 //! What pictures of a prior do not need: exactly, and at a mission's views.
 
+use nvsprior::prior::analysis::{PriorAnalysis, key_bits, splat_bytes};
 use nvsprior::study::trim::{Removal, most_needed, removals};
-use nvsprior::study::{Needs, key_bits, splat_bytes};
 use nvsprior::{Camera, EncoderOptions, Engine, Pose, Prior};
 
 use super::row;
@@ -24,9 +24,9 @@ pub fn print(
     tolerance: Option<f64>,
     device: &DeviceArgs,
 ) -> anyhow::Result<()> {
-    let needs = Needs::of(prior);
-    print_needs(&needs);
-    print_guards(prior, &needs);
+    let analysis = PriorAnalysis::of(prior);
+    print_findings(&analysis);
+    print_guards(prior, &analysis);
     let places =
         mission.map_or_else(|| vec![default_view(prior)], |m| places(spaced(&m.views, VIEWS)));
     print_pyramid(&places[0].0);
@@ -37,41 +37,41 @@ pub fn print(
             return Ok(());
         }
     };
-    print_times(&engine, prior, &needs, &places)?;
+    print_times(&engine, prior, &analysis, &places)?;
     if let Some(mission) = mission {
         Sampled::new(&engine, prior, mission, places)?.print(tolerance)?;
     }
     device.check(&engine)
 }
 
-fn print_needs(needs: &Needs) {
-    for finding in needs.findings() {
-        let left_out = finding.kind == nvsprior::study::Kind::Exact;
+fn print_findings(analysis: &PriorAnalysis) {
+    for finding in analysis.findings() {
+        let left_out = finding.kind == nvsprior::prior::analysis::Kind::Exact;
         let name = if left_out { "left out" } else { "could go" };
         let (count, what, kind) = (finding.count, finding.name, finding.kind);
         let (bytes, reason) = (finding.bytes, &finding.reason);
         row(name, format!("{count} {what} ({kind}), {bytes} bytes on the device: {reason}"));
     }
-    if needs.findings().is_empty() {
+    if analysis.findings().is_empty() {
         row("left out", "nothing: there is a camera for all of it".into());
     }
 }
 
-fn print_guards(prior: &Prior, needs: &Needs) {
-    let alpha = match needs.clamps_alpha {
+fn print_guards(prior: &Prior, analysis: &PriorAnalysis) {
+    let alpha = match analysis.clamps_alpha {
         true => "needed: some opacity is above it",
         false => "idle: no opacity is above it",
     };
     row("alpha guard", alpha.into());
-    let colour = match needs.clamps_colour {
+    let colour = match analysis.clamps_colour {
         true => "needed: some colour may fall below 0",
         false => "idle: no colour falls below 0 from any side",
     };
     row("colour guard", colour.into());
-    let background = if needs.background { "needed: not black" } else { "idle: black" };
+    let background = if analysis.background { "needed: not black" } else { "idle: black" };
     row("background", background.into());
     let near = prior.options().near;
-    row("key bits", format!("{} for cameras anywhere, near plane {near}", needs.key_bits));
+    row("key bits", format!("{} for cameras anywhere, near plane {near}", analysis.key_bits));
 }
 
 fn print_pyramid(camera: &Camera) {
@@ -88,13 +88,14 @@ fn print_pyramid(camera: &Camera) {
 fn print_times(
     engine: &Engine,
     prior: &Prior,
-    needs: &Needs,
+    analysis: &PriorAnalysis,
     places: &[(Camera, Pose)],
 ) -> anyhow::Result<()> {
     let mut whole = Painter::of(engine, engine.upload_whole(prior)?);
     let mut needed = Painter::new(engine, prior)?;
     let times = compare_times(&mut whole, &mut needed, places)?;
-    let all = needs.splats.len() == prior.len() && needs.sh_degree == prior.splats().sh_degree;
+    let all =
+        analysis.splats.len() == prior.len() && analysis.sh_degree == prior.splats().sh_degree;
     row(
         "render",
         match all {

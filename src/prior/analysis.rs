@@ -3,12 +3,12 @@
 
 use std::fmt;
 
-use crate::prior::{Prior, Splats};
+use super::{Prior, Splats};
 use crate::shared::{self, ALPHA_MIN, GEOMETRY_PLANES};
 
 /// What pictures of a prior need.
 #[derive(Clone, Debug)]
-pub struct Needs {
+pub struct PriorAnalysis {
     /// Splats that some picture may show, by index, in order; at least one.
     pub splats: Vec<u32>,
     /// Degree of the spherical harmonics beyond which all coefficients are zero.
@@ -59,9 +59,9 @@ impl fmt::Display for Kind {
     }
 }
 
-impl Needs {
+impl PriorAnalysis {
     /// Studies a prior.
-    pub fn of(prior: &Prior) -> Needs {
+    pub fn of(prior: &Prior) -> PriorAnalysis {
         let (splats, options) = (prior.splats(), prior.options());
         let opacities: Vec<f32> = (0..splats.len()).map(|i| splats.opacity(i) as f32).collect();
         let visible = |i: &u32| opacities[*i as usize] >= ALPHA_MIN;
@@ -73,7 +73,7 @@ impl Needs {
         let sh_degree = sh_degree(splats);
         // Rounding may lift an alpha a little above its splat's opacity.
         let clamped = options.alpha_max * (1.0 - 1e-5);
-        let mut needs = Needs {
+        let mut analysis = PriorAnalysis {
             clamps_alpha: shown.iter().any(|i| opacities[*i as usize] > clamped),
             clamps_colour: shown.iter().any(|i| may_be_negative(splats, *i as usize)),
             background: options.background != [0.0; 3],
@@ -83,13 +83,13 @@ impl Needs {
             sh_degree,
             findings: Vec::new(),
         };
-        needs.findings = needs.find(splats);
-        needs
+        analysis.findings = analysis.find(splats);
+        analysis
     }
 
     /// Everything, as if no splat had been looked at; for comparisons.
-    pub fn everything(prior: &Prior) -> Needs {
-        Needs {
+    pub fn everything(prior: &Prior) -> PriorAnalysis {
+        PriorAnalysis {
             splats: (0..prior.len() as u32).collect(),
             sh_degree: prior.splats().sh_degree,
             clamps_alpha: true,
@@ -208,12 +208,12 @@ mod tests {
     use crate::prior::tests::sample_splats;
     use crate::{Prior, RenderOptions};
 
-    fn needs(change: impl Fn(&mut Splats, &mut RenderOptions)) -> Needs {
+    fn needs(change: impl Fn(&mut Splats, &mut RenderOptions)) -> PriorAnalysis {
         let (mut splats, mut options) = (sample_splats(6, 3), RenderOptions::INRIA);
         splats.opacity_logits = vec![0.0; 6];
         splats.sh.iter_mut().for_each(|v| *v = 0.01 * v.sin());
         change(&mut splats, &mut options);
-        Needs::of(&Prior::from_splats(splats, options).unwrap())
+        PriorAnalysis::of(&Prior::from_splats(splats, options).unwrap())
     }
 
     #[test]
