@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::prior::analysis::PriorAnalysis;
+#[cfg(feature = "cli")]
 use crate::render::ceilings::{self, Ceilings};
 use crate::render::{Kernels, Plan, Renderer, Scene, SceneKernels, Traits};
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
@@ -33,6 +34,7 @@ impl Engine {
     }
 
     /// Measures what the device can do at best. Takes a few tenths of a second on a CPU.
+    #[cfg(feature = "cli")]
     pub fn ceilings(&self) -> Result<Ceilings, Error> {
         ceilings::measure(&self.device)
     }

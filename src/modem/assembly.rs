@@ -2,7 +2,7 @@
 
 use crate::packet::{Extent, sound_len};
 
-use super::later::{Later, binding};
+use super::fragment::{Fragment, binding};
 use super::layout::Layout;
 
 /// One packet at a time, and room for it.
@@ -116,9 +116,9 @@ impl Assembly {
     }
 
     /// Takes a frame whose index there is room for.
-    pub(super) fn offer(&mut self, later: &Later) -> Bond {
+    pub(super) fn offer(&mut self, later: &Fragment) -> Bond {
         let Some(state) = &mut self.packet else { return Bond::Stranger };
-        let Later { index, data, .. } = *later;
+        let Fragment { index, data, .. } = *later;
         if self.there[index] {
             let held = &self.bytes[self.layout.range(index, state.end())];
             let same = data.starts_with(held) && later.binds(state.binding, held.len());

@@ -3,8 +3,11 @@
 use std::ops::Range;
 
 use super::ModemError;
-use super::later::{HEADER_LEN, MAX_INDEX};
 
+/// Bytes of a frame after the first before its data.
+pub(super) const HEADER_LEN: usize = 4;
+/// Largest index of a frame: twelve bits.
+pub(super) const MAX_INDEX: usize = 0xFFF;
 /// The smallest MTU, bytes: that of the smallest modems, and the compact latent part's length.
 pub(super) const SMALLEST_MTU: usize = 31;
 /// The largest MTU, bytes.

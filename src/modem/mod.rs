@@ -45,17 +45,19 @@
 
 mod assembly;
 mod error;
-mod later;
+mod fragment;
 mod layout;
+mod packet_slot;
 mod reassembler;
-mod slot;
 mod splitter;
+mod statistics;
 mod waiting;
 
 pub use error::ModemError;
 pub use layout::{frame_count, largest_packet};
-pub use reassembler::{Pushed, Reassembler, ReassemblerOptions, Received, Statistics};
+pub use reassembler::{Reassembler, ReassemblerOptions, Received};
 pub use splitter::Splitter;
+pub use statistics::{Pushed, Statistics};
 
 #[cfg(test)]
 mod tests;

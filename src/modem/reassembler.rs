@@ -4,9 +4,10 @@ use crate::packet::{Extent, Latent};
 
 use super::ModemError;
 use super::assembly::Assembly;
-use super::later::{FIRST, LATER, Later, MAX_INDEX, TAGS, binding, tag_of};
-use super::layout::Layout;
-use super::slot::Slot;
+use super::fragment::{FIRST, Fragment, LATER, TAGS, binding, tag_of};
+use super::layout::{Layout, MAX_INDEX};
+use super::packet_slot::PacketSlot;
+use super::statistics::{Pushed, Statistics};
 
 /// Displaced packets that are remembered, so that their late repeats are known.
 const GONE: usize = 16;
@@ -39,49 +40,13 @@ impl ReassemblerOptions {
     /// Where the MTU is outside 31 to 65,535 bytes.
     pub fn memory(&self) -> Result<usize, ModemError> {
         let layout = Layout::new(self.mtu)?;
-        Ok(TAGS * Slot::memory(layout, self.frames(layout)) + size_of::<Reassembler>())
+        Ok(TAGS * PacketSlot::memory(layout, self.frames(layout)) + size_of::<Reassembler>())
     }
 
     /// Frames of a packet to make room for.
     fn frames(&self, layout: Layout) -> usize {
         layout.count(self.max_packet_bytes).min(MAX_INDEX + 1)
     }
-}
-
-/// What a frame has brought; the numbers are frame numbers, modulo 2²⁴.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pushed {
-    /// This packet is complete.
-    Complete(u32),
-    /// This packet has more sound bytes at its start than before.
-    Grown(u32),
-    /// The frame is kept, and of use once others come: one before it is missing, its first frame,
-    /// or its packet's length.
-    Kept,
-    /// The frame was there.
-    Duplicate,
-    /// All frames of this packet are there and its own checks do not match: the first frame stays,
-    /// as far as it is sound; the others are forgotten and may come again.
-    Damaged(u32),
-}
-
-/// Counts since the start. Frames pushed = accepted + duplicates + rejected + waiting.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Statistics {
-    /// Frames that became part of a packet.
-    pub accepted: u64,
-    /// Frames that were there.
-    pub duplicates: u64,
-    /// Frames refused, or dropped because no packet came that they belong to.
-    pub rejected: u64,
-    /// Frames that belong to no packet yet. Not a count since the start.
-    pub waiting: u64,
-    /// Packets completed.
-    pub completed: u64,
-    /// Times that a packet was all there and its own checks did not match.
-    pub damaged: u64,
-    /// Packets displaced by newer ones before they were complete.
-    pub incomplete: u64,
 }
 
 /// What has come of a packet.
@@ -126,7 +91,7 @@ pub struct Reassembler {
     /// Frames of a packet that there is room for.
     room: usize,
     /// By the frame number's low two bits.
-    slots: [Slot; TAGS],
+    slots: [PacketSlot; TAGS],
     newest: Option<u32>,
     /// Keys of the packets displaced last, the one to be forgotten next at `oldest_gone`.
     gone: [Option<u32>; GONE],
@@ -146,7 +111,7 @@ impl Reassembler {
             layout,
             modem_checks: options.modem_checks,
             room,
-            slots: std::array::from_fn(|tag| Slot::new(layout, tag, room)),
+            slots: std::array::from_fn(|tag| PacketSlot::new(layout, tag, room)),
             newest: None,
             gone: [None; GONE],
             oldest_gone: 0,
@@ -197,7 +162,7 @@ impl Reassembler {
     }
 
     fn push_later(&mut self, frame: &[u8]) -> Result<Pushed, ModemError> {
-        let later = Later::read(frame, self.layout)?;
+        let later = Fragment::read(frame, self.layout)?;
         if later.index >= self.room {
             return Err(ModemError::NoRoom { index: later.index, room: self.room });
         }

@@ -3,8 +3,8 @@
 use crate::packet::{Extent, sound_len};
 
 use super::ModemError;
-use super::later::{HEADER_LEN, binding, header, tag_of};
-use super::layout::{Layout, frame_count};
+use super::fragment::{binding, header, tag_of};
+use super::layout::{HEADER_LEN, Layout, frame_count};
 
 /// Cuts a packet into frames, each on demand and any number of times. Allocates nothing.
 ///

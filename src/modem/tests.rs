@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
-use super::later::{Later, binding};
+use super::fragment::{Fragment, binding};
 use super::layout::Layout;
 use super::*;
 use crate::packet::{
@@ -231,7 +231,7 @@ fn a_frame_that_its_check_does_not_find_is_found_in_the_end() {
     let packet = compact(5, 100);
     let frames = frames_of(&packet, 64);
     let forged_data = noise(3, 60);
-    let header = later::header(binding(&frames[0]), 1, 1, &forged_data);
+    let header = fragment::header(binding(&frames[0]), 1, 1, &forged_data);
     let mut reassembler = reassembler(64);
     reassembler.push(&frames[0]).unwrap();
     let forged = [&header[..], &forged_data].concat();
@@ -369,8 +369,8 @@ fn two_flipped_bits_are_detected() {
     let (frame, binding) = (&frames[1], binding(&frames[0]));
     let layout = Layout::new(31).unwrap();
     let binds = |frame: &[u8]| {
-        let later = Later::read(frame, layout);
-        frame[0] >> 6 == later::LATER && later.is_ok_and(|l| l.binds(binding, 27))
+        let later = Fragment::read(frame, layout);
+        frame[0] >> 6 == fragment::LATER && later.is_ok_and(|l| l.binds(binding, 27))
     };
     assert!(binds(frame));
     let bits = 8 * frame.len();
@@ -390,8 +390,8 @@ fn a_frame_binds_to_no_other_packet() {
     let firsts = (0..20_000_u32).map(|frame| frames_of(&compact(4 * frame, 20), 31).remove(0));
     let data = noise(1, 27);
     let mine = binding(&frames_of(&compact(2, 20), 31)[0]);
-    let frame = [&later::header(mine, 2, 1, &data)[..], &data].concat();
-    let later = Later::read(&frame, Layout::new(31).unwrap()).unwrap();
+    let frame = [&fragment::header(mine, 2, 1, &data)[..], &data].concat();
+    let later = Fragment::read(&frame, Layout::new(31).unwrap()).unwrap();
     assert!(later.binds(mine, 27));
     let bound = firsts.filter(|first| later.binds(binding(first), 27)).count();
     assert!(bound <= 2, "{bound} of 20,000");

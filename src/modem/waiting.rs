@@ -1,6 +1,6 @@
-//! Later frames that belong to no packet at hand: their first frame may be yet to come.
+//! Fragment frames that belong to no packet at hand: their first frame may be yet to come.
 
-use super::later::Later;
+use super::fragment::Fragment;
 use super::layout::Layout;
 
 /// Unchecked later frames of one tag, one an index.
@@ -49,7 +49,7 @@ impl Waiting {
     }
 
     /// Keeps a frame whose index there is room for.
-    pub(super) fn keep(&mut self, later: &Later) -> Kept {
+    pub(super) fn keep(&mut self, later: &Fragment) -> Kept {
         let kept = match self.get(later.index) {
             None => Kept::New,
             Some(held) if held.check == later.check && held.data == later.data => {
@@ -65,11 +65,11 @@ impl Waiting {
         kept
     }
 
-    pub(super) fn get(&self, index: usize) -> Option<Later<'_>> {
+    pub(super) fn get(&self, index: usize) -> Option<Fragment<'_>> {
         let Held { check, len } = (*self.frames.get(index - 1)?)?;
         let at = (index - 1) * self.layout.full();
         let data = &self.data[at..at + usize::from(len)];
-        Some(Later { tag: self.tag, index, check, data })
+        Some(Fragment { tag: self.tag, index, check, data })
     }
 
     pub(super) fn remove(&mut self, index: usize) {

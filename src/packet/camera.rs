@@ -1,23 +1,13 @@
-//! The camera part, and the tag by which a latent part names its camera.
+//! The camera part.
 
 use crate::Camera;
 
 use super::bytes::{Reader, crc16};
-use super::latent::size_bytes;
+use super::camera_tag::{camera_tag, intrinsics, size_bytes};
 use super::{Latent, PacketError, Part};
 
 /// Length of the part, bytes.
 pub(super) const LEN: usize = 18;
-
-/// Names a camera in the latent part, so that a decoder notices when the camera it remembers is not
-/// the one meant: the low byte of the camera part's check.
-///
-/// # Errors
-/// Where the camera's size does not fit a packet.
-pub fn camera_tag(camera: &Camera) -> Result<u8, PacketError> {
-    let size = size_bytes(camera.width, camera.height)?;
-    Ok(crc16(&[&size, &intrinsics(camera)]) as u8)
-}
 
 pub(super) fn encode(camera: &Camera, latent: &Latent) -> Result<[u8; LEN], PacketError> {
     camera.check()?;
@@ -48,13 +38,4 @@ pub(super) fn decode(bytes: &[u8], latent: &Latent) -> Result<Camera, PacketErro
     let camera = Camera { width: latent.width, height: latent.height, fx, fy, cx, cy };
     camera.check()?;
     Ok(camera)
-}
-
-fn intrinsics(camera: &Camera) -> [u8; 16] {
-    let mut bytes = [0; 16];
-    let fields = [camera.fx, camera.fy, camera.cx, camera.cy];
-    for (slot, value) in bytes.chunks_exact_mut(4).zip(fields) {
-        slot.copy_from_slice(&value.to_le_bytes());
-    }
-    bytes
 }

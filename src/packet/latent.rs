@@ -4,7 +4,7 @@ use crate::Camera;
 use crate::prior::PriorId;
 
 use super::bytes::{Reader, crc16, from_u24, to_u24};
-use super::camera::camera_tag;
+use super::camera_tag::{camera_tag, size_bytes};
 use super::{PacketError, Part, PoseProfile, QuantisedPose};
 
 /// High four bits of the first byte.
@@ -163,13 +163,4 @@ pub(super) fn check_start(bytes: &[u8]) -> Result<PoseProfile, PacketError> {
 
 pub(super) fn encoded_len(profile: PoseProfile) -> usize {
     FIXED_LEN + profile.encoded_len()
-}
-
-/// A picture size as the header holds it.
-pub(super) fn size_bytes(width: u32, height: u32) -> Result<[u8; 3], PacketError> {
-    let sides = 1..=Camera::MAX_SIDE;
-    if !sides.contains(&width) || !sides.contains(&height) {
-        return Err(PacketError::Size { width, height });
-    }
-    Ok(to_u24((width - 1) | (height - 1) << 12))
 }

@@ -52,6 +52,7 @@
 
 pub(crate) mod bytes;
 mod camera;
+mod camera_tag;
 mod error;
 mod extent;
 mod latent;
@@ -63,7 +64,7 @@ use crate::Camera;
 
 use latent::Follows;
 
-pub use camera::camera_tag;
+pub use camera_tag::camera_tag;
 pub use error::{PacketError, Part};
 pub use extent::{Extent, sound_len};
 pub use latent::Latent;

@@ -7,8 +7,7 @@ use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 use crate::prior::Splats;
 use crate::shared::{ALPHA_MIN, FRUSTUM_MARGIN, RATIO_MIN, THIN, WIDE};
 
-use super::risk::CUT_MARGIN;
-use super::{Channels, View, harmonics};
+use super::{CUT_MARGIN, Channels, View, harmonics};
 
 /// A splat of the prior, activated.
 #[derive(Clone, Copy, Debug)]

@@ -7,13 +7,10 @@ use glam::DVec2;
 use crate::RenderOptions;
 use crate::shared::{ALPHA_MIN, TRANSMITTANCE_STOP};
 
-use super::Channels;
 use super::project::Projected;
 use super::splat::{Hit, Pixel};
+use super::{CUT_MARGIN, Channels};
 
-/// Relative distance from alpha's cut within which it may fall either way. A mean 300 pixels out is
-/// held to 2e-5 pixels in f32, which at the rim of the smallest splat changes alpha by about 2e-4.
-pub const CUT_MARGIN: f64 = 1e-3;
 /// Relative distance from the transmittance stop within which it may fall either way: errors of
 /// alpha count a hundredfold in `1 − α` where alpha is near 0.99.
 pub const STOP_MARGIN: f64 = 1e-2;

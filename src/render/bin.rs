@@ -2,51 +2,12 @@
 
 use std::mem::offset_of;
 
-use crate::Camera;
-use crate::shared::{self, Groups, TILE};
-use crate::vulkan::{Buffer, Device, Error, Memory, Recorder};
+use crate::shared::Groups;
+use crate::vulkan::{Error, Recorder};
 
 use super::Kernels;
 use super::view::{Part, View};
 use super::workspace::Workspace;
-
-/// Most counters of the table of blocks by tiles: 16 MiB, of which a picture takes what it needs.
-const TABLE: u32 = 1 << 22;
-/// Most tiles of a picture.
-const TILES: u32 = (Camera::MAX_SIDE / TILE).pow(2);
-/// Most bands of a picture: none has fewer rows of tiles than one as wide as a picture can be.
-pub(crate) const BANDS: u32 = TILES / shared::TABLE;
-
-const _: () = assert!(TABLE >= 4 * TILES, "blocks come by fours");
-const _: () = assert!(shared::TABLE >= Camera::MAX_SIDE / TILE, "a band has a row and more");
-
-/// How binning is shared among workgroups.
-pub(crate) struct Binning {
-    /// Logarithm, base 2, of their number.
-    pub log_blocks: u32,
-    /// Where each block's part of each tile's list begins; a last row for the ends.
-    pub starts: Buffer,
-}
-
-impl Binning {
-    /// Of pictures of so many tiles at most.
-    pub fn new(device: &Device, log_blocks: u32, tiles: u32) -> Result<Binning, Error> {
-        let words = (u64::from(tiles) << log_blocks) + u64::from(tiles);
-        let starts = Buffer::new::<u32>(device, "tile starts", words as usize, Memory::Device)?;
-        Ok(Binning { log_blocks, starts })
-    }
-}
-
-/// Logarithm, base 2, of the number of blocks for a picture of so many tiles.
-pub(crate) fn log_blocks(most: u32, tiles: u32) -> u32 {
-    (TABLE / tiles.max(1)).max(1).ilog2().min(most)
-}
-
-/// The same of the most blocks that binning may be shared among: stage `bin_scan` goes through the table
-/// in a loop, and llvmpipe ends loops of 65,535 rounds.
-pub(crate) fn log_most_blocks(tiles: u32) -> u32 {
-    (TABLE / 4 / tiles.max(1)).max(4).ilog2().min(14)
-}
 
 pub(crate) fn record(
     recorder: &mut Recorder,
@@ -68,26 +29,4 @@ pub(crate) fn record(
     let (ranges, pairs) = (&view.ranges, &work.pair_splats);
     let buffers = [params, counters, order, records, starts, bands, ranges, pairs];
     r.dispatch_indirect(&kernels.bin_emit, &buffers, &split, groups, blocks)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::shared::band_rows;
-
-    #[test]
-    fn tables_stay_bounded() {
-        for width in [8, 72, 1_024, Camera::MAX_SIDE] {
-            let bands = (Camera::MAX_SIDE / TILE).div_ceil(band_rows(width / TILE));
-            assert!(bands <= BANDS, "{width}: {bands} bands");
-        }
-        assert_eq!(log_blocks(4, 920), 4);
-        assert_eq!(log_blocks(8, 14_400), 8);
-        assert_eq!(log_blocks(7, TILES), 4);
-        for tiles in [1, 920, 14_400, TILES] {
-            let rounds = (u64::from(tiles) << log_most_blocks(tiles)) / 32;
-            assert!(rounds < 65_535, "{tiles} tiles: {rounds} rounds");
-            assert!(log_most_blocks(tiles) >= 2, "blocks come by fours");
-        }
-    }
 }

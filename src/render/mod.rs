@@ -2,6 +2,7 @@
 //! twin, holding buffers and dispatch only.
 
 pub(crate) mod bin;
+mod binning;
 #[cfg(feature = "cli")]
 pub mod ceilings;
 pub(crate) mod derive;

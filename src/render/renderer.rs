@@ -9,7 +9,7 @@ use crate::shared::{CELL, Counters, PIXEL};
 use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
-use super::bin::{self, Binning};
+use super::binning::{self, Binning};
 use super::frame::{self, Bytes, Chain, Coded, Frame, SLOTS};
 use super::light::{Correction, FlatField};
 use super::radix::Fineness;
@@ -250,7 +250,7 @@ impl Renderer {
     fn split_binning(&mut self) -> Result<bool, Error> {
         let before = self.view.binning.log_blocks;
         let tiles = self.view.most_tiles();
-        let finest = bin::log_most_blocks(tiles);
+        let finest = binning::log_most_blocks(tiles);
         if before >= finest {
             return Err(Error::TooManyPairs);
         }

@@ -8,7 +8,7 @@ use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, low_pass};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose};
 
-use super::bin::{self, Binning};
+use super::binning::{self, Binning};
 use super::{Scene, kernels};
 
 /// One picture size.
@@ -122,7 +122,7 @@ impl View {
         let pixels = most(|level| level.camera.pixels());
         let tiles = most(|level| (level.params.tiles_x * level.params.tiles_y) as usize);
         let log_sort_blocks = kernels::log_blocks(device, scene.splats);
-        let log_bin_blocks = bin::log_blocks(log_sort_blocks, tiles as u32);
+        let log_bin_blocks = binning::log_blocks(log_sort_blocks, tiles as u32);
         for Level { params, .. } in &mut levels {
             params.sort_blocks = 1 << log_sort_blocks;
             params.bin_blocks = 1 << log_bin_blocks;
@@ -144,7 +144,7 @@ impl View {
             image_read: own("picture read back", image, Memory::Readback)?,
             frame: own("frame", floats as usize, Memory::Upload)?,
             binning: Binning::new(device, log_bin_blocks, tiles as u32)?,
-            bands: own("bands", bin::BANDS as usize, Memory::Device)?,
+            bands: own("bands", binning::BANDS as usize, Memory::Device)?,
             partials: own("sums by tile", tiles * SUMS as usize, Memory::Device)?,
             sums: own("sums", SUMS as usize, Memory::Readback)?,
             levels,

@@ -18,6 +18,9 @@ pub const GROUP: Group = Group {
     cases,
 };
 
+/// As searches begin with.
+const DAMPING: f32 = 1e-3;
+
 /// A prior as a camera sees it.
 pub struct Seen {
     pub prior: Prior,

@@ -11,7 +11,7 @@ use nvsprior::search;
 use nvsprior::shared::CULLED;
 
 use super::sums::{jtr, solved};
-use super::{Seen, Which};
+use super::{DAMPING, Seen, Which};
 use crate::stability::case::{Bench, Done, Row, Table};
 use crate::stability::explained::Explained;
 use crate::stability::measure::{sums, upper};
@@ -165,9 +165,6 @@ fn equations(bench: &Bench, seen: &Seen) -> anyhow::Result<Vec<Errors>> {
     }
     Ok(all)
 }
-
-/// As searches begin with.
-pub const DAMPING: f32 = 1e-3;
 
 fn of_equations(stage: &'static str, got: &NormalEquations, twin: &NormalEquations) -> [Errors; 3] {
     let length = |k: usize| twin.jtj[k][k].sqrt();

@@ -6,8 +6,7 @@ use nvsprior::reference::{Sample, Twin};
 use nvsprior::render::{Jacobian, NormalEquations, Plan};
 use nvsprior::shared::{SUMS, TILE};
 
-use super::stages::DAMPING;
-use super::{Seen, Which};
+use super::{DAMPING, Seen, Which};
 use crate::stability::case::{Bench, Done, Row, Table};
 use crate::stability::measure::{jtj_error, sums};
 use crate::stability::scenes::Random;

@@ -1,30 +1,30 @@
 //! What is held of the packets whose frame numbers end in the same two bits.
 
 use super::assembly::{Assembly, Bond};
-use super::later::Later;
+use super::fragment::Fragment;
 use super::layout::Layout;
-use super::reassembler::{Pushed, Statistics};
+use super::statistics::{Pushed, Statistics};
 use super::waiting::{Kept, Waiting};
 
 /// One packet, and later frames that are not known to be of it.
-pub(super) struct Slot {
+pub(super) struct PacketSlot {
     pub(super) packet: Assembly,
     pub(super) waiting: Waiting,
 }
 
-impl Slot {
+impl PacketSlot {
     /// Bytes of memory for `frames` frames of a packet.
     pub(super) fn memory(layout: Layout, frames: usize) -> usize {
         Assembly::memory(layout, frames) + Waiting::memory(layout, frames)
     }
 
-    pub(super) fn new(layout: Layout, tag: usize, frames: usize) -> Slot {
+    pub(super) fn new(layout: Layout, tag: usize, frames: usize) -> PacketSlot {
         let packet = Assembly::new(layout, frames);
-        Slot { packet, waiting: Waiting::new(layout, tag, frames) }
+        PacketSlot { packet, waiting: Waiting::new(layout, tag, frames) }
     }
 
     /// Takes a later frame of this tag.
-    pub(super) fn push(&mut self, later: &Later, statistics: &mut Statistics) -> Pushed {
+    pub(super) fn push(&mut self, later: &Fragment, statistics: &mut Statistics) -> Pushed {
         let before = self.packet.sound().len();
         let length_known = self.packet.total().is_some();
         match self.packet.offer(later) {

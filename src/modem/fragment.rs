@@ -3,12 +3,8 @@
 use crate::packet::bytes::crc16;
 
 use super::ModemError;
-use super::layout::Layout;
+use super::layout::{HEADER_LEN, Layout};
 
-/// Bytes of a frame before its data.
-pub(super) const HEADER_LEN: usize = 4;
-/// Largest index: twelve bits.
-pub(super) const MAX_INDEX: usize = 0xFFF;
 /// Packets that frames tell apart: the frame number modulo this travels in each.
 pub(super) const TAGS: usize = 4;
 
@@ -29,10 +25,10 @@ pub(super) fn tag_of(frame: u32) -> usize {
 
 /// A frame after the first, not yet checked.
 #[derive(Clone, Copy)]
-pub(super) struct Later<'a> {
+pub(super) struct Fragment<'a> {
     /// Frame number modulo [`TAGS`].
     pub(super) tag: usize,
-    /// 1 to [`MAX_INDEX`].
+    /// 1 to [`MAX_INDEX`](super::layout::MAX_INDEX).
     pub(super) index: usize,
     /// The check that it came with.
     pub(super) check: u16,
@@ -40,9 +36,9 @@ pub(super) struct Later<'a> {
     pub(super) data: &'a [u8],
 }
 
-impl<'a> Later<'a> {
+impl<'a> Fragment<'a> {
     /// Reads a frame whose high two bits are [`LATER`].
-    pub(super) fn read(frame: &'a [u8], layout: Layout) -> Result<Later<'a>, ModemError> {
+    pub(super) fn read(frame: &'a [u8], layout: Layout) -> Result<Fragment<'a>, ModemError> {
         let frame = &frame[..frame.len().min(layout.mtu)];
         let &[first, second, low, high, ref data @ ..] = frame else {
             return Err(ModemError::Cut { found: frame.len(), needed: HEADER_LEN + 1 });
@@ -55,7 +51,7 @@ impl<'a> Later<'a> {
             return Err(ModemError::Cut { found: frame.len(), needed: HEADER_LEN + 1 });
         }
         let tag = usize::from(first >> 4) % TAGS;
-        Ok(Later { tag, index, check: u16::from_le_bytes([low, high]), data })
+        Ok(Fragment { tag, index, check: u16::from_le_bytes([low, high]), data })
     }
 
     /// Whether the check matches where the first `len` bytes of data are the packet's.
