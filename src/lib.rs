@@ -41,6 +41,7 @@ pub mod picture;
 pub mod pixels;
 pub mod pose;
 pub mod prior;
+pub mod random;
 #[cfg(feature = "reference")]
 pub mod reference;
 pub mod refine;

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::random::Random;
 use crate::{Camera, Pose};
 
 /// How far a mission's cameras may stand and look from the poses that stand for them.
@@ -42,23 +43,13 @@ impl Margin {
 
 /// An even draw from the unit ball: the first point of a sequence in the cube that lies in it.
 fn in_ball(seed: u64) -> DVec3 {
-    let mut state = seed.wrapping_mul(0xd134_2543_de82_ef95);
+    let mut random = Random::new(seed.wrapping_mul(0xd134_2543_de82_ef95));
     loop {
-        let point = DVec3::from_array(std::array::from_fn(|_| {
-            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            2.0 * (mixed(state) >> 11) as f64 / (1_u64 << 53) as f64 - 1.0
-        }));
+        let point = DVec3::from_array(std::array::from_fn(|_| random.even()));
         if point.length_squared() <= 1.0 {
             return point;
         }
     }
-}
-
-/// The output function of SplitMix64 (Steele, Lea and Flood 2014).
-fn mixed(z: u64) -> u64 {
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

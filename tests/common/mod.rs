@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use nvsprior::prior::Splats;
+pub use nvsprior::random::Random;
 use nvsprior::vulkan::{DeviceOptions, Error};
 use nvsprior::{Camera, Engine, Pose, Prior, RenderOptions, RenderOverrides};
 
@@ -28,41 +29,6 @@ fn open_engine() -> Engine {
 /// Fails where the validation layer had anything to say.
 pub fn assert_silent(engine: &Engine) {
     assert_eq!(engine.validation_messages(), Vec::<String>::new(), "validation messages");
-}
-
-/// A deterministic sequence of numbers (SplitMix64).
-pub struct Random(u64);
-
-impl Random {
-    const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
-
-    /// The sequence of a seed.
-    pub fn new(seed: u64) -> Random {
-        Random(seed)
-    }
-
-    /// The sequence of seed 0 from its number `place` on; the first has place 1.
-    pub fn at(place: u64) -> Random {
-        Random(place.wrapping_sub(1).wrapping_mul(Self::STEP))
-    }
-
-    /// 64 even bits.
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(Self::STEP);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Even in `[low, high)`.
-    pub fn within(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * (self.bits() >> 40) as f32 / (1 << 24) as f32
-    }
-
-    /// Three of them.
-    pub fn triple(&mut self, low: f32, high: f32) -> [f32; 3] {
-        std::array::from_fn(|_| self.within(low, high))
-    }
 }
 
 /// `count` splats in front of a camera at the origin, some beside and behind it; means 2 to 8 units

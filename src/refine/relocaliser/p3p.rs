@@ -151,20 +151,12 @@ fn motion(from: [DVec3; 3], to: [DVec3; 3]) -> Option<Pose> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Even in [−1, 1).
-    fn numbers(mut state: u64) -> impl FnMut() -> f64 {
-        move || {
-            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        }
-    }
+    use crate::random::Random;
 
     #[test]
     fn the_true_pose_is_among_them() {
-        let mut next = numbers(3);
+        let mut random = Random::new(3);
+        let mut next = || random.even();
         let mut missed = 0;
         for _ in 0..2000 {
             let step = std::array::from_fn(|i| next() * if i < 3 { 3.0 } else { 1.7 });

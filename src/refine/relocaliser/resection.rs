@@ -4,6 +4,7 @@
 use glam::DVec3;
 
 use super::p3p;
+use crate::random::Random;
 use crate::search::damped_step;
 use crate::shared::SUMS;
 use crate::{Camera, Pose};
@@ -64,12 +65,12 @@ impl Resection {
         if let Some(pose) = guess {
             self.take(&mut best, matches, pose);
         }
-        let mut random = Random(matches.len() as u64);
+        let mut random = Random::new(matches.len() as u64);
         let mut draws = DRAWS;
         let mut drawn = 0;
         while drawn < draws {
             drawn += 1;
-            let chosen = [0; 4].map(|_| &matches[random.below(matches.len())]);
+            let chosen = [0; 4].map(|_| &matches[below(&mut random, matches.len())]);
             let distinct = (0..4).all(|i| (0..i).all(|j| chosen[i].feature != chosen[j].feature));
             if !distinct {
                 continue;
@@ -190,21 +191,9 @@ fn enough(features: u32, matches: &[Match]) -> usize {
     if draws.is_finite() { draws.max(20.0) as usize } else { usize::MAX }
 }
 
-/// SplitMix64 (Steele, Lea & Flood 2014).
-struct Random(u64);
-
-impl Random {
-    /// The next 64 bits.
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        ((self.bits() >> 32) as usize * end) >> 32
-    }
+/// One of `end` numbers from 0 on.
+fn below(random: &mut Random, end: usize) -> usize {
+    ((random.bits() >> 32) as usize * end) >> 32
 }
 
 /// The pose of points that are given relative to `origin`.
@@ -226,8 +215,8 @@ mod tests {
 
     /// `right` matches of a pose with half a pixel of noise, and `wrong` ones.
     fn matches(truth: &Pose, right: usize, wrong: usize) -> Vec<Match> {
-        let mut random = Random(99);
-        let mut even = move || random.below(1 << 20) as f64 / f64::from(1 << 20);
+        let mut random = Random::new(99);
+        let mut even = move || below(&mut random, 1 << 20) as f64 / f64::from(1 << 20);
         let mut all = Vec::new();
         for feature in 0..(right + wrong) as u32 {
             let place = [(320.0 * even()) as f32, (180.0 * even()) as f32];

@@ -1,6 +1,7 @@
 //! Starts put off at random: the same ones at every run.
 
 use nvsprior::pose::Step;
+use nvsprior::random::Random;
 
 /// How far starts are put off, along and about each axis, evenly in both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,15 +34,10 @@ pub fn steps(magnitude: Magnitude, seed: u64) -> impl Iterator<Item = Step> {
     })
 }
 
-/// The endless sequence of a seed, even in [−1, 1): SplitMix64 (Steele, Lea & Flood 2014).
+/// The endless sequence of a seed, even in [−1, 1).
 pub fn even(seed: u64) -> impl Iterator<Item = f64> {
-    let mut state = seed;
-    std::iter::repeat_with(move || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    })
+    let mut random = Random::new(seed);
+    std::iter::repeat_with(move || random.even())
 }
 
 #[cfg(test)]

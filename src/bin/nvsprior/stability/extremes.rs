@@ -4,6 +4,7 @@
 use std::fmt;
 
 use nvsprior::prior::{PriorError, Splats};
+use nvsprior::random::Random;
 use nvsprior::reference::Twin;
 use nvsprior::refine::RefineOptions;
 use nvsprior::render::{Fineness, Jacobian, NormalEquations, Plan};
@@ -14,36 +15,14 @@ use nvsprior::{
 
 use super::explained::{Explained, undecided};
 
-/// A deterministic sequence of numbers (SplitMix64: Steele, Lea & Flood 2014).
-pub struct Random(u64);
+/// One of `count` numbers from 0 on.
+fn below(random: &mut Random, count: u64) -> u64 {
+    random.bits() % count
+}
 
-impl Random {
-    pub fn new(seed: u64) -> Random {
-        Random(seed)
-    }
-
-    /// 64 even bits.
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Even in `[low, high)`.
-    pub fn within(&mut self, low: f32, high: f32) -> f32 {
-        low + (high - low) * (self.bits() >> 40) as f32 / (1 << 24) as f32
-    }
-
-    /// One of `count` numbers from 0 on.
-    pub fn below(&mut self, count: u64) -> u64 {
-        self.bits() % count
-    }
-
-    /// One of some.
-    fn of<T: Copy>(&mut self, all: &[T]) -> T {
-        all[self.below(all.len() as u64) as usize]
-    }
+/// One of some.
+fn one_of<T: Copy>(random: &mut Random, all: &[T]) -> T {
+    all[below(random, all.len() as u64) as usize]
 }
 
 /// A prior seen by a camera.
@@ -61,16 +40,16 @@ impl Extreme {
     pub fn new(seed: u64) -> Extreme {
         let mut random = Random::new(seed.wrapping_mul(0x2545_f491_4f6c_dd1d));
         let r = &mut random;
-        let count = match r.below(8) {
+        let count = match below(r, 8) {
             0 => 1,
             1 => 200,
-            _ => 1 + r.below(120),
+            _ => 1 + below(r, 120),
         };
         // The whole scene may be small, large, or far from its origin.
-        let unit = r.of(&[1.0, 1.0, 1.0, 1e-3, 1e3, 1e6]);
-        let place = r.of(&[0.0, 0.0, 0.0, 1e2, 1e4]) * unit;
-        let wildness = r.of(&[0.0, 0.1, 0.5, 1.0]);
-        let mut splats = Splats { sh_degree: r.below(4) as u32, ..Splats::default() };
+        let unit = one_of(r, &[1.0, 1.0, 1.0, 1e-3, 1e3, 1e6]);
+        let place = one_of(r, &[0.0, 0.0, 0.0, 1e2, 1e4]) * unit;
+        let wildness = one_of(r, &[0.0, 0.1, 0.5, 1.0]);
+        let mut splats = Splats { sh_degree: below(r, 4) as u32, ..Splats::default() };
         for _ in 0..count {
             push(&mut splats, r, unit, place, wildness);
         }
@@ -91,13 +70,13 @@ fn push(splats: &mut Splats, r: &mut Random, unit: f32, place: f32, wildness: f3
     let spread = 0.7 * z.abs().max(1.0);
     let mut position = [r.within(-spread, spread), r.within(-spread, spread), z];
     if wild(r) {
-        position = match r.below(6) {
+        position = match below(r, 6) {
             0 => [0.0; 3],
             1 => [0.0, 0.0, r.within(0.009, 0.02)],
             2 => [r.within(-1e6, 1e6), r.within(-1e6, 1e6), r.within(-1e6, 1e6)],
             3 => [0.5, -0.25, 2.0],
             4 => [r.within(-1e15, 1e15), 1.0, 1e15],
-            _ => [r.of(&[f32::NAN, f32::INFINITY, f32::MAX, f32::MIN_POSITIVE]), 0.0, 3.0],
+            _ => [one_of(r, &[f32::NAN, f32::INFINITY, f32::MAX, f32::MIN_POSITIVE]), 0.0, 3.0],
         };
     }
     splats.positions.push(position.map(|v| v * unit + place));
@@ -105,26 +84,26 @@ fn push(splats: &mut Splats, r: &mut Random, unit: f32, place: f32, wildness: f3
     let mut scale: [f32; 3] = std::array::from_fn(|_| r.within(-4.0, -1.0));
     if wild(r) {
         let extreme =
-            |r: &mut Random| r.of(&[-40.0, -20.0, -13.8, -5.0, 0.0, 3.0, 13.8, 20.0, 40.0]);
+            |r: &mut Random| one_of(r, &[-40.0, -20.0, -13.8, -5.0, 0.0, 3.0, 13.8, 20.0, 40.0]);
         scale = std::array::from_fn(|_| extreme(r));
-        if r.below(3) == 0 {
+        if below(r, 3) == 0 {
             scale = [scale[0]; 3];
         }
     }
     splats.log_scales.push(scale.map(|v| (v + shift).clamp(-40.5, 40.5)));
     let mut rotation: [f32; 4] = std::array::from_fn(|_| r.within(-1.0, 1.0));
     if wild(r) {
-        let length = r.of(&[0.0, 1e-7, 1e-5, 1.0, 1e10, 1e30, f32::NAN]);
+        let length = one_of(r, &[0.0, 1e-7, 1e-5, 1.0, 1e10, 1e30, f32::NAN]);
         rotation = rotation.map(|v| v * length);
     }
     splats.rotations.push(rotation);
     let logit = if wild(r) {
-        r.of(&[-100.0, -5.537_334, 4.595_12, 100.0, f32::INFINITY, f32::NEG_INFINITY, 0.0])
+        one_of(r, &[-100.0, -5.537_334, 4.595_12, 100.0, f32::INFINITY, f32::NEG_INFINITY, 0.0])
     } else {
         r.within(-5.0, 8.0)
     };
     splats.opacity_logits.push(logit);
-    let loud = if wild(r) { r.of(&[0.0, 10.0, 1e3, 1e6, 1e20, f32::MAX]) } else { 1.0 };
+    let loud = if wild(r) { one_of(r, &[0.0, 10.0, 1e3, 1e6, 1e20, f32::MAX]) } else { 1.0 };
     let values = splats.sh_stride();
     splats.sh.extend(
         std::iter::repeat_with(|| r.within(-1.5, 1.5).clamp(-1.0, 1.0) * loud).take(values),
@@ -133,35 +112,35 @@ fn push(splats: &mut Splats, r: &mut Random, unit: f32, place: f32, wildness: f3
 
 fn options(r: &mut Random, unit: f32) -> RenderOptions {
     RenderOptions {
-        near: r.of(&[0.01, 0.01, 0.2, 1e-3]) * unit,
-        alpha_max: r.of(&[0.99, 0.99, 0.999, 0.5]),
-        antialiased: r.below(3) == 0,
-        background: r.of(&[[0.0; 3], [1.0; 3], [0.25, 0.5, 0.75]]),
+        near: one_of(r, &[0.01, 0.01, 0.2, 1e-3]) * unit,
+        alpha_max: one_of(r, &[0.99, 0.99, 0.999, 0.5]),
+        antialiased: below(r, 3) == 0,
+        background: one_of(r, &[[0.0; 3], [1.0; 3], [0.25, 0.5, 0.75]]),
     }
 }
 
 fn camera(r: &mut Random) -> Camera {
-    let side = |r: &mut Random| match r.below(6) {
-        0 => 1 + r.below(3) as u32,
-        1 => r.of(&[8, 16, 17, 31, 48]),
-        _ => 4 + r.below(45) as u32,
+    let side = |r: &mut Random| match below(r, 6) {
+        0 => 1 + below(r, 3) as u32,
+        1 => one_of(r, &[8, 16, 17, 31, 48]),
+        _ => 4 + below(r, 45) as u32,
     };
     let (width, height) = (side(r), side(r));
     let (w, h) = (width as f32, height as f32);
-    let focal = match r.below(8) {
-        0 => r.of(&[0.02, 0.5, 1e3, 1e5]),
+    let focal = match below(r, 8) {
+        0 => one_of(r, &[0.02, 0.5, 1e3, 1e5]),
         _ => r.within(0.4, 2.0) * w.max(h),
     };
     let (mut cx, mut cy) = (w * r.within(0.3, 0.7), h * r.within(0.3, 0.7));
-    if r.below(10) == 0 {
-        (cx, cy) = (r.of(&[-1e3, 0.0, 1e3, 1e6]), r.of(&[-50.0, 0.0, 500.0]));
+    if below(r, 10) == 0 {
+        (cx, cy) = (one_of(r, &[-1e3, 0.0, 1e3, 1e6]), one_of(r, &[-50.0, 0.0, 500.0]));
     }
-    Camera { width, height, fx: focal, fy: focal * r.of(&[1.0, 1.0, 0.9, 20.0]), cx, cy }
+    Camera { width, height, fx: focal, fy: focal * one_of(r, &[1.0, 1.0, 0.9, 20.0]), cx, cy }
 }
 
 fn pose(r: &mut Random, unit: f32, place: f32) -> Pose {
-    let turn = r.of(&[0.0, 0.2, 0.2, 3.0]);
-    let shift = r.of(&[0.0, 0.3, 0.3, 3.0, 1e3]);
+    let turn = one_of(r, &[0.0, 0.2, 0.2, 3.0]);
+    let shift = one_of(r, &[0.0, 0.3, 0.3, 3.0, 1e3]);
     let mut value = |limit: f32| f64::from(r.within(-1.0, 1.0) * limit);
     let tau = [0, 1, 2, 3, 4, 5].map(|k| value(if k < 3 { shift * unit } else { turn }));
     let aside = Pose::exp(&tau);
@@ -170,7 +149,7 @@ fn pose(r: &mut Random, unit: f32, place: f32) -> Pose {
 }
 
 fn offset(r: &mut Random, unit: f32) -> [f64; 6] {
-    let far = r.of(&[0.0, 0.01, 0.05, 0.5]);
+    let far = one_of(r, &[0.0, 0.01, 0.05, 0.5]);
     [0, 1, 2, 3, 4, 5]
         .map(|k| f64::from(r.within(-1.0, 1.0) * far * if k < 3 { unit } else { 1.0 }))
 }
@@ -268,16 +247,16 @@ fn send(engine: &Engine, prior: &Prior, scene: &Extreme, seed: u64) -> Result<()
     let uploaded = engine.upload(prior)?;
     let mut frame = Picture::new(camera.width, camera.height);
     engine.renderer(&uploaded, camera, Plan::picture())?.picture(pose, &mut frame)?;
-    let noise = random.of(&[0, 0, 10, 255]);
+    let noise = one_of(&mut random, &[0, 0, 10, 255]);
     for value in &mut frame.data {
         *value = value.saturating_add((random.bits() % (noise + 1)) as u8);
     }
     let refine = RefineOptions {
-        jacobian: random.of(&[Jacobian::Flow, Jacobian::Exact]),
-        fineness: random.of(&[Fineness::Exact, Fineness::Coarse]),
+        jacobian: one_of(&mut random, &[Jacobian::Flow, Jacobian::Exact]),
+        fineness: one_of(&mut random, &[Fineness::Exact, Fineness::Coarse]),
         ..RefineOptions::default()
     };
-    let rate = random.of(&[None, Some(Rate::Quality(10.0)), Some(Rate::Bytes(300))]);
+    let rate = one_of(&mut random, &[None, Some(Rate::Quality(10.0)), Some(Rate::Bytes(300))]);
     let options = EncoderOptions { refine, rate, ..EncoderOptions::default() };
     let mut encoder = Encoder::new(engine, &uploaded, camera, options)?;
     let encoded = match encoder.encode(&frame, Some(pose.stepped(offset))) {

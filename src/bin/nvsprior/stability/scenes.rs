@@ -3,7 +3,7 @@
 use nvsprior::prior::Splats;
 use nvsprior::{Camera, Picture, Pose, Prior, RenderOptions};
 
-pub use super::extremes::Random;
+pub use nvsprior::random::Random;
 
 /// One splat, as files hold it; grey.
 #[derive(Clone, Copy)]
