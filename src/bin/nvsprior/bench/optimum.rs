@@ -26,6 +26,9 @@ const CAREFUL: Schedule = Schedule {
 /// The same at full resolution alone.
 const LAST: Schedule = Schedule { first_level: 0, follow_level: 0, levels: 0b0001, ..CAREFUL };
 
+/// How far from the camera file's pose the best known one may lie: what the scene moves in the picture, radians.
+const FARTHEST: f64 = 0.1;
+
 /// A way to search.
 struct Search {
     encoder: Encoder,
@@ -42,32 +45,33 @@ impl Search {
         Ok(Search { encoder: context.encoder(options)? })
     }
 
-    fn from(&mut self, shot: &Shot, start: &Pose) -> anyhow::Result<Best> {
+    fn from(&mut self, shot: &Shot, start: &Pose) -> anyhow::Result<(Best, f64)> {
         self.encoder.reset();
         self.encoder.set_camera(&shot.camera)?;
         let encoded = self.encoder.encode(&shot.picture, Some(*start));
         let encoded = encoded.with_context(|| format!("looking for the best of {}", shot.file))?;
-        Ok(Best { pose: encoded.pose, psnr: encoded.stats.render_psnr })
+        let best = Best { pose: encoded.pose, psnr: encoded.stats.render_psnr };
+        Ok((best, encoded.stats.observability.length))
     }
 }
 
 /// All ways to search, one after another.
-pub struct Searches {
+struct Searches {
     first: Search,
     last: [Search; 2],
 }
 
 impl Searches {
-    pub fn new(context: &Context) -> anyhow::Result<Searches> {
+    fn new(context: &Context) -> anyhow::Result<Searches> {
         let new = |jacobian, schedule| Search::new(context, jacobian, schedule);
         let first = new(Jacobian::Flow, CAREFUL)?;
         Ok(Searches { first, last: [new(Jacobian::Flow, LAST)?, new(Jacobian::Exact, LAST)?] })
     }
 
     /// The best pose of a frame: from each of some starts, then, with both Jacobians, from what was
-    /// found.
-    pub fn best(&mut self, shot: &Shot, starts: &[Pose]) -> anyhow::Result<Best> {
-        let mut best: Option<Best> = None;
+    /// found. Also the depth of the scene there.
+    fn best(&mut self, shot: &Shot, starts: &[Pose]) -> anyhow::Result<(Best, f64)> {
+        let mut best: Option<(Best, f64)> = None;
         for start in starts {
             best = Some(better(best, self.first.from(shot, start)?));
         }
@@ -75,27 +79,41 @@ impl Searches {
         let found = best.with_context(none)?;
         let mut best = found;
         for search in &mut self.last {
-            best = better(Some(best), search.from(shot, &found.pose)?);
+            best = better(Some(best), search.from(shot, &found.0.pose)?);
         }
         Ok(best)
     }
 }
 
 /// Looks for the best pose of every frame: from the camera file's pose, if there is one, and from the
-/// best of the frame before.
+/// best of the frame before. In another light than the prior's a wrong pose may look more like the frame: the
+/// camera file's own pose stands for what lies too far from it.
 pub fn find(context: &mut Context, done: impl Fn()) -> anyhow::Result<()> {
     let mut searches = Searches::new(context)?;
     for shot in &context.shots {
         let before = context.best.last().map(|best| best.pose);
         let starts: Vec<Pose> =
             [shot.known.or(shot.external), before].into_iter().flatten().collect();
-        context.best.push(searches.best(shot, &starts)?);
+        let (mut best, depth) = searches.best(shot, &starts)?;
+        if let Some(known) = shot.known
+            && beyond(&known, &best.pose, depth)
+        {
+            let render = context.forward.picture(&shot.camera, &known)?;
+            best = Best { pose: known, psnr: shot.picture.psnr(render) };
+        }
+        context.best.push(best);
         done();
     }
     Ok(())
 }
 
 /// The one of higher PSNR.
-fn better(best: Option<Best>, found: Best) -> Best {
-    best.filter(|best| best.psnr >= found.psnr).unwrap_or(found)
+fn better(best: Option<(Best, f64)>, found: (Best, f64)) -> (Best, f64) {
+    best.filter(|(best, _)| best.psnr >= found.0.psnr).unwrap_or(found)
+}
+
+/// Whether what is at a depth moves by more than [`FARTHEST`] from one pose to another, or may do so.
+fn beyond(known: &Pose, found: &Pose, depth: f64) -> bool {
+    let distance = (known.centre() - found.centre()).length();
+    !(known.angle_to(found) + distance / depth <= FARTHEST)
 }
