@@ -100,7 +100,8 @@ impl Tracker {
         let Some(candidate) = candidate.filter(|c| c.features >= EXPLAINED) else {
             return Ok(None);
         };
-        self.search_candidate(&candidate.pose, kind).map(Some)
+        let found = self.search_candidate(&candidate.pose, kind)?;
+        Ok(Some(Found { features: candidate.features, ..found }))
     }
 
     /// Searches by the prior's key frames; those not rendered yet are rendered first, as far as the frame's

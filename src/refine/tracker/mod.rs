@@ -33,6 +33,8 @@ const SETTLED: f64 = 1.01;
 /// this share of the frame before's.
 const SURE: f64 = 0.8;
 const AS_BEFORE: f64 = 0.85;
+/// So many corners are explained by no wrong pose.
+const MANY: u32 = 100;
 
 /// What was found for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +60,8 @@ pub struct Found {
     pub agreement: Agreement,
     /// Whether what does not agree was left out of the search.
     pub masked: bool,
+    /// Corners of the frame that the pose explained where the search began, if it began by corners.
+    pub features: u32,
 }
 
 impl Found {
@@ -74,6 +78,7 @@ impl Found {
             certain: true,
             agreement: Agreement { share: 1.0, score: 1.0, tells: true, correction: None },
             masked: false,
+            features: 0,
         }
     }
 
@@ -88,7 +93,8 @@ impl Found {
     fn gone_on(&self, last: Found, agreement: Agreement) -> Found {
         let submissions = self.submissions + last.submissions;
         let certain = agreement.confirms();
-        Found { start: self.start, begun: self.begun, submissions, agreement, certain, ..last }
+        let Found { start, begun, features, .. } = *self;
+        Found { start, begun, features, submissions, agreement, certain, ..last }
     }
 
     /// The one that the frame agrees with more if both are certain, else the certain one, else that of less error.
@@ -243,10 +249,12 @@ impl Tracker {
         }
     }
 
-    /// Whether no other pose need be looked for: nearly all agrees, or nearly as much as in the frame before.
-    /// At a wrong pose a part of the scene may agree, such as a far wall behind what is near.
+    /// Whether no other pose need be looked for: nearly all agrees, or nearly as much as in the frame before, or
+    /// very many corners were explained. At a wrong pose a part of the scene may agree, such as a far wall behind
+    /// what is near.
     fn settles(&self, found: &Found) -> bool {
-        found.certain && found.agreement.share >= SURE.min(AS_BEFORE * self.share)
+        let nearly_all = found.agreement.share >= SURE.min(AS_BEFORE * self.share);
+        found.certain && (nearly_all || found.features >= MANY)
     }
 
     /// Searches from the frames before, at a level that did for the last of them, the finest at
@@ -323,6 +331,7 @@ impl Tracker {
             certain: false,
             agreement: Agreement::default(),
             masked: false,
+            features: 0,
         })
     }
 
@@ -355,6 +364,7 @@ impl Tracker {
             certain: agreement.confirms(),
             agreement,
             masked: false,
+            features: 0,
         }))
     }
 
