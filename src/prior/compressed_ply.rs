@@ -11,7 +11,7 @@
 
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PropertyType, ScalarType};
 
-use super::ply::{Comments, check_length, rest_properties};
+use super::ply_header::{Comments, check_length, rest_properties};
 use super::{Prior, PriorError, PriorFile, PriorFormat, Splats};
 
 /// Splats of a chunk.

@@ -11,6 +11,7 @@ mod frame;
 mod identity;
 mod key_frames;
 pub mod ply;
+mod ply_header;
 mod replace;
 #[cfg(feature = "formats")]
 mod spz;

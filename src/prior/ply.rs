@@ -18,23 +18,19 @@
 //! world-to-camera pose. Any other comment that starts with `nvsprior` is refused.
 
 use std::io::{BufRead, Cursor, Read, Write};
-use std::str::FromStr;
 
 use serde::de::{DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
-use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
+use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType};
 
-use super::key_frames::{pose_from_words, words};
+use super::key_frames::words;
+use super::ply_header::{
+    COMMENT_PREFIX, Comments, KEY_FRAME, check_length, read_header, rest_properties,
+};
 use super::{KeyFrames, Prior, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 use crate::Pose;
 
 /// How a PLY file starts.
 pub const MAGIC: &[u8] = b"ply";
-
-/// First word of the comments that hold render options and key frames.
-const COMMENT_PREFIX: &str = "nvsprior";
-
-/// Second word of those that hold key frames.
-const KEY_FRAME: &str = "key_frame";
 
 /// Properties that are read, in the order in which [`SplatSink::push`] wants their values.
 #[rustfmt::skip]
@@ -73,16 +69,6 @@ pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         PlyFormat::BinaryBigEndian => PriorFormat::PlyBigEndian,
     };
     Ok(PriorFile { splats, options, format, comments: others, key_frames })
-}
-
-/// The header, and how many bytes it takes.
-fn read_header(bytes: &[u8]) -> Result<(PlyHeader, usize), PriorError> {
-    let mut cursor = Cursor::new(bytes);
-    let header = PlyReader::from_reader(&mut cursor)
-        .map_err(|e| PriorError::Header { reason: e.0.to_string() })?
-        .header()
-        .clone();
-    Ok((header, cursor.position() as usize))
 }
 
 /// Where the splats lie in a file.
@@ -125,11 +111,6 @@ impl Layout {
     }
 }
 
-/// Number of `f_rest_*` properties of a degree: `3 ((degree + 1)² − 1)`.
-pub(super) fn rest_properties(degree: u32) -> usize {
-    3 * ((degree as usize + 1).pow(2) - 1)
-}
-
 fn check_property(vertex: &ElementDef, name: &str) -> Result<(), PriorError> {
     let mut named = vertex.properties.iter().filter(|p| p.name == name);
     match (named.next(), named.next()) {
@@ -139,44 +120,6 @@ fn check_property(vertex: &ElementDef, name: &str) -> Result<(), PriorError> {
         }
         _ => Err(PriorError::BadProperty { property: name.to_owned() }),
     }
-}
-
-/// Checks that the content can hold what the header promises up to the last splat, so that nothing
-/// is allocated for, or looped over, on a lying header's word.
-pub(super) fn check_length(
-    header: &PlyHeader,
-    last_element: usize,
-    body: usize,
-    found: usize,
-) -> Result<(), PriorError> {
-    let elements = &header.elem_defs[..=last_element];
-    let rows: u128 =
-        elements.iter().map(|e| e.count as u128 * least_row_bytes(e, header.format)).sum();
-    // The last number of a text needs no white space after it.
-    let end = u128::from(header.format == PlyFormat::Ascii);
-    let needed = (body as u128 + rows).saturating_sub(end);
-    if needed > found as u128 {
-        return Err(PriorError::Truncated { needed, found });
-    }
-    Ok(())
-}
-
-/// Fewest bytes that one row can take: exact for binary rows without lists.
-fn least_row_bytes(element: &ElementDef, format: PlyFormat) -> u128 {
-    let bytes = |property_type: &PropertyType| {
-        let scalar = match property_type {
-            _ if format == PlyFormat::Ascii => return 2,
-            PropertyType::Scalar(scalar) => scalar,
-            PropertyType::List { count_type, .. } => count_type,
-        };
-        match scalar {
-            ScalarType::I8 | ScalarType::U8 => 1,
-            ScalarType::I16 | ScalarType::U16 => 2,
-            ScalarType::I32 | ScalarType::U32 | ScalarType::F32 => 4,
-            ScalarType::F64 => 8,
-        }
-    };
-    element.properties.iter().map(|p| bytes(&p.property_type)).sum()
 }
 
 fn read_splats(bytes: &[u8], format: PlyFormat, layout: &Layout) -> Result<Splats, PriorError> {
@@ -364,55 +307,6 @@ impl Visitor<'_> for PropertyIndex {
     fn visit_bytes<E>(self, name: &[u8]) -> Result<Self::Value, E> {
         Ok(self.0.iter().position(|property| property.as_bytes() == name))
     }
-}
-
-/// What a header's comments say.
-pub(super) struct Comments {
-    pub options: RenderOptions,
-    pub key_frames: KeyFrames,
-    /// Those that are no key frames.
-    pub others: Vec<String>,
-}
-
-impl Comments {
-    pub(super) fn of(comments: Vec<String>) -> Result<Comments, PriorError> {
-        let gsplat = comments.iter().any(|c| c.to_ascii_lowercase().contains("nerfstudio"));
-        let mut options = if gsplat { RenderOptions::GSPLAT } else { RenderOptions::INRIA };
-        let (mut poses, mut others) = (Vec::new(), Vec::new());
-        for comment in comments {
-            let words: Vec<&str> = comment.split_whitespace().collect();
-            let understood = match words.as_slice() {
-                [COMMENT_PREFIX, KEY_FRAME, rest @ ..] => match pose_from_words(rest) {
-                    Ok(pose) => {
-                        poses.push(pose);
-                        continue;
-                    }
-                    Err(_) => None,
-                },
-                [COMMENT_PREFIX, rest @ ..] => set_option(&mut options, rest),
-                _ => Some(()),
-            };
-            match understood {
-                Some(()) => others.push(comment),
-                None => return Err(PriorError::Comment { comment }),
-            }
-        }
-        Ok(Comments { options, key_frames: KeyFrames::new(poses)?, others })
-    }
-}
-
-/// Sets the option that the words name; `None` where they name none.
-fn set_option(options: &mut RenderOptions, words: &[&str]) -> Option<()> {
-    let number = |word: &str| f32::from_str(word).ok();
-    match words {
-        ["near", value] => options.near = number(value)?,
-        ["alpha_max", value] => options.alpha_max = number(value)?,
-        ["antialiased", "0"] => options.antialiased = false,
-        ["antialiased", "1"] => options.antialiased = true,
-        ["background", r, g, b] => options.background = [number(r)?, number(g)?, number(b)?],
-        _ => return None,
-    }
-    Some(())
 }
 
 /// Writes splats as a binary PLY file with Inria's list of properties (normals zero), options and key

@@ -1,0 +1,117 @@
+//! What PLY files of splats have in common: header, comments with render options and key frames, lengths.
+
+use std::io::Cursor;
+use std::str::FromStr;
+
+use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
+
+use super::key_frames::pose_from_words;
+use super::{KeyFrames, PriorError, RenderOptions};
+
+/// First word of the comments that hold render options and key frames.
+pub const COMMENT_PREFIX: &str = "nvsprior";
+
+/// Second word of those that hold key frames.
+pub const KEY_FRAME: &str = "key_frame";
+
+/// The header, and how many bytes it takes.
+pub fn read_header(bytes: &[u8]) -> Result<(PlyHeader, usize), PriorError> {
+    let mut cursor = Cursor::new(bytes);
+    let header = PlyReader::from_reader(&mut cursor)
+        .map_err(|e| PriorError::Header { reason: e.0.to_string() })?
+        .header()
+        .clone();
+    Ok((header, cursor.position() as usize))
+}
+
+/// Number of `f_rest_*` properties of a degree: `3 ((degree + 1)² − 1)`.
+pub fn rest_properties(degree: u32) -> usize {
+    3 * ((degree as usize + 1).pow(2) - 1)
+}
+
+/// Checks that the content can hold what the header promises up to the last splat, so that nothing
+/// is allocated for, or looped over, on a lying header's word.
+pub fn check_length(
+    header: &PlyHeader,
+    last_element: usize,
+    body: usize,
+    found: usize,
+) -> Result<(), PriorError> {
+    let elements = &header.elem_defs[..=last_element];
+    let rows: u128 =
+        elements.iter().map(|e| e.count as u128 * least_row_bytes(e, header.format)).sum();
+    // The last number of a text needs no white space after it.
+    let end = u128::from(header.format == PlyFormat::Ascii);
+    let needed = (body as u128 + rows).saturating_sub(end);
+    if needed > found as u128 {
+        return Err(PriorError::Truncated { needed, found });
+    }
+    Ok(())
+}
+
+/// Fewest bytes that one row can take: exact for binary rows without lists.
+fn least_row_bytes(element: &ElementDef, format: PlyFormat) -> u128 {
+    let bytes = |property_type: &PropertyType| {
+        let scalar = match property_type {
+            _ if format == PlyFormat::Ascii => return 2,
+            PropertyType::Scalar(scalar) => scalar,
+            PropertyType::List { count_type, .. } => count_type,
+        };
+        match scalar {
+            ScalarType::I8 | ScalarType::U8 => 1,
+            ScalarType::I16 | ScalarType::U16 => 2,
+            ScalarType::I32 | ScalarType::U32 | ScalarType::F32 => 4,
+            ScalarType::F64 => 8,
+        }
+    };
+    element.properties.iter().map(|p| bytes(&p.property_type)).sum()
+}
+
+/// What a header's comments say.
+pub struct Comments {
+    pub options: RenderOptions,
+    pub key_frames: KeyFrames,
+    /// Those that are no key frames.
+    pub others: Vec<String>,
+}
+
+impl Comments {
+    pub fn of(comments: Vec<String>) -> Result<Comments, PriorError> {
+        let gsplat = comments.iter().any(|c| c.to_ascii_lowercase().contains("nerfstudio"));
+        let mut options = if gsplat { RenderOptions::GSPLAT } else { RenderOptions::INRIA };
+        let (mut poses, mut others) = (Vec::new(), Vec::new());
+        for comment in comments {
+            let words: Vec<&str> = comment.split_whitespace().collect();
+            let understood = match words.as_slice() {
+                [COMMENT_PREFIX, KEY_FRAME, rest @ ..] => match pose_from_words(rest) {
+                    Ok(pose) => {
+                        poses.push(pose);
+                        continue;
+                    }
+                    Err(_) => None,
+                },
+                [COMMENT_PREFIX, rest @ ..] => set_option(&mut options, rest),
+                _ => Some(()),
+            };
+            match understood {
+                Some(()) => others.push(comment),
+                None => return Err(PriorError::Comment { comment }),
+            }
+        }
+        Ok(Comments { options, key_frames: KeyFrames::new(poses)?, others })
+    }
+}
+
+/// Sets the option that the words name; `None` where they name none.
+fn set_option(options: &mut RenderOptions, words: &[&str]) -> Option<()> {
+    let number = |word: &str| f32::from_str(word).ok();
+    match words {
+        ["near", value] => options.near = number(value)?,
+        ["alpha_max", value] => options.alpha_max = number(value)?,
+        ["antialiased", "0"] => options.antialiased = false,
+        ["antialiased", "1"] => options.antialiased = true,
+        ["background", r, g, b] => options.background = [number(r)?, number(g)?, number(b)?],
+        _ => return None,
+    }
+    Some(())
+}
