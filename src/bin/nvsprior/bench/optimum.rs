@@ -112,8 +112,10 @@ fn better(best: Option<(Best, f64)>, found: (Best, f64)) -> (Best, f64) {
     best.filter(|(best, _)| best.psnr >= found.0.psnr).unwrap_or(found)
 }
 
-/// Whether what is at a depth moves by more than [`FARTHEST`] from one pose to another, or may do so.
-fn beyond(known: &Pose, found: &Pose, depth: f64) -> bool {
+/// Whether what is at a depth moves in the picture by more than [`FARTHEST`] from one pose to another; the depth is 0
+/// if the picture does not show translations.
+pub fn beyond(known: &Pose, found: &Pose, depth: f64) -> bool {
     let distance = (known.centre() - found.centre()).length();
-    !(known.angle_to(found) + distance / depth <= FARTHEST)
+    let shift = if depth > 0.0 { distance / depth } else { 0.0 };
+    !(known.angle_to(found) + shift <= FARTHEST)
 }

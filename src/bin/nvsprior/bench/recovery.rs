@@ -2,8 +2,8 @@
 //! is lost.
 //!
 //! *Found*: the prior's render at the encoder's pose is at most [`SHORT`] dB below that at the best known
-//! pose, both against the clean frame. *Wrong*: more than [`WRONG`] dB below it. *False certain*: wrong,
-//! and the encoder is certain of it.
+//! pose, both against the clean frame, and the two poses are near each other. *Wrong*: more than [`WRONG`] dB below
+//! it, or elsewhere. *False certain*: wrong, and the encoder is certain of it.
 
 mod capture;
 mod chart;

@@ -9,6 +9,7 @@ use nvsprior::{Encoder, EncoderOptions, Error, Known, Picture};
 
 use super::super::context::{Best, Context, Shot};
 use super::super::forward::Forward;
+use super::super::optimum::beyond;
 use super::{Measurement, SHORT, TRIES, WRONG};
 
 /// Frames given to an encoder one after another, after it was reset.
@@ -72,6 +73,8 @@ pub struct Answer {
     pub full_renders: u32,
     /// Distance from the best known pose, the prior's unit, and the angle, degrees.
     pub pose_error: [f64; 2],
+    /// Whether that is too far, whatever the render looks like.
+    pub elsewhere: bool,
 }
 
 impl Frame {
@@ -84,12 +87,17 @@ impl Frame {
 
     pub fn found(&self) -> bool {
         // A figure that is no number has not been reached either.
-        self.short().is_some_and(|short| short <= SHORT)
+        self.short().is_some_and(|short| short <= SHORT) && !self.elsewhere()
     }
 
     /// A pose in another scene is always wrong.
     pub fn wrong(&self) -> bool {
-        self.answer.is_some() && self.short().is_none_or(|short| !(short <= WRONG))
+        let short = self.short().is_none_or(|short| !(short <= WRONG));
+        self.answer.is_some() && (short || self.elsewhere())
+    }
+
+    fn elsewhere(&self) -> bool {
+        self.answer.as_ref().is_some_and(|answer| answer.elsewhere)
     }
 
     pub fn certain(&self) -> bool {
@@ -206,6 +214,7 @@ impl<'a> Probe<'a> {
                 renders: stats.renders.iter().sum(),
                 full_renders: stats.full_renders,
                 pose_error: [distance, pose.angle_to(&best.pose).to_degrees()],
+                elsewhere: beyond(&best.pose, pose, stats.observability.length),
             }
         });
         let best_psnr = (!foreign).then_some(best.psnr);
@@ -244,6 +253,7 @@ pub mod tests {
             renders: 4,
             full_renders: 2,
             pose_error: [0.0; 2],
+            elsewhere: false,
         };
         Frame {
             phase,
