@@ -102,7 +102,7 @@ impl Comments {
     }
 }
 
-/// Sets the option that the words name; `None` where they name none.
+/// Sets the option that the words name; `None` if they name no option.
 fn set_option(options: &mut RenderOptions, words: &[&str]) -> Option<()> {
     let number = |word: &str| f32::from_str(word).ok();
     match words {

@@ -36,7 +36,7 @@ pub(crate) fn log_blocks(most: u32, tiles: u32) -> u32 {
     (TABLE / tiles.max(1)).max(1).ilog2().min(most)
 }
 
-/// The same of the most blocks that binning may be shared among: stage `bin_scan` goes through the table
+/// Logarithm, base 2, of the most blocks for a picture of so many tiles. Stage `bin_scan` goes through the table
 /// in a loop, and llvmpipe ends loops of 65,535 rounds.
 pub(crate) fn log_most_blocks(tiles: u32) -> u32 {
     (TABLE / 4 / tiles.max(1)).max(4).ilog2().min(14)

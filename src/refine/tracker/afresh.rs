@@ -23,8 +23,7 @@ const DISAGREES: f64 = 3.0;
 const HINT_DEVIATION: [f64; 2] = [0.1, 0.1];
 
 impl Tracker {
-    /// Looks where a hint says that the camera stands, though the track is certain: the better one by the
-    /// picture alone.
+    /// Searches from a hint's pose too, though the track is certain. The picture alone decides between the two.
     pub(super) fn heard(
         &mut self,
         frame: &Picture,

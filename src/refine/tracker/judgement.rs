@@ -88,8 +88,8 @@ impl Tracker {
         Ok(Found::or_judged(best, found))
     }
 
-    /// Follows the frames before as far as the frame agrees with the render where they lead: for frames of which
-    /// a part was masked. `None` if that does not lead to a certain pose.
+    /// Predicts the pose, masks what does not agree with the render there, and searches. For frames that follow a
+    /// masked one. `None` if no certain pose is found.
     pub(super) fn follow_masked(&mut self) -> Result<Option<Found>, Error> {
         let Some((pose, start)) = self.starts.near() else { return Ok(None) };
         self.draw(&pose)?;

@@ -60,7 +60,7 @@ pub struct Found {
     pub agreement: Agreement,
     /// Whether what does not agree was left out of the search.
     pub masked: bool,
-    /// Corners of the frame that the pose explained where the search began, if it began by corners.
+    /// Corners of the frame that the candidate explained; 0 if the search did not begin at a candidate.
     pub features: u32,
 }
 
