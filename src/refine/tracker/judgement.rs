@@ -26,10 +26,7 @@ impl Tracker {
             found.outcome.mse = mse;
         }
         found.agreement = self.agreement();
-        if let Some(correction) = found.agreement.correction
-            && differs(&correction, self.objective.correction())
-        {
-            self.objective.set_correction(&correction);
+        if self.take_light(&found.agreement) {
             let again = self.from(&[found.outcome.pose], &self.nearby(1))?;
             found = found.gone_on(again, self.agreement());
         }
@@ -69,9 +66,7 @@ impl Tracker {
     ) -> Result<Found, Error> {
         self.draw(pose)?;
         let agreement = self.agreement();
-        if let Some(correction) = agreement.correction {
-            self.objective.set_correction(&correction);
-        }
+        self.take_light(&agreement);
         let mut best = None;
         if agreement.share > HINTED && self.is_uneven(&agreement) {
             let found = Found { start: kind, ..self.masked_from(pose)? };
@@ -93,9 +88,11 @@ impl Tracker {
     pub(super) fn follow_masked(&mut self) -> Result<Option<Found>, Error> {
         let Some((pose, start)) = self.starts.near() else { return Ok(None) };
         self.draw(&pose)?;
-        if !self.agreement().confirms() {
+        let agreement = self.agreement();
+        if !agreement.confirms() {
             return Ok(None);
         }
+        self.take_light(&agreement);
         let found = Found { start, ..self.masked_from(&pose)? };
         Ok(Some(found).filter(|found| found.certain))
     }
@@ -113,6 +110,16 @@ impl Tracker {
         let outcome = Outcome { mse: self.objective.error(), ..found.outcome };
         let masked = self.comparison.is_uneven(&agreement);
         Ok(Found { outcome, agreement, certain: agreement.confirms(), masked, ..found })
+    }
+
+    /// Searches in the light of a frame from here on, if it differs from the one searched in; whether it does.
+    fn take_light(&mut self, agreement: &Agreement) -> bool {
+        let Some(correction) = agreement.correction else { return false };
+        let other = differs(&correction, self.objective.correction());
+        if other {
+            self.objective.set_correction(&correction);
+        }
+        other
     }
 
     fn is_uneven(&self, agreement: &Agreement) -> bool {
