@@ -28,14 +28,18 @@ const RANGE: f64 = 3.0;
 const SAME_GAIN: f64 = 0.3;
 const SAME_OFFSET: f64 = 0.1;
 
+/// The channel by which sharpness is told: camera sensors see it best.
+const GREEN: usize = 1;
+
 /// Cells around each that tell its light, to each side.
 const AROUND: usize = 2;
 /// Agreeing cells by which the light of a place can be told.
 const TOLD: usize = 4;
 /// Below this share of agreement, what does not agree is masked.
 const NEARLY_ALL: f64 = 0.8;
-/// What does not agree is masked if it makes a larger share of the squared error.
-const MOSTLY: f64 = 0.85;
+/// A block that agrees is masked too if its squared error is more than this many times their median: a part of it
+/// may be covered.
+const PARTLY_COVERED: f64 = 6.0;
 /// Light differs from place to place if the mean change by cells is larger, values in [0, 1].
 const UNEVEN: f64 = 0.02;
 
@@ -50,6 +54,9 @@ pub struct Agreement {
     pub tells: bool,
     /// What brings the frame's light to the prior's, by the blocks that agree; `None` if it cannot be told.
     pub correction: Option<Correction>,
+    /// Fine detail of the frame as a share of the render's, by the blocks that agree: about 1, or less if the
+    /// frame is blurred. Not a number if it cannot be told.
+    pub sharpness: f64,
 }
 
 impl Agreement {
@@ -101,12 +108,14 @@ impl Comparison {
         let tells = blocks >= BLOCKS && seen > PLAIN * blocks;
         let share = |of: f64| if tells { of / seen } else { 0.0 };
         let correction = if tells { correction(&light) } else { None };
-        Agreement { share: share(agreeing), score: share(score), tells, correction }
+        let sharpness = if tells { light[GREEN].sharpness() } else { f64::NAN };
+        Agreement { share: share(agreeing), score: share(score), tells, correction, sharpness }
     }
 
     /// Whether a search must take account of more than one light for all: a part does not agree, or the light
-    /// differs from place to place. Of the pictures compared last, and what came of that.
-    pub fn is_uneven(&self, agreement: &Agreement) -> bool {
+    /// differs from place to place. Of the pictures compared last, and what came of that. `most`: the share of the
+    /// squared error, 0 to 1, that what does not agree may make.
+    pub fn is_uneven(&self, agreement: &Agreement, most: f64) -> bool {
         let (Some(all), Some(correction)) = (self.light(), agreement.correction) else {
             return false;
         };
@@ -124,7 +133,7 @@ impl Comparison {
                 other += own;
             }
         }
-        agreement.share < NEARLY_ALL || other > MOSTLY * error || change > UNEVEN * agreeing
+        agreement.share < NEARLY_ALL || other > most * error || change > UNEVEN * agreeing
     }
 
     /// Masks the blocks that do not agree, and tells the light of each place, by the pictures compared last.
@@ -134,9 +143,24 @@ impl Comparison {
     pub fn describe(&self, field: &mut FlatField) {
         assert_eq!(field.size(), [self.columns, self.rows], "cells");
         let Some(all) = self.light() else { return };
+        let most = PARTLY_COVERED * self.typical_error(all);
         for (index, to) in field.set().iter_mut().enumerate() {
             *to = self.cell(index, all);
+            if self.blocks[index].error_in(all) > most {
+                to.counts = 0.0;
+            }
         }
+    }
+
+    /// Median of the agreeing blocks' squared errors, in one light.
+    fn typical_error(&self, light: (f64, f64)) -> f64 {
+        let agreeing = self.blocks.iter().filter(|block| block.correlation() > AGREES);
+        let mut errors: Vec<f64> = agreeing.map(|block| block.error_in(light)).collect();
+        let middle = errors.len() / 2;
+        if errors.is_empty() {
+            return 0.0;
+        }
+        *errors.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
     /// One light for all that agrees, `(gain, offset)`.
@@ -193,6 +217,9 @@ struct Sums {
     frame_square: f64,
     render_square: f64,
     product: f64,
+    /// Sums of the variance within two by two pixels.
+    frame_fine: f64,
+    render_fine: f64,
 }
 
 impl Sums {
@@ -212,6 +239,8 @@ impl Sums {
         self.frame_square += other.frame_square;
         self.render_square += other.render_square;
         self.product += other.product;
+        self.frame_fine += other.frame_fine;
+        self.render_fine += other.render_fine;
     }
 
     fn frame_variance(&self) -> f64 {
@@ -230,6 +259,13 @@ impl Sums {
         self.product / self.count - self.frame / self.count * (self.render / self.count)
     }
 
+    /// Fine detail of the frame as a share of the render's, each beside its own variance: see
+    /// [`Agreement::sharpness`].
+    fn sharpness(&self) -> f64 {
+        let fine = (self.frame_fine / self.count, self.render_fine / self.count);
+        fine.0 / self.frame_variance() * self.render_variance() / fine.1
+    }
+
     /// Sum of the squared differences, the frame's light corrected.
     fn error(&self, correction: &Correction) -> f64 {
         let summand = 255.0 * correction.mean(0.0);
@@ -237,6 +273,14 @@ impl Sums {
         let frame = factor * (factor * self.frame_square + 2.0 * summand * self.frame);
         let both = factor * self.product + summand * self.render;
         (frame + self.count * summand * summand - 2.0 * both + self.render_square).max(0.0)
+    }
+
+    /// Sum of the squared differences, the render's light `(gain, offset)` brought to the frame's.
+    fn error_in(&self, (gain, offset): (f64, f64)) -> f64 {
+        let offset = 255.0 * offset;
+        let lit = self.frame_square - 2.0 * (gain * self.product + offset * self.frame);
+        let render = gain * gain * self.render_square + 2.0 * gain * offset * self.render;
+        (lit + render + self.count * offset * offset).max(0.0)
     }
 
     fn correlation(&self) -> f64 {
@@ -271,6 +315,8 @@ impl Block {
                     sums.note(f[channel], r[channel]);
                 }
                 block.luma.note(luma(&f), luma(&r));
+                block.channels[GREEN].frame_fine += fine(frame, at + GREEN, width);
+                block.channels[GREEN].render_fine += fine(render, at + GREEN, width);
             }
         }
         block
@@ -284,6 +330,14 @@ fn mean(picture: &[u8], at: usize, width: usize) -> [f64; 3] {
         let four = [at + c, at + 3 + c, next + c, next + 3 + c].map(|i| u32::from(picture[i]));
         f64::from(four.iter().sum::<u32>()) * 0.25
     })
+}
+
+/// Variance of one channel of two by two pixels.
+fn fine(picture: &[u8], at: usize, width: usize) -> f64 {
+    let next = at + 3 * width;
+    let four = [at, at + 3, next, next + 3].map(|i| i32::from(picture[i]));
+    let [sum, squares] = [four.iter().sum::<i32>(), four.iter().map(|v| v * v).sum()];
+    f64::from(4 * squares - sum * sum) * 0.0625
 }
 
 /// Luma of R, G, B (ITU-R BT.601).
@@ -362,7 +416,7 @@ mod tests {
         let agreement = comparison.compare(frame, render);
         let mut field = FlatField::new(SIZE.0, SIZE.1);
         comparison.describe(&mut field);
-        comparison.is_uneven(&agreement).then_some(field)
+        comparison.is_uneven(&agreement, 0.85).then_some(field)
     }
 
     #[test]
@@ -376,6 +430,38 @@ mod tests {
         let (covered, others) = field.cells().split_at(12);
         assert!(covered.iter().all(|cell| cell.counts == 0.0), "{covered:?}");
         assert!(others.iter().all(|cell| cell.counts == 1.0), "{others:?}");
+    }
+
+    #[test]
+    fn a_block_of_which_a_part_is_covered_is_masked_too() {
+        let render = picture(1);
+        let mut frame = render.clone();
+        // The upper third, and two rows more of the left half.
+        frame[..3 * SIZE.0 * 16].copy_from_slice(&picture(3)[..3 * SIZE.0 * 16]);
+        for row in 16..18 {
+            let left = 3 * SIZE.0 * row..3 * SIZE.0 * row + 3 * SIZE.0 / 2;
+            frame[left.clone()].copy_from_slice(&picture(3)[left]);
+        }
+        let mut comparison = Comparison::new(SIZE.0, SIZE.1);
+        comparison.compare(&frame, &render);
+        let agreeing = (12..18).filter(|i| comparison.blocks[*i].correlation() > AGREES).count();
+        assert!(agreeing >= 3, "{agreeing}");
+        let field = described(&frame, &render).unwrap();
+        assert!(field.cells()[12..18].iter().all(|cell| cell.counts == 0.0));
+        assert!(field.cells()[18..].iter().all(|cell| cell.counts == 1.0));
+    }
+
+    #[test]
+    fn blur_is_told_in_any_light() {
+        let render = picture(1);
+        let image = image::RgbImage::from_raw(SIZE.0 as u32, SIZE.1 as u32, render.clone());
+        let blurred = image::imageops::blur(&image.unwrap(), 3.0).into_raw();
+        for (gain, offset) in [(1.0, 0.0), (0.5, 0.0), (0.5, 0.3)] {
+            let sharp = agreement(&lit(&render, gain, offset), &render).sharpness;
+            assert!((0.9..1.1).contains(&sharp), "{gain} {offset}: {sharp}");
+            let blurred = agreement(&lit(&blurred, gain, offset), &render);
+            assert!(blurred.confirms() && blurred.sharpness < 0.4, "{:?}", blurred);
+        }
     }
 
     #[test]

@@ -54,7 +54,7 @@ impl Tracker {
         if let Some((pose, kind)) = rough {
             let found = self.search_cold(frame, &pose, &cold, &schedule)?;
             let found = self.judged(Found { start: kind, ..found })?;
-            let found = self.with_masks(found)?;
+            let found = self.with_masks(found, true)?;
             best = Some(Found::or_judged(best, found));
         }
         if best.is_some_and(|best| self.settles(&best)) {

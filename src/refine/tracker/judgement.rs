@@ -13,12 +13,23 @@ use super::{Found, Tracker};
 const LIGHT: f32 = 0.03;
 /// How often what does not agree is masked anew.
 const MASKINGS: u32 = 2;
+/// What does not agree is masked if it makes a larger share of the squared error: in a frame that others lead to,
+/// and in a lost one.
+const MOSTLY: f64 = 0.85;
+const PARTLY: f64 = 0.6;
+/// A frame with less of the render's fine detail is blurred. Sharp frames have 0.8 of it and more, those blurred by
+/// a Gaussian of 2 pixels 0.2 and less.
+const BLURRED: f64 = 0.4;
+/// The finest level at which blurred frames are searched for: of half the size.
+const FINEST_BLURRED: usize = 1;
+/// The plain search counts as better than the masked one if its score is higher by more.
+const BETTER: f64 = 0.01;
 /// With less agreement at a proposed pose, masks would leave only what agrees by chance.
 const HINTED: f64 = 0.15;
 
 impl Tracker {
-    /// Draws what was found, unless that is drawn, and judges it. If the frame agrees in another light than
-    /// was searched in, the search goes on in that light.
+    /// Draws what was found, unless that is drawn, and judges it. If the frame agrees in another light or at another
+    /// sharpness than was searched for, the search goes on with these.
     pub(super) fn judged(&mut self, mut found: Found) -> Result<Found, Error> {
         if found.drawn.is_none() {
             let (code, mse) = self.draw(&found.outcome.pose)?;
@@ -26,7 +37,7 @@ impl Tracker {
             found.outcome.mse = mse;
         }
         found.agreement = self.agreement();
-        if self.take_light(&found.agreement) {
+        if self.take_light(&found.agreement) | self.take_sharpness(&found.agreement) {
             let again = self.from(&[found.outcome.pose], &self.nearby(1))?;
             found = found.gone_on(again, self.agreement());
         }
@@ -36,8 +47,9 @@ impl Tracker {
 
     /// Goes on from what was found and judged last: what does not agree is masked, and the light is corrected from
     /// place to place. The plain search has the last word if nearly all agrees then, in one light.
-    pub(super) fn with_masks(&mut self, found: Found) -> Result<Found, Error> {
-        if !(found.certain && self.is_uneven(&found.agreement)) {
+    pub(super) fn with_masks(&mut self, found: Found, lost: bool) -> Result<Found, Error> {
+        let most = if lost { PARTLY } else { MOSTLY };
+        if !(found.certain && self.is_uneven(&found.agreement, most)) {
             return Ok(found);
         }
         let mut best = found;
@@ -51,7 +63,7 @@ impl Tracker {
         let pose = best.outcome.pose;
         let plain = self.from(&[pose], &self.nearby(0))?;
         let agreement = self.agreement();
-        if agreement.score > best.agreement.score || !self.comparison.is_uneven(&agreement) {
+        if agreement.score > best.agreement.score + BETTER || !self.is_uneven(&agreement, most) {
             return Ok(best.gone_on(plain, agreement));
         }
         Ok(Found { drawn: None, ..best })
@@ -68,9 +80,9 @@ impl Tracker {
         let agreement = self.agreement();
         self.take_light(&agreement);
         let mut best = None;
-        if agreement.share > HINTED && self.is_uneven(&agreement) {
+        if agreement.share > HINTED && self.is_uneven(&agreement, MOSTLY) {
             let found = Found { start: kind, ..self.masked_from(pose)? };
-            let found = self.with_masks(found)?;
+            let found = self.with_masks(found, true)?;
             if found.certain {
                 return Ok(found);
             }
@@ -79,7 +91,7 @@ impl Tracker {
         let cold = self.options.gauss_newton.cold;
         let found = self.from(&[*pose], &cold)?;
         let found = self.judged(Found { start: kind, ..found })?;
-        let found = self.with_masks(found)?;
+        let found = self.with_masks(found, true)?;
         Ok(Found::or_judged(best, found))
     }
 
@@ -108,7 +120,7 @@ impl Tracker {
         let found = found?;
         let agreement = self.agreement();
         let outcome = Outcome { mse: self.objective.error(), ..found.outcome };
-        let masked = self.comparison.is_uneven(&agreement);
+        let masked = self.comparison.is_uneven(&agreement, MOSTLY);
         Ok(Found { outcome, agreement, certain: agreement.confirms(), masked, ..found })
     }
 
@@ -122,8 +134,43 @@ impl Tracker {
         other
     }
 
-    fn is_uneven(&self, agreement: &Agreement) -> bool {
-        self.options.masks && self.comparison.is_uneven(agreement)
+    /// Searches for a blurred frame from here on, or for a sharp one; whether that is a change.
+    fn take_sharpness(&mut self, agreement: &Agreement) -> bool {
+        // Not a number: as before.
+        let changes = agreement.confirms()
+            && if self.blurred {
+                agreement.sharpness > BLURRED
+            } else {
+                agreement.sharpness < BLURRED
+            };
+        self.blurred ^= changes;
+        changes
+    }
+
+    /// A schedule for the frame's sharpness. Detail that a blurred frame lacks would draw the camera away from the
+    /// scene, so the finest level only tells the error.
+    pub(super) fn at_sharpness(&self, schedule: &Schedule) -> Schedule {
+        let Schedule { first_level, follow_level, .. } = *schedule;
+        if !self.blurred {
+            return *schedule;
+        }
+        let levels = schedule.levels & !1 | 1 << FINEST_BLURRED;
+        let [first_level, follow_level] =
+            [first_level, follow_level].map(|l| l.max(FINEST_BLURRED));
+        // The lack of detail makes most of the error: the steps that count lower it by little.
+        let coarse_tolerance = 0.1 * schedule.tolerance;
+        let (coarse_leap, leap) = (0.0, 0.0);
+        let to_the_end = Schedule { coarse_tolerance, coarse_leap, leap, renders: 1, ..*schedule };
+        Schedule { first_level, follow_level, levels, ..to_the_end }
+    }
+
+    fn is_uneven(&self, agreement: &Agreement, most: f64) -> bool {
+        self.options.masks && self.comparison.is_uneven(agreement, most)
+    }
+
+    /// Whether a search without masks does for a frame that others lead to.
+    pub(super) fn is_even(&self, agreement: &Agreement) -> bool {
+        !self.is_uneven(agreement, MOSTLY)
     }
 
     /// How to search from a pose that is nearly right.

@@ -76,7 +76,13 @@ impl Found {
             observability: Observability::default(),
             begun: pose,
             certain: true,
-            agreement: Agreement { share: 1.0, score: 1.0, tells: true, correction: None },
+            agreement: Agreement {
+                share: 1.0,
+                score: 1.0,
+                tells: true,
+                correction: None,
+                sharpness: f64::NAN,
+            },
             masked: false,
             features: 0,
         }
@@ -131,6 +137,8 @@ pub struct Tracker {
     share: f64,
     /// Whether a part of the last certain frame was masked.
     masked: bool,
+    /// Whether the last certain frame was blurred.
+    blurred: bool,
 }
 
 impl Tracker {
@@ -160,6 +168,7 @@ impl Tracker {
             lost_frames: 0,
             share: f64::INFINITY,
             masked: false,
+            blurred: false,
         }
     }
 
@@ -212,7 +221,7 @@ impl Tracker {
     pub fn reset(&mut self) {
         (self.starts, self.error, self.level) = (Starts::default(), None, 0);
         (self.good, self.lost_frames) = (false, 0);
-        (self.share, self.masked) = (f64::INFINITY, false);
+        (self.share, self.masked, self.blurred) = (f64::INFINITY, false, false);
         self.objective.set_correction(&Correction::NONE);
     }
 
@@ -225,8 +234,9 @@ impl Tracker {
             && let Some(found) = self.follow(&schedule)?
         {
             let found = self.judged(found)?;
-            let settles = !self.masked && self.settles(&found);
-            warm = Some(if settles { found } else { self.with_masks(found)? });
+            let even = !self.masked && self.is_even(&found.agreement);
+            let settles = even && self.settles(&found);
+            warm = Some(if settles { found } else { self.with_masks(found, false)? });
         }
         if let Some(found) = warm
             && (self.settles(&found) || (!found.agreement.tells && !self.lost(found.outcome.mse)))
@@ -318,8 +328,9 @@ impl Tracker {
     /// Searches from some poses.
     fn from(&mut self, poses: &[Pose], schedule: &Schedule) -> Result<Found, Error> {
         let damping = self.options.gauss_newton.damping;
+        let schedule = self.at_sharpness(schedule);
         let tracked =
-            gauss_newton::track(&mut self.objective, poses, schedule, damping, self.profile)?;
+            gauss_newton::track(&mut self.objective, poses, &schedule, damping, self.profile)?;
         Ok(Found {
             outcome: tracked.outcome,
             start: StartKind::External,
