@@ -13,7 +13,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use nvsprior::render::ceilings::Ceilings;
-use nvsprior::render::probe::{self, Fineness, Stages};
+use nvsprior::render::probe::{self, SortPrecision, Stages};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer, Scene};
 use nvsprior::shared::{
     self, CULLED, Counters, DIGITS, Outline, PIXEL, Params, Projected, SUMS, TABLE, TILE,
@@ -115,7 +115,7 @@ impl View {
             tiles_y: tiles[1],
             ..Params::default()
         };
-        let (room, exact) = (1 << 20, Fineness::Exact);
+        let (room, exact) = (1 << 20, SortPrecision::Exact);
         let stages = probe::stages_at(engine, scene, &seen.camera, factor, pose, room, exact)?;
         Ok(View { camera, params, stages })
     }
@@ -214,12 +214,6 @@ fn times(best: &mut Best, commands: &mut [Commands]) -> Result<Vec<Vec<f64>>, Er
     Ok(best)
 }
 
-/// Whether the product takes the forms for subgroups of eight in lockstep, which alone have a twin.
-fn in_lockstep(device: &Device) -> bool {
-    let info = device.info();
-    info.kind == "CPU" && info.subgroup == 8 && info.int64 && info.shuffles
-}
-
 /// The blending stages against the arithmetic's ceiling, and against GLSL where that fits the device.
 fn blending(device: &Device, view: &View, best: &mut Best) -> Result<(), Error> {
     let (stages, params) = (&view.stages, &view.params);
@@ -240,14 +234,14 @@ fn blending(device: &Device, view: &View, best: &mut Best) -> Result<(), Error> 
         recorder.dispatch(&kernel, buffers, &[], groups)?;
         recorder.finish()
     };
-    let (splat, flow) = match in_lockstep(device) {
-        true => (ours!("splat", "splat_lanes"), ours!("splat_flow", "splat_flow_lanes")),
+    let (splat, flow) = match device.info().in_lockstep() {
+        true => (ours!("splat", "splat_lockstep"), ours!("splat_flow", "splat_flow_lockstep")),
         false => (ours!("splat", "splat"), ours!("splat_flow", "splat_flow")),
     };
     let sums = [&params, &ranges, &pairs, &records, &frame, &partials];
     let drawn = [&params, &ranges, &pairs, &records, &image];
     let mut commands = vec![record(&splat, &drawn)?, record(&flow, &sums)?];
-    if in_lockstep(device) {
+    if device.info().in_lockstep() {
         let drawn = [&params, &ranges, &pairs, &records, &image_in_glsl];
         commands.push(record(&glsl!("splat"), &drawn)?);
     }
@@ -340,11 +334,11 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
     let sort = Sort::new(device, keys, probe::log_blocks(best.engine, keys.len() as u32))?;
     let order = || Buffer::new::<u32>(device, "order", keys.len(), Memory::Readback);
     let orders = [order()?, order()?];
-    let stages = match in_lockstep(device) {
+    let stages = match device.info().in_lockstep() {
         true => [
-            ours!("radix", "radix_count_8"),
-            ours!("radix", "radix_scan_8"),
-            ours!("radix", "radix_scatter_8"),
+            ours!("radix", "radix_count_lockstep"),
+            ours!("radix", "radix_scan_lockstep"),
+            ours!("radix", "radix_scatter_lockstep"),
         ],
         false => [
             ours!("radix", "radix_count"),
@@ -353,7 +347,7 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
         ],
     };
     let mut commands = vec![sort.record(stages, &orders[0])?];
-    if in_lockstep(device) {
+    if device.info().in_lockstep() {
         let stages = [glsl!("radix_count"), glsl!("radix_scan"), glsl!("radix_scatter")];
         commands.push(sort.record(stages, &orders[1])?);
     }
@@ -385,7 +379,7 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
 fn dispatch_seconds(device: &Device) -> Result<f64, Error> {
     let params = Buffer::from_slice(device, "parameters", &[Params::default()])?;
     let none = Buffer::new::<f32>(device, "nothing", 1, Memory::Device)?;
-    let kernel = ours!("finish", "finish").kernel(device, 3, 0)?;
+    let kernel = ours!("quantize_rgb8", "quantize_rgb8").kernel(device, 3, 0)?;
     let mut best = f64::INFINITY;
     for _ in 0..RUNS {
         let mut recorder = Recorder::new(device, Timing::Stages)?;
@@ -476,7 +470,7 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
         factors: factors.clone(),
         jacobians,
         search: None,
-        fineness: Default::default(),
+        sort_precision: Default::default(),
         profiled: true,
     };
     let mut renderer = engine.renderer(&seen.scene, &seen.camera, plan)?;

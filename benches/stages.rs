@@ -50,7 +50,7 @@ fn render(criterion: &mut Criterion) {
             factors: vec![1],
             jacobians,
             search: None,
-            fineness: Default::default(),
+            sort_precision: Default::default(),
             profiled: false,
         };
         let mut renderer = engine.renderer(&scene, &camera, plan).expect("a renderer");

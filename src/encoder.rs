@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::drawn::Drawn;
 use crate::packet::{
     CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN,
     residual_part_len,
@@ -14,6 +13,7 @@ use crate::refine::{
 };
 use crate::render::{Plan, Scene};
 use crate::residual::{ResidualEncoder, max_payload_len};
+use crate::tracked_frame::TrackedFrame;
 use crate::{Camera, Engine, Error, Picture, Pose, Rate};
 
 /// How to encode.
@@ -140,7 +140,7 @@ pub struct Encoder {
     options: EncoderOptions,
     tracker: Tracker,
     residual: ResidualEncoder,
-    drawn: Drawn,
+    tracked: TrackedFrame,
     /// Renders by level before the frame.
     renders_before: Vec<u32>,
     frame: u32,
@@ -169,7 +169,7 @@ impl Encoder {
             options,
             tracker,
             residual: ResidualEncoder::new(camera.width, camera.height),
-            drawn: Drawn::default(),
+            tracked: TrackedFrame::default(),
             renders_before: Vec::new(),
             camera_age: None,
             time: None,
@@ -234,30 +234,35 @@ impl Encoder {
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
         let known = known.into();
-        let mut drawn = std::mem::take(&mut self.drawn);
-        let done = self.draw(frame, &known, &mut drawn).and_then(|found| {
-            drawn.encode(&mut self.residual, encoded)?;
-            self.keep(&drawn, &found, &known);
+        let mut tracked = std::mem::take(&mut self.tracked);
+        let done = self.track(frame, &known, &mut tracked).and_then(|found| {
+            tracked.encode(&mut self.residual, encoded)?;
+            self.keep(&tracked, &found, &known);
             Ok(())
         });
-        self.drawn = drawn;
+        self.tracked = tracked;
         done
     }
 
     /// The first half of a frame: finds its pose and draws it. The next frame goes on from there.
-    pub(crate) fn draw_next(
+    pub(crate) fn track_next(
         &mut self,
         frame: &Picture,
         known: &Known,
-        drawn: &mut Drawn,
+        tracked: &mut TrackedFrame,
     ) -> Result<(), Error> {
-        let found = self.draw(frame, known, drawn)?;
-        self.keep(drawn, &found, known);
+        let found = self.track(frame, known, tracked)?;
+        self.keep(tracked, &found, known);
         Ok(())
     }
 
     /// Finds a frame's pose and draws it; changes nothing that the next frame goes on from.
-    fn draw(&mut self, frame: &Picture, known: &Known, drawn: &mut Drawn) -> Result<Found, Error> {
+    fn track(
+        &mut self,
+        frame: &Picture,
+        known: &Known,
+        tracked: &mut TrackedFrame,
+    ) -> Result<Found, Error> {
         let since = Instant::now();
         self.check_frame(frame)?;
         self.check_known(known)?;
@@ -268,20 +273,20 @@ impl Encoder {
         let pose = self.coded_pose(&found)?;
         let lost_frames = self.lost_frames_with(&found);
         let camera = self.camera_due().then_some(self.camera);
-        drawn.checked = self.check_due();
+        tracked.checked = self.check_due();
         let renderer = self.tracker.objective().renderer();
-        drawn.render.resize(frame.width, frame.height);
-        drawn.render.data.copy_from_slice(renderer.rendered());
-        drawn.difference.clear();
-        drawn.difference.extend_from_slice(renderer.difference());
-        drawn.frame.clone_from(frame);
-        drawn.pose = pose.dequantise(&self.scene.frame());
+        tracked.render.resize(frame.width, frame.height);
+        tracked.render.data.copy_from_slice(renderer.rendered());
+        tracked.difference.clear();
+        tracked.difference.extend_from_slice(renderer.difference());
+        tracked.frame.clone_from(frame);
+        tracked.pose = pose.dequantise(&self.scene.frame());
         let latent = Latent::new(self.frame, self.scene.id(), &self.camera, pose, !found.certain)?;
-        drawn.latent = Some(latent);
-        drawn.camera = camera;
-        drawn.rate = self.options.rate;
+        tracked.latent = Some(latent);
+        tracked.camera = camera;
+        tracked.rate = self.options.rate;
 
-        let stats = &mut drawn.stats;
+        let stats = &mut tracked.stats;
         stats.renders.clear();
         let renders = renderer.renders().iter().zip(&self.renders_before);
         stats.renders.extend(renders.map(|(after, before)| after - before));
@@ -303,12 +308,12 @@ impl Encoder {
     }
 
     /// What the next frame goes on from.
-    fn keep(&mut self, drawn: &Drawn, found: &Found, known: &Known) {
-        let sent = drawn.camera.is_some();
+    fn keep(&mut self, tracked: &TrackedFrame, found: &Found, known: &Known) {
+        let sent = tracked.camera.is_some();
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         self.frame = self.frame.wrapping_add(1);
         self.time = known.time.or(self.time);
-        self.tracker.keep(drawn.pose, found);
+        self.tracker.keep(tracked.pose, found);
     }
 
     /// Forgets the frames before: the next one is looked for as the first was, and its time may be any.
@@ -340,7 +345,7 @@ impl Encoder {
         Ok(())
     }
 
-    /// The pose as the packet will hold it, drawn where the search has not done that.
+    /// The pose as the packet will hold it, tracked where the search has not done that.
     fn coded_pose(&mut self, found: &Found) -> Result<QuantisedPose, Error> {
         if let Some(code) = &found.drawn {
             return Ok(QuantisedPose::of_words(code)?);
@@ -380,7 +385,7 @@ fn objective(
         factors: options.factors.clone(),
         jacobians: if search { Vec::new() } else { vec![jacobian] },
         search: search.then_some(jacobian),
-        fineness: options.refine.fineness,
+        sort_precision: options.refine.sort_precision,
         profiled: false,
     };
     Ok(Objective::new(engine.renderer(scene, camera, plan)?))

@@ -5,12 +5,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::prior::analysis::PriorAnalysis;
 #[cfg(feature = "cli")]
 use crate::render::ceilings::{self, Ceilings};
-use crate::render::{Kernels, Plan, Renderer, Scene, SceneKernels, Traits};
+use crate::render::{Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels};
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
 
 /// Pipelines, and the kind of prior that they are for.
-type SceneSet = (Traits, Arc<SceneKernels>);
+type SceneSet = (PipelineKey, Arc<SceneKernels>);
 
 /// A device with its pipelines; make it once, share it between encoders and decoders.
 #[derive(Clone)]
@@ -56,11 +56,11 @@ impl Engine {
     }
 
     fn upload_analysed(&self, prior: &Prior, analysis: PriorAnalysis) -> Result<Arc<Scene>, Error> {
-        let kernels = self.scene_kernels(&Traits::of(&analysis))?;
+        let kernels = self.scene_kernels(&PipelineKey::of(&analysis))?;
         Ok(Arc::new(Scene::new(&self.device, prior, analysis, kernels)?))
     }
 
-    fn scene_kernels(&self, traits: &Traits) -> Result<Arc<SceneKernels>, Error> {
+    fn scene_kernels(&self, traits: &PipelineKey) -> Result<Arc<SceneKernels>, Error> {
         // Whole sets only are put in: what a thread that panicked left is sound.
         let mut sets = self.scene_kernels.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, set)) = sets.iter().find(|(of, _)| of == traits) {

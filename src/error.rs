@@ -1,8 +1,8 @@
 //! The library's error.
 
 use crate::camera::CameraError;
+use crate::image::PixelError;
 use crate::packet::PacketError;
-use crate::pixels::PixelError;
 use crate::prior::PriorError;
 use crate::residual::ResidualError;
 

@@ -33,12 +33,12 @@ pub mod camera;
 #[allow(unsafe_code)]
 // With `vulkan` and `residual::libwebp` the only places; each block says why it is sound.
 pub mod capi;
+pub mod image;
 #[cfg(feature = "mapping")]
 pub mod mapping;
 pub mod modem;
 pub mod packet;
 pub mod picture;
-pub mod pixels;
 pub mod pose;
 pub mod prior;
 pub mod random;
@@ -52,7 +52,6 @@ pub mod study;
 pub mod vulkan;
 
 mod decoder;
-mod drawn;
 mod encoder;
 mod engine;
 mod error;
@@ -63,6 +62,7 @@ pub mod search;
 /// Constants, layouts and maths that shaders and host share.
 #[path = "../shaders-rs/src/shared.rs"]
 pub mod shared;
+mod tracked_frame;
 
 pub use camera::Camera;
 pub use decoder::{Decoded, Decoder, Trust};

@@ -4,14 +4,14 @@
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
-use crate::drawn::Drawn;
 use crate::residual::ResidualEncoder;
+use crate::tracked_frame::TrackedFrame;
 use crate::{Encoded, Encoder, Error, Known, Picture};
 
 /// A frame on its way through the coding thread, and back.
 #[derive(Default)]
 struct Parcel {
-    drawn: Drawn,
+    tracked: TrackedFrame,
     encoded: Encoded,
     failure: Option<Error>,
 }
@@ -64,7 +64,7 @@ impl Pipeline {
         encoded: &mut Encoded,
     ) -> Result<bool, Error> {
         let mut parcel = self.spare.pop().unwrap_or_default();
-        if let Err(error) = self.encoder.draw_next(frame, &known.into(), &mut parcel.drawn) {
+        if let Err(error) = self.encoder.track_next(frame, &known.into(), &mut parcel.tracked) {
             self.spare.push(parcel);
             return Err(error);
         }
@@ -81,7 +81,7 @@ impl Pipeline {
     ///
     /// # Errors
     /// Where it cannot be coded.
-    pub fn finish(&mut self, encoded: &mut Encoded) -> Result<bool, Error> {
+    pub fn flush(&mut self, encoded: &mut Encoded) -> Result<bool, Error> {
         self.take(encoded)
     }
 
@@ -119,13 +119,13 @@ impl Drop for Pipeline {
 fn code(parcels: &Receiver<Parcel>, back: &SyncSender<Parcel>) {
     let mut residual: Option<((u32, u32), ResidualEncoder)> = None;
     while let Ok(mut parcel) = parcels.recv() {
-        let Parcel { drawn, encoded, failure } = &mut parcel;
-        let size = (drawn.frame.width, drawn.frame.height);
+        let Parcel { tracked, encoded, failure } = &mut parcel;
+        let size = (tracked.frame.width, tracked.frame.height);
         let (_, coder) = match residual.take() {
             Some(kept) if kept.0 == size => residual.insert(kept),
             _ => residual.insert((size, ResidualEncoder::new(size.0, size.1))),
         };
-        *failure = drawn.encode(coder, encoded).err();
+        *failure = tracked.encode(coder, encoded).err();
         if back.send(parcel).is_err() {
             return;
         }

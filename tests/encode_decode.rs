@@ -106,9 +106,9 @@ fn a_pipeline_gives_the_same_packets() {
     let small = Picture::new(8, 8);
     let refused = pipeline.push(&small, None, &mut encoded);
     assert!(matches!(refused, Err(Error::FrameSize { .. })));
-    assert!(pipeline.finish(&mut encoded).unwrap());
+    assert!(pipeline.flush(&mut encoded).unwrap());
     packets.push(encoded.packet.clone());
-    assert!(!pipeline.finish(&mut encoded).unwrap());
+    assert!(!pipeline.flush(&mut encoded).unwrap());
     for (t, (frame, packet)) in frames.iter().zip(&packets).enumerate() {
         assert_eq!(alone.encode(frame, start(t)).unwrap().packet, *packet, "frame {t}");
     }
@@ -118,7 +118,7 @@ fn a_pipeline_gives_the_same_packets() {
     pipeline.encoder().set_rate(None);
     let failed = pipeline.push(&frames[3], None, &mut encoded);
     assert!(matches!(failed, Err(Error::Budget { budget: 5, .. })), "{failed:?}");
-    assert!(pipeline.finish(&mut encoded).unwrap());
+    assert!(pipeline.flush(&mut encoded).unwrap());
     assert_silent(&engine);
 }
 

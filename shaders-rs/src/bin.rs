@@ -484,7 +484,7 @@ pub fn bin_emit(
 
 /// As [`bin_count`], in lockstep.
 #[spirv(compute(threads(8)))]
-pub fn bin_count_8(
+pub fn bin_count_lockstep(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
     #[spirv(workgroup)] table: &mut Table,
@@ -502,7 +502,7 @@ pub fn bin_count_8(
 
 /// As [`bin_scan`], in lockstep.
 #[spirv(compute(threads(8)))]
-pub fn bin_scan_8(
+pub fn bin_scan_lockstep(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
     #[spirv(workgroup)] scratch: &mut Scratch,
@@ -517,7 +517,7 @@ pub fn bin_scan_8(
 
 /// As [`bin_emit`], in lockstep.
 #[spirv(compute(threads(8)))]
-pub fn bin_emit_8(
+pub fn bin_emit_lockstep(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
     #[spirv(workgroup)] table: &mut Table,

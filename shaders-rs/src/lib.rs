@@ -1,5 +1,5 @@
-//! The GPU stages of nvsprior, in Rust by rust-gpu: a file per stage, each named as the host file
-//! that dispatches it (`src/render/`, `src/refine/`) and as its f64 twin (`src/reference/`).
+//! The GPU stages of nvsprior, in Rust by rust-gpu. Passes of one algorithm (`radix`, `bin`) share a file; every
+//! other stage has its own. The f64 twins in `src/reference/` have the same names.
 #![no_std]
 #![cfg_attr(target_arch = "spirv", feature(asm_experimental_arch))]
 
@@ -8,14 +8,15 @@ pub mod shared;
 
 pub mod bin;
 pub mod ceilings;
-pub mod derive;
-pub mod finish;
+pub mod decode_pose;
+pub mod difference;
 pub mod lanes;
 pub mod list;
 pub mod memory;
-pub mod place;
+pub mod pose_jacobian;
 pub mod project;
 pub mod pyramid;
+pub mod quantize_rgb8;
 pub mod radix;
 pub mod reduce;
 pub mod solve;

@@ -135,7 +135,7 @@ pub fn project(
 
 /// As [`project`], two floats an access.
 #[spirv(compute(threads(256)))]
-pub fn project_8(
+pub fn project_lockstep(
     #[spirv(global_invocation_id)] id: UVec3,
     #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,

@@ -181,7 +181,7 @@ pub fn radix_count(
 
 /// As [`radix_count`], in lockstep.
 #[spirv(compute(threads(8)))]
-pub fn radix_count_8(
+pub fn radix_count_lockstep(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
     #[spirv(workgroup)] bins: &mut Table,
@@ -209,7 +209,7 @@ pub fn radix_scan(
 
 /// As [`radix_scan`], in lockstep.
 #[spirv(compute(threads(8)))]
-pub fn radix_scan_8(
+pub fn radix_scan_lockstep(
     #[spirv(local_invocation_index)] lane: u32,
     #[spirv(workgroup)] scratch: &mut Scratch,
     #[spirv(push_constant)] pass: &Pass,
@@ -243,7 +243,7 @@ pub fn radix_scatter(
 
 /// As [`radix_scatter`], in lockstep.
 #[spirv(compute(threads(8)))]
-pub fn radix_scatter_8(
+pub fn radix_scatter_lockstep(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(local_invocation_index)] lane: u32,
     #[spirv(workgroup)] next: &mut Table,

@@ -656,7 +656,7 @@ pub fn quantised(at: &Placement, anchor: &Anchor, profile: u32) -> PoseCode {
     }
 }
 
-/// The placement of a code. Only stage `place` calls this on a device, for encoder and decoder alike:
+/// The placement of a code. Only stage `decode_pose` calls this on a device, for encoder and decoder alike:
 /// so both render at the same bits.
 pub fn placed(code: &PoseCode, anchor: &Anchor) -> Placement {
     let w = &code.words;

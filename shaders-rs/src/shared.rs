@@ -21,7 +21,7 @@ pub const TABLE: u32 = 2048;
 pub const GEOMETRY_PLANES: u32 = 7;
 /// `Vec4`s of a projected splat's record.
 pub const RECORD: u32 = 3;
-/// `Vec4`s of a projected splat's pose derivatives, exact Jacobian only; see stage `derive`.
+/// `Vec4`s of a projected splat's pose derivatives, exact Jacobian only; see stage `pose_jacobian`.
 pub const DERIVATIVES: u32 = 12;
 /// Sums of the normal equations: 21 of JᵀJ (upper triangle, row by row), 6 of Jᵀr, 1 of r².
 pub const SUMS: u32 = 28;

@@ -214,7 +214,7 @@ pub fn middle_of_tile(group: UVec3) -> [f32; 2] {
 
 /// The same for subgroups of eight. One workgroup a tile.
 #[spirv(compute(threads(8)))]
-pub fn splat_lanes(
+pub fn splat_lockstep(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(subgroup_local_invocation_id)] lane: u32,
     #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,

@@ -64,7 +64,7 @@ impl Twist {
     }
 }
 
-/// What stage `derive` wrote of one splat.
+/// What stage `pose_jacobian` wrote of one splat.
 #[derive(Clone, Copy)]
 struct Derivatives {
     u: Twist,

@@ -189,7 +189,7 @@ pub fn splat_flow(
 /// The same for subgroups of eight: two of them, each half of the tile, one workgroup a tile. All
 /// eight rows by one subgroup take 40 KB of instructions: 28.3 ms; 23.0 so, though loads are twice.
 #[spirv(compute(threads(16)))]
-pub fn splat_flow_lanes(
+pub fn splat_flow_lockstep(
     #[spirv(workgroup_id)] group: UVec3,
     #[spirv(subgroup_id)] half: u32,
     #[spirv(subgroup_local_invocation_id)] lane: u32,

@@ -3,8 +3,8 @@
 use std::ffi::c_char;
 use std::time::Duration;
 
+use crate::image::Converter;
 use crate::packet::PoseProfile;
-use crate::pixels::Converter;
 use crate::refine::{Optimizer, StartKind, Stop};
 use crate::{Encoded, Encoder, EncoderOptions, Known, Picture, Rate, packet_bound};
 

@@ -1,6 +1,6 @@
 //! Images, pictures, cameras and poses as C hands them over.
 
-use crate::pixels::{Colour, ImageView, PixelFormat, write_picture};
+use crate::image::{Colour, ImageView, PixelFormat, write_picture};
 use crate::{Camera, Picture, Pose};
 
 use super::status::*;

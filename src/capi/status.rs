@@ -2,9 +2,9 @@
 
 use std::ffi::{CStr, c_char};
 
+use crate::image::PixelError;
 use crate::modem::ModemError;
 use crate::packet::PacketError;
-use crate::pixels::PixelError;
 use crate::prior::PriorError;
 use crate::vulkan;
 

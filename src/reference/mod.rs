@@ -7,8 +7,8 @@
 //! transmittance is 0 over a background of 1.
 
 pub mod bin;
-pub mod derive;
 pub mod harmonics;
+pub mod pose_jacobian;
 pub mod project;
 pub mod radix;
 pub mod reduce;

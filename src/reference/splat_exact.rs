@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::RenderOptions;
 
-use super::derive::{Motion, derive};
+use super::pose_jacobian::{Motion, derive};
 use super::project::{Projected, Splat};
 use super::splat::{Hit, Pixel, blend_rows};
 use super::{Sample, Twist, View, plus};

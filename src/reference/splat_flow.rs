@@ -4,7 +4,7 @@
 use glam::DVec2;
 
 use super::View;
-use super::derive::Motion;
+use super::pose_jacobian::Motion;
 use super::project::Projected;
 use super::splat::{Hit, blend_rows};
 use super::splat_exact::MovingPixel;

@@ -73,13 +73,17 @@ pub struct Comparison {
     rows: usize,
     /// Luma of each block of the pictures compared last.
     blocks: Vec<Sums>,
+    /// Room for the errors of blocks.
+    errors: Vec<f64>,
 }
 
 impl Comparison {
     /// Of pictures of a size in pixels.
     pub fn new(width: usize, height: usize) -> Comparison {
         let (columns, rows) = (width / (2 * BLOCK), height / (2 * BLOCK));
-        Comparison { width, columns, rows, blocks: Vec::with_capacity(columns * rows) }
+        let count = columns * rows;
+        let (blocks, errors) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        Comparison { width, columns, rows, blocks, errors }
     }
 
     /// Compares two 8-bit RGB pictures, row by row.
@@ -140,7 +144,7 @@ impl Comparison {
     ///
     /// # Panics
     /// If the flat field is of another size.
-    pub fn describe(&self, field: &mut FlatField) {
+    pub fn describe(&mut self, field: &mut FlatField) {
         assert_eq!(field.size(), [self.columns, self.rows], "cells");
         let Some(all) = self.light() else { return };
         let most = PARTLY_COVERED * self.typical_error(all);
@@ -153,14 +157,15 @@ impl Comparison {
     }
 
     /// Median of the agreeing blocks' squared errors, in one light.
-    fn typical_error(&self, light: (f64, f64)) -> f64 {
+    fn typical_error(&mut self, light: (f64, f64)) -> f64 {
         let agreeing = self.blocks.iter().filter(|block| block.correlation() > AGREES);
-        let mut errors: Vec<f64> = agreeing.map(|block| block.error_in(light)).collect();
-        let middle = errors.len() / 2;
-        if errors.is_empty() {
+        self.errors.clear();
+        self.errors.extend(agreeing.map(|block| block.error_in(light)));
+        let middle = self.errors.len() / 2;
+        if self.errors.is_empty() {
             return 0.0;
         }
-        *errors.select_nth_unstable_by(middle, f64::total_cmp).1
+        *self.errors.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
     /// One light for all that agrees, `(gain, offset)`.

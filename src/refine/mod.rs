@@ -37,7 +37,7 @@ pub use tracker::{Found, Tracker};
 use cold::ColdStart;
 
 use crate::Pose;
-use crate::render::{Fineness, Jacobian};
+use crate::render::{Jacobian, SortPrecision};
 
 /// Which optimiser refines the pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -73,7 +73,7 @@ pub struct RefineOptions {
     /// Jacobian of Gauss–Newton; the gradient methods always use the exact one.
     pub jacobian: Jacobian,
     /// How finely Gauss–Newton's evaluations tell depths apart; final pictures always do so exactly.
-    pub fineness: Fineness,
+    pub sort_precision: SortPrecision,
     /// Options of Gauss–Newton.
     pub gauss_newton: GaussNewtonOptions,
     /// Options of BFGS.
@@ -92,7 +92,7 @@ impl Default for RefineOptions {
         RefineOptions {
             optimizer: Optimizer::default(),
             jacobian: Jacobian::Flow,
-            fineness: Fineness::default(),
+            sort_precision: SortPrecision::default(),
             gauss_newton: GaussNewtonOptions::default(),
             bfgs: BfgsOptions::default(),
             adam: AdamOptions::default(),

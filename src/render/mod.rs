@@ -1,31 +1,26 @@
-//! Rendering the prior on the device: a file per GPU stage, each named as its shader and as its f64
-//! twin, holding buffers and dispatch only.
+//! Rendering the prior on the device. `stages.rs` records the stages of a frame in their order; the shaders and their
+//! f64 twins have the same names.
 
-pub(crate) mod bin;
 mod binning;
 #[cfg(feature = "cli")]
 pub mod ceilings;
-pub(crate) mod derive;
-pub(crate) mod frame;
+mod frame;
 mod kernels;
 mod light;
-mod lists;
 #[cfg(feature = "reference")]
 #[doc(hidden)]
 pub mod probe;
-pub(crate) mod project;
-pub(crate) mod radix;
-pub(crate) mod reduce;
+mod radix;
 mod renderer;
 mod scene;
-pub(crate) mod splat;
+mod stages;
 pub(crate) mod view;
 mod workspace;
 
 pub use frame::to_byte;
-pub use kernels::{Kernels, SceneKernels, Traits};
+pub use kernels::{Kernels, PipelineKey, SceneKernels};
 pub use light::{Cell, Correction, FlatField, counts};
-pub use radix::Fineness;
+pub use radix::SortPrecision;
 pub use renderer::{Jacobian, Job, Plan, Renderer, Searched};
 pub use scene::Scene;
 pub use view::NormalEquations;

@@ -6,16 +6,22 @@ use crate::shared::{CULLED, Counters, DERIVATIVES, Groups, Params, RECORD, TABLE
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder, Timing};
 use crate::{Camera, Engine, Pose};
 
-pub use super::radix::Fineness;
+pub use super::radix::SortPrecision;
 
+use super::Scene;
+use super::frame::Bytes;
 use super::radix::Sort;
+use super::stages;
 use super::view::{Part, View};
 use super::workspace::Workspace;
-use super::{Scene, derive, lists, radix};
 
 /// The places of the keys in the order of their values, equal ones by place; without those that are
 /// [`CULLED`](crate::shared::CULLED).
-pub fn sort(engine: &Engine, keys: &[u32], fineness: Fineness) -> Result<Vec<u32>, Error> {
+pub fn sort(
+    engine: &Engine,
+    keys: &[u32],
+    sort_precision: SortPrecision,
+) -> Result<Vec<u32>, Error> {
     let (device, kernels) = (&engine.device, &*engine.kernels);
     let count = keys.len() as u32;
     let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
@@ -27,7 +33,7 @@ pub fn sort(engine: &Engine, keys: &[u32], fineness: Fineness) -> Result<Vec<u32
     let log_blocks = super::kernels::log_blocks(device, count);
     let groups = Groups { sort_blocks: [1 << log_blocks, 1, 1], one: [1, 1, 1], ..Groups::NONE };
     let sort = Sort {
-        fineness,
+        sort_precision,
         count,
         log_blocks,
         part: Part::First,
@@ -39,7 +45,7 @@ pub fn sort(engine: &Engine, keys: &[u32], fineness: Fineness) -> Result<Vec<u32
         order: &order,
     };
     let mut recorder = Recorder::new(device, Timing::None)?;
-    radix::record(&mut recorder, kernels, &sort)?;
+    sort.record(&mut recorder, kernels)?;
     recorder.finish()?.run()?;
     let sorted = read::<Counters>(device, &counters, 1)?[0].visible;
     read(device, &order, sorted as usize)
@@ -91,7 +97,7 @@ pub struct Stages {
     pub records: Vec<[f32; 4 * RECORD as usize]>,
     /// Stage `project`.
     pub keys: Vec<u32>,
-    /// Stage `derive`, as the records.
+    /// Stage `pose_jacobian`, as the records.
     pub derivatives: Vec<[f32; 4 * DERIVATIVES as usize]>,
     /// Visible splats in the order of their keys.
     pub order: Vec<u32>,
@@ -110,9 +116,9 @@ pub fn stages(
     camera: &Camera,
     pose: &Pose,
     pair_capacity: u32,
-    fineness: Fineness,
+    sort_precision: SortPrecision,
 ) -> Result<Stages, Error> {
-    stages_at(engine, scene, camera, 1, pose, pair_capacity, fineness)
+    stages_at(engine, scene, camera, 1, pose, pair_capacity, sort_precision)
 }
 
 /// As [`stages`], of the level of the pyramid that is reduced by a factor.
@@ -123,7 +129,7 @@ pub fn stages_at(
     factor: u32,
     pose: &Pose,
     pair_capacity: u32,
-    fineness: Fineness,
+    sort_precision: SortPrecision,
 ) -> Result<Stages, Error> {
     let (device, kernels) = (&engine.device, &*engine.kernels);
     let work = Workspace::new(device, scene, pair_capacity, true)?;
@@ -133,8 +139,10 @@ pub fn stages_at(
     let mut recorder = Recorder::new(device, Timing::None)?;
     recorder.copy(&view.params_asked, &view.params)?;
     recorder.copy(&view.groups_asked, &view.groups)?;
-    lists::record(&mut recorder, kernels, scene, &view, &work, fineness, Part::First)?;
-    derive::record(&mut recorder, scene, &view, &work, Part::First)?;
+    let bytes = &Bytes::new(device, &view)?;
+    let stages = stages::Stages { kernels, scene, view: &view, work: &work, bytes };
+    stages.tile_lists(&mut recorder, sort_precision, Part::First)?;
+    stages.pose_jacobian(&mut recorder, Part::First)?;
     recorder.finish()?.run()?;
     let counters = read::<Counters>(device, &work.counters, 1)?[0];
     let splats = scene.splats as usize;

@@ -11,7 +11,7 @@ use super::view::Part;
 
 /// How finely depths are told apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Fineness {
+pub enum SortPrecision {
     /// As they are: the picture's definition.
     Exact,
     /// To about a part in 8,000, of which all count as equal: two passes of three. For evaluations whose
@@ -22,7 +22,7 @@ pub enum Fineness {
 
 /// A sort of `count` keys, of which those that are not culled go into the order.
 pub(crate) struct Sort<'a> {
-    pub fineness: Fineness,
+    pub sort_precision: SortPrecision,
     pub count: u32,
     /// Logarithm of the number of workgroups that share them.
     pub log_blocks: u32,
@@ -38,28 +38,29 @@ pub(crate) struct Sort<'a> {
     pub order: &'a Buffer,
 }
 
-/// Records a sort. The number of keys sorted is left in the counters, which must hold the largest.
-pub(crate) fn record(recorder: &mut Recorder, kernels: &Kernels, sort: &Sort) -> Result<(), Error> {
-    let Sort { fineness, count, log_blocks, counters, histogram, order, .. } = *sort;
-    let (groups, keys, between) = (sort.groups, sort.keys, sort.between);
-    let blocks = sort.part.at(offset_of!(Groups, sort_blocks));
-    let one = sort.part.at(offset_of!(Groups, one));
-    let r = recorder;
-    // The coarse order leaves out the lowest digit.
-    let first = if fineness == Fineness::Exact { 0 } else { 1 };
-    // The first pass takes the place of a key for its value.
-    let (mut keys, mut values) = (keys, &between[1][1]);
-    for digit in first..DIGITS {
-        let [keys_out, values_out] = &between[digit as usize % 2];
-        let values_out = if digit + 1 < DIGITS { values_out } else { order };
-        let constants = [digit, (digit == first).into(), log_blocks, count];
-        let buffers = [counters, keys, histogram];
-        r.dispatch_indirect(&kernels.radix_count, &buffers, &constants, groups, blocks)?;
-        let buffers = [counters, histogram];
-        r.dispatch_indirect(&kernels.radix_scan, &buffers, &constants, groups, one)?;
-        let buffers = [counters, histogram, keys, values, keys_out, values_out];
-        r.dispatch_indirect(&kernels.radix_scatter, &buffers, &constants, groups, blocks)?;
-        (keys, values) = (keys_out, values_out);
+impl Sort<'_> {
+    /// Records the sort. The number of keys sorted is left in the counters, which must hold the largest.
+    pub fn record(&self, r: &mut Recorder, kernels: &Kernels) -> Result<(), Error> {
+        let Sort { sort_precision, count, log_blocks, counters, histogram, order, .. } = *self;
+        let (groups, keys, between) = (self.groups, self.keys, self.between);
+        let blocks = self.part.at(offset_of!(Groups, sort_blocks));
+        let one = self.part.at(offset_of!(Groups, one));
+        // The coarse order leaves out the lowest digit.
+        let first = if sort_precision == SortPrecision::Exact { 0 } else { 1 };
+        // The first pass takes the place of a key for its value.
+        let (mut keys, mut values) = (keys, &between[1][1]);
+        for digit in first..DIGITS {
+            let [keys_out, values_out] = &between[digit as usize % 2];
+            let values_out = if digit + 1 < DIGITS { values_out } else { order };
+            let constants = [digit, (digit == first).into(), log_blocks, count];
+            let buffers = [counters, keys, histogram];
+            r.dispatch_indirect(&kernels.radix_count, &buffers, &constants, groups, blocks)?;
+            let buffers = [counters, histogram];
+            r.dispatch_indirect(&kernels.radix_scan, &buffers, &constants, groups, one)?;
+            let buffers = [counters, histogram, keys, values, keys_out, values_out];
+            r.dispatch_indirect(&kernels.radix_scatter, &buffers, &constants, groups, blocks)?;
+            (keys, values) = (keys_out, values_out);
+        }
+        Ok(())
     }
-    Ok(())
 }

@@ -10,18 +10,19 @@ use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
 use super::binning::{self, Binning};
-use super::frame::{self, Bytes, Chain, Coded, Frame, SLOTS};
+use super::frame::{Bytes, Coded, Frame};
 use super::light::{Correction, FlatField};
-use super::radix::Fineness;
-use super::splat::Channels;
+use super::radix::SortPrecision;
+use super::stages::{Channels, EVALUATIONS_PER_SUBMISSION, SearchStages, Stages};
 use super::view::{NormalEquations, Part, View, anchor};
 use super::workspace::Workspace;
-use super::{Kernels, Scene, reduce, splat};
+use super::{Kernels, Scene};
 
 /// Which pose Jacobian the normal equations are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Jacobian {
-    /// Optical flow of each pixel's own ray (DESIGN: the same renders and final error as the exact).
+    /// Optical flow of each pixel's own ray. A search takes as many renders and ends at the same error as with the
+    /// exact one.
     Flow,
     /// Of exactly what is drawn: means, covariances, colours.
     Exact,
@@ -38,7 +39,7 @@ pub struct Plan {
     /// Have the device search for poses, with this Jacobian.
     pub search: Option<Jacobian>,
     /// How finely the search's evaluations tell depths apart.
-    pub fineness: Fineness,
+    pub sort_precision: SortPrecision,
     /// Have the device time each stage.
     pub profiled: bool,
 }
@@ -50,7 +51,7 @@ impl Plan {
             factors: vec![1],
             jacobians: Vec::new(),
             search: None,
-            fineness: Fineness::default(),
+            sort_precision: SortPrecision::default(),
             profiled: false,
         }
     }
@@ -139,7 +140,7 @@ impl Renderer {
             bytes: Bytes::new(device, &view)?,
             frame: framed.then(|| Frame::new(device, &view)).transpose()?,
             renders: vec![0; view.levels.len()],
-            times: Vec::with_capacity(SLOTS * 8),
+            times: Vec::with_capacity(EVALUATIONS_PER_SUBMISSION * 8),
             recorded: Vec::new(),
             view,
             plan,
@@ -160,52 +161,59 @@ impl Renderer {
     }
 
     fn record(&self, work: &Workspace, job: Job) -> Result<Commands, Error> {
-        let (kernels, scene, view) = (&*self.kernels, &*self.scene, &self.view);
         let timing = match job {
             _ if self.plan.profiled => Timing::Stages,
             Job::Search | Job::More => Timing::Marks,
             _ => Timing::None,
         };
         let mut recorder = Recorder::new(&self.device, timing)?;
-        let (r, part) = (&mut recorder, Part::First);
-        if let (Job::Search | Job::More | Job::Pyramid, Some(frame)) = (job, &self.frame) {
-            let jacobian = self.plan.search.unwrap_or(Jacobian::Flow);
-            let bytes = &self.bytes;
-            let fineness = self.plan.fineness;
-            let chain = Chain { kernels, scene, view, work, bytes, frame, jacobian, fineness };
-            match job {
-                Job::Search => chain.record_first(r)?,
-                Job::More => chain.record_more(r)?,
-                _ => chain.record_pyramid(r)?,
+        let (kernels, scene) = (&*self.kernels, &*self.scene);
+        let stages = Stages { kernels, scene, view: &self.view, work, bytes: &self.bytes };
+        match (job, &self.frame) {
+            (Job::Pyramid, Some(frame)) => stages.pyramid(&mut recorder, frame)?,
+            (Job::Search, Some(frame)) => {
+                self.search_stages(stages, frame).record(&mut recorder)?
             }
-            return recorder.finish();
+            (Job::More, Some(frame)) => {
+                self.search_stages(stages, frame).record_more(&mut recorder)?;
+            }
+            _ => self.record_asked(&mut recorder, &stages, job)?,
         }
+        recorder.finish()
+    }
+
+    fn search_stages<'a>(&self, stages: Stages<'a>, frame: &'a Frame) -> SearchStages<'a> {
+        let jacobian = self.plan.search.unwrap_or(Jacobian::Flow);
+        SearchStages { stages, frame, jacobian, sort_precision: self.plan.sort_precision }
+    }
+
+    /// What the host asks for at one pose.
+    fn record_asked(&self, r: &mut Recorder, stages: &Stages, job: Job) -> Result<(), Error> {
+        let (view, work, part) = (&self.view, stages.work, Part::First);
         r.copy(&view.params_asked, &view.params)?;
         r.copy(&view.groups_asked, &view.groups)?;
-        if job == Job::Coded {
-            r.copy(&self.bytes.coded_asked, &self.bytes.coded)?;
-            frame::record_place(r, kernels, view, &self.bytes, part)?;
-        }
         match job {
             Job::Draw => {
-                frame::record_picture(r, kernels, scene, view, work, Channels::All, part)?;
+                stages.picture(r, Channels::All, part)?;
                 r.copy(&view.image, &view.image_read)?;
             }
             Job::Sums(jacobian) => {
-                let exactly = Fineness::Exact;
-                splat::record_equations(r, kernels, scene, view, work, jacobian, exactly)?;
-                reduce::record(r, kernels, view)?;
+                stages.equations(r, jacobian, SortPrecision::Exact)?;
+                stages.reduce(r)?;
             }
             _ => {
-                frame::record_picture(r, kernels, scene, view, work, Channels::Colour, part)?;
-                frame::record_bytes(r, kernels, view, &self.bytes, part)?;
+                if job == Job::Coded {
+                    r.copy(&self.bytes.coded_asked, &self.bytes.coded)?;
+                    stages.decode_pose(r, part)?;
+                }
+                stages.picture(r, Channels::Colour, part)?;
+                stages.quantize_rgb8(r, part)?;
                 if let Some(frame) = &self.frame {
-                    frame::record_difference(r, kernels, view, &self.bytes, frame, part)?;
+                    stages.difference(r, frame, part)?;
                 }
             }
         }
-        r.copy(&work.counters, &work.counters_read)?;
-        recorder.finish()
+        r.copy(&work.counters, &work.counters_read)
     }
 
     fn submit(&mut self, job: Job) -> Result<(), Error> {

@@ -10,7 +10,7 @@ use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
 
-use super::{SceneKernels, Traits};
+use super::{PipelineKey, SceneKernels};
 
 /// A prior's splats on the device, activated and laid out in planes.
 pub struct Scene {
@@ -26,7 +26,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Uploads what pictures of a prior need of it, to be drawn by pipelines made for its [`Traits`].
+    /// Uploads what pictures of a prior need of it, to be drawn by pipelines made for its [`PipelineKey`].
     pub(crate) fn new(
         device: &Device,
         prior: &Prior,
@@ -78,10 +78,10 @@ impl Scene {
     }
 }
 
-impl Traits {
+impl PipelineKey {
     /// Of a prior, by its analysis.
-    pub fn of(analysis: &PriorAnalysis) -> Traits {
-        Traits { sh_degree: analysis.sh_degree, clamped: analysis.clamps_alpha }
+    pub fn of(analysis: &PriorAnalysis) -> PipelineKey {
+        PipelineKey { sh_degree: analysis.sh_degree, clamped: analysis.clamps_alpha }
     }
 }
 

@@ -21,13 +21,51 @@ pub struct DeviceOptions {
     pub validation: bool,
 }
 
+/// What kind of device it is, the preferred one first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DeviceKind {
+    /// A graphics card with memory of its own.
+    DiscreteGpu,
+    /// A GPU that shares the host's memory.
+    IntegratedGpu,
+    /// A GPU of a virtual machine.
+    VirtualGpu,
+    /// A driver that computes on the CPU, such as llvmpipe.
+    Cpu,
+    /// Any other.
+    Other,
+}
+
+impl DeviceKind {
+    fn of(device_type: vk::PhysicalDeviceType) -> DeviceKind {
+        match device_type {
+            vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::DiscreteGpu,
+            vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::IntegratedGpu,
+            vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::VirtualGpu,
+            vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
+            _ => DeviceKind::Other,
+        }
+    }
+
+    /// Its name, for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            DeviceKind::DiscreteGpu => "discrete GPU",
+            DeviceKind::IntegratedGpu => "integrated GPU",
+            DeviceKind::VirtualGpu => "virtual GPU",
+            DeviceKind::Cpu => "CPU",
+            DeviceKind::Other => "other",
+        }
+    }
+}
+
 /// What a device says of itself.
 #[derive(Clone, Debug)]
 pub struct DeviceInfo {
     /// Its name.
     pub name: String,
-    /// `discrete GPU`, `integrated GPU`, `CPU`, …
-    pub kind: &'static str,
+    /// What kind of device it is.
+    pub kind: DeviceKind,
     /// Driver's name and version text.
     pub driver: String,
     /// Vulkan version.
@@ -48,12 +86,26 @@ pub struct DeviceInfo {
     pub unified: bool,
 }
 
+impl DeviceInfo {
+    /// Whether the device runs a subgroup of eight invocations as one vector, as llvmpipe does. Some stages have a
+    /// form for such devices, `…_lockstep`: without barriers and shared copies, two words per access; lanes hand each
+    /// other what they have loaded.
+    pub fn in_lockstep(&self) -> bool {
+        self.kind == DeviceKind::Cpu && self.subgroup == 8 && self.int64 && self.shuffles
+    }
+}
+
 impl std::fmt::Display for DeviceInfo {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
             "{} ({}, {}, Vulkan {}.{}, subgroup {})",
-            self.name, self.kind, self.driver, self.api.0, self.api.1, self.subgroup
+            self.name,
+            self.kind.name(),
+            self.driver,
+            self.api.0,
+            self.api.1,
+            self.subgroup
         )
     }
 }
@@ -299,34 +351,33 @@ impl Instance {
         // SAFETY: a plain query.
         let devices = unsafe { self.instance.enumerate_physical_devices() }
             .map_err(Error::of("vkEnumeratePhysicalDevices"))?;
-        let mut best = None;
+        let mut best: Option<(vk::PhysicalDevice, u32, DeviceInfo)> = None;
         let mut passed_over = Vec::new();
         for (index, device) in devices.into_iter().enumerate() {
-            let (info, rank) = self.describe(device);
+            let info = self.describe(device);
             if wanted.is_some_and(|wanted| !is_the_one(wanted, index, &info)) {
                 passed_over.push(format!("{} is not the one", info.name));
                 continue;
             }
             match self.queue_family(device) {
                 Err(reason) => passed_over.push(format!("{} {reason}", info.name)),
-                Ok(family) if best.as_ref().is_none_or(|(_, _, _, r)| rank < *r) => {
-                    best = Some((device, family, info, rank));
+                Ok(family) if best.as_ref().is_none_or(|b| info.kind < b.2.kind) => {
+                    best = Some((device, family, info));
                 }
                 Ok(_) => {}
             }
         }
-        let (device, family, info, _) = best.ok_or_else(|| Error::NoDevice {
+        best.ok_or_else(|| Error::NoDevice {
             wanted: wanted.map(|w| format!(" \"{w}\"")).unwrap_or_default(),
             found: if passed_over.is_empty() {
                 "none found".into()
             } else {
                 passed_over.join(", ")
             },
-        })?;
-        Ok((device, family, info))
+        })
     }
 
-    fn describe(&self, device: vk::PhysicalDevice) -> (DeviceInfo, u32) {
+    fn describe(&self, device: vk::PhysicalDevice) -> DeviceInfo {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut properties = vk::PhysicalDeviceProperties2::default()
@@ -337,15 +388,9 @@ impl Instance {
         // SAFETY: a plain query.
         let features = unsafe { self.instance.get_physical_device_features(device) };
         let p = properties.properties;
-        let (kind, rank) = match p.device_type {
-            vk::PhysicalDeviceType::DISCRETE_GPU => ("discrete GPU", 0),
-            vk::PhysicalDeviceType::INTEGRATED_GPU => ("integrated GPU", 1),
-            vk::PhysicalDeviceType::VIRTUAL_GPU => ("virtual GPU", 2),
-            vk::PhysicalDeviceType::CPU => ("CPU", 3),
-            _ => ("other", 4),
-        };
+        let kind = DeviceKind::of(p.device_type);
         let text = |s: Result<&CStr, _>| s.unwrap_or(c"?").to_string_lossy().into_owned();
-        let info = DeviceInfo {
+        DeviceInfo {
             name: text(p.device_name_as_c_str()),
             kind,
             driver: text(driver.driver_info_as_c_str()),
@@ -357,9 +402,8 @@ impl Instance {
             shared_memory: p.limits.max_compute_shared_memory_size,
             storage_range: u64::from(p.limits.max_storage_buffer_range),
             workgroups: p.limits.max_compute_work_group_count[0],
-            unified: matches!(rank, 1 | 3),
-        };
-        (info, rank)
+            unified: matches!(kind, DeviceKind::IntegratedGpu | DeviceKind::Cpu),
+        }
     }
 
     /// A compute queue family of a device that fits, or why it does not.

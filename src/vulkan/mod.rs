@@ -10,6 +10,6 @@ mod kernel;
 
 pub use buffer::{Buffer, Memory};
 pub use commands::{Commands, Recorder, StageTime, Timing};
-pub use device::{Device, DeviceInfo, DeviceOptions, MemoryUse};
+pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions, MemoryUse};
 pub use error::Error;
 pub use kernel::{Code, Kernel};

@@ -21,7 +21,7 @@ fn renderer(engine: &Engine, seed: u64) -> Renderer {
         factors: FACTORS.to_vec(),
         jacobians: vec![Jacobian::Flow],
         search: Some(Jacobian::Flow),
-        fineness: Default::default(),
+        sort_precision: Default::default(),
         profiled: false,
     };
     engine.renderer(&scene, &camera(), plan).unwrap()

@@ -1,7 +1,7 @@
 //! The radix sort against a stable sort.
 
 use nvsprior::reference::radix;
-use nvsprior::render::probe::{self, Fineness};
+use nvsprior::render::probe::{self, SortPrecision};
 use nvsprior::shared::{CULLED, digit_bits};
 
 use crate::common::{self, Random};
@@ -14,11 +14,11 @@ fn assert_sorts(what: &str, key: impl Fn(usize, usize) -> u32) {
     for count in SIZES {
         let keys: Vec<u32> = (0..count).map(|i| key(i, count)).collect();
         let values: Vec<u32> = (0..count as u32).collect();
-        let sorted = probe::sort(&engine, &keys, Fineness::Exact).unwrap();
+        let sorted = probe::sort(&engine, &keys, SortPrecision::Exact).unwrap();
         assert!(sorted == radix::sort_visible(&keys, &values).1, "{count} keys, {what}");
         let largest = keys.iter().copied().filter(|key| *key != CULLED).max().unwrap_or(0);
         let coarse = |key: u32| if key == CULLED { key } else { key >> digit_bits(largest) };
-        let sorted = probe::sort(&engine, &keys, Fineness::Coarse).unwrap();
+        let sorted = probe::sort(&engine, &keys, SortPrecision::Coarse).unwrap();
         let keys: Vec<u32> = keys.into_iter().map(coarse).collect();
         assert!(sorted == radix::sort_visible(&keys, &values).1, "{count} keys, {what}, coarse");
     }

@@ -1,10 +1,10 @@
 //! Single stages against their twins: projection, derivatives, depth order, binning.
 
 use nvsprior::prior::Splats;
-use nvsprior::reference::derive::{Motion, derive};
+use nvsprior::reference::pose_jacobian::{Motion, derive};
 use nvsprior::reference::project::Projected;
 use nvsprior::reference::{Twin, Twist, bin, radix};
-use nvsprior::render::probe::{self, Fineness, Stages};
+use nvsprior::render::probe::{self, SortPrecision, Stages};
 use nvsprior::shared::CULLED;
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 
@@ -16,7 +16,7 @@ const ROOM: u32 = 1 << 20;
 fn run(prior: &Prior, camera: &Camera, pose: &Pose, room: u32) -> Stages {
     let engine = common::engine();
     let scene = engine.upload(prior).unwrap();
-    let stages = probe::stages(&engine, &scene, camera, pose, room, Fineness::Exact).unwrap();
+    let stages = probe::stages(&engine, &scene, camera, pose, room, SortPrecision::Exact).unwrap();
     common::assert_silent(&engine);
     stages
 }
@@ -72,7 +72,7 @@ fn projection() {
     }
 }
 
-/// What stage `derive` keeps of a covariance's change: as the conic's factor sees it, `L dΣ Lᵀ`.
+/// What stage `pose_jacobian` keeps of a covariance's change: as the conic's factor sees it, `L dΣ Lᵀ`.
 fn whitened(s: &Projected, [s00, s01, s11]: [Twist; 3]) -> [Twist; 3] {
     let [l11, l21, l22] = s.factor;
     let each =
@@ -84,7 +84,7 @@ fn whitened(s: &Projected, [s00, s01, s11]: [Twist; 3]) -> [Twist; 3] {
     ]
 }
 
-/// The derivatives of one splat as stage `derive` lays them out; `covariance` is [`whitened`].
+/// The derivatives of one splat as stage `pose_jacobian` lays them out; `covariance` is [`whitened`].
 fn motion_of(d: &[f32; 48]) -> Motion {
     let twist = |k: usize| -> Twist {
         let at = |j: usize| f64::from(if j < 3 { d[8 * k + j] } else { d[8 * k + 4 + j - 3] });

@@ -12,7 +12,7 @@ mod frame_file;
 mod inspect;
 mod key_frames;
 mod mission;
-mod painter;
+mod picture_renderer;
 mod render;
 mod sheet;
 mod stability;

@@ -35,7 +35,7 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 /// One view and, where its file is there, what the camera saw.
-pub struct Sight {
+pub struct PosedFrame {
     pub camera: Camera,
     pub pose: Pose,
     pub frame: Option<Picture>,
@@ -45,9 +45,9 @@ pub struct Sight {
 pub struct Mission {
     pub margin: Margin,
     /// Those of the split.
-    pub views: Vec<Sight>,
+    pub views: Vec<PosedFrame>,
     /// Those of every other split.
-    pub others: Vec<Sight>,
+    pub others: Vec<PosedFrame>,
 }
 
 impl MissionArgs {
@@ -55,26 +55,26 @@ impl MissionArgs {
     pub fn read(&self, cameras: &Path) -> anyhow::Result<Mission> {
         let file = CameraFile::open(cameras)?;
         let chosen = file.select(self.split.as_deref())?;
-        let views = self.sights(&chosen)?;
+        let views = self.posed_frames(&chosen)?;
         anyhow::ensure!(!views.is_empty(), "{}: no view has a pose", cameras.display());
         let apart = |view: &&View| self.split.is_some() && view.split != self.split;
         let others: Vec<View> = file.views.iter().filter(apart).cloned().collect();
         let angle = self.margin_angle.to_radians();
         let margin = Margin { distance: self.margin_distance, angle };
-        Ok(Mission { margin, views, others: self.sights(&others)? })
+        Ok(Mission { margin, views, others: self.posed_frames(&others)? })
     }
 
-    fn sights(&self, views: &[View]) -> anyhow::Result<Vec<Sight>> {
+    fn posed_frames(&self, views: &[View]) -> anyhow::Result<Vec<PosedFrame>> {
         let posed = views.iter().filter_map(|view| Some((view, view.pose?)));
-        posed.map(|(view, pose)| self.sight(view, pose)).collect()
+        posed.map(|(view, pose)| self.posed(view, pose)).collect()
     }
 
-    fn sight(&self, view: &View, pose: Pose) -> anyhow::Result<Sight> {
+    fn posed(&self, view: &View, pose: Pose) -> anyhow::Result<PosedFrame> {
         let camera = self.size.reduced(&view.camera);
         camera.check().with_context(|| view.name.clone())?;
         let read = || frame_file::read_frame(&view.file, camera.width, camera.height);
         let frame = view.file.exists().then(read).transpose()?;
-        Ok(Sight { camera, pose, frame })
+        Ok(PosedFrame { camera, pose, frame })
     }
 }
 
@@ -103,6 +103,6 @@ pub fn spaced<T>(views: &[T], most: usize) -> impl Iterator<Item = &T> {
 }
 
 /// Cameras and poses of views.
-pub fn places<'a>(sights: impl IntoIterator<Item = &'a Sight>) -> Vec<(Camera, Pose)> {
-    sights.into_iter().map(|sight| (sight.camera, sight.pose)).collect()
+pub fn places<'a>(posed_frames: impl IntoIterator<Item = &'a PosedFrame>) -> Vec<(Camera, Pose)> {
+    posed_frames.into_iter().map(|posed| (posed.camera, posed.pose)).collect()
 }

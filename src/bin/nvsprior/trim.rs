@@ -14,7 +14,7 @@ use nvsprior::{Camera, Pose, Prior};
 use crate::args::{DeviceArgs, OverrideArgs};
 use crate::container::Container;
 use crate::mission::{self, Mission, MissionArgs};
-use crate::painter::Painter;
+use crate::picture_renderer::PictureRenderer;
 use crate::sheet::{self, SheetRow};
 use judge::{Bench, Loss};
 
@@ -97,7 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
     let mission = args.mission.read(&args.cameras)?;
     let engine = args.device.open()?;
-    let mut whole = Painter::new(&engine, &prior)?;
+    let mut whole = PictureRenderer::new(&engine, &prior)?;
     let fit = args.fit;
     let views = fit_views(&mission, fit, &mut whole)?;
     let limits = Loss { tolerance: args.tolerance, floor: args.floor, distilled: fit == Renders };
@@ -135,18 +135,22 @@ fn check_beside(out: &Path) -> anyhow::Result<()> {
 
 /// The views to fit to, and some within the margin: there, and wherever frames do not count, as the whole
 /// prior shows them.
-fn fit_views(mission: &Mission, fit: FitArg, whole: &mut Painter) -> anyhow::Result<Vec<View>> {
+fn fit_views(
+    mission: &Mission,
+    fit: FitArg,
+    whole: &mut PictureRenderer,
+) -> anyhow::Result<Vec<View>> {
     let mut views = Vec::new();
-    for sight in &mission.views {
-        let (camera, pose) = (sight.camera, sight.pose);
-        let picture = match &sight.frame {
+    for posed in &mission.views {
+        let (camera, pose) = (posed.camera, posed.pose);
+        let picture = match &posed.frame {
             Some(frame) if fit == Frames => frame.clone(),
-            _ => whole.paint(&camera, &pose)?.clone(),
+            _ => whole.render(&camera, &pose)?.clone(),
         };
         views.push(View { camera, pose, picture });
     }
     for (camera, pose) in mission.near(0) {
-        views.push(View { camera, pose, picture: whole.paint(&camera, &pose)?.clone() });
+        views.push(View { camera, pose, picture: whole.render(&camera, &pose)?.clone() });
     }
     Ok(views)
 }
@@ -157,10 +161,10 @@ fn write_sheet(
     reduced: &Prior,
     places: &[(Camera, Pose)],
 ) -> anyhow::Result<()> {
-    let mut small = bench.painter(reduced)?;
+    let mut small = bench.renderer(reduced)?;
     let row = |(camera, pose): &(Camera, Pose)| {
-        let render = small.paint(camera, pose)?.clone();
-        let camera = bench.whole.paint(camera, pose)?.clone();
+        let render = small.render(camera, pose)?.clone();
+        let camera = bench.whole.render(camera, pose)?.clone();
         Ok(SheetRow { camera, reconstruction: render.clone(), render })
     };
     let rows: anyhow::Result<Vec<SheetRow>> =

@@ -2,8 +2,8 @@
 
 use nvsprior::{Camera, Picture, Pose};
 
-use crate::mission::{Sight, places, spaced};
-use crate::painter::Painter;
+use crate::mission::{PosedFrame, places, spaced};
+use crate::picture_renderer::PictureRenderer;
 
 /// Equal pictures count as this, dB.
 const EQUAL: f64 = 100.0;
@@ -27,24 +27,28 @@ impl ViewSet {
     pub fn new(
         places: Vec<(Camera, Pose)>,
         frames: Option<Vec<Picture>>,
-        whole: &mut Painter,
+        whole: &mut PictureRenderer,
     ) -> anyhow::Result<ViewSet> {
         let pictures = whole.paint_all(&places)?;
         Ok(ViewSet { places, pictures, frames })
     }
 
     /// At most so many of some views, evenly spaced.
-    pub fn of(sights: &[Sight], most: usize, whole: &mut Painter) -> anyhow::Result<ViewSet> {
+    pub fn of(
+        sights: &[PosedFrame],
+        most: usize,
+        whole: &mut PictureRenderer,
+    ) -> anyhow::Result<ViewSet> {
         let frames = spaced(sights, most).map(|sight| sight.frame.clone()).collect();
         ViewSet::new(places(spaced(sights, most)), frames, whole)
     }
 
     /// PSNR of a prior's pictures against the whole one's, and what they lose against the frames, as
     /// means over the views; NaN where there are none.
-    pub fn compare(&self, small: &mut Painter) -> anyhow::Result<(f64, f64)> {
+    pub fn compare(&self, small: &mut PictureRenderer) -> anyhow::Result<(f64, f64)> {
         let (mut psnr, mut loss) = (0.0, 0.0);
         for (i, (camera, pose)) in self.places.iter().enumerate() {
-            let picture = small.paint(camera, pose)?;
+            let picture = small.render(camera, pose)?;
             psnr += picture.psnr(&self.pictures[i]).min(EQUAL);
             loss += self.frames.as_ref().map_or(f64::NAN, |frames| {
                 let of = |picture: &Picture| picture.psnr(&frames[i]).min(EQUAL);

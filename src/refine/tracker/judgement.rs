@@ -11,8 +11,9 @@ use super::{Found, Tracker};
 
 /// Light that differs by less is left as it is.
 const LIGHT: f32 = 0.03;
-/// How often what does not agree is masked anew.
-const MASKINGS: u32 = 2;
+/// How often what does not agree is masked anew at most. It is as long as that raises the score by more than
+/// [`BETTER`].
+const MASKINGS: u32 = 6;
 /// What does not agree is masked if it makes a larger share of the squared error: in a frame that others lead to,
 /// and in a lost one.
 const MOSTLY: f64 = 0.85;
@@ -22,7 +23,7 @@ const PARTLY: f64 = 0.6;
 const BLURRED: f64 = 0.4;
 /// The finest level at which blurred frames are searched for: of half the size.
 const FINEST_BLURRED: usize = 1;
-/// The plain search counts as better than the masked one if its score is higher by more.
+/// A search counts as better than another if its score is higher by more.
 const BETTER: f64 = 0.01;
 /// With less agreement at a proposed pose, masks would leave only what agrees by chance.
 const HINTED: f64 = 0.15;
@@ -54,11 +55,14 @@ impl Tracker {
         }
         let mut best = found;
         for _ in 0..MASKINGS {
+            let before = best.agreement.score;
             let again = self.masked_from(&best.outcome.pose)?;
-            if !(again.agreement.score > best.agreement.score) {
+            if again.agreement.score > before {
+                best = best.gone_on(again, again.agreement);
+            }
+            if !(best.agreement.score > before + BETTER) {
                 break;
             }
-            best = best.gone_on(again, again.agreement);
         }
         let pose = best.outcome.pose;
         let plain = self.from(&[pose], &self.nearby(0))?;
@@ -112,7 +116,7 @@ impl Tracker {
     /// Searches near a pose at which the render was compared last, with what does not agree there masked. The
     /// error is that of the whole picture.
     fn masked_from(&mut self, pose: &Pose) -> Result<Found, Error> {
-        let comparison = &self.comparison;
+        let comparison = &mut self.comparison;
         self.objective.set_field(|field| comparison.describe(field));
         let found = self.from(&[*pose], &self.nearby(1));
         let correction = *self.objective.correction();

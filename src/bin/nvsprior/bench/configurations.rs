@@ -2,7 +2,7 @@
 
 use nvsprior::prior::Splats;
 use nvsprior::refine::Optimizer;
-use nvsprior::render::{Fineness, Jacobian};
+use nvsprior::render::{Jacobian, SortPrecision};
 use nvsprior::{EncoderOptions, Prior};
 
 use super::context::{Context, OptimizerRun, Sample};
@@ -94,7 +94,7 @@ fn settings(context: &Context) -> Vec<Setting> {
             o.refine.gauss_newton.warm.coarse_tolerance = tolerance;
         });
     }
-    add("depths exact".into(), Kept::All, &|o| o.refine.fineness = Fineness::Exact);
+    add("depths exact".into(), Kept::All, &|o| o.refine.sort_precision = SortPrecision::Exact);
     add("exact Jacobian".into(), Kept::All, &|o| o.refine.jacobian = Jacobian::Exact);
     if context.prior.splats().sh_degree > 0 {
         add("SH degree 0".into(), Kept::Colour, &|_| {});

@@ -182,14 +182,14 @@ pub fn work(stage: &str, c: &Counts, digits: u32) -> Work {
             (52.0 + 192.0) * c.drawn + (8.0 + 4.0 * SUMS) * c.tiles + 12.0 * c.pixels,
             EXACT * c.blended() + ADD * c.pixels,
         ),
-        "derive" => of(
+        "pose_jacobian" => of(
             4.0 * n + v * (7.0 * 8.0 + 8.0 * c.planes + 48.0 + 192.0),
             v * (700.0 + 24.0 * c.coefficients),
         ),
         "reduce" | "solve" => of(4.0 * SUMS * c.tiles, SUMS * c.tiles),
         // Bytes of the whole frame, whatever the level; floats of the level.
         "pyramid" => of(3.0 * c.frame_pixels + 12.0 * c.pixels, 3.0 * c.frame_pixels),
-        "finish" => of((20.0 + 3.0) * c.pixels, 12.0 * c.pixels),
+        "quantize_rgb8" => of((20.0 + 3.0) * c.pixels, 12.0 * c.pixels),
         "difference" => of(9.0 * c.pixels, 0.0),
         _ => Work::default(),
     }

@@ -3,9 +3,9 @@
 
 use nvsprior::refine::{Found, Known, Objective, RefineOptions, Tracker};
 use nvsprior::render::ceilings::Ceilings;
-use nvsprior::render::probe::{self, Fineness};
+use nvsprior::render::probe::{self, SortPrecision};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
-use nvsprior::vulkan::StageTime;
+use nvsprior::vulkan::{DeviceKind, StageTime};
 use nvsprior::{Camera, EncoderOptions, Pose};
 
 use super::context::{Best, Context, Shot};
@@ -79,7 +79,7 @@ pub fn measure(context: &Context) -> anyhow::Result<Stages> {
     let search = search(context)?;
     stages.extend(rated("search", search.times, &|name| {
         let mut sum = match name {
-            "splat" | "finish" | "difference" => return picture(name),
+            "splat" | "quantize_rgb8" | "difference" => return picture(name),
             "pyramid" | "splat_flow" | "reduce" | "solve" => Work::default(),
             _ => picture(name),
         };
@@ -99,10 +99,11 @@ fn counts(
     frame: &Camera,
     pose: &Pose,
 ) -> anyhow::Result<Counts> {
-    let probe =
-        |room| probe::stages(&context.engine, &context.scene, camera, pose, room, Fineness::Exact);
+    let probe = |room| {
+        probe::stages(&context.engine, &context.scene, camera, pose, room, SortPrecision::Exact)
+    };
     let needed = probe(1)?.pairs_needed;
-    let cpu = context.engine.device().kind == "CPU";
+    let cpu = context.engine.device().kind == DeviceKind::Cpu;
     Ok(Counts::of(&context.prior, camera, frame, &probe(needed)?, cpu))
 }
 
@@ -115,7 +116,7 @@ fn alone(context: &Context, job: Job) -> anyhow::Result<Vec<StageTime>> {
         factors: vec![1],
         jacobians,
         search: None,
-        fineness: Default::default(),
+        sort_precision: Default::default(),
         profiled: true,
     };
     let mut renderer = context.engine.renderer(&context.scene, camera, plan)?;
@@ -145,7 +146,7 @@ fn search(context: &Context) -> anyhow::Result<Search> {
         factors,
         jacobians: Vec::new(),
         search: Some(refine.jacobian()),
-        fineness: Default::default(),
+        sort_precision: Default::default(),
         profiled: true,
     };
     let last = (context.shots.len() - 1).min(2);

@@ -80,7 +80,7 @@ fn pipelined(context: &Context) -> anyhow::Result<f64> {
             since = Instant::now();
         }
     }
-    pipeline.finish(&mut encoded)?;
+    pipeline.flush(&mut encoded)?;
     // Counted: the searches of all frames but the first, and the coding of all.
     Ok((context.shots.len() - 1) as f64 / since.elapsed().as_secs_f64())
 }

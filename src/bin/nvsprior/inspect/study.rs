@@ -7,7 +7,7 @@ use nvsprior::{Camera, EncoderOptions, Engine, Pose, Prior};
 use super::row;
 use crate::args::DeviceArgs;
 use crate::mission::{Mission, places, spaced};
-use crate::painter::{Painter, compare_times};
+use crate::picture_renderer::{PictureRenderer, compare_times};
 use crate::view_set::{ViewSet, expected_loss};
 
 /// Views of a mission that are looked at.
@@ -91,8 +91,8 @@ fn print_times(
     analysis: &PriorAnalysis,
     places: &[(Camera, Pose)],
 ) -> anyhow::Result<()> {
-    let mut whole = Painter::of(engine, engine.upload_whole(prior)?);
-    let mut needed = Painter::new(engine, prior)?;
+    let mut whole = PictureRenderer::of(engine, engine.upload_whole(prior)?);
+    let mut needed = PictureRenderer::new(engine, prior)?;
     let times = compare_times(&mut whole, &mut needed, places)?;
     let all =
         analysis.splats.len() == prior.len() && analysis.sh_degree == prior.splats().sh_degree;
@@ -132,7 +132,7 @@ impl<'a> Sampled<'a> {
         mission: &Mission,
         mut places: Vec<(Camera, Pose)>,
     ) -> anyhow::Result<Sampled<'a>> {
-        let mut whole = Painter::new(engine, prior)?;
+        let mut whole = PictureRenderer::new(engine, prior)?;
         let views = ViewSet::of(&mission.views, VIEWS, &mut whole)?;
         let others = ViewSet::of(&mission.others, VIEWS, &mut whole)?;
         places.extend(mission.near(0));
@@ -174,7 +174,8 @@ impl<'a> Sampled<'a> {
             return Ok(());
         }
         let bytes = gone as u64 * splat_bytes(self.prior.splats().sh_degree);
-        let (mut whole, mut small) = (Painter::new(self.engine, self.prior)?, self.without(kept)?);
+        let (mut whole, mut small) =
+            (PictureRenderer::new(self.engine, self.prior)?, self.without(kept)?);
         let times = compare_times(&mut whole, &mut small, &self.views.places)?;
         let (psnr, loss) = self.views.compare(&mut small)?;
         let share = 100.0 * gone as f64 / kept.len() as f64;
@@ -200,9 +201,9 @@ impl<'a> Sampled<'a> {
         Ok(())
     }
 
-    fn without(&self, kept: &[bool]) -> anyhow::Result<Painter> {
+    fn without(&self, kept: &[bool]) -> anyhow::Result<PictureRenderer> {
         let left = Prior::from_splats(self.prior.splats().filtered(kept), *self.prior.options())?;
-        Painter::new(self.engine, &left)
+        PictureRenderer::new(self.engine, &left)
     }
 
     /// Those that stay where as many go as the tolerance allows, those first that show least.

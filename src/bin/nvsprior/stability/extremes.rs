@@ -7,7 +7,7 @@ use nvsprior::prior::{PriorError, Splats};
 use nvsprior::random::Random;
 use nvsprior::reference::Twin;
 use nvsprior::refine::RefineOptions;
-use nvsprior::render::{Fineness, Jacobian, NormalEquations, Plan};
+use nvsprior::render::{Jacobian, NormalEquations, Plan, SortPrecision};
 use nvsprior::{
     Camera, Decoder, Encoder, EncoderOptions, Engine, Error, Picture, Pose, Prior, Rate,
     RenderOptions,
@@ -253,7 +253,7 @@ fn send(engine: &Engine, prior: &Prior, scene: &Extreme, seed: u64) -> Result<()
     }
     let refine = RefineOptions {
         jacobian: one_of(&mut random, &[Jacobian::Flow, Jacobian::Exact]),
-        fineness: one_of(&mut random, &[Fineness::Exact, Fineness::Coarse]),
+        sort_precision: one_of(&mut random, &[SortPrecision::Exact, SortPrecision::Coarse]),
         ..RefineOptions::default()
     };
     let rate = one_of(&mut random, &[None, Some(Rate::Quality(10.0)), Some(Rate::Bytes(300))]);

@@ -6,7 +6,7 @@ use nvsprior::picture::psnr_of_mse;
 use nvsprior::prior::Splats;
 use nvsprior::reference::{Rendered, Twin};
 use nvsprior::refine::{GaussNewtonOptions, Objective, Optimizer, RefineOptions, Tracker};
-use nvsprior::render::{Fineness, Jacobian, NormalEquations, Plan, Renderer, to_byte};
+use nvsprior::render::{Jacobian, NormalEquations, Plan, Renderer, SortPrecision, to_byte};
 use nvsprior::search::{self, COMPACT, Placement, Program, STARTS, Search};
 use nvsprior::shared::SUMS;
 use nvsprior::vulkan::Error;
@@ -84,13 +84,13 @@ impl Scenario {
     pub fn run(&self, bench: &Bench) -> anyhow::Result<Vec<Row>> {
         let twin = Reference::new(self)?;
         let mut rows = Vec::new();
-        for (path, jacobian, fineness) in [
-            ("flow", Jacobian::Flow, Fineness::Exact),
-            ("exact", Jacobian::Exact, Fineness::Exact),
-            ("coarse", Jacobian::Flow, Fineness::Coarse),
+        for (path, jacobian, sort_precision) in [
+            ("flow", Jacobian::Flow, SortPrecision::Exact),
+            ("exact", Jacobian::Exact, SortPrecision::Exact),
+            ("coarse", Jacobian::Flow, SortPrecision::Coarse),
         ] {
             let since = Instant::now();
-            let row = match self.on_device(bench, &twin, path, jacobian, fineness) {
+            let row = match self.on_device(bench, &twin, path, jacobian, sort_precision) {
                 Err(Error::TooManyPairs) if self.limits.may_refuse => Row {
                     note: format!("refused: {}", Error::TooManyPairs),
                     ..Row::of(path, since)
@@ -109,7 +109,7 @@ impl Scenario {
         twin: &Reference,
         path: &'static str,
         jacobian: Jacobian,
-        fineness: Fineness,
+        sort_precision: SortPrecision,
     ) -> Result<Row, Error> {
         let since = Instant::now();
         let scene = bench.engine.upload(&self.prior)?;
@@ -117,7 +117,7 @@ impl Scenario {
             factors: FACTORS.to_vec(),
             jacobians: vec![jacobian],
             search: Some(jacobian),
-            fineness,
+            sort_precision,
             profiled: false,
         };
         let mut renderer = bench.engine.renderer(&scene, &self.camera, plan)?;
@@ -125,21 +125,21 @@ impl Scenario {
         renderer.set_picture(&twin.frame);
         renderer.reduce_picture()?;
         let start = self.pose.stepped(&self.offset);
-        let equations = match fineness {
-            Fineness::Exact => renderer.normal_equations(0, jacobian, &start)?,
-            Fineness::Coarse => evaluated(&mut renderer, &self.prior, &start)?,
+        let equations = match sort_precision {
+            SortPrecision::Exact => renderer.normal_equations(0, jacobian, &start)?,
+            SortPrecision::Coarse => evaluated(&mut renderer, &self.prior, &start)?,
         };
         let before = renderer.normal_equations(0, jacobian, &start)?.mse();
         let seen_before = seen(&mut renderer, &start, &twin.frame)?;
-        let refine = RefineOptions { jacobian, fineness, ..RefineOptions::default() };
+        let refine = RefineOptions { jacobian, sort_precision, ..RefineOptions::default() };
         debug_assert_eq!(refine.optimizer, Optimizer::GaussNewton);
         let mut tracker = Tracker::new(Objective::new(renderer), refine, 1e-3, COMPACT);
         let found = tracker.track(&twin.frame, &start.into())?;
         let mut row = Row::of(path, since);
         twin.compare_picture(self, &drawn, &mut row);
-        let limit = match fineness {
-            Fineness::Exact => self.limits.equations,
-            Fineness::Coarse => self.limits.equations.max(COARSE),
+        let limit = match sort_precision {
+            SortPrecision::Exact => self.limits.equations,
+            SortPrecision::Coarse => self.limits.equations.max(COARSE),
         };
         twin.compare_equations(limit, jacobian, &equations, &mut row);
         if let Some(found) = found {

@@ -45,7 +45,7 @@ impl Sought<'_> {
             factors: vec![1, 2, 4, 8],
             jacobians: if search { Vec::new() } else { vec![refine.jacobian()] },
             search: search.then_some(refine.jacobian()),
-            fineness: refine.fineness,
+            sort_precision: refine.sort_precision,
             profiled: false,
         };
         let scene = bench.engine.upload(self.prior)?;

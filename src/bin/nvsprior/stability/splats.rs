@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use nvsprior::prior::{Fault, Splats};
 use nvsprior::reference::radix;
-use nvsprior::render::probe::{self, Fineness};
+use nvsprior::render::probe::{self, SortPrecision};
 use nvsprior::render::{Jacobian, Plan};
 use nvsprior::vulkan::Error;
 use nvsprior::{Pose, Prior, RenderOptions};
@@ -170,8 +170,14 @@ fn ties(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     splats.positions.iter_mut().for_each(|p| p[2] = if p[0] > 0.0 { 3.0 } else { 4.0 });
     let scene = bench.engine.upload(&scenes::prior(splats)?)?;
     let camera = scenes::camera(64, 48);
-    let stages =
-        probe::stages(&bench.engine, &scene, &camera, &Pose::IDENTITY, 1 << 20, Fineness::Exact)?;
+    let stages = probe::stages(
+        &bench.engine,
+        &scene,
+        &camera,
+        &Pose::IDENTITY,
+        1 << 20,
+        SortPrecision::Exact,
+    )?;
     let places: Vec<u32> = (0..5_000).collect();
     let (_, order) = radix::sort_visible(&stages.keys, &places);
     let mut row = Row::of("exact sort", since);

@@ -14,7 +14,7 @@ use nvsprior::{Engine, Prior};
 use crate::args::progress;
 use crate::container::Container;
 use crate::mission::{self, Mission};
-use crate::painter::{Painter, compare_times};
+use crate::picture_renderer::{PictureRenderer, compare_times};
 use crate::view_set::{ViewSet, expected_loss};
 
 /// What may be lost.
@@ -35,7 +35,7 @@ const TIMED: usize = 12;
 pub struct Bench<'a> {
     engine: &'a Engine,
     prior: &'a Prior,
-    pub whole: Painter,
+    pub whole: PictureRenderer,
     pub container: Container,
     /// Where the best so far is written.
     out: PathBuf,
@@ -54,7 +54,7 @@ impl<'a> Bench<'a> {
     pub fn new(
         engine: &'a Engine,
         prior: &'a Prior,
-        mut whole: Painter,
+        mut whole: PictureRenderer,
         mission: &Mission,
         (container, out): (Container, &Path),
         limits: Loss,
@@ -89,14 +89,14 @@ impl<'a> Bench<'a> {
         }
     }
 
-    pub fn painter(&self, prior: &Prior) -> anyhow::Result<Painter> {
-        Painter::new(self.engine, prior)
+    pub fn renderer(&self, prior: &Prior) -> anyhow::Result<PictureRenderer> {
+        PictureRenderer::new(self.engine, prior)
     }
 
     /// The greater of the losses at the views and within their margin. With frames: against them;
     /// within the margin, where there are none, as far as pictures differ from the whole prior's,
     /// had the frames differed from those as they do at the views. Without: below the floor.
-    fn loss_of(&mut self, small: &mut Painter) -> anyhow::Result<f64> {
+    fn loss_of(&mut self, small: &mut PictureRenderer) -> anyhow::Result<f64> {
         let (psnr, loss) = self.views.compare(small)?;
         let near = self.near.compare(small)?.0;
         let none = self.near.places.is_empty();
@@ -138,7 +138,7 @@ impl<'a> Bench<'a> {
         row("SH degree", format!("{} → {}", degrees.0, degrees.1));
         row("key frames", self.prior.key_frames().len().to_string());
         row("bytes", format!("{before} → {after}, {}", of(before as f64, after as f64)));
-        let mut small = self.painter(reduced)?;
+        let mut small = self.renderer(reduced)?;
         let timed: Vec<_> = mission::spaced(&self.views.places, TIMED).copied().collect();
         let times = compare_times(&mut self.whole, &mut small, &timed)?;
         let (a, b, ratio) = (times.first, times.second, times.ratio);
@@ -181,7 +181,7 @@ impl Judge for Bench<'_> {
 
     fn loss(&mut self, splats: &Splats) -> anyhow::Result<f64> {
         let reduced = self.stored(splats)?;
-        let mut small = self.painter(&reduced)?;
+        let mut small = self.renderer(&reduced)?;
         self.loss_of(&mut small)
     }
 

@@ -55,7 +55,7 @@ impl Estimator {
             factors,
             jacobians: Vec::new(),
             search: Some(refine.jacobian()),
-            fineness: Default::default(),
+            sort_precision: Default::default(),
             profiled: false,
         };
         let renderer = context.engine.renderer(&context.scene, &context.shots[0].camera, plan)?;

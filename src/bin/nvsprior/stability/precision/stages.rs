@@ -5,7 +5,7 @@ use std::time::Instant;
 use nvsprior::packet::{PoseProfile, QuantisedPose};
 use nvsprior::reference::Twin;
 use nvsprior::reference::project::Projected;
-use nvsprior::render::probe::{self, Fineness};
+use nvsprior::render::probe::{self, SortPrecision};
 use nvsprior::render::{Jacobian, NormalEquations, Plan};
 use nvsprior::search;
 use nvsprior::shared::CULLED;
@@ -66,7 +66,7 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
     let mut all = projection(bench, &seen)?;
     let picture = picture(bench, &seen)?;
     all.extend(equations(bench, &seen)?);
-    all.push(place(&seen)?);
+    all.push(decode_pose(&seen)?);
     let mut row = Row::of("f32", since);
     for errors in &all {
         let right = bits(errors.median());
@@ -93,7 +93,7 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
 fn projection(bench: &Bench, seen: &Seen) -> anyhow::Result<Vec<Errors>> {
     let Seen { prior, camera, pose } = seen;
     let scene = bench.engine.upload(prior)?;
-    let stages = probe::stages(&bench.engine, &scene, camera, pose, 1 << 22, Fineness::Exact)?;
+    let stages = probe::stages(&bench.engine, &scene, camera, pose, 1 << 22, SortPrecision::Exact)?;
     let twin = Twin::new(prior);
     let view = twin.view(camera, pose);
     let projected = twin.project(&view);
@@ -180,7 +180,7 @@ fn of_equations(stage: &'static str, got: &NormalEquations, twin: &NormalEquatio
 }
 
 /// The pose that a packet's code stands for, as the device and as the host take it.
-fn place(seen: &Seen) -> anyhow::Result<Errors> {
+fn decode_pose(seen: &Seen) -> anyhow::Result<Errors> {
     let frame = seen.prior.frame();
     let centre = glam::DVec3::from(frame.centre.map(f64::from));
     let anchor = search::Anchor { centre: frame.centre, step: frame.step() as f32 };
@@ -195,5 +195,5 @@ fn place(seen: &Seen) -> anyhow::Result<Errors> {
         let got = glam::DVec3::from(device.translation.map(f64::from));
         relative.push((got - expected).length() / expected.length().max(frame.unit()));
     }
-    Ok(Errors::new("place", "translation", relative.into_iter()))
+    Ok(Errors::new("decode_pose", "translation", relative.into_iter()))
 }

@@ -7,7 +7,7 @@ use nvsprior::prior::Splats;
 use nvsprior::reference::Twin;
 use nvsprior::reference::project::Projected;
 use nvsprior::reference::splat::{self, Hit, Pixel, blend_rows};
-use nvsprior::render::probe::{self, Fineness};
+use nvsprior::render::probe::{self, SortPrecision};
 use nvsprior::render::{Jacobian, Plan};
 
 use super::{Seen, Which};
@@ -107,8 +107,8 @@ fn draw(bench: &Bench, seen: &Seen, prior: &Prior) -> anyhow::Result<Vec<f32>> {
 pub fn keys(bench: &Bench, which: Which) -> anyhow::Result<Done> {
     let since = Instant::now();
     let seen = which.seen(bench)?;
-    let exact = ordered(bench, &seen, Fineness::Exact)?;
-    let coarse = ordered(bench, &seen, Fineness::Coarse)?;
+    let exact = ordered(bench, &seen, SortPrecision::Exact)?;
+    let coarse = ordered(bench, &seen, SortPrecision::Coarse)?;
     let db = psnr(&coarse, &exact);
     let mut row = Row::of("device", since);
     row.expect(db >= 35.0, || format!("{db:.1} dB"));
@@ -129,10 +129,10 @@ pub fn keys(bench: &Bench, which: Which) -> anyhow::Result<Done> {
 }
 
 /// The twin's picture with its splats in the device's order.
-fn ordered(bench: &Bench, seen: &Seen, fineness: Fineness) -> anyhow::Result<Vec<f32>> {
+fn ordered(bench: &Bench, seen: &Seen, sort_precision: SortPrecision) -> anyhow::Result<Vec<f32>> {
     let Seen { prior, camera, pose } = seen;
     let scene = bench.engine.upload(prior)?;
-    let stages = probe::stages(&bench.engine, &scene, camera, pose, 1 << 22, fineness)?;
+    let stages = probe::stages(&bench.engine, &scene, camera, pose, 1 << 22, sort_precision)?;
     let twin = Twin::new(prior);
     let view = twin.view(camera, pose);
     let mut by_index: Vec<Option<Projected>> = vec![None; prior.len()];
@@ -153,9 +153,9 @@ fn ordered(bench: &Bench, seen: &Seen, fineness: Fineness) -> anyhow::Result<Vec
 fn times(bench: &Bench, seen: &Seen) -> anyhow::Result<[f64; 2]> {
     let scene = bench.engine.upload(&seen.prior)?;
     let mut renderers = Vec::new();
-    for fineness in [Fineness::Exact, Fineness::Coarse] {
+    for sort_precision in [SortPrecision::Exact, SortPrecision::Coarse] {
         let search = Some(Jacobian::Flow);
-        let plan = Plan { search, fineness, ..Plan::picture() };
+        let plan = Plan { search, sort_precision, ..Plan::picture() };
         let mut renderer = bench.engine.renderer(&scene, &seen.camera, plan)?;
         renderer.set_picture(&nvsprior::Picture::new(seen.camera.width, seen.camera.height));
         renderers.push(renderer);

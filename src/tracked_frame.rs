@@ -8,7 +8,7 @@ use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
 
 /// What a frame's packet is made of. Buffers are kept from frame to frame.
 #[derive(Default)]
-pub(crate) struct Drawn {
+pub(crate) struct TrackedFrame {
     pub frame: Picture,
     pub render: Picture,
     /// See [`crate::residual::difference`].
@@ -23,7 +23,7 @@ pub(crate) struct Drawn {
     pub stats: FrameStats,
 }
 
-impl Drawn {
+impl TrackedFrame {
     /// Codes the difference picture and writes the packet, and the picture that the topside will
     /// show. The render moves over to `encoded`.
     pub fn encode(

@@ -7,25 +7,30 @@ use nvsprior::render::{Plan, Renderer, Scene};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior};
 
 /// Draws a prior's 8-bit pictures, for any camera.
-pub struct Painter {
+pub struct PictureRenderer {
     engine: Engine,
     scene: Arc<Scene>,
     renderer: Option<(Camera, Renderer)>,
     picture: Picture,
 }
 
-impl Painter {
-    pub fn new(engine: &Engine, prior: &Prior) -> anyhow::Result<Painter> {
-        Ok(Painter::of(engine, engine.upload(prior)?))
+impl PictureRenderer {
+    pub fn new(engine: &Engine, prior: &Prior) -> anyhow::Result<PictureRenderer> {
+        Ok(PictureRenderer::of(engine, engine.upload(prior)?))
     }
 
     /// Of an uploaded prior.
-    pub fn of(engine: &Engine, scene: Arc<Scene>) -> Painter {
-        Painter { engine: engine.clone(), scene, renderer: None, picture: Picture::default() }
+    pub fn of(engine: &Engine, scene: Arc<Scene>) -> PictureRenderer {
+        PictureRenderer {
+            engine: engine.clone(),
+            scene,
+            renderer: None,
+            picture: Picture::default(),
+        }
     }
 
     /// The picture at a view.
-    pub fn paint(&mut self, camera: &Camera, pose: &Pose) -> anyhow::Result<&Picture> {
+    pub fn render(&mut self, camera: &Camera, pose: &Pose) -> anyhow::Result<&Picture> {
         if self.renderer.as_ref().is_none_or(|(kept, _)| kept != camera) {
             let renderer = self.engine.renderer(&self.scene, camera, Plan::picture())?;
             self.renderer = Some((*camera, renderer));
@@ -39,7 +44,7 @@ impl Painter {
 
     /// The pictures at views.
     pub fn paint_all(&mut self, places: &[(Camera, Pose)]) -> anyhow::Result<Vec<Picture>> {
-        places.iter().map(|(camera, pose)| self.paint(camera, pose).cloned()).collect()
+        places.iter().map(|(camera, pose)| self.render(camera, pose).cloned()).collect()
     }
 }
 
@@ -57,8 +62,8 @@ const TURNS: usize = 6;
 
 /// Times two priors' pictures, turn by turn.
 pub fn compare_times(
-    first: &mut Painter,
-    second: &mut Painter,
+    first: &mut PictureRenderer,
+    second: &mut PictureRenderer,
     places: &[(Camera, Pose)],
 ) -> anyhow::Result<Times> {
     let (mut a, mut b, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
@@ -75,9 +80,9 @@ pub fn compare_times(
     Ok(Times { first: median(a), second: median(b), ratio: median(ratios) })
 }
 
-fn timed(painter: &mut Painter, camera: &Camera, pose: &Pose) -> anyhow::Result<f64> {
+fn timed(renderer: &mut PictureRenderer, camera: &Camera, pose: &Pose) -> anyhow::Result<f64> {
     let since = Instant::now();
-    painter.paint(camera, pose)?;
+    renderer.render(camera, pose)?;
     Ok(since.elapsed().as_secs_f64() * 1e3)
 }
 

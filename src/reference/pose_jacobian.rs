@@ -1,4 +1,4 @@
-//! Twin of stage `derive`: how a splat's mean, covariance, opacity and colour change with the pose.
+//! Twin of stage `pose_jacobian`: how a splat's mean, covariance, opacity and colour change with the pose.
 //! With `T' = Exp(τ) T`: `dp = ρ + θ × p`, `dΣ_c = [θ]× Σ_c + Σ_c [θ]×ᵀ`.
 
 use glam::{DMat2, DMat3, DVec2, DVec3};

@@ -1,4 +1,4 @@
-//! Stage `place`: puts the camera of the full picture where a packet's pose says. Encoder and decoder
+//! Stage `decode_pose`: puts the camera of the full picture where a packet's pose says. Encoder and decoder
 //! both draw after it, so they draw at the same bits.
 
 use crate::search;
@@ -8,7 +8,7 @@ use spirv_std::spirv;
 
 /// One invocation.
 #[spirv(compute(threads(1)))]
-pub fn place(
+pub fn decode_pose(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] levels: &[Params],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] coded: &Coded,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] params: &mut Params,

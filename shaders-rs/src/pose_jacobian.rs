@@ -1,4 +1,4 @@
-//! Stage `derive`: how each splat's mean, covariance, opacity and colour change with the pose
+//! Stage `pose_jacobian`: how each splat's mean, covariance, opacity and colour change with the pose
 //! (exact Jacobian only). With `T' = Exp(τ) T`, `dp = ρ + θ × p` and `dV = θ × V`.
 //!
 //! A splat has twelve `Vec4`s: for ρ then θ the gradients (xyz) of u, v, K₀₀, K₀₁, K₁₁ and ln α; the
@@ -179,7 +179,7 @@ fn clear(derivatives: &mut [Vec4], i: usize) {
 
 /// One invocation a splat, and one more for the splat that shows nothing; culled splats are left out.
 #[spirv(compute(threads(256)))]
-pub fn derive(
+pub fn pose_jacobian(
     #[spirv(global_invocation_id)] id: UVec3,
     #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,

@@ -1,0 +1,288 @@
+//! The stages of a frame, in the order in which the device runs them.
+
+use std::mem::offset_of;
+
+use crate::shared::{GROUP, Groups};
+use crate::vulkan::{Error, Recorder};
+
+use super::frame::{Bytes, Frame};
+use super::radix::{Sort, SortPrecision};
+use super::view::{Level, Part, View};
+use super::workspace::Workspace;
+use super::{Jacobian, Kernels, Scene};
+
+/// Evaluations that one submission has room for. A frame that follows another takes six to eight. A search that is
+/// not done then goes on in a second submission. Those left over cost their empty dispatches.
+pub(crate) const EVALUATIONS_PER_SUBMISSION: usize = 10;
+
+/// What of a picture is drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Channels {
+    /// Colours, depth and transmittance.
+    All,
+    /// Depth is not.
+    Colour,
+}
+
+/// What all stages are recorded with. A [`Part`] says which workgroup counts a stage is dispatched by.
+#[derive(Clone, Copy)]
+pub(crate) struct Stages<'a> {
+    pub kernels: &'a Kernels,
+    pub scene: &'a Scene,
+    pub view: &'a View,
+    pub work: &'a Workspace,
+    pub bytes: &'a Bytes,
+}
+
+/// What a search is recorded with beyond that.
+#[derive(Clone, Copy)]
+pub(crate) struct SearchStages<'a> {
+    pub stages: Stages<'a>,
+    pub frame: &'a Frame,
+    pub jacobian: Jacobian,
+    pub sort_precision: SortPrecision,
+}
+
+impl SearchStages<'_> {
+    /// A frame from its bytes on: pyramid, evaluations, pictures.
+    pub fn record(&self, r: &mut Recorder) -> Result<(), Error> {
+        self.stages.pyramid(r, self.frame)?;
+        r.copy(&self.frame.search_asked, &self.frame.search)?;
+        r.copy(&self.stages.bytes.coded_asked, &self.stages.bytes.coded)?;
+        self.solve(r, true)?;
+        self.record_more(r)
+    }
+
+    /// Further evaluations of a search under way, and the pictures once it is done.
+    pub fn record_more(&self, r: &mut Recorder) -> Result<(), Error> {
+        for _ in 0..EVALUATIONS_PER_SUBMISSION {
+            self.stages.equations(r, self.jacobian, self.sort_precision)?;
+            self.solve(r, false)?;
+            r.mark("evaluation");
+        }
+        self.record_pictures(r)?;
+        let (stages, frame) = (&self.stages, self.frame);
+        r.copy(&frame.search, &frame.search_read)?;
+        r.copy(&stages.bytes.coded, &frame.coded_read)?;
+        r.copy(&stages.work.counters, &stages.work.counters_read)?;
+        r.mark("pictures");
+        Ok(())
+    }
+
+    /// The picture at the pose as its packet holds it, and the difference from the frame.
+    fn record_pictures(&self, r: &mut Recorder) -> Result<(), Error> {
+        let (stages, part) = (&self.stages, Part::Picture);
+        stages.decode_pose(r, part)?;
+        stages.picture(r, Channels::Colour, part)?;
+        stages.quantize_rgb8(r, part)?;
+        stages.difference(r, self.frame, part)
+    }
+
+    /// The search's next step. It reduces the sums of the tiles itself. `first`: there are none yet.
+    fn solve(&self, r: &mut Recorder, first: bool) -> Result<(), Error> {
+        let Stages { kernels, view, work, bytes, .. } = self.stages;
+        let buffers = [
+            &view.prototypes,
+            &self.frame.search,
+            &view.partials,
+            &view.params,
+            &view.groups,
+            &work.counters,
+            &bytes.coded,
+        ];
+        let (kernel, push) = (&kernels.solve, [first.into()]);
+        if first {
+            return r.dispatch(kernel, &buffers, &push, [1, 1, 1]);
+        }
+        let one = Part::First.at(offset_of!(Groups, one));
+        r.dispatch_indirect(kernel, &buffers, &push, &view.groups, one)
+    }
+}
+
+impl Stages<'_> {
+    /// The camera's frame at every level.
+    pub fn pyramid(&self, r: &mut Recorder, frame: &Frame) -> Result<(), Error> {
+        let frame_width = self.view.levels[0].camera.width;
+        for Level { camera, factor, params } in &self.view.levels {
+            let pixels = camera.pixels() as u32;
+            let scale = 1.0 / (255.0 * (factor * factor) as f32);
+            let push =
+                [frame_width, *factor, camera.width, pixels, params.frame_offset, scale.to_bits()];
+            let buffers = [&frame.bytes, &self.view.frame, &frame.light];
+            // Along the second axis too: 4096×4096 pixels take more workgroups than every device allows along one.
+            let groups = pixels.div_ceil(GROUP);
+            let down = groups.div_ceil(GROUP);
+            let groups = [groups.div_ceil(down), down, 1];
+            r.dispatch(&self.kernels.pyramid, &buffers, &push, groups)?;
+        }
+        Ok(())
+    }
+
+    /// Puts the camera where the coded pose says.
+    pub fn decode_pose(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
+        let view = self.view;
+        let buffers = [&view.prototypes, &self.bytes.coded, &view.params];
+        let one = part.at(offset_of!(Groups, one));
+        r.dispatch_indirect(&self.kernels.decode_pose, &buffers, &[], &view.groups, one)
+    }
+
+    /// The picture, from the splats on.
+    pub fn picture(&self, r: &mut Recorder, channels: Channels, part: Part) -> Result<(), Error> {
+        self.tile_lists(r, SortPrecision::Exact, part)?;
+        self.splat(r, channels, part)
+    }
+
+    /// Each tile's share of the normal equations, from the splats on.
+    pub fn equations(
+        &self,
+        r: &mut Recorder,
+        jacobian: Jacobian,
+        sort_precision: SortPrecision,
+    ) -> Result<(), Error> {
+        let part = Part::First;
+        self.tile_lists(r, sort_precision, part)?;
+        match jacobian {
+            Jacobian::Flow => self.splat_flow(r, part),
+            Jacobian::Exact => {
+                self.pose_jacobian(r, part)?;
+                self.splat_exact(r, part)
+            }
+        }
+    }
+
+    /// Each tile's splats in depth order: what every picture and every sum begins with.
+    pub fn tile_lists(
+        &self,
+        r: &mut Recorder,
+        sort_precision: SortPrecision,
+        part: Part,
+    ) -> Result<(), Error> {
+        r.fill(&self.work.counters, 0);
+        self.project(r, part)?;
+        self.sort(r, sort_precision, part)?;
+        self.bin(r, part)
+    }
+
+    /// Mean, conic, colour and depth key of every splat.
+    fn project(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
+        let Stages { scene, view, work, .. } = *self;
+        let (geometry, sh) = (&scene.geometry, &scene.sh);
+        let buffers = [&view.params, geometry, sh, &work.records, &work.keys, &work.counters];
+        let splats = part.at(offset_of!(Groups, splats));
+        r.dispatch_indirect(&scene.kernels.project, &buffers, &[], &view.groups, splats)
+    }
+
+    /// The splats in the order of their depths.
+    fn sort(
+        &self,
+        r: &mut Recorder,
+        sort_precision: SortPrecision,
+        part: Part,
+    ) -> Result<(), Error> {
+        let Stages { scene, view, work, .. } = *self;
+        let sort = Sort {
+            sort_precision,
+            count: scene.splats,
+            log_blocks: view.log_sort_blocks,
+            part,
+            groups: &view.groups,
+            counters: &work.counters,
+            histogram: &work.histogram,
+            keys: &work.keys,
+            between: &work.between,
+            order: &work.order,
+        };
+        sort.record(r, self.kernels)
+    }
+
+    /// Stages `bin_count`, `bin_scan`, `bin_emit`: the sorted splats by tile.
+    fn bin(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
+        let Stages { kernels, view, work, .. } = *self;
+        let split = [view.binning.log_blocks];
+        let blocks = part.at(offset_of!(Groups, bin_blocks));
+        let bands_at = part.at(offset_of!(Groups, bands));
+        let groups = &view.groups;
+        let (params, counters, starts) = (&view.params, &work.counters, &view.binning.starts);
+        let (order, records, bands) = (&work.order, &work.records, &view.bands);
+        let buffers = [params, counters, order, records, starts];
+        r.dispatch_indirect(&kernels.bin_count, &buffers, &split, groups, blocks)?;
+        let buffers = [params, starts, bands];
+        r.dispatch_indirect(&kernels.bin_scan, &buffers, &split, groups, bands_at)?;
+        let (ranges, pairs) = (&view.ranges, &work.pair_splats);
+        let buffers = [params, counters, order, records, starts, bands, ranges, pairs];
+        r.dispatch_indirect(&kernels.bin_emit, &buffers, &split, groups, blocks)
+    }
+
+    /// The picture, blended tile by tile.
+    fn splat(&self, r: &mut Recorder, channels: Channels, part: Part) -> Result<(), Error> {
+        let Stages { scene, view, work, .. } = *self;
+        let (params, counters) = (&view.params, &work.counters);
+        let pairs = &work.pair_splats;
+        let buffers = [params, &view.ranges, pairs, &work.records, &view.image, counters];
+        let kernel = match channels {
+            Channels::All => &scene.kernels.splat,
+            Channels::Colour => &scene.kernels.splat_colour,
+        };
+        let tiles = part.at(offset_of!(Groups, tiles));
+        r.dispatch_indirect(kernel, &buffers, &[], &view.groups, tiles)
+    }
+
+    /// Each tile's share of the normal equations, by the optical-flow Jacobian.
+    fn splat_flow(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
+        let Stages { scene, view, work, .. } = *self;
+        let (params, ranges, counters) = (&view.params, &view.ranges, &work.counters);
+        let (pairs, frame, partials) = (&work.pair_splats, &view.frame, &view.partials);
+        let buffers = [params, ranges, pairs, &work.records, frame, partials, counters];
+        let tiles = part.at(offset_of!(Groups, tiles));
+        r.dispatch_indirect(&scene.kernels.splat_flow, &buffers, &[], &view.groups, tiles)
+    }
+
+    /// Pose derivatives of every visible splat, for the exact Jacobian. Nothing if the workspace was made without
+    /// room for them.
+    pub fn pose_jacobian(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
+        let Stages { scene, view, work, .. } = *self;
+        let Some(derivatives) = &work.derivatives else { return Ok(()) };
+        let (geometry, sh) = (&scene.geometry, &scene.sh);
+        let buffers = [&view.params, geometry, sh, &work.records, &work.keys, derivatives];
+        let splats = part.at(offset_of!(Groups, splats));
+        r.dispatch_indirect(&scene.kernels.pose_jacobian, &buffers, &[], &view.groups, splats)
+    }
+
+    /// Each tile's share of the normal equations, by the exact Jacobian. Nothing if the workspace was made without
+    /// room for derivatives.
+    fn splat_exact(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
+        let Stages { scene, view, work, .. } = *self;
+        let Some(derivatives) = &work.derivatives else { return Ok(()) };
+        let (params, ranges, counters) = (&view.params, &view.ranges, &work.counters);
+        let (pairs, frame, partials) = (&work.pair_splats, &view.frame, &view.partials);
+        let records = &work.records;
+        let buffers = [params, ranges, pairs, records, frame, partials, derivatives, counters];
+        let tiles = part.at(offset_of!(Groups, tiles));
+        r.dispatch_indirect(&scene.kernels.splat_exact, &buffers, &[], &view.groups, tiles)
+    }
+
+    /// The normal equations of the picture: the tiles' shares, summed in a fixed order. For the host; stage `solve`
+    /// sums them itself.
+    pub fn reduce(&self, r: &mut Recorder) -> Result<(), Error> {
+        let view = self.view;
+        let buffers = [&view.params, &view.partials, &view.sums];
+        let one = Part::First.at(offset_of!(Groups, one));
+        r.dispatch_indirect(&self.kernels.reduce, &buffers, &[], &view.groups, one)
+    }
+
+    /// The picture in 8 bits.
+    pub fn quantize_rgb8(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
+        let view = self.view;
+        let buffers = [&view.params, &view.image, &self.bytes.render];
+        let quads = part.at(offset_of!(Groups, quads));
+        r.dispatch_indirect(&self.kernels.quantize_rgb8, &buffers, &[], &view.groups, quads)
+    }
+
+    /// The frame less the 8-bit picture.
+    pub fn difference(&self, r: &mut Recorder, frame: &Frame, part: Part) -> Result<(), Error> {
+        let view = self.view;
+        let buffers = [&view.params, &frame.bytes, &self.bytes.render, &frame.difference];
+        let quads = part.at(offset_of!(Groups, quads));
+        r.dispatch_indirect(&self.kernels.difference, &buffers, &[], &view.groups, quads)
+    }
+}
