@@ -1,4 +1,4 @@
-//! Time of the steps of a frame, on the tests' wall and, where its data lies beside the project, on
+//! Time of the steps of a frame, on the tests' wall and, if its data lies beside the project, on
 //! the reef: `cargo bench --bench stages`.
 
 #[path = "../tests/common/mod.rs"]

@@ -68,13 +68,13 @@
 // `background` is given.
 #define NVSP_PRIOR_BACKGROUND 8
 
-// Three bytes a pixel: red, green, blue.
+// Three bytes per pixel: red, green, blue.
 #define NVSP_FORMAT_RGB8 1
 
-// Three bytes a pixel: blue, green, red.
+// Three bytes per pixel: blue, green, red.
 #define NVSP_FORMAT_BGR8 2
 
-// Four bytes a pixel: red, green, blue, alpha, which is ignored in images and 255 in pictures.
+// Four bytes per pixel: red, green, blue, alpha, which is ignored in images and 255 in pictures.
 #define NVSP_FORMAT_RGBA8 3
 
 // Plane 0: Y; plane 1: U and V in turn, one pair for two by two pixels. Images only.
@@ -536,7 +536,7 @@ typedef struct nvsp_header {
   uint32_t latent_bytes;
   // Zero.
   uint32_t reserved;
-  // The pose, where it is given: the compact profile states it relative to the prior.
+  // The pose, if it is given: the compact profile states it relative to the prior.
   struct nvsp_pose pose;
 } nvsp_header;
 
@@ -569,7 +569,7 @@ typedef struct nvsp_reassembly {
   uint32_t frames;
   // Modem frames that it has; 0: too little came to tell.
   uint32_t expected;
-  // Of nvsp_reassembler_push, what the modem frame brought: NVSP_EVENT_*; else 0. Where it is
+  // Of nvsp_reassembler_push, what the modem frame brought: NVSP_EVENT_*; else 0. If it is
   // NVSP_EVENT_KEPT or NVSP_EVENT_DUPLICATE, the other fields are those of the newest packet, or
   // zero where there is none.
   uint32_t event;
@@ -714,7 +714,7 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 // NVSP_ERR_DEVICE_LOST. What was made with the engine before stays on the lost device, where every
 // call fails with NVSP_ERR_DEVICE_LOST. So, next, open the prior again, move encoders and decoders to
 // it with nvsp_encoder_reopen and nvsp_decoder_reopen, which keep their state, and destroy the old
-// prior. Where the device cannot be opened, the engine is left as it was; try again later.
+// prior. If the device cannot be opened, the engine is left as it was; try again later.
 //
 // Fails as nvsp_engine_create does.
 //
@@ -828,7 +828,7 @@ nvsp_status nvsp_encoder_create(struct nvsp_engine *engine,
 nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder, uint32_t mode, float value);
 
 // Frames from here on are seen by another camera, or at another size; the next packet carries it.
-// Allocates as nvsp_encoder_create does. Where it fails, the old camera stays.
+// Allocates as nvsp_encoder_create does. If it fails, the old camera stays.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
 // NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
@@ -852,7 +852,7 @@ nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
                                  uint32_t *left);
 
 // Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
-// prior, by its identity. Frame numbers and poses carry over. Where it fails, all is as before.
+// prior, by its identity. Frame numbers and poses carry over. If it fails, all is as before.
 // See nvsp_engine_reopen.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY, NVSP_ERR_POISONED,
@@ -880,7 +880,7 @@ size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 // Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the
 // device. `hint` is the pose as sensors or an estimator have it, used if the frame before leads
 // nowhere; NULL if nothing is known: the first frame is then found by the prior's key frames. `stats` may be
-// NULL. Allocates nothing from the second frame on, but where a view of the prior needs more room
+// NULL. Allocates nothing from the second frame on, except if a view of the prior needs more room
 // on the device than any before it.
 //
 // The same frames, poses and calls give the same packets, byte for byte, on the same device and
@@ -1029,7 +1029,7 @@ nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
 // device. `flags`: NVSP_DECODE_START, or 0. `picture` is where the picture goes, of the size that
 // the packet's header says (nvsp_decode_header); NULL: it is not wanted. `info` may be NULL.
 // Whatever the bytes are, the call gives a picture or an error. Allocates nothing from the second
-// sound packet of a camera on, but where a view of the prior needs more room on the device than any
+// sound packet of a camera on, except if a view of the prior needs more room on the device than any
 // before it. What it holds on the host is at most 64 bytes for each pixel of the packet's size, its
 // sides rounded up to multiples of 16, and 2 MiB.
 //

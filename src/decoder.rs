@@ -18,7 +18,7 @@ pub struct Decoded {
     pub pose: Pose,
     /// The pose is not certain: the vehicle's picture does not confirm it.
     pub uncertain: bool,
-    /// Whether the render is the vehicle's, byte for byte; `None` where the packet does not tell. Where
+    /// Whether the render is the vehicle's, byte for byte; `None` if the packet does not tell. Where
     /// it is not, the picture may be off by what two devices' roundings make of it.
     pub same_render: Option<bool>,
     /// Rows, from the top, that the residual reached; the others are the render alone.
@@ -85,10 +85,10 @@ impl Decoder {
         Ok(())
     }
 
-    /// Decodes a packet. Where only its latent part is sound, the picture is the render alone.
+    /// Decodes a packet. If only its latent part is sound, the picture is the render alone.
     ///
     /// # Errors
-    /// Where the latent part is damaged, is about another prior, or names a camera that never came.
+    /// If the latent part is damaged, is about another prior, or names a camera that never came.
     pub fn decode(&mut self, bytes: &[u8]) -> Result<Decoded, Error> {
         let mut decoded = Decoded::default();
         self.decode_into(bytes, Trust::Whole, &mut decoded)?;

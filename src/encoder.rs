@@ -226,7 +226,7 @@ impl Encoder {
     }
 
     /// [`Encoder::encode`], in place of what `encoded` held. From the second frame on, nothing is
-    /// allocated for it, but where a view of the prior needs more room than any before.
+    /// allocated for it, except if a view of the prior needs more room than any before.
     pub fn encode_into(
         &mut self,
         frame: &Picture,

@@ -50,7 +50,7 @@ impl Engine {
     }
 
     /// Uploads a prior, for any number of renderers; what no picture shows is left out. Builds the
-    /// pipelines for priors of its kind, where it is the first.
+    /// pipelines for priors of its kind, if it is the first.
     pub fn upload(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
         self.upload_analysed(prior, PriorAnalysis::of(prior))
     }

@@ -53,7 +53,7 @@ impl Picture {
     /// Mean over pixels and channels of the squared difference, values in [0, 1].
     ///
     /// # Panics
-    /// Where the sizes differ.
+    /// If the sizes differ.
     pub fn mse(&self, other: &Picture) -> f64 {
         assert_eq!((self.width, self.height), (other.width, other.height), "picture sizes differ");
         let sum: u64 = std::iter::zip(&self.data, &other.data)
@@ -66,7 +66,7 @@ impl Picture {
     /// pictures.
     ///
     /// # Panics
-    /// Where the sizes differ.
+    /// If the sizes differ.
     pub fn psnr(&self, other: &Picture) -> f64 {
         psnr_of_mse(self.mse(other))
     }

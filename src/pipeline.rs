@@ -54,8 +54,8 @@ impl Pipeline {
     /// `encoded` with the frame before. `false`: there was none. `known`: as for [`Encoder::encode`].
     ///
     /// # Errors
-    /// Where the pose cannot be found: the frame is then left out, and the frame before still comes
-    /// with the next call. Where the frame before cannot be coded: it is lost then, and this one is
+    /// If the pose cannot be found: the frame is then left out, and the frame before still comes
+    /// with the next call. If the frame before cannot be coded: it is lost then, and this one is
     /// under way.
     pub fn push(
         &mut self,
@@ -80,7 +80,7 @@ impl Pipeline {
     /// Fills `encoded` with the frame that is under way; `false`: there is none.
     ///
     /// # Errors
-    /// Where it cannot be coded.
+    /// If it cannot be coded.
     pub fn flush(&mut self, encoded: &mut Encoded) -> Result<bool, Error> {
         self.take(encoded)
     }

@@ -479,7 +479,7 @@ fn the_rate_may_change_with_the_link() {
     assert!(fine > 300 && coarse <= 300 && coarse > 31 && bare == 31, "{fine}, {coarse}, {bare}");
 }
 
-/// A topside whose prior looks a little different is told so, where the vehicle sends a check.
+/// A topside whose prior looks a little different is told so, if the vehicle sends a check.
 #[test]
 fn a_render_check_tells_a_different_render() {
     let engine = common::engine();

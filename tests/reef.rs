@@ -14,7 +14,7 @@ const RENDER_PSNR: [f64; 12] =
 /// Its mean residual bytes and PSNR at WebP quality 10.
 const RESIDUAL: (f64, f64) = (750.0, 31.43);
 
-/// The folder of the reef set, where that lies beside the repository.
+/// The folder of the reef set, if that lies beside the repository.
 fn reef() -> Option<PathBuf> {
     reef_file("cameras.json")?.parent().map(Path::to_path_buf)
 }

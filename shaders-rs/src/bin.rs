@@ -286,7 +286,7 @@ fn count<L: Lanes, B: Pairs + ?Sized>(
 }
 
 /// Where each block's part of each tile's list begins, from the band's first on; a last row says where
-/// the lists end. One workgroup a band. Blocks are a multiple of four, taken four a round.
+/// the lists end. One workgroup per band. Blocks are a multiple of four, taken four a round.
 fn scan<L: Lanes>(
     band: u32,
     lane: u32,

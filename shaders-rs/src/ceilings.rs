@@ -38,13 +38,13 @@ pub fn ceiling_arithmetic(
     out[id.x as usize] = sum.x + sum.y + sum.z + sum.w;
 }
 
-/// Copies words, one an invocation.
+/// Copies words, one per invocation.
 #[spirv(compute(threads(256)))]
 pub fn ceiling_copy(
     #[spirv(global_invocation_id)] id: UVec3,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] from: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] to: &mut [u32],
 ) {
-    // SAFETY: an invocation a word.
+    // SAFETY: an invocation per word.
     unsafe { *to.index_unchecked_mut(id.x as usize) = *from.index_unchecked(id.x as usize) };
 }

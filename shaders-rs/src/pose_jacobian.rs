@@ -177,7 +177,7 @@ fn clear(derivatives: &mut [Vec4], i: usize) {
     }
 }
 
-/// One invocation a splat, and one more for the splat that shows nothing; culled splats are left out.
+/// One invocation per splat, and one more for the splat that shows nothing; culled splats are left out.
 #[spirv(compute(threads(256)))]
 pub fn pose_jacobian(
     #[spirv(global_invocation_id)] id: UVec3,

@@ -116,7 +116,7 @@ fn run<B: Pairs + ?Sized>(
     }
 }
 
-/// One invocation a splat, and one more, which makes the splat that shows nothing: binning pads with
+/// One invocation per splat, and one more, which makes the splat that shows nothing: binning pads with
 /// it.
 #[spirv(compute(threads(256)))]
 pub fn project(
@@ -133,7 +133,7 @@ pub fn project(
     run(id.x, &params, sh_degree, geometry, sh, records, keys, counters);
 }
 
-/// As [`project`], two floats an access.
+/// As [`project`], two floats per access.
 #[spirv(compute(threads(256)))]
 pub fn project_lockstep(
     #[spirv(global_invocation_id)] id: UVec3,

@@ -28,7 +28,7 @@ pub fn byte(words: &[u32], at: u32) -> u32 {
     (words[(at / 4) as usize] >> (8 * (at % 4))) & 0xff
 }
 
-/// One invocation a pixel of the level.
+/// One invocation per pixel of the level.
 #[spirv(compute(threads(256)))]
 pub fn pyramid(
     #[spirv(global_invocation_id)] id: UVec3,

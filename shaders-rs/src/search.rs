@@ -69,7 +69,7 @@ pub struct Program {
     pub coarse_renders: u32,
     /// Most evaluations of level 0.
     pub renders: u32,
-    /// Where the first step of the best start promises more than this share, the start is far off: the
+    /// If the first step of the best start promises more than this share, the start is far off: the
     /// search goes on at `far_level`.
     pub near: f32,
     /// See `near`.

@@ -121,7 +121,7 @@ fn codes_are_those_of_packets() {
         for profile in [PoseProfile::Compact, PoseProfile::Paper] {
             let code = quantised(&placement(&at), &anchor, profile.word());
             let placed = pose(&placed(&code, &anchor));
-            // Half a step an axis of rotation, some units from the camera.
+            // Half a step per axis of rotation, some units from the camera.
             assert_close(&placed, &at, 1e-4);
             let of_packet = QuantisedPose::of_words(&code).unwrap();
             assert_eq!(of_packet.words(), code);

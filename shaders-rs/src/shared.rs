@@ -17,7 +17,7 @@ pub const DIGITS: u32 = 3;
 /// Counters that a workgroup of a counting stage has in shared memory: digits of the widest pass, or
 /// tiles of a band. 8 KiB, half of what every device has.
 pub const TABLE: u32 = 2048;
-/// Planes of the `geometry` buffer, of a pair of floats a splat: position, opacity, 3×3 axes, a spare.
+/// Planes of the `geometry` buffer, of a pair of floats per splat: position, opacity, 3×3 axes, a spare.
 pub const GEOMETRY_PLANES: u32 = 7;
 /// `Vec4`s of a projected splat's record.
 pub const RECORD: u32 = 3;
@@ -117,15 +117,15 @@ pub struct Params {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(not(target_arch = "spirv"), derive(bytemuck::Pod, bytemuck::Zeroable))]
 pub struct Groups {
-    /// An invocation a splat.
+    /// An invocation per splat.
     pub splats: [u32; 3],
-    /// A workgroup a block of splats to sort.
+    /// A workgroup per block of splats to sort.
     pub sort_blocks: [u32; 3],
-    /// A workgroup a block of splats to bin, times the bands of tiles.
+    /// A workgroup per block of splats to bin, times the bands of tiles.
     pub bin_blocks: [u32; 3],
-    /// A workgroup a band of tiles.
+    /// A workgroup per band of tiles.
     pub bands: [u32; 3],
-    /// A workgroup a tile.
+    /// A workgroup per tile.
     pub tiles: [u32; 3],
     /// An invocation four pixels.
     pub quads: [u32; 3],
@@ -455,7 +455,7 @@ pub const fn sh_coefficients(degree: u32) -> u32 {
     (degree + 1) * (degree + 1)
 }
 
-/// Planes of the `sh` buffer, of a pair of floats a splat: two coefficients are three planes.
+/// Planes of the `sh` buffer, of a pair of floats per splat: two coefficients are three planes.
 pub const fn sh_planes(degree: u32) -> u32 {
     3 * sh_coefficients(degree).div_ceil(2)
 }

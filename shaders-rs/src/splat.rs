@@ -160,11 +160,11 @@ fn store(params: &Params, out: &mut [f32], x: u32, y: u32, p: [f32; 5]) {
 
 /// The range of a workgroup's tile.
 pub fn range(params: &Params, ranges: &[UVec2], group: UVec3) -> UVec2 {
-    // SAFETY: a workgroup a tile, a range a tile.
+    // SAFETY: a workgroup per tile, a range per tile.
     unsafe { *ranges.index_unchecked((group.y * params.tiles_x + group.x) as usize) }
 }
 
-/// One workgroup a tile.
+/// One workgroup per tile.
 #[spirv(compute(threads(16)))]
 pub fn splat(
     #[spirv(workgroup_id)] group: UVec3,
@@ -212,7 +212,7 @@ pub fn middle_of_tile(group: UVec3) -> [f32; 2] {
     [(group.x * TILE) as f32 + half, (group.y * TILE) as f32 + half]
 }
 
-/// The same for subgroups of eight. One workgroup a tile.
+/// The same for subgroups of eight. One workgroup per tile.
 #[spirv(compute(threads(8)))]
 pub fn splat_lockstep(
     #[spirv(workgroup_id)] group: UVec3,

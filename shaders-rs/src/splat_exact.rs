@@ -171,7 +171,7 @@ fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) ->
     sums.add(d.rho, d.theta, p.rgb.z + t * bg[2] - frame[at + 2])
 }
 
-/// One workgroup a tile.
+/// One workgroup per tile.
 #[spirv(compute(threads(16)))]
 pub fn splat_exact(
     #[spirv(workgroup_id)] group: UVec3,

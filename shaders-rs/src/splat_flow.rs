@@ -150,7 +150,7 @@ fn with_inverse_depth(s: Splat) -> Splat {
     Splat { depth: 1.0 / s.depth, ..s }
 }
 
-/// One workgroup a tile.
+/// One workgroup per tile.
 #[spirv(compute(threads(16)))]
 pub fn splat_flow(
     #[spirv(workgroup_id)] group: UVec3,
@@ -186,7 +186,7 @@ pub fn splat_flow(
     sums.store(lane, group.y * params.tiles_x + group.x, scratch, partials);
 }
 
-/// The same for subgroups of eight: two of them, each half of the tile, one workgroup a tile. All
+/// The same for subgroups of eight: two of them, each half of the tile, one workgroup per tile. All
 /// eight rows by one subgroup take 40 KB of instructions: 28.3 ms; 23.0 so, though loads are twice.
 #[spirv(compute(threads(16)))]
 pub fn splat_flow_lockstep(

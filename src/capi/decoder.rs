@@ -98,7 +98,7 @@ pub struct nvsp_header {
     pub latent_bytes: u32,
     /// Zero.
     pub reserved: u32,
-    /// The pose, where it is given: the compact profile states it relative to the prior.
+    /// The pose, if it is given: the compact profile states it relative to the prior.
     pub pose: nvsp_pose,
 }
 versioned!(nvsp_header, 96);
@@ -188,7 +188,7 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 /// device. `flags`: NVSP_DECODE_START, or 0. `picture` is where the picture goes, of the size that
 /// the packet's header says (nvsp_decode_header); NULL: it is not wanted. `info` may be NULL.
 /// Whatever the bytes are, the call gives a picture or an error. Allocates nothing from the second
-/// sound packet of a camera on, but where a view of the prior needs more room on the device than any
+/// sound packet of a camera on, except if a view of the prior needs more room on the device than any
 /// before it. What it holds on the host is at most 64 bytes for each pixel of the packet's size, its
 /// sides rounded up to multiples of 16, and 2 MiB.
 ///

@@ -300,7 +300,7 @@ pub unsafe extern "C" fn nvsp_encoder_set_rate(
 }
 
 /// Frames from here on are seen by another camera, or at another size; the next packet carries it.
-/// Allocates as nvsp_encoder_create does. Where it fails, the old camera stays.
+/// Allocates as nvsp_encoder_create does. If it fails, the old camera stays.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
 /// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
@@ -355,7 +355,7 @@ pub unsafe extern "C" fn nvsp_encoder_prepare(
 }
 
 /// Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
-/// prior, by its identity. Frame numbers and poses carry over. Where it fails, all is as before.
+/// prior, by its identity. Frame numbers and poses carry over. If it fails, all is as before.
 /// See nvsp_engine_reopen.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY, NVSP_ERR_POISONED,
@@ -411,7 +411,7 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 /// Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the
 /// device. `hint` is the pose as sensors or an estimator have it, used if the frame before leads
 /// nowhere; NULL if nothing is known: the first frame is then found by the prior's key frames. `stats` may be
-/// NULL. Allocates nothing from the second frame on, but where a view of the prior needs more room
+/// NULL. Allocates nothing from the second frame on, except if a view of the prior needs more room
 /// on the device than any before it.
 ///
 /// The same frames, poses and calls give the same packets, byte for byte, on the same device and

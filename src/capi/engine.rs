@@ -135,7 +135,7 @@ unsafe fn device_options(
 /// NVSP_ERR_DEVICE_LOST. What was made with the engine before stays on the lost device, where every
 /// call fails with NVSP_ERR_DEVICE_LOST. So, next, open the prior again, move encoders and decoders to
 /// it with nvsp_encoder_reopen and nvsp_decoder_reopen, which keep their state, and destroy the old
-/// prior. Where the device cannot be opened, the engine is left as it was; try again later.
+/// prior. If the device cannot be opened, the engine is left as it was; try again later.
 ///
 /// Fails as nvsp_engine_create does.
 ///

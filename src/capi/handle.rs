@@ -53,7 +53,7 @@ impl<T> Handle<T> {
         self.log
     }
 
-    /// Runs a call that needs the handle for itself. Where another thread is inside one, it fails
+    /// Runs a call that needs the handle for itself. If another thread is inside one, it fails
     /// with `NVSP_ERR_BUSY`; after a panic, here or on another thread, all do.
     ///
     /// # Safety

@@ -5,11 +5,11 @@ use crate::{Camera, Picture, Pose};
 
 use super::status::*;
 
-/// Three bytes a pixel: red, green, blue.
+/// Three bytes per pixel: red, green, blue.
 pub const NVSP_FORMAT_RGB8: u32 = 1;
-/// Three bytes a pixel: blue, green, red.
+/// Three bytes per pixel: blue, green, red.
 pub const NVSP_FORMAT_BGR8: u32 = 2;
-/// Four bytes a pixel: red, green, blue, alpha, which is ignored in images and 255 in pictures.
+/// Four bytes per pixel: red, green, blue, alpha, which is ignored in images and 255 in pictures.
 pub const NVSP_FORMAT_RGBA8: u32 = 3;
 /// Plane 0: Y; plane 1: U and V in turn, one pair for two by two pixels. Images only.
 pub const NVSP_FORMAT_NV12: u32 = 4;

@@ -78,7 +78,7 @@ pub struct nvsp_reassembly {
     pub frames: u32,
     /// Modem frames that it has; 0: too little came to tell.
     pub expected: u32,
-    /// Of nvsp_reassembler_push, what the modem frame brought: NVSP_EVENT_*; else 0. Where it is
+    /// Of nvsp_reassembler_push, what the modem frame brought: NVSP_EVENT_*; else 0. If it is
     /// NVSP_EVENT_KEPT or NVSP_EVENT_DUPLICATE, the other fields are those of the newest packet, or
     /// zero where there is none.
     pub event: u32,

@@ -116,7 +116,7 @@ impl<C: Send + 'static> Worker<C> {
         }
     }
 
-    /// Takes the outcome: the job's error, or what `fetch` makes of the core. Where `fetch` fails,
+    /// Takes the outcome: the job's error, or what `fetch` makes of the core. If `fetch` fails,
     /// the outcome stays.
     pub(super) fn take(
         &mut self,

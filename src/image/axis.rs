@@ -23,7 +23,7 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// Makes the weights, where they are not there yet: from `side` pixels, `pixels` of them a
+    /// Makes the weights, if they are not there yet: from `side` pixels, `pixels` of them a
     /// sample, to `target` pixels. Each at least 1, at most 2¹⁵.
     pub fn fit(&mut self, side: u32, pixels: u32, target: u32) {
         if self.made_for.replace((side, pixels, target)) == Some((side, pixels, target)) {

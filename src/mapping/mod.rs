@@ -1,6 +1,6 @@
 //! Making a prior from posed pictures and the points of a surface.
 //!
-//! Where another system has already found the surfaces (a reconstruction, a sonar, a drawing), the
+//! If another system has already found the surfaces (a reconstruction, a sonar, a drawing), the
 //! hard part of training is done: flat Gaussians are laid along the surfaces, their colours are
 //! solved for (a linear problem), and some gradient steps then move, shape and blend them. It runs
 //! on the CPU and takes well under a minute for a hundred small pictures. For a scene without
@@ -164,7 +164,7 @@ pub fn make_prior(
 /// Renders splats on the CPU, slowly: for a look at a prior in the making, and for tests.
 ///
 /// # Errors
-/// Where the camera cannot be used.
+/// If the camera cannot be used.
 pub fn preview(
     splats: &Splats,
     options: &RenderOptions,

@@ -3,12 +3,8 @@
 use glam::{Mat2, Mat3, Quat, Vec2, Vec3};
 
 use crate::prior::{RenderOptions, Splats};
+use crate::shared::{DILATION, EXTENT_MAX};
 use crate::{Camera, Pose};
-
-/// Added to the diagonal of every projected covariance, px².
-const LOW_PASS: f32 = 0.3;
-/// Standard deviations beyond which no splat reaches.
-const REACH: f32 = 3.33;
 
 /// What decides the weights: where splats are, how they spread, how opaque they are.
 pub struct Geometry {
@@ -95,7 +91,7 @@ impl<'a> Projector<'a> {
         let Camera { fx, fy, cx, cy, .. } = *self.camera;
         let mean = Vec2::new(fx * p.x / p.z + cx, fy * p.y / p.z + cy);
         let [xx, xy, yy] = self.covariance(&geometry.axes[index], p);
-        let (wide, high) = (xx + LOW_PASS, yy + LOW_PASS);
+        let (wide, high) = (xx + DILATION, yy + DILATION);
         let determinant = wide * high - xy * xy;
         if !(determinant > 0.0) {
             return None;
@@ -104,7 +100,7 @@ impl<'a> Projector<'a> {
         if self.options.antialiased {
             opacity *= ((xx * yy - xy * xy) / determinant).max(2.5e-5).sqrt();
         }
-        let reach = REACH.min((2.0 * (255.0 * opacity).ln()).sqrt());
+        let reach = EXTENT_MAX.min((2.0 * (255.0 * opacity).ln()).sqrt());
         let extent = reach * Vec2::new(wide.sqrt(), high.sqrt());
         let (low_x, high_x) = pixels(mean.x, extent.x, self.camera.width)?;
         let (low_y, high_y) = pixels(mean.y, extent.y, self.camera.height)?;
@@ -124,7 +120,7 @@ impl<'a> Projector<'a> {
     }
 
     /// From derivatives by mean and conic (xx, xy, yy; xy standing for both places) to those by
-    /// the splat's own place and shape. Where the Jacobian is clamped, its change is left out.
+    /// the splat's own place and shape. If the Jacobian is clamped, its change is left out.
     pub fn pull_back(
         &self,
         geometry: &Geometry,

@@ -10,15 +10,12 @@ use glam::{Vec2, Vec3};
 
 use super::project::{Geometry, Projected, Projector};
 use crate::prior::RenderOptions;
+use crate::shared::{ALPHA_MIN, TRANSMITTANCE_STOP};
 use crate::{Camera, Pose};
 
 /// Side of a tile, pixels.
 const TILE: usize = 16;
 const TILE_PIXELS: usize = TILE * TILE;
-/// Smallest alpha that is blended.
-const ALPHA_MIN: f32 = 1.0 / 255.0;
-/// Blending ends before the transmittance falls to this.
-const TRANSMITTANCE_MIN: f32 = 1e-4;
 
 /// All splats in a view, front to back, sorted into tiles.
 pub struct Projection {
@@ -311,7 +308,7 @@ impl Projection {
         }
         let before = tile.transmittance[pixel];
         let after = before * (1.0 - alpha);
-        if after <= TRANSMITTANCE_MIN {
+        if after <= TRANSMITTANCE_STOP {
             tile.open[pixel] = false;
             return true;
         }

@@ -152,7 +152,7 @@ impl Assembly {
         Bond::Bound
     }
 
-    /// Judges the packet once all frames are there. Where its own checks do not match, a frame's
+    /// Judges the packet once all frames are there. If its own checks do not match, a frame's
     /// check has missed damage: the frames after the first are forgotten.
     fn settle(&mut self) {
         let Some(state) = &mut self.packet else { return };
@@ -181,7 +181,7 @@ impl Assembly {
         frames.filter(move |(index, there)| !**there || *index == 0 && damaged).map(|(i, _)| i)
     }
 
-    /// Frames of the packet, where its length is known.
+    /// Frames of the packet, if its length is known.
     pub(super) fn expected(&self) -> Option<usize> {
         Some(self.layout.count(self.total()?))
     }

@@ -16,7 +16,7 @@ pub(super) const LARGEST_MTU: usize = 65_535;
 /// Frames that a packet of `packet_len` bytes takes at an MTU of `mtu` bytes.
 ///
 /// # Errors
-/// Where the MTU is outside 31 to 65,535 bytes or the packet longer than [`largest_packet`].
+/// If the MTU is outside 31 to 65,535 bytes or the packet longer than [`largest_packet`].
 pub fn frame_count(packet_len: usize, mtu: usize) -> Result<usize, ModemError> {
     let layout = Layout::new(mtu)?;
     let largest = layout.start(MAX_INDEX + 1);
@@ -29,7 +29,7 @@ pub fn frame_count(packet_len: usize, mtu: usize) -> Result<usize, ModemError> {
 /// The longest packet that can be split at an MTU of `mtu` bytes, bytes.
 ///
 /// # Errors
-/// Where the MTU is outside 31 to 65,535 bytes.
+/// If the MTU is outside 31 to 65,535 bytes.
 pub fn largest_packet(mtu: usize) -> Result<usize, ModemError> {
     Ok(Layout::new(mtu)?.start(MAX_INDEX + 1))
 }

@@ -33,11 +33,11 @@ impl ReassemblerOptions {
 
     /// Memory that a [`Reassembler`] takes, all at once and for good, bytes: four times twice
     /// `max_packet_bytes`, which is rounded up to whole frames and counts no further than
-    /// [`super::largest_packet`], and seven bytes a frame; 593,000 for
+    /// [`super::largest_packet`], and seven bytes per frame; 593,000 for
     /// [`ReassemblerOptions::new`] at an MTU of 31.
     ///
     /// # Errors
-    /// Where the MTU is outside 31 to 65,535 bytes.
+    /// If the MTU is outside 31 to 65,535 bytes.
     pub fn memory(&self) -> Result<usize, ModemError> {
         let layout = Layout::new(self.mtu)?;
         Ok(TAGS * PacketSlot::memory(layout, self.frames(layout)) + size_of::<Reassembler>())
@@ -103,7 +103,7 @@ impl Reassembler {
     /// Allocates [`ReassemblerOptions::memory`].
     ///
     /// # Errors
-    /// Where the MTU is outside 31 to 65,535 bytes.
+    /// If the MTU is outside 31 to 65,535 bytes.
     pub fn new(options: ReassemblerOptions) -> Result<Reassembler, ModemError> {
         let layout = Layout::new(options.mtu)?;
         let room = options.frames(layout);
@@ -122,7 +122,7 @@ impl Reassembler {
     /// Takes a frame as the modem gives it. What lies beyond the MTU is padding.
     ///
     /// # Errors
-    /// Where it is no frame, or refused. The other packets, and what was there of its own, stay as
+    /// If it is no frame, or refused. The other packets, and what was there of its own, stay as
     /// they are.
     pub fn push(&mut self, frame: &[u8]) -> Result<Pushed, ModemError> {
         let pushed = match frame.first() {

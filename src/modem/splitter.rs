@@ -37,7 +37,7 @@ impl<'a> Splitter<'a> {
     /// Looks at a packet that is to travel in frames of at most `mtu` bytes.
     ///
     /// # Errors
-    /// Where the MTU is outside 31 to 65,535 bytes; the bytes are not one packet, no less and no
+    /// If the MTU is outside 31 to 65,535 bytes; the bytes are not one packet, no less and no
     /// more, all of whose checks match; or it is longer than [`super::largest_packet`].
     pub fn new(packet: &'a [u8], mtu: usize) -> Result<Splitter<'a>, ModemError> {
         let layout = Layout::new(mtu)?;
@@ -66,7 +66,7 @@ impl<'a> Splitter<'a> {
     /// MTU, bytes. It may be padded to any length, by anything.
     ///
     /// # Errors
-    /// Where there is no frame of this index, or the buffer is too short for it.
+    /// If there is no frame of this index, or the buffer is too short for it.
     pub fn write(&self, index: usize, frame: &mut [u8]) -> Result<usize, ModemError> {
         if index >= self.count {
             return Err(ModemError::NoSuchFrame { index, count: self.count });

@@ -195,7 +195,7 @@ fn a_modem_that_checks_is_trusted() {
     let mut reassembler = Reassembler::new(options).unwrap();
     assert_eq!(reassembler.push(&frames[0]), Ok(Pushed::Grown(5)));
     assert_eq!(reassembler.newest().unwrap().bytes, &packet[..64]);
-    // Where the packet's own check says otherwise, it is not.
+    // If the packet's own check says otherwise, it is not.
     let packet = compact(6, 20);
     let mut frame = frames_of(&packet, 64).remove(0);
     frame[40] ^= 1;

@@ -30,7 +30,7 @@ impl<'a> Reader<'a> {
     /// The next `N` bytes.
     ///
     /// # Panics
-    /// Where the fields taken exceed the length given to [`Reader::new`].
+    /// If the fields taken exceed the length given to [`Reader::new`].
     pub(super) fn take<const N: usize>(&mut self) -> [u8; N] {
         let field = std::array::from_fn(|i| self.bytes[self.at + i]);
         self.at += N;

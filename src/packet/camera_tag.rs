@@ -9,7 +9,7 @@ use super::bytes::{crc16, to_u24};
 /// the one meant: the low byte of the camera part's check.
 ///
 /// # Errors
-/// Where the camera's size does not fit a packet.
+/// If the camera's size does not fit a packet.
 pub fn camera_tag(camera: &Camera) -> Result<u8, PacketError> {
     let size = size_bytes(camera.width, camera.height)?;
     Ok(crc16(&[&size, &intrinsics(camera)]) as u8)

@@ -30,7 +30,7 @@ impl fmt::Display for Part {
 }
 
 impl PacketError {
-    /// The part that cannot be read, where it is known.
+    /// The part that cannot be read, if it is known.
     pub fn part(&self) -> Option<Part> {
         match self {
             PacketError::TooShort { part, .. } | PacketError::Check(part) => Some(*part),

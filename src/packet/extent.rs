@@ -18,11 +18,11 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Reads the first bytes of a packet, 31 or more. Where the latent part is there in full, its
+    /// Reads the first bytes of a packet, 31 or more. If the latent part is there in full, its
     /// check must match; no other check is looked at, see [`sound_len`].
     ///
     /// # Errors
-    /// Where the bytes are not the start of a packet, or the residual's length fits no packet.
+    /// If the bytes are not the start of a packet, or the residual's length fits no packet.
     pub fn read(start: &[u8]) -> Result<Extent, PacketError> {
         let latent = encoded_len(check_start(start)?);
         if start.len() >= latent {

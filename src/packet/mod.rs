@@ -38,7 +38,7 @@
 //!
 //! | bytes | residual part |
 //! |---|---|
-//! | 1–4 | payload length, seven bits a byte, low bits first, high bit set on all but the last |
+//! | 1–4 | payload length, seven bits per byte, low bits first, high bit set on all but the last |
 //! | length | payload |
 //! | 4 | CRC-32 (IEEE) of the latent part, the length and the payload |
 //!
@@ -88,7 +88,7 @@ pub struct Packet<'a> {
     pub latent: Latent,
     /// The camera, sent when it changed and as a refresh now and then.
     pub camera: Option<Camera>,
-    /// A check of the render, where the vehicle sends one.
+    /// A check of the render, if the vehicle sends one.
     pub render: Option<RenderCheck>,
     /// The difference picture.
     pub residual: Residual<'a>,
@@ -105,7 +105,7 @@ pub struct Salvage<'a> {
     pub render: Result<Option<RenderCheck>, PacketError>,
     /// The residual part.
     pub residual: Result<Residual<'a>, PacketError>,
-    /// The residual's start, where only its end is missing. Nothing checks it: it is of use where the
+    /// The residual's start, if only its end is missing. Nothing checks it: it is of use if the
     /// bytes are known to be the true start of a packet.
     pub residual_start: Option<ResidualStart<'a>>,
 }
@@ -114,7 +114,7 @@ impl<'a> Packet<'a> {
     /// The bytes to send.
     ///
     /// # Errors
-    /// Where the picture size does not fit the header, the camera is not the one that the latent
+    /// If the picture size does not fit the header, the camera is not the one that the latent
     /// part is about, or the payload has 2²⁸ bytes or more.
     pub fn encode(&self) -> Result<Vec<u8>, PacketError> {
         let mut bytes = Vec::with_capacity(self.encoded_len());
@@ -165,7 +165,7 @@ impl<'a> Packet<'a> {
     /// Reads what is sound in a truncated or damaged packet.
     ///
     /// # Errors
-    /// Where the latent part is not sound: nothing can be made of the packet then.
+    /// If the latent part is not sound: nothing can be made of the packet then.
     pub fn salvage(bytes: &'a [u8]) -> Result<Salvage<'a>, PacketError> {
         let (latent, follows, rest) = Latent::read(bytes)?;
         let latent_bytes = &bytes[..bytes.len() - rest.len()];

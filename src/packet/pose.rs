@@ -5,7 +5,7 @@
 //! Then the rotation as "smallest three" in 56 bits: from the top, two bits that name the
 //! quaternion's largest component, then the other three in order, 18 bits each:
 //! `131072 + round(131071 √2 q)`, with the sign of the quaternion such that the largest is
-//! positive. A rotation is off by at most 2·10⁻⁵ rad, a centre by half a step an axis.
+//! positive. A rotation is off by at most 2·10⁻⁵ rad, a centre by half a step per axis.
 //!
 //! **Paper**, 28 bytes: translation (x, y, z) and quaternion (w, x, y, z) as f32, as in the paper.
 //! Also taken for a pose whose centre lies beyond the compact one's reach.
@@ -16,7 +16,7 @@ use glam::{DQuat, DVec3};
 
 use crate::Pose;
 use crate::prior::PriorFrame;
-use crate::search::{COMPACT, PAPER, PoseCode};
+use crate::search::{COMPACT, PAPER, PoseCode, SMALL_ZERO};
 
 use super::PacketError;
 use super::bytes::{Reader, from_u24, to_u24};
@@ -24,9 +24,7 @@ use super::bytes::{Reader, from_u24, to_u24};
 /// Range of the compact centre, steps: 24 bits, two's complement.
 const CENTRE_STEPS: std::ops::Range<f64> = -8_388_608.0..8_388_608.0;
 /// Bits of a small quaternion component.
-const SMALL_BITS: u32 = 18;
-/// Offset of a small component's code, which stands for zero.
-const SMALL_ZERO: i32 = 1 << (SMALL_BITS - 1);
+const SMALL_BITS: u32 = SMALL_ZERO.ilog2() + 1;
 /// Code steps per unit of a small component: the largest magnitude, 1/√2, takes the last step.
 const SMALL_STEPS: f64 = (SMALL_ZERO - 1) as f64 * SQRT_2;
 /// Bytes of the longer profile.
@@ -89,7 +87,7 @@ enum Code {
 }
 
 impl QuantisedPose {
-    /// Quantises a pose. Where its centre is beyond the reach of [`PoseProfile::Compact`], the
+    /// Quantises a pose. If its centre is beyond the reach of [`PoseProfile::Compact`], the
     /// other profile is taken.
     ///
     /// Quantising what [`QuantisedPose::dequantise`] gives returns the same code. Plain rounding

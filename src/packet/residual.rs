@@ -144,7 +144,7 @@ fn check(latent: &[u8], part: &[u8]) -> u32 {
     hasher.finalize()
 }
 
-/// The length as the part starts with it: seven bits a byte, low bits first.
+/// The length as the part starts with it: seven bits per byte, low bits first.
 fn length_field(length: usize) -> impl Iterator<Item = u8> {
     let groups = std::iter::successors(Some(length), |rest| Some(rest >> 7).filter(|r| *r > 0));
     groups.map(|rest| (rest & 0x7F) as u8 | if rest >> 7 > 0 { 0x80 } else { 0 })

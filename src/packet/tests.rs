@@ -179,7 +179,7 @@ fn the_extent_is_known_from_the_start() {
             let bytes = packet(profile, camera, residual).encode().unwrap();
             let latent = latent(profile).encoded_len();
             let head = latent + if camera { CAMERA_PART_LEN } else { 0 };
-            // Two bytes of length, where there is one.
+            // Two bytes of length, if there is one.
             let told = if has_part { head + 2 } else { 0 };
             for len in 31..=bytes.len() {
                 let total = (len >= told).then_some(bytes.len());

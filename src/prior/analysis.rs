@@ -192,7 +192,7 @@ fn amplitude(splats: &Splats, i: usize, band: u32) -> f64 {
     greatest * ((2 * l + 1) as f64 / (4.0 * std::f64::consts::PI)).sqrt()
 }
 
-/// Whether a channel of a splat's colour may be negative in some direction. Where that is close, it
+/// Whether a channel of a splat's colour may be negative in some direction. If that is close, it
 /// may.
 fn may_be_negative(splats: &Splats, i: usize) -> bool {
     let own = &splats.sh[i * splats.sh_stride()..][..3];

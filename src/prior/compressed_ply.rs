@@ -1,7 +1,7 @@
 //! PLY files as PlayCanvas's tools pack them, `.compressed.ply`.
 //!
 //! Splats in chunks of 256. Element `chunk` has their bounds: `min_x`…, `max_x`…, `min_scale_x`…,
-//! `max_scale_x`…, in newer files also `min_r`… and `max_r`…. Element `vertex` has four words a splat:
+//! `max_scale_x`…, in newer files also `min_r`… and `max_r`…. Element `vertex` has four words per splat:
 //! `packed_position` and `packed_scale` (11, 10 and 11 bits between the bounds), `packed_rotation` (two
 //! bits for the largest of w, x, y, z, ten for each of the others) and `packed_color` (four bytes:
 //! colour between the bounds or 0 and 1, and opacity). Element `sh`, where there is one, has a byte
@@ -124,7 +124,7 @@ struct Table {
 }
 
 impl Table {
-    /// Where an element's rows lie, and its properties; `None` where there is no such element.
+    /// Where an element's rows lie, and its properties; `None` if there is no such element.
     fn of<'a>(
         header: &'a PlyHeader,
         name: &str,

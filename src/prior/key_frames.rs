@@ -93,10 +93,10 @@ impl KeyFrames {
     /// Some of `poses`, in their order: each that has no pose kept before it that is nearer than
     /// `distance` (the prior's unit) and looks in a direction less than `angle` (radians) away. So
     /// every pose that is left out has a kept one that near, and no two kept ones are. Roll about the
-    /// optical axis does not count: the search for a lost camera holds for any roll. Where `distance`
+    /// optical axis does not count: the search for a lost camera holds for any roll. If `distance`
     /// or `angle` is not above 0, all are kept.
     ///
-    /// Fails as [`new`](Self::new) does, where more than [`MAX`](Self::MAX) remain, too. Takes time by
+    /// Fails as [`new`](Self::new) does, and if more than [`MAX`](Self::MAX) remain, too. Takes time by
     /// the number of poses times that of those kept.
     pub fn thinned(poses: &[Pose], distance: f64, angle: f64) -> Result<KeyFrames, PriorError> {
         let mut kept: Vec<(DVec3, DVec3)> = Vec::new();

@@ -156,7 +156,7 @@ impl Splats {
     /// The splats that `kept` names, in their order.
     ///
     /// # Panics
-    /// Where `kept` has not an entry a splat.
+    /// If `kept` has not an entry per splat.
     pub fn filtered(&self, kept: &[bool]) -> Splats {
         assert_eq!(kept.len(), self.len(), "an entry a splat");
         Splats {

@@ -335,7 +335,7 @@ pub fn write_ply(
         writer.write_all(&bytes).map_err(PriorError::Write)?;
         bytes.clear();
     }
-    // The header alone, where there are no splats.
+    // The header alone, if there are no splats.
     writer.write_all(&bytes).and_then(|()| writer.flush()).map_err(PriorError::Write)
 }
 

@@ -11,7 +11,7 @@ use super::PriorError;
 const ATTEMPTS: u32 = 100;
 
 /// Writes a file, or replaces it: a temporary file beside it is written and flushed to the disk, then
-/// renamed. Where that fails (a full disk, say), what was there before is still there. Errors name the
+/// renamed. If that fails (a full disk, say), what was there before is still there. Errors name the
 /// file.
 pub fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), PriorError> {
     // Through a link, the file that it stands for is replaced.

@@ -144,7 +144,7 @@ impl<'a> Twin<'a> {
     /// The normal equations against a frame of height × width × 3 floats in [0, 1].
     ///
     /// # Panics
-    /// Where the number of floats is not the camera's.
+    /// If the number of floats is not the camera's.
     pub fn normal_equations(
         &self,
         camera: &Camera,

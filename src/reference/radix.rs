@@ -5,7 +5,7 @@ use crate::shared::CULLED;
 /// Sorts values by their keys; equal keys keep their order.
 ///
 /// # Panics
-/// Where the numbers of keys and values differ.
+/// If the numbers of keys and values differ.
 pub fn sort(keys: &[u32], values: &[u32]) -> (Vec<u32>, Vec<u32>) {
     assert_eq!(keys.len(), values.len(), "keys and values");
     let mut pairs: Vec<(u32, u32)> = std::iter::zip(keys, values).map(|(k, v)| (*k, *v)).collect();

@@ -57,7 +57,7 @@ impl ColdStart {
     }
 }
 
-/// Mean squared error of a picture of five floats a pixel against one of three, whose light is corrected.
+/// Mean squared error of a picture of five floats per pixel against one of three, whose light is corrected.
 fn mse(render: &[f32], frame: &[f32], correction: &Correction) -> f64 {
     let pixels = render.chunks_exact(PIXEL as usize).zip(frame.chunks_exact(3));
     let square = |(r, f): (&[f32], &[f32])| -> f64 {

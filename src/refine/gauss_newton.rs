@@ -1,8 +1,8 @@
 //! Gauss–Newton on the device (see [`crate::search`]): what it is asked, and what it found.
 
 use crate::Pose;
+use crate::render::NormalEquations;
 use crate::render::view::{placement, pose_of};
-use crate::render::{NormalEquations, Scene};
 use crate::search::{
     LEVELS, Placement, PoseCode, Program, STARTS, STOP_NO_DESCENT, STOP_PROGRESS, Search,
 };
@@ -27,7 +27,7 @@ pub struct Schedule {
     pub coarse_renders: u32,
     /// Most renders at full resolution.
     pub renders: u32,
-    /// Where the first step promises more than this share, the start is far off, and the search goes
+    /// If the first step promises more than this share, the start is far off, and the search goes
     /// on at `far_level`, if that is above the first.
     pub near: f32,
     /// See `near`.
@@ -41,6 +41,42 @@ pub struct Schedule {
     pub coarse_tolerance: f32,
     /// The same at full resolution; 1e-3 is 0.004 dB.
     pub tolerance: f32,
+}
+
+impl Schedule {
+    /// The program that the device runs on a pyramid of so many levels, from `starts`, of which the first eight
+    /// count. `profile`: how the pose is coded, [`crate::search::COMPACT`] or [`crate::search::PAPER`].
+    pub fn program(
+        &self,
+        levels: usize,
+        starts: &[Placement],
+        damping: f32,
+        profile: u32,
+    ) -> Program {
+        let last = levels - 1;
+        let count = starts.len().min(STARTS);
+        let mut first_starts = [Placement::default(); STARTS];
+        first_starts[..count].copy_from_slice(&starts[..count]);
+        let first_level = self.first_level.min(last);
+        Program {
+            starts: first_starts,
+            count: count as u32,
+            first_level: first_level as u32,
+            follow_level: self.follow_level.min(first_level) as u32,
+            levels: self.levels,
+            follow_renders: self.follow_renders,
+            coarse_renders: self.coarse_renders,
+            renders: self.renders,
+            near: self.near,
+            far_level: self.far_level.min(last) as u32,
+            coarse_leap: self.coarse_leap,
+            leap: self.leap,
+            coarse_tolerance: self.coarse_tolerance,
+            tolerance: self.tolerance,
+            damping,
+            profile,
+        }
+    }
 }
 
 /// Options of Gauss–Newton.
@@ -109,7 +145,7 @@ pub struct Tracked {
 /// [`crate::render::Renderer::search`].
 ///
 /// # Panics
-/// Where there is no start.
+/// If there is no start.
 pub(super) fn track(
     objective: &mut Objective,
     starts: &[Pose],
@@ -117,8 +153,14 @@ pub(super) fn track(
     damping: f32,
     profile: u32,
 ) -> Result<Tracked, Error> {
+    assert!(!starts.is_empty(), "a search needs a start");
     let renderer = objective.renderer();
-    let program = program(renderer.scene(), renderer.levels(), starts, schedule, damping, profile);
+    let mut placements = [Placement::default(); STARTS];
+    for (to, pose) in placements.iter_mut().zip(starts) {
+        *to = placement(renderer.scene(), pose);
+    }
+    let placements = &placements[..starts.len().min(STARTS)];
+    let program = schedule.program(renderer.levels(), placements, damping, profile);
     let first = search(objective, &program)?;
     if kept_promise(&first) {
         return Ok(first.tracked);
@@ -135,46 +177,11 @@ pub(super) fn track(
     Ok(Tracked { submissions, first_mse, ..second.tracked })
 }
 
-fn program(
-    scene: &Scene,
-    levels: usize,
-    starts: &[Pose],
-    schedule: &Schedule,
-    damping: f32,
-    profile: u32,
-) -> Program {
-    assert!(!starts.is_empty(), "a search needs a start");
-    let last = levels - 1;
-    let mut placements = [Placement::default(); STARTS];
-    for (to, pose) in placements.iter_mut().zip(starts) {
-        *to = placement(scene, pose);
-    }
-    let first_level = schedule.first_level.min(last);
-    Program {
-        starts: placements,
-        count: starts.len().min(STARTS) as u32,
-        first_level: first_level as u32,
-        follow_level: schedule.follow_level.min(first_level) as u32,
-        levels: schedule.levels,
-        follow_renders: schedule.follow_renders,
-        coarse_renders: schedule.coarse_renders,
-        renders: schedule.renders,
-        near: schedule.near,
-        far_level: schedule.far_level.min(last) as u32,
-        coarse_leap: schedule.coarse_leap,
-        leap: schedule.leap,
-        coarse_tolerance: schedule.coarse_tolerance,
-        tolerance: schedule.tolerance,
-        damping,
-        profile,
-    }
-}
-
 /// Error that 8 bits bring, of values in [0, 1].
 const ROUNDING: f64 = 1.0 / (12.0 * 255.0 * 255.0);
 
 /// Whether what was drawn is what the last step, taken unseen, let expect: no worse than what was seen
-/// before it, and, where much was promised, better by a good part of that. Near the optimum Gauss–Newton
+/// before it, and, if much was promised, better by a good part of that. Near the optimum Gauss–Newton
 /// keeps its promises; where it does not, the search had not arrived.
 fn kept_promise(found: &Found) -> bool {
     let mse = found.tracked.outcome.mse - ROUNDING;

@@ -60,7 +60,7 @@ impl Hypotheses {
     /// Proposals of a call.
     pub const MOST: usize = 4;
 
-    /// For a level's camera. About 80 pixels across are enough, and cheap: 1.2 ms a call.
+    /// For a level's camera. About 80 pixels across are enough, and cheap: 1.2 ms per call.
     pub fn new(camera: &Camera) -> Hypotheses {
         let count = camera.pixels();
         let zeros = || vec![0.0; count];
@@ -81,7 +81,7 @@ impl Hypotheses {
     /// draws it. Nothing is allocated.
     ///
     /// # Panics
-    /// Where the number of floats is not the camera's.
+    /// If the number of floats is not the camera's.
     pub fn propose(&mut self, frame: &[f32], render: &[f32], start: &Pose) -> &[Proposal] {
         let count = self.camera.pixels();
         assert_eq!((frame.len(), render.len()), (count * 3, count * PIXEL as usize), "floats");

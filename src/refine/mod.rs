@@ -3,7 +3,7 @@
 //! One [`Objective`], the mean squared error over pixels and channels (the paper's eq. mse, averaged
 //! over channels too), and four optimisers on it. Poses move by left perturbations
 //! `T' = Exp(τ) T`; all optimisers work on τ. Gauss–Newton runs on the device ([`crate::search`]);
-//! BFGS and Adam, the paper's choices, are led by the host, an evaluation a submission.
+//! BFGS and Adam, the paper's choices, are led by the host, an evaluation per submission.
 
 mod adam;
 mod agreement;

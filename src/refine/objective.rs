@@ -69,7 +69,7 @@ impl Objective {
     /// Sets the frame to match and begins a new trace.
     ///
     /// # Panics
-    /// Where it has not the size of level 0.
+    /// If it has not the size of level 0.
     pub fn set_frame(&mut self, frame: &Picture) {
         self.trace.0.clear();
         self.since = Instant::now();
@@ -132,7 +132,7 @@ impl Objective {
         pixels.enumerate().map(square).sum::<f64>() / self.picture.data.len() as f64
     }
 
-    /// The normal equations at a pose. Where the pose is not finite, or the device returns something
+    /// The normal equations at a pose. If the pose is not finite, or the device returns something
     /// that is not a number, the error is infinite: no optimiser steps there.
     pub fn evaluate(
         &mut self,

@@ -37,7 +37,7 @@ impl Pyramid {
     /// Averages a frame over blocks of each level's factor.
     ///
     /// # Panics
-    /// Where the frame's size is not the camera's.
+    /// If the frame's size is not the camera's.
     pub fn set(&mut self, frame: &Picture) {
         assert_eq!((frame.width, frame.height), (self.width, self.height), "frame size");
         for level in &mut self.levels {

@@ -64,7 +64,7 @@ pub struct Starts {
     before_last_time: Option<f64>,
     /// When the next one was.
     time: Option<f64>,
-    /// Of the frame before, where that is known.
+    /// Of the frame before, if that is known.
     observability: Option<Observability>,
 }
 

@@ -67,7 +67,7 @@ pub struct TileStarts {
 /// Stage `bin_scan` alone, on blocks × tiles counts of one band.
 ///
 /// # Panics
-/// Where the blocks are not a power of two from 4 on, or there are not `tiles` counts each.
+/// If the blocks are not a power of two from 4 on, or there are not `tiles` counts each.
 pub fn scan_tiles(engine: &Engine, tiles: u32, counts: &[u32]) -> Result<TileStarts, Error> {
     let (device, kernels) = (&engine.device, &*engine.kernels);
     let log_blocks = (counts.len() as u32 / tiles).ilog2();
@@ -92,7 +92,7 @@ pub fn scan_tiles(engine: &Engine, tiles: u32, counts: &[u32]) -> Result<TileSta
 /// What every stage before the blending left, up to the pairs that there was room for.
 #[derive(Clone, Debug)]
 pub struct Stages {
-    /// Stage `project`, twelve floats a splat; not written where the splat is culled. The last, one
+    /// Stage `project`, twelve floats per splat; not written where the splat is culled. The last, one
     /// more than there are splats, shows nothing.
     pub records: Vec<[f32; 4 * RECORD as usize]>,
     /// Stage `project`.

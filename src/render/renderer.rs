@@ -221,7 +221,7 @@ impl Renderer {
         commands.expect("only what was planned is asked for").1.run()
     }
 
-    /// Runs a job of a level. Where the picture needs more pairs than there is room for, makes room
+    /// Runs a job of a level. If the picture needs more pairs than there is room for, makes room
     /// and runs again: nothing is left out of a result.
     fn run(&mut self, level: usize, job: Job, pose: &Pose) -> Result<(), Error> {
         loop {
@@ -235,7 +235,7 @@ impl Renderer {
     }
 
     /// Makes room where the last run, or `needed`, was of more pairs than there is room for; whether
-    /// it did. Where it fails, everything is as before.
+    /// it did. If it fails, everything is as before.
     fn grow(&mut self, needed: u32) -> Result<bool, Error> {
         let counters = self.work.counters_read.read::<Counters>(1)[0];
         let pairs = counters.pairs_needed.max(needed);
@@ -254,7 +254,7 @@ impl Renderer {
     }
 
     /// Shares the binning among more workgroups, each of which goes through fewer pairs: some drivers end
-    /// long loops. Where it fails, everything is as before.
+    /// long loops. If it fails, everything is as before.
     fn split_binning(&mut self) -> Result<bool, Error> {
         let before = self.view.binning.log_blocks;
         let tiles = self.view.most_tiles();
@@ -322,7 +322,7 @@ impl Renderer {
     }
 
     /// [`coded_picture`](Self::coded_picture), to be read by [`rendered`](Self::rendered); also the
-    /// difference from the picture set, where the plan knows frames.
+    /// difference from the picture set, if the plan knows frames.
     pub fn draw_coded(&mut self, code: &PoseCode) -> Result<(), Error> {
         self.bytes.coded_asked.write(&[Coded { anchor: anchor(&self.scene), code: *code }]);
         self.run(0, Job::Coded, &Pose::IDENTITY)
@@ -336,7 +336,7 @@ impl Renderer {
     /// `clamp(frame − render, −128, 127) + 128` of the picture set and the 8-bit picture drawn last.
     ///
     /// # Panics
-    /// Where the plan knows no frame.
+    /// If the plan knows no frame.
     pub fn difference(&self) -> &[u8] {
         self.framed().difference.read(self.camera(0).pixels() * 3)
     }
@@ -348,7 +348,7 @@ impl Renderer {
     /// Takes the camera's picture for the next search.
     ///
     /// # Panics
-    /// Where it has not the size of level 0, or the plan knows no frame.
+    /// If it has not the size of level 0, or the plan knows no frame.
     pub fn set_picture(&mut self, frame: &Picture) {
         let camera = self.camera(0);
         assert_eq!((frame.width, frame.height), (camera.width, camera.height), "frame size");
@@ -375,7 +375,7 @@ impl Renderer {
     /// Gives a level the frame to compare with: height × width × 3 floats in [0, 1].
     ///
     /// # Panics
-    /// Where the number of floats is not the level's.
+    /// If the number of floats is not the level's.
     pub fn set_frame(&mut self, level: usize, rgb: &[f32]) {
         let Renderer { view, .. } = self;
         let level = &view.levels[level];
@@ -384,11 +384,11 @@ impl Renderer {
     }
 
     /// Has the device search for the pose of the picture set, draw it there as its packet will have
-    /// it, and take the difference. One submission, but where the search takes more evaluations than
+    /// it, and take the difference. One submission, unless the search takes more evaluations than
     /// one has room for, or the pictures more pairs.
     ///
     /// # Panics
-    /// Where the plan has no search.
+    /// If the plan has no search.
     pub fn search(&mut self, program: &Program) -> Result<Searched<'_>, Error> {
         let mut submissions = 0;
         loop {
@@ -440,7 +440,7 @@ impl Renderer {
     /// The normal equations of a level against its frame.
     ///
     /// # Panics
-    /// Where the plan does not hold the Jacobian.
+    /// If the plan does not hold the Jacobian.
     pub fn normal_equations(
         &mut self,
         level: usize,

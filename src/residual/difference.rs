@@ -5,7 +5,7 @@ use crate::Picture;
 /// `clamp(camera − render, −128, 127) + 128` in every channel.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn difference(camera: &Picture, render: &Picture) -> Picture {
     let mut into = Picture::new(camera.width, camera.height);
     difference_into(camera, render, &mut into);
@@ -15,7 +15,7 @@ pub fn difference(camera: &Picture, render: &Picture) -> Picture {
 /// [`difference`], into a picture of the same size.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub(super) fn difference_into(camera: &Picture, render: &Picture, into: &mut Picture) {
     for other in [render, &*into] {
         assert_eq!((camera.width, camera.height), (other.width, other.height), "sizes differ");

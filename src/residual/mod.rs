@@ -69,7 +69,7 @@ impl ResidualDecoder {
     /// Turns a render into the picture that a residual makes of it; nothing is changed on an error.
     ///
     /// # Errors
-    /// Where the payload is no picture of the render's size.
+    /// If the payload is no picture of the render's size.
     pub fn add(&mut self, residual: &Residual, render: &mut Picture) -> Result<(), ResidualError> {
         if let Residual::Coded { coder, payload } = residual {
             check_size(&self.difference, render)?;

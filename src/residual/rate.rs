@@ -101,7 +101,7 @@ impl ResidualEncoder {
     /// that counts against [`Rate::Bytes`]: the packet's latent and camera part, link headers. The
     /// residual part's own length and check are counted here.
     ///
-    /// Under a budget or a target, where no difference picture makes the render any better, none is
+    /// Under a budget or a target, if no difference picture makes the render any better, none is
     /// coded.
     pub fn encode<'a>(
         &'a mut self,
@@ -239,7 +239,7 @@ impl ResidualEncoder {
     }
 
     /// Codes at qualities that close in on the one where `finer` turns from true to false; at the
-    /// end of the range too, where no such turn was met. The one that is `preferred` over all others
+    /// end of the range too, if no such turn was met. The one that is `preferred` over all others
     /// met ends in `best`.
     fn bisect(
         &mut self,

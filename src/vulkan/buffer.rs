@@ -114,7 +114,7 @@ impl Buffer {
         Ok(Buffer { shared: Arc::new(shared), name, bytes })
     }
 
-    /// A buffer that the device only reads, filled with `data`. Where host and device share memory
+    /// A buffer that the device only reads, filled with `data`. If host and device share memory
     /// it is written in place, else through a staging copy.
     pub fn from_slice<T: NoUninit>(
         device: &Device,
@@ -141,7 +141,7 @@ impl Buffer {
     /// Writes from the start.
     ///
     /// # Panics
-    /// Where the buffer was not made for uploads, or is smaller than `data`.
+    /// If the buffer was not made for uploads, or is smaller than `data`.
     pub fn write<T: NoUninit>(&mut self, data: &[T]) {
         self.write_at(0, data);
     }
@@ -168,7 +168,7 @@ impl Buffer {
     /// The values the device left, `count` of them.
     ///
     /// # Panics
-    /// Where the buffer was not made for reading back, or holds fewer.
+    /// If the buffer was not made for reading back, or holds fewer.
     pub fn read<T: AnyBitPattern>(&self, count: usize) -> &[T] {
         let mapped = self.shared.allocation.as_ref().and_then(|a| a.mapped_slice());
         let mapped = mapped.expect("only readback buffers are read");

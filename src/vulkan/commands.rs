@@ -98,7 +98,7 @@ impl Recorder {
     /// Records a dispatch of `groups` workgroups. `buffers` go to bindings 0, 1, …
     ///
     /// # Panics
-    /// Where the numbers of buffers or push constants are not the kernel's.
+    /// If the numbers of buffers or push constants are not the kernel's.
     pub fn dispatch(
         &mut self,
         kernel: &Kernel,

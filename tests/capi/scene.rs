@@ -27,7 +27,7 @@ pub fn folder() -> &'static Path {
 }
 
 /// Writes `prior.ply`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on, and `scene.txt`: a line with the camera
-/// (width,height,fx,fy,cx,cy), then a line a frame with its pose (qw,qx,qy,qz,tx,ty,tz).
+/// (width,height,fx,fy,cx,cy), then a line per frame with its pose (qw,qx,qy,qz,tx,ty,tz).
 fn write(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
     let prior = wall::wall(1);

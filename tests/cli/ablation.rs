@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::dive::{Dive, FRAMES, INPUT};
 
-/// Small pictures, as Adam takes up to 1000 renders a start.
+/// Small pictures, as Adam takes up to 1000 renders per start.
 const SMALL: &str = "--ablation --ablation-trials 2 --ablation-adam-trials 1 --ablation-units 0.3 \
                      --width 80 --report out";
 

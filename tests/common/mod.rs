@@ -78,7 +78,7 @@ pub fn random_frame(seed: u64, camera: &Camera) -> Vec<f32> {
     (0..camera.pixels() * 3).map(|_| random.within(0.0, 1.0)).collect()
 }
 
-/// A file of the reef set, where that lies beside the repository; says so where it does not.
+/// A file of the reef set, if that lies beside the repository; says so if it does not.
 pub fn reef_file(name: &str) -> Option<PathBuf> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data/reef");
     let path = folder.join(name);

@@ -138,7 +138,7 @@ fn pose(placement: &Placement, centre: glam::DVec3) -> Pose {
     Pose { translation: pose.translation - pose.rotation * centre, ..pose }
 }
 
-/// The device's search against the same search led by the host, an evaluation a submission.
+/// The device's search against the same search led by the host, an evaluation per submission.
 #[test]
 fn the_search_is_the_host_s() {
     let engine = common::engine();

@@ -196,7 +196,7 @@ fn too_many_splats_for_a_buffer_are_told_with_what_fits() {
     assert!(refused.to_string().ends_with(&told), "{refused}");
 }
 
-/// Drivers that end long loops must be noticed: llvmpipe goes 65,535 rounds, one a splat here.
+/// Drivers that end long loops must be noticed: llvmpipe goes 65,535 rounds, one per splat here.
 #[test]
 fn a_list_is_gone_through_or_refused() {
     let engine = common::engine();

@@ -1,4 +1,4 @@
-//! Builds the stages of `nvsprior-shaders` into `spv/`, one module an entry point, and writes the
+//! Builds the stages of `nvsprior-shaders` into `spv/`, one module per entry point, and writes the
 //! manifest that ties them to their sources. With `--check`: builds elsewhere and compares.
 
 use std::collections::BTreeMap;

@@ -229,7 +229,7 @@ fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// A file name from a path, where stems alone are not distinct.
+/// A file name from a path, if stems alone are not distinct.
 fn flat_name(name: &str) -> String {
     stem(Path::new(&name.replace(['/', '\\'], "_")))
 }

@@ -34,7 +34,7 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
-/// One view and, where its file is there, what the camera saw.
+/// One view and, if its file is there, what the camera saw.
 pub struct PosedFrame {
     pub camera: Camera,
     pub pose: Pose,

@@ -39,14 +39,14 @@ pub struct Args {
     /// Greatest loss of PSNR against the camera's frames, mean over the views, dB
     #[arg(long, value_name = "DB", default_value_t = 0.1, value_parser = mission::not_negative)]
     tolerance: f64,
-    /// Where frames are not there: least PSNR of pictures against the whole prior's, mean over the
+    /// If frames are not there: least PSNR of pictures against the whole prior's, mean over the
     /// views, dB
     #[arg(long, value_name = "DB", default_value_t = 42.0, value_parser = mission::not_negative)]
     floor: f64,
     /// Leave out splats farther than this from every camera, in the prior's unit
     #[arg(long, value_name = "LENGTH", value_parser = mission::not_negative)]
     range: Option<f64>,
-    /// What the rest is fitted to: the whole prior's renders, or the frames, where they are there. To
+    /// What the rest is fitted to: the whole prior's renders, or the frames, if they are there. To
     /// frames fewer splats do as well by PSNR, but less detail remains, and packets pay for it
     #[arg(long, value_enum, default_value = "renders")]
     fit: FitArg,
@@ -63,7 +63,7 @@ pub struct Args {
     /// of 1, 1/2, 1/4 and 1/8 that leaves most of the tolerance to the splats]
     #[arg(long, value_name = "FACTOR")]
     coarseness: Option<f32>,
-    /// Contact sheet to write (PNG): whole | reduced | difference | reduced, a row a view
+    /// Contact sheet to write (PNG): whole | reduced | difference | reduced, a row per view
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
     #[command(flatten)]

@@ -19,7 +19,7 @@ pub fn expected_loss(fidelity: f64, psnr: f64) -> f64 {
 pub struct ViewSet {
     pub places: Vec<(Camera, Pose)>,
     pictures: Vec<Picture>,
-    /// The camera's, where every view has one.
+    /// The camera's, if every view has one.
     pub frames: Option<Vec<Picture>>,
 }
 

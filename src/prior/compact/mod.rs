@@ -13,7 +13,7 @@
 //! | 36 | f32 × 3 | origin of the positions |
 //! | 48 | i32 | step of the positions, as an exponent of two |
 //! | 52 | f32 × 6 | [`Quantisation`] in the order of its fields |
-//! | 76 | | the key frames, where there are any |
+//! | 76 | | the key frames, if there are any |
 //! | | | the splats, coded |
 //! | end − 4 | u32 | CRC-32 of all bytes before |
 //!
@@ -48,7 +48,7 @@
 //! **What it costs.** The reef prior (39,713 splats of degree 1, 104 bytes each as PLY), the default
 //! quantisation, the same numbers in each; decoding on one core:
 //!
-//! | coder | bytes a splat | decoding, ms |
+//! | coder | bytes per splat | decoding, ms |
 //! |---|---|---|
 //! | deflate (flate2, level 9) | 13.19 | 8 |
 //! | an adaptive range coder with contexts of neighbours | 12.23 | |
@@ -81,7 +81,7 @@ const CHECK: usize = 4;
 /// Writes splats and key frames; returns the identity of the prior that readers get, in which the key
 /// frames take no part.
 ///
-/// Fails where the quantisation is out of its range, where a splat is unsound or one of its values
+/// Fails if the quantisation is out of its range, if a splat is unsound or one of its values
 /// too large for its step, and where `writer` does.
 pub fn write(
     splats: &Splats,

@@ -43,7 +43,7 @@ pub struct Found {
     pub outcome: Outcome,
     /// Where the search started.
     pub start: StartKind,
-    /// The pose as a packet holds it, where the search has drawn the picture there already, and the
+    /// The pose as a packet holds it, if the search has drawn the picture there already, and the
     /// difference from the frame.
     pub drawn: Option<PoseCode>,
     /// Submissions to the device that the search took; 0 where the host led it.
@@ -191,7 +191,7 @@ impl Tracker {
     /// that looks like it.
     ///
     /// # Panics
-    /// Where the frame has not the camera's size.
+    /// If the frame has not the camera's size.
     pub fn track(&mut self, frame: &Picture, known: &Known) -> Result<Option<Found>, Error> {
         self.objective.set_frame(frame);
         self.starts.set_time(known.time);

@@ -21,7 +21,7 @@ pub struct Lossy {
 /// `file`. The error is libwebp's.
 ///
 /// # Panics
-/// Where `rgb` has not three bytes a pixel.
+/// If `rgb` has not three bytes per pixel.
 pub fn encode_rgb(
     rgb: &[u8],
     width: u32,

@@ -152,7 +152,7 @@ pub fn work(stage: &str, c: &Counts, digits: u32) -> Work {
     let passes = f64::from(digits);
     let of = |bytes: f64, flops: f64| Work { bytes, flops };
     match stage {
-        // Seven pairs a splat; of those seen the harmonics; a record and a key.
+        // Seven pairs per splat; of those seen the harmonics; a record and a key.
         "project" => of(
             n * (7.0 * 8.0 + 4.0) + v * (8.0 * c.planes + 48.0),
             n * 190.0 + v * (52.0 + 6.0 * c.coefficients),
@@ -171,7 +171,7 @@ pub fn work(stage: &str, c: &Counts, digits: u32) -> Work {
             let written = 4.0 * p + 8.0 * c.tiles;
             of(c.bands * 36.0 * v + 4.0 * c.table + written, c.bands * 40.0 * v + 20.0 * p)
         }
-        // An entry of the list and a record; five floats a pixel.
+        // An entry of the list and a record; five floats per pixel.
         "splat" => of(52.0 * c.drawn + 8.0 * c.tiles + 20.0 * c.pixels, PICTURE * c.blended()),
         "splat_flow" => of(
             52.0 * c.drawn + (8.0 + 4.0 * SUMS) * c.tiles + 12.0 * c.pixels,

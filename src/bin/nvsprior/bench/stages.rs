@@ -55,7 +55,7 @@ pub fn measure(context: &Context) -> anyhow::Result<Stages> {
     let rated = |job, times: Vec<StageTime>, count: &dyn Fn(&str) -> Work| {
         let stage = |StageTime { name, milliseconds: ms }| {
             let (work, seconds) = (count(name), ms * 1e-3);
-            // Where the clock saw nothing pass, no rate is made up.
+            // If the clock saw nothing pass, no rate is made up.
             let share = |amount: f64, best: f64| match seconds > 0.0 {
                 true => amount / seconds / best,
                 false => 0.0,

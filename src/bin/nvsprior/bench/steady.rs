@@ -18,7 +18,7 @@ pub fn measure(
     let mut encoder = context.encoder(options)?;
     let mut samples = Vec::new();
     for shot in 0..frames.min(context.shots.len()) {
-        // Where the first frame has no pose from outside, a run with poses would begin so too.
+        // If the first frame has no pose from outside, a run with poses would begin so too.
         let start = context.shots[shot].external.or((shot == 0).then_some(context.best[0].pose));
         let sample = context.sample(&mut encoder, shot, start)?;
         context.learn(&sample);

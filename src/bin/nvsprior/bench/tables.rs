@@ -44,7 +44,7 @@ fn header(names: &[&str]) -> Vec<String> {
     names.iter().map(|name| (*name).to_owned()).collect()
 }
 
-/// A row an evaluation.
+/// A row per evaluation.
 fn trace(runs: &[OptimizerRun]) -> Vec<Vec<String>> {
     let names = ["optimizer", "frame", "evaluation", "level", "psnr", "milliseconds"];
     let mut rows = vec![header(&names)];
@@ -65,7 +65,7 @@ fn trace(runs: &[OptimizerRun]) -> Vec<Vec<String>> {
     rows
 }
 
-/// A row a frame.
+/// A row per frame.
 fn samples(context: &Context, kind: &str, kinds: &[(&str, &[Sample])]) -> Vec<Vec<String>> {
     let mut rows = vec![header(&[
         kind,

@@ -14,7 +14,7 @@ use crate::view_set::{ViewSet, expected_loss};
 const VIEWS: usize = 12;
 /// Halvings of the share that may go.
 const HALVINGS: usize = 6;
-/// Where a mission has no frames: PSNR of the prior's pictures against them, dB.
+/// If a mission has no frames: PSNR of the prior's pictures against them, dB.
 const FIDELITY: f64 = 27.0;
 
 /// Prints it all. Without a device, only what is known without pictures.
@@ -221,7 +221,7 @@ impl<'a> Sampled<'a> {
     }
 }
 
-/// A loss against frames, where there are any.
+/// A loss against frames, if there are any.
 fn decibels(loss: f64) -> String {
     if loss.is_nan() { "frames not there: nothing known".into() } else { format!("{loss:.3} dB") }
 }

@@ -12,7 +12,7 @@ pub struct Bench {
     pub quick: bool,
     pub random_cases: usize,
     pub first_seed: u64,
-    /// A trained scene, where one was given.
+    /// A trained scene, if one was given.
     pub prior: Option<PathBuf>,
 }
 

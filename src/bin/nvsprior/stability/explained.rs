@@ -43,7 +43,7 @@ impl Explained {
         Ok(Explained { picture, rounding, scale })
     }
 
-    /// Compares a picture of five floats a pixel.
+    /// Compares a picture of five floats per pixel.
     pub fn compare(&self, drawn: &[f32]) -> Difference {
         let mut out = Difference::default();
         for (at, pixel) in drawn.chunks_exact(5).enumerate() {

@@ -7,7 +7,7 @@ use nvsprior::prior::Splats;
 use nvsprior::reference::{Rendered, Twin};
 use nvsprior::refine::{GaussNewtonOptions, Objective, Optimizer, RefineOptions, Tracker};
 use nvsprior::render::{Jacobian, NormalEquations, Plan, Renderer, SortPrecision, to_byte};
-use nvsprior::search::{self, COMPACT, Placement, Program, STARTS, Search};
+use nvsprior::search::{self, COMPACT, Placement, Program, Search};
 use nvsprior::shared::SUMS;
 use nvsprior::vulkan::Error;
 use nvsprior::{Camera, Picture, Pose, Prior};
@@ -190,28 +190,8 @@ pub fn evaluated(
 
 /// A search through the pyramid, as a cold start's.
 fn program(levels: usize, start: Placement) -> Program {
-    let cold = GaussNewtonOptions::default().cold;
-    let first_level = cold.first_level.min(levels - 1) as u32;
-    let mut starts = [Placement::default(); STARTS];
-    starts[0] = start;
-    Program {
-        starts,
-        count: 1,
-        first_level,
-        follow_level: first_level,
-        levels: cold.levels,
-        follow_renders: cold.follow_renders,
-        coarse_renders: cold.coarse_renders,
-        renders: cold.renders,
-        near: cold.near,
-        far_level: 0,
-        coarse_leap: cold.coarse_leap,
-        leap: cold.leap,
-        coarse_tolerance: cold.coarse_tolerance,
-        tolerance: cold.tolerance,
-        damping: 1e-3,
-        profile: COMPACT,
-    }
+    let GaussNewtonOptions { cold, damping, .. } = GaussNewtonOptions::default();
+    cold.program(levels, &[start], damping, COMPACT)
 }
 
 /// A pose as searches hold it.
@@ -357,7 +337,7 @@ pub fn eight_bit(rendered: &Rendered, camera: &Camera) -> Picture {
     Picture { width: camera.width, height: camera.height, data }
 }
 
-/// PSNR of linear RGB, clamped to [0, 1], of a picture of five floats a pixel.
+/// PSNR of linear RGB, clamped to [0, 1], of a picture of five floats per pixel.
 pub fn psnr(got: &[f32], expected: &[f32]) -> f64 {
     let rgb = |pixels: &[f32]| -> Vec<f64> {
         let colours = pixels.chunks_exact(5).flat_map(|p| [p[0], p[1], p[2]]);

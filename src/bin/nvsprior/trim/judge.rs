@@ -94,7 +94,7 @@ impl<'a> Bench<'a> {
     }
 
     /// The greater of the losses at the views and within their margin. With frames: against them;
-    /// within the margin, where there are none, as far as pictures differ from the whole prior's,
+    /// within the margin, if there are none, as far as pictures differ from the whole prior's,
     /// had the frames differed from those as they do at the views. Without: below the floor.
     fn loss_of(&mut self, small: &mut PictureRenderer) -> anyhow::Result<f64> {
         let (psnr, loss) = self.views.compare(small)?;

@@ -60,7 +60,7 @@ impl Figure {
     }
 }
 
-/// Encodes frames from `trials` starts a figure, spread over the frames in turn.
+/// Encodes frames from `trials` starts per figure, spread over the frames in turn.
 pub fn measure(context: &mut Context, trials: usize) -> anyhow::Result<Vec<Run>> {
     let (mut probe, shots, best) = Probe::new(context)?;
     let bar = progress(FIGURES.len() * trials, "starts put off");

@@ -32,7 +32,7 @@ const COLUMNS: [&str; 23] = [
     "pose_error_degrees",
 ];
 
-/// Writes a row a frame; what there is not stays empty.
+/// Writes a row per frame; what there is not stays empty.
 pub fn write(path: &Path, runs: &[Run]) -> anyhow::Result<()> {
     let write = || {
         let mut csv = csv::Writer::from_path(path)?;

@@ -14,7 +14,7 @@ use super::{Seen, Which};
 use crate::stability::case::{Bench, Done, Row, Table};
 use crate::stability::measure::{evaluated, psnr};
 
-/// What is rounded to f16 in a prior, and bytes a splat that saves.
+/// What is rounded to f16 in a prior, and bytes per splat that saves.
 struct Storage {
     name: &'static str,
     /// Least PSNR that is expected, dB.
