@@ -7,8 +7,8 @@ use crate::packet::{LONGEST_LATENT, Latent, PoseProfile};
 use crate::prior::PriorFrame;
 use crate::{Decoded, Decoder, Trust, packet_bound};
 
-use super::engine::{EngineContent, nvsp_engine};
-use super::handle::Handle;
+use super::engine::nvsp_engine;
+use super::handle::{Handle, Opaque};
 use super::image::{self, nvsp_camera, nvsp_picture, nvsp_pose};
 use super::prior::{PriorContent, nvsp_prior};
 use super::status::*;
@@ -21,8 +21,12 @@ pub struct nvsp_decoder {
     _opaque: [u8; 0],
 }
 
+impl Opaque for nvsp_decoder {
+    type Content = Content;
+}
+
 /// What a decoder works on.
-struct Core {
+pub(super) struct Core {
     decoder: Decoder,
     packet: Vec<u8>,
     trust: Trust,
@@ -118,11 +122,11 @@ pub unsafe extern "C" fn nvsp_decoder_create(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<EngineContent>::share(engine.cast(), |handle, engine| {
+        Handle::share(nvsp_engine::handle(engine), |handle, engine| {
             if decoder.is_null() {
                 return Err(Failure::null("decoder"));
             }
-            let prior = prior.cast::<Handle<PriorContent>>().as_ref();
+            let prior = nvsp_prior::handle(prior).as_ref();
             let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
             let core = Core {
                 decoder: Decoder::new(&engine.engine, &scene),
@@ -130,7 +134,8 @@ pub unsafe extern "C" fn nvsp_decoder_create(
                 trust: Trust::Whole,
                 decoded: Decoded::default(),
             };
-            *decoder = Handle::boxed(Worker::new(core, decode), handle.log()).cast();
+            *decoder =
+                nvsp_decoder::address(Handle::boxed(Worker::new(core, decode), handle.log()));
             Ok(NVSP_OK)
         })
     }
@@ -150,7 +155,7 @@ pub unsafe extern "C" fn nvsp_decoder_add_camera(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(decoder.cast(), |content| {
+        Handle::call(nvsp_decoder::handle(decoder), |content| {
             let camera = image::camera(camera)?;
             content.core()?.decoder.add_camera(&camera)?;
             Ok(NVSP_OK)
@@ -173,9 +178,9 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(decoder.cast(), |content| {
-            let engine = engine.cast::<Handle<EngineContent>>().as_ref();
-            let prior = prior.cast::<Handle<PriorContent>>().as_ref();
+        Handle::call(nvsp_decoder::handle(decoder), |content| {
+            let engine = nvsp_engine::handle(engine).as_ref();
+            let prior = nvsp_prior::handle(prior).as_ref();
             let engine = engine.ok_or(Failure::null("engine"))?.get().engine;
             let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
             content.core()?.decoder.move_to(&engine, &scene)?;
@@ -214,7 +219,7 @@ pub unsafe extern "C" fn nvsp_decode(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(decoder.cast(), |content| {
+        Handle::call(nvsp_decoder::handle(decoder), |content| {
             let out = Out::new(info)?;
             content.run(|core| prepare(core, packet, size, flags))?;
             content.take(|core| fetch(core, picture, &out))
@@ -240,7 +245,7 @@ pub unsafe extern "C" fn nvsp_decode_begin(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(decoder.cast(), |content| {
+        Handle::call(nvsp_decoder::handle(decoder), |content| {
             content.begin(|core| prepare(core, packet, size, flags))?;
             Ok(NVSP_OK)
         })
@@ -257,7 +262,7 @@ pub unsafe extern "C" fn nvsp_decode_begin(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_poll(decoder: *mut nvsp_decoder) -> nvsp_status {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<Content>::call(decoder.cast(), |content| content.wait(Duration::ZERO)) }
+    unsafe { Handle::call(nvsp_decoder::handle(decoder), |content| content.wait(Duration::ZERO)) }
 }
 
 /// As nvsp_decode_poll, but waits for the end for up to so many milliseconds.
@@ -271,7 +276,7 @@ pub unsafe extern "C" fn nvsp_decode_wait(
 ) -> nvsp_status {
     let timeout = Duration::from_millis(milliseconds.into());
     // SAFETY: as the caller promises.
-    unsafe { Handle::<Content>::call(decoder.cast(), |content| content.wait(timeout)) }
+    unsafe { Handle::call(nvsp_decoder::handle(decoder), |content| content.wait(timeout)) }
 }
 
 /// Fetches the picture of the packet that was begun, or that nvsp_decode had no room for;
@@ -290,7 +295,7 @@ pub unsafe extern "C" fn nvsp_decode_finish(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(decoder.cast(), |content| {
+        Handle::call(nvsp_decoder::handle(decoder), |content| {
             let out = Out::new(info)?;
             content.take(|core| fetch(core, picture, &out))
         })
@@ -308,7 +313,7 @@ pub unsafe extern "C" fn nvsp_decoder_last_error(
     size: usize,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<Content>::last_error(decoder.cast(), text, size) }
+    unsafe { Handle::last_error(nvsp_decoder::handle(decoder), text, size) }
 }
 
 /// Ends a decoder; NULL is allowed. Waits for a packet that was begun.
@@ -318,7 +323,7 @@ pub unsafe extern "C" fn nvsp_decoder_last_error(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decoder_destroy(decoder: *mut nvsp_decoder) {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<Content>::destroy(decoder.cast()) }
+    unsafe { Handle::destroy(nvsp_decoder::handle(decoder).cast_mut()) }
 }
 
 /// Reads what a packet says first, from its first 31 bytes (43 in the paper's profile) or more,
@@ -342,7 +347,7 @@ pub unsafe extern "C" fn nvsp_decode_header(
         let out = Out::required(header)?;
         let latent = Latent::decode(image::slice(packet, size, "packet")?)
             .map_err(|error| Failure::Library(error.into()))?;
-        let prior = prior.cast::<Handle<PriorContent>>().as_ref().map(Handle::get);
+        let prior = nvsp_prior::handle(prior).as_ref().map(Handle::get);
         out.write(&header_of(&latent, prior));
         Ok(NVSP_OK)
     };

@@ -8,11 +8,11 @@ use crate::packet::PoseProfile;
 use crate::refine::{Optimizer, StartKind, Stop};
 use crate::{Encoded, Encoder, EncoderOptions, Known, Picture, Rate, packet_bound};
 
-use super::engine::{EngineContent, nvsp_engine};
+use super::engine::nvsp_engine;
 use super::frame::{self, nvsp_frame_info};
-use super::handle::Handle;
+use super::handle::{Handle, Opaque};
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
-use super::prior::{PriorContent, nvsp_prior};
+use super::prior::nvsp_prior;
 use super::status::*;
 use super::structs::{Out, read, versioned};
 use super::worker::Worker;
@@ -23,8 +23,12 @@ pub struct nvsp_encoder {
     _opaque: [u8; 0],
 }
 
+impl Opaque for nvsp_encoder {
+    type Content = Content;
+}
+
 /// What an encoder works on.
-struct Core {
+pub(super) struct Core {
     encoder: Encoder,
     converter: Converter,
     frame: Picture,
@@ -202,11 +206,11 @@ pub unsafe extern "C" fn nvsp_encoder_create(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<EngineContent>::share(engine.cast(), |handle, engine| {
+        Handle::share(nvsp_engine::handle(engine), |handle, engine| {
             if encoder.is_null() {
                 return Err(Failure::null("encoder"));
             }
-            let prior = prior.cast::<Handle<PriorContent>>().as_ref();
+            let prior = nvsp_prior::handle(prior).as_ref();
             let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
             let camera = image::camera(camera)?;
             let options = encoder_options(&read(options)?)?;
@@ -219,7 +223,8 @@ pub unsafe extern "C" fn nvsp_encoder_create(
                 encoded: Encoded::with_room(camera.width, camera.height),
                 full: false,
             };
-            *encoder = Handle::boxed(Worker::new(core, encode), handle.log()).cast();
+            *encoder =
+                nvsp_encoder::address(Handle::boxed(Worker::new(core, encode), handle.log()));
             Ok(NVSP_OK)
         })
     }
@@ -291,7 +296,7 @@ pub unsafe extern "C" fn nvsp_encoder_set_rate(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
             let rate = rate(mode, value)?;
             content.core()?.encoder.set_rate(rate);
             Ok(NVSP_OK)
@@ -314,7 +319,7 @@ pub unsafe extern "C" fn nvsp_encoder_set_camera(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
             let camera = image::camera(camera)?;
             let mut core = content.core()?;
             let converter = Converter::new(camera.width, camera.height)?;
@@ -344,7 +349,7 @@ pub unsafe extern "C" fn nvsp_encoder_prepare(
 ) -> nvsp_status {
     // SAFETY: as the caller promises; `left` is written where it is not NULL.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
             let remaining = content.core()?.encoder.prepare(most as usize)?;
             if let Some(left) = left.as_mut() {
                 *left = u32::try_from(remaining).unwrap_or(u32::MAX);
@@ -371,9 +376,9 @@ pub unsafe extern "C" fn nvsp_encoder_reopen(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
-            let engine = engine.cast::<Handle<EngineContent>>().as_ref();
-            let prior = prior.cast::<Handle<PriorContent>>().as_ref();
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
+            let engine = nvsp_engine::handle(engine).as_ref();
+            let prior = nvsp_prior::handle(prior).as_ref();
             let engine = engine.ok_or(Failure::null("engine"))?.get().engine;
             let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
             content.core()?.encoder.move_to(&engine, &scene)?;
@@ -393,7 +398,7 @@ pub unsafe extern "C" fn nvsp_encoder_reopen(
 pub unsafe extern "C" fn nvsp_encoder_reset(encoder: *mut nvsp_encoder) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
             content.core()?.encoder.reset();
             Ok(NVSP_OK)
         })
@@ -437,7 +442,7 @@ pub unsafe extern "C" fn nvsp_encode(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
             let place = Place::new(packet, size, written, stats)?;
             content.run(|core| prepare(core, image, image::pose(hint)?.into()))?;
             content.take(|core| place.write(core))
@@ -463,7 +468,7 @@ pub unsafe extern "C" fn nvsp_encode_frame(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
             let place = Place::new(packet, size, written, stats)?;
             content.run(|core| prepare(core, image, frame::known(info)?))?;
             content.take(|core| place.write(core))
@@ -490,7 +495,7 @@ pub unsafe extern "C" fn nvsp_encode_begin(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
             content.begin(|core| prepare(core, image, image::pose(hint)?.into()))?;
             Ok(NVSP_OK)
         })
@@ -512,7 +517,7 @@ pub unsafe extern "C" fn nvsp_encode_begin_frame(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
             content.begin(|core| prepare(core, image, frame::known(info)?))?;
             Ok(NVSP_OK)
         })
@@ -529,7 +534,7 @@ pub unsafe extern "C" fn nvsp_encode_begin_frame(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_poll(encoder: *mut nvsp_encoder) -> nvsp_status {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<Content>::call(encoder.cast(), |content| content.wait(Duration::ZERO)) }
+    unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| content.wait(Duration::ZERO)) }
 }
 
 /// As nvsp_encode_poll, but waits for the frame's end for up to so many milliseconds.
@@ -543,7 +548,7 @@ pub unsafe extern "C" fn nvsp_encode_wait(
 ) -> nvsp_status {
     let timeout = Duration::from_millis(milliseconds.into());
     // SAFETY: as the caller promises.
-    unsafe { Handle::<Content>::call(encoder.cast(), |content| content.wait(timeout)) }
+    unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| content.wait(timeout)) }
 }
 
 /// Fetches the packet of the frame that was begun, or that nvsp_encode had no room for; NVSP_PENDING
@@ -564,7 +569,7 @@ pub unsafe extern "C" fn nvsp_encode_finish(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
             let place = Place::new(packet, size, written, stats)?;
             content.take(|core| place.write(core))
         })
@@ -591,7 +596,7 @@ pub unsafe extern "C" fn nvsp_encoder_get_picture(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Content>::call(encoder.cast(), |content| {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
             let core = content.core()?;
             if !core.full {
                 return Err(Failure::at(NVSP_ERR_STATE, "no frame was encoded"));
@@ -618,7 +623,7 @@ pub unsafe extern "C" fn nvsp_encoder_last_error(
     size: usize,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<Content>::last_error(encoder.cast(), text, size) }
+    unsafe { Handle::last_error(nvsp_encoder::handle(encoder), text, size) }
 }
 
 /// Ends an encoder; NULL is allowed. Waits for a frame that was begun.
@@ -628,7 +633,7 @@ pub unsafe extern "C" fn nvsp_encoder_last_error(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_destroy(encoder: *mut nvsp_encoder) {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<Content>::destroy(encoder.cast()) }
+    unsafe { Handle::destroy(nvsp_encoder::handle(encoder).cast_mut()) }
 }
 
 /// The job.

@@ -5,7 +5,7 @@ use std::ffi::{CStr, c_char, c_void};
 use crate::Engine;
 use crate::vulkan::DeviceOptions;
 
-use super::handle::Handle;
+use super::handle::{Handle, Opaque};
 use super::log::{Log, NVSP_LOG_INFO, NVSP_LOG_WARNING, nvsp_log_callback};
 use super::status::*;
 use super::structs::{Out, read, versioned};
@@ -14,6 +14,10 @@ use super::structs::{Out, read, versioned};
 #[allow(non_camel_case_types)]
 pub struct nvsp_engine {
     _opaque: [u8; 0],
+}
+
+impl Opaque for nvsp_engine {
+    type Content = EngineContent;
 }
 
 /// What an engine's handle holds.
@@ -98,7 +102,7 @@ pub unsafe extern "C" fn nvsp_engine_create(
         let status = Handle::call(fence, |()| {
             let content = EngineContent { engine: Engine::new(&options)?, options };
             log.write(NVSP_LOG_INFO, &content.engine.device().to_string());
-            *engine = Handle::boxed(content, log).cast();
+            *engine = nvsp_engine::address(Handle::boxed(content, log));
             Ok(NVSP_OK)
         });
         Handle::destroy(fence);
@@ -145,7 +149,7 @@ unsafe fn device_options(
 pub unsafe extern "C" fn nvsp_engine_reopen(engine: *mut nvsp_engine) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<EngineContent>::share(engine.cast(), |handle, content| {
+        Handle::share(nvsp_engine::handle(engine), |handle, content| {
             let EngineContent { engine: old, options } = content;
             log_validation(handle, &old);
             let engine = Engine::new(&options)?;
@@ -169,7 +173,7 @@ pub unsafe extern "C" fn nvsp_engine_get_info(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<EngineContent>::share(engine.cast(), |_, content| {
+        Handle::share(nvsp_engine::handle(engine), |_, content| {
             let out = Out::required(info)?;
             let memory = content.engine.memory();
             let mut device = [0; 256];
@@ -202,7 +206,7 @@ pub unsafe extern "C" fn nvsp_engine_last_error(
     size: usize,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<EngineContent>::last_error(engine.cast(), text, size) }
+    unsafe { Handle::last_error(nvsp_engine::handle(engine), text, size) }
 }
 
 /// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it work on: the device is
@@ -214,11 +218,11 @@ pub unsafe extern "C" fn nvsp_engine_last_error(
 pub unsafe extern "C" fn nvsp_engine_destroy(engine: *mut nvsp_engine) {
     // SAFETY: as the caller promises.
     unsafe {
-        let _ = Handle::<EngineContent>::share(engine.cast(), |handle, content| {
+        let _ = Handle::share(nvsp_engine::handle(engine), |handle, content| {
             log_validation(handle, &content.engine);
             Ok(NVSP_OK)
         });
-        Handle::<EngineContent>::destroy(engine.cast());
+        Handle::destroy(nvsp_engine::handle(engine).cast_mut());
     }
 }
 

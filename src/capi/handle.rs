@@ -16,6 +16,23 @@ pub(super) struct Handle<T> {
     log: Log,
 }
 
+/// A type of the header that C knows by address alone, tied to what its handle holds: a cast to another handle does not
+/// compile.
+pub(super) trait Opaque: Sized {
+    /// What the handle holds.
+    type Content;
+
+    /// The handle at an address that C holds.
+    fn handle(address: *const Self) -> *const Handle<Self::Content> {
+        address.cast()
+    }
+
+    /// The address of a handle, for C to hold.
+    fn address(handle: *mut Handle<Self::Content>) -> *mut Self {
+        handle.cast()
+    }
+}
+
 /// Bytes of a failure's text that are kept.
 const TEXT: usize = 512;
 

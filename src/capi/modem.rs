@@ -5,7 +5,7 @@ use std::ptr::null_mut;
 
 use crate::modem::{Pushed, Reassembler, ReassemblerOptions, Received, Splitter, frame_count};
 
-use super::handle::Handle;
+use super::handle::{Handle, Opaque};
 use super::image::{slice, slice_mut};
 use super::log::Log;
 use super::status::*;
@@ -15,6 +15,10 @@ use super::structs::{Out, read, versioned};
 #[allow(non_camel_case_types)]
 pub struct nvsp_reassembler {
     _opaque: [u8; 0],
+}
+
+impl Opaque for nvsp_reassembler {
+    type Content = Reassembler;
 }
 
 /// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do.
@@ -207,7 +211,7 @@ pub unsafe extern "C" fn nvsp_reassembler_create(
         }
         let made = Handle::boxed(Reassembler::new(how)?, Log::new(None, null_mut()));
         // SAFETY: not null, and valid as the caller promises.
-        unsafe { *reassembler = made.cast() };
+        unsafe { *reassembler = nvsp_reassembler::address(made) };
         Ok(NVSP_OK)
     })
 }
@@ -230,7 +234,7 @@ pub unsafe extern "C" fn nvsp_reassembler_push(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Reassembler>::call(reassembler.cast(), |content| {
+        Handle::call(nvsp_reassembler::handle(reassembler), |content| {
             let out = Out::new(state)?;
             if frame.is_null() {
                 return Err(Failure::null("frame"));
@@ -269,7 +273,7 @@ pub unsafe extern "C" fn nvsp_reassembler_fetch(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Reassembler>::call(reassembler.cast(), |content| {
+        Handle::call(nvsp_reassembler::handle(reassembler), |content| {
             let out = Out::new(state)?;
             if packet.is_null() || written.is_null() {
                 return Err(Failure::null("packet or written"));
@@ -307,7 +311,7 @@ pub unsafe extern "C" fn nvsp_reassembler_missing(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Reassembler>::call(reassembler.cast(), |content| {
+        Handle::call(nvsp_reassembler::handle(reassembler), |content| {
             if indices.is_null() || count.is_null() {
                 return Err(Failure::null("indices or count"));
             }
@@ -338,7 +342,7 @@ pub unsafe extern "C" fn nvsp_reassembler_get_statistics(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<Reassembler>::call(reassembler.cast(), |content| {
+        Handle::call(nvsp_reassembler::handle(reassembler), |content| {
             let counts = content.statistics();
             Out::required(statistics)?.write(&nvsp_reassembler_statistics {
                 struct_size: 0,
@@ -367,7 +371,7 @@ pub unsafe extern "C" fn nvsp_reassembler_last_error(
     size: usize,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<Reassembler>::last_error(reassembler.cast(), text, size) }
+    unsafe { Handle::last_error(nvsp_reassembler::handle(reassembler), text, size) }
 }
 
 /// Ends a reassembler; NULL is allowed.
@@ -377,7 +381,7 @@ pub unsafe extern "C" fn nvsp_reassembler_last_error(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_destroy(reassembler: *mut nvsp_reassembler) {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<Reassembler>::destroy(reassembler.cast()) }
+    unsafe { Handle::destroy(nvsp_reassembler::handle(reassembler).cast_mut()) }
 }
 
 fn state_of(packet: Option<&Received>, event: u32) -> nvsp_reassembly {

@@ -9,7 +9,7 @@ use crate::render::Scene;
 use crate::{Prior, RenderOverrides};
 
 use super::engine::{EngineContent, nvsp_engine};
-use super::handle::Handle;
+use super::handle::{Handle, Opaque};
 use super::log::{NVSP_LOG_INFO, NVSP_LOG_WARNING};
 use super::status::*;
 use super::structs::{Out, read, versioned};
@@ -18,6 +18,10 @@ use super::structs::{Out, read, versioned};
 #[allow(non_camel_case_types)]
 pub struct nvsp_prior {
     _opaque: [u8; 0],
+}
+
+impl Opaque for nvsp_prior {
+    type Content = PriorContent;
 }
 
 /// What a prior's handle holds.
@@ -169,7 +173,7 @@ where
 {
     // SAFETY: as the caller promises; the place for the handle is not NULL where it is written.
     unsafe {
-        Handle::<EngineContent>::share(engine.cast(), |handle, content| {
+        Handle::share(nvsp_engine::handle(engine), |handle, content| {
             if prior.is_null() {
                 return Err(Failure::null("prior"));
             }
@@ -178,7 +182,7 @@ where
             log_load(handle, &loaded);
             let scene = content.engine.upload(&loaded)?;
             let content = PriorContent { scene, info: info_of(&loaded) };
-            *prior = Handle::boxed(content, handle.log()).cast();
+            *prior = nvsp_prior::address(Handle::boxed(content, handle.log()));
             Ok(NVSP_OK)
         })
     }
@@ -241,7 +245,7 @@ pub unsafe extern "C" fn nvsp_prior_get_info(
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
-        Handle::<PriorContent>::share(prior.cast(), |_, content| {
+        Handle::share(nvsp_prior::handle(prior), |_, content| {
             Out::required(info)?.write(&content.info);
             Ok(NVSP_OK)
         })
@@ -259,7 +263,7 @@ pub unsafe extern "C" fn nvsp_prior_last_error(
     size: usize,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<PriorContent>::last_error(prior.cast(), text, size) }
+    unsafe { Handle::last_error(nvsp_prior::handle(prior), text, size) }
 }
 
 /// Ends a prior; NULL is allowed. Encoders and decoders made with it work on: its device memory goes
@@ -270,5 +274,5 @@ pub unsafe extern "C" fn nvsp_prior_last_error(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_destroy(prior: *mut nvsp_prior) {
     // SAFETY: as the caller promises.
-    unsafe { Handle::<PriorContent>::destroy(prior.cast()) }
+    unsafe { Handle::destroy(nvsp_prior::handle(prior).cast_mut()) }
 }
