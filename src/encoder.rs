@@ -345,7 +345,7 @@ impl Encoder {
         Ok(())
     }
 
-    /// The pose as the packet will hold it, tracked where the search has not done that.
+    /// The pose as the packet will hold it. Its picture is drawn, unless the search has drawn it.
     fn coded_pose(&mut self, found: &Found) -> Result<QuantisedPose, Error> {
         if let Some(code) = &found.drawn {
             return Ok(QuantisedPose::of_words(code)?);

@@ -1,5 +1,5 @@
-//! Stage `decode_pose`: puts the camera of the full picture where a packet's pose says. Encoder and decoder
-//! both draw after it, so they draw at the same bits.
+//! Stage `decode_pose`: sets the camera of the full picture to the pose of a packet. Encoder and decoder both draw
+//! after this stage, so they draw at the same bits.
 
 use crate::search;
 use crate::shared::Params;

@@ -49,18 +49,21 @@ impl Schedule {
     pub fn program(
         &self,
         levels: usize,
-        starts: &[Placement],
+        starts: impl IntoIterator<Item = Placement>,
         damping: f32,
         profile: u32,
     ) -> Program {
         let last = levels - 1;
-        let count = starts.len().min(STARTS);
-        let mut first_starts = [Placement::default(); STARTS];
-        first_starts[..count].copy_from_slice(&starts[..count]);
+        let mut placements = [Placement::default(); STARTS];
+        let mut count = 0;
+        for (to, start) in placements.iter_mut().zip(starts) {
+            *to = start;
+            count += 1;
+        }
         let first_level = self.first_level.min(last);
         Program {
-            starts: first_starts,
-            count: count as u32,
+            starts: placements,
+            count,
             first_level: first_level as u32,
             follow_level: self.follow_level.min(first_level) as u32,
             levels: self.levels,
@@ -155,11 +158,7 @@ pub(super) fn track(
 ) -> Result<Tracked, Error> {
     assert!(!starts.is_empty(), "a search needs a start");
     let renderer = objective.renderer();
-    let mut placements = [Placement::default(); STARTS];
-    for (to, pose) in placements.iter_mut().zip(starts) {
-        *to = placement(renderer.scene(), pose);
-    }
-    let placements = &placements[..starts.len().min(STARTS)];
+    let placements = starts.iter().map(|pose| placement(renderer.scene(), pose));
     let program = schedule.program(renderer.levels(), placements, damping, profile);
     let first = search(objective, &program)?;
     if kept_promise(&first) {

@@ -92,8 +92,8 @@ pub fn scan_tiles(engine: &Engine, tiles: u32, counts: &[u32]) -> Result<TileSta
 /// What every stage before the blending left, up to the pairs that there was room for.
 #[derive(Clone, Debug)]
 pub struct Stages {
-    /// Stage `project`, twelve floats per splat; not written where the splat is culled. The last, one
-    /// more than there are splats, shows nothing.
+    /// What stage `project` wrote: twelve floats per splat, unset if the splat is culled. One more record stands at the
+    /// end, which shows nothing.
     pub records: Vec<[f32; 4 * RECORD as usize]>,
     /// Stage `project`.
     pub keys: Vec<u32>,

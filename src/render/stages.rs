@@ -118,7 +118,7 @@ impl Stages<'_> {
         Ok(())
     }
 
-    /// Puts the camera where the coded pose says.
+    /// Sets the camera to the coded pose.
     pub fn decode_pose(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
         let view = self.view;
         let buffers = [&view.prototypes, &self.bytes.coded, &view.params];

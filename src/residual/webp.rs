@@ -133,7 +133,7 @@ const NO_FRAME: ResidualError =
     ResidualError::Payload("shorter than a VP8 frame tag, or beyond a RIFF file");
 
 /// Bytes that libwebp takes at most to code or decode a picture, with room: measured on noise at
-/// quality 100, where it takes up to 33 bytes per pixel and 180 KB beside (see the test).
+/// quality 100, at which it takes up to 33 bytes per pixel and 180 KB beside (see the test).
 fn arena_len(width: u32, height: u32) -> usize {
     48 * (width as usize).next_multiple_of(16) * (height as usize).next_multiple_of(16) + (1 << 19)
 }

@@ -43,7 +43,7 @@ impl PictureRenderer {
     }
 
     /// The pictures at views.
-    pub fn paint_all(&mut self, places: &[(Camera, Pose)]) -> anyhow::Result<Vec<Picture>> {
+    pub fn render_all(&mut self, places: &[(Camera, Pose)]) -> anyhow::Result<Vec<Picture>> {
         places.iter().map(|(camera, pose)| self.render(camera, pose).cloned()).collect()
     }
 }

@@ -29,7 +29,7 @@ impl ViewSet {
         frames: Option<Vec<Picture>>,
         whole: &mut PictureRenderer,
     ) -> anyhow::Result<ViewSet> {
-        let pictures = whole.paint_all(&places)?;
+        let pictures = whole.render_all(&places)?;
         Ok(ViewSet { places, pictures, frames })
     }
 

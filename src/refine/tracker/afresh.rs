@@ -5,6 +5,7 @@ use crate::{Picture, Pose};
 
 use super::super::gauss_newton::Schedule;
 use super::super::{GaussNewtonOptions, Hint, StartKind};
+use super::judgement::PARTLY;
 use super::{Found, Tracker};
 
 /// Hypotheses that a cold start follows. The first alone reached the optimum from each of 200 starts
@@ -54,7 +55,7 @@ impl Tracker {
         if let Some((pose, kind)) = rough {
             let found = self.search_cold(frame, &pose, &cold, &schedule)?;
             let found = self.judged(Found { start: kind, ..found })?;
-            let found = self.with_masks(found, true)?;
+            let found = self.with_masks(found, PARTLY)?;
             best = Some(Found::or_judged(best, found));
         }
         if best.is_some_and(|best| self.settles(&best)) {

@@ -14,10 +14,10 @@ const LIGHT: f32 = 0.03;
 /// How often what does not agree is masked anew at most. It is as long as that raises the score by more than
 /// [`BETTER`].
 const MASKINGS: u32 = 6;
-/// What does not agree is masked if it makes a larger share of the squared error: in a frame that others lead to,
-/// and in a lost one.
-const MOSTLY: f64 = 0.85;
-const PARTLY: f64 = 0.6;
+/// What does not agree in a frame that others lead to is masked if it makes a larger share of the squared error.
+pub(super) const MOSTLY: f64 = 0.85;
+/// The same in a lost frame.
+pub(super) const PARTLY: f64 = 0.6;
 /// A frame with less of the render's fine detail is blurred. Sharp frames have 0.8 of it and more, those blurred by
 /// a Gaussian of 2 pixels 0.2 and less.
 const BLURRED: f64 = 0.4;
@@ -47,9 +47,9 @@ impl Tracker {
     }
 
     /// Goes on from what was found and judged last: what does not agree is masked, and the light is corrected from
-    /// place to place. The plain search has the last word if nearly all agrees then, in one light.
-    pub(super) fn with_masks(&mut self, found: Found, lost: bool) -> Result<Found, Error> {
-        let most = if lost { PARTLY } else { MOSTLY };
+    /// place to place. The plain search has the last word if nearly all agrees then, in one light. What was found stays
+    /// if it is not certain, or if what does not agree makes no more than the share `most` of the squared error.
+    pub(super) fn with_masks(&mut self, found: Found, most: f64) -> Result<Found, Error> {
         if !(found.certain && self.is_uneven(&found.agreement, most)) {
             return Ok(found);
         }
@@ -86,7 +86,7 @@ impl Tracker {
         let mut best = None;
         if agreement.share > HINTED && self.is_uneven(&agreement, MOSTLY) {
             let found = Found { start: kind, ..self.masked_from(pose)? };
-            let found = self.with_masks(found, true)?;
+            let found = self.with_masks(found, PARTLY)?;
             if found.certain {
                 return Ok(found);
             }
@@ -95,7 +95,7 @@ impl Tracker {
         let cold = self.options.gauss_newton.cold;
         let found = self.from(&[*pose], &cold)?;
         let found = self.judged(Found { start: kind, ..found })?;
-        let found = self.with_masks(found, true)?;
+        let found = self.with_masks(found, PARTLY)?;
         Ok(Found::or_judged(best, found))
     }
 
@@ -140,13 +140,8 @@ impl Tracker {
 
     /// Searches for a blurred frame from here on, or for a sharp one; whether that is a change.
     fn take_sharpness(&mut self, agreement: &Agreement) -> bool {
-        // Not a number: as before.
-        let changes = agreement.confirms()
-            && if self.blurred {
-                agreement.sharpness > BLURRED
-            } else {
-                agreement.sharpness < BLURRED
-            };
+        let told = agreement.confirms() && !agreement.sharpness.is_nan();
+        let changes = told && self.blurred != (agreement.sharpness < BLURRED);
         self.blurred ^= changes;
         changes
     }
@@ -170,11 +165,6 @@ impl Tracker {
 
     fn is_uneven(&self, agreement: &Agreement, most: f64) -> bool {
         self.options.masks && self.comparison.is_uneven(agreement, most)
-    }
-
-    /// Whether a search without masks does for a frame that others lead to.
-    pub(super) fn is_even(&self, agreement: &Agreement) -> bool {
-        !self.is_uneven(agreement, MOSTLY)
     }
 
     /// How to search from a pose that is nearly right.

@@ -10,6 +10,7 @@ use crate::vulkan::Error;
 use crate::{Picture, Pose};
 
 use self::afresh::disagrees;
+use self::judgement::MOSTLY;
 use super::gauss_newton::{self, Schedule};
 use super::{
     Agreement, ColdStart, Comparison, Evaluation, Hint, Known, Objective, Observability, Optimizer,
@@ -234,9 +235,7 @@ impl Tracker {
             && let Some(found) = self.follow(&schedule)?
         {
             let found = self.judged(found)?;
-            let even = !self.masked && self.is_even(&found.agreement);
-            let settles = even && self.settles(&found);
-            warm = Some(if settles { found } else { self.with_masks(found, false)? });
+            warm = Some(self.with_masks(found, MOSTLY)?);
         }
         if let Some(found) = warm
             && (self.settles(&found) || (!found.agreement.tells && !self.lost(found.outcome.mse)))

@@ -191,7 +191,7 @@ pub fn evaluated(
 /// A search through the pyramid, as a cold start's.
 fn program(levels: usize, start: Placement) -> Program {
     let GaussNewtonOptions { cold, damping, .. } = GaussNewtonOptions::default();
-    cold.program(levels, &[start], damping, COMPACT)
+    cold.program(levels, [start], damping, COMPACT)
 }
 
 /// A pose as searches hold it.
