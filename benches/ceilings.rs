@@ -126,8 +126,8 @@ impl View {
         let rows = |splat: &u32| {
             let r = &stages.records[*splat as usize];
             let (mean, conic) = ([r[0], r[1]], [r[2], r[3], r[4]]);
-            let splat = Projected { mean, conic, opacity: r[5], ..Projected::default() };
-            let [top, bottom] = Outline::new(&splat).rows(self.params.tiles_y);
+            let splat = Projected { mean, conic, log_opacity: r[5], ..Projected::CULLED };
+            let [top, bottom] = Outline::new(&self.params, &splat).rows(self.params.tiles_y);
             f64::from(bottom - top)
         };
         let largest = stages.keys.iter().copied().filter(|key| *key != CULLED).max();

@@ -56,6 +56,9 @@ mod encoder;
 mod engine;
 mod error;
 mod pipeline;
+/// Arithmetic with the same bits on every device.
+#[path = "../shaders-rs/src/portable.rs"]
+pub mod portable;
 /// The search for a pose, as the device runs it.
 #[path = "../shaders-rs/src/search.rs"]
 pub mod search;

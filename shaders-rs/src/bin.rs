@@ -26,9 +26,11 @@ pub struct Split {
 
 /// What `project` wrote of a splat that binning needs.
 fn load<B: Pairs + ?Sized>(records: &B, splat: u32) -> Projected {
-    let at = |k: u32| records.pair(splat * shared::RECORD * 2 + k);
-    let ([u, v], [l11, l21], [l22, opacity]) = (at(0), at(1), at(2));
-    Projected { mean: [u, v], conic: [l11, l21, l22], opacity, ..Default::default() }
+    let first = splat * shared::RECORD * 2;
+    let [u, v] = records.pair(first);
+    let [l11, l21] = records.pair(first + 1);
+    let [l22, log_opacity] = records.pair(first + 2);
+    Projected { mean: [u, v], conic: [l11, l21, l22], log_opacity, ..Projected::CULLED }
 }
 
 /// The part of the picture and of the splats that a workgroup works on: tables in shared memory hold
@@ -128,7 +130,7 @@ impl Chunk {
         if place < part.end {
             splat = at(order, place);
         }
-        let outline = Outline::new(&load(records, splat));
+        let outline = Outline::new(params, &load(records, splat));
         let [top, bottom] = outline.rows(params.tiles_y);
         let (top, bottom) = (top.max(part.top), bottom.min(part.bottom));
         let count = if (place < part.end) & (top < bottom) { bottom - top } else { 0 };

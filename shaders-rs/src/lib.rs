@@ -3,6 +3,7 @@
 #![no_std]
 #![cfg_attr(target_arch = "spirv", feature(asm_experimental_arch))]
 
+pub mod portable;
 pub mod search;
 pub mod shared;
 

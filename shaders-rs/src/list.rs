@@ -8,12 +8,11 @@
 //! power: 9.3. Stage `splat_flow`, likewise: 83; 46 plain; 23.0 handed round, of which a quarter is
 //! loads. A GPU that loads one address for a whole subgroup at once needs no handing round.
 
-use crate::shared::{self, Counters, RECORD};
+use crate::shared::{self, Counters, NOWHERE, RECORD};
 use core::arch::asm;
 use spirv_std::arch::{IndexUnchecked, atomic_u_max, subgroup_shuffle};
 use spirv_std::glam::Vec4;
 use spirv_std::memory::{Scope, Semantics};
-use spirv_std::num_traits::Float;
 
 /// Invocations of a workgroup that hands records round; splats that it takes at a time.
 pub const LANES: u32 = 8;
@@ -22,9 +21,6 @@ pub const LANES: u32 = 8;
 const FACTOR: f32 = 0.849_321_8;
 /// What a product of two scaled values must be multiplied by.
 pub const PRODUCT: f32 = 1.0 / (FACTOR * FACTOR);
-
-/// Exponent of a splat that shows nowhere.
-const NOWHERE: f32 = -1000.0;
 
 /// A splat as seen along the columns of a tile, from points at an offset `(x, y)` from the centre.
 /// The factor's rows are `u = u₀ − l₁₁ x − l₂₁ y` and `w = w₀ − l₂₂ y`, alpha's exponent
@@ -80,7 +76,7 @@ impl List<'_> {
         let (dx, dy) = (a.x - self.centre[0], a.y - self.centre[1]);
         let (l11, l21, l22) = (a.z * FACTOR, a.w * FACTOR, b.x * FACTOR);
         let w = l22 * dy;
-        let log = if inside { b.y.log2() } else { NOWHERE };
+        let log = if inside { b.y } else { NOWHERE };
         Splat {
             u: l11 * dx + l21 * dy,
             l11,

@@ -11,10 +11,14 @@ use crate::shared::{self, DERIVATIVES, Params, RATIO_MIN, cross, dilated, dot};
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::spirv;
 
-/// The linearised projection of one splat.
-struct Linear<'a> {
-    params: &'a Params,
-    splat: &'a Splat,
+/// The linearised projection of one splat. (References in a structure crash SwiftShader.)
+struct Linear {
+    focal: [f32; 2],
+    /// The splat's centre and axes in camera coordinates.
+    camera: [f32; 3],
+    axes: [[f32; 3]; 3],
+    /// Whether opacity is compensated for the low-pass.
+    compensated: bool,
     ray: [f32; 2],
     inside: [bool; 2],
     /// Rows of `M`, shrunk as [`shared::project`] does it; the splat's axes are, too.
@@ -29,13 +33,13 @@ struct Linear<'a> {
     n0: [f32; 3],
 }
 
-impl<'a> Linear<'a> {
-    fn new(params: &'a Params, splat: &'a mut Splat) -> Linear<'a> {
+impl Linear {
+    fn new(params: &Params, splat: &Splat) -> Linear {
         let (ray, inside) = shared::clamped_ray(params, splat.camera);
         let (m0, m1) = shared::projected_axes(params, splat.camera[2], ray, &splat.axes);
         let s = shared::shrinkage(m0, m1);
         let [x, y, z] = splat.axes;
-        splat.axes = [shared::scaled(x, s), shared::scaled(y, s), shared::scaled(z, s)];
+        let axes = [shared::scaled(x, s), shared::scaled(y, s), shared::scaled(z, s)];
         let (m0, m1) = (shared::scaled(m0, s), shared::scaled(m1, s));
         let (low_pass, kept) = (params.dilation * s * s, params.dilation_kept * s * s);
         let minors = cross(m0, m1);
@@ -47,31 +51,33 @@ impl<'a> Linear<'a> {
         let scale = l[0] / (c + low_pass);
         let along = |k: usize| scale * (across[k] + low_pass * m0[k]);
         let n0 = [along(0), along(1), along(2)];
-        Linear { params, splat, ray, inside, m0, m1, low_pass, kept, l, n0 }
+        let (focal, camera) = (params.focal, splat.camera);
+        let compensated = params.dilation_kept < params.dilation;
+        Linear { focal, camera, axes, compensated, ray, inside, m0, m1, low_pass, kept, l, n0 }
     }
 }
 
 /// Derivatives along one motion: u, v, K₀₀, K₀₁, K₁₁, ln α.
 type Along = [f32; 6];
 
-impl Linear<'_> {
+impl Linear {
     /// Derivative of one row of `M`, `m = f/z (V_k − ray V_z)`.
     fn row(&self, k: usize, m: [f32; 3], dp: [f32; 3], turned: &[[f32; 3]; 3]) -> [f32; 3] {
-        let z = self.splat.camera[2];
-        let scale = self.params.focal[k] / z;
+        let z = self.camera[2];
+        let scale = self.focal[k] / z;
         let ray = self.ray[k];
         let d_ray = if self.inside[k] { dp[k] / z - ray * (dp[2] / z) } else { 0.0 };
         let along = |a: usize| {
             -m[a] * (dp[2] / z)
-                + scale * (turned[a][k] - ray * turned[a][2] - d_ray * self.splat.axes[a][2])
+                + scale * (turned[a][k] - ray * turned[a][2] - d_ray * self.axes[a][2])
         };
         [along(0), along(1), along(2)]
     }
 
     /// Derivatives along the motion that moves the centre by `dp` and turns the axes to `turned`.
     fn along(&self, dp: [f32; 3], turned: &[[f32; 3]; 3]) -> Along {
-        let p = self.splat.camera;
-        let (fx, fy) = (self.params.focal[0], self.params.focal[1]);
+        let p = self.camera;
+        let (fx, fy) = (self.focal[0], self.focal[1]);
         let z = p[2];
         let d0 = self.row(0, self.m0, dp, turned);
         let d1 = self.row(1, self.m1, dp, turned);
@@ -103,8 +109,7 @@ impl Linear<'_> {
         let trace = dot(self.m0, self.m0) + dot(self.m1, self.m1);
         let (low_pass, kept) = (self.low_pass, self.kept);
         let (det, det_kept) = (dilated(det0, trace, low_pass), dilated(det0, trace, kept));
-        let compensated = self.params.dilation_kept < self.params.dilation;
-        if !compensated | !(det_kept > RATIO_MIN * det) {
+        if !self.compensated | !(det_kept > RATIO_MIN * det) {
             return 0.0;
         }
         let d_det0 = 2.0 * (dot(minors, cross(d0, self.m1)) + dot(minors, cross(self.m0, d1)));
@@ -116,9 +121,9 @@ impl Linear<'_> {
     }
 
     fn rotation(&self, axis: [f32; 3]) -> Along {
-        let v = &self.splat.axes;
+        let v = &self.axes;
         let turned = [cross(axis, v[0]), cross(axis, v[1]), cross(axis, v[2])];
-        self.along(cross(axis, self.splat.camera), &turned)
+        self.along(cross(axis, self.camera), &turned)
     }
 }
 
@@ -199,9 +204,9 @@ pub fn pose_jacobian(
     if keys[i] == shared::CULLED {
         return;
     }
-    let mut splat = project::load(params, geometry, id.x);
+    let splat = project::load(params, geometry, id.x);
     let world = splat.world;
-    let linear = Linear::new(params, &mut splat);
+    let linear = Linear::new(params, &splat);
     let (tx, ty, tz) = (linear.translation(X), linear.translation(Y), linear.translation(Z));
     let (rx, ry, rz) = (linear.rotation(X), linear.rotation(Y), linear.rotation(Z));
 

@@ -16,14 +16,23 @@ pub struct Splat {
     pub axes: [[f32; 3]; 3],
 }
 
+/// The pair of splat `i`, of `splats`, in a plane. (A closure in its place would hold the buffer in a structure, which
+/// crashes SwiftShader.)
+fn of_plane<B: Pairs + ?Sized>(planes: &B, plane: u32, splats: u32, i: u32) -> [f32; 2] {
+    // The host allocated so many planes of so many splats.
+    planes.pair(plane * splats + i)
+}
+
 /// Reads splat `i` from its planes.
 pub fn load<B: Pairs + ?Sized>(params: &Params, geometry: &B, i: u32) -> Splat {
-    // The host allocated so many planes of so many splats.
-    let at = |plane: u32| geometry.pair(plane * params.splats + i);
-    let [x, y] = at(0);
-    let [z, opacity] = at(1);
-    let ([a, b], [c, d], [e, f]) = (at(2), at(3), at(4));
-    let ([g, h], [k, _]) = (at(5), at(6));
+    let n = params.splats;
+    let [x, y] = of_plane(geometry, 0, n, i);
+    let [z, opacity] = of_plane(geometry, 1, n, i);
+    let [a, b] = of_plane(geometry, 2, n, i);
+    let [c, d] = of_plane(geometry, 3, n, i);
+    let [e, f] = of_plane(geometry, 4, n, i);
+    let [g, h] = of_plane(geometry, 5, n, i);
+    let [k, _] = of_plane(geometry, 6, n, i);
     let world = [x, y, z];
     let turned = shared::transform(&params.rotation, world);
     let camera = [
@@ -41,12 +50,14 @@ pub fn load<B: Pairs + ?Sized>(params: &Params, geometry: &B, i: u32) -> Splat {
 
 /// Coefficients `2 two` and `2 two + 1` of splat `i`; behind the last is a 0.
 pub fn coefficients<B: Pairs + ?Sized>(params: &Params, sh: &B, two: u32, i: u32) -> [[f32; 3]; 2] {
-    let at = |plane: u32| sh.pair((3 * two + plane) * params.splats + i);
-    let ([a, b], [c, d], [e, f]) = (at(0), at(1), at(2));
+    let (n, first) = (params.splats, 3 * two);
+    let [a, b] = of_plane(sh, first, n, i);
+    let [c, d] = of_plane(sh, first + 1, n, i);
+    let [e, f] = of_plane(sh, first + 2, n, i);
     [[a, b, c], [d, e, f]]
 }
 
-/// Colour from spherical harmonics, + 0.5, not below 0.
+/// Colour from spherical harmonics, + 0.5, by [`positive`].
 fn colour<B: Pairs + ?Sized>(
     params: &Params,
     sh_degree: u32,
@@ -66,7 +77,12 @@ fn colour<B: Pairs + ?Sized>(
         rgb = [rgb[0] + c * other[0], rgb[1] + c * other[1], rgb[2] + c * other[2]];
         two += 1;
     }
-    [shared::max(rgb[0], 0.0), shared::max(rgb[1], 0.0), shared::max(rgb[2], 0.0)]
+    [positive(rgb[0]), positive(rgb[1]), positive(rgb[2])]
+}
+
+/// A channel, finite and not negative. What is so dark that blending would make denormals of it is black.
+fn positive(value: f32) -> f32 {
+    if value > 1e-20 { shared::min(value, f32::MAX) } else { 0.0 }
 }
 
 /// Takes note of a key. Most are not the largest so far, and cost a read alone.
@@ -97,21 +113,21 @@ fn run<B: Pairs + ?Sized>(
     let splat = load(params, geometry, i);
     let s = shared::project(params, splat.camera, &splat.axes, splat.opacity);
     let [x0, y0, x1, y1] = shared::tile_box(params, &s);
-    let seen = (s.opacity > 0.0) & (x0 < x1) & (y0 < y1);
+    let seen = (s.log_opacity > shared::NOWHERE) & (x0 < x1) & (y0 < y1);
     // In front of the near plane: bits of positive floats are in the order of their values.
     let key = if seen { s.depth.to_bits() - params.near.to_bits() } else { shared::CULLED };
     let record = i * shared::RECORD;
     if seen {
         let [r, g, b] = colour(params, sh_degree, sh, i, splat.world);
         *at_mut(records, record) = Vec4::new(s.mean[0], s.mean[1], s.conic[0], s.conic[1]);
-        *at_mut(records, record + 1) = Vec4::new(s.conic[2], s.opacity, s.sigma[0], s.sigma[1]);
+        *at_mut(records, record + 1) = Vec4::new(s.conic[2], s.log_opacity, s.sigma[0], s.sigma[1]);
         *at_mut(records, record + 2) = Vec4::new(r, g, b, s.depth);
         note(&mut counters.largest_key, key);
     }
     *at_mut(keys, i) = key;
     if id == params.splats {
         *at_mut(records, record + shared::RECORD) = Vec4::ZERO;
-        *at_mut(records, record + shared::RECORD + 1) = Vec4::ZERO;
+        *at_mut(records, record + shared::RECORD + 1) = Vec4::new(0.0, shared::NOWHERE, 0.0, 0.0);
         *at_mut(records, record + shared::RECORD + 2) = Vec4::new(0.0, 0.0, 0.0, 1.0);
     }
 }

@@ -6,6 +6,7 @@
 //! Poses are held against the prior's own centre, so that f32 does where the prior lies far from
 //! its origin.
 
+use crate::portable;
 use crate::shared::{Params, SUMS, dot};
 
 #[cfg(target_arch = "spirv")]
@@ -532,7 +533,7 @@ fn product(a: &[f32; 4], b: &[f32; 4]) -> [f32; 4] {
 }
 
 fn normalised(q: &[f32; 4]) -> [f32; 4] {
-    let s = 1.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
+    let s = portable::inverse_sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     [q[0] * s, q[1] * s, q[2] * s, q[3] * s]
 }
 
@@ -664,7 +665,7 @@ pub fn placed(code: &PoseCode, anchor: &Anchor) -> Placement {
         let s = 1.0 / SMALL_STEPS;
         let small = [w[4] as f32 * s, w[5] as f32 * s, w[6] as f32 * s];
         let rest = 1.0 - dot(small, small);
-        let largest = if rest > 0.0 { rest.sqrt() } else { 0.0 };
+        let largest = portable::sqrt(rest);
         let [a, b, c] = small;
         let q = if w[3] == 0 {
             [largest, a, b, c]

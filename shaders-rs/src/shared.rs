@@ -1,6 +1,7 @@
 //! Constants, buffer layouts and maths that the shaders and the host share. The host compiles this
 //! file natively (`nvsprior::shared`), so nothing here may need the GPU.
 
+use crate::portable;
 #[cfg(target_arch = "spirv")]
 use spirv_std::num_traits::Float;
 
@@ -60,6 +61,10 @@ pub fn low_pass(antialiased: bool, factor: u32) -> [f32; 2] {
 }
 /// Alpha below this is skipped.
 pub const ALPHA_MIN: f32 = 1.0 / 255.0;
+/// log₂ of [`ALPHA_MIN`].
+pub const LOG_ALPHA_MIN: f32 = -7.994_353_4;
+/// log₂ of the opacity of a splat that shows nowhere.
+pub const NOWHERE: f32 = -1000.0;
 /// A pixel is finished before the splat that would bring its transmittance to this or below.
 pub const TRANSMITTANCE_STOP: f32 = 1e-4;
 /// Largest extent of a splat, standard deviations.
@@ -82,6 +87,8 @@ pub struct Params {
     pub focal: [f32; 2],
     /// Principal point, pixels.
     pub principal: [f32; 2],
+    /// Least and greatest x/z, then y/z, of the frustum and its margin: see [`frustum`].
+    pub frustum: [f32; 4],
     /// Background, linear RGB.
     pub background: [f32; 3],
     /// Near plane.
@@ -176,7 +183,7 @@ pub struct Counters {
 }
 
 /// A splat as seen from the camera, before anything of the picture is known.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 pub struct Projected {
     /// Mean, pixels.
     pub mean: [f32; 2],
@@ -184,10 +191,16 @@ pub struct Projected {
     pub conic: [f32; 3],
     /// Standard deviations along the picture's axes, pixels.
     pub sigma: [f32; 2],
-    /// Opacity, compensated where anti-aliased.
-    pub opacity: f32,
+    /// log₂ of the opacity, which is compensated if the prior is anti-aliased; [`NOWHERE`] if the splat is culled.
+    pub log_opacity: f32,
     /// Camera z.
     pub depth: f32,
+}
+
+impl Projected {
+    /// A splat that shows nowhere.
+    pub const CULLED: Projected =
+        Projected { mean: [0.0; 2], conic: [0.0; 3], sigma: [0.0; 2], log_opacity: NOWHERE, depth: 1.0 };
 }
 
 /// The larger of two; a NaN gives `b`.
@@ -224,18 +237,20 @@ pub fn transform(m: &[f32; 9], v: [f32; 3]) -> [f32; 3] {
     ]
 }
 
+/// [`Params::frustum`] along one axis, from a side's length, the focal length and the principal point.
+pub fn frustum(side: u32, focal: f32, principal: f32) -> [f32; 2] {
+    let (side, focal, principal) = (f64::from(side), f64::from(focal), f64::from(principal));
+    let margin = f64::from(FRUSTUM_MARGIN) * 0.5 * side / focal;
+    [(-principal / focal - margin) as f32, ((side - principal) / focal + margin) as f32]
+}
+
 /// The point where the projection is linearised: `(x/z, y/z)` limited to the frustum plus a margin
 /// (gsplat), and whether each was inside.
 pub fn clamped_ray(params: &Params, p: [f32; 3]) -> ([f32; 2], [bool; 2]) {
-    let inverse_z = 1.0 / p[2];
+    let inverse_z = portable::reciprocal(p[2]);
     let x = p[0] * inverse_z;
     let y = p[1] * inverse_z;
-    let margin_x = FRUSTUM_MARGIN * 0.5 * params.width as f32 / params.focal[0];
-    let margin_y = FRUSTUM_MARGIN * 0.5 * params.height as f32 / params.focal[1];
-    let low_x = -params.principal[0] / params.focal[0] - margin_x;
-    let low_y = -params.principal[1] / params.focal[1] - margin_y;
-    let high_x = (params.width as f32 - params.principal[0]) / params.focal[0] + margin_x;
-    let high_y = (params.height as f32 - params.principal[1]) / params.focal[1] + margin_y;
+    let [low_x, high_x, low_y, high_y] = params.frustum;
     let inside = [(x >= low_x) & (x <= high_x), (y >= low_y) & (y <= high_y)];
     ([clamp(x, low_x, high_x), clamp(y, low_y, high_y)], inside)
 }
@@ -248,8 +263,9 @@ pub fn projected_axes(
     ray: [f32; 2],
     axes: &[[f32; 3]; 3],
 ) -> ([f32; 3], [f32; 3]) {
-    let sx = params.focal[0] / z;
-    let sy = params.focal[1] / z;
+    let inverse_z = portable::reciprocal(z);
+    let sx = params.focal[0] * inverse_z;
+    let sy = params.focal[1] * inverse_z;
     let m0 = [
         sx * (axes[0][0] - ray[0] * axes[0][2]),
         sx * (axes[1][0] - ray[0] * axes[1][2]),
@@ -271,12 +287,17 @@ pub const WIDE: f32 = 1e6;
 /// needles longer than [`WIDE`], 1e15 times as long as wide, which are not drawn.
 pub const THIN: f32 = 1e-30;
 
+/// Longest component of a splat's projected axes.
+fn longest(m0: [f32; 3], m1: [f32; 3]) -> f32 {
+    let of = |m: [f32; 3]| max(m[0].abs(), max(m[1].abs(), m[2].abs()));
+    max(of(m0), of(m1))
+}
+
 /// What a splat's projected axes, and lengths in pixels with them, are multiplied by before anything
 /// of them is squared: 1 but for splats so wide that the covariance's determinant would overflow.
 pub fn shrinkage(m0: [f32; 3], m1: [f32; 3]) -> f32 {
-    let longest = |m: [f32; 3]| max(m[0].abs(), max(m[1].abs(), m[2].abs()));
-    let most = max(longest(m0), longest(m1));
-    if most > WIDE { 1.0 / most } else { 1.0 }
+    let most = longest(m0, m1);
+    if most > WIDE { portable::reciprocal(most) } else { 1.0 }
 }
 
 /// `v` times a number.
@@ -286,8 +307,9 @@ pub fn scaled(v: [f32; 3], by: f32) -> [f32; 3] {
 
 /// Factor `(l11, l21, l22)` of the inverse of a covariance `[[a, b], [b, c]]`.
 pub fn conic(b: f32, c: f32, det: f32) -> [f32; 3] {
-    let l11 = (c / det).sqrt();
-    [l11, -l11 * b / c, 1.0 / c.sqrt()]
+    let l22 = portable::inverse_sqrt(c);
+    let l11 = c * l22 * portable::inverse_sqrt(det);
+    [l11, -l11 * b * l22 * l22, l22]
 }
 
 /// Determinant of a 2D covariance with a low-pass on its diagonal, from those without.
@@ -295,18 +317,27 @@ pub fn dilated(det: f32, trace: f32, low_pass: f32) -> f32 {
     det + low_pass * trace + low_pass * low_pass
 }
 
-/// Projects a splat (Zwicker et al. 2001; Kerbl et al. 2023). `opacity` 0 in the result: culled.
+/// Depths, lengths of projected axes in pixels, and means in pixels beyond which a splat is culled: what follows from
+/// them stays within f32, and far from denormals.
+const DEPTHS: [f32; 2] = [1e-18, 1e18];
+const LONGEST: f32 = 1e30;
+const FURTHEST: f32 = 1e15;
+
+/// Projects a splat (Zwicker et al. 2001; Kerbl et al. 2023).
 ///
 /// The determinant comes as `|m0 × m1|² + 0.3 tr + 0.09` (Cauchy–Binet), and the conic as its
 /// triangular factor: neither cancels, however thin the splat. Splats too wide for f32 are projected
 /// at a smaller scale: see [`shrinkage`].
 pub fn project(params: &Params, p: [f32; 3], axes: &[[f32; 3]; 3], opacity: f32) -> Projected {
-    let mut out = Projected { depth: p[2], ..Default::default() };
-    if !(p[2] > params.near) {
-        return out;
+    let [nearest, farthest] = DEPTHS;
+    if !((p[2] > params.near) & (p[2] > nearest) & (p[2] < farthest)) {
+        return Projected::CULLED;
     }
     let (ray, _) = clamped_ray(params, p);
     let (m0, m1) = projected_axes(params, p[2], ray, axes);
+    if !(longest(m0, m1) < LONGEST) {
+        return Projected::CULLED;
+    }
     let s = shrinkage(m0, m1);
     let (m0, m1) = (scaled(m0, s), scaled(m1, s));
     let (a0, b, c0) = (dot(m0, m0), dot(m0, m1), dot(m1, m1));
@@ -315,43 +346,48 @@ pub fn project(params: &Params, p: [f32; 3], axes: &[[f32; 3]; 3], opacity: f32)
     let minors = cross(m0, m1);
     let det0 = dot(minors, minors);
     let det = dilated(det0, a0 + c0, low_pass);
-    let finite = (det > THIN) & (det < f32::MAX);
-    if !finite {
-        return out;
+    if !(det > THIN) {
+        return Projected::CULLED;
     }
     let mut alpha = opacity;
     if params.dilation_kept < params.dilation {
         let kept = dilated(det0, a0 + c0, params.dilation_kept * s * s);
-        alpha *= max(kept / det, RATIO_MIN).sqrt();
+        alpha *= portable::sqrt(max(kept * portable::reciprocal(det), RATIO_MIN));
     }
-    if !(alpha >= ALPHA_MIN) {
-        return out;
-    }
-    let inverse_z = 1.0 / p[2];
-    out.mean = [
+    let inverse_z = portable::reciprocal(p[2]);
+    let mean = [
         params.focal[0] * p[0] * inverse_z + params.principal[0],
         params.focal[1] * p[1] * inverse_z + params.principal[1],
     ];
-    out.conic = scaled(conic(b, c, det), s);
-    out.sigma = [a.sqrt() / s, c.sqrt() / s];
-    out.opacity = alpha;
-    out
+    let shown = (alpha >= ALPHA_MIN) & (mean[0].abs() < FURTHEST) & (mean[1].abs() < FURTHEST);
+    if !shown {
+        return Projected::CULLED;
+    }
+    let grown = portable::reciprocal(s);
+    Projected {
+        mean,
+        conic: scaled(conic(b, c, det), s),
+        sigma: [portable::sqrt(a) * grown, portable::sqrt(c) * grown],
+        log_opacity: portable::log2(alpha),
+        depth: p[2],
+    }
 }
 
-/// The first pixel distance, in standard deviations, at which alpha is below [`ALPHA_MIN`].
-pub fn extent(opacity: f32) -> f32 {
-    min((2.0 * (opacity / ALPHA_MIN).ln()).sqrt(), EXTENT_MAX)
+/// The squared distance, in standard deviations, at which alpha reaches [`ALPHA_MIN`].
+fn cut(log_opacity: f32) -> f32 {
+    2.0 * core::f32::consts::LN_2 * (log_opacity - LOG_ALPHA_MIN)
 }
 
 /// Tiles `[x0, y0, x1, y1)` that the splat's bounding box touches; empty where it misses the
 /// picture. Every limit is applied in floating point, before the conversion to integers.
 pub fn tile_box(params: &Params, s: &Projected) -> [u32; 4] {
-    let k = extent(s.opacity);
+    // Rounding may not leave a tile out that has a pixel in it.
+    let k = portable::sqrt(cut(s.log_opacity)) * 1.000_01;
     let tiles = [params.tiles_x as f32, params.tiles_y as f32];
     let scale = 1.0 / TILE as f32;
-    // Half a pixel each way: a box that reaches no pixel centre touches nothing, but rounding may.
-    let ex = k * s.sigma[0] + 0.5;
-    let ey = k * s.sigma[1] + 0.5;
+    // A pixel's index lies half a pixel before its centre; and the mean may be far off.
+    let ex = k * s.sigma[0] + 0.51 + 1e-6 * s.mean[0].abs();
+    let ey = k * s.sigma[1] + 0.51 + 1e-6 * s.mean[1].abs();
     [
         clamp(((s.mean[0] - ex) * scale).floor(), 0.0, tiles[0]) as u32,
         clamp(((s.mean[1] - ey) * scale).floor(), 0.0, tiles[1]) as u32,
@@ -378,10 +414,15 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// The cut has a margin for rounding.
-    pub fn new(s: &Projected) -> Outline {
+    /// The cut has a margin for rounding, here and in blending: stage `splat` must not find a pixel inside that lies
+    /// in no tile of the list.
+    pub fn new(params: &Params, s: &Projected) -> Outline {
         let [l11, l21, l22] = s.conic;
-        let cut = 2.0 * (s.opacity / ALPHA_MIN).ln() * 1.001 + 1e-2;
+        // The factor's two components are sums of products of this size.
+        let across = s.mean[0].abs() + (params.tiles_x * TILE) as f32;
+        let down = s.mean[1].abs() + (params.tiles_y * TILE) as f32;
+        let slack = 5e-7 * (l11 * across + (l21.abs() + l22) * down);
+        let cut = cut(s.log_opacity) * 1.001 + 1e-2 + slack * (8.0 + slack);
         let slope = -l21 / l11;
         // With Σ = Q⁻¹: Σyy = 1/l22², Σxy = slope · Σyy, Σxx = 1/l11² + slope · Σxy.
         let (yy, width) = (1.0 / (l22 * l22), 1.0 / l11);
@@ -392,7 +433,8 @@ impl Outline {
     /// Rows of tiles `[first, end)` of `count`, with a pixel centre at its height.
     pub fn rows(&self, count: u32) -> [u32; 2] {
         let height = self.cut.sqrt() / self.rise;
-        tiles_between(self.mean[1] - height, self.mean[1] + height, count)
+        let slack = 1e-6 * self.mean[1].abs();
+        tiles_between(self.mean[1] - height - slack, self.mean[1] + height + slack, count)
     }
 
     /// Tiles `[first, end)` of `count` in a row, with a point of the ellipse between their outermost
@@ -407,8 +449,13 @@ impl Outline {
             max(rest, 0.0).sqrt() * self.width
         };
         let middle = self.mean[0];
-        let first = middle + self.slope * left - half(left);
-        tiles_between(first, middle + self.slope * right + half(right), count)
+        let (left, right) = (
+            [self.slope * left, half(left)],
+            [self.slope * right, half(right)],
+        );
+        let slack = |[along, half]: [f32; 2]| 1e-6 * (middle.abs() + along.abs() + half);
+        let first = middle + left[0] - left[1] - slack(left);
+        tiles_between(first, middle + right[0] + right[1] + slack(right), count)
     }
 }
 
@@ -492,10 +539,13 @@ pub fn direction(params: &Params, position: [f32; 3]) -> ([f32; 3], f32) {
         position[2] - params.centre[2],
     ];
     // The square of a distance beyond 1e18 is beyond f32.
-    let s = if dot(v, v) < 1e36 { 1.0 } else { 1e-20 };
+    let s = if longest(v, v) < 1e18 { 1.0 } else { 1e-20 };
     let v = scaled(v, s);
-    let inverse = 1.0 / max(dot(v, v).sqrt(), 1e-20);
-    (scaled(v, inverse), inverse * s)
+    let inverse = portable::inverse_sqrt(max(dot(v, v), 1e-36));
+    let d = scaled(v, inverse);
+    // Products of three of them stay far from denormals.
+    let whole = |v: f32| if v.abs() > 1e-12 { v } else { 0.0 };
+    ([whole(d[0]), whole(d[1]), whole(d[2])], inverse * s)
 }
 
 /// Gradients of [`sh_basis`] with respect to `d`, taken as free coordinates.

@@ -2,14 +2,11 @@
 //! invocation draws a column of pixels, so that a splat's record is loaded once for all of them.
 
 use crate::list::{Column, LANES, List, Splat, largest, tell_cut};
-use crate::shared::{self, Counters, Params, TILE, TRANSMITTANCE_STOP, max};
+use crate::portable;
+use crate::shared::{self, Counters, LOG_ALPHA_MIN, Params, TILE, TRANSMITTANCE_STOP, max};
 use spirv_std::arch::IndexUnchecked;
 use spirv_std::glam::{UVec2, UVec3, Vec4};
-use spirv_std::num_traits::Float;
 use spirv_std::spirv;
-
-/// log₂ of [`ALPHA_MIN`](crate::shared::ALPHA_MIN).
-const CUT: f32 = -7.994_353_4;
 
 /// `f` of each of four.
 pub fn each(v: Vec4, f: impl Fn(f32) -> f32) -> Vec4 {
@@ -56,10 +53,12 @@ pub struct Hits {
 impl Hits {
     /// From log₂ of the alphas before the clamp.
     pub fn new(exponents: Vec4, clamp: Clamp) -> Hits {
-        let full = each(exponents, f32::exp2);
+        let full = each(exponents, portable::exp2);
         let held = each(full, |full| clamp.of(full));
         let alphas =
-            both(exponents, held, |exponent, alpha| if exponent >= CUT { alpha } else { 0.0 });
+            both(exponents, held, |exponent, alpha| {
+                if exponent >= LOG_ALPHA_MIN { alpha } else { 0.0 }
+            });
         Hits { full, alphas }
     }
 
@@ -178,15 +177,16 @@ pub fn splat(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] out: &mut [f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
 ) {
-    let [x, y] = first_pixel(group, lane);
     let range = range(params, ranges, group);
-    let list = List { records, pair_splats, end: range.y, centre: middle([x, y]) };
+    let list = List { records, pair_splats, end: range.y, centre: middle_of_tile(group) };
     let how = Blending { clamp: Clamp::new(params, clamp), depth: depth != 0 };
+    let x = (lane % TILE) as f32 - 3.5;
+    let y = (lane / TILE * shared::ROWS) as f32 - 3.5;
     let mut pixels = Four::EMPTY;
     let mut at = range.x;
     while at < range.y {
         let s = list.load(at);
-        pixels = pixels.blend(&s, &s.along(0.0), -1.5, how);
+        pixels = pixels.blend(&s, &s.along(x), y, how);
         at += 1;
         if pixels.transmittance() < 0.0 {
             break;
@@ -195,6 +195,7 @@ pub fn splat(
     if (at < range.y) & !(pixels.transmittance() < 0.0) {
         tell_cut(counters);
     }
+    let [x, y] = first_pixel(group, lane);
     pixels.store(params, out, x, y);
 }
 

@@ -3,13 +3,13 @@
 //! `dT ← (1 − α) dT − T dα`.
 
 use crate::list::tell_cut;
+use crate::portable;
 use crate::reduce::{Scratch, Sums};
 use crate::shared::{
-    ALPHA_MIN, Counters, DERIVATIVES, MASKED, Params, RECORD, TRANSMITTANCE_STOP,
+    Counters, DERIVATIVES, LOG_ALPHA_MIN, MASKED, Params, RECORD, TRANSMITTANCE_STOP,
 };
 use crate::splat::{Clamp, first_pixel};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4, Vec4Swizzles};
-use spirv_std::num_traits::Float;
 use spirv_std::spirv;
 
 /// A projected splat as its record holds it.
@@ -17,7 +17,7 @@ use spirv_std::spirv;
 struct Record {
     mean: [f32; 2],
     conic: [f32; 3],
-    opacity: f32,
+    log_opacity: f32,
     rgb: [f32; 3],
 }
 
@@ -25,7 +25,7 @@ impl Record {
     fn load(records: &[Vec4], splat: u32) -> Record {
         let at = (splat * RECORD) as usize;
         let (a, b, c) = (records[at], records[at + 1], records[at + 2]);
-        Record { mean: [a.x, a.y], conic: [a.z, a.w, b.x], opacity: b.y, rgb: [c.x, c.y, c.z] }
+        Record { mean: [a.x, a.y], conic: [a.z, a.w, b.x], log_opacity: b.y, rgb: [c.x, c.y, c.z] }
     }
 }
 
@@ -43,9 +43,10 @@ impl Hit {
     fn at(s: &Record, clamp: Clamp, dx: f32, dy: f32) -> Hit {
         let u = s.conic[0] * dx + s.conic[1] * dy;
         let w = s.conic[2] * dy;
-        let full = s.opacity * (-0.5 * (u * u + w * w)).exp();
+        let exponent = s.log_opacity - 0.5 * core::f32::consts::LOG2_E * (u * u + w * w);
+        let full = portable::exp2(exponent);
         let (clamped, alpha) = (clamp.holds(full), clamp.of(full));
-        Hit { alpha: if alpha >= ALPHA_MIN { alpha } else { 0.0 }, clamped, u, w }
+        Hit { alpha: if exponent >= LOG_ALPHA_MIN { alpha } else { 0.0 }, clamped, u, w }
     }
 }
 

@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 
 use crate::search::{Anchor, LEVELS, Placement};
-use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, low_pass};
+use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, frustum, low_pass};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose};
 
@@ -203,9 +203,12 @@ impl View {
 fn prototype(scene: &Scene, camera: &Camera, factor: u32, frame_offset: u32) -> Params {
     let options = &scene.options;
     let [dilation, dilation_kept] = low_pass(options.antialiased, factor);
+    let x = frustum(camera.width, camera.fx, camera.cx);
+    let y = frustum(camera.height, camera.fy, camera.cy);
     Params {
         focal: [camera.fx, camera.fy],
         principal: [camera.cx, camera.cy],
+        frustum: [x[0], x[1], y[0], y[1]],
         background: options.background,
         near: options.near,
         alpha_max: options.alpha_max,

@@ -41,7 +41,7 @@ fn assert_close(what: &str, splat: u32, got: f32, expected: f64, tolerance: f64)
 fn assert_record(record: &[f32; 12], s: &Projected) {
     let i = s.index;
     let close = |what, got, expected, tolerance| assert_close(what, i, got, expected, tolerance);
-    let [u, v, l11, l21, l22, opacity, sigma_x, sigma_y, r, g, b, z] = *record;
+    let [u, v, l11, l21, l22, log_opacity, sigma_x, sigma_y, r, g, b, z] = *record;
     close("u", u, s.mean.x, 1e-5 * s.mean.x.abs() + 1e-4);
     close("v", v, s.mean.y, 1e-5 * s.mean.y.abs() + 1e-4);
     let conic = s.conic;
@@ -52,7 +52,7 @@ fn assert_record(record: &[f32; 12], s: &Projected) {
     let deviations = [s.covariance.x_axis.x.sqrt(), s.covariance.y_axis.y.sqrt()];
     close("deviation along x", sigma_x, deviations[0], 1e-5 * deviations[0]);
     close("deviation along y", sigma_y, deviations[1], 1e-5 * deviations[1]);
-    close("opacity", opacity, s.opacity, 1e-4 * s.opacity);
+    close("opacity", log_opacity.exp2(), s.opacity, 1e-4 * s.opacity);
     for (value, expected) in [r, g, b].into_iter().zip(s.rgb) {
         close("colour", value, expected, 1e-5);
     }

@@ -11,6 +11,9 @@ use spirv_builder::{Capability, ModuleResult, ShaderPanicStrategy, SpirvBuilder,
 
 const TOOLCHAIN: &str = "nightly-2026-08-15";
 const TARGET: &str = "spirv-unknown-vulkan1.2";
+/// The modules of the final picture, whose bits are the same on every device: docs/portability.md.
+const PORTABLE: [&str; 6] =
+    ["decode_pose", "project", "project_lockstep", "quantize_rgb8", "splat", "splat_lockstep"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let check = match std::env::args().nth(1).as_deref() {
@@ -49,23 +52,49 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
     let mut modules = BTreeMap::new();
     for (entry, file) in files {
         let name = entry.rsplit("::").next().unwrap_or(&entry).to_owned();
-        validate(&file)?;
-        modules.insert(name, without_idle_capabilities(&fs::read(&file)?));
+        let mut spirv = without_idle_capabilities(&fs::read(&file)?);
+        if PORTABLE.contains(&name.as_str()) {
+            spirv = uncontracted(&spirv);
+        }
+        validate(&file.with_extension("checked.spv"), &spirv)?;
+        check_structures(&name, &spirv)?;
+        modules.insert(name, spirv);
     }
     Ok(modules)
 }
 
-/// Leaves out the capabilities of subgroup operations and of 64-bit integers where a module has none: a
-/// device need not have them for the modules that do without.
-fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
-    const HEADER: usize = 5;
-    const OP_CAPABILITY: u32 = 17;
-    const OP_TYPE_INT: u32 = 21;
-    const INT_64: u32 = 11;
-    let subgroup_operations = 333..=366;
-    let subgroup_capabilities = 61..=68;
-    let words: Vec<u32> =
-        spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
+/// Decorates every float operation `NoContraction`: a device may then neither fuse it with others nor exchange it
+/// for one that rounds otherwise. rust-gpu has no word for that.
+fn uncontracted(spirv: &[u8]) -> Vec<u8> {
+    const OP_DECORATE: u32 = 71;
+    const OP_MEMBER_DECORATE: u32 = 72;
+    const NO_CONTRACTION: u32 = 42;
+    // OpFNegate, OpFAdd, OpFSub, OpFMul, OpFDiv, OpFRem, OpFMod, OpVectorTimesScalar to OpDot.
+    let arithmetic = |op: u32| matches!(op, 127 | 129 | 131 | 133 | 136 | 140 | 141 | 142..=148);
+    let words = words(spirv);
+    let instructions = instructions(&words);
+    let decorates = |i: &&[u32]| matches!(i[0] & 0xffff, OP_DECORATE | OP_MEMBER_DECORATE);
+    let last = instructions.iter().rposition(|i| decorates(&i)).map_or(0, |at| at + 1);
+    let results = instructions.iter().filter(|i| arithmetic(i[0] & 0xffff)).map(|i| i[2]);
+    let decorations = results.flat_map(|id| [3 << 16 | OP_DECORATE, id, NO_CONTRACTION]);
+    let (before, after) = instructions.split_at(last);
+    let header = words[..HEADER].iter().copied();
+    let all = header
+        .chain(before.iter().flat_map(|i| i.iter().copied()))
+        .chain(decorations)
+        .chain(after.iter().flat_map(|i| i.iter().copied()));
+    all.flat_map(u32::to_le_bytes).collect()
+}
+
+/// Words of a module's header.
+const HEADER: usize = 5;
+
+fn words(spirv: &[u8]) -> Vec<u32> {
+    spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
+}
+
+/// The instructions behind the header.
+fn instructions(words: &[u32]) -> Vec<&[u32]> {
     let mut instructions = Vec::new();
     let mut at = HEADER;
     while at < words.len() {
@@ -73,6 +102,19 @@ fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
         instructions.push(&words[at..(at + count).min(words.len())]);
         at += count;
     }
+    instructions
+}
+
+/// Leaves out the capabilities of subgroup operations and of 64-bit integers where a module has none: a
+/// device need not have them for the modules that do without.
+fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
+    const OP_CAPABILITY: u32 = 17;
+    const OP_TYPE_INT: u32 = 21;
+    const INT_64: u32 = 11;
+    let subgroup_operations = 333..=366;
+    let subgroup_capabilities = 61..=68;
+    let words = words(spirv);
+    let instructions = instructions(&words);
     let subgroups = instructions.iter().any(|i| subgroup_operations.contains(&(i[0] & 0xffff)));
     let wide = instructions.iter().any(|i| i[0] & 0xffff == OP_TYPE_INT && i[2] == 64);
     let idle = |capability: u32| {
@@ -82,7 +124,22 @@ fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
     words[..HEADER].iter().chain(kept.flatten()).flat_map(|w| w.to_le_bytes()).collect()
 }
 
-fn validate(file: &Path) -> Result<(), Box<dyn Error>> {
+/// Refuses structures that hold pointers, such as closures with a buffer in them: SwiftShader crashes on them.
+fn check_structures(name: &str, spirv: &[u8]) -> Result<(), Box<dyn Error>> {
+    const OP_TYPE_STRUCT: u32 = 30;
+    const OP_TYPE_POINTER: u32 = 32;
+    let words = words(spirv);
+    let instructions = instructions(&words);
+    let of = |op: u32| instructions.iter().filter(move |i| i[0] & 0xffff == op);
+    let pointers: Vec<u32> = of(OP_TYPE_POINTER).map(|i| i[1]).collect();
+    match of(OP_TYPE_STRUCT).any(|i| i[2..].iter().any(|member| pointers.contains(member))) {
+        true => Err(format!("{name}: a structure or closure holds a reference").into()),
+        false => Ok(()),
+    }
+}
+
+fn validate(file: &Path, spirv: &[u8]) -> Result<(), Box<dyn Error>> {
+    fs::write(file, spirv)?;
     let status = Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(file).status()?;
     if status.success() { Ok(()) } else { Err(format!("spirv-val refuses {}", file.display()).into()) }
 }

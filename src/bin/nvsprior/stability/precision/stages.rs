@@ -106,7 +106,7 @@ fn projection(bench: &Bench, seen: &Seen) -> anyhow::Result<Vec<Errors>> {
     let width = f64::from(camera.width);
     let mean = of(&|r, s| (f64::from(r[0]) - s.mean.x).hypot(f64::from(r[1]) - s.mean.y) / width);
     let conic = of(&|r, s| ratio(r[2], s.factor[0]).max(ratio(r[4], s.factor[2])));
-    let opacity = of(&|r, s| ratio(r[5], s.opacity));
+    let opacity = of(&|r, s| ratio(r[5].exp2(), s.opacity));
     let colour = of(&|r, s| {
         let off = |k: usize| (f64::from(r[8 + k]) - s.rgb[k]).abs();
         off(0).max(off(1)).max(off(2))
