@@ -662,8 +662,8 @@ pub fn quantised(at: &Placement, anchor: &Anchor, profile: u32) -> PoseCode {
 pub fn placed(code: &PoseCode, anchor: &Anchor) -> Placement {
     let w = &code.words;
     if code.profile == COMPACT {
-        let s = 1.0 / SMALL_STEPS;
-        let small = [w[4] as f32 * s, w[5] as f32 * s, w[6] as f32 * s];
+        const STEP: f32 = 1.0 / SMALL_STEPS;
+        let small = [w[4] as f32 * STEP, w[5] as f32 * STEP, w[6] as f32 * STEP];
         let rest = 1.0 - dot(small, small);
         let largest = portable::sqrt(rest);
         let [a, b, c] = small;

@@ -199,8 +199,13 @@ pub struct Projected {
 
 impl Projected {
     /// A splat that shows nowhere.
-    pub const CULLED: Projected =
-        Projected { mean: [0.0; 2], conic: [0.0; 3], sigma: [0.0; 2], log_opacity: NOWHERE, depth: 1.0 };
+    pub const CULLED: Projected = Projected {
+        mean: [0.0; 2],
+        conic: [0.0; 3],
+        sigma: [0.0; 2],
+        log_opacity: NOWHERE,
+        depth: 1.0,
+    };
 }
 
 /// The larger of two; a NaN gives `b`.
@@ -384,15 +389,15 @@ pub fn tile_box(params: &Params, s: &Projected) -> [u32; 4] {
     // Rounding may not leave a tile out that has a pixel in it.
     let k = portable::sqrt(cut(s.log_opacity)) * 1.000_01;
     let tiles = [params.tiles_x as f32, params.tiles_y as f32];
-    let scale = 1.0 / TILE as f32;
+    const SCALE: f32 = 1.0 / TILE as f32;
     // A pixel's index lies half a pixel before its centre; and the mean may be far off.
     let ex = k * s.sigma[0] + 0.51 + 1e-6 * s.mean[0].abs();
     let ey = k * s.sigma[1] + 0.51 + 1e-6 * s.mean[1].abs();
     [
-        clamp(((s.mean[0] - ex) * scale).floor(), 0.0, tiles[0]) as u32,
-        clamp(((s.mean[1] - ey) * scale).floor(), 0.0, tiles[1]) as u32,
-        clamp(((s.mean[0] + ex) * scale).floor() + 1.0, 0.0, tiles[0]) as u32,
-        clamp(((s.mean[1] + ey) * scale).floor() + 1.0, 0.0, tiles[1]) as u32,
+        clamp(((s.mean[0] - ex) * SCALE).floor(), 0.0, tiles[0]) as u32,
+        clamp(((s.mean[1] - ey) * SCALE).floor(), 0.0, tiles[1]) as u32,
+        clamp(((s.mean[0] + ex) * SCALE).floor() + 1.0, 0.0, tiles[0]) as u32,
+        clamp(((s.mean[1] + ey) * SCALE).floor() + 1.0, 0.0, tiles[1]) as u32,
     ]
 }
 
@@ -449,10 +454,7 @@ impl Outline {
             max(rest, 0.0).sqrt() * self.width
         };
         let middle = self.mean[0];
-        let (left, right) = (
-            [self.slope * left, half(left)],
-            [self.slope * right, half(right)],
-        );
+        let (left, right) = ([self.slope * left, half(left)], [self.slope * right, half(right)]);
         let slack = |[along, half]: [f32; 2]| 1e-6 * (middle.abs() + along.abs() + half);
         let first = middle + left[0] - left[1] - slack(left);
         tiles_between(first, middle + right[0] + right[1] + slack(right), count)

@@ -150,7 +150,7 @@ impl Splats {
 
     /// Opacity of splat `index`, from its logit.
     pub fn opacity(&self, index: usize) -> f64 {
-        1.0 / (1.0 + (-f64::from(self.opacity_logits[index])).exp())
+        1.0 / (1.0 + libm::exp(-f64::from(self.opacity_logits[index])))
     }
 
     /// The splats that `kept` names, in their order.

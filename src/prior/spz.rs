@@ -153,7 +153,7 @@ impl Header {
 
 /// The logit of an opacity: infinite at 0 and 1.
 pub(super) fn logit(opacity: f64) -> f32 {
-    (opacity / (1.0 - opacity)).ln() as f32
+    libm::log(opacity / (1.0 - opacity)) as f32
 }
 
 /// A quaternion (w, x, y, z) of three or four bytes.

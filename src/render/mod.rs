@@ -4,6 +4,7 @@
 mod binning;
 #[cfg(feature = "cli")]
 pub mod ceilings;
+pub mod definition;
 mod frame;
 mod kernels;
 mod light;

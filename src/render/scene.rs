@@ -33,15 +33,16 @@ impl Scene {
         analysis: PriorAnalysis,
         kernels: Arc<SceneKernels>,
     ) -> Result<Scene, Error> {
-        let (splats, count) = (prior.splats(), analysis.splats.len());
+        let count = analysis.splats.len();
         let named = format!("splats of degree {}", analysis.sh_degree);
         let room = Error::with_room_for(most_splats(device, analysis.sh_degree), &named);
         check_workgroups(device, count).map_err(&room)?;
         let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
+        let Planes { geometry, sh } = Planes::of(prior, &analysis);
         Ok(Scene {
             kernels,
-            geometry: upload("geometry", &geometry(splats, &analysis.splats, centre(prior)))?,
-            sh: upload("spherical harmonics", &sh_planes(splats, &analysis))?,
+            geometry: upload("geometry", &geometry)?,
+            sh: upload("spherical harmonics", &sh)?,
             splats: count as u32,
             options: *prior.options(),
             analysis,
@@ -109,7 +110,7 @@ fn check_workgroups(device: &Device, splats: usize) -> Result<(), Error> {
 pub(crate) fn scaled_axes(splats: &Splats, i: usize) -> DMat3 {
     let [w, x, y, z] = splats.unit_rotation(i).map(f64::from);
     let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
-    let scale = splats.log_scales[i].map(|s| f64::from(s).exp());
+    let scale = splats.log_scales[i].map(|s| libm::exp(f64::from(s)));
     DMat3::from_cols(
         rotation.x_axis * scale[0],
         rotation.y_axis * scale[1],
@@ -117,7 +118,26 @@ pub(crate) fn scaled_axes(splats: &Splats, i: usize) -> DMat3 {
     )
 }
 
-fn centre(prior: &Prior) -> DVec3 {
+/// What the device holds of a prior's splats, in planes of a pair of floats per splat.
+pub(super) struct Planes {
+    /// See [`GEOMETRY_PLANES`].
+    pub geometry: Vec<f32>,
+    /// See [`shared::sh_planes`].
+    pub sh: Vec<f32>,
+}
+
+impl Planes {
+    pub fn of(prior: &Prior, analysis: &PriorAnalysis) -> Planes {
+        let splats = prior.splats();
+        Planes {
+            geometry: geometry(splats, &analysis.splats, centre(prior)),
+            sh: sh_planes(splats, analysis),
+        }
+    }
+}
+
+/// What the device's positions are relative to.
+pub(super) fn centre(prior: &Prior) -> DVec3 {
     DVec3::from(prior.frame().centre.map(f64::from))
 }
 

@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use crate::search::{Anchor, LEVELS, Placement};
 use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, frustum, low_pass};
 use crate::vulkan::{Buffer, Device, Error, Memory};
-use crate::{Camera, Pose};
+use crate::{Camera, Pose, RenderOptions};
 
 use super::binning::{self, Binning};
 use super::{Scene, kernels};
@@ -113,7 +113,7 @@ impl View {
         for &factor in factors.iter().take(LEVELS) {
             let camera = camera.reduced(factor);
             if camera.width > 0 && camera.height > 0 {
-                let params = prototype(scene, &camera, factor, floats);
+                let params = prototype(&scene.options, scene.splats, &camera, factor, floats);
                 floats += 3 * camera.pixels() as u32;
                 levels.push(Level { camera, factor, params });
             }
@@ -168,14 +168,8 @@ impl View {
 
     /// Asks for a level at a pose, with room for so many pairs.
     pub fn ask(&mut self, scene: &Scene, level: usize, pair_capacity: u32, pose: &Pose) {
-        // Each from the f64 pose, rounded once.
-        let params = Params {
-            pair_capacity,
-            rotation: pose.matrix().transpose().to_cols_array().map(|v| v as f32),
-            translation: placement(scene, pose).translation,
-            centre: (pose.centre() - scene.centre()).to_array().map(|v| v as f32),
-            ..self.levels[level].params
-        };
+        let params =
+            Params { pair_capacity, ..posed(&self.levels[level].params, scene.centre(), pose) };
         self.params_asked.write(&[params]);
         self.groups_asked.write(&[[Groups::of(&params); 2]]);
     }
@@ -200,8 +194,13 @@ impl View {
 }
 
 /// What the stages are told of a level, but for the pose and the room for pairs.
-fn prototype(scene: &Scene, camera: &Camera, factor: u32, frame_offset: u32) -> Params {
-    let options = &scene.options;
+pub(super) fn prototype(
+    options: &RenderOptions,
+    splats: u32,
+    camera: &Camera,
+    factor: u32,
+    frame_offset: u32,
+) -> Params {
     let [dilation, dilation_kept] = low_pass(options.antialiased, factor);
     let x = frustum(camera.width, camera.fx, camera.cx);
     let y = frustum(camera.height, camera.fy, camera.cy);
@@ -218,15 +217,29 @@ fn prototype(scene: &Scene, camera: &Camera, factor: u32, frame_offset: u32) -> 
         height: camera.height,
         tiles_x: camera.width.div_ceil(TILE),
         tiles_y: camera.height.div_ceil(TILE),
-        splats: scene.splats,
+        splats,
         frame_offset,
         ..Params::zeroed()
     }
 }
 
+/// The parameters at a pose, each from f64 and rounded once. `centre` is what the device's positions are relative to.
+pub(super) fn posed(params: &Params, centre: DVec3, pose: &Pose) -> Params {
+    Params {
+        rotation: pose.matrix().transpose().to_cols_array().map(|v| v as f32),
+        translation: placement_from(centre, pose).translation,
+        centre: (pose.centre() - centre).to_array().map(|v| v as f32),
+        ..*params
+    }
+}
+
 /// A pose as the device holds it: of points relative to the prior's centre.
 pub(crate) fn placement(scene: &Scene, pose: &Pose) -> Placement {
-    let translation = pose.translation + pose.rotation * scene.centre();
+    placement_from(scene.centre(), pose)
+}
+
+fn placement_from(centre: DVec3, pose: &Pose) -> Placement {
+    let translation = pose.translation + pose.rotation * centre;
     Placement {
         rotation: pose.wxyz().map(|v| v as f32),
         translation: translation.to_array().map(|v| v as f32),

@@ -39,6 +39,8 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
         .deny_warnings(false)
         .spirv_metadata(SpirvMetadata::None)
         .shader_panic_strategy(ShaderPanicStrategy::SilentExit)
+        // The optimiser makes products and sums `Fma`, unless they are decorated: it is run afterwards.
+        .extra_arg("--no-spirv-opt")
         .capability(Capability::VulkanMemoryModel)
         .capability(Capability::Int64)
         .capability(Capability::GroupNonUniform)
@@ -52,11 +54,13 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
     let mut modules = BTreeMap::new();
     for (entry, file) in files {
         let name = entry.rsplit("::").next().unwrap_or(&entry).to_owned();
-        let mut spirv = without_idle_capabilities(&fs::read(&file)?);
+        let mut spirv = fs::read(&file)?;
         if PORTABLE.contains(&name.as_str()) {
             spirv = uncontracted(&spirv);
         }
-        validate(&file.with_extension("checked.spv"), &spirv)?;
+        let file = file.with_extension("optimised.spv");
+        let spirv = without_idle_capabilities(&optimised(&file, &spirv)?);
+        validate(&file, &spirv)?;
         check_structures(&name, &spirv)?;
         modules.insert(name, spirv);
     }
@@ -136,6 +140,17 @@ fn check_structures(name: &str, spirv: &[u8]) -> Result<(), Box<dyn Error>> {
         true => Err(format!("{name}: a structure or closure holds a reference").into()),
         false => Ok(()),
     }
+}
+
+/// What rust-gpu would have had optimised.
+fn optimised(file: &Path, spirv: &[u8]) -> Result<Vec<u8>, Box<dyn Error>> {
+    fs::write(file, spirv)?;
+    let passes = ["--target-env=vulkan1.2", "--eliminate-dead-const", "--strip-debug", "-O"];
+    let status = Command::new("spirv-opt").args(passes).arg(file).arg("-o").arg(file).status()?;
+    if !status.success() {
+        return Err(format!("spirv-opt fails at {}", file.display()).into());
+    }
+    Ok(fs::read(file)?)
 }
 
 fn validate(file: &Path, spirv: &[u8]) -> Result<(), Box<dyn Error>> {

@@ -18,6 +18,7 @@ mod sheet;
 mod stability;
 mod summary;
 mod trim;
+mod verify_device;
 mod view_set;
 
 use std::process::ExitCode;
@@ -49,6 +50,7 @@ enum Command {
     Bench(bench::Args),
     Demo(demo::Args),
     Stability(stability::Args),
+    VerifyDevice(verify_device::Args),
 }
 
 fn main() -> ExitCode {
@@ -64,12 +66,15 @@ fn main() -> ExitCode {
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Stability(args) => stability::run(&args),
+        Command::VerifyDevice(args) => return report(verify_device::run(&args)),
     };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("nvsprior: {error:#}");
-            ExitCode::FAILURE
-        }
-    }
+    report(result.map(|()| ExitCode::SUCCESS))
+}
+
+/// The exit code; names what failed.
+fn report(result: anyhow::Result<ExitCode>) -> ExitCode {
+    result.unwrap_or_else(|error| {
+        eprintln!("nvsprior: {error:#}");
+        ExitCode::FAILURE
+    })
 }

@@ -19,6 +19,7 @@ mod scenes;
 mod splats;
 mod units;
 
+pub use extremes::Extreme;
 use std::path::PathBuf;
 use std::time::Instant;
 
