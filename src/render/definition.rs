@@ -179,7 +179,8 @@ fn pair(planes: &[f32], i: u32) -> [f32; 2] {
 /// Columns and rows of tiles in which a splat may show: its box, wider by far than rounding needs.
 fn reach(params: &Params, r: &Record) -> [std::ops::Range<u32>; 2] {
     let [l11, l21, l22] = r.conic.map(f64::from);
-    let cut = 2.0 * std::f64::consts::LN_2 * f64::from(r.log_opacity - LOG_ALPHA_MIN);
+    // Rounding makes a splat that is just at the cut show as far as its exponent's last bit does not change.
+    let cut = 2.0 * std::f64::consts::LN_2 * f64::from(r.log_opacity - LOG_ALPHA_MIN) + 0.1;
     // The covariance is the inverse of L Lᵀ.
     let sigma_y = 1.0 / l22;
     let sigma_x = (1.0 + (l21 / l22).powi(2)).sqrt() / l11;
