@@ -18,7 +18,7 @@ help:
 	@echo "make firmware       the C library at its smallest; prints sizes"
 	@echo "make package-test   programs against the installed library, shared and static"
 	@echo "make cross-aarch64  the same for 64-bit ARM, under QEMU: docs/cross-build.md"
-	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/spv from their Rust sources"
+	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
 
 demo:
@@ -27,15 +27,15 @@ demo:
 
 test:
 	@scripts/setup.sh run test
-	cargo test
+	cargo test --workspace
 
 c-test:
 	@scripts/setup.sh run lib c
 	scripts/c-test.sh full
 
 lint:
-	cargo fmt --check
-	cargo clippy --all-targets -- -D warnings
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets -- -D warnings
 
 lib:
 	@scripts/setup.sh lib

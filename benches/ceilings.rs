@@ -23,6 +23,7 @@ use nvsprior::vulkan::{
     Timing,
 };
 use nvsprior::{Camera, Engine, Pose, Prior};
+use nvsprior_kernels::modules::{self, Module};
 
 use model::{Counts, Machine};
 
@@ -37,37 +38,34 @@ const PICTURE_FLOPS: f64 = 4.0 + 14.0 + 2.0 + 4.0 + 8.0;
 /// twelve sums 24, the transmittance's 4.
 const FLOW_FLOPS: f64 = PICTURE_FLOPS - 2.0 + 4.0 + 6.0 + 1.0 + 8.0 + 24.0 + 4.0;
 
-macro_rules! ours {
-    ($file:literal, $name:literal) => {
-        Source {
-            name: $name,
-            entry: concat!($file, "::", $name),
-            spirv: include_bytes!(concat!("../shaders-rs/spv/", $name, ".spv")),
-        }
-    };
-}
-
+/// A stage by hand in GLSL, built by `glsl/build.sh`.
 macro_rules! glsl {
     ($name:literal) => {
         Source {
             name: concat!($name, " in GLSL"),
-            entry: "main",
-            spirv: include_bytes!(concat!("glsl/", $name, ".spv")),
+            module: Module {
+                entry: "main",
+                spirv: include_bytes!(concat!("glsl/", $name, ".spv")),
+            },
         }
     };
 }
 
 struct Source {
     name: &'static str,
-    entry: &'static str,
-    spirv: &'static [u8],
+    module: Module,
 }
 
 impl Source {
+    /// A stage of the library.
+    fn ours(module: Module) -> Source {
+        Source { name: module.entry, module }
+    }
+
     fn kernel(&self, device: &Device, bindings: u32, push: u32) -> Result<Kernel, Error> {
-        let Source { name, entry, spirv } = *self;
+        let Module { entry, spirv } = self.module;
         let code = Code { entry, spirv, bindings, push_words: push, constants: &[] };
-        Kernel::new(device, name, &code)
+        Kernel::new(device, self.name, &code)
     }
 }
 
@@ -235,8 +233,8 @@ fn blending(device: &Device, view: &View, best: &mut Best) -> Result<(), Error> 
         recorder.finish()
     };
     let (splat, flow) = match device.info().in_lockstep() {
-        true => (ours!("splat", "splat_lockstep"), ours!("splat_flow", "splat_flow_lockstep")),
-        false => (ours!("splat", "splat"), ours!("splat_flow", "splat_flow")),
+        true => (Source::ours(modules::splat_lockstep), Source::ours(modules::splat_flow_lockstep)),
+        false => (Source::ours(modules::splat), Source::ours(modules::splat_flow)),
     };
     let sums = [&params, &ranges, &pairs, &records, &frame, &partials];
     let drawn = [&params, &ranges, &pairs, &records, &image];
@@ -336,14 +334,14 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
     let orders = [order()?, order()?];
     let stages = match device.info().in_lockstep() {
         true => [
-            ours!("radix", "radix_count_lockstep"),
-            ours!("radix", "radix_scan_lockstep"),
-            ours!("radix", "radix_scatter_lockstep"),
+            Source::ours(modules::radix_count_lockstep),
+            Source::ours(modules::radix_scan_lockstep),
+            Source::ours(modules::radix_scatter_lockstep),
         ],
         false => [
-            ours!("radix", "radix_count"),
-            ours!("radix", "radix_scan"),
-            ours!("radix", "radix_scatter"),
+            Source::ours(modules::radix_count),
+            Source::ours(modules::radix_scan),
+            Source::ours(modules::radix_scatter),
         ],
     };
     let mut commands = vec![sort.record(stages, &orders[0])?];
@@ -379,7 +377,7 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
 fn dispatch_seconds(device: &Device) -> Result<f64, Error> {
     let params = Buffer::from_slice(device, "parameters", &[Params::default()])?;
     let none = Buffer::new::<f32>(device, "nothing", 1, Memory::Device)?;
-    let kernel = ours!("quantize_rgb8", "quantize_rgb8").kernel(device, 3, 0)?;
+    let kernel = Source::ours(modules::quantize_rgb8).kernel(device, 3, 0)?;
     let mut best = f64::INFINITY;
     for _ in 0..RUNS {
         let mut recorder = Recorder::new(device, Timing::Stages)?;

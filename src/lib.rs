@@ -56,13 +56,10 @@ mod encoder;
 mod engine;
 mod error;
 mod pipeline;
-/// The search for a pose, as the device runs it.
-#[path = "../shaders-rs/src/search.rs"]
-pub mod search;
-/// Constants, layouts and maths that shaders and host share.
-#[path = "../shaders-rs/src/shared.rs"]
-pub mod shared;
 mod tracked_frame;
+
+#[doc(no_inline)]
+pub use nvsprior_kernels::{search, shared};
 
 pub use camera::Camera;
 pub use decoder::{Decoded, Decoder, Trust};

@@ -1,4 +1,4 @@
-// As `Params` in shaders-rs/src/shared.rs: scalars one after the other.
+// As `Params` in shaders-rs/kernels/src/shared.rs: scalars one after the other.
 struct Params {
     float rotation[9];
     float translation[3];

@@ -1,4 +1,4 @@
-// What the stages of the radix sort share, as in shaders-rs/src/shared.rs, radix.rs and lanes.rs.
+// What the stages of the radix sort share, as in `shared.rs`, `radix.rs` and `lanes.rs` below shaders-rs.
 const uint DIGITS = 3;
 const uint TABLE = 2048;
 const uint CULLED = 0xffffffff;

@@ -1,6 +1,8 @@
 //! What a device can do at best, measured: the rate of multiply-adds in registers and that of copying
 //! words. Stages are reported as shares of these.
 
+use nvsprior_kernels::modules::{self, Module};
+
 use crate::shared::{CEILING_CHAINS, CEILING_STEPS, CEILING_TURNS};
 use crate::vulkan::{Buffer, Code, Device, Error, Kernel, Memory, Recorder, Timing};
 
@@ -33,8 +35,7 @@ pub fn measure(device: &Device) -> Result<Ceilings, Error> {
 
 /// Seconds of the arithmetic kernel.
 fn arithmetic(device: &Device) -> Result<f64, Error> {
-    let spirv = include_bytes!("../../shaders-rs/spv/ceiling_arithmetic.spv");
-    let kernel = kernel(device, "ceiling_arithmetic", "ceilings::ceiling_arithmetic", spirv)?;
+    let kernel = kernel(device, "ceiling_arithmetic", &modules::ceiling_arithmetic)?;
     let offset = Buffer::from_slice(device, "offset", &[0.1f32])?;
     let out = Buffer::new::<f32>(device, "chains", CHAINED, Memory::Device)?;
     fastest(device, &kernel, &[&offset, &out], CHAINED)
@@ -42,14 +43,14 @@ fn arithmetic(device: &Device) -> Result<f64, Error> {
 
 /// Seconds of the copy kernel.
 fn copy(device: &Device) -> Result<f64, Error> {
-    let spirv = include_bytes!("../../shaders-rs/spv/ceiling_copy.spv");
-    let kernel = kernel(device, "ceiling_copy", "ceilings::ceiling_copy", spirv)?;
+    let kernel = kernel(device, "ceiling_copy", &modules::ceiling_copy)?;
     let from = Buffer::new::<u32>(device, "words", WORDS, Memory::Device)?;
     let to = Buffer::new::<u32>(device, "copied words", WORDS, Memory::Device)?;
     fastest(device, &kernel, &[&from, &to], WORDS)
 }
 
-fn kernel(device: &Device, name: &'static str, entry: &str, spirv: &[u8]) -> Result<Kernel, Error> {
+fn kernel(device: &Device, name: &'static str, module: &Module) -> Result<Kernel, Error> {
+    let &Module { entry, spirv } = module;
     Kernel::new(device, name, &Code { entry, spirv, bindings: 2, push_words: 0, constants: &[] })
 }
 

@@ -1,10 +1,9 @@
 //! The GPU stages of nvsprior, in Rust by rust-gpu. Passes of one algorithm (`radix`, `bin`) share a file; every
-//! other stage has its own. The f64 twins in `src/reference/` have the same names.
+//! other stage has its own. The f64 twins in `tools/reference` have the same names.
 #![no_std]
 #![cfg_attr(target_arch = "spirv", feature(asm_experimental_arch))]
 
-pub mod search;
-pub mod shared;
+pub use nvsprior_kernels::{search, shared};
 
 pub mod bin;
 pub mod ceilings;

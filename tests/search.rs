@@ -3,10 +3,14 @@
 use bytemuck::Zeroable;
 use glam::DVec3;
 
-use super::*;
-use crate::Pose;
-use crate::packet::{PoseProfile, QuantisedPose};
-use crate::prior::PriorFrame;
+use nvsprior::Pose;
+use nvsprior::packet::{PoseProfile, QuantisedPose};
+use nvsprior::prior::PriorFrame;
+use nvsprior_kernels::search::{
+    Anchor, COMPACT, PAPER, Placement, Program, SEARCHING, SQUARE, STARTS, STOP_NO_DESCENT,
+    STOP_RENDERS, Search, advance, begin, damped_step, placed, quantised, stepped, upper,
+};
+use nvsprior_kernels::shared::SUMS;
 
 /// The six rows of a Jacobian, its columns scaled.
 fn rows(scale: [f64; 6]) -> [[f64; 6]; 6] {

@@ -1,7 +1,6 @@
 //! The search for a frame's pose: Gauss–Newton with Levenberg–Marquardt damping (Marquardt 1963; the
 //! damping's update after Nielsen 1999), from the pyramid's coarse levels to the full picture. Stage
-//! `solve` calls [`advance`] once an evaluation, on one invocation; the host compiles this file for
-//! its tests and for the layouts.
+//! `solve` calls [`advance`] once per evaluation, on one invocation. The host uses the layouts and the pose code.
 //!
 //! Poses are held against the prior's own centre, so that f32 does where the prior lies far from
 //! its origin.
@@ -145,7 +144,7 @@ pub struct Search {
 }
 
 /// Index of Σ r² in the sums.
-const SQUARE: usize = SUMS as usize - 1;
+pub const SQUARE: usize = SUMS as usize - 1;
 
 /// Goes to the first evaluation.
 pub fn begin(s: &mut Search) {
@@ -337,7 +336,7 @@ pub struct Step {
 }
 
 /// Place of row `i`, column `j` (`i <= j`) in the upper triangle, row by row.
-fn upper(i: usize, j: usize) -> usize {
+pub fn upper(i: usize, j: usize) -> usize {
     i * 6 - i * (i + 1) / 2 + j
 }
 
@@ -689,7 +688,3 @@ pub fn placed(code: &PoseCode, anchor: &Anchor) -> Placement {
         translation: [float(w[0]) + moved[0], float(w[1]) + moved[1], float(w[2]) + moved[2]],
     }
 }
-
-#[cfg(test)]
-#[path = "search_tests.rs"]
-mod tests;

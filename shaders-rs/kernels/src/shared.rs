@@ -1,5 +1,4 @@
-//! Constants, buffer layouts and maths that the shaders and the host share. The host compiles this
-//! file natively (`nvsprior::shared`), so nothing here may need the GPU.
+//! Constants, buffer layouts and maths that the shaders and the host share; nothing here may need the GPU.
 
 #[cfg(target_arch = "spirv")]
 use spirv_std::num_traits::Float;

@@ -4,8 +4,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders-rs")
+use nvsprior_kernels::modules::ALL;
+
+/// The folder of this package.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
 fn manifest() -> serde_json::Value {
@@ -18,11 +21,18 @@ fn modules() -> Vec<String> {
     names.iter().map(|name| name.as_str().unwrap().to_owned()).collect()
 }
 
-/// FNV-1a, 64 bits, of the sources in the order of their names, as `make shaders` writes it.
-fn source_hash() -> String {
-    let mut files: Vec<PathBuf> =
-        fs::read_dir(root().join("src")).unwrap().map(|e| e.unwrap().path()).collect();
+/// The sources in the order of their names, those of this package first.
+fn sources() -> Vec<PathBuf> {
+    let folders = [root().join("src"), root().with_file_name("stages").join("src")];
+    let files = folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap());
+    let mut files: Vec<PathBuf> = files.map(|entry| entry.unwrap().path()).collect();
     files.sort();
+    files
+}
+
+/// FNV-1a, 64 bits, of the sources, as `make shaders` writes it.
+fn source_hash() -> String {
+    let files = sources();
     let bytes = files.iter().flat_map(|file| fs::read(file).unwrap());
     let hash = bytes.fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
@@ -35,7 +45,7 @@ fn modules_were_built_from_these_sources() {
     assert_eq!(
         manifest()["sources_fnv1a64"].as_str().unwrap(),
         source_hash(),
-        "shaders-rs/src changed and its modules were not rebuilt: run `make shaders`"
+        "the shaders' sources changed and its modules were not rebuilt: run `make shaders`"
     );
 }
 
@@ -49,7 +59,10 @@ fn manifest_lists_what_is_there() {
         .collect();
     files.sort();
     assert_eq!(files, modules());
-    let toolchain = fs::read_to_string(root().join("rust-toolchain.toml")).unwrap();
+    let mut built_in: Vec<&str> = ALL.iter().filter_map(|m| m.entry.rsplit("::").next()).collect();
+    built_in.sort();
+    assert_eq!(built_in, modules());
+    let toolchain = fs::read_to_string(root().with_file_name("rust-toolchain.toml")).unwrap();
     assert!(toolchain.contains(manifest()["toolchain"].as_str().unwrap()));
 }
 
