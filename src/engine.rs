@@ -3,8 +3,6 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::prior::analysis::PriorAnalysis;
-#[cfg(feature = "cli")]
-use crate::render::ceilings::{self, Ceilings};
 use crate::render::{Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels};
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
@@ -33,10 +31,9 @@ impl Engine {
         self.device.info()
     }
 
-    /// Measures what the device can do at best. Takes a few tenths of a second on a CPU.
-    #[cfg(feature = "cli")]
-    pub fn ceilings(&self) -> Result<Ceilings, Error> {
-        ceilings::measure(&self.device)
+    /// The device itself, for kernels of one's own.
+    pub fn vulkan(&self) -> &Device {
+        &self.device
     }
 
     /// Device memory in use.

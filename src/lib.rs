@@ -23,8 +23,7 @@
 //! ```
 //!
 //! The layers, each knowing only those to its right: encoder/decoder → [`refine`], [`residual`],
-//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of
-//! every GPU stage. [`modem`] cuts packets into frames and knows nothing else.
+//! [`packet`] → [`render`] → [`vulkan`]. [`modem`] cuts packets into frames and knows nothing else.
 
 #![deny(unsafe_code)]
 
@@ -34,20 +33,15 @@ pub mod camera;
 // With `vulkan` and `residual::libwebp` the only places; each block says why it is sound.
 pub mod capi;
 pub mod image;
-#[cfg(feature = "mapping")]
-pub mod mapping;
 pub mod modem;
 pub mod packet;
 pub mod picture;
 pub mod pose;
 pub mod prior;
 pub mod random;
-#[cfg(feature = "reference")]
-pub mod reference;
 pub mod refine;
 pub mod render;
 pub mod residual;
-pub mod study;
 #[allow(unsafe_code)]
 pub mod vulkan;
 
@@ -58,8 +52,7 @@ mod error;
 mod pipeline;
 mod tracked_frame;
 
-#[doc(no_inline)]
-pub use nvsprior_kernels::{search, shared};
+use nvsprior_kernels::{search, shared};
 
 pub use camera::Camera;
 pub use decoder::{Decoded, Decoder, Trust};
