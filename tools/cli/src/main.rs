@@ -27,7 +27,7 @@ use nvsprior_lab::{bench, stability};
 ///
 /// Exit codes: 0 done, 1 something failed (named on standard error), 2 wrong usage.
 #[derive(Parser)]
-#[command(version, max_term_width = 100)]
+#[command(name = "nvsprior", version, max_term_width = 100)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

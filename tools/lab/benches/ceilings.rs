@@ -4,12 +4,9 @@
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;
-#[path = "ceilings/model.rs"]
-mod model;
 #[path = "../../../tests/scene/mod.rs"]
 mod scene;
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use nvsprior::render::probe::{self, SortPrecision, Stages};
@@ -20,23 +17,15 @@ use nvsprior::vulkan::{
 };
 use nvsprior::{Camera, Engine, Pose, Prior};
 use nvsprior_kernels::modules::{self, Module};
-use nvsprior_kernels::shared::{
-    self, CULLED, Counters, DIGITS, Outline, PIXEL, Params, Projected, SUMS, TABLE, TILE,
-};
+use nvsprior_kernels::shared::{CULLED, Counters, DIGITS, PIXEL, Params, SUMS, TABLE, TILE};
 use nvsprior_lab::ceilings::{self, Ceilings};
 
-use model::{Counts, Machine};
+use nvsprior_lab::cost::{
+    Cost, Counts, FLOW_FLOPS, Machine, PICTURE_FLOPS, PICTURE_PASSES, SEARCH_PASSES, Sharing, Work,
+};
 
 /// Runs of each kernel, in turn with those that it is compared with; the fastest counts.
 const RUNS: usize = 60;
-
-/// Floating-point operations of one splat at one pixel, from the source of each stage: sums, products,
-/// minima, comparisons that choose a value, and 14 for the power of 2, the multiply-adds and the
-/// scaling of a polynomial of degree 5. The exponent has 4, alpha 2, the weights 4, colour and depth 8.
-const PICTURE_FLOPS: f64 = 4.0 + 14.0 + 2.0 + 4.0 + 8.0;
-/// Without depth; the pull has 4, the slopes 6, what finishes a pixel 1, the step of the weights 8, the
-/// twelve sums 24, the transmittance's 4.
-const FLOW_FLOPS: f64 = PICTURE_FLOPS - 2.0 + 4.0 + 6.0 + 1.0 + 8.0 + 24.0 + 4.0;
 
 /// A stage by hand in GLSL, built by `glsl/build.sh`.
 macro_rules! glsl {
@@ -119,60 +108,8 @@ impl View {
     }
 
     /// What the model counts.
-    fn counts(&self, prior: &Prior) -> Counts {
-        let stages = &self.stages;
-        let rows = |splat: &u32| {
-            let r = &stages.records[*splat as usize];
-            let (mean, conic) = ([r[0], r[1]], [r[2], r[3], r[4]]);
-            let splat = Projected { mean, conic, opacity: r[5], ..Projected::default() };
-            let [top, bottom] = Outline::new(&splat).rows(self.params.tiles_y);
-            f64::from(bottom - top)
-        };
-        let largest = stages.keys.iter().copied().filter(|key| *key != CULLED).max();
-        Counts {
-            splats: stages.keys.len() as f64,
-            visible: stages.order.len() as f64,
-            coefficients: f64::from(shared::sh_coefficients(prior.splats().sh_degree)),
-            pairs: f64::from(stages.pairs_needed),
-            rows: stages.order.iter().map(rows).sum(),
-            blended: [self.evaluations(TILE), self.evaluations(TILE / 2)],
-            tiles: f64::from(self.params.tiles_x * self.params.tiles_y),
-            pixels: self.camera.pixels() as f64,
-            digits: f64::from(1 << shared::digit_bits(largest.unwrap_or(0))),
-        }
-    }
-
-    /// Splats times pixels that the blending goes through where it takes so many rows of a tile at a
-    /// time, and ends with the last pixel of them.
-    fn evaluations(&self, rows: u32) -> f64 {
-        let tiles =
-            (0..self.params.tiles_y).flat_map(|y| (0..self.params.tiles_x).map(move |x| [x, y]));
-        let mut drawn = 0;
-        for (tile, &range) in std::iter::zip(tiles, &self.stages.ranges) {
-            let parts = (0..TILE).step_by(rows as usize);
-            drawn += parts.map(|top| self.drawn(tile, top..top + rows, range)).sum::<usize>();
-        }
-        drawn as f64 * f64::from(TILE * rows)
-    }
-
-    /// Splats that are drawn in some rows of a tile.
-    fn drawn(&self, tile: [u32; 2], rows: Range<u32>, [from, to]: [u32; 2]) -> usize {
-        let mut left = vec![1.0f32; TILE as usize * rows.len()];
-        let first = rows.start * TILE;
-        let list = &self.stages.pair_splats[from as usize..to as usize];
-        let ends = |splat: &u32| {
-            let s = &self.stages.records[*splat as usize];
-            for (k, t) in (first..).zip(&mut left) {
-                let dx = s[0] - (tile[0] * TILE + k % TILE) as f32 - 0.5;
-                let dy = s[1] - (tile[1] * TILE + k / TILE) as f32 - 0.5;
-                let (u, w) = (s[2] * dx + s[3] * dy, s[4] * dy);
-                let alpha = (s[5] * (-0.5 * (u * u + w * w)).exp()).min(self.params.alpha_max);
-                let alpha = if alpha < 1.0 / 255.0 { 0.0 } else { alpha };
-                *t = if *t * (1.0 - alpha) > 1e-4 { *t * (1.0 - alpha) } else { 0.0 };
-            }
-            left.iter().all(|t| *t == 0.0)
-        };
-        list.iter().position(ends).map_or(list.len(), |last| last + 1)
+    fn counts(&self, seen: &Seen) -> Counts {
+        Counts::of(&seen.prior, &self.camera, &seen.camera, &self.stages)
     }
 }
 
@@ -213,7 +150,8 @@ fn times(best: &mut Best, commands: &mut [Commands]) -> Result<Vec<Vec<f64>>, Er
 }
 
 /// The blending stages against the arithmetic's ceiling, and against GLSL where that fits the device.
-fn blending(device: &Device, view: &View, best: &mut Best) -> Result<(), Error> {
+fn blending(seen: &Seen, view: &View, best: &mut Best) -> Result<(), Error> {
+    let device = best.engine.vulkan();
     let (stages, params) = (&view.stages, &view.params);
     let groups = [params.tiles_x, params.tiles_y, 1];
     let params = Buffer::from_slice(device, "parameters", &[*params])?;
@@ -245,10 +183,9 @@ fn blending(device: &Device, view: &View, best: &mut Best) -> Result<(), Error> 
     }
     let times: Vec<f64> =
         times(best, &mut commands)?.iter().map(|stages| stages.iter().sum()).collect();
-    for (name, ms, rows, flops) in
-        [("splat", times[0], TILE, PICTURE_FLOPS), ("flow", times[1], TILE / 2, FLOW_FLOPS)]
-    {
-        let evaluations = view.evaluations(rows);
+    let blended = view.counts(seen).blended;
+    let all = [("splat", times[0], PICTURE_FLOPS), ("flow", times[1], FLOW_FLOPS)];
+    for ((name, ms, flops), evaluations) in all.into_iter().zip(blended) {
         let rate = evaluations * flops / (ms * 1e-3);
         println!("{name}: {ms:.2} ms, {:.2} M splats times pixels", evaluations * 1e-6);
         println!("  {flops} operations each, {:.1} GFLOP/s", rate * 1e-9);
@@ -398,9 +335,7 @@ const ORIN: Machine = Machine {
     bytes: 0.65 * 102.4e9,
     latency: 300.0 / 918e6,
     dispatch: 5e-6,
-    blocks: 128.0,
-    scan_lanes: 256.0,
-    column: [4.0, 4.0],
+    sharing: Sharing::GPU,
 };
 
 /// Fastest times of the stages of a job at a level, in milliseconds.
@@ -423,24 +358,53 @@ fn measured(renderer: &mut Renderer, level: usize, job: Job, pose: &Pose) -> Tim
 
 type Times = Result<Vec<StageTime>, Error>;
 
+/// What is compared: a stage, or what the names of several begin with.
+const PICTURE: [&str; 4] = ["project", "radix", "bin", "splat"];
+/// The same of an evaluation.
+const EVALUATION: [&str; 5] = ["project", "radix", "bin", "splat_flow", "reduce"];
+/// All stages of either.
+const STAGES: [&str; 10] = [
+    "project",
+    "radix_count",
+    "radix_scan",
+    "radix_scatter",
+    "bin_count",
+    "bin_scan",
+    "bin_emit",
+    "splat",
+    "splat_flow",
+    "reduce",
+];
+
+/// Whether a stage belongs to a part of the comparison.
+fn belongs(stage: &str, part: &str) -> bool {
+    stage == part || ["radix", "bin"].contains(&part) && stage.starts_with(part)
+}
+
+/// Work of a part of a picture or an evaluation.
+fn work(part: &str, counts: &Counts, on: &Machine, passes: u32) -> Work {
+    let cost = Cost { counts, sharing: &on.sharing, passes };
+    let mut sum = Work::default();
+    for stage in STAGES.iter().filter(|stage| belongs(stage, part)) {
+        sum += cost.of(stage);
+    }
+    sum
+}
+
 /// A picture's stages, or an evaluation's, as the model has them here and on paper, and as measured.
 fn compare(c: &Counts, here: &Machine, evaluation: bool, measured: &[StageTime]) {
     println!("  {}", if evaluation { "evaluation" } else { "picture" });
-    let flops = [PICTURE_FLOPS, FLOW_FLOPS];
-    let works = model::stages(c, here, 3.0, evaluation, flops);
-    // A search sorts its evaluations in two passes.
-    let passes = if evaluation { 2.0 } else { 3.0 };
-    let on_paper = model::stages(c, &ORIN, passes, evaluation, flops);
+    let parts = if evaluation { EVALUATION.as_slice() } else { &PICTURE };
+    // A search sorts its evaluations in fewer passes.
+    let passes = if evaluation { SEARCH_PASSES } else { PICTURE_PASSES };
     let mut total = [0.0; 3];
-    for (work, paper) in works.iter().zip(&on_paper) {
-        let times = measured.iter().filter(|stage| work.holds(stage.name));
+    for part in parts {
+        let (work, paper) = (work(part, c, here, PICTURE_PASSES), work(part, c, &ORIN, passes));
+        let times = measured.iter().filter(|stage| belongs(stage.name, part));
         let took: f64 = times.map(|stage| stage.milliseconds).sum();
-        let (model, orin) = (work.seconds(here) * 1e3, paper.seconds(&ORIN) * 1e6);
-        let (bytes, operations) = (work.bytes * 1e-6, work.operations * 1e-6);
-        print!(
-            "    {:10} {bytes:6.2} MB, {operations:7.1} MFLOP: model {model:6.2} ms, ",
-            work.name
-        );
+        let (model, orin) = (here.seconds(&work) * 1e3, ORIN.seconds(&paper) * 1e6);
+        let (bytes, operations) = (work.bytes * 1e-6, work.flops * 1e-6);
+        print!("    {part:10} {bytes:6.2} MB, {operations:7.1} MFLOP: model {model:6.2} ms, ");
         print!("measured {took:6.2}, {:4.1} times; ", took / model);
         println!("{}: {:5.2} MB, {orin:5.0} us", ORIN.name, paper.bytes * 1e-6);
         total = [total[0] + model, total[1] + took, total[2] + orin];
@@ -457,9 +421,7 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
         bytes: best.ceilings.bytes,
         latency: 0.0,
         dispatch: dispatch_seconds(device)?,
-        blocks: f64::from(1 << probe::log_blocks(engine, seen.prior.len() as u32)),
-        scan_lanes: 8.0,
-        column: [8.0, 4.0],
+        sharing: Sharing::of(engine, &seen.prior),
     };
     println!("{}: {:.0} us a dispatch", here.name, here.dispatch * 1e6);
     let factors = vec![1, 2, 4];
@@ -474,7 +436,7 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
     let mut renderer = engine.renderer(&seen.scene, &seen.camera, plan)?;
     for (level, factor) in factors.into_iter().enumerate() {
         let view = View::new(engine, seen, factor)?;
-        let c = view.counts(&seen.prior);
+        let c = view.counts(seen);
         println!("level {level}: {} splats, {} visible, {} pairs", c.splats, c.visible, c.pairs);
         println!("  {} rows, {} tiles, {} digits", c.rows, c.tiles, c.digits);
         renderer.set_frame(level, &common::random_frame(1, &view.camera));
@@ -488,19 +450,19 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
 
 fn main() -> Result<(), Error> {
     let engine = Engine::new(&DeviceOptions::default())?;
-    let device = Device::open(&DeviceOptions::default())?;
+    let device = engine.vulkan();
     println!("{}", engine.device());
     let seen = Seen::new(&engine)?;
     let view = View::new(&engine, &seen, 1)?;
     let mut best = Best { engine: &engine, ceilings: ceilings::measure(engine.vulkan())? };
-    blending(&device, &view, &mut best)?;
+    blending(&seen, &view, &mut best)?;
     let keys = &view.stages.keys;
-    sorting(&device, keys, &mut best)?;
-    sorting(&device, &keys.repeat(16), &mut best)?;
+    sorting(device, keys, &mut best)?;
+    sorting(device, &keys.repeat(16), &mut best)?;
     // What passes cost whose digits are as many, without anything to sort.
     let largest = keys.iter().copied().filter(|key| *key != CULLED).max();
-    sorting(&device, &[largest.unwrap_or(0)], &mut best)?;
+    sorting(device, &[largest.unwrap_or(0)], &mut best)?;
     println!("multiply-adds: {:.1} GFLOP/s", best.ceilings.flops * 1e-9);
     println!("copy by words: {:.2} GB/s", best.ceilings.bytes * 1e-9);
-    predicting(&engine, &device, &seen, &best)
+    predicting(&engine, device, &seen, &best)
 }

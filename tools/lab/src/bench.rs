@@ -4,7 +4,6 @@ mod ablation;
 mod configurations;
 mod context;
 mod forward;
-mod model;
 mod optimum;
 mod perturbed;
 mod plot;

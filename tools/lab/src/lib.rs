@@ -1,6 +1,7 @@
-//! Measuring the engine: run time and error ([`bench`]), numbers at their extremes ([`stability`]), and what a device can
-//! do at best ([`ceilings`]).
+//! Measuring the engine: run time and error ([`bench`]), numbers at their extremes ([`stability`]), what a device can do
+//! at best ([`ceilings`]), and what each stage should take of that ([`cost`]).
 
 pub mod bench;
 pub mod ceilings;
+pub mod cost;
 pub mod stability;

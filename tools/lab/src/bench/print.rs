@@ -75,7 +75,7 @@ fn stages(report: &Report) {
         "a picture: {:.0} splats seen, {:.0} pairs, {:.2} M splats times pixels",
         counts.visible,
         counts.pairs,
-        counts.blended() * 1e-6
+        counts.blended[0] * 1e-6
     );
     let mut job = "";
     for stage in &report.stages.stages {

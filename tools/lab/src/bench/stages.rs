@@ -1,15 +1,15 @@
 //! The device's time by stage, beside the bytes and operations that a model counts and the rates
 //! that the device reaches at best.
 
-use crate::ceilings::{self, Ceilings};
 use nvsprior::refine::{Found, Known, Objective, RefineOptions, Tracker};
 use nvsprior::render::probe::{self, SortPrecision};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
-use nvsprior::vulkan::{DeviceKind, StageTime};
+use nvsprior::vulkan::StageTime;
 use nvsprior::{Camera, EncoderOptions, Pose};
 
 use super::context::{Best, Context, Shot};
-use super::model::{Counts, PICTURE_DIGITS, SEARCH_DIGITS, Work, work};
+use crate::ceilings::{self, Ceilings};
+use crate::cost::{Cost, Counts, PICTURE_PASSES, SEARCH_PASSES, Sharing, Work};
 
 /// Runs of each job whose stage times are averaged.
 const RUNS: u32 = 10;
@@ -66,7 +66,8 @@ pub fn measure(context: &Context) -> anyhow::Result<Stages> {
         };
         times.into_iter().map(stage).collect::<Vec<_>>()
     };
-    let picture = |name: &str| work(name, &counts, PICTURE_DIGITS);
+    let sharing = &Sharing::of(&context.engine, &context.prior);
+    let picture = |name: &str| Cost { counts: &counts, sharing, passes: PICTURE_PASSES }.of(name);
     let mut stages = Vec::new();
     let jobs = [
         ("picture", Job::Picture),
@@ -85,7 +86,7 @@ pub fn measure(context: &Context) -> anyhow::Result<Stages> {
         };
         for (counts, evaluations) in &search.levels {
             let times = if name == "pyramid" { 1.0 } else { *evaluations };
-            sum += work(name, counts, SEARCH_DIGITS) * times;
+            sum += Cost { counts, sharing, passes: SEARCH_PASSES }.of(name) * times;
         }
         sum
     }));
@@ -103,8 +104,7 @@ fn counts(
         probe::stages(&context.engine, &context.scene, camera, pose, room, SortPrecision::Exact)
     };
     let needed = probe(1)?.pairs_needed;
-    let cpu = context.engine.device().kind == DeviceKind::Cpu;
-    Ok(Counts::of(&context.prior, camera, frame, &probe(needed)?, cpu))
+    Ok(Counts::of(&context.prior, camera, frame, &probe(needed)?))
 }
 
 /// Mean times of a job of the renderer.
