@@ -7,13 +7,13 @@ use crate::packet::{
     CAMERA_PART_LEN, LONGEST_LATENT, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN,
     residual_part_len,
 };
-use crate::refine::{
-    Evaluation, Found, Known, Objective, Observability, Optimizer, RefineOptions, StartKind, Stop,
-    Tracker,
-};
 use crate::render::{Plan, Scene};
 use crate::residual::{ResidualEncoder, max_payload_len};
 use crate::tracked_frame::TrackedFrame;
+use crate::tracking::{
+    Evaluation, Found, Known, Objective, Observability, Optimizer, RefineOptions, StartKind, Stop,
+    Tracker,
+};
 use crate::{Camera, Engine, Error, Picture, Pose, Rate};
 
 /// How to encode.

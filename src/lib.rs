@@ -22,26 +22,24 @@
 //! # Ok(()) }
 //! ```
 //!
-//! The layers, each knowing only those to its right: encoder/decoder → [`refine`], [`residual`],
+//! The layers, each knowing only those to its right: encoder/decoder → [`tracking`], [`residual`],
 //! [`packet`] → [`render`] → [`vulkan`]. [`modem`] cuts packets into frames and knows nothing else.
 
 #![deny(unsafe_code)]
 
-pub mod camera;
 #[cfg(feature = "capi")]
 #[allow(unsafe_code)]
 // With `vulkan` and `residual::libwebp` the only places; each block says why it is sound.
 pub mod capi;
+pub mod geometry;
 pub mod image;
 pub mod modem;
 pub mod packet;
-pub mod picture;
-pub mod pose;
 pub mod prior;
 pub mod random;
-pub mod refine;
 pub mod render;
 pub mod residual;
+pub mod tracking;
 #[allow(unsafe_code)]
 pub mod vulkan;
 
@@ -54,15 +52,14 @@ mod tracked_frame;
 
 use nvsprior_kernels::{search, shared};
 
-pub use camera::Camera;
 pub use decoder::{Decoded, Decoder, Trust};
 pub use encoder::{Encoded, Encoder, EncoderOptions, FrameStats, packet_bound};
 pub use engine::Engine;
 pub use error::Error;
+pub use geometry::{Camera, Pose};
+pub use image::Picture;
 pub use packet::Packet;
-pub use picture::Picture;
 pub use pipeline::Pipeline;
-pub use pose::Pose;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
-pub use refine::{Hint, Known};
 pub use residual::Rate;
+pub use tracking::{Hint, Known};

@@ -8,9 +8,9 @@ use std::time::Instant;
 
 use anyhow::Context;
 use nvsprior::prior::ply::write_ply;
-use nvsprior::refine::Optimizer;
 use nvsprior::render::Scene;
 use nvsprior::residual::Webp;
+use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
 use nvsprior_train::mapping::{MappingOptions, View, make_prior};
 

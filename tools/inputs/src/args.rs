@@ -6,8 +6,8 @@ use std::sync::Arc;
 use anyhow::Context;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
-use nvsprior::refine::Optimizer;
 use nvsprior::render::Scene;
+use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Prior, RenderOverrides};
 

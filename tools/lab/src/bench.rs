@@ -20,7 +20,7 @@ mod trials;
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use nvsprior::refine::Optimizer;
+use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::MemoryUse;
 
 use context::{Context, OptimizerRun, Shot, host_bytes};

@@ -1,8 +1,8 @@
 //! Error against run time of many settings, each on the same few frames of a steady run.
 
 use nvsprior::prior::Splats;
-use nvsprior::refine::Optimizer;
 use nvsprior::render::{Jacobian, SortPrecision};
+use nvsprior::tracking::Optimizer;
 use nvsprior::{EncoderOptions, Prior};
 
 use super::context::{Context, OptimizerRun, Sample};

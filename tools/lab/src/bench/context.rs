@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use nvsprior::refine::{Evaluation, Optimizer};
 use nvsprior::render::Scene;
+use nvsprior::tracking::{Evaluation, Optimizer};
 use nvsprior::vulkan::MemoryUse;
 use nvsprior::{Camera, Encoder, EncoderOptions, Engine, FrameStats, Picture, Pose, Prior};
 

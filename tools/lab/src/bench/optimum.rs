@@ -1,8 +1,8 @@
 //! The best known pose of each frame: the best of several careful searches.
 
 use anyhow::Context as _;
-use nvsprior::refine::Schedule;
 use nvsprior::render::Jacobian;
+use nvsprior::tracking::Schedule;
 use nvsprior::{Encoder, EncoderOptions, Pose};
 
 use super::context::{Best, Context, Shot};

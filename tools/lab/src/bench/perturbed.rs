@@ -1,6 +1,6 @@
 //! Starts put off at random: the same ones at every run.
 
-use nvsprior::pose::Step;
+use nvsprior::geometry::Step;
 use nvsprior::random::Random;
 
 /// How far starts are put off, along and about each axis, evenly in both directions.

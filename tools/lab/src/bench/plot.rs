@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nvsprior::picture::psnr_of_mse;
+use nvsprior::image::psnr_of_mse;
 use plotters::prelude::*;
 
 use super::configurations::Row as Configuration;

@@ -1,9 +1,9 @@
 //! The device's time by stage, beside the bytes and operations that a model counts and the rates
 //! that the device reaches at best.
 
-use nvsprior::refine::{Found, Known, Objective, RefineOptions, Tracker};
 use nvsprior::render::probe::{self, SortPrecision};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
+use nvsprior::tracking::{Found, Known, Objective, RefineOptions, Tracker};
 use nvsprior::vulkan::StageTime;
 use nvsprior::{Camera, EncoderOptions, Pose};
 

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use nvsprior::refine::Optimizer;
+use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoded, EncoderOptions, Pipeline};
 
 use super::context::{Context, OptimizerRun, Sample, Shot};

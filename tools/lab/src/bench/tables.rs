@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use nvsprior::picture::psnr_of_mse;
+use nvsprior::image::psnr_of_mse;
 
 use super::context::{Context, OptimizerRun, Sample};
 use super::report::Report;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use nvsprior::Engine;
-use nvsprior::refine::Stop;
+use nvsprior::tracking::Stop;
 
 /// What all cases share.
 pub struct Bench {

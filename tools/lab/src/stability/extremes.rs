@@ -5,8 +5,8 @@ use std::fmt;
 
 use nvsprior::prior::{PriorError, Splats};
 use nvsprior::random::Random;
-use nvsprior::refine::RefineOptions;
 use nvsprior::render::{Jacobian, NormalEquations, Plan, SortPrecision};
+use nvsprior::tracking::RefineOptions;
 use nvsprior::{
     Camera, Decoder, Encoder, EncoderOptions, Engine, Error, Picture, Pose, Prior, Rate,
     RenderOptions,

@@ -2,10 +2,10 @@
 
 use std::time::Instant;
 
-use nvsprior::picture::psnr_of_mse;
+use nvsprior::image::psnr_of_mse;
 use nvsprior::prior::Splats;
-use nvsprior::refine::{GaussNewtonOptions, Objective, Optimizer, RefineOptions, Tracker};
 use nvsprior::render::{Jacobian, NormalEquations, Plan, Renderer, SortPrecision, to_byte};
+use nvsprior::tracking::{GaussNewtonOptions, Objective, Optimizer, RefineOptions, Tracker};
 use nvsprior::vulkan::Error;
 use nvsprior::{Camera, Picture, Pose, Prior};
 use nvsprior_kernels::search::{self, COMPACT, Placement, Program, Search};
@@ -289,7 +289,7 @@ fn descend(scenario: &Scenario, frame: &Picture) -> anyhow::Result<Descent> {
         .filter(|(_, camera)| camera.pixels() > 0)
         .collect();
     let used: Vec<u32> = cameras.iter().map(|(factor, _)| *factor).collect();
-    let mut pyramid = nvsprior::refine::Pyramid::new(camera, &used);
+    let mut pyramid = nvsprior::tracking::Pyramid::new(camera, &used);
     pyramid.set(frame);
     let start = scenario.pose.stepped(&scenario.offset);
     let mut s: Search = bytemuck::Zeroable::zeroed();
@@ -308,9 +308,9 @@ fn descend(scenario: &Scenario, frame: &Picture) -> anyhow::Result<Descent> {
     let floats = pyramid.level(0);
     let mse = |pose: &Pose| twin.normal_equations(camera, pose, floats, Jacobian::Flow).mse();
     let stop = match s.stop {
-        search::STOP_PROGRESS => nvsprior::refine::Stop::Progress,
-        search::STOP_NO_DESCENT => nvsprior::refine::Stop::NoDescent,
-        _ => nvsprior::refine::Stop::Iterations,
+        search::STOP_PROGRESS => nvsprior::tracking::Stop::Progress,
+        search::STOP_NO_DESCENT => nvsprior::tracking::Stop::NoDescent,
+        _ => nvsprior::tracking::Stop::Iterations,
     };
     let end = pose_of(&s.found, centre).unwrap_or(start);
     Ok(Descent { start: mse(&start), end: mse(&end), stop, evaluations: s.evaluations as usize })

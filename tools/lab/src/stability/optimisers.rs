@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use nvsprior::prior::Splats;
-use nvsprior::refine::{Optimizer, Stop};
+use nvsprior::tracking::{Optimizer, Stop};
 use nvsprior::{Encoder, EncoderOptions, Picture, Pose, Prior, RenderOptions};
 
 use super::case::{Bench, Case, Done, Group, Row};

@@ -1,7 +1,7 @@
 //! Stiff poses: views that leave a part of the pose open, or nearly so.
 
 use nvsprior::prior::Splats;
-use nvsprior::refine::{Found, Optimizer};
+use nvsprior::tracking::{Found, Optimizer};
 use nvsprior::{Camera, Pose, RenderOptions};
 
 use super::case::{Bench, Case, Group, Row};

@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use nvsprior::refine::{Found, Objective, Optimizer, RefineOptions, Tracker};
 use nvsprior::render::Plan;
+use nvsprior::tracking::{Found, Objective, Optimizer, RefineOptions, Tracker};
 use nvsprior::{Camera, Picture, Pose, Prior};
 use nvsprior_kernels::search::COMPACT;
 

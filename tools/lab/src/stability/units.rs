@@ -1,7 +1,7 @@
 //! The prior's unit and origin: metres, millimetres, kilometres; a million units away.
 
 use nvsprior::prior::Splats;
-use nvsprior::refine::Optimizer;
+use nvsprior::tracking::Optimizer;
 use nvsprior::{Camera, Picture, Pose, Prior, RenderOptions};
 
 use super::case::{Bench, Case, Group, Row};

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use nvsprior::picture::psnr_of_mse;
+use nvsprior::image::psnr_of_mse;
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Pose, Prior};
 use nvsprior_reference::{Rendered, Twin};

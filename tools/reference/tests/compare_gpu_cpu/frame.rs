@@ -1,7 +1,7 @@
 //! What surrounds the renders of a frame, against the host: the pyramid, the search, the 8-bit pictures.
 
-use nvsprior::refine::{GaussNewtonOptions, Pyramid};
 use nvsprior::render::{Cell, Correction, FlatField, Jacobian, Plan, Renderer, to_byte};
+use nvsprior::tracking::{GaussNewtonOptions, Pyramid};
 use nvsprior::{Camera, Engine, Picture, Pose, residual};
 use nvsprior_kernels::search::{self, COMPACT, Placement, Program, STARTS, Search};
 use nvsprior_kernels::shared::{MASKED, SUMS};

@@ -1,7 +1,7 @@
 //! The twin's exact Jacobian against central differences of the twin's picture. Medians: the cuts
 //! make true jumps, which grow as the step shrinks.
 
-use nvsprior::pose::Step;
+use nvsprior::geometry::Step;
 use nvsprior::render::Jacobian;
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 use nvsprior_reference::Twin;

@@ -14,7 +14,7 @@ pub(crate) mod train;
 
 use glam::{Quat, Vec3};
 
-use nvsprior::camera::CameraError;
+use nvsprior::geometry::CameraError;
 use nvsprior::prior::{RenderOptions, Splats};
 use nvsprior::{Camera, Picture, Pose};
 

@@ -1,8 +1,8 @@
 //! What a pose is worth: the same for every method.
 
 use anyhow::Context as _;
+use nvsprior::image::psnr_of_mse;
 use nvsprior::packet::Residual;
-use nvsprior::picture::psnr_of_mse;
 use nvsprior::render::{Plan, Renderer};
 use nvsprior::residual::ResidualEncoder;
 use nvsprior::{Camera, Picture, Pose, Rate};

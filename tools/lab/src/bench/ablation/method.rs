@@ -1,6 +1,6 @@
 //! The methods that are compared, each a search from one start as if nothing were known before.
 
-use nvsprior::refine::Optimizer;
+use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoder, EncoderOptions, Pose};
 
 use super::super::context::{Context, Sample};

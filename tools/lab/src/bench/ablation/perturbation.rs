@@ -1,6 +1,6 @@
 //! How starts are put off: along or about one axis of the camera, as in the paper's ablations.
 
-use nvsprior::pose::Step;
+use nvsprior::geometry::Step;
 
 use super::super::perturbed::even;
 

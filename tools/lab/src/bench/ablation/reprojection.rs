@@ -1,7 +1,7 @@
 //! The motion that brings points of a render onto where the camera sees them.
 
 use glam::DVec3;
-use nvsprior::pose::Step;
+use nvsprior::geometry::Step;
 use nvsprior::{Camera, Pose};
 
 /// A point of the render, and its keypoint in the camera's picture.

@@ -1,8 +1,8 @@
 //! Sources of starts compared, as the paper's "Initialization": each frame after the first is looked
 //! for from each source.
 
-use nvsprior::refine::{Objective, Relocaliser};
 use nvsprior::render::Plan;
+use nvsprior::tracking::{Objective, Relocaliser};
 use nvsprior::{EncoderOptions, Picture, Pose};
 
 use super::super::context::{Context, Sample};

@@ -1,7 +1,7 @@
 //! From how far off a start leads to the best known pose.
 
 use nvsprior::Hint;
-use nvsprior::pose::Step;
+use nvsprior::geometry::Step;
 
 use super::super::context::Context;
 use super::super::perturbed::even;

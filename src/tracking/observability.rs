@@ -7,7 +7,7 @@
 //! (the Cramér–Rao bound for residuals that are independent of each other; neighbouring ones are
 //! not, so it is the least that is to be expected).
 
-use crate::pose::Step;
+use crate::geometry::Step;
 use crate::render::NormalEquations;
 
 /// A direction along which the pose may wander by this much, in depths of the scene and radians, is

@@ -7,7 +7,7 @@
 //! resolution.
 
 use crate::Pose;
-use crate::pose::Step;
+use crate::geometry::Step;
 use crate::render::Jacobian;
 use crate::vulkan::Error;
 
