@@ -44,6 +44,7 @@ pub mod tracking;
 pub mod vulkan;
 
 mod decoder;
+mod encoded;
 mod encoder;
 mod engine;
 mod error;
@@ -53,7 +54,8 @@ mod tracked_frame;
 use nvsprior_kernels::{search, shared};
 
 pub use decoder::{Decoded, Decoder, Trust};
-pub use encoder::{Encoded, Encoder, EncoderOptions, FrameStats, packet_bound};
+pub use encoded::{Encoded, FrameStats, packet_bound};
+pub use encoder::{Encoder, EncoderOptions};
 pub use engine::Engine;
 pub use error::Error;
 pub use geometry::{Camera, Pose};

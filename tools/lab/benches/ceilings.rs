@@ -9,7 +9,7 @@ mod scene;
 
 use std::sync::Arc;
 
-use nvsprior::render::probe::{self, SortPrecision, Stages};
+use nvsprior::render::probe::{SortPrecision, Stages};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer, Scene};
 use nvsprior::vulkan::{
     Buffer, Code, Commands, Device, DeviceOptions, Error, Kernel, Memory, Recorder, StageTime,
@@ -103,7 +103,7 @@ impl View {
             ..Params::default()
         };
         let (room, exact) = (1 << 20, SortPrecision::Exact);
-        let stages = probe::stages_at(engine, scene, &seen.camera, factor, pose, room, exact)?;
+        let stages = engine.probe().stages_at(scene, &seen.camera, factor, pose, room, exact)?;
         Ok(View { camera, params, stages })
     }
 
@@ -266,7 +266,7 @@ fn pass_bytes(digit: u32, keys: usize, visible: usize) -> f64 {
 }
 
 fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> {
-    let sort = Sort::new(device, keys, probe::log_blocks(best.engine, keys.len() as u32))?;
+    let sort = Sort::new(device, keys, best.engine.probe().log_blocks(keys.len() as u32))?;
     let order = || Buffer::new::<u32>(device, "order", keys.len(), Memory::Readback);
     let orders = [order()?, order()?];
     let stages = match device.info().in_lockstep() {

@@ -8,7 +8,6 @@
 
 mod counts;
 
-use nvsprior::render::probe;
 use nvsprior::{Engine, Prior};
 use nvsprior_kernels::shared::{DIGITS, SUMS};
 
@@ -55,7 +54,7 @@ impl Sharing {
 
     /// As the engine has it for a prior.
     pub fn of(engine: &Engine, prior: &Prior) -> Sharing {
-        let blocks = f64::from(1 << probe::log_blocks(engine, prior.len() as u32));
+        let blocks = f64::from(1 << engine.probe().log_blocks(prior.len() as u32));
         match engine.device().in_lockstep() {
             true => Sharing { blocks, scan_lanes: 8.0, column: [8.0, 4.0] },
             false => Sharing { blocks, ..Sharing::GPU },

@@ -1,4 +1,4 @@
-//! Measuring the engine: run time and error ([`bench`]), numbers at their extremes ([`stability`]), what a device can do
+//! Measuring the engine: run time and error ([`mod@bench`]), numbers at their extremes ([`stability`]), what a device can do
 //! at best ([`ceilings`]), and what each stage should take of that ([`cost`]).
 
 pub mod bench;

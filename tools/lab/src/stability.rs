@@ -1,6 +1,6 @@
 //! `nvsprior stability`: extreme priors, pictures and numbers, each against what is expected of it.
 //!
-//! A group of cases is a file here, named in [`GROUPS`]; a case says first what is expected, then
+//! A group of cases is a file here, named in `GROUPS`; a case says first what is expected, then
 //! measures, a row for each path that it is run on.
 
 mod case;

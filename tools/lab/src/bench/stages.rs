@@ -1,7 +1,7 @@
 //! The device's time by stage, beside the bytes and operations that a model counts and the rates
 //! that the device reaches at best.
 
-use nvsprior::render::probe::{self, SortPrecision};
+use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
 use nvsprior::tracking::{Found, Known, Objective, RefineOptions, Tracker};
 use nvsprior::vulkan::StageTime;
@@ -101,7 +101,7 @@ fn counts(
     pose: &Pose,
 ) -> anyhow::Result<Counts> {
     let probe = |room| {
-        probe::stages(&context.engine, &context.scene, camera, pose, room, SortPrecision::Exact)
+        context.engine.probe().stages(&context.scene, camera, pose, room, SortPrecision::Exact)
     };
     let needed = probe(1)?.pairs_needed;
     Ok(Counts::of(&context.prior, camera, frame, &probe(needed)?))

@@ -1,6 +1,6 @@
 //! The radix sort against a stable sort.
 
-use nvsprior::render::probe::{self, SortPrecision};
+use nvsprior::render::probe::SortPrecision;
 use nvsprior_kernels::shared::{CULLED, digit_bits};
 use nvsprior_reference::radix;
 
@@ -14,11 +14,11 @@ fn assert_sorts(what: &str, key: impl Fn(usize, usize) -> u32) {
     for count in SIZES {
         let keys: Vec<u32> = (0..count).map(|i| key(i, count)).collect();
         let values: Vec<u32> = (0..count as u32).collect();
-        let sorted = probe::sort(&engine, &keys, SortPrecision::Exact).unwrap();
+        let sorted = engine.probe().sort(&keys, SortPrecision::Exact).unwrap();
         assert!(sorted == radix::sort_visible(&keys, &values).1, "{count} keys, {what}");
         let largest = keys.iter().copied().filter(|key| *key != CULLED).max().unwrap_or(0);
         let coarse = |key: u32| if key == CULLED { key } else { key >> digit_bits(largest) };
-        let sorted = probe::sort(&engine, &keys, SortPrecision::Coarse).unwrap();
+        let sorted = engine.probe().sort(&keys, SortPrecision::Coarse).unwrap();
         let keys: Vec<u32> = keys.into_iter().map(coarse).collect();
         assert!(sorted == radix::sort_visible(&keys, &values).1, "{count} keys, {what}, coarse");
     }

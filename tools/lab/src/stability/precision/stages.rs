@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use nvsprior::packet::{PoseProfile, QuantisedPose};
-use nvsprior::render::probe::{self, SortPrecision};
+use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, NormalEquations, Plan};
 use nvsprior_kernels::search;
 use nvsprior_kernels::shared::CULLED;
@@ -93,7 +93,8 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
 fn projection(bench: &Bench, seen: &Seen) -> anyhow::Result<Vec<Errors>> {
     let Seen { prior, camera, pose } = seen;
     let scene = bench.engine.upload(prior)?;
-    let stages = probe::stages(&bench.engine, &scene, camera, pose, 1 << 22, SortPrecision::Exact)?;
+    let stages =
+        bench.engine.probe().stages(&scene, camera, pose, 1 << 22, SortPrecision::Exact)?;
     let twin = Twin::new(prior);
     let view = twin.view(camera, pose);
     let projected = twin.project(&view);

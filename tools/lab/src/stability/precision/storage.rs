@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use nvsprior::Prior;
 use nvsprior::prior::Splats;
-use nvsprior::render::probe::{self, SortPrecision};
+use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Plan};
 use nvsprior_reference::Twin;
 use nvsprior_reference::project::Projected;
@@ -132,7 +132,7 @@ pub fn keys(bench: &Bench, which: Which) -> anyhow::Result<Done> {
 fn ordered(bench: &Bench, seen: &Seen, sort_precision: SortPrecision) -> anyhow::Result<Vec<f32>> {
     let Seen { prior, camera, pose } = seen;
     let scene = bench.engine.upload(prior)?;
-    let stages = probe::stages(&bench.engine, &scene, camera, pose, 1 << 22, sort_precision)?;
+    let stages = bench.engine.probe().stages(&scene, camera, pose, 1 << 22, sort_precision)?;
     let twin = Twin::new(prior);
     let view = twin.view(camera, pose);
     let mut by_index: Vec<Option<Projected>> = vec![None; prior.len()];
