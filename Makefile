@@ -4,7 +4,7 @@
 SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo test c-test lint lib install package-test firmware cross-aarch64 shaders \
+.PHONY: help demo test c-test lint lib install package package-test firmware cross-aarch64 shaders \
 	shaders-check shader-toolchain clean
 
 help:
@@ -16,9 +16,10 @@ help:
 	@echo "make install        the C library with header, pkg-config and CMake files, to PREFIX"
 	@echo "                    (/usr/local), LIBDIR and INCLUDEDIR there, all below DESTDIR"
 	@echo "make firmware       the C library at its smallest; prints sizes"
+	@echo "make package        the crates as they are published, each built from its packed file"
 	@echo "make package-test   programs against the installed library, shared and static"
 	@echo "make cross-aarch64  the same for 64-bit ARM, under QEMU: docs/cross-build.md"
-	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/spv from their Rust sources"
+	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
 
 demo:
@@ -27,23 +28,26 @@ demo:
 
 test:
 	@scripts/setup.sh run test
-	cargo test
+	cargo test --workspace
 
 c-test:
 	@scripts/setup.sh run lib c
 	scripts/c-test.sh full
 
 lint:
-	cargo fmt --check
-	cargo clippy --all-targets -- -D warnings
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets -- -D warnings
 
 lib:
 	@scripts/setup.sh lib
-	cargo cbuild --release --no-default-features --features capi
+	cargo cbuild --release -p nvsprior --no-default-features --features capi
 
 install:
 	@scripts/setup.sh lib
 	scripts/install.sh
+
+package:
+	scripts/package.sh
 
 package-test:
 	@scripts/setup.sh lib c

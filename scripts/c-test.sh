@@ -28,7 +28,7 @@ mkdir -p "$work"
 # The library, and the scene that the programs work on.
 library() {
     make install PREFIX="$prefix" LIBDIR="$prefix/lib" INCLUDEDIR="$prefix/include" DESTDIR=
-    CARGO_TARGET_DIR=$target cargo test --quiet --test capi scene_is_written
+    CARGO_TARGET_DIR=$target cargo test --quiet -p nvsprior --test capi scene_is_written
     echo "installed: $(stat -Lc %s "$prefix/lib/libnvsprior.so") bytes shared"
 }
 

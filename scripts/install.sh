@@ -21,7 +21,7 @@ if [ "$target" != "$host" ]; then
     eval "export $linker=\"\${$linker:-${binutils}gcc}\""
 fi
 
-cargo cinstall --profile "$profile" --target "$target" --no-default-features --features capi \
+cargo cinstall -p nvsprior --profile "$profile" --target "$target" --no-default-features --features capi \
     --prefix "$prefix" --libdir "$libdir" --includedir "$includedir" \
     ${destdir:+--destdir "$destdir"}
 

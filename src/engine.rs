@@ -3,8 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::prior::analysis::PriorAnalysis;
-#[cfg(feature = "cli")]
-use crate::render::ceilings::{self, Ceilings};
+use crate::render::probe::Probe;
 use crate::render::{Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels};
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
@@ -15,8 +14,8 @@ type SceneSet = (PipelineKey, Arc<SceneKernels>);
 /// A device with its pipelines; make it once, share it between encoders and decoders.
 #[derive(Clone)]
 pub struct Engine {
-    pub(crate) device: Device,
-    pub(crate) kernels: Arc<Kernels>,
+    device: Device,
+    kernels: Arc<Kernels>,
     scene_kernels: Arc<Mutex<Vec<SceneSet>>>,
 }
 
@@ -33,10 +32,14 @@ impl Engine {
         self.device.info()
     }
 
-    /// Measures what the device can do at best. Takes a few tenths of a second on a CPU.
-    #[cfg(feature = "cli")]
-    pub fn ceilings(&self) -> Result<Ceilings, Error> {
-        ceilings::measure(&self.device)
+    /// The device itself, for kernels of one's own.
+    pub fn vulkan(&self) -> &Device {
+        &self.device
+    }
+
+    /// Single stages, run on their own.
+    pub fn probe(&self) -> Probe<'_> {
+        Probe { device: &self.device, kernels: &self.kernels }
     }
 
     /// Device memory in use.

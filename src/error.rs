@@ -1,6 +1,6 @@
 //! The library's error.
 
-use crate::camera::CameraError;
+use crate::geometry::CameraError;
 use crate::image::PixelError;
 use crate::packet::PacketError;
 use crate::prior::PriorError;

@@ -22,60 +22,46 @@
 //! # Ok(()) }
 //! ```
 //!
-//! The layers, each knowing only those to its right: encoder/decoder → [`refine`], [`residual`],
-//! [`packet`] → [`render`] → [`vulkan`]. [`reference`](mod@reference) holds an f64 CPU twin of
-//! every GPU stage. [`modem`] cuts packets into frames and knows nothing else.
+//! The layers, each knowing only those to its right: encoder/decoder → [`tracking`], [`residual`],
+//! [`packet`] → [`render`] → [`vulkan`]. [`modem`] cuts packets into frames and knows nothing else.
 
 #![deny(unsafe_code)]
 
-pub mod camera;
 #[cfg(feature = "capi")]
 #[allow(unsafe_code)]
 // With `vulkan` and `residual::libwebp` the only places; each block says why it is sound.
 pub mod capi;
+pub mod geometry;
 pub mod image;
-#[cfg(feature = "mapping")]
-pub mod mapping;
 pub mod modem;
 pub mod packet;
-pub mod picture;
-pub mod pose;
 pub mod prior;
 pub mod random;
-#[cfg(feature = "reference")]
-pub mod reference;
-pub mod refine;
 pub mod render;
 pub mod residual;
-pub mod study;
+pub mod tracking;
 #[allow(unsafe_code)]
 pub mod vulkan;
 
 mod decoder;
+mod encoded;
 mod encoder;
 mod engine;
 mod error;
 mod pipeline;
-/// Arithmetic with the same bits on every device.
-#[path = "../shaders-rs/src/portable.rs"]
-pub mod portable;
-/// The search for a pose, as the device runs it.
-#[path = "../shaders-rs/src/search.rs"]
-pub mod search;
-/// Constants, layouts and maths that shaders and host share.
-#[path = "../shaders-rs/src/shared.rs"]
-pub mod shared;
 mod tracked_frame;
 
-pub use camera::Camera;
+use nvsprior_kernels::{portable, search, shared};
+
 pub use decoder::{Decoded, Decoder, Trust};
-pub use encoder::{Encoded, Encoder, EncoderOptions, FrameStats, packet_bound};
+pub use encoded::{Encoded, FrameStats, packet_bound};
+pub use encoder::{Encoder, EncoderOptions};
 pub use engine::Engine;
 pub use error::Error;
+pub use geometry::{Camera, Pose};
+pub use image::Picture;
 pub use packet::Packet;
-pub use picture::Picture;
 pub use pipeline::Pipeline;
-pub use pose::Pose;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
-pub use refine::{Hint, Known};
 pub use residual::Rate;
+pub use tracking::{Hint, Known};

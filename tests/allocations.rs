@@ -5,7 +5,7 @@ mod scene;
 
 use std::alloc::System;
 
-use nvsprior::refine::Optimizer;
+use nvsprior::tracking::Optimizer;
 use nvsprior::{Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Picture, Rate, Trust};
 use scene::{CAMERA, clean_frame, pose, wall};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use common::{assert_silent, engine};
 use glam::DVec3;
 use nvsprior::packet::{Latent, PoseProfile, RenderCheck};
-use nvsprior::refine::{Optimizer, StartKind};
 use nvsprior::render::{Plan, Scene};
+use nvsprior::tracking::{Optimizer, StartKind};
 use nvsprior::{
     Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, Hint, Known, Packet, Picture,
     Pipeline, Pose, Rate,

@@ -1,8 +1,6 @@
 //! The fuzz targets on the corpora that fuzzing left, and on what it found: quick enough for every
 //! run of the tests. `fuzz/README.md` tells how to go on fuzzing.
 
-#[path = "../fuzz/src/camera_file.rs"]
-mod camera_file;
 #[path = "../fuzz/src/compact.rs"]
 mod compact;
 #[path = "../fuzz/src/packed.rs"]
@@ -51,9 +49,4 @@ fn compact_priors() {
 #[test]
 fn packed_priors() {
     run("packed", packed::run);
-}
-
-#[test]
-fn camera_files() {
-    run("camera_file", camera_file::run);
 }

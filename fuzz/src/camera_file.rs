@@ -1,12 +1,8 @@
 //! Camera files of both kinds: an error or views that can be rendered.
-#[allow(dead_code)] // The tool uses more of it.
-#[path = "../../src/bin/nvsprior/camera_file.rs"]
-mod file;
-
 use std::path::Path;
 
-use file::CameraFile;
 use nvsprior::Camera;
+use nvsprior_inputs::camera_file::CameraFile;
 
 pub fn run(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };

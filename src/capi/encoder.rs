@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::image::Converter;
 use crate::packet::PoseProfile;
-use crate::refine::{Optimizer, StartKind, Stop};
+use crate::tracking::{Optimizer, StartKind, Stop};
 use crate::{Encoded, Encoder, EncoderOptions, Known, Picture, Rate, packet_bound};
 
 use super::engine::nvsp_engine;

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::camera::CameraError;
+use crate::geometry::CameraError;
 use crate::prior::PriorId;
 
 /// A part of a packet.

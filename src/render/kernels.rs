@@ -1,6 +1,8 @@
 //! The compute pipelines of all stages, from the committed SPIR-V: built once per engine, and those that
 //! depend on the prior once per kind of prior.
 
+use nvsprior_kernels::modules;
+
 use crate::vulkan::{Code, Device, DeviceKind, Error, Kernel};
 
 /// Logarithm, base 2, of the number of workgroups that share a pass over so many splats; at least 2. A
@@ -12,22 +14,11 @@ pub(crate) fn log_blocks(device: &Device, splats: u32) -> u32 {
     (splats / 4096).max(1).ilog2().clamp(least, 8)
 }
 
-/// An entry point's name and module.
-macro_rules! module {
-    ($file:ident :: $name:ident) => {
-        (
-            concat!(stringify!($file), "::", stringify!($name)),
-            include_bytes!(concat!("../../shaders-rs/spv/", stringify!($name), ".spv")).as_slice(),
-        )
-    };
-}
-
-/// Defines a set of pipelines, one field per pipeline: its shader file and entry point, its number of storage buffers
+/// Defines a set of pipelines, one field per pipeline: its entry point, its number of storage buffers
 /// and its words of push constants. Then, if it has them, its form for devices in lockstep
 /// ([`DeviceInfo::in_lockstep`](crate::vulkan::DeviceInfo::in_lockstep)) and a specialisation constant of its own.
 macro_rules! kernels {
-    ($(#[$doc:meta])* $set:ident: $($name:ident = $file:ident :: $entry:ident
-        ($bindings:literal, $push:literal)
+    ($(#[$doc:meta])* $set:ident: $($name:ident = $entry:ident($bindings:literal, $push:literal)
         $(, in lockstep: $lockstep:ident)? $(, with $constant:ident = $value:literal)?;)*) => {
         $(#[$doc])*
         pub struct $set {
@@ -40,13 +31,13 @@ macro_rules! kernels {
                 let in_lockstep = device.info().in_lockstep();
                 Ok($set {
                     $($name: {
-                        let module = module!($file::$entry);
-                        $(let module = if in_lockstep { module!($file::$lockstep) } else { module };)?
+                        let module = modules::$entry;
+                        $(let module = if in_lockstep { modules::$lockstep } else { module };)?
                         let own = [$(($constant, $value))?];
                         let constants = [constants, own.as_slice()].concat();
                         let code = Code {
-                            entry: module.0,
-                            spirv: module.1,
+                            entry: module.entry,
+                            spirv: module.spirv,
                             bindings: $bindings,
                             push_words: $push,
                             constants: &constants,
@@ -62,18 +53,18 @@ macro_rules! kernels {
 kernels! {
     /// Pipelines that do not depend on the prior.
     Kernels:
-    radix_count = radix::radix_count(3, 4), in lockstep: radix_count_lockstep;
-    radix_scan = radix::radix_scan(2, 4), in lockstep: radix_scan_lockstep;
-    radix_scatter = radix::radix_scatter(6, 4), in lockstep: radix_scatter_lockstep;
-    bin_count = bin::bin_count(5, 1), in lockstep: bin_count_lockstep;
-    bin_scan = bin::bin_scan(3, 1), in lockstep: bin_scan_lockstep;
-    bin_emit = bin::bin_emit(8, 1), in lockstep: bin_emit_lockstep;
-    reduce = reduce::reduce(3, 0);
-    pyramid = pyramid::pyramid(3, 6);
-    solve = solve::solve(7, 1);
-    decode_pose = decode_pose::decode_pose(3, 0);
-    quantize_rgb8 = quantize_rgb8::quantize_rgb8(3, 0);
-    difference = difference::difference(4, 0);
+    radix_count = radix_count(3, 4), in lockstep: radix_count_lockstep;
+    radix_scan = radix_scan(2, 4), in lockstep: radix_scan_lockstep;
+    radix_scatter = radix_scatter(6, 4), in lockstep: radix_scatter_lockstep;
+    bin_count = bin_count(5, 1), in lockstep: bin_count_lockstep;
+    bin_scan = bin_scan(3, 1), in lockstep: bin_scan_lockstep;
+    bin_emit = bin_emit(8, 1), in lockstep: bin_emit_lockstep;
+    reduce = reduce(3, 0);
+    pyramid = pyramid(3, 6);
+    solve = solve(7, 1);
+    decode_pose = decode_pose(3, 0);
+    quantize_rgb8 = quantize_rgb8(3, 0);
+    difference = difference(4, 0);
 }
 
 impl Kernels {
@@ -102,12 +93,12 @@ const DEPTH: u32 = 2;
 kernels! {
     /// Pipelines made for one kind of prior.
     SceneKernels:
-    project = project::project(6, 0), in lockstep: project_lockstep;
-    splat = splat::splat(6, 0), in lockstep: splat_lockstep;
-    splat_colour = splat::splat(6, 0), in lockstep: splat_lockstep, with DEPTH = 0;
-    splat_flow = splat_flow::splat_flow(7, 0), in lockstep: splat_flow_lockstep;
-    pose_jacobian = pose_jacobian::pose_jacobian(6, 0);
-    splat_exact = splat_exact::splat_exact(8, 0);
+    project = project(6, 0), in lockstep: project_lockstep;
+    splat = splat(6, 0), in lockstep: splat_lockstep;
+    splat_colour = splat(6, 0), in lockstep: splat_lockstep, with DEPTH = 0;
+    splat_flow = splat_flow(7, 0), in lockstep: splat_flow_lockstep;
+    pose_jacobian = pose_jacobian(6, 0);
+    splat_exact = splat_exact(8, 0);
 }
 
 impl SceneKernels {

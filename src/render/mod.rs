@@ -2,14 +2,10 @@
 //! f64 twins have the same names.
 
 mod binning;
-#[cfg(feature = "cli")]
-pub mod ceilings;
 pub mod definition;
 mod frame;
 mod kernels;
 mod light;
-#[cfg(feature = "reference")]
-#[doc(hidden)]
 pub mod probe;
 mod radix;
 mod renderer;

@@ -1,59 +1,25 @@
-//! Single stages run on their own, for the tests that hold them against their twins.
+//! Single stages run on their own, and what they leave on the device: for tests and measurements.
 
 use bytemuck::AnyBitPattern;
 
 use crate::shared::{CULLED, Counters, DERIVATIVES, Groups, Params, RECORD, TABLE};
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder, Timing};
-use crate::{Camera, Engine, Pose};
+use crate::{Camera, Pose};
 
 pub use super::radix::SortPrecision;
 
-use super::Scene;
 use super::frame::Bytes;
 use super::radix::Sort;
 use super::stages;
 use super::view::{Part, View};
 use super::workspace::Workspace;
+use super::{Kernels, Scene};
 
-/// The places of the keys in the order of their values, equal ones by place; without those that are
-/// [`CULLED`](crate::shared::CULLED).
-pub fn sort(
-    engine: &Engine,
-    keys: &[u32],
-    sort_precision: SortPrecision,
-) -> Result<Vec<u32>, Error> {
-    let (device, kernels) = (&engine.device, &*engine.kernels);
-    let count = keys.len() as u32;
-    let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
-    let between = || Ok::<_, Error>([own("keys", keys.len())?, own("values", keys.len())?]);
-    let largest = keys.iter().copied().filter(|key| *key != CULLED).max();
-    let counters = Counters { largest_key: largest.unwrap_or(0), ..Counters::default() };
-    let counters = Buffer::from_slice(device, "counters", &[counters])?;
-    let order = own("order", keys.len())?;
-    let log_blocks = super::kernels::log_blocks(device, count);
-    let groups = Groups { sort_blocks: [1 << log_blocks, 1, 1], one: [1, 1, 1], ..Groups::NONE };
-    let sort = Sort {
-        sort_precision,
-        count,
-        log_blocks,
-        part: Part::First,
-        groups: &Buffer::from_slice(device, "workgroups", &[groups])?,
-        counters: &counters,
-        histogram: &own("digit histogram", (TABLE << log_blocks) as usize)?,
-        keys: &Buffer::from_slice(device, "keys", keys)?,
-        between: &[between()?, between()?],
-        order: &order,
-    };
-    let mut recorder = Recorder::new(device, Timing::None)?;
-    sort.record(&mut recorder, kernels)?;
-    recorder.finish()?.run()?;
-    let sorted = read::<Counters>(device, &counters, 1)?[0].visible;
-    read(device, &order, sorted as usize)
-}
-
-/// Logarithm, base 2, of the number of workgroups that share a sort of so many keys.
-pub fn log_blocks(engine: &Engine, keys: u32) -> u32 {
-    super::kernels::log_blocks(&engine.device, keys)
+/// Runs single stages of an engine: see [`Engine::probe`](crate::Engine::probe).
+#[derive(Clone, Copy)]
+pub struct Probe<'a> {
+    pub(crate) device: &'a Device,
+    pub(crate) kernels: &'a Kernels,
 }
 
 /// What stage `bin_scan` makes of each block's pairs by tile.
@@ -62,31 +28,6 @@ pub struct TileStarts {
     pub pairs: u32,
     /// Where each block's part of each tile's list begins, and, last, where the lists end.
     pub starts: Vec<u32>,
-}
-
-/// Stage `bin_scan` alone, on blocks × tiles counts of one band.
-///
-/// # Panics
-/// If the blocks are not a power of two from 4 on, or there are not `tiles` counts each.
-pub fn scan_tiles(engine: &Engine, tiles: u32, counts: &[u32]) -> Result<TileStarts, Error> {
-    let (device, kernels) = (&engine.device, &*engine.kernels);
-    let log_blocks = (counts.len() as u32 / tiles).ilog2();
-    assert!(log_blocks >= 2, "four blocks or more");
-    assert_eq!((tiles as usize) << log_blocks, counts.len(), "counts of whole blocks");
-    let params = Params { tiles_x: tiles, tiles_y: 1, ..Params::default() };
-    let params = Buffer::from_slice(device, "parameters", &[params])?;
-    let mut starts = counts.to_vec();
-    starts.resize(counts.len() + tiles as usize, 0);
-    let starts = Buffer::from_slice(device, "tile starts", &starts)?;
-    let bands = Buffer::new::<u32>(device, "bands", 1, Memory::Device)?;
-    let mut recorder = Recorder::new(device, Timing::None)?;
-    let buffers = [&params, &starts, &bands];
-    recorder.dispatch(&kernels.bin_scan, &buffers, &[log_blocks], [1, 1, 1])?;
-    recorder.finish()?.run()?;
-    Ok(TileStarts {
-        pairs: read::<u32>(device, &bands, 1)?[0],
-        starts: read(device, &starts, counts.len() + tiles as usize)?,
-    })
 }
 
 /// What every stage before the blending left, up to the pairs that there was room for.
@@ -109,56 +50,121 @@ pub struct Stages {
     pub ranges: Vec<[u32; 2]>,
 }
 
-/// Runs the stages before the blending at a pose, with room for `pair_capacity` pairs.
-pub fn stages(
-    engine: &Engine,
-    scene: &Scene,
-    camera: &Camera,
-    pose: &Pose,
-    pair_capacity: u32,
-    sort_precision: SortPrecision,
-) -> Result<Stages, Error> {
-    stages_at(engine, scene, camera, 1, pose, pair_capacity, sort_precision)
-}
+impl Probe<'_> {
+    /// The places of the keys in the order of their values, equal ones by place; without those that are
+    /// [`CULLED`].
+    pub fn sort(&self, keys: &[u32], sort_precision: SortPrecision) -> Result<Vec<u32>, Error> {
+        let Probe { device, kernels } = *self;
+        let count = keys.len() as u32;
+        let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
+        let between = || Ok::<_, Error>([own("keys", keys.len())?, own("values", keys.len())?]);
+        let largest = keys.iter().copied().filter(|key| *key != CULLED).max();
+        let counters = Counters { largest_key: largest.unwrap_or(0), ..Counters::default() };
+        let counters = Buffer::from_slice(device, "counters", &[counters])?;
+        let order = own("order", keys.len())?;
+        let log_blocks = super::kernels::log_blocks(device, count);
+        let groups =
+            Groups { sort_blocks: [1 << log_blocks, 1, 1], one: [1, 1, 1], ..Groups::NONE };
+        let sort = Sort {
+            sort_precision,
+            count,
+            log_blocks,
+            part: Part::First,
+            groups: &Buffer::from_slice(device, "workgroups", &[groups])?,
+            counters: &counters,
+            histogram: &own("digit histogram", (TABLE << log_blocks) as usize)?,
+            keys: &Buffer::from_slice(device, "keys", keys)?,
+            between: &[between()?, between()?],
+            order: &order,
+        };
+        let mut recorder = Recorder::new(device, Timing::None)?;
+        sort.record(&mut recorder, kernels)?;
+        recorder.finish()?.run()?;
+        let sorted = read::<Counters>(device, &counters, 1)?[0].visible;
+        read(device, &order, sorted as usize)
+    }
 
-/// As [`stages`], of the level of the pyramid that is reduced by a factor.
-pub fn stages_at(
-    engine: &Engine,
-    scene: &Scene,
-    camera: &Camera,
-    factor: u32,
-    pose: &Pose,
-    pair_capacity: u32,
-    sort_precision: SortPrecision,
-) -> Result<Stages, Error> {
-    let (device, kernels) = (&engine.device, &*engine.kernels);
-    let work = Workspace::new(device, scene, pair_capacity, true)?;
-    let mut view = View::new(device, scene, camera, &[factor])?;
-    view.ask(scene, 0, pair_capacity, pose);
+    /// Logarithm, base 2, of the number of workgroups that share a sort of so many keys.
+    pub fn log_blocks(&self, keys: u32) -> u32 {
+        super::kernels::log_blocks(self.device, keys)
+    }
 
-    let mut recorder = Recorder::new(device, Timing::None)?;
-    recorder.copy(&view.params_asked, &view.params)?;
-    recorder.copy(&view.groups_asked, &view.groups)?;
-    let bytes = &Bytes::new(device, &view)?;
-    let stages = stages::Stages { kernels, scene, view: &view, work: &work, bytes };
-    stages.tile_lists(&mut recorder, sort_precision, Part::First)?;
-    stages.pose_jacobian(&mut recorder, Part::First)?;
-    recorder.finish()?.run()?;
-    let counters = read::<Counters>(device, &work.counters, 1)?[0];
-    let splats = scene.splats as usize;
-    let pairs = counters.pairs_needed.min(pair_capacity) as usize;
-    let Params { tiles_x, tiles_y, .. } = view.levels[0].params;
-    let tiles = tiles_x * tiles_y;
-    let derivatives = work.derivatives.as_ref().map(|d| read(device, d, splats + 1));
-    Ok(Stages {
-        records: read(device, &work.records, splats + 1)?,
-        keys: read(device, &work.keys, splats)?,
-        derivatives: derivatives.transpose()?.unwrap_or_default(),
-        order: read(device, &work.order, counters.visible as usize)?,
-        pairs_needed: counters.pairs_needed,
-        pair_splats: read(device, &work.pair_splats, pairs)?,
-        ranges: read(device, &view.ranges, tiles as usize)?,
-    })
+    /// Stage `bin_scan` alone, on blocks × tiles counts of one band.
+    ///
+    /// # Panics
+    /// If the blocks are not a power of two from 4 on, or there are not `tiles` counts each.
+    pub fn scan_tiles(&self, tiles: u32, counts: &[u32]) -> Result<TileStarts, Error> {
+        let Probe { device, kernels } = *self;
+        let log_blocks = (counts.len() as u32 / tiles).ilog2();
+        assert!(log_blocks >= 2, "four blocks or more");
+        assert_eq!((tiles as usize) << log_blocks, counts.len(), "counts of whole blocks");
+        let params = Params { tiles_x: tiles, tiles_y: 1, ..Params::default() };
+        let params = Buffer::from_slice(device, "parameters", &[params])?;
+        let mut starts = counts.to_vec();
+        starts.resize(counts.len() + tiles as usize, 0);
+        let starts = Buffer::from_slice(device, "tile starts", &starts)?;
+        let bands = Buffer::new::<u32>(device, "bands", 1, Memory::Device)?;
+        let mut recorder = Recorder::new(device, Timing::None)?;
+        let buffers = [&params, &starts, &bands];
+        recorder.dispatch(&kernels.bin_scan, &buffers, &[log_blocks], [1, 1, 1])?;
+        recorder.finish()?.run()?;
+        Ok(TileStarts {
+            pairs: read::<u32>(device, &bands, 1)?[0],
+            starts: read(device, &starts, counts.len() + tiles as usize)?,
+        })
+    }
+
+    /// Runs the stages before the blending at a pose, with room for `pair_capacity` pairs.
+    pub fn stages(
+        &self,
+        scene: &Scene,
+        camera: &Camera,
+        pose: &Pose,
+        pair_capacity: u32,
+        sort_precision: SortPrecision,
+    ) -> Result<Stages, Error> {
+        self.stages_at(scene, camera, 1, pose, pair_capacity, sort_precision)
+    }
+
+    /// As [`Probe::stages`], of the level of the pyramid that is reduced by a factor.
+    pub fn stages_at(
+        &self,
+        scene: &Scene,
+        camera: &Camera,
+        factor: u32,
+        pose: &Pose,
+        pair_capacity: u32,
+        sort_precision: SortPrecision,
+    ) -> Result<Stages, Error> {
+        let Probe { device, kernels } = *self;
+        let work = Workspace::new(device, scene, pair_capacity, true)?;
+        let mut view = View::new(device, scene, camera, &[factor])?;
+        view.ask(scene, 0, pair_capacity, pose);
+
+        let mut recorder = Recorder::new(device, Timing::None)?;
+        recorder.copy(&view.params_asked, &view.params)?;
+        recorder.copy(&view.groups_asked, &view.groups)?;
+        let bytes = &Bytes::new(device, &view)?;
+        let stages = stages::Stages { kernels, scene, view: &view, work: &work, bytes };
+        stages.tile_lists(&mut recorder, sort_precision, Part::First)?;
+        stages.pose_jacobian(&mut recorder, Part::First)?;
+        recorder.finish()?.run()?;
+        let counters = read::<Counters>(device, &work.counters, 1)?[0];
+        let splats = scene.splats as usize;
+        let pairs = counters.pairs_needed.min(pair_capacity) as usize;
+        let Params { tiles_x, tiles_y, .. } = view.levels[0].params;
+        let tiles = tiles_x * tiles_y;
+        let derivatives = work.derivatives.as_ref().map(|d| read(device, d, splats + 1));
+        Ok(Stages {
+            records: read(device, &work.records, splats + 1)?,
+            keys: read(device, &work.keys, splats)?,
+            derivatives: derivatives.transpose()?.unwrap_or_default(),
+            order: read(device, &work.order, counters.visible as usize)?,
+            pairs_needed: counters.pairs_needed,
+            pair_splats: read(device, &work.pair_splats, pairs)?,
+            ranges: read(device, &view.ranges, tiles as usize)?,
+        })
+    }
 }
 
 /// The first `count` values of a buffer that only the device sees.

@@ -75,8 +75,8 @@ fn library() -> &'static Path {
         std::fs::create_dir_all(work()).unwrap();
         let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
         let mut cargo = Command::new(env!("CARGO"));
-        cargo.current_dir(root()).args(["rustc", "--lib", "--crate-type", "cdylib"]);
-        cargo.args(["--no-default-features", "--features", "capi"]);
+        cargo.current_dir(root()).args(["rustc", "-p", "nvsprior", "--lib"]);
+        cargo.args(["--crate-type", "cdylib", "--no-default-features", "--features", "capi"]);
         succeeds(cargo.arg("--target-dir").arg(target));
         target.join("debug")
     })

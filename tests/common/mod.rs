@@ -1,7 +1,7 @@
 //! What integration tests share: an engine, deterministic random scenes, cameras and poses.
 #![allow(dead_code)] // Each test binary uses a part.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use nvsprior::prior::Splats;
@@ -78,15 +78,15 @@ pub fn random_frame(seed: u64, camera: &Camera) -> Vec<f32> {
     (0..camera.pixels() * 3).map(|_| random.within(0.0, 1.0)).collect()
 }
 
-/// A file of the reef set, if that lies beside the repository; says so if it does not.
+/// A file of the reef set, if `shared/data/reef` lies beside the repository or above it; says so if it does not.
 pub fn reef_file(name: &str) -> Option<PathBuf> {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data/reef");
-    let path = folder.join(name);
-    if path.exists() {
-        return Some(path);
+    let file = Path::new("shared/data/reef").join(name);
+    let above = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().skip(1);
+    let found = above.map(|folder| folder.join(&file)).find(|path| path.exists());
+    if found.is_none() {
+        println!("skipped: {} is not here", file.display());
     }
-    println!("skipped: {} is not here", path.display());
-    None
+    found
 }
 
 /// The reef prior, rendered as it was trained.

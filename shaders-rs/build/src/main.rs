@@ -1,4 +1,4 @@
-//! Builds the stages of `nvsprior-shaders` into `spv/`, one module per entry point, and writes the
+//! Builds the stages of `nvsprior-shaders` into `kernels/spv/`, one module per entry point, and writes the
 //! manifest that ties them to their sources. With `--check`: builds elsewhere and compares.
 
 use std::collections::BTreeMap;
@@ -27,13 +27,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(&package).parent().ok_or("no parent folder")?;
     let modules = build(root)?;
     let manifest = manifest(root, &modules)?;
-    let out = root.join("spv");
+    let out = root.join("kernels/spv");
     if check { compare(&out, &modules, &manifest) } else { write(&out, &modules, &manifest) }
 }
 
 /// Entry point → SPIR-V, validated.
 fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
-    let mut builder = SpirvBuilder::new(root, TARGET)
+    let mut builder = SpirvBuilder::new(root.join("stages"), TARGET)
         .multimodule(true)
         .release(true)
         .deny_warnings(false)
@@ -159,11 +159,15 @@ fn validate(file: &Path, spirv: &[u8]) -> Result<(), Box<dyn Error>> {
     if status.success() { Ok(()) } else { Err(format!("spirv-val refuses {}", file.display()).into()) }
 }
 
-/// FNV-1a, 64 bits, of the shader sources in the order of their names: enough to notice a change,
-/// and simple enough to be repeated by the test that compares it.
+/// FNV-1a, 64 bits, of the shader sources in the order of their names, those of `kernels` first: enough to notice a
+/// change, and simple enough to be repeated by the test that compares it.
 fn source_hash(root: &Path) -> Result<String, Box<dyn Error>> {
-    let mut files: Vec<PathBuf> =
-        fs::read_dir(root.join("src"))?.map(|e| e.map(|e| e.path())).collect::<Result<_, _>>()?;
+    let mut files: Vec<PathBuf> = Vec::new();
+    for package in ["kernels", "stages"] {
+        for entry in fs::read_dir(root.join(package).join("src"))? {
+            files.push(entry?.path());
+        }
+    }
     files.sort();
     let mut hash = 0xcbf2_9ce4_8422_2325u64;
     for file in files {
@@ -222,5 +226,5 @@ fn compare(
         println!("{} modules agree with their sources", modules.len());
         return Ok(());
     }
-    Err(format!("rebuilt modules differ from spv/: {}; run `make shaders`", different.join(", ")).into())
+    Err(format!("rebuilt modules differ from kernels/spv/: {}; run `make shaders`", different.join(", ")).into())
 }

@@ -38,7 +38,7 @@
 //! blue less green.
 //!
 //! **Order.** Splats stand in the order of the curve, which is part of the prior's identity: the
-//! identity is not that of the splats handed to [`write`], but the one it returns. Splats close in
+//! identity is not that of the splats handed to [`write()`], but the one it returns. Splats close in
 //! space are then close in memory, too.
 //!
 //! **Same on every machine.** Reading takes additions, products and square roots alone, and ends with

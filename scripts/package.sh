@@ -1,0 +1,20 @@
+#!/bin/sh
+# Packs the crates that are published, and builds each from its packed file alone. Usage: package.sh
+set -eu
+cd "$(dirname "$0")/.."
+
+# Cargo builds both from what it packed: the library takes the kernels of the packed file, not of the tree. Not
+# optimised: whether they build is all that is asked.
+cargo package --allow-dirty -p nvsprior-kernels -p nvsprior --config 'profile.dev.opt-level=0' \
+    --config 'profile.dev.package."*".opt-level=0'
+
+# Nothing of the tools comes with the library.
+target=${CARGO_TARGET_DIR:-target}/package
+for crate in "$target"/nvsprior-*.crate; do
+    printf '%s: %s bytes, %s files\n' "$(basename "$crate")" "$(wc -c < "$crate")" \
+        "$(tar tzf "$crate" | wc -l)"
+done
+if tar tzf "$target"/nvsprior-[0-9]*.crate | grep -q '/tools/\|/shaders-rs/'; then
+    echo "package: the library's file holds more than the library" >&2
+    exit 1
+fi

@@ -1,0 +1,17 @@
+//! What the GPU stages of nvsprior share with the host: constants, buffer layouts and maths ([`shared`]), arithmetic with the same bits on every device ([`portable`]), the search
+//! for a pose ([`search`]), and the built SPIR-V ([`modules`]).
+//!
+//! The stages are compiled against this crate for the device, the library `nvsprior` for the host. So both agree on
+//! every layout, and the library needs no shader compiler.
+
+#![no_std]
+
+// On the host `std` has the functions of `f32`; on the device `spirv_std` has them.
+#[cfg(not(target_arch = "spirv"))]
+extern crate std;
+
+#[cfg(not(target_arch = "spirv"))]
+pub mod modules;
+pub mod portable;
+pub mod search;
+pub mod shared;

@@ -1,0 +1,24 @@
+//! The GPU stages of nvsprior, in Rust by rust-gpu. Passes of one algorithm (`radix`, `bin`) share a file; every
+//! other stage has its own. The f64 twins in `tools/reference` have the same names.
+#![no_std]
+#![cfg_attr(target_arch = "spirv", feature(asm_experimental_arch))]
+
+pub use nvsprior_kernels::{portable, search, shared};
+
+pub mod bin;
+pub mod ceilings;
+pub mod decode_pose;
+pub mod difference;
+pub mod lanes;
+pub mod list;
+pub mod memory;
+pub mod pose_jacobian;
+pub mod project;
+pub mod pyramid;
+pub mod quantize_rgb8;
+pub mod radix;
+pub mod reduce;
+pub mod solve;
+pub mod splat;
+pub mod splat_exact;
+pub mod splat_flow;

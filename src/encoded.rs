@@ -1,0 +1,81 @@
+//! An encoded frame, and what it took.
+
+use crate::packet::{CAMERA_PART_LEN, LONGEST_LATENT, RENDER_PART_LEN, residual_part_len};
+use crate::residual::max_payload_len;
+use crate::tracking::{Observability, StartKind, Stop};
+use crate::{Picture, Pose};
+
+/// What encoding a frame took and gave.
+#[derive(Clone, Debug, Default)]
+pub struct FrameStats {
+    /// Number of the frame.
+    pub frame: u32,
+    /// Bytes of the packet.
+    pub bytes: usize,
+    /// Of them, the latent part.
+    pub latent_bytes: usize,
+    /// PSNR of the render at the quantised pose, dB.
+    pub render_psnr: f64,
+    /// PSNR of what the topside will show, dB.
+    pub psnr: f64,
+    /// Renders at full resolution, all of them: judging the start, refining, the final picture.
+    pub full_renders: u32,
+    /// Renders by level, finest first.
+    pub renders: Vec<u32>,
+    /// Time from the frame to its pose, its render and the difference, milliseconds.
+    pub refine_milliseconds: f64,
+    /// Time of coding the difference and writing the packet, milliseconds.
+    pub code_milliseconds: f64,
+    /// Both together; in a [`Pipeline`](crate::Pipeline) they overlap with those of other frames.
+    pub milliseconds: f64,
+    /// Submissions that the search on the device took, its final picture included; 0 where the host
+    /// led the search.
+    pub submissions: u32,
+    /// Where the refinement started.
+    pub start: StartKind,
+    /// Why it stopped.
+    pub stop: Stop,
+    /// What of the pose the picture determines: the directions in which it may be off.
+    pub observability: Observability,
+    /// Whether the residual's rate was kept; true where none was asked for.
+    pub rate_kept: bool,
+    /// Whether the picture confirms the pose. While it does not, the pose is looked for again at every
+    /// frame.
+    pub certain: bool,
+    /// Frames since the last certain one, or since the encoder was made or reset, this one counted; 0 if
+    /// it is certain.
+    pub lost_frames: u32,
+}
+
+/// An encoded frame.
+#[derive(Clone, Debug, Default)]
+pub struct Encoded {
+    /// The bytes to send.
+    pub packet: Vec<u8>,
+    /// What the topside will show, byte for byte on the same device.
+    pub picture: Picture,
+    /// The prior's render at the quantised pose.
+    pub render: Picture,
+    /// The pose as the packet holds it.
+    pub pose: Pose,
+    /// What it took.
+    pub stats: FrameStats,
+}
+
+impl Encoded {
+    /// With room for every frame of a size.
+    pub fn with_room(width: u32, height: u32) -> Encoded {
+        Encoded {
+            packet: Vec::with_capacity(packet_bound(width, height)),
+            picture: Picture::new(width, height),
+            render: Picture::new(width, height),
+            ..Encoded::default()
+        }
+    }
+}
+
+/// Most bytes of a packet about a picture of this size, in either profile and with all its parts.
+pub fn packet_bound(width: u32, height: u32) -> usize {
+    let fixed = LONGEST_LATENT + CAMERA_PART_LEN + RENDER_PART_LEN;
+    fixed + residual_part_len(max_payload_len(width, height))
+}

@@ -1,0 +1,247 @@
+//! `nvsprior demo`: the whole job on the embedded scene.
+
+mod table;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::Context;
+use nvsprior::prior::ply::write_ply;
+use nvsprior::render::Scene;
+use nvsprior::residual::Webp;
+use nvsprior::tracking::Optimizer;
+use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
+use nvsprior_train::mapping::{MappingOptions, View, make_prior};
+
+use crate::key_frames;
+use crate::sheet::{self, SheetRow};
+use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Run};
+use nvsprior_inputs::args::{DeviceArgs, progress};
+use nvsprior_inputs::frame_file;
+use table::{Table, TableRow};
+
+/// Run the whole job on a scene that the program draws itself
+///
+/// Draws a basin with a yellow structure, seen through water; makes a prior from a mapping run;
+/// encodes two inspection runs (T1: the scene as mapped; T2: with a new object and a safety line),
+/// decodes their packets in another process, compares, and prints a table as the paper's.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Folder for runs, prior, packets, pictures and the table
+    #[arg(long, value_name = "DIR", default_value = "demo-out")]
+    out: PathBuf,
+    /// Frames of each inspection run, three a second
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    frames: usize,
+    /// Quality of the difference pictures, 0 to 100
+    #[arg(long, value_name = "Q", default_value_t = 20.0)]
+    quality: f32,
+    /// Also draws so many views from random places of the basin, to look for lost cameras in
+    /// (`nvsprior bench --lost`)
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    views: usize,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Distance between surface points where the mapping run saw them closest, pixels.
+const PITCH: f32 = 7.0;
+/// A frame starts from the one before where the mean squared error there is below this.
+const THRESHOLD: f64 = 1e-2;
+/// Where an estimator might put the first frame: off by this step (metres, radians).
+const FIRST_OFFSET: [f64; 6] = [0.08, -0.06, 0.10, 0.035, -0.044, 0.026];
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    anyhow::ensure!(args.frames > 0, "--frames must be at least 1");
+    let engine = args.device.open()?;
+    std::fs::create_dir_all(&args.out).with_context(|| format!("making {}", args.out.display()))?;
+    let prior_file = args.out.join("prior.ply");
+    let prior = map(&prior_file, &args.out.join("M1"))?;
+    let scene = engine.upload(&prior)?;
+    let mut tables = String::new();
+    for (run, name) in [(Run::T1, "T1"), (Run::T2, "T2")] {
+        let frames = draw_run(&args.out.join(name), run, name, args.frames)?;
+        let dive = Dive { args, name, engine: &engine, scene: &scene, prior: &prior_file };
+        let table = dive.table(&frames)?;
+        println!("\n{table}");
+        tables += &format!("{table}\n");
+    }
+    if args.views > 0 {
+        let bar = progress(args.views, "drawing random views");
+        let views = nvsprior_basin::random_views(args.views, Conditions::BASIN);
+        nvsprior_basin::write_run(&args.out.join("views"), "views", views, |_| bar.inc(1))?;
+        bar.finish_and_clear();
+    }
+    let path = args.out.join("table.txt");
+    std::fs::write(&path, tables).with_context(|| format!("writing {}", path.display()))?;
+    println!("\nprior, runs, packets, pictures and contact sheets are in {}", args.out.display());
+    args.device.check(&engine)
+}
+
+/// Draws the mapping run into a folder and makes the prior from it, and from it alone.
+fn map(path: &Path, folder: &Path) -> anyhow::Result<Prior> {
+    let since = Instant::now();
+    let run = nvsprior_basin::mapping_run(Conditions::BASIN);
+    let bar = progress(run.len(), "drawing the mapping run M1");
+    let mut views: Vec<View> = Vec::new();
+    nvsprior_basin::write_run(folder, "M1", run, |frame| {
+        views.push(View { camera: CAMERA, pose: frame.pose, picture: frame.picture.clone() });
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    let points = nvsprior_basin::surface_points(PITCH);
+    let options = MappingOptions::default();
+    let bar = progress((options.sweeps + options.steps) as usize, "making the prior");
+    let splats =
+        make_prior(&points, &views, &options, &mut |done, _| bar.set_position(done.into()))?;
+    bar.finish_and_clear();
+    let mut bytes = Vec::new();
+    let posed: Vec<_> = views.iter().map(|view| (view.camera, view.pose)).collect();
+    let key_frames = key_frames::of_run(&splats, options.render.near, &posed)?;
+    write_ply(&splats, &options.render, &key_frames, &mut bytes)?;
+    std::fs::write(path, bytes).with_context(|| format!("writing {}", path.display()))?;
+    let prior = Prior::open(path, &Default::default())?;
+    println!(
+        "prior: {} splats and {} key frames from {} pictures of M1 in {:.0} s",
+        prior.len(),
+        prior.key_frames().len(),
+        views.len(),
+        since.elapsed().as_secs_f64()
+    );
+    Ok(prior)
+}
+
+/// Draws an inspection run and writes it with its camera file, as `nvsprior encode` reads it.
+fn draw_run(
+    folder: &Path,
+    run: Run,
+    name: &'static str,
+    count: usize,
+) -> anyhow::Result<Vec<DemoFrame>> {
+    let bar = progress(count, "drawing an inspection run");
+    let mut frames = Vec::new();
+    let drawn = nvsprior_basin::inspection_run(run, count, Conditions::BASIN);
+    nvsprior_basin::write_run(folder, name, drawn, |frame| {
+        frames.push(frame.clone());
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    Ok(frames)
+}
+
+/// One inspection run against the prior.
+struct Dive<'a> {
+    args: &'a Args,
+    name: &'static str,
+    engine: &'a Engine,
+    scene: &'a std::sync::Arc<Scene>,
+    prior: &'a Path,
+}
+
+impl Dive<'_> {
+    fn table(&self, frames: &[DemoFrame]) -> anyhow::Result<Table> {
+        let (bfgs, _) = self.encode(frames, Optimizer::Bfgs)?;
+        let (default, pictures) = self.encode(frames, Optimizer::default())?;
+        let webp = self.webp(frames, default.psnr)?;
+        sheet::write(&self.args.out.join(format!("{}.png", self.name)), &pictures)?;
+        let title = format!("{}, {} frames of 320×180", self.name, frames.len());
+        Ok(Table { title, rows: vec![webp, bfgs, default] })
+    }
+
+    /// Plain WebP of the frames, each at the least quality that reaches a PSNR.
+    fn webp(&self, frames: &[DemoFrame], psnr: f64) -> anyhow::Result<TableRow> {
+        let mut row = TableRow::new("WebP, at the PSNR of the last row");
+        for frame in frames {
+            let since = Instant::now();
+            let (bytes, reached) = webp_at_psnr(&frame.picture, psnr)?;
+            row.add(bytes, reached, since.elapsed().as_secs_f64() * 1e3, 0);
+        }
+        Ok(row.mean(frames.len()))
+    }
+
+    /// Encodes the run, decodes its packets in another process and compares.
+    fn encode(
+        &self,
+        frames: &[DemoFrame],
+        optimizer: Optimizer,
+    ) -> anyhow::Result<(TableRow, Vec<SheetRow>)> {
+        let rate = Some(Rate::Quality(self.args.quality));
+        let mut options = EncoderOptions { threshold: THRESHOLD, rate, ..Default::default() };
+        options.refine.optimizer = optimizer;
+        let mut encoder = Encoder::new(self.engine, self.scene, &CAMERA, options)?;
+        let folder = self.args.out.join(self.name);
+        let packets = folder.join(format!("packets-{}", optimizer.name()));
+        std::fs::create_dir_all(&packets)
+            .with_context(|| format!("making {}", packets.display()))?;
+        let bar = progress(frames.len(), "encoding");
+        let mut row = TableRow::new(format!("NVSPrior+iNVS+WebP, {}", optimizer.name()));
+        let mut pictures = Vec::new();
+        for (index, frame) in frames.iter().enumerate() {
+            let start = (index == 0).then(|| frame.pose.stepped(&FIRST_OFFSET));
+            let encoded = encoder.encode(&frame.picture, start)?;
+            let path = packets.join(&frame.name).with_extension("nvsp");
+            std::fs::write(&path, &encoded.packet)
+                .with_context(|| format!("writing {}", path.display()))?;
+            let stats = &encoded.stats;
+            row.add(stats.bytes, stats.psnr, stats.milliseconds, stats.full_renders);
+            let (render, reconstruction) = (encoded.render, encoded.picture);
+            pictures.push(SheetRow { camera: frame.picture.clone(), render, reconstruction });
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        let decoded = folder.join(format!("decoded-{}", optimizer.name()));
+        self.decode(&packets, &decoded)?;
+        for (frame, pictures) in frames.iter().zip(&pictures) {
+            let path = decoded.join(&frame.name);
+            let topside = frame_file::read_frame(&path, CAMERA.width, CAMERA.height)?;
+            anyhow::ensure!(
+                topside == pictures.reconstruction,
+                "{}: the topside shows another picture than the encoder predicted",
+                path.display()
+            );
+        }
+        Ok((row.mean(frames.len()), pictures))
+    }
+
+    /// Runs `nvsprior decode` on the packets: nothing but prior and packets crosses over.
+    fn decode(&self, packets: &Path, frames: &Path) -> anyhow::Result<()> {
+        let program = std::env::current_exe().context("finding this program")?;
+        let mut command = Command::new(program);
+        command.arg("decode").arg("--prior").arg(self.prior);
+        command.arg("--packets").arg(packets).arg("--frames").arg(frames);
+        let output = command.output().context("starting the decoder")?;
+        anyhow::ensure!(
+            output.status.success(),
+            "the decoder failed: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        Ok(())
+    }
+}
+
+/// The smallest WebP of a picture that reaches a PSNR, by bisection of the quality; the best one
+/// where none does. Bytes and PSNR.
+fn webp_at_psnr(picture: &Picture, psnr: f64) -> anyhow::Result<(usize, f64)> {
+    /// Libwebp's default.
+    const SEGMENTS: u8 = 4;
+    let mut webp = Webp::new(picture.width, picture.height);
+    let mut shown = Picture::new(picture.width, picture.height);
+    let mut code = |quality: f32| -> anyhow::Result<(usize, f64)> {
+        let file = webp.encode_file(picture, quality, SEGMENTS)?.to_vec();
+        webp.decode_file(&file, &mut shown)?;
+        Ok((file.len(), shown.psnr(picture)))
+    };
+    let (mut low, mut high) = (0.0, 100.0);
+    let mut best = code(high)?;
+    for _ in 0..7 {
+        let middle = 0.5 * (low + high);
+        let (bytes, reached) = code(middle)?;
+        if reached >= psnr {
+            (high, best) = (middle, (bytes, reached));
+        } else {
+            low = middle;
+        }
+    }
+    Ok(best)
+}

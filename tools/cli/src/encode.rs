@@ -1,0 +1,217 @@
+//! `nvsprior encode`: frames in, packets out.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::ValueEnum;
+use nvsprior::packet::PoseProfile;
+use nvsprior::render::Jacobian;
+use nvsprior::{Encoder, EncoderOptions, Rate};
+use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
+use nvsprior_inputs::frame_file;
+use nvsprior_inputs::input::{Input, InputArgs};
+
+use crate::sheet::{self, SheetRow};
+use crate::summary::{self, Row};
+
+/// Encode the frames of a camera file to packets
+///
+/// Frames are taken in time order. The first one starts from its pose in the camera file (or the CSV
+/// file), moved by --start-offset; each later one from where constant velocity leads, and, if that
+/// comes to nothing (--threshold), from a pose given for it with --starts. When a frame was taken is
+/// told by `time` in cameras.json, or by the CSV file.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    prior: PriorArgs,
+    #[command(flatten)]
+    input: InputArgs,
+    #[command(flatten)]
+    refine: RefineArgs,
+    #[command(flatten)]
+    rate: RateArgs,
+    /// Folder for the packets, NAME.nvsp; made where it is missing
+    #[arg(long, value_name = "DIR")]
+    packets: PathBuf,
+    /// Summary to write (JSON)
+    #[arg(long, value_name = "FILE")]
+    summary: Option<PathBuf>,
+    /// Folder for the reconstructed pictures (PNG), as the topside will see them
+    #[arg(long, value_name = "DIR")]
+    frames_out: Option<PathBuf>,
+    /// Contact sheet to write (PNG): camera | render | difference | reconstruction
+    #[arg(long, value_name = "FILE")]
+    sheet: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// How to find poses.
+#[derive(clap::Args)]
+pub struct RefineArgs {
+    /// Optimiser
+    #[arg(long, value_enum, default_value = "gauss-newton")]
+    pub optimizer: OptimizerArg,
+    /// Pose Jacobian of gauss-newton
+    #[arg(long, value_enum, default_value = "flow")]
+    pub jacobian: JacobianArg,
+    /// Mean squared error (values in [0, 1]): the gradient methods start from the frame before only if
+    /// the error there is below this (1e-2 suits real footage); gauss-newton asks for it only if the
+    /// prior shows too little to tell whether a pose is right
+    #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
+    pub threshold: f64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+pub enum JacobianArg {
+    Flow,
+    Exact,
+}
+
+/// How fine the difference picture is.
+#[derive(clap::Args)]
+struct RateArgs {
+    /// Coder of the difference picture
+    #[arg(long, value_enum, default_value = "webp")]
+    residual: ResidualArg,
+    /// Quality of the difference picture, 0 to 100 [default: 10]
+    #[arg(long, value_name = "Q", group = "rate")]
+    quality: Option<f32>,
+    /// Bytes of the whole packet, never exceeded
+    #[arg(long, value_name = "N", group = "rate")]
+    bytes: Option<usize>,
+    /// PSNR to reach at the least bytes, dB
+    #[arg(long, value_name = "DB", group = "rate")]
+    psnr: Option<f64>,
+    /// Sends a check of the render with every so many frames (6 bytes), so that the topside knows
+    /// whether it renders the same; 0: never
+    #[arg(long, value_name = "FRAMES", default_value_t = 0)]
+    render_check: u32,
+    /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
+    #[arg(long, value_enum, default_value = "compact")]
+    profile: ProfileArg,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum ResidualArg {
+    Webp,
+    None,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ProfileArg {
+    Compact,
+    Paper,
+}
+
+impl RateArgs {
+    fn rate(&self) -> Option<Rate> {
+        let rate = match (self.bytes, self.psnr) {
+            (Some(bytes), _) => Rate::Bytes(bytes),
+            (_, Some(psnr)) => Rate::Psnr(psnr),
+            _ => Rate::Quality(self.quality.unwrap_or(10.0)),
+        };
+        (self.residual == ResidualArg::Webp).then_some(rate)
+    }
+}
+
+impl RefineArgs {
+    /// Encoder options with these refinement options, the rest at their defaults.
+    pub fn options(&self) -> EncoderOptions {
+        let mut options = EncoderOptions { threshold: self.threshold, ..Default::default() };
+        options.refine.optimizer = self.optimizer.into();
+        options.refine.jacobian = match self.jacobian {
+            JacobianArg::Flow => Jacobian::Flow,
+            JacobianArg::Exact => Jacobian::Exact,
+        };
+        options
+    }
+}
+
+/// Fails where a frame's time lies before that of an earlier one.
+fn check_times(frames: &[Input]) -> anyhow::Result<()> {
+    let times = frames.iter().filter_map(|frame| Some((&frame.file, frame.external.time?)));
+    for ((before, earlier), (file, time)) in times.clone().zip(times.skip(1)) {
+        anyhow::ensure!(
+            time >= earlier,
+            "{file}: its time, {time} s, lies before that of an earlier frame, {before}, {earlier} s; \
+             the order of frames is that of \"index\", and --split takes one run of several"
+        );
+    }
+    Ok(())
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let frames = args.input.frames()?;
+    check_times(&frames)?;
+    let first = &frames[0];
+    let engine = args.device.open()?;
+    let scene = args.prior.upload(&engine)?;
+    let mut options = args.refine.options();
+    options.rate = args.rate.rate();
+    options.check_interval = args.rate.render_check;
+    options.profile = match args.rate.profile {
+        ProfileArg::Compact => PoseProfile::Compact,
+        ProfileArg::Paper => PoseProfile::Paper,
+    };
+    let mut encoder = Encoder::new(&engine, &scene, &first.camera, options)?;
+    if args.input.starts == "none" {
+        render_key_frames(&mut encoder)?;
+    }
+    for folder in [Some(&args.packets), args.frames_out.as_ref()].into_iter().flatten() {
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    }
+    let bar = progress(frames.len(), "encoding");
+    let (mut rows, mut pictures) = (Vec::new(), Vec::new());
+    for frame in &frames {
+        let (row, picture) = encode(args, &mut encoder, frame)?;
+        rows.push(row);
+        pictures.extend(picture);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    summary::print(&rows);
+    if let Some(path) = &args.summary {
+        summary::write(path, &rows)?;
+    }
+    if let Some(path) = &args.sheet {
+        sheet::write(path, &pictures)?;
+    }
+    args.device.check(&engine)
+}
+
+/// Renders all key frames: without any pose the first frame is found by them.
+fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
+    /// Between two steps of the progress bar.
+    const AT_ONCE: usize = 8;
+    let all = encoder.prepare(0)?;
+    let bar = progress(all, "key frames");
+    let mut left = all;
+    while left > 0 {
+        left = encoder.prepare(AT_ONCE)?;
+        bar.set_position((all - left) as u64);
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+/// Encodes one frame and writes what was asked for; its pictures where a sheet was.
+fn encode(
+    args: &Args,
+    encoder: &mut Encoder,
+    input: &Input,
+) -> anyhow::Result<(Row, Option<SheetRow>)> {
+    let (frame, encoded) = input.encode(encoder)?;
+    let packet = args.packets.join(&input.name).with_added_extension("nvsp");
+    std::fs::write(&packet, &encoded.packet)
+        .with_context(|| format!("writing {}", packet.display()))?;
+    if let Some(folder) = &args.frames_out {
+        let path = folder.join(&input.name).with_added_extension("png");
+        frame_file::write_png(&path, &encoded.picture)?;
+    }
+    let time = input.external.time;
+    let row = Row { file: input.file.clone(), time, stats: encoded.stats };
+    let (render, reconstruction) = (encoded.render, encoded.picture);
+    let sheet = args.sheet.is_some().then_some(SheetRow { camera: frame, render, reconstruction });
+    Ok((row, sheet))
+}

@@ -1,0 +1,106 @@
+//! `nvsprior inspect`: what is in a prior, and what of it pictures do not need.
+
+mod study;
+
+use std::path::PathBuf;
+
+use nvsprior::Prior;
+use nvsprior::prior::KeyFrameSource;
+
+use crate::key_frames;
+use crate::mission::{self, MissionArgs};
+use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
+
+/// Print what is in a prior, and what of it is left out because no picture shows it
+///
+/// With a camera file also what a mission's views do not show. `nvsprior trim` writes a prior without
+/// that.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply, told by the content
+    #[arg(value_name = "PRIOR")]
+    prior: PathBuf,
+    #[command(flatten)]
+    overrides: OverrideArgs,
+    /// cameras.json, or nerfstudio's transforms.json: where the mission's cameras stand
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    #[command(flatten)]
+    mission: MissionArgs,
+    /// Also look for the share of splats whose absence, without any fitting, costs no more than this
+    /// against the camera's frames, or against frames as far from the prior's pictures as 27 dB where
+    /// there are none
+    #[arg(long, value_name = "DB", requires = "cameras", value_parser = mission::not_negative)]
+    tolerance: Option<f64>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
+    let mission = args.cameras.as_ref().map(|path| args.mission.read(path)).transpose()?;
+    describe(args, &prior);
+    study::print(&prior, mission.as_ref(), args.tolerance, &args.device)
+}
+
+/// One line of the report.
+fn row(name: &str, value: String) {
+    println!("{name:14} {value}");
+}
+
+fn describe(args: &Args, prior: &Prior) {
+    let (splats, report, options) = (prior.splats(), prior.report(), prior.options());
+    row("file", args.prior.display().to_string());
+    row("format", report.format.to_string());
+    row("identity", prior.id().to_string());
+    row("splats", format!("{} of {} read", report.kept, report.read));
+    for dropped in &report.dropped {
+        row("dropped", dropped.to_string());
+    }
+    if report.clamped_logits > 0 {
+        row("full opacity", format!("{} splats had an infinite logit", report.clamped_logits));
+    }
+    let coefficients = splats.sh_stride() / 3;
+    row("SH degree", format!("{} ({coefficients} coefficients a channel)", splats.sh_degree));
+    row("near plane", options.near.to_string());
+    row("alpha clamp", options.alpha_max.to_string());
+    row("anti-aliased", if options.antialiased { "yes" } else { "no" }.into());
+    row("background", format!("{:?}", options.background));
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let values = splats.positions.iter().map(|p| p[axis]).collect();
+        row(name, spread(values));
+    }
+    let scales = splats.log_scales.iter().flatten().map(|s| s.exp()).collect();
+    row("scales", spread(scales));
+    let opacities = splats.opacity_logits.iter().map(|l| 1.0 / (1.0 + (-l).exp())).collect();
+    row("opacities", spread(opacities));
+    let frame = prior.frame();
+    row("frame", format!("centre {:?}, spread {}", frame.centre, frame.spread));
+    row("key frames", key_frames(prior));
+    for comment in &report.comments {
+        row("comment", comment.clone());
+    }
+}
+
+/// How many key frames, where they came from, and where their cameras stand.
+fn key_frames(prior: &Prior) -> String {
+    let source = prior.report().key_frames;
+    match source {
+        KeyFrameSource::None => source.to_string(),
+        _ => format!("{source}: {}", key_frames::describe(prior.key_frames())),
+    }
+}
+
+/// Least, percentiles and greatest of values.
+fn spread(mut values: Vec<f32>) -> String {
+    values.sort_by(f32::total_cmp);
+    let at = |share: f64| values[((values.len() - 1) as f64 * share) as usize];
+    format!(
+        "{:.4} … {:.4}, 1 % {:.4}, median {:.4}, 99 % {:.4}",
+        at(0.0),
+        at(1.0),
+        at(0.01),
+        at(0.5),
+        at(0.99)
+    )
+}

@@ -1,0 +1,74 @@
+//! `nvsprior`: encodes frames against a prior, decodes packets, renders, inspects, measures.
+
+mod container;
+mod decode;
+mod demo;
+mod encode;
+mod inspect;
+mod key_frames;
+mod mission;
+mod picture_renderer;
+mod render;
+mod sheet;
+mod summary;
+mod trim;
+mod view_set;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use nvsprior_lab::{bench, stability, verify_device};
+
+/// Pictures through an acoustic modem: image compression against a 3D Gaussian Splatting prior.
+///
+/// Vehicle and topside hold the same trained scene. For each frame, `encode` finds the pose at which
+/// the scene looks most like the frame, and writes it with a coded difference picture to a packet;
+/// `decode` renders the scene at that pose and adds the difference.
+///
+/// Exit codes: 0 done, 1 something failed (named on standard error), 2 wrong usage.
+#[derive(Parser)]
+#[command(name = "nvsprior", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Encode(encode::Args),
+    Decode(decode::Args),
+    Render(render::Args),
+    Inspect(inspect::Args),
+    Trim(trim::Args),
+    KeyFrames(key_frames::Args),
+    Bench(bench::Args),
+    Demo(demo::Args),
+    Stability(stability::Args),
+    VerifyDevice(verify_device::Args),
+}
+
+fn main() -> ExitCode {
+    // A reader that closes the pipe (`| head`) ends the program; it is no error to panic about.
+    sigpipe::reset();
+    let result = match Cli::parse().command {
+        Command::Encode(args) => encode::run(&args),
+        Command::Decode(args) => decode::run(&args),
+        Command::Render(args) => render::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
+        Command::Trim(args) => trim::run(&args),
+        Command::KeyFrames(args) => key_frames::run(&args),
+        Command::Bench(args) => bench::run(&args),
+        Command::Demo(args) => demo::run(&args),
+        Command::Stability(args) => stability::run(&args),
+        Command::VerifyDevice(args) => return report(verify_device::run(&args)),
+    };
+    report(result.map(|()| ExitCode::SUCCESS))
+}
+
+/// The exit code; names what failed.
+fn report(result: anyhow::Result<ExitCode>) -> ExitCode {
+    result.unwrap_or_else(|error| {
+        eprintln!("nvsprior: {error:#}");
+        ExitCode::FAILURE
+    })
+}

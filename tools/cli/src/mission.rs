@@ -1,0 +1,108 @@
+//! A mission's views: where its cameras stand, and what they saw.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use nvsprior::{Camera, Picture, Pose};
+use nvsprior_train::samples::Margin;
+
+use nvsprior_inputs::args::SizeArgs;
+use nvsprior_inputs::camera_file::{CameraFile, View};
+use nvsprior_inputs::frame_file;
+
+/// Where a mission's cameras stand.
+#[derive(clap::Args)]
+pub struct MissionArgs {
+    /// Only the views of this split of the camera file
+    #[arg(long, value_name = "NAME", requires = "cameras")]
+    split: Option<String>,
+    #[command(flatten)]
+    size: SizeArgs,
+    /// How far cameras may stand from the camera file's, in the prior's unit
+    #[arg(long, value_name = "LENGTH", default_value_t = 0.0, value_parser = not_negative)]
+    margin_distance: f64,
+    /// How far they may be turned from them, degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = not_negative)]
+    margin_angle: f64,
+}
+
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
+    match value.is_finite() && value >= 0.0 {
+        true => Ok(value),
+        false => Err("must be a finite number, not negative".into()),
+    }
+}
+
+/// One view and, if its file is there, what the camera saw.
+pub struct PosedFrame {
+    pub camera: Camera,
+    pub pose: Pose,
+    pub frame: Option<Picture>,
+}
+
+/// The views that count and those that check.
+pub struct Mission {
+    pub margin: Margin,
+    /// Those of the split.
+    pub views: Vec<PosedFrame>,
+    /// Those of every other split.
+    pub others: Vec<PosedFrame>,
+}
+
+impl MissionArgs {
+    /// Reads the views, with their frames where the files are there.
+    pub fn read(&self, cameras: &Path) -> anyhow::Result<Mission> {
+        let file = CameraFile::open(cameras)?;
+        let chosen = file.select(self.split.as_deref())?;
+        let views = self.posed_frames(&chosen)?;
+        anyhow::ensure!(!views.is_empty(), "{}: no view has a pose", cameras.display());
+        let apart = |view: &&View| self.split.is_some() && view.split != self.split;
+        let others: Vec<View> = file.views.iter().filter(apart).cloned().collect();
+        let angle = self.margin_angle.to_radians();
+        let margin = Margin { distance: self.margin_distance, angle };
+        Ok(Mission { margin, views, others: self.posed_frames(&others)? })
+    }
+
+    fn posed_frames(&self, views: &[View]) -> anyhow::Result<Vec<PosedFrame>> {
+        let posed = views.iter().filter_map(|view| Some((view, view.pose?)));
+        posed.map(|(view, pose)| self.posed(view, pose)).collect()
+    }
+
+    fn posed(&self, view: &View, pose: Pose) -> anyhow::Result<PosedFrame> {
+        let camera = self.size.reduced(&view.camera);
+        camera.check().with_context(|| view.name.clone())?;
+        let read = || frame_file::read_frame(&view.file, camera.width, camera.height);
+        let frame = view.file.exists().then(read).transpose()?;
+        Ok(PosedFrame { camera, pose, frame })
+    }
+}
+
+/// Fewest poses within the margin that stand for it.
+const LEAST_NEAR: usize = 64;
+
+impl Mission {
+    /// Poses within the margin, of the turn `turn` of as many; none where there is no margin.
+    pub fn near(&self, turn: u64) -> Vec<(Camera, Pose)> {
+        if self.margin.is_none() {
+            return Vec::new();
+        }
+        let count = self.views.len().max(LEAST_NEAR);
+        self.margin.around(&self.places(), turn * count as u64, count)
+    }
+
+    /// Cameras and poses of the views.
+    pub fn places(&self) -> Vec<(Camera, Pose)> {
+        places(&self.views)
+    }
+}
+
+/// At most so many of some views, evenly spaced.
+pub fn spaced<T>(views: &[T], most: usize) -> impl Iterator<Item = &T> {
+    views.iter().step_by(views.len().div_ceil(most).max(1))
+}
+
+/// Cameras and poses of views.
+pub fn places<'a>(posed_frames: impl IntoIterator<Item = &'a PosedFrame>) -> Vec<(Camera, Pose)> {
+    posed_frames.into_iter().map(|posed| (posed.camera, posed.pose)).collect()
+}

@@ -1,0 +1,173 @@
+//! `nvsprior trim`: a prior reduced to what a mission's views need.
+
+mod judge;
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use nvsprior::prior::KeyFrames;
+use nvsprior::prior::compact::Quantisation;
+use nvsprior::{Camera, Pose, Prior};
+use nvsprior_train::mapping::View;
+use nvsprior_train::trim::{TrimOptions, trim};
+
+use crate::container::Container;
+use crate::mission::{self, Mission, MissionArgs};
+use crate::picture_renderer::PictureRenderer;
+use crate::sheet::{self, SheetRow};
+use judge::{Bench, Loss};
+use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
+
+/// Write a prior reduced to what a mission's views need
+///
+/// Leaves out the splats whose absence shows least, in rounds, and fits those that remain. The loss is
+/// measured at the views, at others within the margin, and at the camera file's other splits. The best
+/// so far is in the file after every round. The reduced prior has an identity of its own: both sides
+/// of a link must hold it.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The trained scene
+    #[arg(value_name = "PRIOR")]
+    prior: PathBuf,
+    #[command(flatten)]
+    overrides: OverrideArgs,
+    /// cameras.json, or nerfstudio's transforms.json: where the mission's cameras stand
+    #[arg(long, value_name = "FILE")]
+    cameras: PathBuf,
+    #[command(flatten)]
+    mission: MissionArgs,
+    /// Greatest loss of PSNR against the camera's frames, mean over the views, dB
+    #[arg(long, value_name = "DB", default_value_t = 0.1, value_parser = mission::not_negative)]
+    tolerance: f64,
+    /// If frames are not there: least PSNR of pictures against the whole prior's, mean over the
+    /// views, dB
+    #[arg(long, value_name = "DB", default_value_t = 42.0, value_parser = mission::not_negative)]
+    floor: f64,
+    /// Leave out splats farther than this from every camera, in the prior's unit
+    #[arg(long, value_name = "LENGTH", value_parser = mission::not_negative)]
+    range: Option<f64>,
+    /// What the rest is fitted to: the whole prior's renders, or the frames, if they are there. To
+    /// frames fewer splats do as well by PSNR, but less detail remains, and packets pay for it
+    #[arg(long, value_enum, default_value = "renders")]
+    fit: FitArg,
+    /// Gradient steps of a round
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    steps: u32,
+    /// Share of the splats that a round leaves out at first
+    #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = share)]
+    share: f64,
+    /// The reduced prior: .nvsg (compact, quantised; what that costs counts as loss) or .ply
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Steps of a compact prior's quantisation, as multiples of the usual ones [default: the greatest
+    /// of 1, 1/2, 1/4 and 1/8 that leaves most of the tolerance to the splats]
+    #[arg(long, value_name = "FACTOR")]
+    coarseness: Option<f32>,
+    /// Contact sheet to write (PNG): whole | reduced | difference | reduced, a row per view
+    #[arg(long, value_name = "FILE")]
+    sheet: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum FitArg {
+    Frames,
+    Renders,
+}
+use FitArg::{Frames, Renders};
+
+fn share(text: &str) -> Result<f64, String> {
+    let value = mission::not_negative(text)?;
+    match value > 0.0 && value < 1.0 {
+        true => Ok(value),
+        false => Err("must lie between 0 and 1".into()),
+    }
+}
+
+/// The finest steps that are tried, as multiples of the usual ones.
+const FINEST: f32 = 0.125;
+/// Rows of the contact sheet.
+const SHEET_ROWS: usize = 8;
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let finest = Quantisation::default().scaled(args.coarseness.unwrap_or(FINEST));
+    let container = Container::of(&args.out, finest)?;
+    check_beside(&args.out)?;
+    let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
+    let mission = args.mission.read(&args.cameras)?;
+    let engine = args.device.open()?;
+    let mut whole = PictureRenderer::new(&engine, &prior)?;
+    let fit = args.fit;
+    let views = fit_views(&mission, fit, &mut whole)?;
+    let limits = Loss { tolerance: args.tolerance, floor: args.floor, distilled: fit == Renders };
+    let mut bench = Bench::new(&engine, &prior, whole, &mission, (container, &args.out), limits)?;
+    if args.coarseness.is_none() {
+        bench.coarsen(FINEST)?;
+    }
+    let options = TrimOptions {
+        range: args.range,
+        steps: args.steps,
+        share: args.share,
+        ..TrimOptions::new(*prior.options(), bench.tolerance())
+    };
+    let splats = trim(prior.splats(), &views, &options, &mut bench)?;
+    let bytes = bench.save(&splats)?;
+    let reduced = Prior::open(&args.out, &Default::default())?;
+    let size = std::fs::metadata(&args.prior)?.len();
+    bench.print(&reduced, size, bytes as u64)?;
+    if let Some(path) = &args.sheet {
+        write_sheet(path, &mut bench, &reduced, &mission.places())?;
+    }
+    args.device.check(&engine)
+}
+
+/// Key frames beside the reduced prior, of an earlier run, would be read in place of those written to
+/// it: says so, and refuses broken ones before any work is done.
+fn check_beside(out: &Path) -> anyhow::Result<()> {
+    let beside = KeyFrames::path_beside(out);
+    if beside.exists() {
+        KeyFrames::open(&beside)?;
+        eprintln!("{}: takes precedence over the key frames of the prior", beside.display());
+    }
+    Ok(())
+}
+
+/// The views to fit to, and some within the margin: there, and wherever frames do not count, as the whole
+/// prior shows them.
+fn fit_views(
+    mission: &Mission,
+    fit: FitArg,
+    whole: &mut PictureRenderer,
+) -> anyhow::Result<Vec<View>> {
+    let mut views = Vec::new();
+    for posed in &mission.views {
+        let (camera, pose) = (posed.camera, posed.pose);
+        let picture = match &posed.frame {
+            Some(frame) if fit == Frames => frame.clone(),
+            _ => whole.render(&camera, &pose)?.clone(),
+        };
+        views.push(View { camera, pose, picture });
+    }
+    for (camera, pose) in mission.near(0) {
+        views.push(View { camera, pose, picture: whole.render(&camera, &pose)?.clone() });
+    }
+    Ok(views)
+}
+
+fn write_sheet(
+    path: &Path,
+    bench: &mut Bench,
+    reduced: &Prior,
+    places: &[(Camera, Pose)],
+) -> anyhow::Result<()> {
+    let mut small = bench.renderer(reduced)?;
+    let row = |(camera, pose): &(Camera, Pose)| {
+        let render = small.render(camera, pose)?.clone();
+        let camera = bench.whole.render(camera, pose)?.clone();
+        Ok(SheetRow { camera, reconstruction: render.clone(), render })
+    };
+    let rows: anyhow::Result<Vec<SheetRow>> =
+        mission::spaced(places, SHEET_ROWS).map(row).collect();
+    sheet::write(path, &rows?)
+}

@@ -1,0 +1,18 @@
+//! The command line, as scripts use it: arguments, files, exit codes.
+
+mod ablation;
+mod bench;
+#[path = "../../../../tests/common/mod.rs"]
+mod common;
+mod decode;
+mod dive;
+mod encode;
+mod inputs;
+mod key_frames;
+mod recovery;
+mod refusals;
+mod render;
+#[path = "../../../../tests/scene/mod.rs"]
+mod scene;
+mod stability;
+mod study;

@@ -1,0 +1,186 @@
+//! Arguments that several subcommands share.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::Context;
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use nvsprior::render::Scene;
+use nvsprior::tracking::Optimizer;
+use nvsprior::vulkan::DeviceOptions;
+use nvsprior::{Camera, Engine, Prior, RenderOverrides};
+
+/// The prior and how to render it.
+#[derive(clap::Args)]
+pub struct PriorArgs {
+    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply, told by the content
+    #[arg(long, value_name = "FILE")]
+    pub prior: PathBuf,
+    #[command(flatten)]
+    #[allow(missing_docs)] // A comment would show in the help.
+    pub overrides: OverrideArgs,
+}
+
+/// Render options that stand in for the file's own.
+#[derive(clap::Args)]
+pub struct OverrideArgs {
+    /// Near plane, in the prior's unit [default: as the file says, else by its trainer]
+    #[arg(long, value_name = "Z")]
+    near: Option<f32>,
+    /// Clamp of alpha [default: as the file says, else 0.99]
+    #[arg(long, value_name = "A")]
+    alpha_max: Option<f32>,
+    /// The prior was trained with anti-aliased opacity (gsplat's mode)
+    #[arg(long)]
+    antialiased: bool,
+}
+
+impl OverrideArgs {
+    /// The options that were given.
+    pub fn overrides(&self) -> RenderOverrides {
+        RenderOverrides {
+            near: self.near,
+            alpha_max: self.alpha_max,
+            antialiased: self.antialiased.then_some(true),
+            ..RenderOverrides::default()
+        }
+    }
+}
+
+/// The device to run on.
+#[derive(clap::Args)]
+pub struct DeviceArgs {
+    /// The Vulkan device's number, or a part of its name or its driver's [default: the fastest kind
+    /// there is]
+    #[arg(long, value_name = "NAME")]
+    device: Option<String>,
+    /// Run under the Vulkan validation layer and fail where it complains
+    #[arg(long)]
+    validate: bool,
+}
+
+impl DeviceArgs {
+    /// Opens the engine and names the device in one line.
+    pub fn open(&self) -> anyhow::Result<Engine> {
+        let options = DeviceOptions { device: self.device.clone(), validation: self.validate };
+        let engine = Engine::new(&options)?;
+        eprintln!("device: {}", engine.device());
+        Ok(engine)
+    }
+
+    /// Fails where the validation layer complained.
+    pub fn check(&self, engine: &Engine) -> anyhow::Result<()> {
+        let messages = engine.validation_messages();
+        match messages.first() {
+            Some(first) => anyhow::bail!("{} validation messages, first: {first}", messages.len()),
+            None => Ok(()),
+        }
+    }
+}
+
+impl PriorArgs {
+    /// Reads the prior, saying what was left out of it.
+    pub fn open(&self) -> anyhow::Result<Prior> {
+        let prior = Prior::open(&self.prior, &self.overrides.overrides())?;
+        for dropped in &prior.report().dropped {
+            eprintln!("{}: {dropped}", self.prior.display());
+        }
+        Ok(prior)
+    }
+
+    /// Reads the prior and uploads it.
+    pub fn upload(&self, engine: &Engine) -> anyhow::Result<Arc<Scene>> {
+        let prior = self.open()?;
+        engine.upload(&prior).with_context(|| format!("uploading {}", self.prior.display()))
+    }
+}
+
+/// The size that frames are encoded at.
+#[derive(clap::Args)]
+pub struct SizeArgs {
+    /// Frames wider than this are reduced to it, as in the paper; 0 keeps every size
+    #[arg(long, value_name = "PIXELS", default_value_t = 320)]
+    width: u32,
+}
+
+impl SizeArgs {
+    /// The camera at the size that its frames are encoded at.
+    pub fn reduced(&self, camera: &Camera) -> Camera {
+        if self.width == 0 || camera.width <= self.width {
+            return *camera;
+        }
+        let height = f64::from(camera.height) * f64::from(self.width) / f64::from(camera.width);
+        camera.resized(self.width, (height.round() as u32).max(1))
+    }
+}
+
+/// The optimisers by their names.
+#[derive(Clone, Copy, ValueEnum)]
+#[allow(missing_docs)] // Comments would show in the help.
+pub enum OptimizerArg {
+    GaussNewton,
+    Bfgs,
+    Adam,
+    AdamBfgs,
+}
+
+impl From<OptimizerArg> for Optimizer {
+    fn from(arg: OptimizerArg) -> Optimizer {
+        match arg {
+            OptimizerArg::GaussNewton => Optimizer::GaussNewton,
+            OptimizerArg::Bfgs => Optimizer::Bfgs,
+            OptimizerArg::Adam => Optimizer::Adam,
+            OptimizerArg::AdamBfgs => Optimizer::AdamBfgs,
+        }
+    }
+}
+
+/// A pose step as τ = (ρx, ρy, ρz, θx, θy, θz), angles in degrees on the command line.
+#[derive(Clone, Copy)]
+pub struct StepArg(pub [f64; 6]);
+
+impl std::str::FromStr for StepArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<StepArg, String> {
+        let values = numbers::<6>(text)?;
+        Ok(StepArg(std::array::from_fn(|i| if i < 3 { values[i] } else { values[i].to_radians() })))
+    }
+}
+
+/// Exactly `N` finite numbers with commas between.
+pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let values: Result<Vec<f64>, _> = text.split(',').map(|v| v.trim().parse()).collect();
+    let values = values.map_err(|e| format!("{e}"))?;
+    match <[f64; N]>::try_from(values) {
+        Ok(values) if values.iter().all(|v| v.is_finite()) => Ok(values),
+        Ok(_) => Err("all numbers must be finite".into()),
+        Err(values) => Err(format!("{N} numbers are due, {} were given", values.len())),
+    }
+}
+
+/// A progress bar on standard error; silent where that is no terminal.
+pub fn progress(length: usize, what: &'static str) -> ProgressBar {
+    let style = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len} {eta}");
+    let bar = ProgressBar::new(length as u64).with_message(what);
+    match style {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_six_finite_numbers() {
+        let step: StepArg = "0.08,-0.06,0.1,2,-2.5,180".parse().unwrap();
+        assert_eq!(step.0[1], -0.06);
+        assert_eq!(step.0[5], std::f64::consts::PI);
+        assert!("1,2,3".parse::<StepArg>().is_err());
+        assert!("1,2,3,4,5,nan".parse::<StepArg>().is_err());
+        assert!("1,2,3,4,5,x".parse::<StepArg>().is_err());
+    }
+}

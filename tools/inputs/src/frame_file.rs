@@ -1,0 +1,217 @@
+//! Pictures on disk, and what is known of them from outside.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use image::imageops::FilterType;
+use nvsprior::{Hint, Known, Picture, Pose};
+
+/// Why a file of pictures or poses cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
+pub enum FrameFileError {
+    #[error("{}: {error}", path.display())]
+    Image { path: PathBuf, error: image::ImageError },
+    #[error("{}: {error}", path.display())]
+    Csv { path: PathBuf, error: csv::Error },
+    #[error("{}: {}×{} is of another shape than the camera's {}×{}; resizing would distort it",
+        path.display(), found.0, found.1, expected.0, expected.1)]
+    Shape { path: PathBuf, found: (u32, u32), expected: (u32, u32) },
+    #[error("{}: column \"{column}\" is missing; the header must name {}",
+        path.display(), COLUMNS.join(","))]
+    Column { path: PathBuf, column: &'static str },
+    #[error("{}: of the columns {} either all or none are due", path.display(), DEVIATION.join(","))]
+    Deviation { path: PathBuf },
+    #[error("{}: row {row}: {what}", path.display())]
+    Row { path: PathBuf, row: usize, what: String },
+}
+
+/// How far the ratio of the sides may be off, for sizes that were rounded to whole pixels.
+const SHAPE_TOLERANCE: f64 = 0.01;
+
+/// Reads a PNG, JPEG or WebP, resized (Lanczos, 3 lobes) where its size is another of the same
+/// shape. Alpha is dropped, grey becomes RGB, 16 bits become 8.
+pub fn read_frame(path: &Path, width: u32, height: u32) -> Result<Picture, FrameFileError> {
+    let failed = |error| FrameFileError::Image { path: path.to_path_buf(), error };
+    let reader = image::ImageReader::open(path).map_err(|e| failed(e.into()))?;
+    let reader = reader.with_guessed_format().map_err(|e| failed(e.into()))?;
+    let picture = reader.decode().map_err(failed)?.to_rgb8();
+    let (found, expected) = (picture.dimensions(), (width, height));
+    let picture = if found == expected {
+        picture
+    } else if same_shape(found, expected) {
+        image::imageops::resize(&picture, width, height, FilterType::Lanczos3)
+    } else {
+        return Err(FrameFileError::Shape { path: path.to_path_buf(), found, expected });
+    };
+    Ok(Picture { width, height, data: picture.into_raw() })
+}
+
+fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
+    let ratio = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
+    (ratio(a) / ratio(b) - 1.0).abs() <= SHAPE_TOLERANCE
+}
+
+/// Writes a PNG.
+pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FrameFileError> {
+    let Picture { width, height, data } = picture;
+    let format = image::ImageFormat::Png;
+    image::save_buffer_with_format(path, data, *width, *height, image::ColorType::Rgb8, format)
+        .map_err(|error| FrameFileError::Image { path: path.to_path_buf(), error })
+}
+
+const COLUMNS: [&str; 8] = ["file", "qw", "qx", "qy", "qz", "tx", "ty", "tz"];
+/// Standard deviations of a pose, as of a left step: ρ in the prior's unit, θ in degrees.
+const DEVIATION: [&str; 6] = ["srx", "sry", "srz", "sax", "say", "saz"];
+
+/// Where a CSV file has its columns.
+struct Columns {
+    pose: [usize; 8],
+    time: Option<usize>,
+    age: Option<usize>,
+    deviation: Option<[usize; 6]>,
+}
+
+impl Columns {
+    fn of(header: &csv::StringRecord, path: &Path) -> Result<Columns, FrameFileError> {
+        let at = |column: &str| header.iter().position(|name| name == column);
+        let mut pose = [0; 8];
+        for (place, column) in pose.iter_mut().zip(COLUMNS) {
+            let missing = || FrameFileError::Column { path: path.to_path_buf(), column };
+            *place = at(column).ok_or_else(missing)?;
+        }
+        let found = DEVIATION.map(at);
+        let deviation = match found.iter().flatten().count() {
+            0 => None,
+            6 => Some(found.map(Option::unwrap_or_default)),
+            _ => return Err(FrameFileError::Deviation { path: path.to_path_buf() }),
+        };
+        Ok(Columns { pose, time: at("time"), age: at("age"), deviation })
+    }
+
+    /// What a row states; what is wrong with it.
+    fn known(&self, record: &csv::StringRecord) -> Result<Known, String> {
+        let at = |i: usize| record.get(i).unwrap_or_default();
+        let number = |i: usize, name: &str| {
+            let number = at(i).parse::<f64>().map_err(|e| format!("{name}: {e}"))?;
+            let finite = number.is_finite();
+            finite.then_some(number).ok_or_else(|| format!("{name}: {number} is not finite"))
+        };
+        let optional = |i: Option<usize>, name: &str| {
+            i.filter(|i| !at(*i).is_empty()).map(|i| number(i, name)).transpose()
+        };
+        let pose = |i: usize| number(self.pose[i], COLUMNS[i]);
+        let (q, t) = ([pose(1)?, pose(2)?, pose(3)?, pose(4)?], [pose(5)?, pose(6)?, pose(7)?]);
+        let pose = Pose::from_wxyz(q, t).ok_or("no pose")?;
+        let mut hint = Hint::of(pose);
+        if let Some(columns) = self.deviation.filter(|c| c.iter().any(|i| !at(*i).is_empty())) {
+            let mut deviation = [0.0; 6];
+            for (i, value) in deviation.iter_mut().enumerate() {
+                let unit = if i < 3 { 1.0 } else { 1f64.to_radians() };
+                *value = number(columns[i], DEVIATION[i])? * unit;
+            }
+            let hinted = Hint::with_deviation(pose, &deviation);
+            hint = hinted.ok_or("a standard deviation is negative, or too large")?;
+        }
+        hint.age = optional(self.age, "age")?.unwrap_or(0.0);
+        if hint.age < 0.0 {
+            return Err(format!("age: {} is negative", hint.age));
+        }
+        Ok(Known { hint: Some(hint), time: optional(self.time, "time")? })
+    }
+}
+
+/// Reads what is known of frames from a CSV file with a header, by file name: poses
+/// (world-to-camera), and as optional columns, in which fields may be empty, the frame's time, the
+/// pose's age (seconds) and its standard deviations. Columns in any order.
+pub fn read_known(path: &Path) -> Result<HashMap<String, Known>, FrameFileError> {
+    let failed = |error| FrameFileError::Csv { path: path.to_path_buf(), error };
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(failed)?;
+    let columns = Columns::of(reader.headers().map_err(failed)?, path)?;
+    let mut frames = HashMap::new();
+    for (row, record) in reader.records().enumerate() {
+        let record = record.map_err(failed)?;
+        let file = record.get(columns.pose[0]).unwrap_or_default();
+        let wrong = |what| FrameFileError::Row { path: path.to_path_buf(), row: row + 1, what };
+        let known = columns.known(&record).map_err(wrong)?;
+        if frames.insert(file.to_owned(), known).is_some() {
+            return Err(wrong(format!("\"{file}\" stands there twice")));
+        }
+    }
+    Ok(frames)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_round_trip_and_resize() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let picture = Picture::from_rgb(4, 2, (0..24).collect()).unwrap();
+        write_png(&path, &picture).unwrap();
+        assert_eq!(read_frame(&path, 4, 2).unwrap(), picture);
+        assert_eq!(read_frame(&path, 2, 1).unwrap().data.len(), 6);
+        let error = read_frame(&path, 2, 2).unwrap_err();
+        assert!(matches!(error, FrameFileError::Shape { found: (4, 2), expected: (2, 2), .. }));
+        let grey = image::GrayImage::from_pixel(3, 3, image::Luma([7]));
+        grey.save(&path).unwrap();
+        assert_eq!(read_frame(&path, 3, 3).unwrap().data, vec![7; 27]);
+        std::fs::write(&path, b"no picture").unwrap();
+        assert!(read_frame(&path, 3, 3).unwrap_err().to_string().contains("a.png"));
+    }
+
+    #[test]
+    fn poses_come_by_name_in_any_column_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.csv");
+        std::fs::write(&path, "tx,ty,tz,qw,qx,qy,qz,file\n1,2,3, 1,0,0,0, a.png\n").unwrap();
+        let known = read_known(&path).unwrap()["a.png"];
+        assert_eq!(known.hint.unwrap().pose.translation.z, 3.0);
+        assert_eq!(known, known.hint.map(|hint| hint.pose).into(), "and nothing else");
+        let row = "a,1,0,0,0,1,2,3\n";
+        std::fs::write(&path, format!("file,qw,qx,qy,qz,tx,ty,tz\n{row}{row}")).unwrap();
+        assert!(read_known(&path).unwrap_err().to_string().contains("row 2: \"a\""));
+        std::fs::write(&path, "file,qw\n").unwrap();
+        assert!(read_known(&path).unwrap_err().to_string().contains("\"qx\""));
+        std::fs::write(&path, "file,qw,qx,qy,qz,tx,ty,tz\na,0,0,0,0,1,2,3\n").unwrap();
+        assert!(read_known(&path).unwrap_err().to_string().contains("row 1"));
+        std::fs::write(&path, "file,qw,qx,qy,qz,tx,ty,tz\na,1,0,0,0,1,2,x\n").unwrap();
+        assert!(read_known(&path).unwrap_err().to_string().contains("tz"));
+    }
+    #[test]
+    fn time_age_and_deviation_are_optional_columns() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.csv");
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            read_known(&path)
+        };
+        let pose = "file,qw,qx,qy,qz,tx,ty,tz";
+        let all = format!("time,age,{pose},saz,say,sax,srz,sry,srx\n");
+        let known = read(&format!(
+            "{all}7.5,0.25,a,1,0,0,0,1,2,3,180,90,0,3,2,1\n,,b,1,0,0,0,1,2,3,,,,,,\n"
+        ))
+        .unwrap();
+        let a = known["a"];
+        let hint = a.hint.unwrap();
+        assert_eq!((a.time, hint.age), (Some(7.5), 0.25));
+        let expected = [1.0, 2.0, 3.0, 0.0, std::f64::consts::FRAC_PI_2, std::f64::consts::PI];
+        let found = hint.deviation().unwrap();
+        assert!(expected.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        assert_eq!(known["b"], hint.pose.into());
+        for (text, named) in [
+            (format!("{pose},srx\na,1,0,0,0,1,2,3,1\n"), "srx,sry,srz,sax,say,saz"),
+            (format!("{all}1,1,a,1,0,0,0,1,2,3,1,,1,1,1,1\n"), "row 1: say"),
+            (format!("{all}1,1,a,1,0,0,0,1,2,3,1,1,1,1,1,-1\n"), "row 1: a standard deviation"),
+            (format!("{all}1,-1,a,1,0,0,0,1,2,3,,,,,,\n"), "row 1: age"),
+            (format!("{all}inf,1,a,1,0,0,0,1,2,3,,,,,,\n"), "row 1: time"),
+            (format!("{all}noon,1,a,1,0,0,0,1,2,3,,,,,,\n"), "row 1: time"),
+        ] {
+            let error = read(&text).unwrap_err().to_string();
+            assert!(error.contains(named), "{error}");
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! The frames of a run: which, and what is known of each before it is encoded.
+
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use nvsprior::{Camera, Encoded, Encoder, Known, Picture, Pose};
+
+use crate::args::{SizeArgs, StepArg};
+use crate::camera_file::{CameraFile, View};
+use crate::frame_file;
+
+/// Which frames, and where they start.
+#[derive(clap::Args)]
+pub struct InputArgs {
+    /// cameras.json, or nerfstudio's transforms.json
+    #[arg(long, value_name = "FILE")]
+    pub cameras: PathBuf,
+    /// Only the frames of this split of the camera file
+    #[arg(long, value_name = "NAME")]
+    pub split: Option<String>,
+    /// Only the first so many frames
+    #[arg(long, value_name = "N")]
+    pub limit: Option<usize>,
+    #[command(flatten)]
+    #[allow(missing_docs)] // A comment would show in the help.
+    pub size: SizeArgs,
+    /// Moves the first frame's start: ρx,ρy,ρz,θx,θy,θz in the prior's unit and degrees
+    #[arg(long, value_name = "STEP", allow_hyphen_values = true)]
+    pub start_offset: Option<StepArg>,
+    /// Poses from outside: `none`, `first` (the camera file's, first frame only), `camera-file` (the
+    /// camera file's, every frame), or a CSV file: file,qw,qx,qy,qz,tx,ty,tz, and if they are known
+    /// `time` (seconds) of the frame, `age` (seconds) of the pose, and its standard deviations
+    /// srx,sry,srz (along the camera's axes, the prior's unit), sax,say,saz (about them, degrees)
+    #[arg(long, value_name = "FROM", default_value = "first")]
+    pub starts: String,
+}
+
+/// A frame to encode.
+pub struct Input {
+    /// Its file, for reading and for messages.
+    pub path: PathBuf,
+    /// Its name in the camera file.
+    pub file: String,
+    /// Name of what is written about it, without ending.
+    pub name: String,
+    /// The camera at the size that it is encoded at.
+    pub camera: Camera,
+    /// Its pose from outside, and when it was taken.
+    pub external: Known,
+    /// Its pose in the camera file.
+    pub known: Option<Pose>,
+}
+
+impl Input {
+    /// Reads the frame and encodes it as its camera's next one; gives back both.
+    pub fn encode(&self, encoder: &mut Encoder) -> anyhow::Result<(Picture, Encoded)> {
+        let encoding = || format!("encoding {}", self.path.display());
+        encoder.set_camera(&self.camera).with_context(encoding)?;
+        let Camera { width, height, .. } = self.camera;
+        let frame = frame_file::read_frame(&self.path, width, height).with_context(encoding)?;
+        let encoded = encoder.encode(&frame, self.external).with_context(encoding)?;
+        Ok((frame, encoded))
+    }
+}
+
+impl InputArgs {
+    /// The frames, in time order; at least one.
+    pub fn frames(&self) -> anyhow::Result<Vec<Input>> {
+        let file = CameraFile::open(&self.cameras)?;
+        let mut views = file.select(self.split.as_deref())?;
+        views.truncate(self.limit.unwrap_or(usize::MAX));
+        anyhow::ensure!(!views.is_empty(), "{}: no frames to encode", self.cameras.display());
+        let csv = match self.starts.as_str() {
+            "none" | "first" | "camera-file" => None,
+            path => Some(frame_file::read_known(Path::new(path))?),
+        };
+        let mut names = HashSet::new();
+        let distinct = views.iter().all(|view| names.insert(stem(&view.file)));
+        let input = |(index, view): (usize, &View)| {
+            let camera = self.size.reduced(&view.camera);
+            camera.check().with_context(|| format!("{}: {}", self.cameras.display(), view.name))?;
+            Ok(Input {
+                path: view.file.clone(),
+                file: view.name.clone(),
+                name: if distinct { stem(&view.file) } else { flat_name(&view.name) },
+                camera,
+                external: self.external(index, view, csv.as_ref()),
+                known: view.pose,
+            })
+        };
+        views.iter().enumerate().map(input).collect()
+    }
+
+    fn external(&self, index: usize, view: &View, csv: Option<&HashMap<String, Known>>) -> Known {
+        let mut known = match (csv, self.starts.as_str()) {
+            (Some(frames), _) => frames.get(&view.name).copied().unwrap_or_default(),
+            (None, "camera-file") => view.pose.into(),
+            (None, "first") if index == 0 => view.pose.into(),
+            _ => Known::default(),
+        };
+        if let (Some(offset), Some(hint), 0) = (self.start_offset, &mut known.hint, index) {
+            hint.pose = hint.pose.stepped(&offset.0);
+        }
+        known.time = view.time.or(known.time);
+        known
+    }
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// A file name from a path, if stems alone are not distinct.
+fn flat_name(name: &str) -> String {
+    stem(Path::new(&name.replace(['/', '\\'], "_")))
+}

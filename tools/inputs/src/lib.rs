@@ -1,0 +1,6 @@
+//! What the programs read: camera files, pictures and poses on disk, and the command-line arguments that name them.
+
+pub mod args;
+pub mod camera_file;
+pub mod frame_file;
+pub mod input;

@@ -1,0 +1,165 @@
+//! `nvsprior bench`: run time and error of a prior on a run of frames, in one report.
+
+mod ablation;
+mod configurations;
+mod context;
+mod forward;
+mod optimum;
+mod perturbed;
+mod plot;
+mod print;
+mod recovery;
+mod report;
+mod scaling;
+mod stages;
+mod statistics;
+mod steady;
+mod tables;
+mod trials;
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use nvsprior::tracking::Optimizer;
+use nvsprior::vulkan::MemoryUse;
+
+use context::{Context, OptimizerRun, Shot, host_bytes};
+use forward::Forward;
+use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
+use nvsprior_inputs::input::InputArgs;
+pub use perturbed::even;
+use report::Report;
+
+/// Measure run time and error on a run of frames, in milliseconds and in forward renders
+///
+/// Looks for the best pose of each frame, then measures a steady run, starts put off by up to 3°
+/// and 10°, the gradient methods, the device's time by stage, and many settings. Writes
+/// report.json, tables (CSV) and plots (SVG), and prints it all. Failed is what stays more than 0.1
+/// dB below the render at the best known pose.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    prior: PriorArgs,
+    #[command(flatten)]
+    input: InputArgs,
+    /// Gradient methods to compare with Gauss–Newton, which is always measured
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "bfgs")]
+    optimizers: Vec<OptimizerArg>,
+    /// Frames that gradient methods are measured on, after a first one; 0: none
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    bfgs_frames: usize,
+    /// Starts put off by up to 3°, and as many by up to 10°
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    trials: usize,
+    /// Frames that each setting is measured on, after a first one; 0: none are compared
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    configurations: usize,
+    /// Also measure time against the number of splats (to 2 million) and pixels (to 1280×720)
+    #[arg(long)]
+    scaling: bool,
+    #[command(flatten)]
+    ablation: ablation::AblationArgs,
+    #[command(flatten)]
+    recovery: recovery::RecoveryArgs,
+    /// See `nvsprior encode`
+    #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
+    threshold: f64,
+    /// Folder for report.json, tables and plots; made where it is missing
+    #[arg(long, value_name = "DIR", default_value = "bench-out")]
+    report: PathBuf,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Measures, prints, and writes the report.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let mut context = open(args)?;
+    let folder = &args.report;
+    if args.ablation.ablation {
+        ablation::run(&args.ablation, &mut context, folder)?;
+        return args.device.check(&context.engine);
+    }
+    if args.recovery.recovery {
+        recovery::run(&args.recovery, &mut context, folder)?;
+        return args.device.check(&context.engine);
+    }
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    let report = measure(args, &mut context)?;
+    print::print(&context, &report);
+    report::write(&folder.join("report.json"), &context, &report)?;
+    tables::write(folder, &context, &report)?;
+    plot::trace(&folder.join("trace.svg"), &report.runs)?;
+    plot::trials(&folder.join("trials.svg"), &context, &report.trials())?;
+    plot::roofline(&folder.join("roofline.svg"), &report.stages)?;
+    if !report.configurations.is_empty() {
+        plot::configurations(&folder.join("configurations.svg"), &report.configurations)?;
+    }
+    if !report.scaling.is_empty() {
+        plot::scaling(&folder.join("scaling.svg"), &report.scaling)?;
+    }
+    args.device.check(&context.engine)
+}
+
+/// Reads the frames and uploads the prior.
+fn open(args: &Args) -> anyhow::Result<Context> {
+    let shots = args.input.frames()?.iter().map(Shot::read).collect::<anyhow::Result<Vec<_>>>()?;
+    anyhow::ensure!(shots.len() > 1, "one frame is no run: the first one does not count");
+    let engine = args.device.open()?;
+    let prior = args.prior.open()?;
+    let scene = engine.upload(&prior)?;
+    let forward = Forward::new(&engine, &scene);
+    let (best, threshold, device_memory) = (Vec::new(), args.threshold, MemoryUse::default());
+    Ok(Context { engine, prior, scene, shots, best, forward, threshold, device_memory })
+}
+
+fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
+    let frames = context.shots.len();
+    let bar = progress(frames, "best poses");
+    optimum::find(context, || bar.inc(1))?;
+    bar.finish_and_clear();
+
+    let bar = progress(frames, "steady run");
+    let samples = steady::measure(context, context.options(), frames, || bar.inc(1))?;
+    let rates = steady::rates(context)?;
+    let host_bytes_steady = host_bytes();
+    let mut runs = vec![OptimizerRun { optimizer: Optimizer::GaussNewton, samples }];
+    bar.finish_and_clear();
+
+    let bar = progress(2 * args.trials, "starts put off");
+    let near = trials::measure(context, perturbed::NEAR, args.trials, || bar.inc(1))?;
+    let far = trials::measure(context, perturbed::FAR, args.trials, || bar.inc(1))?;
+    bar.finish_and_clear();
+
+    runs.extend(gradient(args, context)?);
+    let stages = stages::measure(context)?;
+    let mut configurations = Vec::new();
+    if args.configurations > 0 {
+        let bar = progress(configurations::count(context), "settings");
+        let frames = args.configurations;
+        configurations = configurations::measure(context, frames, &runs, || bar.inc(1))?;
+        bar.finish_and_clear();
+    }
+    let mut scaling = Vec::new();
+    if args.scaling {
+        let bar = progress(scaling::COUNT, "sizes");
+        scaling = scaling::measure(context, || bar.inc(1));
+        bar.finish_and_clear();
+    }
+    Ok(Report { runs, rates, near, far, stages, configurations, scaling, host_bytes_steady })
+}
+
+/// The gradient methods' runs.
+fn gradient(args: &Args, context: &mut Context) -> anyhow::Result<Vec<OptimizerRun>> {
+    let frames = args.bfgs_frames.min(context.shots.len() - 1);
+    if frames == 0 {
+        return Ok(Vec::new());
+    }
+    let optimizers = args.optimizers.iter().map(|optimizer| Optimizer::from(*optimizer));
+    let gradient = optimizers.filter(|optimizer| *optimizer != Optimizer::GaussNewton);
+    let bar = progress(args.optimizers.len() * (frames + 1), "gradient methods");
+    let runs = gradient
+        .map(|optimizer| steady::descend(context, optimizer, frames + 1, || bar.inc(1)))
+        .collect();
+    bar.finish_and_clear();
+    runs
+}

@@ -1,0 +1,154 @@
+//! `nvsprior bench --ablation`: the paper's ablations ("Ablation studies") on a run of frames.
+//!
+//! Losses and optimisers are compared from the same starts, put off from the best known poses along or
+//! about one axis; then sources of starts are compared.
+
+mod features;
+mod judge;
+mod matching;
+mod method;
+mod perturbation;
+mod reprojection;
+mod ribbon;
+mod start;
+mod summary;
+mod table;
+
+use std::num::NonZeroUsize;
+use std::path::Path;
+
+use anyhow::Context as _;
+
+use super::context::{Best, Context};
+use super::optimum;
+use judge::{Judge, Verdict};
+use method::{Attempt, Method, Searches};
+use nvsprior_inputs::args::progress;
+use perturbation::{Kind, Limits, Perturbation};
+use start::StartTrial;
+
+/// Flags of the ablation.
+#[derive(clap::Args)]
+pub struct AblationArgs {
+    /// Measure the paper's ablations (losses, optimisers, starts) in place of all else
+    ///
+    /// Writes ablation.csv, ablation-starts.csv, ablation.json, losses.svg and optimizers.svg.
+    #[arg(long)]
+    pub ablation: bool,
+    /// Starts a kind of perturbation (rotation, translation), the same for every method
+    #[arg(long, value_name = "N", default_value = "40", requires = "ablation")]
+    ablation_trials: NonZeroUsize,
+    /// Of them, those that Adam and Adam→BFGS are measured from: up to 1000 renders each
+    #[arg(long, value_name = "N", requires = "ablation")]
+    ablation_adam_trials: Option<usize>,
+    /// Translations are put off by up to this, in the prior's unit (paper: 1.58 m)
+    #[arg(long, value_name = "U", default_value = "1.58", value_parser = positive, requires = "ablation")]
+    ablation_units: f64,
+}
+
+impl AblationArgs {
+    fn limits(&self) -> Limits {
+        Limits { units: self.ablation_units, degrees: perturbation::DEGREES }
+    }
+
+    /// Starts of a kind that a method is measured from.
+    fn trials(&self, method: Method) -> usize {
+        let all = self.ablation_trials.get();
+        let adam = self.ablation_adam_trials.unwrap_or(all);
+        if method.slow() { adam.min(all) } else { all }
+    }
+}
+
+/// A positive number.
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    let good = value.is_finite() && value > 0.0;
+    good.then_some(value).ok_or_else(|| "must be above 0".to_owned())
+}
+
+/// One start with one method.
+pub struct Trial {
+    /// Which frame.
+    pub shot: usize,
+    /// Which start of its kind.
+    pub number: usize,
+    pub method: Method,
+    pub perturbation: Perturbation,
+    pub attempt: Attempt,
+    pub verdict: Verdict,
+}
+
+/// All that was measured.
+pub struct Ablation {
+    pub limits: Limits,
+    pub trials: Vec<Trial>,
+    pub starts: Vec<StartTrial>,
+}
+
+/// Measures, prints and writes it all to a folder.
+pub fn run(args: &AblationArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    let bar = progress(context.shots.len(), "best poses");
+    optimum::find(context, || bar.inc(1))?;
+    bar.finish_and_clear();
+
+    let limits = args.limits();
+    let mut searches = Searches::new(context)?;
+    let mut judge = Judge::default();
+    let trials = measure(args, context, &mut searches, &mut judge)?;
+    let bar = progress(start::count(context), "sources of starts");
+    let starts = start::measure(context, &mut searches, &mut judge, || bar.inc(1))?;
+    bar.finish_and_clear();
+
+    let ablation = Ablation { limits, trials, starts };
+    summary::print(context, &ablation);
+    summary::write(&folder.join("ablation.json"), context, &ablation)?;
+    table::trials(&folder.join("ablation.csv"), context, &ablation.trials)?;
+    table::starts(&folder.join("ablation-starts.csv"), context, &ablation.starts)?;
+    ribbon::losses(&folder.join("losses.svg"), &ablation)?;
+    ribbon::optimizers(&folder.join("optimizers.svg"), &ablation)
+}
+
+/// Every method from every start.
+fn measure(
+    args: &AblationArgs,
+    context: &mut Context,
+    searches: &mut Searches,
+    judge: &mut Judge,
+) -> anyhow::Result<Vec<Trial>> {
+    // All starts are off the poses known now: what is learnt on the way moves none.
+    let poses: Vec<_> = context.best.iter().map(|best| best.pose).collect();
+    let total: usize = Method::ALL.iter().map(|method| args.trials(*method)).sum();
+    let bar = progress(Kind::ALL.len() * total, "trials");
+    let mut trials = Vec::new();
+    for number in 0..args.ablation_trials.get() {
+        for kind in Kind::ALL {
+            let perturbation = Perturbation::of(kind, &args.limits(), number);
+            let shot = number % poses.len();
+            let start = poses[shot].stepped(&perturbation.step());
+            let methods = Method::ALL.into_iter().filter(|method| number < args.trials(*method));
+            // Adam's attempt, from which Adam→BFGS goes on.
+            let mut adam = None;
+            for method in methods {
+                let attempt = searches.search(context, method, shot, &start, adam.as_ref())?;
+                let verdict = judge.judge(context, shot, &attempt.pose)?;
+                learn(context, shot, &attempt, &verdict);
+                if method == Method::ADAM {
+                    adam = Some(attempt.clone());
+                }
+                trials.push(Trial { shot, number, method, perturbation, attempt, verdict });
+                bar.inc(1);
+            }
+        }
+    }
+    bar.finish_and_clear();
+    Ok(trials)
+}
+
+/// Keeps a pose as the best known one if it is better.
+fn learn(context: &mut Context, shot: usize, attempt: &Attempt, verdict: &Verdict) {
+    let best = &mut context.best[shot];
+    if verdict.psnr() > best.psnr {
+        *best = Best { pose: attempt.pose, psnr: verdict.psnr() };
+    }
+}

@@ -1,0 +1,77 @@
+//! What a pose is worth: the same for every method.
+
+use anyhow::Context as _;
+use nvsprior::image::psnr_of_mse;
+use nvsprior::packet::Residual;
+use nvsprior::render::{Plan, Renderer};
+use nvsprior::residual::ResidualEncoder;
+use nvsprior::{Camera, Picture, Pose, Rate};
+
+use super::super::context::{Context, Shot};
+
+/// Quality of the difference picture.
+const QUALITY: Rate = Rate::Quality(10.0);
+
+/// The render at a pose against the frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Verdict {
+    /// Energy of the difference: mean squared error, values in [0, 1] (the paper's eq. mse, averaged
+    /// over channels too).
+    pub energy: f64,
+    /// Of the difference, as WebP at quality 10.
+    pub bytes: usize,
+}
+
+impl Verdict {
+    /// Of the render, dB.
+    pub fn psnr(&self) -> f64 {
+        psnr_of_mse(self.energy)
+    }
+}
+
+/// Renders poses and codes the differences.
+#[derive(Default)]
+pub struct Judge {
+    tools: Option<Tools>,
+}
+
+struct Tools {
+    camera: Camera,
+    renderer: Renderer,
+    residual: ResidualEncoder,
+    render: Picture,
+}
+
+impl Judge {
+    pub fn judge(
+        &mut self,
+        context: &Context,
+        shot: usize,
+        pose: &Pose,
+    ) -> anyhow::Result<Verdict> {
+        let Shot { file, camera, picture, .. } = &context.shots[shot];
+        let Tools { renderer, residual, render, .. } = self.tools(context, camera)?;
+        renderer.picture(pose, render)?;
+        let energy = render.mse(picture);
+        let coded = residual.encode(picture, render, QUALITY, 0);
+        let coded = coded.with_context(|| format!("coding the difference from {file}"))?;
+        let bytes = match coded.residual {
+            Residual::Coded { payload, .. } => payload.len(),
+            Residual::None | Residual::Omitted => 0,
+        };
+        Ok(Verdict { energy, bytes })
+    }
+
+    fn tools(&mut self, context: &Context, camera: &Camera) -> anyhow::Result<&mut Tools> {
+        let tools = match self.tools.take() {
+            Some(tools) if tools.camera == *camera => tools,
+            _ => Tools {
+                camera: *camera,
+                renderer: context.engine.renderer(&context.scene, camera, Plan::picture())?,
+                residual: ResidualEncoder::new(camera.width, camera.height),
+                render: Picture::new(camera.width, camera.height),
+            },
+        };
+        Ok(self.tools.insert(tools))
+    }
+}

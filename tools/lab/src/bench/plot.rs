@@ -1,0 +1,264 @@
+//! The plots.
+
+use std::path::Path;
+
+use nvsprior::image::psnr_of_mse;
+use plotters::prelude::*;
+
+use super::configurations::Row as Configuration;
+use super::context::{Context, OptimizerRun, Sample};
+use super::scaling::Row as Scale;
+use super::stages::Stages;
+use super::statistics::median;
+
+const SIZE: (u32, u32) = (900, 560);
+/// Points of a curve.
+const POINTS: usize = 400;
+
+/// Losses below this are drawn here, dB: they are as good as none.
+const LEAST_LOSS: f64 = 1e-4;
+
+/// What a plot says beside its points, and where its legend is.
+struct Words {
+    caption: &'static str,
+    x: &'static str,
+    y: &'static str,
+    legend: SeriesLabelPosition,
+}
+
+/// Points of one kind, and how they are drawn.
+struct Series {
+    name: String,
+    points: Vec<(f64, f64)>,
+    line: bool,
+    dots: bool,
+}
+
+/// The best full-resolution PSNR that each optimiser had reached by a time, median over frames (a
+/// mean would have to wait for the first frame, whose start is far off). A curve begins where half
+/// of the frames have had a full-resolution render.
+pub fn trace(path: &Path, runs: &[OptimizerRun]) -> anyhow::Result<()> {
+    let series = runs.iter().map(|run| {
+        let name = run.optimizer.name().into();
+        Series { name, points: curve(run), line: true, dots: false }
+    });
+    let words = Words {
+        caption: "PSNR of the render against run time, median over frames",
+        x: "milliseconds",
+        y: "dB",
+        legend: SeriesLabelPosition::LowerRight,
+    };
+    draw(path, &words, false, &series.collect::<Vec<_>>(), &[])
+}
+
+/// How far each trial stayed below the best known pose, against its run time.
+pub fn trials(path: &Path, context: &Context, kinds: &[(&str, &[Sample])]) -> anyhow::Result<()> {
+    let series = kinds.iter().map(|(name, samples)| {
+        let point = |s: &Sample| (s.in_forward_renders(), context.short(s).max(LEAST_LOSS));
+        let points = samples.iter().map(point).collect();
+        Series { name: (*name).into(), points, line: false, dots: true }
+    });
+    let words = Words {
+        caption: "Below the best known pose's render, by trial",
+        x: "forward renders",
+        y: "dB",
+        legend: SeriesLabelPosition::UpperRight,
+    };
+    draw(path, &words, true, &series.collect::<Vec<_>>(), &[])
+}
+
+/// Loss against run time of settings, the Pareto set joined.
+pub fn configurations(path: &Path, rows: &[Configuration]) -> anyhow::Result<()> {
+    let point =
+        |row: &Configuration| (row.in_forward_renders.median, row.loss.median.max(LEAST_LOSS));
+    let labels: Vec<_> = rows.iter().map(|row| (point(row), row.name.clone())).collect();
+    let mut best: Vec<_> = rows.iter().filter(|row| row.pareto).map(point).collect();
+    best.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let others = rows.iter().filter(|row| !row.pareto).map(point).collect();
+    let series = [
+        Series { name: "Pareto set".into(), points: best, line: true, dots: true },
+        Series { name: "others".into(), points: others, line: false, dots: true },
+    ];
+    let words = Words {
+        caption: "Loss against run time of settings, medians",
+        x: "forward renders",
+        y: "dB below the best known pose's render",
+        legend: SeriesLabelPosition::UpperRight,
+    };
+    draw(path, &words, true, &series, &labels)
+}
+
+/// Stages under the ceilings of copying and arithmetic.
+pub fn roofline(path: &Path, stages: &Stages) -> anyhow::Result<()> {
+    let mut series: Vec<Series> = Vec::new();
+    let mut labels = Vec::new();
+    let (mut low, mut high) = (0.1, 10.0);
+    for stage in &stages.stages {
+        let (work, seconds) = (stage.work, stage.ms * 1e-3);
+        if !(work.flops > 0.0 && work.bytes > 0.0 && seconds > 0.0) {
+            continue;
+        }
+        let point = (work.flops / work.bytes, work.flops / seconds * 1e-9);
+        (low, high) = (point.0.min(low), point.0.max(high));
+        match series.iter_mut().find(|s| s.name == stage.job) {
+            Some(series) => series.points.push(point),
+            None => series.push(Series {
+                name: stage.job.into(),
+                points: vec![point],
+                line: false,
+                dots: true,
+            }),
+        }
+        labels.push((point, stage.name.into()));
+    }
+    let ratio = high / low;
+    let roof = (0..=POINTS).map(|i| {
+        let x = low * f64::powf(ratio, i as f64 / POINTS as f64);
+        (x, (x * stages.ceilings.bytes).min(stages.ceilings.flops) * 1e-9)
+    });
+    let points = roof.collect();
+    series.push(Series { name: "ceilings".into(), points, line: true, dots: false });
+    let words = Words {
+        caption: "Stages under the device's measured ceilings",
+        x: "operations a byte, as counted",
+        y: "GFLOP/s",
+        legend: SeriesLabelPosition::LowerRight,
+    };
+    draw(path, &words, true, &series, &labels)
+}
+
+/// Forward renders by number of splats, a curve a size.
+pub fn scaling(path: &Path, rows: &[Scale]) -> anyhow::Result<()> {
+    let mut series: Vec<Series> = Vec::new();
+    for row in rows {
+        let Ok(times) = row.times else { continue };
+        let (name, splats) = (format!("{}×{}", row.width, row.height), row.splats as f64);
+        for (name, ms) in [
+            (format!("{name}, forward render"), times.forward_ms),
+            (format!("{name}, evaluation"), times.evaluation_ms),
+        ] {
+            match series.iter_mut().find(|s| s.name == name) {
+                Some(series) => series.points.push((splats, ms)),
+                None => {
+                    let points = vec![(splats, ms)];
+                    series.push(Series { name, points, line: true, dots: true });
+                }
+            }
+        }
+    }
+    let words = Words {
+        caption: "Time against size",
+        x: "splats",
+        y: "milliseconds",
+        legend: SeriesLabelPosition::UpperLeft,
+    };
+    draw(path, &words, true, &series, &[])
+}
+
+/// Draws with a logarithmic x axis, and, where `log_y`, such a y axis.
+fn draw(
+    path: &Path,
+    words: &Words,
+    log_y: bool,
+    series: &[Series],
+    labels: &[((f64, f64), String)],
+) -> anyhow::Result<()> {
+    let points = || series.iter().flat_map(|s| &s.points);
+    let (left, right) = bounds(points().map(|p| p.0));
+    let (low, high) = bounds(points().map(|p| p.1));
+    let root = SVGBackend::new(path, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    if !(left > 0.0 && right.is_finite() && low.is_finite() && high.is_finite()) {
+        let style = ("sans-serif", 20).into_font();
+        root.draw(&Text::new(format!("{}: nothing to show", words.caption), (40, 40), style))?;
+        return Ok(root.present()?);
+    }
+    let across = (left * 0.9..right * 1.25).log_scale();
+    let margin = (0.05 * (high - low)).max(1e-3);
+    let mut chart = ChartBuilder::on(&root);
+    chart
+        .margin(16)
+        .x_label_area_size(44)
+        .y_label_area_size(64)
+        .caption(words.caption, ("sans-serif", 20));
+    if log_y && low > 0.0 {
+        let chart = chart.build_cartesian_2d(across, (low * 0.8..high * 1.25).log_scale())?;
+        fill(chart, words, series, labels)?;
+    } else {
+        let chart = chart.build_cartesian_2d(across, low - margin..high + margin)?;
+        fill(chart, words, series, labels)?;
+    }
+    Ok(root.present()?)
+}
+
+/// Draws axes, points and words.
+fn fill<'a, X, Y>(
+    mut chart: ChartContext<'a, SVGBackend<'a>, Cartesian2d<X, Y>>,
+    words: &Words,
+    series: &[Series],
+    labels: &[((f64, f64), String)],
+) -> anyhow::Result<()>
+where
+    X: Ranged<ValueType = f64> + plotters::coord::ranged1d::ValueFormatter<f64>,
+    Y: Ranged<ValueType = f64> + plotters::coord::ranged1d::ValueFormatter<f64>,
+{
+    chart.configure_mesh().x_labels(12).x_desc(words.x).y_desc(words.y).draw()?;
+    for (index, Series { name, points, line, dots }) in series.iter().enumerate() {
+        let colour = Palette99::pick(index).to_rgba();
+        if *line {
+            let stroke = colour.stroke_width(2);
+            chart.draw_series(LineSeries::new(points.iter().copied(), stroke))?;
+        }
+        let dot = |p: &(f64, f64)| Circle::new(*p, 3, colour.filled());
+        let size = if *dots { points.len() } else { 0 };
+        chart
+            .draw_series(points.iter().take(size).map(dot))?
+            .label(name.as_str())
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour.stroke_width(2)));
+    }
+    let label = |(at, text): &((f64, f64), String)| {
+        EmptyElement::at(*at) + Text::new(text.clone(), (5, -5), ("sans-serif", 11))
+    };
+    chart.draw_series(labels.iter().map(label))?;
+    chart
+        .configure_series_labels()
+        .position(words.legend.clone())
+        .background_style(WHITE.mix(0.8))
+        .border_style(BLACK)
+        .draw()?;
+    Ok(())
+}
+
+/// Least and greatest of values.
+fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
+fn curve(run: &OptimizerRun) -> Vec<(f64, f64)> {
+    // Per frame: times and best PSNR so far of full-resolution evaluations.
+    let frames: Vec<Vec<(f64, f64)>> = run
+        .samples
+        .iter()
+        .map(|sample| {
+            let mut best = f64::INFINITY;
+            let full = sample.trace.iter().filter(|e| e.level == 0);
+            full.map(|e| {
+                best = best.min(e.mse);
+                (e.milliseconds, psnr_of_mse(best))
+            })
+            .collect()
+        })
+        .collect();
+    let begin = median(frames.iter().map(|f| f.first().map_or(f64::INFINITY, |p| p.0)));
+    let end = frames.iter().filter_map(|f| f.last()).map(|p| p.0).fold(0.0, f64::max);
+    if !(begin > 0.0 && end > begin) {
+        return Vec::new();
+    }
+    let at = |t: f64| {
+        let reached = |f: &Vec<(f64, f64)>| f.iter().rev().find(|p| p.0 <= t).map(|p| p.1);
+        (t, median(frames.iter().map(|f| reached(f).unwrap_or(f64::NEG_INFINITY))))
+    };
+    let ratio = (end / begin).powf(1.0 / (POINTS - 1) as f64);
+    let points = (0..POINTS).map(|i| at((begin * ratio.powi(i as i32)).max(begin)));
+    points.filter(|p| p.1.is_finite()).collect()
+}

@@ -1,0 +1,182 @@
+//! `nvsprior bench --recovery`: how a lost camera is found again, and whether the encoder knows that it
+//! is lost.
+//!
+//! *Found*: the prior's render at the encoder's pose is at most [`SHORT`] dB below that at the best known
+//! pose, both against the clean frame, and the two poses are near each other. *Wrong*: more than [`WRONG`] dB below
+//! it, or elsewhere. *False certain*: wrong, and the encoder is certain of it.
+
+mod capture;
+mod chart;
+mod condition;
+mod dropouts;
+mod foreign;
+mod nothing;
+mod pixels;
+mod print;
+mod probe;
+mod roll;
+mod summary;
+mod table;
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use clap::ValueEnum;
+use nvsprior::Prior;
+
+use super::context::Context;
+use super::optimum;
+use super::perturbed::SHORT;
+use condition::Condition;
+use nvsprior_inputs::args::progress;
+use probe::Run;
+
+/// Further below the best known pose's render than this, a pose is wrong, dB.
+pub const WRONG: f64 = 1.0;
+
+/// Frames given to an encoder that has not found its pose, the same each time: a lost encoder goes on
+/// looking.
+pub const TRIES: usize = 5;
+
+/// What is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Measurement {
+    /// Starts put off along or about one axis
+    Capture,
+    /// No pose at all, under conditions
+    Nothing,
+    /// Frames that show nothing, in the middle of a run
+    Dropouts,
+    /// Frames of another scene
+    Foreign,
+}
+
+impl Measurement {
+    pub const ALL: [Measurement; 4] =
+        [Measurement::Capture, Measurement::Nothing, Measurement::Dropouts, Measurement::Foreign];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Measurement::Capture => "capture",
+            Measurement::Nothing => "nothing",
+            Measurement::Dropouts => "dropouts",
+            Measurement::Foreign => "foreign",
+        }
+    }
+}
+
+/// Flags of the recovery.
+#[derive(clap::Args)]
+pub struct RecoveryArgs {
+    /// Measure how a lost camera is found again, in place of all else
+    ///
+    /// Every frame needs its pose in the camera file. Writes recovery.csv, recovery.json and
+    /// recovery.svg.
+    #[arg(long, conflicts_with = "ablation")]
+    pub recovery: bool,
+    /// Starts put off by each figure; and rolled copies of the frames
+    #[arg(long, value_name = "N", default_value = "100", requires = "recovery")]
+    recovery_trials: NonZeroUsize,
+    /// Only these measurements [default: all, foreign if --foreign is given]
+    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', requires = "recovery")]
+    recovery_only: Vec<Measurement>,
+    /// Only these conditions of frames of which nothing is known [default: all]
+    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', requires = "recovery")]
+    recovery_conditions: Vec<Condition>,
+    /// The prior of another scene, which the frames must not be found in
+    #[arg(
+        long,
+        value_name = "PRIOR",
+        requires = "recovery",
+        required_if_eq("recovery_only", "foreign")
+    )]
+    foreign: Option<PathBuf>,
+    /// Places of the run at which dropouts begin
+    #[arg(long, value_name = "N", default_value = "3", requires = "recovery")]
+    recovery_places: NonZeroUsize,
+    /// Lengths of dropouts, frames
+    #[arg(
+        long,
+        value_name = "N",
+        value_delimiter = ',',
+        default_value = "1,4,15,60",
+        requires = "recovery"
+    )]
+    recovery_dropouts: Vec<NonZeroUsize>,
+    /// Frames a second of the run, if the frames' times are not known
+    #[arg(long, value_name = "FPS", default_value = "3", value_parser = rate, requires = "recovery")]
+    recovery_rate: f64,
+}
+
+/// A positive number.
+fn rate(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    let good = value.is_finite() && value > 0.0;
+    good.then_some(value).ok_or_else(|| "must be above 0".to_owned())
+}
+
+impl RecoveryArgs {
+    fn measures(&self, measurement: Measurement) -> bool {
+        if self.recovery_only.is_empty() {
+            return measurement != Measurement::Foreign || self.foreign.is_some();
+        }
+        self.recovery_only.contains(&measurement)
+    }
+
+    fn conditions(&self) -> &[Condition] {
+        if self.recovery_conditions.is_empty() {
+            &Condition::ALL
+        } else {
+            &self.recovery_conditions
+        }
+    }
+}
+
+/// Measures, prints and writes it all to a folder.
+pub fn run(args: &RecoveryArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+    for shot in &context.shots {
+        anyhow::ensure!(
+            shot.known.is_some(),
+            "{}: its pose is not in the camera file, and --recovery needs it of every frame",
+            shot.file
+        );
+    }
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    let foreign = args.foreign.as_deref().filter(|_| args.measures(Measurement::Foreign));
+    let foreign = foreign.map(|path| Prior::open(path, &Default::default())).transpose()?;
+    let bar = progress(context.shots.len(), "best poses");
+    optimum::find(context, || bar.inc(1))?;
+    bar.finish_and_clear();
+
+    let runs = measure(args, context, foreign.as_ref())?;
+    let columns = summary::columns(&runs);
+    print::print(context, &columns);
+    table::write(&folder.join("recovery.csv"), &runs)?;
+    summary::write(&folder.join("recovery.json"), context, &columns)?;
+    chart::draw(&folder.join("recovery.svg"), &columns)
+}
+
+fn measure(
+    args: &RecoveryArgs,
+    context: &mut Context,
+    foreign: Option<&Prior>,
+) -> anyhow::Result<Vec<Run>> {
+    let trials = args.recovery_trials.get();
+    let mut runs = Vec::new();
+    if args.measures(Measurement::Capture) {
+        runs.extend(capture::measure(context, trials)?);
+    }
+    if args.measures(Measurement::Nothing) {
+        runs.extend(nothing::measure(context, args.conditions(), trials)?);
+    }
+    if args.measures(Measurement::Dropouts) {
+        let lengths: Vec<usize> = args.recovery_dropouts.iter().map(|n| n.get()).collect();
+        let places = args.recovery_places.get();
+        runs.extend(dropouts::measure(context, &lengths, places, args.recovery_rate)?);
+    }
+    if let Some(prior) = foreign {
+        runs.extend(foreign::measure(context, prior)?);
+    }
+    Ok(runs)
+}

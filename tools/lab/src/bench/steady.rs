@@ -1,0 +1,86 @@
+//! A steady run: the frames in order, as a dive has them, one after the other and pipelined.
+
+use std::time::Instant;
+
+use nvsprior::tracking::Optimizer;
+use nvsprior::{Encoded, EncoderOptions, Pipeline};
+
+use super::context::{Context, OptimizerRun, Sample, Shot};
+
+/// Encodes the first `frames` with one encoder; the first one, which is looked for afresh, does not
+/// count.
+pub fn measure(
+    context: &mut Context,
+    options: EncoderOptions,
+    frames: usize,
+    done: impl Fn(),
+) -> anyhow::Result<Vec<Sample>> {
+    let mut encoder = context.encoder(options)?;
+    let mut samples = Vec::new();
+    for shot in 0..frames.min(context.shots.len()) {
+        // If the first frame has no pose from outside, a run with poses would begin so too.
+        let start = context.shots[shot].external.or((shot == 0).then_some(context.best[0].pose));
+        let sample = context.sample(&mut encoder, shot, start)?;
+        context.learn(&sample);
+        samples.push(sample);
+        done();
+    }
+    samples.remove(0);
+    Ok(samples)
+}
+
+/// The same with a gradient method.
+pub fn descend(
+    context: &mut Context,
+    optimizer: Optimizer,
+    frames: usize,
+    done: impl Fn(),
+) -> anyhow::Result<OptimizerRun> {
+    let mut options = context.options();
+    options.refine.optimizer = optimizer;
+    Ok(OptimizerRun { optimizer, samples: measure(context, options, frames, done)? })
+}
+
+/// Frames a second, the first frame not counted.
+#[derive(Clone, Copy)]
+pub struct Rates {
+    /// One frame after the other.
+    pub latency: f64,
+    /// One frame is coded while the next is searched for.
+    pub pipelined: f64,
+}
+
+/// Measures both ways, without anything else between the frames.
+pub fn rates(context: &Context) -> anyhow::Result<Rates> {
+    Ok(Rates { latency: one_by_one(context)?, pipelined: pipelined(context)? })
+}
+
+fn one_by_one(context: &Context) -> anyhow::Result<f64> {
+    let mut encoder = context.encoder(context.options())?;
+    let (mut encoded, mut since) = (Encoded::default(), Instant::now());
+    for (index, Shot { camera, picture, external, .. }) in context.shots.iter().enumerate() {
+        encoder.set_camera(camera)?;
+        let start = external.or((index == 0).then_some(context.best[0].pose));
+        encoder.encode_into(picture, start, &mut encoded)?;
+        if index == 0 {
+            since = Instant::now();
+        }
+    }
+    Ok((context.shots.len() - 1) as f64 / since.elapsed().as_secs_f64())
+}
+
+fn pipelined(context: &Context) -> anyhow::Result<f64> {
+    let mut pipeline = Pipeline::new(context.encoder(context.options())?)?;
+    let (mut encoded, mut since) = (Encoded::default(), Instant::now());
+    for (index, Shot { camera, picture, external, .. }) in context.shots.iter().enumerate() {
+        pipeline.encoder().set_camera(camera)?;
+        let start = external.or((index == 0).then_some(context.best[0].pose));
+        pipeline.push(picture, start, &mut encoded)?;
+        if index == 0 {
+            since = Instant::now();
+        }
+    }
+    pipeline.flush(&mut encoded)?;
+    // Counted: the searches of all frames but the first, and the coding of all.
+    Ok((context.shots.len() - 1) as f64 / since.elapsed().as_secs_f64())
+}

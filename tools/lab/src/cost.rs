@@ -1,0 +1,250 @@
+//! What each stage reads, writes and calculates, by formula, and how long that should take on a device of which little
+//! is known. `docs/latency.md` has the formulas as a table.
+//!
+//! Bytes are those of the algorithm: each word that an invocation asks for counts, whether a cache has it or not, but
+//! words that a workgroup shares count once. Operations are sums, products, divisions, roots, minima, comparisons that
+//! choose a value, and integer work of that kind; a power of 2 is 14. All is counted by hand from the sources: these
+//! are estimates, closest for the blending.
+
+mod counts;
+
+use nvsprior::{Engine, Prior};
+use nvsprior_kernels::shared::{DIGITS, SUMS};
+
+pub use counts::Counts;
+
+/// Passes of a picture's sort, and of that of an evaluation nobody sees.
+pub const PICTURE_PASSES: u32 = DIGITS;
+/// See [`PICTURE_PASSES`].
+pub const SEARCH_PASSES: u32 = DIGITS - 1;
+
+/// Operations of a splat at a pixel of a picture: the exponent has 4, its power 14 (of 2: the multiply-adds and the
+/// scaling of a polynomial of degree 5), alpha 2, the weights 4, colour and depth 8.
+pub const PICTURE_FLOPS: f64 = 4.0 + 14.0 + 2.0 + 4.0 + 8.0;
+/// The same of an evaluation with the flow Jacobian. Without depth; the pull has 4, the slopes 6, what finishes a pixel
+/// 1, the step of the weights 8, the twelve sums 24, the transmittance's 4.
+pub const FLOW_FLOPS: f64 = PICTURE_FLOPS - 2.0 + 4.0 + 6.0 + 1.0 + 8.0 + 24.0 + 4.0;
+/// The same with the exact Jacobian. Without depth; `v` has 5, dα of six derivatives with six terms each 72, weights
+/// 18, three colours 54 with their own derivatives, the transmittance 18.
+const EXACT_FLOPS: f64 = PICTURE_FLOPS - 2.0 + 5.0 + 72.0 + 18.0 + 54.0 + 18.0;
+/// Operations of a splat that an invocation has loaded, before its column of pixels.
+const COLUMN: f64 = 24.0;
+/// Operations of a pixel's share of the normal equations: three channels.
+const SHARE: f64 = 3.0 * 90.0;
+/// Bytes of a splat's place and record.
+const ENTRY: f64 = 4.0 + 48.0;
+/// Pixels of a tile.
+const TILE_PIXELS: f64 = 64.0;
+
+/// How a device's invocations share the stages.
+#[derive(Clone, Copy, Debug)]
+pub struct Sharing {
+    /// Workgroups that share the splats, B.
+    pub blocks: f64,
+    /// Invocations of the scans' workgroups.
+    pub scan_lanes: f64,
+    /// Pixels that an invocation of the blending stages draws of a splat that it has loaded, in a picture and in an
+    /// evaluation, c.
+    pub column: [f64; 2],
+}
+
+impl Sharing {
+    /// As GPUs have it, with as many workgroups as small priors take.
+    pub const GPU: Sharing = Sharing { blocks: 128.0, scan_lanes: 256.0, column: [4.0, 4.0] };
+
+    /// As the engine has it for a prior.
+    pub fn of(engine: &Engine, prior: &Prior) -> Sharing {
+        let blocks = f64::from(1 << engine.probe().log_blocks(prior.len() as u32));
+        match engine.device().in_lockstep() {
+            true => Sharing { blocks, scan_lanes: 8.0, column: [8.0, 4.0] },
+            false => Sharing { blocks, ..Sharing::GPU },
+        }
+    }
+
+    /// Loads of a scan that wait for each other: it goes down the blocks twice, four loads at a time, for each column
+    /// of its lanes.
+    fn scan(&self, columns: f64) -> f64 {
+        (columns / self.scan_lanes).ceil() * 2.0 * self.blocks / 4.0
+    }
+}
+
+/// What a stage takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Work {
+    /// Bytes that it reads and writes.
+    pub bytes: f64,
+    /// Operations.
+    pub flops: f64,
+    /// Loads that wait for each other.
+    pub chain: f64,
+    /// Dispatches.
+    pub dispatches: f64,
+}
+
+impl std::ops::AddAssign for Work {
+    fn add_assign(&mut self, other: Work) {
+        self.bytes += other.bytes;
+        self.flops += other.flops;
+        self.chain += other.chain;
+        self.dispatches += other.dispatches;
+    }
+}
+
+impl std::ops::Mul<f64> for Work {
+    type Output = Work;
+
+    fn mul(self, times: f64) -> Work {
+        Work {
+            bytes: self.bytes * times,
+            flops: self.flops * times,
+            chain: self.chain * times,
+            dispatches: self.dispatches * times,
+        }
+    }
+}
+
+/// A picture whose stages are counted.
+#[derive(Clone, Copy, Debug)]
+pub struct Cost<'a> {
+    /// What it is made of.
+    pub counts: &'a Counts,
+    /// How the device shares it.
+    pub sharing: &'a Sharing,
+    /// Passes of its sort.
+    pub passes: u32,
+}
+
+impl Cost<'_> {
+    /// Work of the stage of this name. Stages that touch some hundred bytes count as nothing.
+    pub fn of(&self, stage: &str) -> Work {
+        match stage {
+            "project" => self.project(),
+            "radix_count" | "radix_scan" | "radix_scatter" => self.sort(stage),
+            "bin_count" | "bin_scan" | "bin_emit" => self.lists(stage),
+            "splat" => self.picture(),
+            "splat_flow" => self.evaluation(FLOW_FLOPS, 0.0),
+            // Twelve vectors of derivatives a record.
+            "splat_exact" => self.evaluation(EXACT_FLOPS, 12.0 * 16.0),
+            _ => self.small(stage),
+        }
+    }
+
+    /// Seven pairs of floats per splat; of those seen the harmonics; a record and a key.
+    fn project(&self) -> Work {
+        let c = self.counts;
+        Work {
+            bytes: c.splats * (56.0 + 4.0) + c.visible * (8.0 * c.planes + 48.0),
+            flops: c.splats * 200.0 + c.visible * (60.0 + 6.0 * c.coefficients),
+            chain: 4.0,
+            dispatches: 2.0,
+        }
+    }
+
+    /// All passes of a stage of the sort.
+    fn sort(&self, stage: &str) -> Work {
+        let (c, passes) = (self.counts, f64::from(self.passes));
+        let (n, v, later) = (c.splats, c.visible, passes - 1.0);
+        let table = 4.0 * passes * self.sharing.blocks * c.digits;
+        let share = passes * v / (self.sharing.blocks * 32.0);
+        let (bytes, flops, chain) = match stage {
+            "radix_count" => (4.0 * (n + later * v) + table, 20.0 * passes * v, share),
+            // Read twice, written once.
+            "radix_scan" => (3.0 * table, 0.0, passes * self.sharing.scan(c.digits)),
+            // The first pass makes its values, the last writes no keys.
+            _ => {
+                let moved = 4.0 * n + 8.0 * v + 16.0 * later * v - 4.0 * v;
+                (moved + table, 40.0 * passes * v, share)
+            }
+        };
+        Work { bytes, flops, chain, dispatches: passes }
+    }
+
+    /// A stage of the binning. Each band goes over all splats: place in the order, 24 bytes of a record.
+    fn lists(&self, stage: &str) -> Work {
+        let c = self.counts;
+        let table = 4.0 * self.sharing.blocks * c.tiles;
+        let share = 2.0 * c.visible / (self.sharing.blocks * 32.0);
+        let read = c.bands * 28.0 * c.visible;
+        let flops = c.bands * 40.0 * c.visible + 45.0 * c.rows + 30.0 * c.pairs;
+        let (bytes, flops, chain) = match stage {
+            "bin_count" => (read + table, flops, share),
+            "bin_scan" => (3.0 * table, 0.0, self.sharing.scan(c.tiles)),
+            // Asks for each place twice; writes the list, and where each tile's begins and ends.
+            _ => (read + 2.0 * table + 8.0 * c.pairs + 8.0 * c.tiles, flops, share),
+        };
+        Work { bytes, flops, chain, dispatches: 1.0 }
+    }
+
+    /// An entry of the list and a record; five floats per pixel.
+    fn picture(&self) -> Work {
+        let (c, [column, _]) = (self.counts, self.sharing.column);
+        let [blended, _] = c.blended;
+        Work {
+            bytes: ENTRY * blended / TILE_PIXELS + 8.0 * c.tiles + 20.0 * c.pixels,
+            flops: (PICTURE_FLOPS + COLUMN / column) * blended,
+            chain: 2.0,
+            dispatches: 1.0,
+        }
+    }
+
+    /// The same with derivatives, so many bytes of them beside a record: three floats per pixel of the frame, and a row
+    /// of sums per tile.
+    fn evaluation(&self, flops: f64, derivatives: f64) -> Work {
+        let (c, [_, column]) = (self.counts, self.sharing.column);
+        let [_, blended] = c.blended;
+        let tile = 8.0 + 4.0 * f64::from(SUMS);
+        Work {
+            bytes: (ENTRY + derivatives) * blended / TILE_PIXELS + tile * c.tiles + 12.0 * c.pixels,
+            flops: (flops + COLUMN / column) * blended + SHARE * c.pixels,
+            chain: 2.0,
+            dispatches: 1.0,
+        }
+    }
+
+    fn small(&self, stage: &str) -> Work {
+        let c = self.counts;
+        let (bytes, flops, chain) = match stage {
+            "pose_jacobian" => (
+                4.0 * c.splats + c.visible * (56.0 + 8.0 * c.planes + 48.0 + 192.0),
+                c.visible * (700.0 + 24.0 * c.coefficients),
+                4.0,
+            ),
+            // Eight invocations per sum.
+            "reduce" | "solve" => {
+                let sums = f64::from(SUMS) * c.tiles;
+                (4.0 * sums, sums, c.tiles / 8.0)
+            }
+            // Bytes of the whole frame, whatever the level; floats of the level.
+            "pyramid" => (3.0 * c.frame_pixels + 12.0 * c.pixels, 3.0 * c.frame_pixels, 1.0),
+            "quantize_rgb8" => ((20.0 + 3.0) * c.pixels, 12.0 * c.pixels, 1.0),
+            "difference" => (9.0 * c.pixels, 0.0, 1.0),
+            _ => return Work::default(),
+        };
+        Work { bytes, flops, chain, dispatches: 1.0 }
+    }
+}
+
+/// A device as the model sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Machine {
+    /// Its name.
+    pub name: &'static str,
+    /// Operations a second; a multiply-add is two.
+    pub flops: f64,
+    /// Bytes a second.
+    pub bytes: f64,
+    /// Seconds from a load to its value; 0 if loads do not overlap anyway.
+    pub latency: f64,
+    /// Seconds of a dispatch with its barrier.
+    pub dispatch: f64,
+    /// How it shares the stages.
+    pub sharing: Sharing,
+}
+
+impl Machine {
+    /// Seconds of some work: whichever of bytes, operations and waiting takes longest, and the dispatches.
+    pub fn seconds(&self, work: &Work) -> f64 {
+        let bound = (work.bytes / self.bytes).max(work.flops / self.flops);
+        bound.max(work.chain * self.latency) + work.dispatches * self.dispatch
+    }
+}

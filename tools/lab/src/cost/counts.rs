@@ -1,0 +1,133 @@
+//! What a picture is made of: the amounts that the cost of its stages is counted from.
+
+use std::ops::Range;
+
+use nvsprior::render::probe::Stages;
+use nvsprior::{Camera, Prior};
+use nvsprior_kernels::shared::{
+    ALPHA_MIN, CULLED, Outline, Params, Projected, TILE, TRANSMITTANCE_STOP, band_rows, digit_bits,
+    sh_coefficients, sh_planes,
+};
+
+/// What a render at one pose comes to.
+#[derive(Clone, Copy, Debug)]
+pub struct Counts {
+    /// Splats of the prior, N.
+    pub splats: f64,
+    /// Those that touch a tile, V.
+    pub visible: f64,
+    /// Coefficients of the spherical harmonics, for each channel, H.
+    pub coefficients: f64,
+    /// Pairs of floats that hold a splat's harmonics.
+    pub planes: f64,
+    /// Splats times the tiles that they touch, P.
+    pub pairs: f64,
+    /// Splats times the rows of tiles that they touch, R.
+    pub rows: f64,
+    /// Splats times pixels that are blended, of a picture and of an evaluation, E.
+    pub blended: [f64; 2],
+    /// Tiles, T.
+    pub tiles: f64,
+    /// Bands of tiles that are binned by themselves.
+    pub bands: f64,
+    /// Pixels, X.
+    pub pixels: f64,
+    /// Pixels of the frame, whatever the level.
+    pub frame_pixels: f64,
+    /// Values of a digit, D.
+    pub digits: f64,
+}
+
+impl Counts {
+    /// Of a prior's render that left `stages`. `camera` is the level's, `frame` that of the full picture.
+    pub fn of(prior: &Prior, camera: &Camera, frame: &Camera, stages: &Stages) -> Counts {
+        let view = Tiles::of(prior, camera, stages);
+        let [across, down] = view.tiles;
+        let degree = prior.splats().sh_degree;
+        let largest = stages.keys.iter().copied().filter(|key| *key != CULLED).max();
+        Counts {
+            splats: prior.splats().len() as f64,
+            visible: stages.order.len() as f64,
+            coefficients: f64::from(sh_coefficients(degree)),
+            planes: f64::from(sh_planes(degree)),
+            pairs: f64::from(stages.pairs_needed),
+            rows: view.rows(),
+            blended: [view.blended(TILE), view.blended(TILE / 2)],
+            tiles: f64::from(across * down),
+            bands: f64::from(down.div_ceil(band_rows(across))),
+            pixels: camera.pixels() as f64,
+            frame_pixels: frame.pixels() as f64,
+            digits: f64::from(1 << digit_bits(largest.unwrap_or(0))),
+        }
+    }
+}
+
+/// A picture's tiles with their lists.
+struct Tiles<'a> {
+    stages: &'a Stages,
+    camera: &'a Camera,
+    /// Across and down.
+    tiles: [u32; 2],
+    alpha_max: f32,
+}
+
+impl Tiles<'_> {
+    fn of<'a>(prior: &Prior, camera: &'a Camera, stages: &'a Stages) -> Tiles<'a> {
+        let tiles = [camera.width, camera.height].map(|side| side.div_ceil(TILE));
+        Tiles { stages, camera, tiles, alpha_max: prior.options().alpha_max }
+    }
+
+    /// Splats times the rows of tiles that they touch.
+    fn rows(&self) -> f64 {
+        let [tiles_x, tiles_y] = self.tiles;
+        let params = Params { tiles_x, tiles_y, ..Params::default() };
+        let rows = |splat: &u32| {
+            let r = &self.stages.records[*splat as usize];
+            let (mean, conic) = ([r[0], r[1]], [r[2], r[3], r[4]]);
+            let splat = Projected { mean, conic, log_opacity: r[5], ..Projected::CULLED };
+            let [top, bottom] = Outline::new(&params, &splat).rows(tiles_y);
+            f64::from(bottom - top)
+        };
+        self.stages.order.iter().map(rows).sum()
+    }
+
+    /// Splats times pixels that the blending goes through if it takes so many rows of a tile at a time, and
+    /// ends with the last pixel of them.
+    fn blended(&self, rows: u32) -> f64 {
+        let [across, down] = self.tiles;
+        let corners = (0..down).flat_map(|y| (0..across).map(move |x| [x * TILE, y * TILE]));
+        let mut drawn = 0;
+        for (corner, &range) in corners.zip(&self.stages.ranges) {
+            let parts = (0..TILE).step_by(rows as usize);
+            drawn += parts.map(|top| self.drawn(corner, top..top + rows, range)).sum::<usize>();
+        }
+        drawn as f64 * f64::from(TILE * rows)
+    }
+
+    /// Splats that are drawn in some rows of the tile at a corner.
+    fn drawn(&self, corner: [u32; 2], rows: Range<u32>, [from, to]: [u32; 2]) -> usize {
+        let pixels = rows.flat_map(|y| (0..TILE).map(move |x| [corner[0] + x, corner[1] + y]));
+        let inside = |p: &[u32; 2]| p[0] < self.camera.width && p[1] < self.camera.height;
+        let mut left: Vec<([f32; 2], f32)> =
+            pixels.filter(inside).map(|p| (p.map(|v| v as f32 + 0.5), 1.0)).collect();
+        let list = self.stages.pair_splats.get(from as usize..to as usize).unwrap_or_default();
+        let ends = |splat: &u32| {
+            dim(&mut left, &self.stages.records[*splat as usize], self.alpha_max);
+            left.iter().all(|(_, t)| *t == 0.0)
+        };
+        list.iter().position(ends).map_or(list.len(), |last| last + 1)
+    }
+}
+
+/// What a splat leaves of the transmittance of some pixels, each with its centre; 0: finished.
+fn dim(left: &mut [([f32; 2], f32)], record: &[f32; 12], alpha_max: f32) {
+    let [u, v, l11, l21, l22, log_opacity, ..] = *record;
+    let opacity = log_opacity.exp2();
+    for ([x, y], t) in left {
+        let (dx, dy) = (u - *x, v - *y);
+        let (a, b) = (l11 * dx + l21 * dy, l22 * dy);
+        let alpha = (opacity * (-0.5 * (a * a + b * b)).exp()).min(alpha_max);
+        let after = *t * if alpha < ALPHA_MIN { 1.0 } else { 1.0 - alpha };
+        *t = if after > TRANSMITTANCE_STOP { after } else { 0.0 };
+    }
+}

@@ -1,0 +1,90 @@
+//! A frame's pose, searched for by one of the optimisers, and what is always expected of that.
+
+use std::time::Instant;
+
+use nvsprior::render::Plan;
+use nvsprior::tracking::{Found, Objective, Optimizer, RefineOptions, Tracker};
+use nvsprior::{Camera, Picture, Pose, Prior};
+use nvsprior_kernels::search::COMPACT;
+
+use super::case::{Bench, Descent, Row};
+
+/// All optimisers.
+pub const OPTIMIZERS: [Optimizer; 4] =
+    [Optimizer::GaussNewton, Optimizer::Bfgs, Optimizer::Adam, Optimizer::AdamBfgs];
+
+/// A frame of a prior, and where searches for its pose start.
+pub struct Sought<'a> {
+    pub prior: &'a Prior,
+    pub camera: Camera,
+    pub frame: &'a Picture,
+    pub start: Pose,
+}
+
+/// The picture of a prior from a pose.
+pub fn picture(
+    bench: &Bench,
+    prior: &Prior,
+    camera: &Camera,
+    pose: &Pose,
+) -> anyhow::Result<Picture> {
+    let scene = bench.engine.upload(prior)?;
+    let mut picture = Picture::new(camera.width, camera.height);
+    bench.engine.renderer(&scene, camera, Plan::picture())?.picture(pose, &mut picture)?;
+    Ok(picture)
+}
+
+impl Sought<'_> {
+    /// Searches, and checks what holds of every search: it ends no worse than it began, at numbers, and
+    /// no further off than the scene is deep.
+    pub fn refine(&self, bench: &Bench, optimizer: Optimizer) -> anyhow::Result<(Found, Row)> {
+        let since = Instant::now();
+        let refine = RefineOptions { optimizer, ..RefineOptions::default() };
+        let search = optimizer == Optimizer::GaussNewton;
+        let plan = Plan {
+            factors: vec![1, 2, 4, 8],
+            jacobians: if search { Vec::new() } else { vec![refine.jacobian()] },
+            search: search.then_some(refine.jacobian()),
+            sort_precision: refine.sort_precision,
+            profiled: false,
+        };
+        let scene = bench.engine.upload(self.prior)?;
+        let renderer = bench.engine.renderer(&scene, &self.camera, plan)?;
+        let mut tracker = Tracker::new(Objective::new(renderer), refine, 1e-3, COMPACT);
+        let found = tracker.track(self.frame, &self.start.into())?;
+        let found = found.ok_or_else(|| anyhow::anyhow!("a start was given"))?;
+        let begun = picture(bench, self.prior, &self.camera, &self.start)?.mse(self.frame);
+        let end = picture(bench, self.prior, &self.camera, &found.outcome.pose)?.mse(self.frame);
+        let mut row = Row::of(optimizer.name(), since);
+        let evaluations = tracker.trace().len();
+        row.descent = Some(Descent { start: begun, end, stop: found.outcome.stop, evaluations });
+        row.expect(found.outcome.pose.is_finite(), || "the pose found is no number".into());
+        row.expect(end <= begun + ROUNDING, || {
+            format!("the search went from {begun:.4e} up to {end:.4e}")
+        });
+        let (moved, length) = (self.moved(&found), found.observability.length);
+        row.expect(!(moved > 4.0 * length) || length == 0.0, || {
+            format!("moved by {moved:.3e} units, {length:.3e} deep")
+        });
+        row.note = spectrum(&found);
+        Ok((found, row))
+    }
+
+    /// How far the camera went from the start, the prior's unit.
+    pub fn moved(&self, found: &Found) -> f64 {
+        (found.outcome.pose.centre() - self.start.centre()).length()
+    }
+}
+
+/// Mean squared error that rounding to 8 bits may add or hide.
+const ROUNDING: f64 = 2.0 / (12.0 * 255.0 * 255.0);
+
+/// Condition, deviations and open directions, in words.
+fn spectrum(found: &Found) -> String {
+    let o = &found.observability;
+    let open = o.undetermined().count();
+    format!(
+        "condition {:.1e}, least determined ± {:.1e}, {open} of 6 open, scene {:.3e} deep",
+        o.condition, o.deviations[0], o.length
+    )
+}

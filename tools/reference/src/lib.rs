@@ -1,0 +1,164 @@
+//! An f64 CPU twin of every GPU stage, same names: the oracle of the tests. It follows the textbook
+//! formulas, not the reformulations that keep the shaders' f32 exact, so that it checks those too; only
+//! the determinant and the conic are the shaders' kind, where a needle is beyond f64.
+//!
+//! A pixel has five channels: linear R, G, B before clamping, depth Σ wᵢ zᵢ, transmittance. All are
+//! `Σ wᵢ payloadᵢ + T · background`: the payload of depth is z over a background of 0, that of
+//! transmittance is 0 over a background of 1.
+
+pub mod bin;
+pub mod harmonics;
+pub mod pose_jacobian;
+pub mod project;
+pub mod radix;
+pub mod reduce;
+pub mod risk;
+pub mod splat;
+pub mod splat_exact;
+pub mod splat_flow;
+
+use rayon::prelude::*;
+
+use nvsprior::render::{Jacobian, NormalEquations};
+use nvsprior::{Camera, Pose, Prior, RenderOptions};
+use nvsprior_kernels::shared::low_pass;
+
+use project::{Projected, Splat};
+use risk::WatchedPixel;
+use splat_exact::MovingPixel;
+
+/// Relative distance from alpha's cut within which it may fall either way. A mean 300 pixels out is
+/// held to 2e-5 pixels in f32, which at the rim of the smallest splat changes alpha by about 2e-4.
+const CUT_MARGIN: f64 = 1e-3;
+
+/// The five channels of a pixel.
+pub type Channels = [f64; 5];
+
+/// A derivative with respect to the pose step τ = (ρ, θ).
+pub type Twist = [f64; 6];
+
+/// `a + scale · b`.
+pub(crate) fn plus(a: Twist, scale: f64, b: Twist) -> Twist {
+    std::array::from_fn(|k| a[k] + scale * b[k])
+}
+
+/// What all splats of a picture are seen through.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Where it stands.
+    pub pose: &'a Pose,
+    /// How the prior is rendered.
+    pub options: &'a RenderOptions,
+    /// See [`nvsprior_kernels::shared::low_pass`].
+    pub low_pass: [f32; 2],
+}
+
+/// A picture of the twin, row-major.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// R, G, B, depth, transmittance of each pixel.
+    pub pixels: Vec<Channels>,
+    /// By how much each channel would change if the close decisions in the pixel (the cuts, the
+    /// order) fell the other way; see [`risk`].
+    pub risk: Vec<Channels>,
+}
+
+/// A pixel with its pose derivatives.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Linear R, G, B before clamping.
+    pub rgb: [f64; 3],
+    /// d(rgb)/dτ.
+    pub jacobian: [Twist; 3],
+}
+
+/// A prior ready to be rendered in f64.
+pub struct Twin<'a> {
+    prior: &'a Prior,
+    splats: Vec<Splat<'a>>,
+    factor: u32,
+}
+
+impl<'a> Twin<'a> {
+    /// Activates the prior's splats.
+    pub fn new(prior: &'a Prior) -> Twin<'a> {
+        let splats = prior.splats();
+        let splats = (0..splats.len()).map(|i| Splat::new(splats, i)).collect();
+        Twin { prior, splats, factor: 1 }
+    }
+
+    /// As it is rendered at a level of the pyramid, for cameras reduced by `factor`.
+    pub fn reduced(self, factor: u32) -> Twin<'a> {
+        Twin { factor, ..self }
+    }
+
+    /// The prior's splats, activated.
+    pub fn splats(&self) -> &[Splat<'a>] {
+        &self.splats
+    }
+
+    /// The view of this prior from a pose.
+    pub fn view<'v>(&'v self, camera: &'v Camera, pose: &'v Pose) -> View<'v> {
+        let options = self.prior.options();
+        View { camera, pose, options, low_pass: low_pass(options.antialiased, self.factor) }
+    }
+
+    /// All splats in front of the near plane, nearest first, ties by index.
+    pub fn project(&self, view: &View) -> Vec<Projected> {
+        let each = |(i, splat)| project::project(view, i as u32, splat);
+        let mut seen: Vec<Projected> =
+            self.splats.par_iter().enumerate().filter_map(each).collect();
+        seen.sort_by(|a, b| a.camera.z.total_cmp(&b.camera.z).then(a.index.cmp(&b.index)));
+        seen
+    }
+
+    /// The picture from a pose.
+    pub fn render(&self, camera: &Camera, pose: &Pose) -> Rendered {
+        let view = self.view(camera, pose);
+        let background = splat::background(view.options);
+        let seen = self.project(&view);
+        let blend = |pixel: &mut WatchedPixel, i: usize, centre| {
+            pixel.blend(&seen[i], view.options, centre);
+        };
+        splat::blend_rows(&seen, camera, &WatchedPixel::default(), blend)
+            .par_iter()
+            .map(|p| (p.value(&background), p.risk(&background)))
+            .unzip::<_, _, Vec<_>, Vec<_>>()
+            .into()
+    }
+
+    /// The picture with each pixel's pose Jacobian. Order and cuts are held fixed.
+    pub fn samples(&self, camera: &Camera, pose: &Pose, jacobian: Jacobian) -> Vec<Sample> {
+        let view = self.view(camera, pose);
+        let seen = self.project(&view);
+        let pixels = match jacobian {
+            Jacobian::Flow => splat_flow::blend(&view, &seen),
+            Jacobian::Exact => splat_exact::blend(&view, &seen, &self.splats),
+        };
+        let sample = |p: &MovingPixel| p.sample(view.options.background);
+        pixels.iter().map(sample).collect()
+    }
+
+    /// The normal equations against a frame of height × width × 3 floats in [0, 1].
+    ///
+    /// # Panics
+    /// If the number of floats is not the camera's.
+    pub fn normal_equations(
+        &self,
+        camera: &Camera,
+        pose: &Pose,
+        frame: &[f32],
+        jacobian: Jacobian,
+    ) -> NormalEquations {
+        assert_eq!(frame.len(), camera.pixels() * 3, "floats of the frame");
+        reduce::reduce(&self.samples(camera, pose, jacobian), frame)
+    }
+}
+
+impl From<(Vec<Channels>, Vec<Channels>)> for Rendered {
+    fn from((pixels, risk): (Vec<Channels>, Vec<Channels>)) -> Rendered {
+        Rendered { pixels, risk }
+    }
+}
