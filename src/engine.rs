@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::prior::analysis::PriorAnalysis;
+use crate::render::arithmetic;
 use crate::render::probe::Probe;
 use crate::render::{Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels};
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
@@ -22,7 +23,9 @@ pub struct Engine {
 impl Engine {
     /// Opens a device and builds the pipelines that do not depend on a prior.
     pub fn new(options: &DeviceOptions) -> Result<Engine, Error> {
-        let device = Device::open(options)?;
+        let mut device = Device::open(options)?;
+        let portable = arithmetic::agrees(&device)?;
+        device.set_portable(portable);
         let kernels = Arc::new(Kernels::new(&device)?);
         Ok(Engine { device, kernels, scene_kernels: Arc::default() })
     }

@@ -1,6 +1,7 @@
 //! Rendering the prior on the device. `stages.rs` records the stages of a frame in their order; the shaders and their
 //! f64 twins have the same names.
 
+pub(crate) mod arithmetic;
 mod binning;
 pub mod definition;
 mod frame;

@@ -84,6 +84,11 @@ pub struct DeviceInfo {
     pub workgroups: u32,
     /// Whether host and device share one memory, so that nothing needs staging.
     pub unified: bool,
+    /// Whether stages can ask for rounding to nearest even; else it is what the device does unasked.
+    pub(crate) rounding_control: bool,
+    /// Whether the device computes, bit for bit, what every device computes of the final picture: measured when an
+    /// engine is made of it.
+    pub portable: bool,
 }
 
 impl DeviceInfo {
@@ -99,13 +104,14 @@ impl std::fmt::Display for DeviceInfo {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
-            "{} ({}, {}, Vulkan {}.{}, subgroup {})",
+            "{} ({}, {}, Vulkan {}.{}, subgroup {}{})",
             self.name,
             self.kind.name(),
             self.driver,
             self.api.0,
             self.api.1,
-            self.subgroup
+            self.subgroup,
+            if self.portable { "" } else { ", not portable" }
         )
     }
 }
@@ -238,6 +244,13 @@ impl Device {
                 instance,
             }),
         })
+    }
+
+    /// Takes note of whether the device computes what every device does. Nothing may be left that was made on it.
+    pub(crate) fn set_portable(&mut self, portable: bool) {
+        if let Some(inner) = Arc::get_mut(&mut self.inner) {
+            inner.info.portable = portable;
+        }
     }
 
     /// What the device says of itself.
@@ -380,8 +393,10 @@ impl Instance {
     fn describe(&self, device: vk::PhysicalDevice) -> DeviceInfo {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
         let mut properties = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut subgroup)
+            .push_next(&mut floats)
             .push_next(&mut driver);
         // SAFETY: the chained structures live through the call.
         unsafe { self.instance.get_physical_device_properties2(device, &mut properties) };
@@ -403,6 +418,8 @@ impl Instance {
             storage_range: u64::from(p.limits.max_storage_buffer_range),
             workgroups: p.limits.max_compute_work_group_count[0],
             unified: matches!(kind, DeviceKind::IntegratedGpu | DeviceKind::Cpu),
+            rounding_control: floats.shader_rounding_mode_rte_float32 == vk::TRUE,
+            portable: false,
         }
     }
 

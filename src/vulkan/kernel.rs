@@ -5,6 +5,7 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::device::{Inner, c_name};
+use super::spirv;
 use super::{Device, Error};
 
 /// A compute pipeline whose storage buffers are bindings 0, 1, … of set 0.
@@ -101,7 +102,10 @@ impl Pipeline {
 
     fn make_pipeline(&mut self, code: &Code) -> Result<(), Error> {
         let device = &self.device.device;
-        let words: Vec<u32> = bytemuck::pod_collect_to_vec(code.spirv);
+        let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(code.spirv);
+        if self.device.info.rounding_control {
+            spirv::round_to_nearest(&mut words);
+        }
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the module is one of those committed, which passed spirv-val.
         let module = unsafe { device.create_shader_module(&info, None) }

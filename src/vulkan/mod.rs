@@ -7,6 +7,7 @@ mod commands;
 mod device;
 mod error;
 mod kernel;
+mod spirv;
 
 pub use buffer::{Buffer, Memory};
 pub use commands::{Commands, Recorder, StageTime, Timing};

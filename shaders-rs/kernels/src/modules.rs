@@ -27,6 +27,7 @@ macro_rules! modules {
 }
 
 modules! {
+    arithmetic: arithmetic;
     bin: bin_count bin_count_lockstep bin_emit bin_emit_lockstep bin_scan bin_scan_lockstep;
     ceilings: ceiling_arithmetic ceiling_copy;
     decode_pose: decode_pose;

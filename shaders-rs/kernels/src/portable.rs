@@ -69,6 +69,27 @@ pub fn exp2(x: f32) -> f32 {
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
+/// Results of [`sample`].
+pub const RESULTS: usize = 10;
+
+/// What stage `arithmetic` computes of three numbers: every operation that a portable picture is made of. `a` in
+/// [2⁻¹²⁵, 2¹²⁵], `c` in [−125, 125].
+pub fn sample(a: f32, b: f32, c: f32) -> [f32; RESULTS] {
+    [
+        a + b,
+        a - b,
+        a * b,
+        // What a device must not fuse.
+        a * b + c,
+        c - a * b,
+        reciprocal(a),
+        inverse_sqrt(a),
+        sqrt(a),
+        log2(a),
+        exp2(c),
+    ]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

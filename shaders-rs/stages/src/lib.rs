@@ -5,6 +5,7 @@
 
 pub use nvsprior_kernels::{portable, search, shared};
 
+pub mod arithmetic;
 pub mod bin;
 pub mod ceilings;
 pub mod decode_pose;
