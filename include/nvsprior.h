@@ -16,6 +16,8 @@
  * Ownership. nvsp_..._create and nvsp_prior_open hand over a handle, which nvsp_..._destroy ends, in
  *   any order: what a handle needs of another it keeps alive. All other memory is the caller's, and is
  *   read or written during the call alone. Texts that are returned are static.
+ * Parameters. A line for each says what it is, its unit, and whether NULL is allowed; where it is not, NULL
+ *   gives NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot tell.
  * Threads. An engine and a prior may be used by any number of threads at once. An encoder, a decoder
  *   or a reassembler by one at a time: a second one gets NVSP_ERR_BUSY, and harms nothing. Nobody may
  *   use a handle while, or after, it is destroyed.
@@ -690,8 +692,10 @@ extern "C" {
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE (size below 8 or above 4096) or
 // NVSP_ERR_ABI_VERSION.
 //
-// Preconditions:
-// `structure` is NULL or has room for `size` bytes.
+// Parameters:
+// - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of the structure, 8 to 4096.
+// - `abi_version`: NVSP_ABI_VERSION of your header.
 nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version);
 
 // The library's version, as in "0.1.0"; static.
@@ -702,16 +706,20 @@ const char *nvsp_version(void);
 uint32_t nvsp_abi_version(void);
 
 // A status in a few words of English; static, never NULL, also for numbers that are no status.
+//
+// Parameters:
+// - `status`: any number.
 const char *nvsp_status_text(nvsp_status status);
 
-// Opens a device and builds the pipelines; takes from tens of milliseconds to seconds. `options`
-// may be NULL. A failure's text goes to the options' `log`, as there is no handle to ask yet.
+// Opens a device and builds the pipelines; takes from tens of milliseconds to seconds. A failure's text goes to the options' `log`, as there is no handle to ask yet.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown
 // flags, or a name that is no UTF-8), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 //
-// Preconditions:
-// The options' pointers are valid; `log` is as nvsp_log_callback asks.
+// Parameters:
+// - `options`: set up by NVSP_INIT. Read during the call, but for `log` and `log_user`: these are used as long as
+//   anything made with the engine lives. NULL: all defaults.
+// - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
 nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
                                struct nvsp_engine **engine);
 
@@ -723,16 +731,17 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 //
 // Fails as nvsp_engine_create does.
 //
-// Preconditions:
-// `engine` is NULL or a live engine.
+// Parameters:
+// - `engine`: a live engine. Not NULL.
 nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine);
 
 // Describes the engine's device and its memory. Allocates.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
 //
-// Preconditions:
-// `engine` is NULL or a live engine; `info` is NULL or was initialised by NVSP_INIT.
+// Parameters:
+// - `engine`: a live engine. Not NULL.
+// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info);
 
 // Copies the text of the last failed call on the engine, or of making a prior, an encoder or a
@@ -741,21 +750,23 @@ nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_e
 //
 // Fails with NVSP_ERR_NULL, or with NVSP_ERR_BUFFER_TOO_SMALL where `size` is 0.
 //
-// Preconditions:
-// `engine` is NULL or a live engine; `text` is NULL or has room for `size` bytes.
+// Parameters:
+// - `engine`: a live engine. Not NULL.
+// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_engine_last_error(const struct nvsp_engine *engine, char *text, size_t size);
 
 // Ends an engine; NULL is allowed. Priors, encoders and decoders made with it work on: the device is
 // closed when the last of them is gone.
 //
-// Preconditions:
-// `engine` is NULL or a live engine that no other thread is using; it is dead afterwards.
+// Parameters:
+// - `engine`: a live engine that no other thread is using; it is dead afterwards. NULL is allowed.
 void nvsp_engine_destroy(struct nvsp_engine *engine);
 
 // Reads a prior from a file, its format told by the content: a .ply as Inria's trainer and nerfstudio
 // write it, or a compact prior (.nvsg); built with the feature "formats", an .spz or a
 // .compressed.ply, too. Checks it and copies it to the device. Unsound splats are left out and logged
-// as a warning. `options` may be NULL. The file is not needed afterwards, and no copy of it is kept in
+// as a warning. The file is not needed afterwards, and no copy of it is kept in
 // host memory. While it runs it takes, on host and device together, at most four times the size of a
 // binary .ply, eight times that of a text; for the other formats, more by as much as they are packed.
 //
@@ -767,9 +778,11 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
 // is the engine's.
 //
-// Preconditions:
-// `engine` is NULL or a live engine; `path` is NULL or ends in NUL; `options` is NULL or was
-// initialised by NVSP_INIT.
+// Parameters:
+// - `engine`: a live engine. Not NULL.
+// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
+// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
+// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
 nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
                             const char *path,
                             const struct nvsp_prior_options *options,
@@ -780,8 +793,12 @@ nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
 //
 // Fails as nvsp_prior_open does, but for NVSP_ERR_FILE.
 //
-// Preconditions:
-// As for nvsp_prior_open; `bytes` is NULL or has `size` bytes.
+// Parameters:
+// - `engine`: a live engine. Not NULL.
+// - `bytes`: the file's content. Read during the call. Not NULL.
+// - `size`: bytes of it.
+// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the content says.
+// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
 nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
                                    const uint8_t *bytes,
                                    size_t size,
@@ -792,45 +809,55 @@ nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
 //
-// Preconditions:
-// `prior` is NULL or a live prior; `info` is NULL or was initialised by NVSP_INIT.
+// Parameters:
+// - `prior`: a live prior. Not NULL.
+// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info);
 
 // The text of the last failed call on the prior; as nvsp_engine_last_error.
 //
-// Preconditions:
-// `prior` is NULL or a live prior; `text` is NULL or has room for `size` bytes.
+// Parameters:
+// - `prior`: a live prior. Not NULL.
+// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, size_t size);
 
 // Ends a prior; NULL is allowed. Encoders and decoders made with it work on: its device memory goes
 // with the last of them.
 //
-// Preconditions:
-// `prior` is NULL or a live prior that no other thread is using; it is dead afterwards.
+// Parameters:
+// - `prior`: a live prior that no other thread is using; it is dead afterwards. NULL is allowed.
 void nvsp_prior_destroy(struct nvsp_prior *prior);
 
 // Makes an encoder of frames seen by `camera`. Allocates all that a frame takes, on host and device.
-// `options` may be NULL.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
 // engine's.
 //
-// Preconditions:
-// Pointers are NULL or valid; `prior` was opened with `engine`.
+// Parameters:
+// - `engine`: a live engine. Not NULL.
+// - `prior`: a live prior that was opened with `engine`. Not NULL.
+// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
+// - `encoder`: receives the encoder, which nvsp_encoder_destroy ends. Not NULL.
 nvsp_status nvsp_encoder_create(struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
                                 const struct nvsp_camera *camera,
                                 const struct nvsp_encoder_options *options,
                                 struct nvsp_encoder **encoder);
 
-// Frames from here on are coded at another rate: NVSP_RATE_* and its number.
+// Frames from here on are coded at another rate.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
-// Preconditions:
-// `encoder` is NULL or a live encoder.
-nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder, uint32_t mode, float value);
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `mode`: NVSP_RATE_*.
+// - `value`: its number: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take none.
+nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
+                                  uint32_t mode,
+                                  float value);
 
 // Frames from here on are seen by another camera, or at another size; the next packet carries it.
 // Allocates as nvsp_encoder_create does. If it fails, the old camera stays.
@@ -838,20 +865,23 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder, uint32_t mode, f
 // Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
 // NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 //
-// Preconditions:
-// Pointers are NULL or valid.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera);
 
-// Renders up to `most` of the prior's key frames that are not rendered yet, by which the encoder finds a
-// camera that it has lost, and waits for them; `left` (may be NULL) tells how many remain. Without this
-// they are rendered while a frame is lost, as far as nvsp_encoder_options.lost_renders goes. After
-// nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered anew.
+// Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. By them
+// the encoder finds a camera that it has lost. Without this call they are rendered while a frame is
+// lost, as far as nvsp_encoder_options.lost_renders goes. After nvsp_encoder_set_camera or
+// nvsp_encoder_reopen they are rendered anew.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 // NVSP_ERR_DEVICE_LOST.
 //
-// Preconditions:
-// Pointers are NULL or valid.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `most`: key frames to render at most; 0 only counts.
+// - `left`: receives how many are not rendered yet. NULL: not wanted.
 nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
                                  uint32_t most,
                                  uint32_t *left);
@@ -863,8 +893,10 @@ nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
 // Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY, NVSP_ERR_POISONED,
 // NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 //
-// Preconditions:
-// Pointers are NULL or live handles; `prior` was opened with `engine`.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `engine`: a live engine. Not NULL.
+// - `prior`: a live prior that was opened with `engine`. Not NULL.
 nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
                                 const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior);
@@ -874,18 +906,20 @@ nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
-// Preconditions:
-// `encoder` is NULL or a live encoder.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
 nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
 
 // Bytes that hold every packet of frames of a camera of this size, in either profile and with the
 // camera; 0 where there is no camera of this size. With NVSP_RATE_BYTES the budget will do too.
+//
+// Parameters:
+// - `width`, `height`: the camera's size, pixels.
 size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 
 // Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the
-// device. `hint` is the pose as sensors or an estimator have it, used if the frame before leads
-// nowhere; NULL if nothing is known: the first frame is then found by the prior's key frames. `stats` may be
-// NULL. Allocates nothing from the second frame on, except if a view of the prior needs more room
+// device. The hint is used if the frame before leads nowhere. Without one, the first frame is found by
+// the prior's key frames. Allocates nothing from the second frame on, except if a view of the prior needs more room
 // on the device than any before it.
 //
 // The same frames, poses and calls give the same packets, byte for byte, on the same device and
@@ -897,8 +931,14 @@ size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 // with NVSP_ERR_BUFFER_TOO_SMALL: then the packet is kept until the next frame is encoded, and
 // nvsp_encode_finish fetches it.
 //
-// Preconditions:
-// Pointers are NULL or valid; `packet` has room for `size` bytes.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+// - `hint`: the pose as sensors or an estimator have it. Read during the call. NULL: nothing is known.
+// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
+// - `written`: receives the packet's length, bytes. Not NULL.
+// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         const struct nvsp_image *image,
                         const struct nvsp_pose *hint,
@@ -907,12 +947,19 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         size_t *written,
                         struct nvsp_frame_stats *stats);
 
-// As nvsp_encode, with all that is known of the frame in place of the hint; `info` may be NULL.
+// As nvsp_encode, with all that is known of the frame in place of the hint.
 //
-// Fails as there; the text of NVSP_ERR_ARGUMENT names the field of `info`.
+// Fails as nvsp_encode does; the text of NVSP_ERR_ARGUMENT names the field of `info`.
 //
-// Preconditions:
-// As there.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+// - `info`: what is known of the frame, set up by NVSP_INIT. Read during the call, with what it points to. NULL: nothing
+//   is known.
+// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
+// - `written`: receives the packet's length, bytes. Not NULL.
+// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
                               const struct nvsp_frame_info *info,
@@ -930,19 +977,23 @@ nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED or
 // NVSP_ERR_MEMORY (no thread); what the frame itself fails with, nvsp_encode_finish tells.
 //
-// Preconditions:
-// Pointers are NULL or valid.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+// - `hint`: the pose as sensors or an estimator have it. Read during the call. NULL: nothing is known.
 nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
                               const struct nvsp_pose *hint);
 
-// As nvsp_encode_begin, with all that is known of the frame in place of the hint; `info` may be NULL,
-// and is read during the call.
+// As nvsp_encode_begin, with all that is known of the frame in place of the hint.
 //
-// Fails as there, and with NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
+// Fails as nvsp_encode_begin does, and with NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
 //
-// Preconditions:
-// As there.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+// - `info`: what is known of the frame, set up by NVSP_INIT. Read during the call, with what it points to. NULL: nothing
+//   is known.
 nvsp_status nvsp_encode_begin_frame(struct nvsp_encoder *encoder,
                                     const struct nvsp_image *image,
                                     const struct nvsp_frame_info *info);
@@ -952,14 +1003,15 @@ nvsp_status nvsp_encode_begin_frame(struct nvsp_encoder *encoder,
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where none was
 // begun.
 //
-// Preconditions:
-// `encoder` is NULL or a live encoder.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
 nvsp_status nvsp_encode_poll(struct nvsp_encoder *encoder);
 
-// As nvsp_encode_poll, but waits for the frame's end for up to so many milliseconds.
+// As nvsp_encode_poll, but waits for the frame's end.
 //
-// Preconditions:
-// As there.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `milliseconds`: the longest to wait; 0 does not wait.
 nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds);
 
 // Fetches the packet of the frame that was begun, or that nvsp_encode had no room for; NVSP_PENDING
@@ -968,35 +1020,43 @@ nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds
 // Fails with NVSP_ERR_STATE where there is none, else as nvsp_encode does; after
 // NVSP_ERR_BUFFER_TOO_SMALL the packet is still there.
 //
-// Preconditions:
-// As for nvsp_encode.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
+// - `written`: receives the packet's length, bytes. Not NULL.
+// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
                                uint8_t *packet,
                                size_t size,
                                size_t *written,
                                struct nvsp_frame_stats *stats);
 
-// Copies a picture of the last frame encoded, of the camera's size: NVSP_PICTURE_*.
+// Copies a picture of the last frame encoded.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_BUSY,
 // NVSP_ERR_POISONED, or NVSP_ERR_STATE where there is none.
 //
-// Preconditions:
-// Pointers are NULL or valid.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `which`: NVSP_PICTURE_*.
+// - `picture`: where the picture goes, of the camera's size. The place is yours. Not NULL.
 nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
                                      uint32_t which,
                                      const struct nvsp_picture *picture);
 
 // The text of the last failed call on the encoder; as nvsp_engine_last_error.
 //
-// Preconditions:
-// `encoder` is NULL or a live encoder; `text` is NULL or has room for `size` bytes.
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_encoder_last_error(const struct nvsp_encoder *encoder, char *text, size_t size);
 
 // Ends an encoder; NULL is allowed. Waits for a frame that was begun.
 //
-// Preconditions:
-// `encoder` is NULL or a live encoder that no other thread is using; it is dead afterwards.
+// Parameters:
+// - `encoder`: a live encoder that no other thread is using; it is dead afterwards. NULL is allowed.
 void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
 
 // Makes a decoder of packets about a prior. Device memory for pictures is taken with the first
@@ -1004,8 +1064,10 @@ void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
 //
 // Fails with NVSP_ERR_NULL or NVSP_ERR_MEMORY; the text is the engine's.
 //
-// Preconditions:
-// Pointers are NULL or valid; `prior` was opened with `engine`.
+// Parameters:
+// - `engine`: a live engine. Not NULL.
+// - `prior`: a live prior that was opened with `engine`. Not NULL.
+// - `decoder`: receives the decoder, which nvsp_decoder_destroy ends. Not NULL.
 nvsp_status nvsp_decoder_create(struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
                                 struct nvsp_decoder **decoder);
@@ -1015,8 +1077,9 @@ nvsp_status nvsp_decoder_create(struct nvsp_engine *engine,
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
-// Preconditions:
-// Pointers are NULL or valid.
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
+// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera);
 
 // Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
@@ -1024,16 +1087,16 @@ nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct n
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
-// Preconditions:
-// Pointers are NULL or live handles; `prior` was opened with `engine`.
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
+// - `engine`: a live engine. Not NULL.
+// - `prior`: a live prior that was opened with `engine`. Not NULL.
 nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
                                 const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior);
 
-// Decodes a packet, of `size` bytes, and waits for it: for a lock of the device's queue, and for the
-// device. `flags`: NVSP_DECODE_START, or 0. `picture` is where the picture goes, of the size that
-// the packet's header says (nvsp_decode_header); NULL: it is not wanted. `info` may be NULL.
-// Whatever the bytes are, the call gives a picture or an error. Allocates nothing from the second
+// Decodes a packet, and waits for it: for a lock of the device's queue, and for the device. Whatever
+// the bytes are, the call gives a picture or an error. Allocates nothing from the second
 // sound packet of a camera on, except if a view of the prior needs more room on the device than any
 // before it. What it holds on the host is at most 64 bytes for each pixel of the packet's size, its
 // sides rounded up to multiples of 16, and 2 MiB.
@@ -1047,8 +1110,14 @@ nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
 // NVSP_ERR_BUFFER_TOO_SMALL: then the picture is kept until the next packet is decoded, and
 // nvsp_decode_finish fetches it.
 //
-// Preconditions:
-// Pointers are NULL or valid; `packet` has `size` bytes.
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
+// - `packet`: the packet. Read during the call. Not NULL.
+// - `size`: bytes of `packet`.
+// - `flags`: NVSP_DECODE_START, or 0.
+// - `picture`: where the picture goes, of the size that the packet's header says (nvsp_decode_header). The place is yours. NULL: it is not
+//   wanted.
+// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         const uint8_t *packet,
                         size_t size,
@@ -1063,8 +1132,11 @@ nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_MEMORY
 // (no thread); what the packet itself fails with, nvsp_decode_finish tells.
 //
-// Preconditions:
-// As for nvsp_decode.
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
+// - `packet`: the packet. Read during the call. Not NULL.
+// - `size`: bytes of `packet`.
+// - `flags`: NVSP_DECODE_START, or 0.
 nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
                               const uint8_t *packet,
                               size_t size,
@@ -1075,14 +1147,15 @@ nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where none was
 // begun.
 //
-// Preconditions:
-// `decoder` is NULL or a live decoder.
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
 nvsp_status nvsp_decode_poll(struct nvsp_decoder *decoder);
 
-// As nvsp_decode_poll, but waits for the end for up to so many milliseconds.
+// As nvsp_decode_poll, but waits for the end.
 //
-// Preconditions:
-// As there.
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
+// - `milliseconds`: the longest to wait; 0 does not wait.
 nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds);
 
 // Fetches the picture of the packet that was begun, or that nvsp_decode had no room for;
@@ -1091,46 +1164,56 @@ nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds
 // Fails with NVSP_ERR_STATE where there is none, else as nvsp_decode does; after
 // NVSP_ERR_BUFFER_TOO_SMALL the picture is still there.
 //
-// Preconditions:
-// As for nvsp_decode.
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
+// - `picture`: where the picture goes, of the size that the packet's header says (nvsp_decode_header). The place is yours. NULL: it is not
+//   wanted.
+// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
                                const struct nvsp_picture *picture,
                                struct nvsp_decoded *info);
 
 // The text of the last failed call on the decoder; as nvsp_engine_last_error.
 //
-// Preconditions:
-// `decoder` is NULL or a live decoder; `text` is NULL or has room for `size` bytes.
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
+// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_decoder_last_error(const struct nvsp_decoder *decoder, char *text, size_t size);
 
 // Ends a decoder; NULL is allowed. Waits for a packet that was begun.
 //
-// Preconditions:
-// `decoder` is NULL or a live decoder that no other thread is using; it is dead afterwards.
+// Parameters:
+// - `decoder`: a live decoder that no other thread is using; it is dead afterwards. NULL is allowed.
 void nvsp_decoder_destroy(struct nvsp_decoder *decoder);
 
 // Reads what a packet says first, from its first 31 bytes (43 in the paper's profile) or more,
-// without device and rendering. `prior` may be NULL; the pose of a compact packet is given where it
-// is the prior that the packet is about. Allocates nothing; any threads may call it.
+// without device and rendering. The pose of a compact packet is given if `prior` is the one that the
+// packet is about. Allocates nothing; any threads may call it.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
 // NVSP_ERR_PACKET.
 //
-// Preconditions:
-// Pointers are NULL or valid; `packet` has `size` bytes.
+// Parameters:
+// - `packet`: the packet, or its start. Read during the call. Not NULL.
+// - `size`: bytes of it that are there, 31 or more (43 in the paper's profile).
+// - `prior`: a live prior. NULL: the pose of a compact packet is not wanted.
+// - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
 nvsp_status nvsp_decode_header(const uint8_t *packet,
                                size_t size,
                                const struct nvsp_prior *prior,
                                struct nvsp_header *header);
 
-// How many modem frames of at most `mtu` bytes (31 to 65535) a packet of `packet_size` bytes takes.
+// How many modem frames a packet takes.
 // The first one costs no bytes, each other one four. Allocates nothing; any threads may call it.
 //
 // Fails with NVSP_ERR_NULL, or with NVSP_ERR_MODEM where the MTU is out of range or the packet too
 // long for 4096 frames.
 //
-// Preconditions:
-// `count` is NULL or valid.
+// Parameters:
+// - `packet_size`: bytes of the packet.
+// - `mtu`: most bytes of a modem frame, 31 to 65535.
+// - `count`: receives the number of modem frames. Not NULL.
 nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *count);
 
 // Writes modem frame `index` of a packet, 0 first, into `frame`: at most `mtu` bytes. It may be
@@ -1140,8 +1223,14 @@ nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *c
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_MODEM where
 // the bytes are no sound packet, or the MTU or the index is out of range.
 //
-// Preconditions:
-// Pointers are NULL or valid; `packet` has `packet_size` bytes, `frame` room for `size`.
+// Parameters:
+// - `packet`: the packet. Read during the call. Not NULL.
+// - `packet_size`: bytes of it.
+// - `mtu`: most bytes of a modem frame, 31 to 65535.
+// - `index`: which modem frame, from 0.
+// - `frame`: receives the modem frame. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `frame`; `mtu` always suffices.
+// - `written`: receives the modem frame's length, bytes. Not NULL.
 nvsp_status nvsp_modem_frame(const uint8_t *packet,
                              size_t packet_size,
                              uint32_t mtu,
@@ -1150,28 +1239,32 @@ nvsp_status nvsp_modem_frame(const uint8_t *packet,
                              size_t size,
                              size_t *written);
 
-// Makes a reassembler of packets that were split for the same `mtu` (31 to 65535). `options` may be
-// NULL. All its memory is taken here: at most eight times max_packet_bytes and 16 bytes for each
+// Makes a reassembler of packets that were split for the same MTU. All its memory is taken here: at most eight times max_packet_bytes and 16 bytes for each
 // frame of as many packets.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
 // NVSP_ERR_MODEM (the MTU).
 //
-// Preconditions:
-// Pointers are NULL or valid.
+// Parameters:
+// - `mtu`: most bytes of a modem frame, 31 to 65535, as the packets were split for.
+// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
+// - `reassembler`: receives the reassembler, which nvsp_reassembler_destroy ends. Not NULL.
 nvsp_status nvsp_reassembler_create(uint32_t mtu,
                                     const struct nvsp_reassembler_options *options,
                                     struct nvsp_reassembler **reassembler);
 
-// Takes a modem frame, in whatever order they come, repeated, padded or damaged. `state`, which may
-// be NULL, tells what it brought. Allocates nothing.
+// Takes a modem frame, in whatever order they come, repeated, padded or damaged.
+// Allocates nothing.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_MODEM where it is no frame of a packet, or damaged:
 // then nothing that was there is lost.
 //
-// Preconditions:
-// Pointers are NULL or valid; `frame` has `size` bytes.
+// Parameters:
+// - `reassembler`: a live reassembler. Not NULL.
+// - `frame`: the modem frame. Read during the call. Not NULL.
+// - `size`: bytes of it.
+// - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_reassembler_push(struct nvsp_reassembler *reassembler,
                                   const uint8_t *frame,
                                   size_t size,
@@ -1179,29 +1272,35 @@ nvsp_status nvsp_reassembler_push(struct nvsp_reassembler *reassembler,
 
 // Copies what has come of the newest packet into `packet`: a packet, or the start of one, for
 // nvsp_decode with NVSP_DECODE_START, which makes the best picture of it that there is. It stays
-// until newer packets take its place. `state` may be NULL. Allocates nothing.
+// until newer packets take its place. Allocates nothing.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE where nothing came
 // that makes a picture.
 //
-// Preconditions:
-// Pointers are NULL or valid; `packet` has room for `size` bytes.
+// Parameters:
+// - `reassembler`: a live reassembler. Not NULL.
+// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `packet`; nvsp_reassembler_options.max_packet_bytes always suffice.
+// - `written`: receives the number of bytes. Not NULL.
+// - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_reassembler_fetch(struct nvsp_reassembler *reassembler,
                                    uint8_t *packet,
                                    size_t size,
                                    size_t *written,
                                    struct nvsp_reassembly *state);
 
-// Writes the indices of modem frames of the newest packet to ask its sender for again, at most
-// `room` of them, and their number. Before enough came to tell how many there are, the first one
+// Tells which modem frames of the newest packet to ask its sender for again. Before enough came to tell how many there are, the first one
 // that is missing. Allocates nothing.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where no first
 // frame of a packet came.
 //
-// Preconditions:
-// Pointers are NULL or valid; `indices` has room for `room` numbers.
+// Parameters:
+// - `reassembler`: a live reassembler. Not NULL.
+// - `indices`: receives the indices. Yours, of `room` numbers. Not NULL.
+// - `room`: most indices.
+// - `count`: receives how many were written. Not NULL.
 nvsp_status nvsp_reassembler_missing(struct nvsp_reassembler *reassembler,
                                      uint32_t *indices,
                                      uint32_t room,
@@ -1212,23 +1311,26 @@ nvsp_status nvsp_reassembler_missing(struct nvsp_reassembler *reassembler,
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or
 // NVSP_ERR_POISONED.
 //
-// Preconditions:
-// Pointers are NULL or valid.
+// Parameters:
+// - `reassembler`: a live reassembler. Not NULL.
+// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
 nvsp_status nvsp_reassembler_get_statistics(struct nvsp_reassembler *reassembler,
                                             struct nvsp_reassembler_statistics *statistics);
 
 // The text of the last failed call on the reassembler; as nvsp_engine_last_error.
 //
-// Preconditions:
-// `reassembler` is NULL or live; `text` is NULL or has room for `size` bytes.
+// Parameters:
+// - `reassembler`: a live reassembler. Not NULL.
+// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_reassembler_last_error(const struct nvsp_reassembler *reassembler,
                                         char *text,
                                         size_t size);
 
 // Ends a reassembler; NULL is allowed.
 //
-// Preconditions:
-// `reassembler` is NULL or live, and no other thread is using it; it is dead afterwards.
+// Parameters:
+// - `reassembler`: a live reassembler that no other thread is using; it is dead afterwards. NULL is allowed.
 void nvsp_reassembler_destroy(struct nvsp_reassembler *reassembler);
 
 #ifdef __cplusplus

@@ -9,4 +9,4 @@ trap 'rm -f "$source"' EXIT
 for part in structs version status log engine prior image frame encoder decoder modem; do
     sed '/^\/\/!/d' "src/capi/$part.rs"
 done > "$source"
-cbindgen --quiet --config cbindgen.toml "$source" | sed 's!^// # Safety$!// Preconditions:!'
+cbindgen --quiet --config cbindgen.toml "$source" | sed 's!^// # \(Safety\|Parameters\)$!// Parameters:!'

@@ -155,7 +155,7 @@ impl Encoder {
         let known = known.into();
         let mut tracked = std::mem::take(&mut self.tracked);
         let done = self.track(frame, &known, &mut tracked).and_then(|found| {
-            tracked.encode(&mut self.residual, encoded)?;
+            tracked.encode(frame, &mut self.residual, encoded)?;
             self.keep(&tracked, &found, &known);
             Ok(())
         });
@@ -196,9 +196,8 @@ impl Encoder {
         let renderer = self.tracker.objective().renderer();
         tracked.render.resize(frame.width, frame.height);
         tracked.render.data.copy_from_slice(renderer.rendered());
-        tracked.difference.clear();
-        tracked.difference.extend_from_slice(renderer.difference());
-        tracked.frame.clone_from(frame);
+        tracked.difference.resize(frame.width, frame.height);
+        tracked.difference.data.copy_from_slice(renderer.difference());
         tracked.pose = pose.dequantise(&self.scene.frame());
         let latent = Latent {
             portable: self.engine.device().portable,

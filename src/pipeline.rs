@@ -11,6 +11,7 @@ use crate::{Encoded, Encoder, Error, Known, Picture};
 /// A frame on its way through the coding thread, and back.
 #[derive(Default)]
 struct Parcel {
+    frame: Picture,
     tracked: TrackedFrame,
     encoded: Encoded,
     failure: Option<Error>,
@@ -68,6 +69,7 @@ impl Pipeline {
             self.spare.push(parcel);
             return Err(error);
         }
+        parcel.frame.clone_from(frame);
         let before = self.take(encoded);
         let sent = self.to_coder.as_ref().is_some_and(|to| to.send(parcel).is_ok());
         if !sent {
@@ -119,13 +121,13 @@ impl Drop for Pipeline {
 fn code(parcels: &Receiver<Parcel>, back: &SyncSender<Parcel>) {
     let mut residual: Option<((u32, u32), ResidualEncoder)> = None;
     while let Ok(mut parcel) = parcels.recv() {
-        let Parcel { tracked, encoded, failure } = &mut parcel;
-        let size = (tracked.frame.width, tracked.frame.height);
+        let Parcel { frame, tracked, encoded, failure } = &mut parcel;
+        let size = (frame.width, frame.height);
         let (_, coder) = match residual.take() {
             Some(kept) if kept.0 == size => residual.insert(kept),
             _ => residual.insert((size, ResidualEncoder::new(size.0, size.1))),
         };
-        *failure = tracked.encode(coder, encoded).err();
+        *failure = tracked.encode(frame, coder, encoded).err();
         if back.send(parcel).is_err() {
             return;
         }

@@ -9,10 +9,9 @@ use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
 /// What a frame's packet is made of. Buffers are kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct TrackedFrame {
-    pub frame: Picture,
     pub render: Picture,
     /// See [`crate::residual::difference`].
-    pub difference: Vec<u8>,
+    pub difference: Picture,
     pub latent: Option<Latent>,
     pub camera: Option<Camera>,
     /// Whether the packet tells what the render is.
@@ -24,29 +23,30 @@ pub(crate) struct TrackedFrame {
 }
 
 impl TrackedFrame {
-    /// Codes the difference picture and writes the packet, and the picture that the topside will
+    /// Codes the difference picture of the frame and writes the packet, and the picture that the topside will
     /// show. The render moves over to `encoded`.
     pub fn encode(
         &mut self,
+        frame: &Picture,
         residual: &mut ResidualEncoder,
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
         let since = Instant::now();
         let latent = self.latent.ok_or(Error::NoStart { frame: self.stats.frame })?;
-        let rate_kept = self.write_packet(latent, residual, encoded)?;
+        let rate_kept = self.write_packet(frame, latent, residual, encoded)?;
         encoded.pose = self.pose;
         std::mem::swap(&mut encoded.stats, &mut self.stats);
         let stats = &mut encoded.stats;
         stats.bytes = encoded.packet.len();
         stats.latent_bytes = latent.encoded_len();
-        stats.render_psnr = self.render.psnr(&self.frame);
-        stats.psnr = encoded.picture.psnr(&self.frame);
+        stats.render_psnr = self.render.psnr(frame);
+        stats.psnr = encoded.picture.psnr(frame);
         stats.rate_kept = rate_kept;
         stats.code_milliseconds = since.elapsed().as_secs_f64() * 1e3;
         stats.milliseconds = stats.refine_milliseconds + stats.code_milliseconds;
         std::mem::swap(&mut encoded.render, &mut self.render);
         // What came in exchange has room for the next frame: it takes nothing from the heap.
-        self.render.resize(self.frame.width, self.frame.height);
+        self.render.resize(frame.width, frame.height);
         self.stats.renders.clear();
         self.stats.renders.reserve(stats.renders.len());
         Ok(())
@@ -54,7 +54,8 @@ impl TrackedFrame {
 
     /// Whether the rate was kept.
     fn write_packet(
-        &self,
+        &mut self,
+        frame: &Picture,
         latent: Latent,
         residual: &mut ResidualEncoder,
         encoded: &mut Encoded,
@@ -72,8 +73,8 @@ impl TrackedFrame {
         {
             return Err(Error::Budget { budget, needed });
         }
-        let (frame, render) = (&self.frame, &self.render);
-        let coded = residual.encode_difference(frame, render, &self.difference, rate, needed)?;
+        let (render, difference) = (&self.render, &mut self.difference);
+        let coded = residual.encode_difference(frame, render, difference, rate, needed)?;
         packet.residual = coded.residual;
         encoded.picture.clone_from(coded.reconstruction);
         packet.write(&mut encoded.packet)?;

@@ -113,7 +113,9 @@ versioned!(nvsp_header, 96);
 /// Fails with NVSP_ERR_NULL or NVSP_ERR_MEMORY; the text is the engine's.
 ///
 /// # Safety
-/// Pointers are NULL or valid; `prior` was opened with `engine`.
+/// - `engine`: a live engine. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`. Not NULL.
+/// - `decoder`: receives the decoder, which nvsp_decoder_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decoder_create(
     engine: *mut nvsp_engine,
@@ -147,7 +149,8 @@ pub unsafe extern "C" fn nvsp_decoder_create(
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
 /// # Safety
-/// Pointers are NULL or valid.
+/// - `decoder`: a live decoder. Not NULL.
+/// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decoder_add_camera(
     decoder: *mut nvsp_decoder,
@@ -169,7 +172,9 @@ pub unsafe extern "C" fn nvsp_decoder_add_camera(
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
 /// # Safety
-/// Pointers are NULL or live handles; `prior` was opened with `engine`.
+/// - `decoder`: a live decoder. Not NULL.
+/// - `engine`: a live engine. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decoder_reopen(
     decoder: *mut nvsp_decoder,
@@ -189,10 +194,8 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
     }
 }
 
-/// Decodes a packet, of `size` bytes, and waits for it: for a lock of the device's queue, and for the
-/// device. `flags`: NVSP_DECODE_START, or 0. `picture` is where the picture goes, of the size that
-/// the packet's header says (nvsp_decode_header); NULL: it is not wanted. `info` may be NULL.
-/// Whatever the bytes are, the call gives a picture or an error. Allocates nothing from the second
+/// Decodes a packet, and waits for it: for a lock of the device's queue, and for the device. Whatever
+/// the bytes are, the call gives a picture or an error. Allocates nothing from the second
 /// sound packet of a camera on, except if a view of the prior needs more room on the device than any
 /// before it. What it holds on the host is at most 64 bytes for each pixel of the packet's size, its
 /// sides rounded up to multiples of 16, and 2 MiB.
@@ -207,7 +210,13 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 /// nvsp_decode_finish fetches it.
 ///
 /// # Safety
-/// Pointers are NULL or valid; `packet` has `size` bytes.
+/// - `decoder`: a live decoder. Not NULL.
+/// - `packet`: the packet. Read during the call. Not NULL.
+/// - `size`: bytes of `packet`.
+/// - `flags`: NVSP_DECODE_START, or 0.
+/// - `picture`: where the picture goes, of the size that the packet's header says (nvsp_decode_header). The place is yours. NULL: it is not
+///   wanted.
+/// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode(
     decoder: *mut nvsp_decoder,
@@ -235,7 +244,10 @@ pub unsafe extern "C" fn nvsp_decode(
 /// (no thread); what the packet itself fails with, nvsp_decode_finish tells.
 ///
 /// # Safety
-/// As for nvsp_decode.
+/// - `decoder`: a live decoder. Not NULL.
+/// - `packet`: the packet. Read during the call. Not NULL.
+/// - `size`: bytes of `packet`.
+/// - `flags`: NVSP_DECODE_START, or 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_begin(
     decoder: *mut nvsp_decoder,
@@ -258,17 +270,18 @@ pub unsafe extern "C" fn nvsp_decode_begin(
 /// begun.
 ///
 /// # Safety
-/// `decoder` is NULL or a live decoder.
+/// - `decoder`: a live decoder. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_poll(decoder: *mut nvsp_decoder) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe { Handle::call(nvsp_decoder::handle(decoder), |content| content.wait(Duration::ZERO)) }
 }
 
-/// As nvsp_decode_poll, but waits for the end for up to so many milliseconds.
+/// As nvsp_decode_poll, but waits for the end.
 ///
 /// # Safety
-/// As there.
+/// - `decoder`: a live decoder. Not NULL.
+/// - `milliseconds`: the longest to wait; 0 does not wait.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_wait(
     decoder: *mut nvsp_decoder,
@@ -286,7 +299,10 @@ pub unsafe extern "C" fn nvsp_decode_wait(
 /// NVSP_ERR_BUFFER_TOO_SMALL the picture is still there.
 ///
 /// # Safety
-/// As for nvsp_decode.
+/// - `decoder`: a live decoder. Not NULL.
+/// - `picture`: where the picture goes, of the size that the packet's header says (nvsp_decode_header). The place is yours. NULL: it is not
+///   wanted.
+/// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_finish(
     decoder: *mut nvsp_decoder,
@@ -305,7 +321,9 @@ pub unsafe extern "C" fn nvsp_decode_finish(
 /// The text of the last failed call on the decoder; as nvsp_engine_last_error.
 ///
 /// # Safety
-/// `decoder` is NULL or a live decoder; `text` is NULL or has room for `size` bytes.
+/// - `decoder`: a live decoder. Not NULL.
+/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `text`, 1 or more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decoder_last_error(
     decoder: *const nvsp_decoder,
@@ -319,7 +337,7 @@ pub unsafe extern "C" fn nvsp_decoder_last_error(
 /// Ends a decoder; NULL is allowed. Waits for a packet that was begun.
 ///
 /// # Safety
-/// `decoder` is NULL or a live decoder that no other thread is using; it is dead afterwards.
+/// - `decoder`: a live decoder that no other thread is using; it is dead afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decoder_destroy(decoder: *mut nvsp_decoder) {
     // SAFETY: as the caller promises.
@@ -327,14 +345,17 @@ pub unsafe extern "C" fn nvsp_decoder_destroy(decoder: *mut nvsp_decoder) {
 }
 
 /// Reads what a packet says first, from its first 31 bytes (43 in the paper's profile) or more,
-/// without device and rendering. `prior` may be NULL; the pose of a compact packet is given where it
-/// is the prior that the packet is about. Allocates nothing; any threads may call it.
+/// without device and rendering. The pose of a compact packet is given if `prior` is the one that the
+/// packet is about. Allocates nothing; any threads may call it.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
 /// NVSP_ERR_PACKET.
 ///
 /// # Safety
-/// Pointers are NULL or valid; `packet` has `size` bytes.
+/// - `packet`: the packet, or its start. Read during the call. Not NULL.
+/// - `size`: bytes of it that are there, 31 or more (43 in the paper's profile).
+/// - `prior`: a live prior. NULL: the pose of a compact packet is not wanted.
+/// - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_header(
     packet: *const u8,

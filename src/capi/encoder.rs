@@ -193,14 +193,17 @@ pub struct nvsp_frame_stats {
 versioned!(nvsp_frame_stats, 184);
 
 /// Makes an encoder of frames seen by `camera`. Allocates all that a frame takes, on host and device.
-/// `options` may be NULL.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
 /// engine's.
 ///
 /// # Safety
-/// Pointers are NULL or valid; `prior` was opened with `engine`.
+/// - `engine`: a live engine. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`. Not NULL.
+/// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
+/// - `encoder`: receives the encoder, which nvsp_encoder_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_create(
     engine: *mut nvsp_engine,
@@ -287,12 +290,14 @@ fn rate(mode: u32, value: f32) -> Result<Option<Rate>, Failure> {
     }
 }
 
-/// Frames from here on are coded at another rate: NVSP_RATE_* and its number.
+/// Frames from here on are coded at another rate.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
 /// # Safety
-/// `encoder` is NULL or a live encoder.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `mode`: NVSP_RATE_*.
+/// - `value`: its number: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_set_rate(
     encoder: *mut nvsp_encoder,
@@ -316,7 +321,8 @@ pub unsafe extern "C" fn nvsp_encoder_set_rate(
 /// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Safety
-/// Pointers are NULL or valid.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_set_camera(
     encoder: *mut nvsp_encoder,
@@ -336,16 +342,18 @@ pub unsafe extern "C" fn nvsp_encoder_set_camera(
     }
 }
 
-/// Renders up to `most` of the prior's key frames that are not rendered yet, by which the encoder finds a
-/// camera that it has lost, and waits for them; `left` (may be NULL) tells how many remain. Without this
-/// they are rendered while a frame is lost, as far as nvsp_encoder_options.lost_renders goes. After
-/// nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered anew.
+/// Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. By them
+/// the encoder finds a camera that it has lost. Without this call they are rendered while a frame is
+/// lost, as far as nvsp_encoder_options.lost_renders goes. After nvsp_encoder_set_camera or
+/// nvsp_encoder_reopen they are rendered anew.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 /// NVSP_ERR_DEVICE_LOST.
 ///
 /// # Safety
-/// Pointers are NULL or valid.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `most`: key frames to render at most; 0 only counts.
+/// - `left`: receives how many are not rendered yet. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_prepare(
     encoder: *mut nvsp_encoder,
@@ -372,7 +380,9 @@ pub unsafe extern "C" fn nvsp_encoder_prepare(
 /// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Safety
-/// Pointers are NULL or live handles; `prior` was opened with `engine`.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `engine`: a live engine. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_reopen(
     encoder: *mut nvsp_encoder,
@@ -398,7 +408,7 @@ pub unsafe extern "C" fn nvsp_encoder_reopen(
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
 /// # Safety
-/// `encoder` is NULL or a live encoder.
+/// - `encoder`: a live encoder. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_reset(encoder: *mut nvsp_encoder) -> nvsp_status {
     // SAFETY: as the caller promises.
@@ -412,6 +422,9 @@ pub unsafe extern "C" fn nvsp_encoder_reset(encoder: *mut nvsp_encoder) -> nvsp_
 
 /// Bytes that hold every packet of frames of a camera of this size, in either profile and with the
 /// camera; 0 where there is no camera of this size. With NVSP_RATE_BYTES the budget will do too.
+///
+/// # Parameters
+/// - `width`, `height`: the camera's size, pixels.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
     let sides = 1..=crate::Camera::MAX_SIDE;
@@ -419,9 +432,8 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 }
 
 /// Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the
-/// device. `hint` is the pose as sensors or an estimator have it, used if the frame before leads
-/// nowhere; NULL if nothing is known: the first frame is then found by the prior's key frames. `stats` may be
-/// NULL. Allocates nothing from the second frame on, except if a view of the prior needs more room
+/// device. The hint is used if the frame before leads nowhere. Without one, the first frame is found by
+/// the prior's key frames. Allocates nothing from the second frame on, except if a view of the prior needs more room
 /// on the device than any before it.
 ///
 /// The same frames, poses and calls give the same packets, byte for byte, on the same device and
@@ -434,7 +446,13 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 /// nvsp_encode_finish fetches it.
 ///
 /// # Safety
-/// Pointers are NULL or valid; `packet` has room for `size` bytes.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+/// - `hint`: the pose as sensors or an estimator have it. Read during the call. NULL: nothing is known.
+/// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
+/// - `written`: receives the packet's length, bytes. Not NULL.
+/// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode(
     encoder: *mut nvsp_encoder,
@@ -449,18 +467,24 @@ pub unsafe extern "C" fn nvsp_encode(
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let place = Place::new(packet, size, written, stats)?;
-            content.run(|core| prepare(core, image, image::pose(hint)?.into()))?;
-            content.take(|core| place.write(core))
+            encode_now(content, image, place, || Ok(image::pose(hint)?.into()))
         })
     }
 }
 
-/// As nvsp_encode, with all that is known of the frame in place of the hint; `info` may be NULL.
+/// As nvsp_encode, with all that is known of the frame in place of the hint.
 ///
-/// Fails as there; the text of NVSP_ERR_ARGUMENT names the field of `info`.
+/// Fails as nvsp_encode does; the text of NVSP_ERR_ARGUMENT names the field of `info`.
 ///
 /// # Safety
-/// As there.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+/// - `info`: what is known of the frame, set up by NVSP_INIT. Read during the call, with what it points to. NULL: nothing
+///   is known.
+/// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
+/// - `written`: receives the packet's length, bytes. Not NULL.
+/// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_frame(
     encoder: *mut nvsp_encoder,
@@ -475,8 +499,7 @@ pub unsafe extern "C" fn nvsp_encode_frame(
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let place = Place::new(packet, size, written, stats)?;
-            content.run(|core| prepare(core, image, frame::known(info)?))?;
-            content.take(|core| place.write(core))
+            encode_now(content, image, place, || frame::known(info))
         })
     }
 }
@@ -491,7 +514,9 @@ pub unsafe extern "C" fn nvsp_encode_frame(
 /// NVSP_ERR_MEMORY (no thread); what the frame itself fails with, nvsp_encode_finish tells.
 ///
 /// # Safety
-/// Pointers are NULL or valid.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+/// - `hint`: the pose as sensors or an estimator have it. Read during the call. NULL: nothing is known.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_begin(
     encoder: *mut nvsp_encoder,
@@ -507,13 +532,15 @@ pub unsafe extern "C" fn nvsp_encode_begin(
     }
 }
 
-/// As nvsp_encode_begin, with all that is known of the frame in place of the hint; `info` may be NULL,
-/// and is read during the call.
+/// As nvsp_encode_begin, with all that is known of the frame in place of the hint.
 ///
-/// Fails as there, and with NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
+/// Fails as nvsp_encode_begin does, and with NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
 ///
 /// # Safety
-/// As there.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+/// - `info`: what is known of the frame, set up by NVSP_INIT. Read during the call, with what it points to. NULL: nothing
+///   is known.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_begin_frame(
     encoder: *mut nvsp_encoder,
@@ -535,17 +562,18 @@ pub unsafe extern "C" fn nvsp_encode_begin_frame(
 /// begun.
 ///
 /// # Safety
-/// `encoder` is NULL or a live encoder.
+/// - `encoder`: a live encoder. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_poll(encoder: *mut nvsp_encoder) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| content.wait(Duration::ZERO)) }
 }
 
-/// As nvsp_encode_poll, but waits for the frame's end for up to so many milliseconds.
+/// As nvsp_encode_poll, but waits for the frame's end.
 ///
 /// # Safety
-/// As there.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `milliseconds`: the longest to wait; 0 does not wait.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_wait(
     encoder: *mut nvsp_encoder,
@@ -563,7 +591,11 @@ pub unsafe extern "C" fn nvsp_encode_wait(
 /// NVSP_ERR_BUFFER_TOO_SMALL the packet is still there.
 ///
 /// # Safety
-/// As for nvsp_encode.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
+/// - `written`: receives the packet's length, bytes. Not NULL.
+/// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_finish(
     encoder: *mut nvsp_encoder,
@@ -586,13 +618,15 @@ pub const NVSP_PICTURE_SHOWN: u32 = 0;
 /// The prior's render alone.
 pub const NVSP_PICTURE_RENDER: u32 = 1;
 
-/// Copies a picture of the last frame encoded, of the camera's size: NVSP_PICTURE_*.
+/// Copies a picture of the last frame encoded.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_BUSY,
 /// NVSP_ERR_POISONED, or NVSP_ERR_STATE where there is none.
 ///
 /// # Safety
-/// Pointers are NULL or valid.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `which`: NVSP_PICTURE_*.
+/// - `picture`: where the picture goes, of the camera's size. The place is yours. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_get_picture(
     encoder: *mut nvsp_encoder,
@@ -620,7 +654,9 @@ pub unsafe extern "C" fn nvsp_encoder_get_picture(
 /// The text of the last failed call on the encoder; as nvsp_engine_last_error.
 ///
 /// # Safety
-/// `encoder` is NULL or a live encoder; `text` is NULL or has room for `size` bytes.
+/// - `encoder`: a live encoder. Not NULL.
+/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `text`, 1 or more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_last_error(
     encoder: *const nvsp_encoder,
@@ -634,7 +670,7 @@ pub unsafe extern "C" fn nvsp_encoder_last_error(
 /// Ends an encoder; NULL is allowed. Waits for a frame that was begun.
 ///
 /// # Safety
-/// `encoder` is NULL or a live encoder that no other thread is using; it is dead afterwards.
+/// - `encoder`: a live encoder that no other thread is using; it is dead afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_destroy(encoder: *mut nvsp_encoder) {
     // SAFETY: as the caller promises.
@@ -660,6 +696,21 @@ unsafe fn prepare(core: &mut Core, image: *const nvsp_image, known: Known) -> Re
     core.converter.convert(&view, &mut core.frame)?;
     core.known = known;
     Ok(())
+}
+
+/// Takes a frame in, encodes it and writes its packet. `known` reads what the caller knows of it.
+///
+/// # Safety
+/// `image` is null or valid.
+unsafe fn encode_now(
+    worker: &mut Worker<Core>,
+    image: *const nvsp_image,
+    place: Place,
+    known: impl FnOnce() -> Result<Known, Failure>,
+) -> Result<nvsp_status, Failure> {
+    // SAFETY: as the caller promises.
+    worker.run(|core| unsafe { prepare(core, image, known()?) })?;
+    worker.take(|core| place.write(core))
 }
 
 /// Checked places for a packet and its figures.

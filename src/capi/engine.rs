@@ -74,14 +74,15 @@ pub struct nvsp_engine_info {
 }
 versioned!(nvsp_engine_info, 288);
 
-/// Opens a device and builds the pipelines; takes from tens of milliseconds to seconds. `options`
-/// may be NULL. A failure's text goes to the options' `log`, as there is no handle to ask yet.
+/// Opens a device and builds the pipelines; takes from tens of milliseconds to seconds. A failure's text goes to the options' `log`, as there is no handle to ask yet.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown
 /// flags, or a name that is no UTF-8), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 ///
 /// # Safety
-/// The options' pointers are valid; `log` is as nvsp_log_callback asks.
+/// - `options`: set up by NVSP_INIT. Read during the call, but for `log` and `log_user`: these are used as long as
+///   anything made with the engine lives. NULL: all defaults.
+/// - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_engine_create(
     options: *const nvsp_engine_options,
@@ -144,7 +145,7 @@ unsafe fn device_options(
 /// Fails as nvsp_engine_create does.
 ///
 /// # Safety
-/// `engine` is NULL or a live engine.
+/// - `engine`: a live engine. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_engine_reopen(engine: *mut nvsp_engine) -> nvsp_status {
     // SAFETY: as the caller promises.
@@ -165,7 +166,8 @@ pub unsafe extern "C" fn nvsp_engine_reopen(engine: *mut nvsp_engine) -> nvsp_st
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
 ///
 /// # Safety
-/// `engine` is NULL or a live engine; `info` is NULL or was initialised by NVSP_INIT.
+/// - `engine`: a live engine. Not NULL.
+/// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_engine_get_info(
     engine: *const nvsp_engine,
@@ -198,7 +200,9 @@ pub unsafe extern "C" fn nvsp_engine_get_info(
 /// Fails with NVSP_ERR_NULL, or with NVSP_ERR_BUFFER_TOO_SMALL where `size` is 0.
 ///
 /// # Safety
-/// `engine` is NULL or a live engine; `text` is NULL or has room for `size` bytes.
+/// - `engine`: a live engine. Not NULL.
+/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `text`, 1 or more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_engine_last_error(
     engine: *const nvsp_engine,
@@ -213,7 +217,7 @@ pub unsafe extern "C" fn nvsp_engine_last_error(
 /// closed when the last of them is gone.
 ///
 /// # Safety
-/// `engine` is NULL or a live engine that no other thread is using; it is dead afterwards.
+/// - `engine`: a live engine that no other thread is using; it is dead afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_engine_destroy(engine: *mut nvsp_engine) {
     // SAFETY: as the caller promises.

@@ -121,14 +121,16 @@ fn fence(body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp_status {
     caught.map_or(NVSP_ERR_INTERNAL, |done| done.unwrap_or_else(|failure| failure.status()))
 }
 
-/// How many modem frames of at most `mtu` bytes (31 to 65535) a packet of `packet_size` bytes takes.
+/// How many modem frames a packet takes.
 /// The first one costs no bytes, each other one four. Allocates nothing; any threads may call it.
 ///
 /// Fails with NVSP_ERR_NULL, or with NVSP_ERR_MODEM where the MTU is out of range or the packet too
 /// long for 4096 frames.
 ///
 /// # Safety
-/// `count` is NULL or valid.
+/// - `packet_size`: bytes of the packet.
+/// - `mtu`: most bytes of a modem frame, 31 to 65535.
+/// - `count`: receives the number of modem frames. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_modem_frame_count(
     packet_size: usize,
@@ -154,7 +156,13 @@ pub unsafe extern "C" fn nvsp_modem_frame_count(
 /// the bytes are no sound packet, or the MTU or the index is out of range.
 ///
 /// # Safety
-/// Pointers are NULL or valid; `packet` has `packet_size` bytes, `frame` room for `size`.
+/// - `packet`: the packet. Read during the call. Not NULL.
+/// - `packet_size`: bytes of it.
+/// - `mtu`: most bytes of a modem frame, 31 to 65535.
+/// - `index`: which modem frame, from 0.
+/// - `frame`: receives the modem frame. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `frame`; `mtu` always suffices.
+/// - `written`: receives the modem frame's length, bytes. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_modem_frame(
     packet: *const u8,
@@ -180,15 +188,16 @@ pub unsafe extern "C" fn nvsp_modem_frame(
     })
 }
 
-/// Makes a reassembler of packets that were split for the same `mtu` (31 to 65535). `options` may be
-/// NULL. All its memory is taken here: at most eight times max_packet_bytes and 16 bytes for each
+/// Makes a reassembler of packets that were split for the same MTU. All its memory is taken here: at most eight times max_packet_bytes and 16 bytes for each
 /// frame of as many packets.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
 /// NVSP_ERR_MODEM (the MTU).
 ///
 /// # Safety
-/// Pointers are NULL or valid.
+/// - `mtu`: most bytes of a modem frame, 31 to 65535, as the packets were split for.
+/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
+/// - `reassembler`: receives the reassembler, which nvsp_reassembler_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_create(
     mtu: u32,
@@ -216,15 +225,18 @@ pub unsafe extern "C" fn nvsp_reassembler_create(
     })
 }
 
-/// Takes a modem frame, in whatever order they come, repeated, padded or damaged. `state`, which may
-/// be NULL, tells what it brought. Allocates nothing.
+/// Takes a modem frame, in whatever order they come, repeated, padded or damaged.
+/// Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_MODEM where it is no frame of a packet, or damaged:
 /// then nothing that was there is lost.
 ///
 /// # Safety
-/// Pointers are NULL or valid; `frame` has `size` bytes.
+/// - `reassembler`: a live reassembler. Not NULL.
+/// - `frame`: the modem frame. Read during the call. Not NULL.
+/// - `size`: bytes of it.
+/// - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_push(
     reassembler: *mut nvsp_reassembler,
@@ -255,14 +267,18 @@ pub unsafe extern "C" fn nvsp_reassembler_push(
 
 /// Copies what has come of the newest packet into `packet`: a packet, or the start of one, for
 /// nvsp_decode with NVSP_DECODE_START, which makes the best picture of it that there is. It stays
-/// until newer packets take its place. `state` may be NULL. Allocates nothing.
+/// until newer packets take its place. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE where nothing came
 /// that makes a picture.
 ///
 /// # Safety
-/// Pointers are NULL or valid; `packet` has room for `size` bytes.
+/// - `reassembler`: a live reassembler. Not NULL.
+/// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `packet`; nvsp_reassembler_options.max_packet_bytes always suffice.
+/// - `written`: receives the number of bytes. Not NULL.
+/// - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_fetch(
     reassembler: *mut nvsp_reassembler,
@@ -293,15 +309,17 @@ pub unsafe extern "C" fn nvsp_reassembler_fetch(
     }
 }
 
-/// Writes the indices of modem frames of the newest packet to ask its sender for again, at most
-/// `room` of them, and their number. Before enough came to tell how many there are, the first one
+/// Tells which modem frames of the newest packet to ask its sender for again. Before enough came to tell how many there are, the first one
 /// that is missing. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where no first
 /// frame of a packet came.
 ///
 /// # Safety
-/// Pointers are NULL or valid; `indices` has room for `room` numbers.
+/// - `reassembler`: a live reassembler. Not NULL.
+/// - `indices`: receives the indices. Yours, of `room` numbers. Not NULL.
+/// - `room`: most indices.
+/// - `count`: receives how many were written. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_missing(
     reassembler: *mut nvsp_reassembler,
@@ -334,7 +352,8 @@ pub unsafe extern "C" fn nvsp_reassembler_missing(
 /// NVSP_ERR_POISONED.
 ///
 /// # Safety
-/// Pointers are NULL or valid.
+/// - `reassembler`: a live reassembler. Not NULL.
+/// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_get_statistics(
     reassembler: *mut nvsp_reassembler,
@@ -363,7 +382,9 @@ pub unsafe extern "C" fn nvsp_reassembler_get_statistics(
 /// The text of the last failed call on the reassembler; as nvsp_engine_last_error.
 ///
 /// # Safety
-/// `reassembler` is NULL or live; `text` is NULL or has room for `size` bytes.
+/// - `reassembler`: a live reassembler. Not NULL.
+/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `text`, 1 or more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_last_error(
     reassembler: *const nvsp_reassembler,
@@ -377,7 +398,7 @@ pub unsafe extern "C" fn nvsp_reassembler_last_error(
 /// Ends a reassembler; NULL is allowed.
 ///
 /// # Safety
-/// `reassembler` is NULL or live, and no other thread is using it; it is dead afterwards.
+/// - `reassembler`: a live reassembler that no other thread is using; it is dead afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_destroy(reassembler: *mut nvsp_reassembler) {
     // SAFETY: as the caller promises.

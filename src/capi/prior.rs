@@ -100,7 +100,7 @@ versioned!(nvsp_prior_info, 68);
 /// Reads a prior from a file, its format told by the content: a .ply as Inria's trainer and nerfstudio
 /// write it, or a compact prior (.nvsg); built with the feature "formats", an .spz or a
 /// .compressed.ply, too. Checks it and copies it to the device. Unsound splats are left out and logged
-/// as a warning. `options` may be NULL. The file is not needed afterwards, and no copy of it is kept in
+/// as a warning. The file is not needed afterwards, and no copy of it is kept in
 /// host memory. While it runs it takes, on host and device together, at most four times the size of a
 /// binary .ply, eight times that of a text; for the other formats, more by as much as they are packed.
 ///
@@ -113,8 +113,10 @@ versioned!(nvsp_prior_info, 68);
 /// is the engine's.
 ///
 /// # Safety
-/// `engine` is NULL or a live engine; `path` is NULL or ends in NUL; `options` is NULL or was
-/// initialised by NVSP_INIT.
+/// - `engine`: a live engine. Not NULL.
+/// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
+/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
+/// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_open(
     engine: *mut nvsp_engine,
@@ -140,7 +142,11 @@ pub unsafe extern "C" fn nvsp_prior_open(
 /// Fails as nvsp_prior_open does, but for NVSP_ERR_FILE.
 ///
 /// # Safety
-/// As for nvsp_prior_open; `bytes` is NULL or has `size` bytes.
+/// - `engine`: a live engine. Not NULL.
+/// - `bytes`: the file's content. Read during the call. Not NULL.
+/// - `size`: bytes of it.
+/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the content says.
+/// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_open_memory(
     engine: *mut nvsp_engine,
@@ -237,7 +243,8 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
 ///
 /// # Safety
-/// `prior` is NULL or a live prior; `info` is NULL or was initialised by NVSP_INIT.
+/// - `prior`: a live prior. Not NULL.
+/// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_get_info(
     prior: *const nvsp_prior,
@@ -255,7 +262,9 @@ pub unsafe extern "C" fn nvsp_prior_get_info(
 /// The text of the last failed call on the prior; as nvsp_engine_last_error.
 ///
 /// # Safety
-/// `prior` is NULL or a live prior; `text` is NULL or has room for `size` bytes.
+/// - `prior`: a live prior. Not NULL.
+/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `text`, 1 or more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_last_error(
     prior: *const nvsp_prior,
@@ -270,7 +279,7 @@ pub unsafe extern "C" fn nvsp_prior_last_error(
 /// with the last of them.
 ///
 /// # Safety
-/// `prior` is NULL or a live prior that no other thread is using; it is dead afterwards.
+/// - `prior`: a live prior that no other thread is using; it is dead afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_destroy(prior: *mut nvsp_prior) {
     // SAFETY: as the caller promises.

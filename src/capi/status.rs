@@ -66,6 +66,9 @@ pub const NVSP_ERR_MODEM: nvsp_status = -23;
 pub const NVSP_ERR_INTERNAL: nvsp_status = -24;
 
 /// A status in a few words of English; static, never NULL, also for numbers that are no status.
+///
+/// # Parameters
+/// - `status`: any number.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_status_text(status: nvsp_status) -> *const c_char {
     text(status).as_ptr()

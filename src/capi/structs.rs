@@ -35,7 +35,9 @@ pub(super) unsafe trait Versioned: Copy {
 /// NVSP_ERR_ABI_VERSION.
 ///
 /// # Safety
-/// `structure` is NULL or has room for `size` bytes.
+/// - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of the structure, 8 to 4096.
+/// - `abi_version`: NVSP_ABI_VERSION of your header.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_struct_init(
     structure: *mut c_void,

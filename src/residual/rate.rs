@@ -77,7 +77,7 @@ impl Probe {
 }
 
 /// What the search came to.
-enum Found {
+enum Choice {
     /// The best coding.
     Coded,
     /// No difference picture, and why.
@@ -116,22 +116,20 @@ impl ResidualEncoder {
         self.encode_own(camera, render, rate, overhead)
     }
 
-    /// [`ResidualEncoder::encode`], with the bytes of [`super::difference`] already at hand.
+    /// [`ResidualEncoder::encode`], with the bytes of [`super::difference`] already at hand. `difference` is swapped
+    /// for another picture of its size.
     pub fn encode_difference<'a>(
         &'a mut self,
         camera: &Picture,
         render: &'a Picture,
-        difference: &[u8],
+        difference: &mut Picture,
         rate: Rate,
         overhead: usize,
     ) -> Result<CodedResidual<'a>, ResidualError> {
         check_size(&self.difference, camera)?;
         check_size(&self.difference, render)?;
-        let Picture { width, height, ref mut data } = self.difference;
-        if data.len() != difference.len() {
-            return Err(ResidualError::Shape { width, height, bytes: difference.len() });
-        }
-        data.copy_from_slice(difference);
+        check_size(&self.difference, difference)?;
+        std::mem::swap(&mut self.difference, difference);
         self.encode_own(camera, render, rate, overhead)
     }
 
@@ -143,11 +141,11 @@ impl ResidualEncoder {
         overhead: usize,
     ) -> Result<CodedResidual<'a>, ResidualError> {
         self.probes = 0;
-        let (found, reached) = match rate {
+        let (choice, reached) = match rate {
             Rate::Quality(quality) if (0.0..=100.0).contains(&quality) => {
                 self.probe(camera, render, quality)?;
                 self.keep();
-                (Found::Coded, true)
+                (Choice::Coded, true)
             }
             Rate::Bytes(budget) => self.within(camera, render, budget, overhead)?,
             Rate::Psnr(target) if !target.is_nan() => self.reaching(camera, render, target)?,
@@ -155,13 +153,13 @@ impl ResidualEncoder {
         };
         let Probe { quality, coder, ref payload, ref reconstruction, psnr } = self.best;
         let probes = self.probes;
-        Ok(match found {
-            Found::Coded => {
+        Ok(match choice {
+            Choice::Coded => {
                 let residual = Residual::Coded { coder, payload };
                 let quality = Some(quality);
                 CodedResidual { residual, reconstruction, psnr, quality, probes, reached }
             }
-            Found::Uncoded(residual) => {
+            Choice::Uncoded(residual) => {
                 let (psnr, quality) = (camera.psnr(render), None);
                 CodedResidual { residual, reconstruction: render, psnr, quality, probes, reached }
             }
@@ -202,10 +200,10 @@ impl ResidualEncoder {
         render: &Picture,
         budget: usize,
         overhead: usize,
-    ) -> Result<(Found, bool), ResidualError> {
+    ) -> Result<(Choice, bool), ResidualError> {
         let room = budget.saturating_sub(overhead);
         if room <= residual_part_len(0) {
-            return Ok((Found::Uncoded(Residual::Omitted), false));
+            return Ok((Choice::Uncoded(Residual::Omitted), false));
         }
         let fits = |probe: &Probe| probe.part_len() <= room;
         let preferred =
@@ -214,7 +212,7 @@ impl ResidualEncoder {
         Ok(if fits(&self.best) {
             (self.if_better(camera, render), true)
         } else {
-            (Found::Uncoded(Residual::Omitted), false)
+            (Choice::Uncoded(Residual::Omitted), false)
         })
     }
 
@@ -224,9 +222,9 @@ impl ResidualEncoder {
         camera: &Picture,
         render: &Picture,
         target: f64,
-    ) -> Result<(Found, bool), ResidualError> {
+    ) -> Result<(Choice, bool), ResidualError> {
         if camera.psnr(render) >= target {
-            return Ok((Found::Uncoded(Residual::None), true));
+            return Ok((Choice::Uncoded(Residual::None), true));
         }
         let reaches = |probe: &Probe| probe.psnr >= target;
         let preferred = |new: &Probe, old: &Probe| match (reaches(new), reaches(old)) {
@@ -272,11 +270,11 @@ impl ResidualEncoder {
         Ok(())
     }
 
-    fn if_better(&self, camera: &Picture, render: &Picture) -> Found {
+    fn if_better(&self, camera: &Picture, render: &Picture) -> Choice {
         if self.best.psnr > camera.psnr(render) {
-            Found::Coded
+            Choice::Coded
         } else {
-            Found::Uncoded(Residual::None)
+            Choice::Uncoded(Residual::None)
         }
     }
 }

@@ -3,13 +3,11 @@
 use crate::Pose;
 use crate::render::NormalEquations;
 use crate::render::view::{placement, pose_of};
-use crate::search::{
-    LEVELS, Placement, PoseCode, Program, STARTS, STOP_NO_DESCENT, STOP_PROGRESS, Search,
-};
+use crate::search::{LEVELS, Placement, Program, STARTS, STOP_NO_DESCENT, STOP_PROGRESS, Search};
 use crate::shared::SUMS;
 use crate::vulkan::Error;
 
-use super::{Evaluation, Objective, Observability, Outcome, Stop};
+use super::{Evaluation, Found, Objective, Observability, Outcome, Start, StartKind, Stop};
 
 /// How a search goes through the pyramid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,75 +127,69 @@ impl Default for GaussNewtonOptions {
     }
 }
 
-/// A search's outcome, with what was drawn at its end.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tracked {
-    /// Pose and error, at full resolution as the topside will have it.
-    pub outcome: Outcome,
-    /// The pose as its packet holds it.
-    pub code: PoseCode,
-    /// Submissions to the device.
-    pub submissions: u32,
-    /// Error of the first evaluation, at its level.
-    pub first_mse: f64,
-    /// What the last evaluation at full resolution determines.
-    pub observability: Observability,
-}
-
 /// Searches from `starts` (the first eight count), draws the outcome and takes the difference: see
-/// [`crate::render::Renderer::search`].
+/// [`crate::render::Renderer::search`]. The result is not judged yet.
 ///
 /// # Panics
 /// If there is no start.
-pub(super) fn track(
+pub(super) fn search(
     objective: &mut Objective,
     starts: &[Pose],
     schedule: &Schedule,
     damping: f32,
     profile: u32,
-) -> Result<Tracked, Error> {
+) -> Result<Found, Error> {
     assert!(!starts.is_empty(), "a search needs a start");
+    let start = Start { pose: starts[0], kind: StartKind::External };
     let renderer = objective.renderer();
     let placements = starts.iter().map(|pose| placement(renderer.scene(), pose));
     let program = schedule.program(renderer.levels(), placements, damping, profile);
-    let first = search(objective, &program)?;
-    if kept_promise(&first) {
-        return Ok(first.tracked);
+    let (first, path) = run(objective, &start, &program)?;
+    if path.kept_promise(first.outcome.mse) {
+        return Ok(first);
     }
-    let better = if first.tracked.outcome.mse < first.seen_mse { first.found } else { first.seen };
+    let better = if first.outcome.mse < path.seen_mse { path.found } else { path.seen };
     let mut again = program;
     (again.starts[0], again.count) = (better, 1);
     again.first_level = program.first_level.max(program.far_level);
     (again.follow_level, again.far_level) = (again.first_level, 0);
     (again.leap, again.coarse_leap) = (0.0, 0.0);
-    let second = search(objective, &again)?;
-    let submissions = first.tracked.submissions + second.tracked.submissions;
-    let first_mse = first.tracked.first_mse;
-    Ok(Tracked { submissions, first_mse, ..second.tracked })
+    let (second, _) = run(objective, &start, &again)?;
+    let submissions = first.submissions + second.submissions;
+    Ok(Found { submissions, first_mse: first.first_mse, ..second })
 }
 
 /// Error that 8 bits bring, of values in [0, 1].
 const ROUNDING: f64 = 1.0 / (12.0 * 255.0 * 255.0);
 
-/// Whether what was drawn is what the last step, taken unseen, let expect: no worse than what was seen
-/// before it, and, if much was promised, better by a good part of that. Near the optimum Gauss–Newton
-/// keeps its promises; where it does not, the search had not arrived.
-fn kept_promise(found: &Found) -> bool {
-    let mse = found.tracked.outcome.mse - ROUNDING;
-    let most = if found.promised > 0.03 { 1.0 - 0.8 * found.promised } else { 1.02 };
-    found.promised == 0.0 || mse <= most * found.seen_mse
-}
-
-struct Found {
-    tracked: Tracked,
+/// How a run of the device came to its end.
+struct Path {
+    /// Where it ended.
     found: Placement,
+    /// Share by which the last step, taken unseen, was to lower the error.
     promised: f64,
     /// Best place that was evaluated at full resolution.
     seen: Placement,
+    /// Mean squared error there.
     seen_mse: f64,
 }
 
-fn search(objective: &mut Objective, program: &Program) -> Result<Found, Error> {
+impl Path {
+    /// Whether what was drawn, of this error, is what the last step let expect: no worse than what was seen
+    /// before it, and, if much was promised, better by a good part of that. Near the optimum Gauss–Newton
+    /// keeps its promises; a search that does not had not arrived.
+    fn kept_promise(&self, drawn_mse: f64) -> bool {
+        let most = if self.promised > 0.03 { 1.0 - 0.8 * self.promised } else { 1.02 };
+        self.promised == 0.0 || drawn_mse - ROUNDING <= most * self.seen_mse
+    }
+}
+
+/// Runs a program on the device.
+fn run(
+    objective: &mut Objective,
+    start: &Start,
+    program: &Program,
+) -> Result<(Found, Path), Error> {
     let begun = objective.milliseconds();
     let levels: [f64; LEVELS] = objective.residuals();
     let (renderer, trace) = objective.parts();
@@ -210,15 +202,25 @@ fn search(objective: &mut Objective, program: &Program) -> Result<Found, Error> 
         let mse = f64::from(*square) / levels[*level as usize];
         trace.note(Evaluation { level: *level as usize, mse, milliseconds: begun + time });
     }
-    let (seen, square) = (search.place, f64::from(search.place_sums[SUMS as usize - 1]));
+    let path = Path {
+        found: search.found,
+        promised: f64::from(search.promised),
+        seen: search.place,
+        seen_mse: f64::from(search.place_sums[SUMS as usize - 1]) / levels[0],
+    };
     let stop = stop(search);
     let first_mse = f64::from(search.trace[0]) / levels[search.trace_level[0] as usize];
-    let (found, promised) = (search.found, f64::from(search.promised));
     let sums = search.place_sums.map(f64::from);
     let observability = Observability::of(&NormalEquations::from_sums(&sums, levels[0] as usize));
-    let outcome = Outcome { pose: pose_of(&scene, &found), mse: objective.error(), stop };
-    let tracked = Tracked { outcome, code, submissions, first_mse, observability };
-    Ok(Found { tracked, found, promised, seen, seen_mse: square / levels[0] })
+    let pose = pose_of(&scene, &path.found);
+    let found = Found {
+        drawn: Some(code),
+        submissions,
+        first_mse,
+        observability,
+        ..Found::from_start(start, Outcome { pose, mse: objective.error(), stop })
+    };
+    Ok((found, path))
 }
 
 fn stop(search: &Search) -> Stop {

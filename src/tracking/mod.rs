@@ -9,6 +9,7 @@ mod adam;
 mod agreement;
 mod bfgs;
 mod cold;
+mod found;
 mod gauss_newton;
 mod hypotheses;
 mod known;
@@ -24,6 +25,7 @@ mod tracker;
 pub use adam::AdamOptions;
 pub use agreement::{Agreement, Comparison};
 pub use bfgs::BfgsOptions;
+pub use found::Found;
 pub use gauss_newton::{GaussNewtonOptions, Schedule};
 pub use hypotheses::{Hypotheses, Proposal};
 pub use known::{Covariance, Hint, Known};
@@ -32,7 +34,7 @@ pub use observability::Observability;
 pub use pyramid::Pyramid;
 pub use relocaliser::{Candidate, Relocaliser};
 pub use starts::{Start, StartKind, Starts};
-pub use tracker::{Found, Tracker};
+pub use tracker::Tracker;
 
 use cold::ColdStart;
 

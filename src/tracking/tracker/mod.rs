@@ -13,8 +13,8 @@ use self::afresh::disagrees;
 use self::judgement::MOSTLY;
 use super::gauss_newton::{self, Schedule};
 use super::{
-    Agreement, ColdStart, Comparison, Evaluation, Hint, Known, Objective, Observability, Optimizer,
-    Outcome, RefineOptions, Relocaliser, StartKind, Starts, Stop, adam, bfgs,
+    ColdStart, Comparison, Evaluation, Found, Hint, Known, Objective, Optimizer, Outcome,
+    RefineOptions, Relocaliser, StartKind, Starts, adam, bfgs,
 };
 
 /// A search whose start has an error below this many times that of its outcome was close: the next one
@@ -36,84 +36,6 @@ const SURE: f64 = 0.8;
 const AS_BEFORE: f64 = 0.85;
 /// So many corners are explained by no wrong pose.
 const MANY: u32 = 100;
-
-/// What was found for a frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
-    /// Pose and error.
-    pub outcome: Outcome,
-    /// Where the search started.
-    pub start: StartKind,
-    /// The pose as a packet holds it, if the search has drawn the picture there already, and the
-    /// difference from the frame.
-    pub drawn: Option<PoseCode>,
-    /// Submissions to the device that the search took; 0 where the host led it.
-    pub submissions: u32,
-    /// Error at the start, at the level where the search began; not a number where the host led it.
-    pub first_mse: f64,
-    /// What of the pose the picture determines.
-    pub observability: Observability,
-    /// Where the search began.
-    pub begun: Pose,
-    /// Whether the picture confirms the pose.
-    pub certain: bool,
-    /// How the frame agrees with the picture drawn.
-    pub agreement: Agreement,
-    /// Whether what does not agree was left out of the search.
-    pub masked: bool,
-    /// Corners of the frame that the candidate explained; 0 if the search did not begin at a candidate.
-    pub features: u32,
-}
-
-impl Found {
-    /// A certain pose that is known otherwise, with its mean squared error.
-    pub fn known(pose: Pose, mse: f64) -> Found {
-        Found {
-            outcome: Outcome { pose, mse, stop: Stop::Progress },
-            start: StartKind::Previous,
-            drawn: None,
-            submissions: 0,
-            first_mse: mse,
-            observability: Observability::default(),
-            begun: pose,
-            certain: true,
-            agreement: Agreement {
-                share: 1.0,
-                score: 1.0,
-                tells: true,
-                correction: None,
-                sharpness: f64::NAN,
-            },
-            masked: false,
-            features: 0,
-        }
-    }
-
-    /// The one of less error. The search draws: what was found before it is drawn no more.
-    fn or_last(self, last: Found) -> Found {
-        let better =
-            if last.outcome.mse <= self.outcome.mse { last } else { Found { drawn: None, ..self } };
-        Found { submissions: self.submissions + last.submissions, ..better }
-    }
-
-    /// The same frame's search, gone on.
-    fn gone_on(&self, last: Found, agreement: Agreement) -> Found {
-        let submissions = self.submissions + last.submissions;
-        let certain = agreement.confirms();
-        let Found { start, begun, features, .. } = *self;
-        Found { start, begun, features, submissions, agreement, certain, ..last }
-    }
-
-    /// The one that the frame agrees with more if both are certain, else the certain one, else that of less error.
-    fn or_judged(before: Option<Found>, last: Found) -> Found {
-        let Some(before) = before else { return last };
-        let both = before.certain && last.certain;
-        let rank = |f: &Found| (f.certain, if both { f.agreement.score } else { -f.outcome.mse });
-        let better =
-            if rank(&last) >= rank(&before) { last } else { Found { drawn: None, ..before } };
-        Found { submissions: before.submissions + last.submissions, ..better }
-    }
-}
 
 /// Finds poses of frames, in order.
 pub struct Tracker {
@@ -328,21 +250,7 @@ impl Tracker {
     fn from(&mut self, poses: &[Pose], schedule: &Schedule) -> Result<Found, Error> {
         let damping = self.options.gauss_newton.damping;
         let schedule = self.at_sharpness(schedule);
-        let tracked =
-            gauss_newton::track(&mut self.objective, poses, &schedule, damping, self.profile)?;
-        Ok(Found {
-            outcome: tracked.outcome,
-            start: StartKind::External,
-            drawn: Some(tracked.code),
-            submissions: tracked.submissions,
-            first_mse: tracked.first_mse,
-            observability: tracked.observability,
-            begun: poses[0],
-            certain: false,
-            agreement: Agreement::default(),
-            masked: false,
-            features: 0,
-        })
+        gauss_newton::search(&mut self.objective, poses, &schedule, damping, self.profile)
     }
 
     /// The gradient methods, led by the host.
@@ -364,17 +272,11 @@ impl Tracker {
         let (code, mse) = self.draw(&outcome.pose)?;
         let agreement = self.agreement();
         Ok(Some(Found {
-            outcome: Outcome { mse, ..outcome },
-            start: start.kind,
             drawn: Some(code),
-            submissions: 0,
-            first_mse: f64::NAN,
             observability,
-            begun: start.pose,
             certain: agreement.confirms(),
             agreement,
-            masked: false,
-            features: 0,
+            ..Found::from_start(&start, Outcome { mse, ..outcome })
         }))
     }
 

@@ -42,7 +42,8 @@ const GROUPS: &[Group] = &[
 /// Run extreme priors, pictures and poses, and compare each with what is expected of it
 ///
 /// Every case is drawn and differentiated on the device and by the f64 twin on the CPU, and searched
-/// for from a start beside the true pose. Exit code 1 where a row is not as expected.
+/// for from a start beside the true pose. Prints one line per expectation, and what is not as expected;
+/// --report writes all of it. Exit code 1 if a row is not as expected.
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder for stability.md and stability.csv; made where it is missing
@@ -102,7 +103,6 @@ fn chosen(names: &[String]) -> anyhow::Result<Vec<&'static Group>> {
 /// Runs a group's cases.
 fn section(group: &'static Group, bench: &Bench) -> Section {
     let cases = (group.cases)(bench);
-    println!("\n{}\n", group.name);
     let bar = progress(cases.len(), group.name);
     let mut section = Section { group, rows: Vec::new(), tables: Vec::new() };
     for case in cases {
@@ -114,13 +114,12 @@ fn section(group: &'static Group, bench: &Bench) -> Section {
         });
         for row in done.rows {
             let row = Row { case: case.name.clone(), expected: case.expected, ..row };
-            bar.suspend(|| report::print_row(&row));
             section.rows.push(row);
         }
-        bar.suspend(|| done.tables.iter().for_each(report::print_table));
         section.tables.extend(done.tables);
         bar.inc(1);
     }
     bar.finish_and_clear();
+    report::print_section(&section);
     section
 }

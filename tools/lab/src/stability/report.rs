@@ -1,4 +1,4 @@
-//! The report: on standard output, as Markdown and as CSV.
+//! The report: as Markdown and as CSV; in short on standard output.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -40,21 +40,19 @@ against what is expected of it. Made by `nvsprior stability --report DIR`.
 - Times depend on what else the machine does.
 ";
 
-/// Prints a row.
-pub fn print_row(row: &Row) {
-    let [case, path, met, ..] = cells(row);
-    let error = row.picture.map_or(String::new(), |p| format!("  picture {:.1e}", p.max));
-    println!("{met:3}  {case}, {path}: {}{error}  {:.1} ms", row.expected, row.milliseconds);
-    for fault in &row.faults {
-        println!("     {fault}");
-    }
-}
-
-/// Prints a table.
-pub fn print_table(table: &Table) {
-    println!("\n{}\n{}", table.title, table.header.join(" | "));
-    for row in &table.rows {
-        println!("{}", row.join(" | "));
+/// Prints one line per expectation, and the rows that are not as expected.
+pub fn print_section(section: &Section) {
+    println!("\n{}", section.group.name);
+    let mut rows: Vec<&Row> = section.rows.iter().collect();
+    while let Some(expected) = rows.first().map(|row| row.expected) {
+        let (same, others): (Vec<&Row>, _) = rows.iter().partition(|row| row.expected == expected);
+        let met = same.iter().filter(|row| row.as_expected()).count();
+        let word = if met == same.len() { "yes" } else { "NO" };
+        println!("{word:3}  {met} of {}: {expected}", same.len());
+        for row in same.into_iter().filter(|row| !row.as_expected()) {
+            println!("     {}, {}: {}", row.case, row.path, row.faults.join("; "));
+        }
+        rows = others;
     }
 }
 

@@ -1,0 +1,94 @@
+//! What was found for a frame: one result from the device's search to the frame's statistics.
+
+use crate::Pose;
+use crate::search::PoseCode;
+
+use super::{Agreement, Observability, Outcome, Start, StartKind, Stop};
+
+/// What was found for a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// Pose and error.
+    pub outcome: Outcome,
+    /// Where the search started.
+    pub start: StartKind,
+    /// The pose as a packet holds it, if the search has drawn the picture there already, and the
+    /// difference from the frame.
+    pub drawn: Option<PoseCode>,
+    /// Submissions to the device that the search took; 0 where the host led it.
+    pub submissions: u32,
+    /// Error at the start, at the level where the search began; not a number where the host led it.
+    pub first_mse: f64,
+    /// What of the pose the picture determines.
+    pub observability: Observability,
+    /// Where the search began.
+    pub begun: Pose,
+    /// Whether the picture confirms the pose.
+    pub certain: bool,
+    /// How the frame agrees with the picture drawn.
+    pub agreement: Agreement,
+    /// Whether what does not agree was left out of the search.
+    pub masked: bool,
+    /// Corners of the frame that the candidate explained; 0 if the search did not begin at a candidate.
+    pub features: u32,
+}
+
+impl Found {
+    /// An outcome, not judged yet, of a search from a start.
+    pub(super) fn from_start(start: &Start, outcome: Outcome) -> Found {
+        Found {
+            outcome,
+            start: start.kind,
+            drawn: None,
+            submissions: 0,
+            first_mse: f64::NAN,
+            observability: Observability::default(),
+            begun: start.pose,
+            certain: false,
+            agreement: Agreement::default(),
+            masked: false,
+            features: 0,
+        }
+    }
+
+    /// A certain pose that is known otherwise, with its mean squared error.
+    pub fn known(pose: Pose, mse: f64) -> Found {
+        let start = Start { pose, kind: StartKind::Previous };
+        let agreement = Agreement {
+            share: 1.0,
+            score: 1.0,
+            tells: true,
+            correction: None,
+            sharpness: f64::NAN,
+        };
+        let outcome = Outcome { pose, mse, stop: Stop::Progress };
+        Found { first_mse: mse, certain: true, agreement, ..Found::from_start(&start, outcome) }
+    }
+
+    /// The result of less error, of this and the last search. If it is this one, the last search has drawn over
+    /// its picture.
+    pub(super) fn or_last(self, last: Found) -> Found {
+        let better =
+            if last.outcome.mse <= self.outcome.mse { last } else { Found { drawn: None, ..self } };
+        Found { submissions: self.submissions + last.submissions, ..better }
+    }
+
+    /// The result of the last search, which went on from this one.
+    pub(super) fn gone_on(&self, last: Found, agreement: Agreement) -> Found {
+        let submissions = self.submissions + last.submissions;
+        let certain = agreement.confirms();
+        let Found { start, begun, features, .. } = *self;
+        Found { start, begun, features, submissions, agreement, certain, ..last }
+    }
+
+    /// The better of two judged results: if both are certain, the one that the frame agrees with more; else the
+    /// certain one; else the one of less error.
+    pub(super) fn or_judged(before: Option<Found>, last: Found) -> Found {
+        let Some(before) = before else { return last };
+        let both = before.certain && last.certain;
+        let rank = |f: &Found| (f.certain, if both { f.agreement.score } else { -f.outcome.mse });
+        let better =
+            if rank(&last) >= rank(&before) { last } else { Found { drawn: None, ..before } };
+        Found { submissions: before.submissions + last.submissions, ..better }
+    }
+}
