@@ -34,7 +34,8 @@ fn every_host_draws_the_same() {
             let splats = random_splats(seed, 2_000, seed as u32 % 4);
             let prior = Prior::from_splats(splats, options).unwrap();
             let (camera, pose) = (camera(112, 63), pose(seed));
-            let code = QuantisedPose::quantise(&pose, &prior.frame(), PoseProfile::Compact).unwrap();
+            let code =
+                QuantisedPose::quantise(&pose, &prior.frame(), PoseProfile::Compact).unwrap();
             let definition = Definition::new(&prior);
             check_sum(&[
                 definition.draw(&camera, &pose),
