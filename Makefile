@@ -65,6 +65,7 @@ firmware:
 cross-aarch64:
 	@scripts/setup.sh lib c cross
 	scripts/package-test.sh firmware aarch64-unknown-linux-gnu
+	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
 
 shader-toolchain:
 	@scripts/setup.sh shaders
