@@ -304,6 +304,22 @@ mod tests {
     }
 
     #[test]
+    fn only_poses_where_the_camera_may_stand_count() {
+        let truth = Pose::exp(&[0.5, -1.0, 2.0, 0.3, -2.0, 1.0]);
+        let matches = matches(&truth, 100, 20);
+        let mut resection = Resection::new(&CAMERA, matches.len());
+        let here = Around { centre: truth.centre(), reach: 1.0, axis: axis(&truth) };
+        let found = resection.resect(&matches, None, Some(&here)).unwrap();
+        assert!(found.features >= 98, "{found:?}");
+        let away = Around { centre: truth.centre() + 3.0 * DVec3::X, ..here };
+        let behind = Around { axis: -here.axis, ..here };
+        for elsewhere in [away, behind] {
+            let found = resection.resect(&matches, None, Some(&elsewhere));
+            assert!(found.is_none_or(|found| found.features < 20), "{found:?}");
+        }
+    }
+
+    #[test]
     fn nothing_is_found_among_wrong_ones() {
         let matches = matches(&Pose::IDENTITY, 0, 300);
         let found = Resection::new(&CAMERA, 300).resect(&matches, None, None);
