@@ -23,7 +23,7 @@ use super::hypotheses::luma;
 use descriptor::{Descriptor, distance};
 use features::{Extractor, Feature};
 use landmarks::Landmarks;
-use resection::{Match, Resection, absolute, relative};
+use resection::{Around, Match, Resection, TURNED, absolute, axis, relative};
 
 /// Corners of a frame.
 const FEATURES: usize = 1000;
@@ -37,7 +37,8 @@ const MEMORY: usize = 48 << 20;
 const VOTED: usize = 64;
 /// Poses that are proposed.
 const PROPOSALS: usize = 6;
-/// Key frames that stand nearer than this to another, in depths of the scene, propose together with it.
+/// Key frames that stand nearer than this to another, in depths of the scene, propose together with it; a pose that
+/// one proposes by itself is as near to it.
 const TOGETHER: f64 = 0.8;
 /// The nearest descriptor counts if the second nearest differs from it by more than this.
 const DISTINCT: f32 = 0.85;
@@ -52,6 +53,8 @@ const ALIKE: [u32; 2] = [50, 66];
 const ALIKE_NEAR: u32 = 64;
 /// Fewer corners are explained by wrong poses too.
 const CHANCE: u32 = 8;
+/// Poses that come of key frames compared one by one.
+const COMPARED: usize = 8;
 /// Renders at a proposed pose.
 const ROUNDS: usize = 3;
 /// Pictures are not looked at in more detail than this width, pixels.
@@ -128,7 +131,7 @@ impl Relocaliser {
             ranked: Vec::with_capacity(VOTED),
             pairs: Pairs::with_room(room),
             sorted: Vec::with_capacity(room),
-            candidates: Vec::with_capacity(ALIKE.len() * PROPOSALS),
+            candidates: Vec::with_capacity((ALIKE.len() * PROPOSALS).max(COMPARED + 1)),
         }
     }
 
@@ -190,7 +193,7 @@ impl Relocaliser {
         for alike in ALIKE {
             for rank in 0..self.ranked.len().min(PROPOSALS) {
                 self.pool(self.ranked[rank].1, alike);
-                if let Some(found) = self.resection.resect(&self.matches, None) {
+                if let Some(found) = self.resection.resect(&self.matches, None, None) {
                     let pose = absolute(&found.pose, self.origin);
                     self.candidates.push(Candidate { pose, features: found.features });
                 }
@@ -198,6 +201,26 @@ impl Relocaliser {
         }
         let by_features = |candidate: &Candidate| std::cmp::Reverse(candidate.features);
         self.candidates.sort_unstable_by_key(by_features);
+        &self.candidates
+    }
+
+    /// Poses that key frames propose each by itself, best first: for those that no vote leads to. Of all key frames
+    /// about `most` are compared with the frame, other ones in each `turn`, until all had one.
+    pub fn compare_some(&mut self, most: usize, turn: usize) -> &[Candidate] {
+        self.candidates.clear();
+        let parts = self.landmarks.groups().div_ceil(most.max(1)).max(1);
+        for index in (turn % parts..self.landmarks.groups()).step_by(parts) {
+            self.match_key_frame(index);
+            let key_frame = &self.key_frames[index];
+            let reach = TOGETHER * self.depths[index];
+            let around = Around { centre: key_frame.centre(), reach, axis: axis(key_frame) };
+            if let Some(found) = self.resection.resect(&self.matches, None, Some(&around)) {
+                let (pose, features) = (absolute(&found.pose, self.origin), found.features);
+                let at = self.candidates.partition_point(|better| better.features >= features);
+                self.candidates.insert(at, Candidate { pose, features });
+                self.candidates.truncate(COMPARED);
+            }
+        }
         &self.candidates
     }
 
@@ -226,7 +249,7 @@ impl Relocaliser {
         for _ in 0..ROUNDS {
             self.look(objective, &at)?;
             self.match_render();
-            let Some(found) = self.resection.resect(&self.matches, Some(at)) else { break };
+            let Some(found) = self.resection.resect(&self.matches, Some(at), None) else { break };
             let before = best.map_or(0, |best| best.features);
             if found.features > before {
                 let pose = absolute(&found.pose, self.origin);
@@ -239,6 +262,11 @@ impl Relocaliser {
             }
         }
         Ok(best)
+    }
+
+    /// How many of the frame's corners a pose explains, by what was matched last.
+    pub fn explained(&mut self, pose: &Pose) -> u32 {
+        self.resection.count(&self.matches, &relative(pose, self.origin))
     }
 
     /// Renders the prior and takes the corners with their points.
@@ -287,12 +315,24 @@ impl Relocaliser {
             let other = self.ranked[rank].1;
             let there = &self.key_frames[at(other)];
             let near = (here.centre() - there.centre()).length() < reach;
-            let same_way = axis(here).dot(axis(there)) > 0.6;
+            let same_way = axis(here).dot(axis(there)) > TURNED;
             if other == slot || (near && same_way) {
                 let sound = self.by_key_frame[other].iter().filter(|(d, _)| *d <= alike);
                 self.matches.extend(sound.map(|(_, of)| *of));
             }
         }
+    }
+
+    /// Matches the frame's corners with those of a key frame, as with a render there.
+    fn match_key_frame(&mut self, index: usize) {
+        let (points, descriptors) = self.landmarks.group(index);
+        let pairs = self.pairs.between(&self.frame, descriptors.iter(), ALIKE_NEAR, DISTINCT_NEAR);
+        self.matches.clear();
+        self.matches.extend(pairs.map(|(index, at)| Match {
+            feature: index as u32,
+            place: self.frame[index].place,
+            point: vector(&points[at]),
+        }));
     }
 
     /// Matches the frame's corners with the render's.
@@ -357,11 +397,6 @@ impl Pairs {
             (self.back[at].1 == index as u32).then_some((index, at))
         })
     }
-}
-
-/// Where a camera looks, world axes.
-fn axis(pose: &Pose) -> DVec3 {
-    pose.rotation.conjugate() * DVec3::Z
 }
 
 fn vector(point: &[f32; 3]) -> DVec3 {

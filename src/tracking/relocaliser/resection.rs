@@ -13,6 +13,11 @@ use crate::{Camera, Pose};
 const DRAWS: usize = 2000;
 /// The chance that the draws, if they end early, held no three right points.
 const MISSED: f64 = 1e-3;
+/// With no more matches than these, poses are compared by all of them at once; else only those that explain a
+/// fourth point, too. If few matches are right, a right fourth one is seldom drawn.
+const FEW: usize = 100;
+/// Cosine of the angle between directions in which the same looks alike.
+pub const TURNED: f64 = 0.6;
 /// A point counts as seen within this many pixels while poses are compared.
 const WITHIN: f64 = 3.0;
 /// Steps of Gauss–Newton, and the distances, in pixels, at which points weigh half in them: Geman &
@@ -41,6 +46,29 @@ pub struct Resected {
     pub features: u32,
 }
 
+/// Where a camera may stand: corners seen from far elsewhere do not look alike.
+#[derive(Clone, Copy, Debug)]
+pub struct Around {
+    /// World axes.
+    pub centre: DVec3,
+    /// Farthest from the centre.
+    pub reach: f64,
+    /// Where the camera looks, within [`TURNED`] of it, world axes.
+    pub axis: DVec3,
+}
+
+impl Around {
+    /// Whether a pose is such a one.
+    pub fn holds(&self, pose: &Pose) -> bool {
+        (pose.centre() - self.centre).length() < self.reach && axis(pose).dot(self.axis) > TURNED
+    }
+}
+
+/// Where a camera looks, world axes.
+pub fn axis(pose: &Pose) -> DVec3 {
+    pose.rotation.conjugate() * DVec3::Z
+}
+
 /// Buffers to resect with. Nothing is allocated for pictures of no more features than it was made for.
 pub struct Resection {
     camera: Camera,
@@ -55,9 +83,14 @@ impl Resection {
         Resection { camera: *camera, counted: vec![0; features], calls: 0 }
     }
 
-    /// The best pose of `matches`, starting from `guess` too, if there is one; `None` of fewer than four.
-    /// Matches of one feature stand next to each other. The same input gives the same pose.
-    pub fn resect(&mut self, matches: &[Match], guess: Option<Pose>) -> Option<Resected> {
+    /// The best pose of `matches`, starting from `guess` too, if there is one; `None` of fewer than four, or if there
+    /// is none where the camera may stand. Matches of one feature stand next to each other. The same input gives the same pose.
+    pub fn resect(
+        &mut self,
+        matches: &[Match],
+        guess: Option<Pose>,
+        around: Option<&Around>,
+    ) -> Option<Resected> {
         if matches.len() < 4 {
             return None;
         }
@@ -65,33 +98,40 @@ impl Resection {
         if let Some(pose) = guess {
             self.take(&mut best, matches, pose);
         }
-        let mut random = Random::new(matches.len() as u64);
-        let mut draws = DRAWS;
-        let mut drawn = 0;
-        while drawn < draws {
-            drawn += 1;
-            let chosen = [0; 4].map(|_| &matches[below(&mut random, matches.len())]);
-            let distinct = (0..4).all(|i| (0..i).all(|j| chosen[i].feature != chosen[j].feature));
-            if !distinct {
-                continue;
-            }
-            let rays = [0, 1, 2].map(|i| self.ray(chosen[i]));
-            let points = [0, 1, 2].map(|i| chosen[i].point);
-            let by_fourth = |pose: &Pose| self.off(pose, chosen[3]);
-            let poses = p3p::poses(rays, points).into_iter().flatten();
-            let Some(pose) = poses.min_by(|a, b| by_fourth(a).total_cmp(&by_fourth(b))) else {
-                continue;
-            };
-            if by_fourth(&pose) < 4.0 * WITHIN && self.take(&mut best, matches, pose) {
-                draws = draws.min(enough(best.map_or(0, |b| b.features), matches));
-            }
-        }
+        self.draw(&mut best, matches, around);
         let best = best?;
         let pose = self.refined(matches, best.pose);
         let features = self.count(matches, &pose);
         // Three points are seen better by chance than all of them by their best pose.
         let as_good = features * 10 >= best.features * 9;
         Some(if as_good { Resected { pose, features } } else { best })
+    }
+
+    /// Draws matches, and takes the poses of three of them.
+    fn draw(&mut self, best: &mut Option<Resected>, matches: &[Match], around: Option<&Around>) {
+        let few = matches.len() <= FEW;
+        let needed = if few { 3 } else { 4 };
+        let mut random = Random::new(matches.len() as u64);
+        let mut draws = DRAWS;
+        let mut drawn = 0;
+        while drawn < draws {
+            drawn += 1;
+            let chosen = [0; 4].map(|_| &matches[below(&mut random, matches.len())]);
+            let differs = |i: usize| (0..i).all(|j| chosen[i].feature != chosen[j].feature);
+            if !(0..needed).all(differs) {
+                continue;
+            }
+            let rays = [0, 1, 2].map(|i| self.ray(chosen[i]));
+            let points = [0, 1, 2].map(|i| chosen[i].point);
+            for pose in p3p::poses(rays, points).into_iter().flatten() {
+                let worth = around.is_none_or(|around| around.holds(&pose))
+                    && (few || self.off(&pose, chosen[3]) < 4.0 * WITHIN);
+                if worth && self.take(best, matches, pose) {
+                    let features = best.map_or(0, |best| best.features);
+                    draws = draws.min(enough(features, matches, needed as i32));
+                }
+            }
+        }
     }
 
     /// Takes a pose if it explains more features than the best one.
@@ -109,7 +149,8 @@ impl Resection {
         self.calls = self.calls.wrapping_add(1);
         let mut count = 0;
         for of in matches {
-            if self.off(pose, of) < WITHIN {
+            let seen = |([x, y], _): ([f64; 2], DVec3)| x * x + y * y < WITHIN * WITHIN;
+            if self.residual(pose, of).is_some_and(seen) {
                 let counted = &mut self.counted[of.feature as usize];
                 count += u32::from(*counted != self.calls);
                 *counted = self.calls;
@@ -184,10 +225,10 @@ impl Resection {
     }
 }
 
-/// Draws after which another is hardly better than `features` explained.
-fn enough(features: u32, matches: &[Match]) -> usize {
+/// Draws, of which each needs so many right matches, after which another is hardly better than `features` explained.
+fn enough(features: u32, matches: &[Match], needed: i32) -> usize {
     let right = f64::from(features) / matches.len() as f64;
-    let draws = MISSED.ln() / (1.0 - right.min(0.99).powi(4)).ln();
+    let draws = MISSED.ln() / (1.0 - right.min(0.99).powi(needed)).ln();
     if draws.is_finite() { draws.max(20.0) as usize } else { usize::MAX }
 }
 
@@ -240,22 +281,50 @@ mod tests {
         for (right, wrong) in [(300, 0), (100, 100), (60, 240)] {
             let matches = matches(&truth, right, wrong);
             let mut resection = Resection::new(&CAMERA, matches.len());
-            let found = resection.resect(&matches, None).unwrap();
+            let found = resection.resect(&matches, None, None).unwrap();
             assert!(found.features as usize + 2 >= right, "{} of {right}", found.features);
             // A pixel is 4e-3 radians, and 0.02 at the middle of the points.
             let off = (found.pose.centre() - truth.centre()).length();
             let turned = found.pose.angle_to(&truth);
             assert!(turned < 8e-3 && off < 0.04, "{right} of {wrong} wrong: {turned} {off}");
-            assert_eq!(resection.resect(&matches, None), Some(found));
+            assert_eq!(resection.resect(&matches, None, None), Some(found));
+        }
+    }
+
+    #[test]
+    fn few_right_matches_among_few_are_found() {
+        let truth = Pose::exp(&[0.5, -1.0, 2.0, 0.3, -2.0, 1.0]);
+        for wrong in 32..42 {
+            let matches = matches(&truth, 8, wrong);
+            let found =
+                Resection::new(&CAMERA, matches.len()).resect(&matches, None, None).unwrap();
+            let off = (found.pose.centre() - truth.centre()).length();
+            assert!(found.features >= 8 && off < 0.2, "{wrong} wrong: {found:?}, {off}");
+        }
+    }
+
+    #[test]
+    fn only_poses_where_the_camera_may_stand_count() {
+        let truth = Pose::exp(&[0.5, -1.0, 2.0, 0.3, -2.0, 1.0]);
+        let matches = matches(&truth, 100, 20);
+        let mut resection = Resection::new(&CAMERA, matches.len());
+        let here = Around { centre: truth.centre(), reach: 1.0, axis: axis(&truth) };
+        let found = resection.resect(&matches, None, Some(&here)).unwrap();
+        assert!(found.features >= 98, "{found:?}");
+        let away = Around { centre: truth.centre() + 3.0 * DVec3::X, ..here };
+        let behind = Around { axis: -here.axis, ..here };
+        for elsewhere in [away, behind] {
+            let found = resection.resect(&matches, None, Some(&elsewhere));
+            assert!(found.is_none_or(|found| found.features < 20), "{found:?}");
         }
     }
 
     #[test]
     fn nothing_is_found_among_wrong_ones() {
         let matches = matches(&Pose::IDENTITY, 0, 300);
-        let found = Resection::new(&CAMERA, 300).resect(&matches, None);
+        let found = Resection::new(&CAMERA, 300).resect(&matches, None, None);
         assert!(found.is_none_or(|found| found.features < 20), "{found:?}");
-        assert!(Resection::new(&CAMERA, 300).resect(&matches[..3], None).is_none());
+        assert!(Resection::new(&CAMERA, 300).resect(&matches[..3], None, None).is_none());
     }
 
     #[test]

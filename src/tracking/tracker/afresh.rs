@@ -6,7 +6,7 @@ use crate::{Picture, Pose};
 use super::super::gauss_newton::Schedule;
 use super::super::{GaussNewtonOptions, Hint, StartKind};
 use super::judgement::PARTLY;
-use super::{Found, Tracker};
+use super::{Found, SURE, Tracker};
 
 /// Hypotheses that a cold start follows. The first alone reached the optimum from each of 200 starts
 /// off by up to 10° and 0.3 units; each further one costs a coarse render and more.
@@ -18,6 +18,11 @@ const EXPLAINED: u32 = 13;
 const PROPOSED: usize = 4;
 /// Key frames that are looked at more closely if none of those poses is right.
 const LIKELY: usize = 6;
+/// Key frames that are compared with the frame one by one, for each of its renders: to compare so many takes less
+/// time than a render.
+const COMPARISONS: usize = 4;
+/// Poses that come of that and are looked at more closely.
+const COMPARED: usize = 8;
 /// A hint disagrees with the track beyond so many standard deviations.
 const DISAGREES: f64 = 3.0;
 /// Standard deviations of a hint that states none: share of the scene's depth, and radians.
@@ -94,14 +99,17 @@ impl Tracker {
         pose.map_or(Ok(None), |pose| self.near(&pose, kind))
     }
 
-    /// Searches by the corners that the prior shows at a pose; `None` if they say nothing.
+    /// Searches by the corners that the prior shows at a pose; `None` if they say nothing. If most corners are not
+    /// explained any more where the search ends, the pose is not certain, unless nearly all of the picture agrees.
     fn near(&mut self, pose: &Pose, kind: StartKind) -> Result<Option<Found>, Error> {
         let candidate = self.relocaliser.approach(&mut self.objective, pose)?;
         let Some(candidate) = candidate.filter(|c| c.features >= EXPLAINED) else {
             return Ok(None);
         };
         let found = self.search_candidate(&candidate.pose, kind)?;
-        Ok(Some(Found { features: candidate.features, ..found }))
+        let explained = 2 * self.relocaliser.explained(&found.outcome.pose) >= candidate.features;
+        let certain = found.certain && (explained || found.agreement.share >= SURE);
+        Ok(Some(Found { features: candidate.features, certain, ..found }))
     }
 
     /// Searches by the prior's key frames; those not rendered yet are rendered first, as far as the frame's
@@ -118,13 +126,32 @@ impl Tracker {
         for (rank, to) in proposed[PROPOSED..].iter_mut().enumerate() {
             *to = self.relocaliser.likely(first + rank);
         }
-        let mut best: Option<Found> = None;
-        for pose in proposed.into_iter().flatten() {
-            if let Some(found) = self.near(&pose, StartKind::KeyFrame)? {
-                best = Some(Found::or_judged(best, found));
-            }
+        let best = self.near_any(None, &proposed, end)?;
+        if best.is_some_and(|best| self.settles(&best)) || self.renders() >= end {
+            return Ok(best);
+        }
+        let most = COMPARISONS * self.options.lost_renders as usize;
+        let mut compared = [None; COMPARED];
+        let candidates = self.relocaliser.compare_some(most, self.lost_frames as usize);
+        for (to, from) in compared.iter_mut().zip(candidates) {
+            *to = Some(from.pose);
+        }
+        self.near_any(best, &compared, end)
+    }
+
+    /// Searches by the corners that the prior shows at some poses in turn, until one settles the frame.
+    fn near_any(
+        &mut self,
+        mut best: Option<Found>,
+        poses: &[Option<Pose>],
+        end: u64,
+    ) -> Result<Option<Found>, Error> {
+        for pose in poses.iter().flatten() {
             if best.is_some_and(|best| self.settles(&best)) || self.renders() >= end {
                 break;
+            }
+            if let Some(found) = self.near(pose, StartKind::KeyFrame)? {
+                best = Some(Found::or_judged(best, found));
             }
         }
         Ok(best)

@@ -73,8 +73,8 @@ impl Tracker {
         Ok(Found { drawn: None, ..best })
     }
 
-    /// Searches from a pose that corners propose. What does not agree there is masked first: a plain search would
-    /// be led astray by it.
+    /// Searches from a pose that corners propose. If less agrees where the search ends, it was led astray, and the pose
+    /// stays where the corners have it.
     pub(super) fn search_candidate(
         &mut self,
         pose: &Pose,
@@ -83,8 +83,27 @@ impl Tracker {
         self.draw(pose)?;
         let agreement = self.agreement();
         self.take_light(&agreement);
+        let found = self.search_corners(pose, kind, &agreement)?;
+        if !agreement.confirms() || found.agreement.score + BETTER >= agreement.score {
+            return Ok(found);
+        }
+        let schedule = Schedule { renders: 1, leap: 0.0, ..self.nearby(0) };
+        let stayed = self.from(&[*pose], &schedule)?;
+        let agreement = self.agreement();
+        let masked = self.is_uneven(&agreement, PARTLY);
+        Ok(Found { masked, ..found.gone_on(stayed, agreement) })
+    }
+
+    /// Searches from a pose that corners propose. What does not agree there is masked first: a plain search would
+    /// be led astray by it.
+    fn search_corners(
+        &mut self,
+        pose: &Pose,
+        kind: StartKind,
+        agreement: &Agreement,
+    ) -> Result<Found, Error> {
         let mut best = None;
-        if agreement.share > HINTED && self.is_uneven(&agreement, MOSTLY) {
+        if agreement.share > HINTED && self.is_uneven(agreement, MOSTLY) {
             let found = Found { start: kind, ..self.masked_from(pose)? };
             let found = self.with_masks(found, PARTLY)?;
             if found.certain {
