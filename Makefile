@@ -4,7 +4,7 @@
 SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo test c-test lint lib install package package-test firmware cross-aarch64 shaders \
+.PHONY: help demo test c-test lint lib install package portability package-test firmware cross-aarch64 shaders \
 	shaders-check shader-toolchain clean
 
 help:
@@ -16,6 +16,7 @@ help:
 	@echo "make install        the C library with header, pkg-config and CMake files, to PREFIX"
 	@echo "                    (/usr/local), LIBDIR and INCLUDEDIR there, all below DESTDIR"
 	@echo "make firmware       the C library at its smallest; prints sizes"
+	@echo "make portability    the same pictures on Mesa, old and new, and SwiftShader; fetches the drivers"
 	@echo "make package        the crates as they are published, each built from its packed file"
 	@echo "make package-test   programs against the installed library, shared and static"
 	@echo "make cross-aarch64  the same for 64-bit ARM, under QEMU: docs/cross-build.md"
@@ -49,6 +50,10 @@ install:
 package:
 	scripts/package.sh
 
+portability:
+	@scripts/setup.sh run
+	scripts/portability.sh
+
 package-test:
 	@scripts/setup.sh lib c
 	scripts/package-test.sh
@@ -60,6 +65,7 @@ firmware:
 cross-aarch64:
 	@scripts/setup.sh lib c cross
 	scripts/package-test.sh firmware aarch64-unknown-linux-gnu
+	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
 
 shader-toolchain:
 	@scripts/setup.sh shaders

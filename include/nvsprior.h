@@ -146,6 +146,11 @@
 // The picture leaves a direction of the pose open: see nvsp_frame_stats.pose_deviation.
 #define NVSP_FRAME_UNDETERMINED 4
 
+// A device is not portable: the topside's render may differ from the vehicle's in the last bit of a colour, and the
+// shown picture with it. Of an encoder's frame: its own device. Of a header: the vehicle's. Of a decoded packet: one
+// of the two.
+#define NVSP_FRAME_NOT_PORTABLE 64
+
 // The frame started from the pose given with it.
 #define NVSP_START_HINT 0
 
@@ -429,7 +434,7 @@ typedef struct nvsp_frame_stats {
   uint32_t start;
   // NVSP_STOP_*: why the refinement ended.
   uint32_t stop;
-  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED and NVSP_FRAME_UNDETERMINED bits.
+  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED and NVSP_FRAME_NOT_PORTABLE bits.
   uint32_t flags;
   // NVSP_STATE_*.
   uint32_t state;
@@ -504,7 +509,7 @@ typedef struct nvsp_decoded {
   uint32_t width;
   // Pixels.
   uint32_t height;
-  // NVSP_FRAME_UNCERTAIN, NVSP_DECODED_* bits.
+  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_* bits.
   uint32_t flags;
   // Rows, from the top, that the difference picture reached; the others are the prior's render
   // alone.
@@ -530,7 +535,7 @@ typedef struct nvsp_header {
   uint32_t width;
   // Pixels.
   uint32_t height;
-  // NVSP_FRAME_UNCERTAIN and NVSP_HEADER_POSE bits.
+  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE and NVSP_HEADER_POSE bits.
   uint32_t flags;
   // NVSP_PROFILE_*.
   uint32_t profile;

@@ -21,6 +21,8 @@ pub struct Decoded {
     /// Whether the render is the vehicle's, byte for byte; `None` if the packet does not tell. Where
     /// it is not, the picture may be off by what two devices' roundings make of it.
     pub same_render: Option<bool>,
+    /// Whether this device and the vehicle's are portable: then the render is the vehicle's. Else it may differ.
+    pub portable: bool,
     /// Rows, from the top, that the residual reached; the others are the render alone.
     pub rows: u32,
     /// What of the packet could not be used.
@@ -113,11 +115,13 @@ impl Decoder {
             Err(error) => Some(error.into()),
         };
         let pose = latent.pose.dequantise(&self.scene.frame());
+        let here = self.engine.device().portable;
         let view = self.view(&latent)?;
         decoded.picture.resize(latent.width, latent.height);
         view.renderer.coded_picture(&latent.pose.words(), &mut decoded.picture)?;
         (decoded.frame, decoded.pose) = (latent.frame, pose);
         decoded.uncertain = latent.uncertain;
+        decoded.portable = latent.portable && here;
         let told = salvage.render.as_ref().ok().copied().flatten();
         decoded.same_render = told.map(|check| check == RenderCheck::of(&decoded.picture));
         let rows = view.add_residual(&salvage, trust, &mut decoded.picture);

@@ -42,6 +42,8 @@ pub struct FrameStats {
     /// Whether the picture confirms the pose. While it does not, the pose is looked for again at every
     /// frame.
     pub certain: bool,
+    /// Whether the device draws what every portable device draws: see [`crate::vulkan::DeviceInfo::portable`].
+    pub portable: bool,
     /// Frames since the last certain one, or since the encoder was made or reset, this one counted; 0 if
     /// it is certain.
     pub lost_frames: u32,

@@ -199,7 +199,10 @@ impl Encoder {
         tracked.difference.resize(frame.width, frame.height);
         tracked.difference.data.copy_from_slice(renderer.difference());
         tracked.pose = pose.dequantise(&self.scene.frame());
-        let latent = Latent::new(self.frame, self.scene.id(), &self.camera, pose, !found.certain)?;
+        let latent = Latent {
+            portable: self.engine.device().portable,
+            ..Latent::new(self.frame, self.scene.id(), &self.camera, pose, !found.certain)?
+        };
         tracked.latent = Some(latent);
         tracked.camera = camera;
         tracked.rate = self.options.rate;
@@ -215,6 +218,7 @@ impl Encoder {
         stats.submissions = found.submissions;
         stats.observability = found.observability;
         stats.certain = found.certain;
+        stats.portable = latent.portable;
         stats.lost_frames = lost_frames;
         stats.refine_milliseconds = since.elapsed().as_secs_f64() * 1e3;
         Ok(found)

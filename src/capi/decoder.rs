@@ -61,7 +61,7 @@ pub struct nvsp_decoded {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// NVSP_FRAME_UNCERTAIN, NVSP_DECODED_* bits.
+    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_* bits.
     pub flags: u32,
     /// Rows, from the top, that the difference picture reached; the others are the prior's render
     /// alone.
@@ -94,7 +94,7 @@ pub struct nvsp_header {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// NVSP_FRAME_UNCERTAIN and NVSP_HEADER_POSE bits.
+    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE and NVSP_HEADER_POSE bits.
     pub flags: u32,
     /// NVSP_PROFILE_*.
     pub profile: u32,
@@ -397,6 +397,7 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
         width: latent.width,
         height: latent.height,
         flags: flag(latent.uncertain, super::encoder::NVSP_FRAME_UNCERTAIN)
+            | flag(!latent.portable, super::encoder::NVSP_FRAME_NOT_PORTABLE)
             | flag(pose.is_some(), NVSP_HEADER_POSE),
         profile: match profile {
             PoseProfile::Compact => super::encoder::NVSP_PROFILE_COMPACT,
@@ -470,7 +471,9 @@ unsafe fn fetch(
         frame: decoded.frame,
         width: decoded.picture.width,
         height: decoded.picture.height,
-        flags: if decoded.uncertain { super::encoder::NVSP_FRAME_UNCERTAIN } else { 0 } | render,
+        flags: if decoded.uncertain { super::encoder::NVSP_FRAME_UNCERTAIN } else { 0 }
+            | if decoded.portable { 0 } else { super::encoder::NVSP_FRAME_NOT_PORTABLE }
+            | render,
         rows: decoded.rows,
         damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),
         pose: image::pose_out(&decoded.pose),

@@ -114,6 +114,11 @@ pub const NVSP_FRAME_RATE_MISSED: u32 = 2;
 /// The picture leaves a direction of the pose open: see nvsp_frame_stats.pose_deviation.
 pub const NVSP_FRAME_UNDETERMINED: u32 = 4;
 
+/// A device is not portable: the topside's render may differ from the vehicle's in the last bit of a colour, and the
+/// shown picture with it. Of an encoder's frame: its own device. Of a header: the vehicle's. Of a decoded packet: one
+/// of the two.
+pub const NVSP_FRAME_NOT_PORTABLE: u32 = 64;
+
 /// The frame started from the pose given with it.
 pub const NVSP_START_HINT: u32 = 0;
 /// It started from the pose of the frame before.
@@ -160,7 +165,7 @@ pub struct nvsp_frame_stats {
     pub start: u32,
     /// NVSP_STOP_*: why the refinement ended.
     pub stop: u32,
-    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED and NVSP_FRAME_UNDETERMINED bits.
+    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED and NVSP_FRAME_NOT_PORTABLE bits.
     pub flags: u32,
     /// NVSP_STATE_*.
     pub state: u32,
@@ -771,7 +776,8 @@ impl Place {
             },
             flags: flag(!stats.certain, NVSP_FRAME_UNCERTAIN)
                 | flag(!stats.rate_kept, NVSP_FRAME_RATE_MISSED)
-                | flag(loose, NVSP_FRAME_UNDETERMINED),
+                | flag(loose, NVSP_FRAME_UNDETERMINED)
+                | flag(!stats.portable, NVSP_FRAME_NOT_PORTABLE),
             state: if stats.certain { NVSP_STATE_CERTAIN } else { NVSP_STATE_LOST },
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,

@@ -9,8 +9,10 @@ use super::{PacketError, Part, PoseProfile, QuantisedPose};
 
 /// High four bits of the first byte.
 const MAGIC: u8 = 0xB;
-/// Version of the format, low four bits of the first byte.
+/// Version of the format, low four bits of the first byte, if the render is the same on every portable device.
 pub(super) const VERSION: u8 = 1;
+/// In its place if the encoder's device is not portable. The layout is the same.
+const VERSION_NOT_PORTABLE: u8 = 2;
 /// Bytes of the latent part that are not the pose.
 pub(super) const FIXED_LEN: usize = 15;
 
@@ -35,6 +37,8 @@ pub struct Latent {
     pub pose: QuantisedPose,
     /// The pose is not certain: the picture does not confirm it.
     pub uncertain: bool,
+    /// The encoder's device draws what every portable device draws.
+    pub portable: bool,
 }
 
 /// Which parts come after the latent part.
@@ -59,7 +63,7 @@ impl Latent {
     /// Frame numbers are sent modulo this.
     pub const FRAMES: u32 = 1 << 24;
 
-    /// The latent part of a frame seen by `camera`.
+    /// The latent part of a frame seen by `camera`, on a portable device.
     pub fn new(
         frame: u32,
         prior: PriorId,
@@ -70,7 +74,7 @@ impl Latent {
         let Camera { width, height, .. } = *camera;
         let frame = frame % Self::FRAMES;
         let camera_tag = camera_tag(camera)?;
-        Ok(Latent { frame, prior, width, height, camera_tag, pose, uncertain })
+        Ok(Latent { frame, prior, width, height, camera_tag, pose, uncertain, portable: true })
     }
 
     /// Reads the latent part at the start of `bytes`, and nothing of what follows.
@@ -109,7 +113,8 @@ impl Latent {
             | if follows.camera { FLAG_CAMERA } else { 0 }
             | if follows.render { FLAG_RENDER } else { 0 }
             | follows.residual << 4;
-        bytes.extend_from_slice(&[MAGIC << 4 | VERSION, flags]);
+        let version = if self.portable { VERSION } else { VERSION_NOT_PORTABLE };
+        bytes.extend_from_slice(&[MAGIC << 4 | version, flags]);
         bytes.extend_from_slice(&to_u24(self.frame));
         bytes.extend_from_slice(&self.prior.to_bytes());
         bytes.extend_from_slice(&size_bytes(self.width, self.height)?);
@@ -125,7 +130,7 @@ impl Latent {
         let profile = check_start(bytes)?;
         let len = encoded_len(profile);
         let mut reader = Reader::new(bytes, Part::Latent, len)?;
-        let [_, flags] = reader.take();
+        let [first, flags] = reader.take();
         let frame = from_u24(reader.take());
         let prior = PriorId::from_bytes(reader.take());
         let size = from_u24(reader.take());
@@ -143,6 +148,7 @@ impl Latent {
             camera_tag,
             pose: pose?,
             uncertain: flags & FLAG_UNCERTAIN != 0,
+            portable: first & 0xF == VERSION,
         };
         Ok((latent, Follows::of_flags(flags), &bytes[len..]))
     }
@@ -155,7 +161,7 @@ pub(super) fn check_start(bytes: &[u8]) -> Result<PoseProfile, PacketError> {
     if first >> 4 != MAGIC {
         return Err(PacketError::Magic(first));
     }
-    if first & 0xF != VERSION {
+    if ![VERSION, VERSION_NOT_PORTABLE].contains(&(first & 0xF)) {
         return Err(PacketError::Version(first & 0xF));
     }
     PoseProfile::of_code(flags & 0b11)

@@ -5,7 +5,7 @@
 //!
 //! | byte | latent part |
 //! |---|---|
-//! | 0 | high four bits `0xB`, low four bits the version, 1 |
+//! | 0 | high four bits `0xB`, low four bits the version: 1, or 2 if the vehicle's device is not portable |
 //! | 1 | flags, below |
 //! | 2–4 | frame number, modulo 2²⁴ |
 //! | 5–8 | prior id |

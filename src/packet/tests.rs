@@ -229,7 +229,7 @@ fn names_what_is_wrong() {
         Packet::decode(&bytes).unwrap_err()
     };
     assert_eq!(with(0, 0x52), PacketError::Magic(0x52));
-    assert_eq!(with(0, 0xB2), PacketError::Version(2));
+    assert_eq!(with(0, 0xB3), PacketError::Version(3));
     assert_eq!(with(1, 0), PacketError::Profile(0));
     assert_eq!(with(5, 0), PacketError::Check(Part::Latent));
     let latent = latent(PoseProfile::Compact);
@@ -358,12 +358,13 @@ prop_compose! {
         (width, height) in (1_u32..=4096, 1_u32..=4096),
         (fx, cx) in (1e-3_f32..1e6, -1e5_f32..1e5),
         (frame, prior, uncertain) in (0..Latent::FRAMES, any::<u32>(), any::<bool>()),
-        (with_camera, with_check) in any::<(bool, bool)>(),
+        (with_camera, with_check, portable) in any::<(bool, bool, bool)>(),
         residual in any_residual(),
     ) -> Packet<'static> {
         let camera = Camera { width, height, fx, fy: fx * 1.01, cx, cy: -cx };
         let pose = QuantisedPose::quantise(&pose, &FRAME, profile).unwrap();
         let latent = Latent::new(frame, PriorId(prior), &camera, pose, uncertain).unwrap();
+        let latent = Latent { portable, ..latent };
         let render = with_check.then_some(RenderCheck(latent.frame));
         Packet { latent, camera: with_camera.then_some(camera), render, residual }
     }

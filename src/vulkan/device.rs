@@ -408,7 +408,10 @@ impl Instance {
         DeviceInfo {
             name: text(p.device_name_as_c_str()),
             kind,
-            driver: text(driver.driver_info_as_c_str()),
+            driver: match text(driver.driver_info_as_c_str()) {
+                nothing if nothing.is_empty() => text(driver.driver_name_as_c_str()),
+                info => info,
+            },
             api: (vk::api_version_major(p.api_version), vk::api_version_minor(p.api_version)),
             subgroup: subgroup.subgroup_size,
             shuffles: subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::SHUFFLE)

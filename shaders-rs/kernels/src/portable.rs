@@ -52,7 +52,8 @@ pub fn log2(x: f32) -> f32 {
     exponent as f32 + ln * core::f32::consts::LOG2_E
 }
 
-/// 2ˣ, within 2·10⁻⁷ of its size. x in [−125, 125]; beyond, any number.
+/// 2ˣ, within 2·10⁻⁷ of its size. x in [−125, 125]; beyond, any number. For decorated modules alone: in others the
+/// optimiser takes its rounding for nothing, and leaves it out.
 #[allow(clippy::approx_constant)] // Coefficients of least error, of which one is close to ln 2.
 pub fn exp2(x: f32) -> f32 {
     // The sum rounds x to an integer, which it has in its last bits.

@@ -82,3 +82,67 @@ fn modules_are_valid() {
         assert!(out.status.success(), "{name}: {}", String::from_utf8_lossy(&out.stderr));
     }
 }
+
+/// The modules of the final picture.
+const PORTABLE: [&str; 7] = [
+    "arithmetic",
+    "decode_pose",
+    "project",
+    "project_lockstep",
+    "quantize_rgb8",
+    "splat",
+    "splat_lockstep",
+];
+
+/// Instructions of a module behind its header, each with its operands.
+fn instructions(spirv: &[u8]) -> Vec<Vec<u32>> {
+    let word = |w: &[u8]| u32::from_le_bytes([w[0], w[1], w[2], w[3]]);
+    let words: Vec<u32> = spirv.chunks_exact(4).skip(5).map(word).collect();
+    let mut rest = words.as_slice();
+    let mut instructions = Vec::new();
+    while let Some(first) = rest.first() {
+        let (one, others) = rest.split_at((first >> 16).max(1) as usize);
+        instructions.push(one.to_vec());
+        rest = others;
+    }
+    instructions
+}
+
+/// Float operations that may be there are those of `docs/portability.md`, and none may be contracted.
+#[test]
+fn the_final_picture_is_made_of_portable_operations() {
+    const DECORATE: u32 = 71;
+    const NO_CONTRACTION: u32 = 42;
+    const EXT_INST: u32 = 12;
+    let modules =
+        ALL.iter().filter(|m| PORTABLE.iter().any(|name| m.entry.ends_with(&format!("::{name}"))));
+    let mut seen = 0;
+    for module in modules {
+        let all = instructions(module.spirv);
+        let decorated: Vec<u32> = all
+            .iter()
+            .filter(|i| i[0] & 0xffff == DECORATE && i[2] == NO_CONTRACTION)
+            .map(|i| i[1])
+            .collect();
+        for i in &all {
+            match i[0] & 0xffff {
+                // OpFNegate, OpFAdd, OpFSub, OpFMul.
+                127 | 129 | 131 | 133 => {
+                    assert!(
+                        decorated.contains(&i[2]),
+                        "{}: %{} may be contracted",
+                        module.entry,
+                        i[2]
+                    );
+                    seen += 1;
+                }
+                // FAbs, Floor of GLSL.std.450.
+                EXT_INST => assert!([4, 8].contains(&i[4]), "{}: function {}", module.entry, i[4]),
+                // Division, remainders, products of vectors and matrices.
+                op @ (136 | 140..=148) => panic!("{}: operation {op}", module.entry),
+                _ => {}
+            }
+        }
+    }
+    assert!(seen > 1000, "{seen} operations looked at");
+}

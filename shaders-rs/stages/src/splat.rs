@@ -51,9 +51,10 @@ pub struct Hits {
 }
 
 impl Hits {
-    /// From log₂ of the alphas before the clamp.
-    pub fn new(exponents: Vec4, clamp: Clamp) -> Hits {
-        let full = each(exponents, portable::exp2);
+    /// From log₂ of the alphas before the clamp, by a power to base 2: [`portable::exp2`], or the device's own in
+    /// stages that need not be portable.
+    pub fn new(exponents: Vec4, clamp: Clamp, exp2: impl Fn(f32) -> f32) -> Hits {
+        let full = each(exponents, exp2);
         let held = each(full, |full| clamp.of(full));
         let alphas =
             both(exponents, held, |exponent, alpha| {
@@ -116,7 +117,7 @@ impl Four {
 
     /// Blends a splat that is seen from `y` above the first pixel.
     fn blend(self, s: &Splat, column: &Column, y: f32, how: Blending) -> Four {
-        let hits = Hits::new(column.exponents(y), how.clamp);
+        let hits = Hits::new(column.exponents(y), how.clamp, portable::exp2);
         let (weights, transmittance) = dim(self.transmittance, hits.alphas);
         Four {
             rgb: [

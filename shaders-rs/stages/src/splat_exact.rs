@@ -3,13 +3,13 @@
 //! `dT ← (1 − α) dT − T dα`.
 
 use crate::list::tell_cut;
-use crate::portable;
 use crate::reduce::{Scratch, Sums};
 use crate::shared::{
     Counters, DERIVATIVES, LOG_ALPHA_MIN, MASKED, Params, RECORD, TRANSMITTANCE_STOP,
 };
 use crate::splat::{Clamp, first_pixel};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4, Vec4Swizzles};
+use spirv_std::num_traits::Float;
 use spirv_std::spirv;
 
 /// A projected splat as its record holds it.
@@ -44,7 +44,7 @@ impl Hit {
         let u = s.conic[0] * dx + s.conic[1] * dy;
         let w = s.conic[2] * dy;
         let exponent = s.log_opacity - 0.5 * core::f32::consts::LOG2_E * (u * u + w * w);
-        let full = portable::exp2(exponent);
+        let full = exponent.exp2();
         let (clamped, alpha) = (clamp.holds(full), clamp.of(full));
         Hit { alpha: if exponent >= LOG_ALPHA_MIN { alpha } else { 0.0 }, clamped, u, w }
     }

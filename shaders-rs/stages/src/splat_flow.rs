@@ -8,6 +8,7 @@ use crate::reduce::{Scratch, Sums};
 use crate::shared::{Counters, MASKED, Params, TILE, max};
 use crate::splat::{Clamp, Hits, both, dim, first_pixel, middle, range};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4};
+use spirv_std::num_traits::Float;
 use spirv_std::spirv;
 
 /// Derivatives along four motions: u, v, u/z, v/z.
@@ -43,7 +44,7 @@ impl Four {
 
     /// Blends a splat that is seen from `y` above the first pixel, its depth inverted.
     fn blend(self, s: &Splat, column: &Column, y: f32, clamp: Clamp) -> Four {
-        let hits = Hits::new(column.exponents(y), clamp);
+        let hits = Hits::new(column.exponents(y), clamp, f32::exp2);
         let (weights, transmittance) = dim(self.transmittance, hits.alphas);
         // A splat that finishes the pixel is not counted.
         let alphas = both(transmittance, hits.alphas, |t, alpha| if t < 0.0 { 0.0 } else { alpha });

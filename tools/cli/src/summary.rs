@@ -49,6 +49,7 @@ fn frame(row: &Row) -> Value {
         "milliseconds": s.milliseconds,
         "start": s.start.name(),
         "certain": s.certain,
+        "portable": s.portable,
         "lost_frames": s.lost_frames,
         "rate_kept": s.rate_kept,
         // Infinite ones become null.

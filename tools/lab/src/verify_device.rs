@@ -3,11 +3,14 @@
 mod compare;
 mod scenes;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
-use compare::Comparison;
+use compare::{Compared, Comparison, Difference};
+use nvsprior::{Engine, Prior, RenderOverrides};
 use nvsprior_inputs::args::{DeviceArgs, progress};
+use nvsprior_inputs::camera_file::{CameraFile, View};
 use scenes::{GOLDEN, Scene};
 
 /// Tell whether a device draws the same bytes as every other one
@@ -24,31 +27,96 @@ pub struct Args {
     /// Scenes to draw; each gives a picture at a pose and one at a packet's pose
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     scenes: u64,
+    /// Compares pictures of this prior, too, at the poses of --cameras
+    #[arg(long, value_name = "FILE", requires = "cameras")]
+    prior: Option<PathBuf>,
+    /// cameras.json, or nerfstudio's transforms.json
+    #[arg(long, value_name = "FILE", requires = "prior")]
+    cameras: Option<PathBuf>,
+    /// Only the views of this split of the camera file
+    #[arg(long, value_name = "NAME", requires = "cameras")]
+    split: Option<String>,
 }
 
 /// Compares; the exit code says whether the device is portable.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let views = views(args)?;
     let engine = args.device.open()?;
     check_host()?;
-    let bar = progress(args.scenes as usize, "scenes");
+    let outcome = match built_in(&engine, args.scenes)? {
+        Outcome::Same { pictures } => match given(&engine, &views)? {
+            Outcome::Same { pictures: more } => Outcome::Same { pictures: pictures + more },
+            different => different,
+        },
+        different => different,
+    };
+    args.device.check(&engine)?;
+    Ok(match outcome {
+        Outcome::Same { pictures } => {
+            println!("portable: {pictures} pictures, no byte differs");
+            ExitCode::SUCCESS
+        }
+        Outcome::Different { of, difference } => {
+            println!("NOT portable: {}", engine.device());
+            println!("{of}: {difference}");
+            ExitCode::FAILURE
+        }
+    })
+}
+
+/// Outcome of a row of pictures.
+enum Outcome {
+    /// Nothing differs.
+    Same { pictures: u64 },
+    /// A picture does.
+    Different { of: String, difference: Difference },
+}
+
+/// Compares the built-in scenes.
+fn built_in(engine: &Engine, scenes: u64) -> anyhow::Result<Outcome> {
+    let bar = progress(scenes as usize, "scenes");
     let mut pictures = 0;
-    for seed in 0..args.scenes {
-        let Some(scene) = Scene::of(seed) else { continue };
-        match compare::compare(&engine, &scene).with_context(|| format!("scene {seed}"))? {
-            Comparison::Same { pictures: count } => pictures += count,
-            Comparison::Different(difference) => {
-                bar.finish_and_clear();
-                println!("NOT portable: {}", engine.device());
-                println!("scene {seed}: {difference}");
-                return Ok(ExitCode::FAILURE);
+    for seed in 0..scenes {
+        if let Some(Scene { prior, camera, pose }) = Scene::of(seed) {
+            let compared = Compared::new(engine, &prior).and_then(|c| c.compare(&camera, &pose));
+            match compared.with_context(|| format!("scene {seed}"))? {
+                Comparison::Same { pictures: count } => pictures += count,
+                Comparison::Different(difference) => {
+                    return Ok(Outcome::Different { of: format!("scene {seed}"), difference });
+                }
             }
         }
         bar.inc(1);
     }
-    bar.finish_and_clear();
-    args.device.check(&engine)?;
-    println!("portable: {pictures} pictures, no byte differs");
-    Ok(ExitCode::SUCCESS)
+    Ok(Outcome::Same { pictures })
+}
+
+/// A prior given, and the views of a camera file.
+type Views = Option<(Prior, Vec<View>)>;
+
+fn views(args: &Args) -> anyhow::Result<Views> {
+    let (Some(prior), Some(cameras)) = (&args.prior, &args.cameras) else { return Ok(None) };
+    let views = CameraFile::open(cameras)?.select(args.split.as_deref())?;
+    Ok(Some((Prior::open(prior, &RenderOverrides::default())?, views)))
+}
+
+/// Compares the views of the prior given.
+fn given(engine: &Engine, views: &Views) -> anyhow::Result<Outcome> {
+    let Some((prior, views)) = views else { return Ok(Outcome::Same { pictures: 0 }) };
+    let compared = Compared::new(engine, prior)?;
+    let bar = progress(views.len(), "views");
+    let mut pictures = 0;
+    for view in views {
+        let Some(pose) = &view.pose else { continue };
+        match compared.compare(&view.camera, pose).with_context(|| view.name.clone())? {
+            Comparison::Same { pictures: count } => pictures += count,
+            Comparison::Different(difference) => {
+                return Ok(Outcome::Different { of: view.name.clone(), difference });
+            }
+        }
+        bar.inc(1);
+    }
+    Ok(Outcome::Same { pictures })
 }
 
 /// Fails unless this host computes what every other host does.
@@ -66,7 +134,6 @@ fn check_host() -> anyhow::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::compare::Difference;
     use super::*;
 
     #[test]

@@ -1,14 +1,15 @@
 //! A device's picture beside the host's, and which stage they part at.
 
 use std::fmt;
+use std::sync::Arc;
 
-use nvsprior::render::Plan;
-use nvsprior::render::definition::{Drawn, Record};
+use nvsprior::render::definition::{Definition, Drawn, Record};
 use nvsprior::render::probe::{SortPrecision, Stages};
-use nvsprior::{Engine, Error, Picture};
+use nvsprior::render::{Plan, Scene};
+use nvsprior::{Camera, Engine, Error, Picture, Pose, Prior};
 use nvsprior_kernels::shared::{CULLED, PIXEL};
 
-use super::scenes::{Scene, by_definition};
+use super::scenes::code;
 
 /// Outcome of a scene.
 pub enum Comparison {
@@ -51,30 +52,42 @@ impl fmt::Display for Difference {
     }
 }
 
-/// Draws a scene on the device and on the host.
-pub fn compare(engine: &Engine, scene: &Scene) -> Result<Comparison, Error> {
-    let (host, host_coded) = by_definition(scene);
-    let uploaded = engine.upload(&scene.prior)?;
-    let mut renderer = engine.renderer(&uploaded, &scene.camera, Plan::picture())?;
-    let image = renderer.draw(&scene.pose)?.to_vec();
-    if let Some(at) = first_difference(&host.image, &image) {
-        let room = 1 << 22;
-        let (camera, pose) = (&scene.camera, &scene.pose);
-        let stages = engine.probe().stages(&uploaded, camera, pose, room, SortPrecision::Exact)?;
-        return Ok(Comparison::Different(stage_of(&host, &stages, &image, at)));
+/// A prior on the device and on the host.
+pub struct Compared<'a> {
+    engine: &'a Engine,
+    prior: &'a Prior,
+    uploaded: Arc<Scene>,
+    definition: Definition,
+}
+
+impl Compared<'_> {
+    pub fn new<'a>(engine: &'a Engine, prior: &'a Prior) -> Result<Compared<'a>, Error> {
+        let (uploaded, definition) = (engine.upload(prior)?, Definition::new(prior));
+        Ok(Compared { engine, prior, uploaded, definition })
     }
-    let mut picture = Picture::new(scene.camera.width, scene.camera.height);
-    renderer.picture(&scene.pose, &mut picture)?;
-    if let Some(difference) = bytes_differ("quantize_rgb8", &host.rgb8, &picture) {
-        return Ok(Comparison::Different(difference));
-    }
-    match (scene.code(), host_coded) {
-        (Some(code), Some(host)) => {
-            renderer.coded_picture(&code, &mut picture)?;
-            let coded = bytes_differ("decode_pose", &host.rgb8, &picture);
-            Ok(coded.map_or(Comparison::Same { pictures: 2 }, Comparison::Different))
+
+    /// Draws at a pose, and at that pose as a packet would hold it.
+    pub fn compare(&self, camera: &Camera, pose: &Pose) -> Result<Comparison, Error> {
+        let host = self.definition.draw(camera, pose);
+        let mut renderer = self.engine.renderer(&self.uploaded, camera, Plan::picture())?;
+        let image = renderer.draw(pose)?.to_vec();
+        if let Some(at) = first_difference(&host.image, &image) {
+            let (probe, room) = (self.engine.probe(), 1 << 22);
+            let stages = probe.stages(&self.uploaded, camera, pose, room, SortPrecision::Exact)?;
+            return Ok(Comparison::Different(stage_of(&host, &stages, &image, at)));
         }
-        _ => Ok(Comparison::Same { pictures: 1 }),
+        let mut picture = Picture::new(camera.width, camera.height);
+        renderer.picture(pose, &mut picture)?;
+        if let Some(difference) = bytes_differ("quantize_rgb8", &host.rgb8, &picture) {
+            return Ok(Comparison::Different(difference));
+        }
+        let Some(code) = code(self.prior, pose) else {
+            return Ok(Comparison::Same { pictures: 1 });
+        };
+        let host = self.definition.draw_coded(camera, &code);
+        renderer.coded_picture(&code, &mut picture)?;
+        let coded = bytes_differ("decode_pose", &host.rgb8, &picture);
+        Ok(coded.map_or(Comparison::Same { pictures: 2 }, Comparison::Different))
     }
 }
 

@@ -3,7 +3,7 @@
 use nvsprior::packet::{PoseProfile, QuantisedPose};
 use nvsprior::prior::Splats;
 use nvsprior::random::Random;
-use nvsprior::render::definition::{Definition, Drawn};
+use nvsprior::render::definition::Definition;
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 use nvsprior_kernels::search::PoseCode;
 
@@ -89,26 +89,20 @@ impl Scene {
             Prior::from_splats(splats, options).unwrap_or_else(|e| panic!("scene {seed}: {e}"));
         Scene { prior, camera, pose }
     }
-
-    /// The pose as a packet would hold it; `None` if none can.
-    pub fn code(&self) -> Option<PoseCode> {
-        let quantised =
-            QuantisedPose::quantise(&self.pose, &self.prior.frame(), PoseProfile::Compact);
-        quantised.ok().map(|pose| pose.words())
-    }
 }
 
-/// What the host draws of a scene: at the pose, and at the packet's.
-pub fn by_definition(scene: &Scene) -> (Drawn, Option<Drawn>) {
-    let definition = Definition::new(&scene.prior);
-    let coded = scene.code().map(|code| definition.draw_coded(&scene.camera, &code));
-    (definition.draw(&scene.camera, &scene.pose), coded)
+/// The pose as a packet would hold it; `None` if none can.
+pub fn code(prior: &Prior, pose: &Pose) -> Option<PoseCode> {
+    let quantised = QuantisedPose::quantise(pose, &prior.frame(), PoseProfile::Compact);
+    quantised.ok().map(|pose| pose.words())
 }
 
 /// Check sum of what the host draws of a scene: floats and bytes, at both poses.
 pub fn check_sum(seed: u64) -> u32 {
     let Some(scene) = Scene::of(seed) else { return 0 };
-    let (drawn, coded) = by_definition(&scene);
+    let definition = Definition::new(&scene.prior);
+    let drawn = definition.draw(&scene.camera, &scene.pose);
+    let coded = code(&scene.prior, &scene.pose).map(|c| definition.draw_coded(&scene.camera, &c));
     let mut check = crc32fast::Hasher::new();
     for drawn in [Some(drawn), coded].into_iter().flatten() {
         drawn.image.iter().for_each(|v| check.update(&v.to_bits().to_le_bytes()));

@@ -3,7 +3,7 @@
 use nvsprior::prior::Splats;
 use nvsprior::render::probe::{SortPrecision, Stages};
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
-use nvsprior_kernels::shared::CULLED;
+use nvsprior_kernels::shared::{CULLED, NOWHERE};
 use nvsprior_reference::pose_jacobian::{Motion, derive};
 use nvsprior_reference::project::Projected;
 use nvsprior_reference::{Twin, Twist, bin, radix};
@@ -138,7 +138,7 @@ fn the_splat_beyond_the_last_shows_nothing() {
     let prior = random_prior(60, 511, 1);
     let stages = run(&prior, &camera(96, 64), &random_pose(60), ROOM);
     let mut nothing = [0.0; 12];
-    nothing[11] = 1.0;
+    (nothing[5], nothing[11]) = (NOWHERE, 1.0);
     assert_eq!(stages.records[511], nothing, "no opacity, and a depth that can be divided by");
     assert_eq!(stages.derivatives[511], [0.0; 48]);
 }

@@ -1,0 +1,28 @@
+#!/bin/sh
+# Draws the same scenes on every device that can be had, and decodes packets of one on the others: not a byte may
+# differ. Devices: Mesa's CPU driver as installed and of Debian's backports, each with vectors of 128, 256 and 512
+# bits, and SwiftShader. The drivers are fetched into a folder, and installed nowhere.
+# Usage: portability.sh [SCENES [DIR]]
+set -eu
+cd "$(dirname "$0")/.."
+scenes=${1:-200}
+drivers=${2:-target/drivers}
+
+eval "$(scripts/second-driver.sh "$drivers/mesa")"
+mesa=${VK_DRIVER_FILES#*:}
+mesa_libraries=$LD_LIBRARY_PATH
+unset VK_DRIVER_FILES LD_LIBRARY_PATH
+swiftshader=$(scripts/swiftshader.sh "$drivers/swiftshader")
+
+# The profile of `make test`, so that nothing is built twice.
+cargo build -p nvsprior-cli
+program=${CARGO_TARGET_DIR:-target}/debug/nvsprior
+verify() { "$program" verify-device --scenes "$scenes"; }
+for bits in 128 256 512; do
+    LP_NATIVE_VECTOR_WIDTH=$bits verify
+    LP_NATIVE_VECTOR_WIDTH=$bits LD_LIBRARY_PATH=$mesa_libraries VK_DRIVER_FILES=$mesa verify
+done
+VK_DRIVER_FILES=$swiftshader verify
+NVSPRIOR_OTHER_DRIVERS=$swiftshader cargo test -p nvsprior-cli --test cli -- other_devices portable_device
+LD_LIBRARY_PATH=$mesa_libraries NVSPRIOR_OTHER_DRIVERS=$mesa \
+    cargo test -p nvsprior-cli --test cli -- other_devices portable_device

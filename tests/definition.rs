@@ -1,0 +1,50 @@
+//! The final picture by definition: the same bits on every host. Run for 64-bit ARM under QEMU, too.
+
+mod common;
+
+use common::{Random, camera, random_splats};
+use nvsprior::packet::{PoseProfile, QuantisedPose};
+use nvsprior::render::definition::{Definition, Drawn};
+use nvsprior::{Pose, Prior, RenderOptions};
+
+/// CRC-32 of what is drawn of each scene: floats and bytes, at a pose and at a packet's.
+const EXPECTED: [u32; 8] = [
+    0x89cd_9e00, 0xe4a4_cad5, 0x8a67_b205, 0x001c_1b63,
+    0xd3f2_3713, 0xe40d_53d3, 0x9b07_e099, 0xa334_6d99,
+];
+
+/// A pose of sums and products alone: hosts' sines differ.
+fn pose(seed: u64) -> Pose {
+    let mut random = Random::new(seed);
+    let [x, y, z] = random.triple(-0.1, 0.1).map(f64::from);
+    Pose::from_wxyz([1.0, x, y, z], random.triple(-0.3, 0.3).map(f64::from)).unwrap()
+}
+
+fn check_sum(drawn: &[Drawn]) -> u32 {
+    let mut check = crc32fast::Hasher::new();
+    for picture in drawn {
+        picture.image.iter().for_each(|v| check.update(&v.to_bits().to_le_bytes()));
+        check.update(&picture.rgb8);
+    }
+    check.finalize()
+}
+
+#[test]
+fn every_host_draws_the_same() {
+    let found: Vec<u32> = (0..EXPECTED.len() as u64)
+        .map(|seed| {
+            let options = RenderOptions { antialiased: seed % 2 == 1, ..RenderOptions::GSPLAT };
+            let splats = random_splats(seed, 2_000, seed as u32 % 4);
+            let prior = Prior::from_splats(splats, options).unwrap();
+            let (camera, pose) = (camera(112, 63), pose(seed));
+            let code =
+                QuantisedPose::quantise(&pose, &prior.frame(), PoseProfile::Compact).unwrap();
+            let definition = Definition::new(&prior);
+            check_sum(&[
+                definition.draw(&camera, &pose),
+                definition.draw_coded(&camera, &code.words()),
+            ])
+        })
+        .collect();
+    assert_eq!(found, EXPECTED, "{found:#010x?}");
+}
