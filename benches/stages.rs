@@ -18,19 +18,19 @@ use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Packet, Picture, Pose, Prior, Rate};
 
 /// A prior and a place to look at it from.
-struct View {
+struct Seen {
     name: &'static str,
     prior: Prior,
     camera: Camera,
     pose: Pose,
 }
 
-fn views() -> Vec<View> {
+fn scenes() -> Vec<Seen> {
     let wall =
-        View { name: "wall", prior: scene::wall(1), camera: scene::CAMERA, pose: scene::pose(0.0) };
+        Seen { name: "wall", prior: scene::wall(1), camera: scene::CAMERA, pose: scene::pose(0.0) };
     let reef = common::reef_prior().map(|prior| {
         let (camera, pose) = (common::REEF_CAMERA, common::reef_pose());
-        View { name: "reef", prior, camera, pose }
+        Seen { name: "reef", prior, camera, pose }
     });
     std::iter::once(wall).chain(reef).collect()
 }
@@ -43,7 +43,7 @@ fn engine() -> Engine {
 /// Pictures and normal equations at full resolution, submission and wait included.
 fn render(criterion: &mut Criterion) {
     let engine = engine();
-    for View { name, prior, camera, pose } in views() {
+    for Seen { name, prior, camera, pose } in scenes() {
         let scene = engine.upload(&prior).expect("room for the prior");
         let jacobians = vec![Jacobian::Flow, Jacobian::Exact];
         let plan = Plan {
@@ -120,7 +120,7 @@ fn code(criterion: &mut Criterion) {
 fn load(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("load");
     group.sample_size(20);
-    for View { name, prior, .. } in views() {
+    for Seen { name, prior, .. } in scenes() {
         let mut bytes = Vec::new();
         write_ply(prior.splats(), prior.options(), prior.key_frames(), &mut bytes)
             .expect("a file in memory");

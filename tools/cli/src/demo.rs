@@ -12,7 +12,7 @@ use nvsprior::render::Scene;
 use nvsprior::residual::Webp;
 use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
-use nvsprior_train::mapping::{MappingOptions, View, make_prior};
+use nvsprior_train::mapping::{MappingOptions, PosedPicture, make_prior};
 
 use crate::key_frames;
 use crate::sheet::{self, SheetRow};
@@ -84,9 +84,13 @@ fn map(path: &Path, folder: &Path) -> anyhow::Result<Prior> {
     let since = Instant::now();
     let run = nvsprior_basin::mapping_run(Conditions::BASIN);
     let bar = progress(run.len(), "drawing the mapping run M1");
-    let mut views: Vec<View> = Vec::new();
+    let mut views: Vec<PosedPicture> = Vec::new();
     nvsprior_basin::write_run(folder, "M1", run, |frame| {
-        views.push(View { camera: CAMERA, pose: frame.pose, picture: frame.picture.clone() });
+        views.push(PosedPicture {
+            camera: CAMERA,
+            pose: frame.pose,
+            picture: frame.picture.clone(),
+        });
         bar.inc(1);
     })?;
     bar.finish_and_clear();

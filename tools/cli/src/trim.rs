@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use nvsprior::prior::KeyFrames;
 use nvsprior::prior::compact::Quantisation;
 use nvsprior::{Camera, Pose, Prior};
-use nvsprior_train::mapping::View;
+use nvsprior_train::mapping::PosedPicture;
 use nvsprior_train::trim::{TrimOptions, trim};
 
 use crate::container::Container;
@@ -139,7 +139,7 @@ fn fit_views(
     mission: &Mission,
     fit: FitArg,
     whole: &mut PictureRenderer,
-) -> anyhow::Result<Vec<View>> {
+) -> anyhow::Result<Vec<PosedPicture>> {
     let mut views = Vec::new();
     for posed in &mission.views {
         let (camera, pose) = (posed.camera, posed.pose);
@@ -147,10 +147,10 @@ fn fit_views(
             Some(frame) if fit == Frames => frame.clone(),
             _ => whole.render(&camera, &pose)?.clone(),
         };
-        views.push(View { camera, pose, picture });
+        views.push(PosedPicture { camera, pose, picture });
     }
     for (camera, pose) in mission.near(0) {
-        views.push(View { camera, pose, picture: whole.render(&camera, &pose)?.clone() });
+        views.push(PosedPicture { camera, pose, picture: whole.render(&camera, &pose)?.clone() });
     }
     Ok(views)
 }

@@ -78,15 +78,15 @@ impl Seen {
 }
 
 /// A prior seen from somewhere, with all that comes before the blending.
-struct View {
+struct LevelSeen {
     camera: Camera,
     params: Params,
     stages: Stages,
 }
 
-impl View {
+impl LevelSeen {
     /// A level of the pyramid.
-    fn new(engine: &Engine, seen: &Seen, factor: u32) -> Result<View, Error> {
+    fn new(engine: &Engine, seen: &Seen, factor: u32) -> Result<LevelSeen, Error> {
         let Seen { prior, scene, pose, .. } = seen;
         let camera = seen.camera.reduced(factor);
         let tiles = [camera.width.div_ceil(TILE), camera.height.div_ceil(TILE)];
@@ -104,7 +104,7 @@ impl View {
         };
         let (room, exact) = (1 << 20, SortPrecision::Exact);
         let stages = engine.probe().stages_at(scene, &seen.camera, factor, pose, room, exact)?;
-        Ok(View { camera, params, stages })
+        Ok(LevelSeen { camera, params, stages })
     }
 
     /// What the model counts.
@@ -150,7 +150,7 @@ fn times(best: &mut Best, commands: &mut [Commands]) -> Result<Vec<Vec<f64>>, Er
 }
 
 /// The blending stages against the arithmetic's ceiling, and against GLSL where that fits the device.
-fn blending(seen: &Seen, view: &View, best: &mut Best) -> Result<(), Error> {
+fn blending(seen: &Seen, view: &LevelSeen, best: &mut Best) -> Result<(), Error> {
     let device = best.engine.vulkan();
     let (stages, params) = (&view.stages, &view.params);
     let groups = [params.tiles_x, params.tiles_y, 1];
@@ -435,7 +435,7 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
     };
     let mut renderer = engine.renderer(&seen.scene, &seen.camera, plan)?;
     for (level, factor) in factors.into_iter().enumerate() {
-        let view = View::new(engine, seen, factor)?;
+        let view = LevelSeen::new(engine, seen, factor)?;
         let c = view.counts(seen);
         println!("level {level}: {} splats, {} visible, {} pairs", c.splats, c.visible, c.pairs);
         println!("  {} rows, {} tiles, {} digits", c.rows, c.tiles, c.digits);
@@ -453,7 +453,7 @@ fn main() -> Result<(), Error> {
     let device = engine.vulkan();
     println!("{}", engine.device());
     let seen = Seen::new(&engine)?;
-    let view = View::new(&engine, &seen, 1)?;
+    let view = LevelSeen::new(&engine, &seen, 1)?;
     let mut best = Best { engine: &engine, ceilings: ceilings::measure(engine.vulkan())? };
     blending(&seen, &view, &mut best)?;
     let keys = &view.stages.keys;

@@ -6,13 +6,13 @@ use glam::DVec2;
 
 use nvsprior_kernels::shared::{ALPHA_MIN, TILE};
 
-use super::View;
+use super::Viewpoint;
 use super::project::Projected;
 use super::splat::Hit;
 
 /// Tiles, row-major, with a pixel centre at which the splat's alpha is at least `1 + margin` times
 /// the cut. Every pixel in its box is tried.
-pub fn tiles(view: &View, s: &Projected, margin: f64) -> BTreeSet<u32> {
+pub fn tiles(view: &Viewpoint, s: &Projected, margin: f64) -> BTreeSet<u32> {
     let (width, height) = (view.camera.width, view.camera.height);
     let cut = f64::from(ALPHA_MIN) * (1.0 + margin);
     let mut tiles = BTreeSet::new();

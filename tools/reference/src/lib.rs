@@ -44,7 +44,7 @@ pub(crate) fn plus(a: Twist, scale: f64, b: Twist) -> Twist {
 
 /// What all splats of a picture are seen through.
 #[derive(Clone, Copy, Debug)]
-pub struct View<'a> {
+pub struct Viewpoint<'a> {
     /// The camera.
     pub camera: &'a Camera,
     /// Where it stands.
@@ -100,13 +100,13 @@ impl<'a> Twin<'a> {
     }
 
     /// The view of this prior from a pose.
-    pub fn view<'v>(&'v self, camera: &'v Camera, pose: &'v Pose) -> View<'v> {
+    pub fn view<'v>(&'v self, camera: &'v Camera, pose: &'v Pose) -> Viewpoint<'v> {
         let options = self.prior.options();
-        View { camera, pose, options, low_pass: low_pass(options.antialiased, self.factor) }
+        Viewpoint { camera, pose, options, low_pass: low_pass(options.antialiased, self.factor) }
     }
 
     /// All splats in front of the near plane, nearest first, ties by index.
-    pub fn project(&self, view: &View) -> Vec<Projected> {
+    pub fn project(&self, view: &Viewpoint) -> Vec<Projected> {
         let each = |(i, splat)| project::project(view, i as u32, splat);
         let mut seen: Vec<Projected> =
             self.splats.par_iter().enumerate().filter_map(each).collect();

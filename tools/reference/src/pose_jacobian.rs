@@ -6,7 +6,7 @@ use glam::{DMat2, DMat3, DVec2, DVec3};
 use nvsprior_kernels::shared::RATIO_MIN;
 
 use super::project::{Linearisation, Projected, Splat};
-use super::{Twist, View, harmonics};
+use super::{Twist, Viewpoint, harmonics};
 
 /// Pose derivatives of a projected splat.
 #[derive(Clone, Copy, Debug, Default)]
@@ -29,7 +29,7 @@ struct Along {
 }
 
 /// Differentiates what [`project`](super::project::project) computes.
-pub fn derive(view: &View, splat: &Splat, s: &Projected) -> Motion {
+pub fn derive(view: &Viewpoint, splat: &Splat, s: &Projected) -> Motion {
     let sigma = splat.camera_covariance(view);
     let linear = Linearisation::at(view, s.camera);
     let sharp = linear.covariance(&sigma);
@@ -62,7 +62,7 @@ fn d_point(p: DVec3, along: Along) -> DVec3 {
 }
 
 /// Of the mean: the clamp of the ray does not hold it.
-fn d_mean(view: &View, p: DVec3, along: Along) -> DVec2 {
+fn d_mean(view: &Viewpoint, p: DVec3, along: Along) -> DVec2 {
     let dp = d_point(p, along);
     let (fx, fy) = (f64::from(view.camera.fx), f64::from(view.camera.fy));
     DVec2::new(fx * (dp.x - p.x / p.z * dp.z) / p.z, fy * (dp.y - p.y / p.z * dp.z) / p.z)
@@ -70,7 +70,7 @@ fn d_mean(view: &View, p: DVec3, along: Along) -> DVec2 {
 
 /// `dΣ' = dJ Σ Jᵀ + J Σ dJᵀ + J dΣ Jᵀ`.
 fn d_covariance(
-    view: &View,
+    view: &Viewpoint,
     p: DVec3,
     linear: &Linearisation,
     sigma: &DMat3,
@@ -103,7 +103,7 @@ fn d_covariance(
 
 /// Of `ln √(det Σ′ / det Σ⁺)`, where opacity compensates: low-passes are constant, so both
 /// covariances change by the same `d`.
-fn d_ln_alpha(view: &View, sharp: &DMat2, smooth: &DMat2, d: &DMat2) -> f64 {
+fn d_ln_alpha(view: &Viewpoint, sharp: &DMat2, smooth: &DMat2, d: &DMat2) -> f64 {
     let [added, kept] = view.low_pass;
     let sharp = *sharp + DMat2::from_diagonal(DVec2::splat(kept.into()));
     let ratio = sharp.determinant() / smooth.determinant();
@@ -120,7 +120,7 @@ fn d_ln_alpha(view: &View, sharp: &DMat2, smooth: &DMat2, d: &DMat2) -> f64 {
 
 /// d(rgb)/dρ, `R (I − d̂d̂ᵀ) / ‖·‖` times the harmonics' gradient; θ leaves the camera's centre
 /// where it is. A channel that the clamp at 0 holds does not change.
-fn colour(view: &View, splat: &Splat, s: &Projected) -> [DVec3; 3] {
+fn colour(view: &Viewpoint, splat: &Splat, s: &Projected) -> [DVec3; 3] {
     let (d, distance) = splat.direction(view);
     let (_, gradients) = harmonics::evaluate(splat.sh, d);
     std::array::from_fn(|channel| {

@@ -7,7 +7,7 @@ use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 use nvsprior::prior::Splats;
 use nvsprior_kernels::shared::{ALPHA_MIN, FRUSTUM_MARGIN, RATIO_MIN, THIN, WIDE};
 
-use super::{CUT_MARGIN, Channels, View, harmonics};
+use super::{CUT_MARGIN, Channels, Viewpoint, harmonics};
 
 /// A splat of the prior, activated.
 #[derive(Clone, Copy, Debug)]
@@ -42,14 +42,14 @@ impl<'a> Splat<'a> {
     }
 
     /// Unit direction from the camera's centre, and the distance.
-    pub fn direction(&self, view: &View) -> (DVec3, f64) {
+    pub fn direction(&self, view: &Viewpoint) -> (DVec3, f64) {
         let towards = self.position - view.pose.centre();
         let distance = towards.length();
         (towards / distance, distance)
     }
 
     /// Covariance in camera axes, `W Σ Wᵀ`.
-    pub fn camera_covariance(&self, view: &View) -> DMat3 {
+    pub fn camera_covariance(&self, view: &Viewpoint) -> DMat3 {
         let w = view.pose.matrix();
         w * self.covariance * w.transpose()
     }
@@ -68,7 +68,7 @@ pub struct Linearisation {
 
 impl Linearisation {
     /// At a point in camera coordinates.
-    pub fn at(view: &View, p: DVec3) -> Linearisation {
+    pub fn at(view: &Viewpoint, p: DVec3) -> Linearisation {
         let c = view.camera;
         let focal = DVec2::new(c.fx.into(), c.fy.into());
         let principal = DVec2::new(c.cx.into(), c.cy.into());
@@ -138,7 +138,7 @@ pub struct Projected {
 }
 
 /// Projects a splat; `None` where it is culled.
-pub fn project(view: &View, index: u32, splat: &Splat) -> Option<Projected> {
+pub fn project(view: &Viewpoint, index: u32, splat: &Splat) -> Option<Projected> {
     let rotated = view.pose.matrix() * splat.position;
     let p = rotated + view.pose.translation;
     if !(p.z > f64::from(view.options.near)) {
@@ -194,7 +194,7 @@ fn squared([l11, l21, l22]: [f64; 3]) -> DMat2 {
 
 /// What opacity is scaled by, from the ratio of the determinants with what of the low-pass is kept
 /// and with all of it.
-fn compensation(view: &View, ratio: f64) -> f64 {
+fn compensation(view: &Viewpoint, ratio: f64) -> f64 {
     let [added, kept] = view.low_pass;
     if kept < added { ratio.max(RATIO_MIN.into()).sqrt() } else { 1.0 }
 }

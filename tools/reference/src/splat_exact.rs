@@ -7,7 +7,7 @@ use nvsprior::RenderOptions;
 use super::pose_jacobian::{Motion, derive};
 use super::project::{Projected, Splat};
 use super::splat::{Hit, Pixel, blend_rows};
-use super::{Sample, Twist, View, plus};
+use super::{Sample, Twist, Viewpoint, plus};
 
 /// A pixel and its pose derivatives while it is blended.
 #[derive(Clone, Copy, Debug, Default)]
@@ -60,7 +60,7 @@ impl MovingPixel {
 }
 
 /// Every pixel with its derivatives, from `seen` in depth order of the prior's `splats`.
-pub fn blend(view: &View, seen: &[Projected], splats: &[Splat]) -> Vec<MovingPixel> {
+pub fn blend(view: &Viewpoint, seen: &[Projected], splats: &[Splat]) -> Vec<MovingPixel> {
     let options: &RenderOptions = view.options;
     let motion = |s: &Projected| derive(view, &splats[s.index as usize], s);
     let motions: Vec<Motion> = seen.par_iter().map(motion).collect();

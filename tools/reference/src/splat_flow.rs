@@ -3,7 +3,7 @@
 
 use glam::DVec2;
 
-use super::View;
+use super::Viewpoint;
 use super::pose_jacobian::Motion;
 use super::project::Projected;
 use super::splat::{Hit, blend_rows};
@@ -11,7 +11,7 @@ use super::splat_exact::MovingPixel;
 
 /// The optical flow at a pixel centre for depth `z` (Longuet-Higgins and Prazdny 1980), with
 /// `dp = ρ + θ × p`: `du = fx (ρx − x ρz)/z + fx (−xy θx + (1 + x²) θy − y θz)`, `dv` likewise.
-pub fn flow(view: &View, centre: DVec2, z: f64) -> Motion {
+pub fn flow(view: &Viewpoint, centre: DVec2, z: f64) -> Motion {
     let c = view.camera;
     let (fx, fy) = (f64::from(c.fx), f64::from(c.fy));
     let x = (centre.x - f64::from(c.cx)) / fx;
@@ -26,7 +26,7 @@ pub fn flow(view: &View, centre: DVec2, z: f64) -> Motion {
 }
 
 /// Every pixel with its derivatives, from `seen` in depth order.
-pub fn blend(view: &View, seen: &[Projected]) -> Vec<MovingPixel> {
+pub fn blend(view: &Viewpoint, seen: &[Projected]) -> Vec<MovingPixel> {
     blend_rows(seen, view.camera, &MovingPixel::default(), |pixel, i, centre| {
         if let Some(hit) = Hit::at(&seen[i], view.options, centre) {
             pixel.blend(&seen[i], &hit, &flow(view, centre, seen[i].camera.z));

@@ -14,7 +14,7 @@ use crate::mapping::fit::{self, sum_over};
 use crate::mapping::project::Geometry;
 use crate::mapping::raster::Projection;
 pub use crate::mapping::raster::Removal;
-use crate::mapping::{self, MappingError, MappingOptions, View, harmonics, train};
+use crate::mapping::{self, MappingError, MappingOptions, PosedPicture, harmonics, train};
 use nvsprior::prior::{RenderOptions, Splats};
 use nvsprior::{Camera, Pose};
 
@@ -104,7 +104,7 @@ pub trait Judge {
 /// Views that cannot be used, and what the judge fails with.
 pub fn trim<J: Judge>(
     splats: &Splats,
-    views: &[View],
+    views: &[PosedPicture],
     options: &TrimOptions,
     judge: &mut J,
 ) -> Result<Splats, J::Error> {
@@ -147,7 +147,7 @@ pub fn most_needed(removals: &[Removal], share: f64) -> Vec<bool> {
 struct Trimmer<'a, J> {
     /// The smallest so far that is within the tolerance.
     best: Splats,
-    views: &'a [View],
+    views: &'a [PosedPicture],
     options: &'a TrimOptions,
     judge: &'a mut J,
 }
@@ -271,9 +271,9 @@ mod tests {
         poses().iter().map(|pose| preview(splats, &RENDER, &CAMERA, pose).unwrap()).collect()
     }
 
-    fn views(splats: &Splats) -> Vec<View> {
+    fn views(splats: &Splats) -> Vec<PosedPicture> {
         let all = std::iter::zip(poses(), pictures(splats));
-        all.map(|(pose, picture)| View { camera: CAMERA, pose, picture }).collect()
+        all.map(|(pose, picture)| PosedPicture { camera: CAMERA, pose, picture }).collect()
     }
 
     /// Finds how far pictures are below a PSNR.

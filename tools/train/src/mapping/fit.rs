@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::harmonics;
 use super::project::Geometry;
 use super::raster::Projection;
-use super::{MappingOptions, View};
+use super::{MappingOptions, PosedPicture};
 use nvsprior::prior::Splats;
 
 /// Views are summed in so many groups, each in its own order, and then group by group: the sum
@@ -23,7 +23,7 @@ const GROUPS: usize = 8;
 /// told after each.
 pub fn fit_colours(
     splats: &mut Splats,
-    views: &[View],
+    views: &[PosedPicture],
     options: &MappingOptions,
     done: &mut dyn FnMut(),
 ) {
@@ -38,7 +38,7 @@ pub fn fit_colours(
 /// not decide stays as it is.
 pub fn correct_colours(
     splats: &mut Splats,
-    views: &[View],
+    views: &[PosedPicture],
     options: &MappingOptions,
     done: &mut dyn FnMut(),
 ) {
@@ -51,7 +51,7 @@ pub fn correct_colours(
 /// The linear system of one geometry and its views.
 struct System<'a> {
     geometry: Geometry,
-    views: &'a [View],
+    views: &'a [PosedPicture],
     options: &'a MappingOptions,
     /// Coefficients per splat.
     terms: usize,
@@ -61,7 +61,7 @@ impl<'a> System<'a> {
     /// That of splats, and the coefficients that they have.
     fn of(
         splats: &Splats,
-        views: &'a [View],
+        views: &'a [PosedPicture],
         options: &'a MappingOptions,
     ) -> (System<'a>, Vec<Vec3>) {
         let terms = harmonics::count(splats.sh_degree);
@@ -142,7 +142,11 @@ impl<'a> System<'a> {
     }
 
     /// Adds up what `add` makes of every view and its projection.
-    fn summed<T>(&self, zero: Vec<T>, add: impl Fn(&View, &Projection, &mut [T]) + Sync) -> Vec<T>
+    fn summed<T>(
+        &self,
+        zero: Vec<T>,
+        add: impl Fn(&PosedPicture, &Projection, &mut [T]) + Sync,
+    ) -> Vec<T>
     where
         T: Copy + Send + Sync + std::ops::AddAssign,
     {
@@ -154,7 +158,7 @@ impl<'a> System<'a> {
     }
 
     /// Unit directions from a view's camera to every splat.
-    fn directions(&self, view: &View) -> Vec<Vec3> {
+    fn directions(&self, view: &PosedPicture) -> Vec<Vec3> {
         let centre = view.pose.centre().as_vec3();
         self.geometry.positions.iter().map(|p| (*p - centre).normalize_or_zero()).collect()
     }

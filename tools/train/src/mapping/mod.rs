@@ -31,7 +31,7 @@ pub struct SurfacePoint {
 
 /// A picture and where it was taken.
 #[derive(Clone, Debug)]
-pub struct View {
+pub struct PosedPicture {
     /// The camera.
     pub camera: Camera,
     /// Its pose.
@@ -40,7 +40,7 @@ pub struct View {
     pub picture: Picture,
 }
 
-impl View {
+impl PosedPicture {
     /// A pixel's colour, values in [0, 1].
     fn colour(&self, pixel: usize) -> Vec3 {
         let rgb = &self.picture.data[3 * pixel..3 * pixel + 3];
@@ -142,7 +142,7 @@ pub enum MappingError {
 /// after every step; the result is the same for any number of threads.
 pub fn make_prior(
     points: &[SurfacePoint],
-    views: &[View],
+    views: &[PosedPicture],
     options: &MappingOptions,
     progress: &mut dyn FnMut(u32, u32),
 ) -> Result<Splats, MappingError> {
@@ -238,11 +238,11 @@ fn check_points(points: &[SurfacePoint]) -> Result<(), MappingError> {
     }
 }
 
-pub(crate) fn check_views(views: &[View]) -> Result<(), MappingError> {
+pub(crate) fn check_views(views: &[PosedPicture]) -> Result<(), MappingError> {
     if views.is_empty() {
         return Err(MappingError::NoViews);
     }
-    for (index, View { camera, pose, picture }) in views.iter().enumerate() {
+    for (index, PosedPicture { camera, pose, picture }) in views.iter().enumerate() {
         camera.check().map_err(|source| MappingError::Camera { index, source })?;
         if !pose.is_finite() {
             return Err(MappingError::Pose { index });
@@ -275,12 +275,12 @@ mod tests {
     }
 
     /// The wall seen from a few places, painted by `paint` over the picture.
-    fn views(paint: impl Fn(usize, usize) -> [u8; 3]) -> Vec<View> {
+    fn views(paint: impl Fn(usize, usize) -> [u8; 3]) -> Vec<PosedPicture> {
         let mut picture = Picture::new(CAMERA.width, CAMERA.height);
         for (i, pixel) in picture.data.chunks_exact_mut(3).enumerate() {
             pixel.copy_from_slice(&paint(i % 64, i / 64));
         }
-        vec![View { camera: CAMERA, pose: Pose::IDENTITY, picture }]
+        vec![PosedPicture { camera: CAMERA, pose: Pose::IDENTITY, picture }]
     }
 
     #[test]
@@ -316,7 +316,10 @@ mod tests {
     fn the_result_does_not_depend_on_the_number_of_threads() {
         let options = MappingOptions { sweeps: 2, steps: 6, ..MappingOptions::default() };
         let mut views = views(|x, y| [(x * 4) as u8, (y * 5) as u8, 90]);
-        views.push(View { pose: Pose::exp(&[0.1, 0.0, 0.0, 0.0, 0.05, 0.0]), ..views[0].clone() });
+        views.push(PosedPicture {
+            pose: Pose::exp(&[0.1, 0.0, 0.0, 0.0, 0.05, 0.0]),
+            ..views[0].clone()
+        });
         let make = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| make_prior(&wall(), &views, &options, &mut |_, _| ()).unwrap())
@@ -337,7 +340,7 @@ mod tests {
     fn refuses_what_cannot_be_fitted() {
         let options = MappingOptions::default();
         let (points, good) = (wall(), views(|_, _| [0; 3]));
-        let error = |points: &[SurfacePoint], views: &[View], options: &MappingOptions| {
+        let error = |points: &[SurfacePoint], views: &[PosedPicture], options: &MappingOptions| {
             make_prior(points, views, options, &mut |_, _| ()).unwrap_err()
         };
         assert_eq!(error(&[], &good, &options), MappingError::NoPoints);
@@ -346,7 +349,7 @@ mod tests {
         assert_eq!(error(&flat, &good, &options), MappingError::Point { index: 1 });
         let lost = [SurfacePoint { radius: f32::NAN, ..points[0] }];
         assert_eq!(error(&lost, &good, &options), MappingError::Point { index: 0 });
-        let small = View { picture: Picture::new(64, 47), ..good[0].clone() };
+        let small = PosedPicture { picture: Picture::new(64, 47), ..good[0].clone() };
         let size = MappingError::PictureSize { index: 0, width: 64, height: 47 };
         assert_eq!(error(&points, &[small], &options), size);
         let opaque = MappingOptions { opacity: 1.0, ..options };

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::harmonics;
 use super::project::{Geometry, Projector};
 use super::raster::Projection;
-use super::{MappingOptions, View};
+use super::{MappingOptions, PosedPicture};
 use nvsprior::prior::Splats;
 
 /// Views per step.
@@ -44,7 +44,7 @@ struct Moments {
 /// `done` is told after each. Bands of spherical harmonics above the first stay as they are.
 pub fn train(
     splats: &mut Splats,
-    views: &[View],
+    views: &[PosedPicture],
     options: &MappingOptions,
     pace: f32,
     done: &mut dyn FnMut(),
@@ -55,7 +55,7 @@ pub fn train(
     let stride = coprime_stride(views.len());
     for step in 0..options.steps {
         let geometry = Geometry::of(splats);
-        let batch: Vec<&View> = (0..BATCH)
+        let batch: Vec<&PosedPicture> = (0..BATCH)
             .map(|i| &views[(step as usize * BATCH + i) * stride % views.len()])
             .collect();
         let derivatives: Vec<Vec<Parameters>> = batch
@@ -122,7 +122,7 @@ fn apply(splats: &mut Splats, index: usize, change: &Parameters) {
 fn derivatives(
     splats: &Splats,
     geometry: &Geometry,
-    view: &View,
+    view: &PosedPicture,
     options: &MappingOptions,
 ) -> Vec<Parameters> {
     let render = &options.render;
@@ -185,7 +185,7 @@ mod tests {
         }
     }
 
-    fn loss(splats: &Splats, view: &View, options: &MappingOptions) -> f64 {
+    fn loss(splats: &Splats, view: &PosedPicture, options: &MappingOptions) -> f64 {
         let geometry = Geometry::of(splats);
         let colours = harmonics::colours(splats, view.pose.centre().as_vec3());
         let projection = Projection::new(&geometry, &view.camera, &view.pose, &options.render);
@@ -202,7 +202,7 @@ mod tests {
         let splats = cloud(24);
         let mut picture = Picture::new(CAMERA.width, CAMERA.height);
         picture.data.iter_mut().enumerate().for_each(|(i, byte)| *byte = (i * 7 % 251) as u8);
-        let view = View { camera: CAMERA, pose: Pose::IDENTITY, picture };
+        let view = PosedPicture { camera: CAMERA, pose: Pose::IDENTITY, picture };
         let options = MappingOptions::default();
         let analytic = derivatives(&splats, &Geometry::of(&splats), &view, &options);
         for k in 0..PARAMETERS {
