@@ -323,7 +323,7 @@ pub fn dilated(det: f32, trace: f32, low_pass: f32) -> f32 {
 
 /// Depths, lengths of projected axes in pixels, and means in pixels beyond which a splat is culled: what follows from
 /// them stays within f32, and far from denormals.
-const DEPTHS: [f32; 2] = [1e-18, 1e18];
+const DEPTHS: [f32; 2] = [1e-18, 1e30];
 const LONGEST: f32 = 1e30;
 const FURTHEST: f32 = 1e15;
 
