@@ -5,6 +5,7 @@ mod scene;
 
 use std::alloc::System;
 
+use nvsprior::prior::KeyFrames;
 use nvsprior::tracking::Optimizer;
 use nvsprior::{Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Picture, Rate, Trust};
 use scene::{CAMERA, clean_frame, pose, wall};
@@ -21,8 +22,10 @@ fn calls(region: &Region<System>) -> usize {
 
 /// Encodes and decodes the frames; heap calls of all but the first.
 fn heap_calls(engine: &Engine, frames: &[Picture], options: EncoderOptions) -> usize {
-    let scene = engine.upload(&wall(1)).unwrap();
+    let key_frames = KeyFrames::new((10..30).map(|t| pose(t.into())).collect()).unwrap();
+    let scene = engine.upload(&wall(1).with_key_frames(key_frames)).unwrap();
     let mut encoder = Encoder::new(engine, &scene, &CAMERA, options).unwrap();
+    encoder.prepare(usize::MAX).unwrap();
     let mut decoder = Decoder::new(engine, &scene);
     let mut encoded = Encoded::with_room(CAMERA.width, CAMERA.height);
     let mut decoded = Decoded::default();
@@ -53,6 +56,10 @@ fn frames_after_the_first_take_nothing_from_the_heap() {
         let options = EncoderOptions { rate, camera_interval: 2, ..EncoderOptions::default() };
         assert_eq!(heap_calls(&engine, &frames, options), 0, "{rate:?}");
     }
+    // Of another scene: looked for by key frames.
+    let foreign = clean_frame(&engine, &engine.upload(&wall(2)).unwrap(), &pose(0.0));
+    let lost = [&frames[0], &foreign, &foreign, &frames[1]].map(Picture::clone);
+    assert_eq!(heap_calls(&engine, &lost, EncoderOptions::default()), 0, "lost frames");
     for optimizer in [Optimizer::Bfgs, Optimizer::AdamBfgs] {
         let mut options = EncoderOptions::default();
         options.refine.optimizer = optimizer;
