@@ -1,6 +1,7 @@
 //! `nvsprior bench`: run time and error of a prior on a run of frames, in one report.
 
 mod ablation;
+mod codecs;
 mod configurations;
 mod context;
 mod forward;
@@ -61,6 +62,8 @@ pub struct Args {
     ablation: ablation::AblationArgs,
     #[command(flatten)]
     recovery: recovery::RecoveryArgs,
+    #[command(flatten)]
+    codecs: codecs::CodecsArgs,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
     threshold: f64,
@@ -81,6 +84,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     if args.recovery.recovery {
         recovery::run(&args.recovery, &mut context, folder)?;
+        return args.device.check(&context.engine);
+    }
+    if args.codecs.codecs {
+        codecs::run(&mut context, folder)?;
         return args.device.check(&context.engine);
     }
     std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;

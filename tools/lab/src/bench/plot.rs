@@ -155,6 +155,21 @@ pub fn scaling(path: &Path, rows: &[Scale]) -> anyhow::Result<()> {
     draw(path, &words, true, &series, &[])
 }
 
+/// PSNR against bytes, a curve per coder.
+pub fn codecs(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> anyhow::Result<()> {
+    let series = curves.into_iter().map(|(name, mut points)| {
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Series { name, points, line: true, dots: true }
+    });
+    let words = Words {
+        caption: "PSNR against bytes, means per frame",
+        x: "bytes per frame",
+        y: "dB",
+        legend: SeriesLabelPosition::LowerRight,
+    };
+    draw(path, &words, false, &series.collect::<Vec<_>>(), &[])
+}
+
 /// Draws with a logarithmic x axis, and, where `log_y`, such a y axis.
 fn draw(
     path: &Path,

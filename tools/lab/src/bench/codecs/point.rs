@@ -1,0 +1,118 @@
+//! A coder at one setting.
+
+/// What is coded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// The camera's frame.
+    Frame,
+    /// The frame less the prior's render.
+    Difference,
+}
+
+impl Input {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Input::Frame => "frame",
+            Input::Difference => "difference",
+        }
+    }
+}
+
+/// Whether a picture leans on those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// It does not.
+    Intra,
+    /// It does; nothing waits for pictures to come.
+    Stream,
+}
+
+impl Mode {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Mode::Intra => "intra",
+            Mode::Stream => "stream",
+        }
+    }
+}
+
+/// Means per frame.
+#[derive(Clone, Debug)]
+pub struct Point {
+    pub coder: &'static str,
+    pub input: Input,
+    pub mode: Mode,
+    pub setting: f64,
+    /// Of a difference picture, the latent part included.
+    pub bytes: f64,
+    /// Of what the topside shows, dB.
+    pub psnr: f64,
+    pub encode_ms: f64,
+    pub decode_ms: f64,
+}
+
+/// By how much more bytes one curve takes than another at the same PSNR, averaged over the PSNR that both reach
+/// (Bjøntegaard 2001, with straight lines between the points' logarithms); `None` if they share none.
+pub fn bd_rate(curve: &[&Point], anchor: &[&Point]) -> Option<f64> {
+    let (curve, anchor) = (line(curve), line(anchor));
+    let low = curve.first()?.0.max(anchor.first()?.0);
+    let high = curve.last()?.0.min(anchor.last()?.0);
+    const STEPS: u32 = 200;
+    let at = |i: u32| low + (high - low) * (f64::from(i) + 0.5) / f64::from(STEPS);
+    let ratio = |i: u32| log_bytes(&curve, at(i)) - log_bytes(&anchor, at(i));
+    let mean = (0..STEPS).map(ratio).sum::<f64>() / f64::from(STEPS);
+    (high > low).then(|| mean.exp() - 1.0)
+}
+
+/// PSNR and logarithm of bytes, in the order of PSNR.
+fn line(points: &[&Point]) -> Vec<(f64, f64)> {
+    let sound = points.iter().filter(|p| p.psnr.is_finite() && p.bytes > 0.0);
+    let mut line: Vec<_> = sound.map(|p| (p.psnr, p.bytes.ln())).collect();
+    line.sort_by(|a, b| a.0.total_cmp(&b.0));
+    line
+}
+
+fn log_bytes(line: &[(f64, f64)], psnr: f64) -> f64 {
+    let after = line.partition_point(|p| p.0 < psnr).clamp(1, line.len() - 1);
+    let ((x0, y0), (x1, y1)) = (line[after - 1], line[after]);
+    y0 + (y1 - y0) * (psnr - x0) / (x1 - x0).max(1e-12)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn curve(factor: f64) -> Vec<Point> {
+        let point = |psnr: f64| Point {
+            coder: "test",
+            input: Input::Frame,
+            mode: Mode::Intra,
+            setting: psnr,
+            bytes: factor * (0.2 * psnr).exp(),
+            psnr,
+            encode_ms: 0.0,
+            decode_ms: 0.0,
+        };
+        [36.0, 28.0, 31.0, 33.5].map(point).to_vec()
+    }
+
+    #[test]
+    fn half_the_bytes_are_minus_fifty_per_cent() {
+        let (half, whole) = (curve(0.5), curve(1.0));
+        let rate = bd_rate(&half.iter().collect::<Vec<_>>(), &whole.iter().collect::<Vec<_>>());
+        assert!((rate.unwrap() + 0.5).abs() < 1e-9, "{rate:?}");
+    }
+
+    #[test]
+    fn curves_that_share_no_quality_have_none() {
+        let (low, mut high) = (curve(1.0), curve(1.0));
+        high.iter_mut().for_each(|p| p.psnr += 20.0);
+        let refs = |curve: &[Point]| curve.to_vec();
+        let (low, high) = (refs(&low), refs(&high));
+        let rate = bd_rate(&low.iter().collect::<Vec<_>>(), &high.iter().collect::<Vec<_>>());
+        assert_eq!(rate, None);
+        assert_eq!(bd_rate(&[], &low.iter().collect::<Vec<_>>()), None);
+    }
+}
