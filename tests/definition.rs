@@ -9,8 +9,14 @@ use nvsprior::{Pose, Prior, RenderOptions};
 
 /// CRC-32 of what is drawn of each scene: floats and bytes, at a pose and at a packet's.
 const EXPECTED: [u32; 8] = [
-    0x89cd_9e00, 0xe4a4_cad5, 0x8a67_b205, 0x001c_1b63,
-    0xd3f2_3713, 0xe40d_53d3, 0x9b07_e099, 0xa334_6d99,
+    0x89cd_9e00,
+    0xe4a4_cad5,
+    0x8a67_b205,
+    0x001c_1b63,
+    0xd3f2_3713,
+    0xe40d_53d3,
+    0x9b07_e099,
+    0xa334_6d99,
 ];
 
 /// A pose of sums and products alone: hosts' sines differ.
