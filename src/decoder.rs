@@ -34,11 +34,11 @@ pub struct Decoder {
     engine: Engine,
     scene: Arc<Scene>,
     cameras: Vec<Camera>,
-    view: Option<View>,
+    camera_decoder: Option<CameraDecoder>,
 }
 
 /// What one camera's packets take.
-struct View {
+struct CameraDecoder {
     camera: Camera,
     renderer: Renderer,
     residual: ResidualDecoder,
@@ -61,7 +61,12 @@ const CAMERAS: usize = 256;
 impl Decoder {
     /// Makes a decoder of packets about an uploaded prior.
     pub fn new(engine: &Engine, scene: &Arc<Scene>) -> Decoder {
-        Decoder { engine: engine.clone(), scene: scene.clone(), cameras: Vec::new(), view: None }
+        Decoder {
+            engine: engine.clone(),
+            scene: scene.clone(),
+            cameras: Vec::new(),
+            camera_decoder: None,
+        }
     }
 
     /// Goes on with another engine, after the device of the old one was lost, and the same prior
@@ -71,7 +76,7 @@ impl Decoder {
         if expected != found {
             return Err(Error::PriorChanged { expected, found });
         }
-        (self.engine, self.scene, self.view) = (engine.clone(), scene.clone(), None);
+        (self.engine, self.scene, self.camera_decoder) = (engine.clone(), scene.clone(), None);
         Ok(())
     }
 
@@ -116,7 +121,7 @@ impl Decoder {
         };
         let pose = latent.pose.dequantise(&self.scene.frame());
         let here = self.engine.device().portable;
-        let view = self.view(&latent)?;
+        let view = self.camera_decoder(&latent)?;
         decoded.picture.resize(latent.width, latent.height);
         view.renderer.coded_picture(&latent.pose.words(), &mut decoded.picture)?;
         (decoded.frame, decoded.pose) = (latent.frame, pose);
@@ -133,23 +138,23 @@ impl Decoder {
     }
 
     /// What renders for the newest camera whose tag fits.
-    fn view(&mut self, latent: &Latent) -> Result<&mut View, Error> {
+    fn camera_decoder(&mut self, latent: &Latent) -> Result<&mut CameraDecoder, Error> {
         let named = self.cameras.iter().rev().find(|c| latent.check_camera(c).is_ok());
         let (frame, tag) = (latent.frame, latent.camera_tag);
         let camera = *named.ok_or(Error::CameraUnknown { frame, tag })?;
-        let view = match self.view.take() {
+        let view = match self.camera_decoder.take() {
             Some(view) if view.camera == camera => view,
-            _ => View {
+            _ => CameraDecoder {
                 camera,
                 renderer: self.engine.renderer(&self.scene, &camera, Plan::picture())?,
                 residual: ResidualDecoder::new(camera.width, camera.height),
             },
         };
-        Ok(self.view.insert(view))
+        Ok(self.camera_decoder.insert(view))
     }
 }
 
-impl View {
+impl CameraDecoder {
     /// Turns the render into the picture. The rows that a residual reached, and what was damaged.
     fn add_residual(
         &mut self,

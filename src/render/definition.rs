@@ -15,8 +15,8 @@ use crate::shared::{
 };
 use crate::{Camera, Pose, Prior, RenderOptions};
 
+use super::levels::{posed, prototype};
 use super::scene::{Planes, centre};
-use super::view::{posed, prototype};
 
 /// A prior, ready to be drawn.
 pub struct Definition {

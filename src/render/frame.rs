@@ -6,8 +6,8 @@ use crate::Picture;
 use crate::search::{Anchor, PoseCode, Program, Search};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
+use super::levels::{Level, LevelBuffers};
 use super::light::{Correction, FlatField};
-use super::view::{Level, View};
 
 /// A pose's code with what it is relative to, as stages `solve` and `decode_pose` share it.
 #[repr(C)]
@@ -24,8 +24,8 @@ pub(crate) struct Bytes {
     pub coded: Buffer,
 }
 
-/// What a search needs beyond a [`View`].
-pub(crate) struct Frame {
+/// What a search needs beyond a [`LevelBuffers`].
+pub(crate) struct FrameBuffers {
     pub bytes: Buffer,
     /// How the frame's light becomes the prior's: see [`FlatField`].
     pub light: Buffer,
@@ -43,8 +43,8 @@ fn words(level: &Level) -> usize {
 }
 
 impl Bytes {
-    pub fn new(device: &Device, view: &View) -> Result<Bytes, Error> {
-        let words = view.levels.first().map_or(0, words);
+    pub fn new(device: &Device, levels: &LevelBuffers) -> Result<Bytes, Error> {
+        let words = levels.sizes.first().map_or(0, words);
         Ok(Bytes {
             render: Buffer::new::<u32>(device, "8-bit picture", words, Memory::Readback)?,
             coded_asked: Buffer::new::<Coded>(device, "pose code", 1, Memory::Upload)?,
@@ -53,14 +53,14 @@ impl Bytes {
     }
 }
 
-impl Frame {
-    pub fn new(device: &Device, view: &View) -> Result<Frame, Error> {
-        let words = view.levels.first().map_or(0, words);
-        let camera = view.levels.first().map(|level| level.camera);
+impl FrameBuffers {
+    pub fn new(device: &Device, levels: &LevelBuffers) -> Result<FrameBuffers, Error> {
+        let words = levels.sizes.first().map_or(0, words);
+        let camera = levels.sizes.first().map(|level| level.camera);
         let [width, height] = camera.map_or([0, 0], |c| [c.width, c.height].map(|v| v as usize));
         let field = FlatField::new(width, height);
         let light = Buffer::new::<f32>(device, "light", field.room(), Memory::Upload)?;
-        let mut frame = Frame {
+        let mut frame = FrameBuffers {
             light_floats: Vec::with_capacity(field.room()),
             light,
             bytes: Buffer::new::<u32>(device, "8-bit frame", words, Memory::Upload)?,

@@ -9,9 +9,9 @@ use crate::{Camera, Pose};
 pub use super::radix::SortPrecision;
 
 use super::frame::Bytes;
+use super::levels::{LevelBuffers, Pass};
 use super::radix::Sort;
 use super::stages;
-use super::view::{Part, View};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -26,7 +26,7 @@ pub struct Probe<'a> {
 pub struct TileStarts {
     /// Pairs of the tiles.
     pub pairs: u32,
-    /// Where each block's part of each tile's list begins, and, last, where the lists end.
+    /// Where each block's pass of each tile's list begins, and, last, where the lists end.
     pub starts: Vec<u32>,
 }
 
@@ -69,7 +69,7 @@ impl Probe<'_> {
             sort_precision,
             count,
             log_blocks,
-            part: Part::First,
+            pass: Pass::Evaluation,
             groups: &Buffer::from_slice(device, "workgroups", &[groups])?,
             counters: &counters,
             histogram: &own("digit histogram", (TABLE << log_blocks) as usize)?,
@@ -138,21 +138,21 @@ impl Probe<'_> {
     ) -> Result<Stages, Error> {
         let Probe { device, kernels } = *self;
         let work = Workspace::new(device, scene, pair_capacity, true)?;
-        let mut view = View::new(device, scene, camera, &[factor])?;
-        view.ask(scene, 0, pair_capacity, pose);
+        let mut levels = LevelBuffers::new(device, scene, camera, &[factor])?;
+        levels.ask(scene, 0, pair_capacity, pose);
 
         let mut recorder = Recorder::new(device, Timing::None)?;
-        recorder.copy(&view.params_asked, &view.params)?;
-        recorder.copy(&view.groups_asked, &view.groups)?;
-        let bytes = &Bytes::new(device, &view)?;
-        let stages = stages::Stages { kernels, scene, view: &view, work: &work, bytes };
-        stages.tile_lists(&mut recorder, sort_precision, Part::First)?;
-        stages.pose_jacobian(&mut recorder, Part::First)?;
+        recorder.copy(&levels.params_asked, &levels.params)?;
+        recorder.copy(&levels.groups_asked, &levels.groups)?;
+        let bytes = &Bytes::new(device, &levels)?;
+        let stages = stages::Stages { kernels, scene, levels: &levels, work: &work, bytes };
+        stages.tile_lists(&mut recorder, sort_precision, Pass::Evaluation)?;
+        stages.pose_jacobian(&mut recorder, Pass::Evaluation)?;
         recorder.finish()?.run()?;
         let counters = read::<Counters>(device, &work.counters, 1)?[0];
         let splats = scene.splats as usize;
         let pairs = counters.pairs_needed.min(pair_capacity) as usize;
-        let Params { tiles_x, tiles_y, .. } = view.levels[0].params;
+        let Params { tiles_x, tiles_y, .. } = levels.sizes[0].params;
         let tiles = tiles_x * tiles_y;
         let derivatives = work.derivatives.as_ref().map(|d| read(device, d, splats + 1));
         Ok(Stages {
@@ -162,7 +162,7 @@ impl Probe<'_> {
             order: read(device, &work.order, counters.visible as usize)?,
             pairs_needed: counters.pairs_needed,
             pair_splats: read(device, &work.pair_splats, pairs)?,
-            ranges: read(device, &view.ranges, tiles as usize)?,
+            ranges: read(device, &levels.ranges, tiles as usize)?,
         })
     }
 }

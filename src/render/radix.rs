@@ -7,14 +7,14 @@ use crate::shared::{DIGITS, Groups};
 use crate::vulkan::{Buffer, Error, Recorder};
 
 use super::Kernels;
-use super::view::Part;
+use super::levels::Pass;
 
 /// How finely depths are told apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SortPrecision {
     /// As they are: the picture's definition.
     Exact,
-    /// To about a part in 8,000, of which all count as equal: two passes of three. For evaluations whose
+    /// To about a pass in 8,000, of which all count as equal: two passes of three. For evaluations whose
     /// picture nobody sees.
     #[default]
     Coarse,
@@ -27,7 +27,7 @@ pub(crate) struct Sort<'a> {
     /// Logarithm of the number of workgroups that share them.
     pub log_blocks: u32,
     /// Which of `groups` say whether it is run.
-    pub part: Part,
+    pub pass: Pass,
     pub groups: &'a Buffer,
     pub counters: &'a Buffer,
     pub histogram: &'a Buffer,
@@ -43,8 +43,8 @@ impl Sort<'_> {
     pub fn record(&self, r: &mut Recorder, kernels: &Kernels) -> Result<(), Error> {
         let Sort { sort_precision, count, log_blocks, counters, histogram, order, .. } = *self;
         let (groups, keys, between) = (self.groups, self.keys, self.between);
-        let blocks = self.part.at(offset_of!(Groups, sort_blocks));
-        let one = self.part.at(offset_of!(Groups, one));
+        let blocks = self.pass.at(offset_of!(Groups, sort_blocks));
+        let one = self.pass.at(offset_of!(Groups, one));
         // The coarse order leaves out the lowest digit.
         let first = if sort_precision == SortPrecision::Exact { 0 } else { 1 };
         // The first pass takes the place of a key for its value.

@@ -10,11 +10,11 @@ use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
 use super::binning::{self, Binning};
-use super::frame::{Bytes, Coded, Frame};
+use super::frame::{Bytes, Coded, FrameBuffers};
+use super::levels::{LevelBuffers, NormalEquations, Pass, anchor};
 use super::light::{Correction, FlatField};
 use super::radix::SortPrecision;
 use super::stages::{Channels, EVALUATIONS_PER_SUBMISSION, SearchStages, Stages};
-use super::view::{NormalEquations, Part, View, anchor};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -101,9 +101,9 @@ pub struct Renderer {
     scene: Arc<Scene>,
     plan: Plan,
     work: Workspace,
-    view: View,
+    levels: LevelBuffers,
     bytes: Bytes,
-    frame: Option<Frame>,
+    frame: Option<FrameBuffers>,
     recorded: Vec<(Job, Commands)>,
     renders: Vec<u32>,
     times: Vec<f64>,
@@ -130,23 +130,23 @@ impl Renderer {
     ) -> Result<Renderer, Error> {
         // Room for a few tiles a splat; a picture that needs more makes it grow once.
         let pairs = (scene.splats.saturating_mul(8)).clamp(1 << 14, 1 << 22);
-        let view = View::new(device, scene, camera, &plan.factors)?;
+        let levels = LevelBuffers::new(device, scene, camera, &plan.factors)?;
         let framed = plan.search.is_some() || !plan.jacobians.is_empty();
         let mut renderer = Renderer {
             device: device.clone(),
             kernels: kernels.clone(),
             scene: scene.clone(),
             work: Workspace::new(device, scene, pairs, plan.exact())?,
-            bytes: Bytes::new(device, &view)?,
-            frame: framed.then(|| Frame::new(device, &view)).transpose()?,
-            renders: vec![0; view.levels.len()],
+            bytes: Bytes::new(device, &levels)?,
+            frame: framed.then(|| FrameBuffers::new(device, &levels)).transpose()?,
+            renders: vec![0; levels.sizes.len()],
             times: Vec::with_capacity(EVALUATIONS_PER_SUBMISSION * 8),
             recorded: Vec::new(),
-            view,
+            levels,
             plan,
         };
         renderer.recorded = renderer.record_all(&renderer.work)?;
-        renderer.view.set_room(pairs);
+        renderer.levels.set_room(pairs);
         Ok(renderer)
     }
 
@@ -168,7 +168,7 @@ impl Renderer {
         };
         let mut recorder = Recorder::new(&self.device, timing)?;
         let (kernels, scene) = (&*self.kernels, &*self.scene);
-        let stages = Stages { kernels, scene, view: &self.view, work, bytes: &self.bytes };
+        let stages = Stages { kernels, scene, levels: &self.levels, work, bytes: &self.bytes };
         match (job, &self.frame) {
             (Job::Pyramid, Some(frame)) => stages.pyramid(&mut recorder, frame)?,
             (Job::Search, Some(frame)) => {
@@ -182,20 +182,20 @@ impl Renderer {
         recorder.finish()
     }
 
-    fn search_stages<'a>(&self, stages: Stages<'a>, frame: &'a Frame) -> SearchStages<'a> {
+    fn search_stages<'a>(&self, stages: Stages<'a>, frame: &'a FrameBuffers) -> SearchStages<'a> {
         let jacobian = self.plan.search.unwrap_or(Jacobian::Flow);
         SearchStages { stages, frame, jacobian, sort_precision: self.plan.sort_precision }
     }
 
     /// What the host asks for at one pose.
     fn record_asked(&self, r: &mut Recorder, stages: &Stages, job: Job) -> Result<(), Error> {
-        let (view, work, part) = (&self.view, stages.work, Part::First);
-        r.copy(&view.params_asked, &view.params)?;
-        r.copy(&view.groups_asked, &view.groups)?;
+        let (levels, work, pass) = (&self.levels, stages.work, Pass::Evaluation);
+        r.copy(&levels.params_asked, &levels.params)?;
+        r.copy(&levels.groups_asked, &levels.groups)?;
         match job {
             Job::Draw => {
-                stages.picture(r, Channels::All, part)?;
-                r.copy(&view.image, &view.image_read)?;
+                stages.picture(r, Channels::All, pass)?;
+                r.copy(&levels.image, &levels.image_read)?;
             }
             Job::Sums(jacobian) => {
                 stages.equations(r, jacobian, SortPrecision::Exact)?;
@@ -204,12 +204,12 @@ impl Renderer {
             _ => {
                 if job == Job::Coded {
                     r.copy(&self.bytes.coded_asked, &self.bytes.coded)?;
-                    stages.decode_pose(r, part)?;
+                    stages.decode_pose(r, pass)?;
                 }
-                stages.picture(r, Channels::Colour, part)?;
-                stages.quantize_rgb8(r, part)?;
+                stages.picture(r, Channels::Colour, pass)?;
+                stages.quantize_rgb8(r, pass)?;
                 if let Some(frame) = &self.frame {
-                    stages.difference(r, frame, part)?;
+                    stages.difference(r, frame, pass)?;
                 }
             }
         }
@@ -225,7 +225,7 @@ impl Renderer {
     /// and runs again: nothing is left out of a result.
     fn run(&mut self, level: usize, job: Job, pose: &Pose) -> Result<(), Error> {
         loop {
-            self.view.ask(&self.scene, level, self.work.pair_capacity, pose);
+            self.levels.ask(&self.scene, level, self.work.pair_capacity, pose);
             self.submit(job)?;
             self.renders[level] += 1;
             if !self.grow(0)? {
@@ -249,45 +249,45 @@ impl Renderer {
         let work = Workspace::new(&self.device, &self.scene, room, self.plan.exact())?;
         self.recorded = self.record_all(&work)?;
         self.work = work;
-        self.view.set_room(room);
+        self.levels.set_room(room);
         Ok(true)
     }
 
     /// Shares the binning among more workgroups, each of which goes through fewer pairs: some drivers end
     /// long loops. If it fails, everything is as before.
     fn split_binning(&mut self) -> Result<bool, Error> {
-        let before = self.view.binning.log_blocks;
-        let tiles = self.view.most_tiles();
+        let before = self.levels.binning.log_blocks;
+        let tiles = self.levels.most_tiles();
         let finest = binning::log_most_blocks(tiles);
         if before >= finest {
             return Err(Error::TooManyPairs);
         }
         let finer = Binning::new(&self.device, (before + 2).min(finest), tiles)?;
-        let coarser = self.view.share_binning(finer);
+        let coarser = self.levels.share_binning(finer);
         match self.record_all(&self.work) {
             Ok(recorded) => self.recorded = recorded,
             Err(error) => {
-                self.view.share_binning(coarser);
+                self.levels.share_binning(coarser);
                 return Err(error);
             }
         }
-        self.view.set_room(self.work.pair_capacity);
+        self.levels.set_room(self.work.pair_capacity);
         Ok(true)
     }
 
     /// Number of levels.
     pub fn levels(&self) -> usize {
-        self.view.levels.len()
+        self.levels.sizes.len()
     }
 
     /// The camera of a level.
     pub fn camera(&self, level: usize) -> &Camera {
-        &self.view.levels[level].camera
+        &self.levels.sizes[level].camera
     }
 
     /// Side of the block of the frame's pixels that is one of a level's.
     pub fn factor(&self, level: usize) -> u32 {
-        self.view.levels[level].factor
+        self.levels.sizes[level].factor
     }
 
     /// The prior that is drawn.
@@ -304,7 +304,7 @@ impl Renderer {
     /// transmittance).
     pub fn draw_level(&mut self, level: usize, pose: &Pose) -> Result<&[f32], Error> {
         self.run(level, Job::Draw, pose)?;
-        Ok(self.view.image_read.read(self.camera(level).pixels() * PIXEL as usize))
+        Ok(self.levels.image_read.read(self.camera(level).pixels() * PIXEL as usize))
     }
 
     /// Draws level 0 as 8-bit RGB.
@@ -341,7 +341,7 @@ impl Renderer {
         self.framed().difference.read(self.camera(0).pixels() * 3)
     }
 
-    fn framed(&self) -> &Frame {
+    fn framed(&self) -> &FrameBuffers {
         self.frame.as_ref().expect("only planned frames are asked for")
     }
 
@@ -377,10 +377,10 @@ impl Renderer {
     /// # Panics
     /// If the number of floats is not the level's.
     pub fn set_frame(&mut self, level: usize, rgb: &[f32]) {
-        let Renderer { view, .. } = self;
-        let level = &view.levels[level];
+        let Renderer { levels, .. } = self;
+        let level = &levels.sizes[level];
         assert_eq!(rgb.len(), level.camera.pixels() * 3, "floats of the level");
-        view.frame.write_at(level.params.frame_offset as usize, rgb);
+        levels.frame.write_at(level.params.frame_offset as usize, rgb);
     }
 
     /// Has the device search for the pose of the picture set, draw it there as its packet will have
@@ -448,7 +448,7 @@ impl Renderer {
         pose: &Pose,
     ) -> Result<NormalEquations, Error> {
         self.run(level, Job::Sums(jacobian), pose)?;
-        Ok(self.view.normal_equations(level))
+        Ok(self.levels.normal_equations(level))
     }
 
     /// Renders so far, by level.

@@ -5,9 +5,9 @@ use std::mem::offset_of;
 use crate::shared::{GROUP, Groups};
 use crate::vulkan::{Error, Recorder};
 
-use super::frame::{Bytes, Frame};
+use super::frame::{Bytes, FrameBuffers};
+use super::levels::{Level, LevelBuffers, Pass};
 use super::radix::{Sort, SortPrecision};
-use super::view::{Level, Part, View};
 use super::workspace::Workspace;
 use super::{Jacobian, Kernels, Scene};
 
@@ -24,12 +24,12 @@ pub(crate) enum Channels {
     Colour,
 }
 
-/// What all stages are recorded with. A [`Part`] says which workgroup counts a stage is dispatched by.
+/// What all stages are recorded with. A [`Pass`] says which workgroup counts a stage is dispatched by.
 #[derive(Clone, Copy)]
 pub(crate) struct Stages<'a> {
     pub kernels: &'a Kernels,
     pub scene: &'a Scene,
-    pub view: &'a View,
+    pub levels: &'a LevelBuffers,
     pub work: &'a Workspace,
     pub bytes: &'a Bytes,
 }
@@ -38,7 +38,7 @@ pub(crate) struct Stages<'a> {
 #[derive(Clone, Copy)]
 pub(crate) struct SearchStages<'a> {
     pub stages: Stages<'a>,
-    pub frame: &'a Frame,
+    pub frame: &'a FrameBuffers,
     pub jacobian: Jacobian,
     pub sort_precision: SortPrecision,
 }
@@ -71,22 +71,22 @@ impl SearchStages<'_> {
 
     /// The picture at the pose as its packet holds it, and the difference from the frame.
     fn record_pictures(&self, r: &mut Recorder) -> Result<(), Error> {
-        let (stages, part) = (&self.stages, Part::Picture);
-        stages.decode_pose(r, part)?;
-        stages.picture(r, Channels::Colour, part)?;
-        stages.quantize_rgb8(r, part)?;
-        stages.difference(r, self.frame, part)
+        let (stages, pass) = (&self.stages, Pass::Picture);
+        stages.decode_pose(r, pass)?;
+        stages.picture(r, Channels::Colour, pass)?;
+        stages.quantize_rgb8(r, pass)?;
+        stages.difference(r, self.frame, pass)
     }
 
     /// The search's next step. It reduces the sums of the tiles itself. `first`: there are none yet.
     fn solve(&self, r: &mut Recorder, first: bool) -> Result<(), Error> {
-        let Stages { kernels, view, work, bytes, .. } = self.stages;
+        let Stages { kernels, levels, work, bytes, .. } = self.stages;
         let buffers = [
-            &view.prototypes,
+            &levels.prototypes,
             &self.frame.search,
-            &view.partials,
-            &view.params,
-            &view.groups,
+            &levels.partials,
+            &levels.params,
+            &levels.groups,
             &work.counters,
             &bytes.coded,
         ];
@@ -94,21 +94,21 @@ impl SearchStages<'_> {
         if first {
             return r.dispatch(kernel, &buffers, &push, [1, 1, 1]);
         }
-        let one = Part::First.at(offset_of!(Groups, one));
-        r.dispatch_indirect(kernel, &buffers, &push, &view.groups, one)
+        let one = Pass::Evaluation.at(offset_of!(Groups, one));
+        r.dispatch_indirect(kernel, &buffers, &push, &levels.groups, one)
     }
 }
 
 impl Stages<'_> {
     /// The camera's frame at every level.
-    pub fn pyramid(&self, r: &mut Recorder, frame: &Frame) -> Result<(), Error> {
-        let frame_width = self.view.levels[0].camera.width;
-        for Level { camera, factor, params } in &self.view.levels {
+    pub fn pyramid(&self, r: &mut Recorder, frame: &FrameBuffers) -> Result<(), Error> {
+        let frame_width = self.levels.sizes[0].camera.width;
+        for Level { camera, factor, params } in &self.levels.sizes {
             let pixels = camera.pixels() as u32;
             let scale = 1.0 / (255.0 * (factor * factor) as f32);
             let push =
                 [frame_width, *factor, camera.width, pixels, params.frame_offset, scale.to_bits()];
-            let buffers = [&frame.bytes, &self.view.frame, &frame.light];
+            let buffers = [&frame.bytes, &self.levels.frame, &frame.light];
             // Along the second axis too: 4096×4096 pixels take more workgroups than every device allows along one.
             let groups = pixels.div_ceil(GROUP);
             let down = groups.div_ceil(GROUP);
@@ -119,17 +119,17 @@ impl Stages<'_> {
     }
 
     /// Sets the camera to the coded pose.
-    pub fn decode_pose(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
-        let view = self.view;
-        let buffers = [&view.prototypes, &self.bytes.coded, &view.params];
-        let one = part.at(offset_of!(Groups, one));
-        r.dispatch_indirect(&self.kernels.decode_pose, &buffers, &[], &view.groups, one)
+    pub fn decode_pose(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
+        let levels = self.levels;
+        let buffers = [&levels.prototypes, &self.bytes.coded, &levels.params];
+        let one = pass.at(offset_of!(Groups, one));
+        r.dispatch_indirect(&self.kernels.decode_pose, &buffers, &[], &levels.groups, one)
     }
 
     /// The picture, from the splats on.
-    pub fn picture(&self, r: &mut Recorder, channels: Channels, part: Part) -> Result<(), Error> {
-        self.tile_lists(r, SortPrecision::Exact, part)?;
-        self.splat(r, channels, part)
+    pub fn picture(&self, r: &mut Recorder, channels: Channels, pass: Pass) -> Result<(), Error> {
+        self.tile_lists(r, SortPrecision::Exact, pass)?;
+        self.splat(r, channels, pass)
     }
 
     /// Each tile's share of the normal equations, from the splats on.
@@ -139,13 +139,13 @@ impl Stages<'_> {
         jacobian: Jacobian,
         sort_precision: SortPrecision,
     ) -> Result<(), Error> {
-        let part = Part::First;
-        self.tile_lists(r, sort_precision, part)?;
+        let pass = Pass::Evaluation;
+        self.tile_lists(r, sort_precision, pass)?;
         match jacobian {
-            Jacobian::Flow => self.splat_flow(r, part),
+            Jacobian::Flow => self.splat_flow(r, pass),
             Jacobian::Exact => {
-                self.pose_jacobian(r, part)?;
-                self.splat_exact(r, part)
+                self.pose_jacobian(r, pass)?;
+                self.splat_exact(r, pass)
             }
         }
     }
@@ -155,21 +155,21 @@ impl Stages<'_> {
         &self,
         r: &mut Recorder,
         sort_precision: SortPrecision,
-        part: Part,
+        pass: Pass,
     ) -> Result<(), Error> {
         r.fill(&self.work.counters, 0);
-        self.project(r, part)?;
-        self.sort(r, sort_precision, part)?;
-        self.bin(r, part)
+        self.project(r, pass)?;
+        self.sort(r, sort_precision, pass)?;
+        self.bin(r, pass)
     }
 
     /// Mean, conic, colour and depth key of every splat.
-    fn project(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
-        let Stages { scene, view, work, .. } = *self;
+    fn project(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
+        let Stages { scene, levels, work, .. } = *self;
         let (geometry, sh) = (&scene.geometry, &scene.sh);
-        let buffers = [&view.params, geometry, sh, &work.records, &work.keys, &work.counters];
-        let splats = part.at(offset_of!(Groups, splats));
-        r.dispatch_indirect(&scene.kernels.project, &buffers, &[], &view.groups, splats)
+        let buffers = [&levels.params, geometry, sh, &work.records, &work.keys, &work.counters];
+        let splats = pass.at(offset_of!(Groups, splats));
+        r.dispatch_indirect(&scene.kernels.project, &buffers, &[], &levels.groups, splats)
     }
 
     /// The splats in the order of their depths.
@@ -177,15 +177,15 @@ impl Stages<'_> {
         &self,
         r: &mut Recorder,
         sort_precision: SortPrecision,
-        part: Part,
+        pass: Pass,
     ) -> Result<(), Error> {
-        let Stages { scene, view, work, .. } = *self;
+        let Stages { scene, levels, work, .. } = *self;
         let sort = Sort {
             sort_precision,
             count: scene.splats,
-            log_blocks: view.log_sort_blocks,
-            part,
-            groups: &view.groups,
+            log_blocks: levels.log_sort_blocks,
+            pass,
+            groups: &levels.groups,
             counters: &work.counters,
             histogram: &work.histogram,
             keys: &work.keys,
@@ -196,93 +196,98 @@ impl Stages<'_> {
     }
 
     /// Stages `bin_count`, `bin_scan`, `bin_emit`: the sorted splats by tile.
-    fn bin(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
-        let Stages { kernels, view, work, .. } = *self;
-        let split = [view.binning.log_blocks];
-        let blocks = part.at(offset_of!(Groups, bin_blocks));
-        let bands_at = part.at(offset_of!(Groups, bands));
-        let groups = &view.groups;
-        let (params, counters, starts) = (&view.params, &work.counters, &view.binning.starts);
-        let (order, records, bands) = (&work.order, &work.records, &view.bands);
+    fn bin(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
+        let Stages { kernels, levels, work, .. } = *self;
+        let split = [levels.binning.log_blocks];
+        let blocks = pass.at(offset_of!(Groups, bin_blocks));
+        let bands_at = pass.at(offset_of!(Groups, bands));
+        let groups = &levels.groups;
+        let (params, counters, starts) = (&levels.params, &work.counters, &levels.binning.starts);
+        let (order, records, bands) = (&work.order, &work.records, &levels.bands);
         let buffers = [params, counters, order, records, starts];
         r.dispatch_indirect(&kernels.bin_count, &buffers, &split, groups, blocks)?;
         let buffers = [params, starts, bands];
         r.dispatch_indirect(&kernels.bin_scan, &buffers, &split, groups, bands_at)?;
-        let (ranges, pairs) = (&view.ranges, &work.pair_splats);
+        let (ranges, pairs) = (&levels.ranges, &work.pair_splats);
         let buffers = [params, counters, order, records, starts, bands, ranges, pairs];
         r.dispatch_indirect(&kernels.bin_emit, &buffers, &split, groups, blocks)
     }
 
     /// The picture, blended tile by tile.
-    fn splat(&self, r: &mut Recorder, channels: Channels, part: Part) -> Result<(), Error> {
-        let Stages { scene, view, work, .. } = *self;
-        let (params, counters) = (&view.params, &work.counters);
+    fn splat(&self, r: &mut Recorder, channels: Channels, pass: Pass) -> Result<(), Error> {
+        let Stages { scene, levels, work, .. } = *self;
+        let (params, counters) = (&levels.params, &work.counters);
         let pairs = &work.pair_splats;
-        let buffers = [params, &view.ranges, pairs, &work.records, &view.image, counters];
+        let buffers = [params, &levels.ranges, pairs, &work.records, &levels.image, counters];
         let kernel = match channels {
             Channels::All => &scene.kernels.splat,
             Channels::Colour => &scene.kernels.splat_colour,
         };
-        let tiles = part.at(offset_of!(Groups, tiles));
-        r.dispatch_indirect(kernel, &buffers, &[], &view.groups, tiles)
+        let tiles = pass.at(offset_of!(Groups, tiles));
+        r.dispatch_indirect(kernel, &buffers, &[], &levels.groups, tiles)
     }
 
     /// Each tile's share of the normal equations, by the optical-flow Jacobian.
-    fn splat_flow(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
-        let Stages { scene, view, work, .. } = *self;
-        let (params, ranges, counters) = (&view.params, &view.ranges, &work.counters);
-        let (pairs, frame, partials) = (&work.pair_splats, &view.frame, &view.partials);
+    fn splat_flow(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
+        let Stages { scene, levels, work, .. } = *self;
+        let (params, ranges, counters) = (&levels.params, &levels.ranges, &work.counters);
+        let (pairs, frame, partials) = (&work.pair_splats, &levels.frame, &levels.partials);
         let buffers = [params, ranges, pairs, &work.records, frame, partials, counters];
-        let tiles = part.at(offset_of!(Groups, tiles));
-        r.dispatch_indirect(&scene.kernels.splat_flow, &buffers, &[], &view.groups, tiles)
+        let tiles = pass.at(offset_of!(Groups, tiles));
+        r.dispatch_indirect(&scene.kernels.splat_flow, &buffers, &[], &levels.groups, tiles)
     }
 
     /// Pose derivatives of every visible splat, for the exact Jacobian. Nothing if the workspace was made without
     /// room for them.
-    pub fn pose_jacobian(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
-        let Stages { scene, view, work, .. } = *self;
+    pub fn pose_jacobian(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
+        let Stages { scene, levels, work, .. } = *self;
         let Some(derivatives) = &work.derivatives else { return Ok(()) };
         let (geometry, sh) = (&scene.geometry, &scene.sh);
-        let buffers = [&view.params, geometry, sh, &work.records, &work.keys, derivatives];
-        let splats = part.at(offset_of!(Groups, splats));
-        r.dispatch_indirect(&scene.kernels.pose_jacobian, &buffers, &[], &view.groups, splats)
+        let buffers = [&levels.params, geometry, sh, &work.records, &work.keys, derivatives];
+        let splats = pass.at(offset_of!(Groups, splats));
+        r.dispatch_indirect(&scene.kernels.pose_jacobian, &buffers, &[], &levels.groups, splats)
     }
 
     /// Each tile's share of the normal equations, by the exact Jacobian. Nothing if the workspace was made without
     /// room for derivatives.
-    fn splat_exact(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
-        let Stages { scene, view, work, .. } = *self;
+    fn splat_exact(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
+        let Stages { scene, levels, work, .. } = *self;
         let Some(derivatives) = &work.derivatives else { return Ok(()) };
-        let (params, ranges, counters) = (&view.params, &view.ranges, &work.counters);
-        let (pairs, frame, partials) = (&work.pair_splats, &view.frame, &view.partials);
+        let (params, ranges, counters) = (&levels.params, &levels.ranges, &work.counters);
+        let (pairs, frame, partials) = (&work.pair_splats, &levels.frame, &levels.partials);
         let records = &work.records;
         let buffers = [params, ranges, pairs, records, frame, partials, derivatives, counters];
-        let tiles = part.at(offset_of!(Groups, tiles));
-        r.dispatch_indirect(&scene.kernels.splat_exact, &buffers, &[], &view.groups, tiles)
+        let tiles = pass.at(offset_of!(Groups, tiles));
+        r.dispatch_indirect(&scene.kernels.splat_exact, &buffers, &[], &levels.groups, tiles)
     }
 
     /// The normal equations of the picture: the tiles' shares, summed in a fixed order. For the host; stage `solve`
     /// sums them itself.
     pub fn reduce(&self, r: &mut Recorder) -> Result<(), Error> {
-        let view = self.view;
-        let buffers = [&view.params, &view.partials, &view.sums];
-        let one = Part::First.at(offset_of!(Groups, one));
-        r.dispatch_indirect(&self.kernels.reduce, &buffers, &[], &view.groups, one)
+        let levels = self.levels;
+        let buffers = [&levels.params, &levels.partials, &levels.sums];
+        let one = Pass::Evaluation.at(offset_of!(Groups, one));
+        r.dispatch_indirect(&self.kernels.reduce, &buffers, &[], &levels.groups, one)
     }
 
     /// The picture in 8 bits.
-    pub fn quantize_rgb8(&self, r: &mut Recorder, part: Part) -> Result<(), Error> {
-        let view = self.view;
-        let buffers = [&view.params, &view.image, &self.bytes.render];
-        let quads = part.at(offset_of!(Groups, quads));
-        r.dispatch_indirect(&self.kernels.quantize_rgb8, &buffers, &[], &view.groups, quads)
+    pub fn quantize_rgb8(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
+        let levels = self.levels;
+        let buffers = [&levels.params, &levels.image, &self.bytes.render];
+        let quads = pass.at(offset_of!(Groups, quads));
+        r.dispatch_indirect(&self.kernels.quantize_rgb8, &buffers, &[], &levels.groups, quads)
     }
 
     /// The frame less the 8-bit picture.
-    pub fn difference(&self, r: &mut Recorder, frame: &Frame, part: Part) -> Result<(), Error> {
-        let view = self.view;
-        let buffers = [&view.params, &frame.bytes, &self.bytes.render, &frame.difference];
-        let quads = part.at(offset_of!(Groups, quads));
-        r.dispatch_indirect(&self.kernels.difference, &buffers, &[], &view.groups, quads)
+    pub fn difference(
+        &self,
+        r: &mut Recorder,
+        frame: &FrameBuffers,
+        pass: Pass,
+    ) -> Result<(), Error> {
+        let levels = self.levels;
+        let buffers = [&levels.params, &frame.bytes, &self.bytes.render, &frame.difference];
+        let quads = pass.at(offset_of!(Groups, quads));
+        r.dispatch_indirect(&self.kernels.difference, &buffers, &[], &levels.groups, quads)
     }
 }

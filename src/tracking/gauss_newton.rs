@@ -2,7 +2,7 @@
 
 use crate::Pose;
 use crate::render::NormalEquations;
-use crate::render::view::{placement, pose_of};
+use crate::render::levels::{placement, pose_of};
 use crate::search::{LEVELS, Placement, Program, STARTS, STOP_NO_DESCENT, STOP_PROGRESS, Search};
 use crate::shared::SUMS;
 use crate::vulkan::Error;

@@ -36,7 +36,7 @@ fn load<B: Pairs + ?Sized>(records: &B, splat: u32) -> Projected {
 /// The part of the picture and of the splats that a workgroup works on: tables in shared memory hold
 /// so many tiles only, so large pictures are cut into bands of whole rows.
 #[derive(Clone, Copy)]
-struct Part {
+struct Share {
     /// Rows of tiles `[top, bottom)`.
     top: u32,
     bottom: u32,
@@ -45,13 +45,13 @@ struct Part {
     end: u32,
 }
 
-impl Part {
-    fn new<L: Lanes>(params: &Params, visible: u32, split: &Split, group: UVec3) -> Part {
+impl Share {
+    fn new<L: Lanes>(params: &Params, visible: u32, split: &Split, group: UVec3) -> Share {
         let rows = shared::band_rows(params.tiles_x);
         let top = group.y * rows;
         let bottom = (top + rows).min(params.tiles_y);
         let [first, end] = shared::block(visible, split.log_blocks, group.x, L::COUNT);
-        Part { top, bottom, first, end }
+        Share { top, bottom, first, end }
     }
 
     /// First tile of the band, and the number of them.
@@ -119,7 +119,7 @@ impl Chunk {
     /// Loads the splat at a place of the order and publishes it.
     fn load<L: Lanes, B: Pairs + ?Sized>(
         params: &Params,
-        part: &Part,
+        share: &Share,
         order: &[u32],
         records: &B,
         place: u32,
@@ -127,13 +127,13 @@ impl Chunk {
         scratch: &mut Scratch,
     ) -> Chunk {
         let mut splat = params.splats;
-        if place < part.end {
+        if place < share.end {
             splat = at(order, place);
         }
         let outline = Outline::new(params, &load(records, splat));
         let [top, bottom] = outline.rows(params.tiles_y);
-        let (top, bottom) = (top.max(part.top), bottom.min(part.bottom));
-        let count = if (place < part.end) & (top < bottom) { bottom - top } else { 0 };
+        let (top, bottom) = (top.max(share.top), bottom.min(share.bottom));
+        let count = if (place < share.end) & (top < bottom) { bottom - top } else { 0 };
         let rows = Sequence::new::<L>(count, lane, scratch);
         L::put(outline.mean[0].to_bits(), OUTLINE, lane, scratch);
         L::put(outline.mean[1].to_bits(), OUTLINE + 1, lane, scratch);
@@ -212,18 +212,18 @@ impl Rows {
     }
 }
 
-/// Does the block with the pairs of a part in depth order, as many at once as there are invocations.
+/// Does the block with the pairs of a share in depth order, as many at once as there are invocations.
 /// (A closure would hold buffers, which shaders cannot.) Llvmpipe ends every loop of an invocation that
 /// has gone 65,535 rounds in all; the name before the block tells whether that happened.
 macro_rules! for_pairs {
-    ($params:ident, $part:ident, $order:ident, $records:ident, $lane:ident, $scratch:ident,
+    ($params:ident, $share:ident, $order:ident, $records:ident, $lane:ident, $scratch:ident,
         $cut:ident, |$pair:ident| $body:block) => {
-        let [first_tile, _] = $part.tiles($params);
+        let [first_tile, _] = $share.tiles($params);
         let mut $cut = false;
-        let mut place = $part.first + $lane;
-        while place - $lane < $part.end {
+        let mut place = $share.first + $lane;
+        while place - $lane < $share.end {
             let chunk =
-                Chunk::load::<L, _>($params, &$part, $order, $records, place, $lane, $scratch);
+                Chunk::load::<L, _>($params, &$share, $order, $records, place, $lane, $scratch);
             // At least once: a loop whose condition comes last runs no round in vain.
             let mut row = $lane;
             loop {
@@ -248,7 +248,7 @@ macro_rules! for_pairs {
             $cut |= row - $lane < chunk.rows.total;
             place += L::COUNT;
         }
-        $cut |= place - $lane < $part.end;
+        $cut |= place - $lane < $share.end;
     };
 }
 
@@ -265,8 +265,8 @@ fn count<L: Lanes, B: Pairs + ?Sized>(
     records: &B,
     starts: &mut [u32],
 ) {
-    let part = Part::new::<L>(params, visible, split, group);
-    let [first_tile, tiles] = part.tiles(params);
+    let share = Share::new::<L>(params, visible, split, group);
+    let [first_tile, tiles] = share.tiles(params);
     let row = group.x * params.tiles_x * params.tiles_y + first_tile;
     let mut tile = lane;
     while tile < tiles {
@@ -276,7 +276,7 @@ fn count<L: Lanes, B: Pairs + ?Sized>(
         tile += L::COUNT;
     }
     L::sync();
-    for_pairs!(params, part, order, records, lane, scratch, cut, |pair| {
+    for_pairs!(params, share, order, records, lane, scratch, cut, |pair| {
         L::tally(table, pair.tile, pair.any, lane, scratch);
     });
     L::sync();
@@ -375,10 +375,10 @@ fn emit<L: Lanes, B: Pairs + ?Sized>(
     ranges: &mut [UVec2],
     pair_splats: &mut [u32],
 ) {
-    let part = Part::new::<L>(params, counters.visible, split, group);
-    let [first_tile, tiles] = part.tiles(params);
+    let share = Share::new::<L>(params, counters.visible, split, group);
+    let [first_tile, tiles] = share.tiles(params);
     let [before, needed] = pairs_before(bands, group.y);
-    if (group.x == 0) & (part.bottom == params.tiles_y) & (lane == 0) {
+    if (group.x == 0) & (share.bottom == params.tiles_y) & (lane == 0) {
         counters.pairs_needed = needed;
     }
     let room = params.pair_capacity;
@@ -397,7 +397,7 @@ fn emit<L: Lanes, B: Pairs + ?Sized>(
         tile += L::COUNT;
     }
     L::sync();
-    for_pairs!(params, part, order, records, lane, scratch, _cut, |pair| {
+    for_pairs!(params, share, order, records, lane, scratch, _cut, |pair| {
         let rank = L::rank(if pair.any { pair.tile } else { tiles }, lane, scratch);
         let to = at(next, pair.tile) + rank.before;
         // Never more than were counted, should this stage's rounding differ.

@@ -4,7 +4,7 @@ mod afresh;
 mod judgement;
 
 use crate::render::Correction;
-use crate::render::view::{anchor, placement};
+use crate::render::levels::{anchor, placement};
 use crate::search::{PoseCode, STARTS, quantised};
 use crate::vulkan::Error;
 use crate::{Picture, Pose};

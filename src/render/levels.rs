@@ -1,4 +1,4 @@
-//! The pictures of a renderer: the camera at every level of the pyramid, and what is drawn there.
+//! The levels of the pyramid: the camera at each, and the buffers of what is drawn there.
 
 use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
@@ -22,8 +22,8 @@ pub(crate) struct Level {
 
 /// Buffers of all levels, and how many workgroups share the splats; each buffer is as large as the largest level needs, but for `frame`, which holds
 /// all of them.
-pub(crate) struct View {
-    pub levels: Vec<Level>,
+pub(crate) struct LevelBuffers {
+    pub sizes: Vec<Level>,
     /// Logarithm of the number of workgroups that share the sort of the splats.
     pub log_sort_blocks: u32,
     pub binning: Binning,
@@ -33,7 +33,7 @@ pub(crate) struct View {
     pub params_asked: Buffer,
     pub groups_asked: Buffer,
     pub params: Buffer,
-    /// Two [`Groups`]: see [`Part`].
+    /// Two [`Groups`]: see [`Pass`].
     pub groups: Buffer,
     pub ranges: Buffer,
     pub image: Buffer,
@@ -47,14 +47,14 @@ pub(crate) struct View {
 
 /// Which of the two [`Groups`] say how much of a stage is run.
 #[derive(Clone, Copy)]
-pub(crate) enum Part {
+pub(crate) enum Pass {
     /// An evaluation of a search, or what the host asks for.
-    First,
+    Evaluation,
     /// The final picture of a search.
     Picture,
 }
 
-impl Part {
+impl Pass {
     /// Byte of a field of [`Groups`] in the buffer.
     pub fn at(self, field: usize) -> u64 {
         (self as usize * size_of::<Groups>() + field) as u64
@@ -100,14 +100,14 @@ impl NormalEquations {
     }
 }
 
-impl View {
+impl LevelBuffers {
     /// The levels of `camera` at these reduction factors; those without a pixel are left out.
     pub fn new(
         device: &Device,
         scene: &Scene,
         camera: &Camera,
         factors: &[u32],
-    ) -> Result<View, Error> {
+    ) -> Result<LevelBuffers, Error> {
         let mut floats = 0;
         let mut levels = Vec::new();
         for &factor in factors.iter().take(LEVELS) {
@@ -133,7 +133,7 @@ impl View {
         let room = Error::with_room_for(most, "pixels");
         let own =
             |name, count, memory| Buffer::new::<f32>(device, name, count, memory).map_err(&room);
-        Ok(View {
+        Ok(LevelBuffers {
             prototypes: Buffer::new::<Params>(device, "levels", levels.len(), Memory::Upload)?,
             params_asked: Buffer::new::<Params>(device, "parameters", 1, Memory::Upload)?,
             groups_asked: Buffer::new::<[Groups; 2]>(device, "workgroups", 1, Memory::Upload)?,
@@ -147,20 +147,20 @@ impl View {
             bands: own("bands", binning::BANDS as usize, Memory::Device)?,
             partials: own("sums by tile", tiles * SUMS as usize, Memory::Device)?,
             sums: own("sums", SUMS as usize, Memory::Readback)?,
-            levels,
+            sizes: levels,
             log_sort_blocks,
         })
     }
 
     /// Tiles of the level that has most.
     pub fn most_tiles(&self) -> u32 {
-        let tiles = self.levels.iter().map(|level| level.params.tiles_x * level.params.tiles_y);
+        let tiles = self.sizes.iter().map(|level| level.params.tiles_x * level.params.tiles_y);
         tiles.max().unwrap_or(0)
     }
 
     /// Shares the binning otherwise; how it was shared. What is recorded must be recorded anew.
     pub fn share_binning(&mut self, binning: Binning) -> Binning {
-        for Level { params, .. } in &mut self.levels {
+        for Level { params, .. } in &mut self.sizes {
             params.bin_blocks = 1 << binning.log_blocks;
         }
         std::mem::replace(&mut self.binning, binning)
@@ -169,7 +169,7 @@ impl View {
     /// Asks for a level at a pose, with room for so many pairs.
     pub fn ask(&mut self, scene: &Scene, level: usize, pair_capacity: u32, pose: &Pose) {
         let params =
-            Params { pair_capacity, ..posed(&self.levels[level].params, scene.centre(), pose) };
+            Params { pair_capacity, ..posed(&self.sizes[level].params, scene.centre(), pose) };
         self.params_asked.write(&[params]);
         self.groups_asked.write(&[[Groups::of(&params); 2]]);
     }
@@ -177,10 +177,10 @@ impl View {
     /// Tells stages that choose between levels how many pairs there is room for.
     pub fn set_room(&mut self, pair_capacity: u32) {
         let mut prototypes = [Params::zeroed(); LEVELS];
-        for (to, level) in prototypes.iter_mut().zip(&self.levels) {
+        for (to, level) in prototypes.iter_mut().zip(&self.sizes) {
             *to = Params { pair_capacity, ..level.params };
         }
-        self.prototypes.write(&prototypes[..self.levels.len()]);
+        self.prototypes.write(&prototypes[..self.sizes.len()]);
     }
 
     /// The sums of the last run, at a level.
@@ -189,7 +189,7 @@ impl View {
         for (to, from) in sums.iter_mut().zip(self.sums.read::<f32>(SUMS as usize)) {
             *to = f64::from(*from);
         }
-        NormalEquations::from_sums(&sums, self.levels[level].camera.pixels() * 3)
+        NormalEquations::from_sums(&sums, self.sizes[level].camera.pixels() * 3)
     }
 }
 
