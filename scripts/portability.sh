@@ -8,11 +8,18 @@ cd "$(dirname "$0")/.."
 scenes=${1:-200}
 drivers=${2:-target/drivers}
 
-eval "$(scripts/second-driver.sh "$drivers/mesa")"
-mesa=${VK_DRIVER_FILES#*:}
-mesa_libraries=$LD_LIBRARY_PATH
-unset VK_DRIVER_FILES LD_LIBRARY_PATH
-swiftshader=$(scripts/swiftshader.sh "$drivers/swiftshader")
+# A driver that cannot be fetched is named and left out.
+mesa="" mesa_libraries="" swiftshader=""
+if environment=$(scripts/second-driver.sh "$drivers/mesa"); then
+    eval "$environment"
+    mesa=${VK_DRIVER_FILES#*:}
+    mesa_libraries=$LD_LIBRARY_PATH
+    unset VK_DRIVER_FILES LD_LIBRARY_PATH
+else
+    echo "skipped: Mesa of Debian's backports, which could not be fetched"
+fi
+swiftshader=$(scripts/swiftshader.sh "$drivers/swiftshader") ||
+    { swiftshader=""; echo "skipped: SwiftShader, which could not be fetched"; }
 
 # The profile of `make test`, so that nothing is built twice.
 cargo build -p nvsprior-cli
@@ -20,9 +27,14 @@ program=${CARGO_TARGET_DIR:-target}/debug/nvsprior
 verify() { "$program" verify-device --scenes "$scenes"; }
 for bits in 128 256 512; do
     LP_NATIVE_VECTOR_WIDTH=$bits verify
-    LP_NATIVE_VECTOR_WIDTH=$bits LD_LIBRARY_PATH=$mesa_libraries VK_DRIVER_FILES=$mesa verify
+    [ -z "$mesa" ] ||
+        LP_NATIVE_VECTOR_WIDTH=$bits LD_LIBRARY_PATH=$mesa_libraries VK_DRIVER_FILES=$mesa verify
 done
-VK_DRIVER_FILES=$swiftshader verify
-NVSPRIOR_OTHER_DRIVERS=$swiftshader cargo test -p nvsprior-cli --test cli -- other_devices portable_device
-LD_LIBRARY_PATH=$mesa_libraries NVSPRIOR_OTHER_DRIVERS=$mesa \
-    cargo test -p nvsprior-cli --test cli -- other_devices portable_device
+packets() { cargo test -p nvsprior-cli --test cli -- other_devices portable_device; }
+if [ -n "$swiftshader" ]; then
+    VK_DRIVER_FILES=$swiftshader verify
+    NVSPRIOR_OTHER_DRIVERS=$swiftshader packets
+fi
+if [ -n "$mesa" ]; then
+    LD_LIBRARY_PATH=$mesa_libraries NVSPRIOR_OTHER_DRIVERS=$mesa packets
+fi
