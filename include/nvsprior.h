@@ -717,7 +717,7 @@ const char *nvsp_status_text(nvsp_status status);
 // flags, or a name that is no UTF-8), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 //
 // Parameters:
-// - `options`: set up by NVSP_INIT. Read during the call, but for `log` and `log_user`: these are used as long as
+// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used longer, as long as
 //   anything made with the engine lives. NULL: all defaults.
 // - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
 nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
@@ -1040,7 +1040,7 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `which`: NVSP_PICTURE_*.
-// - `picture`: where the picture goes, of the camera's size. The place is yours. Not NULL.
+// - `picture`: receives the picture; of the camera's size, and yours. Not NULL.
 nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
                                      uint32_t which,
                                      const struct nvsp_picture *picture);
@@ -1115,7 +1115,7 @@ nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
 // - `packet`: the packet. Read during the call. Not NULL.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
-// - `picture`: where the picture goes, of the size that the packet's header says (nvsp_decode_header). The place is yours. NULL: it is not
+// - `picture`: receives the picture; of the size that the packet's header says (nvsp_decode_header), and yours. NULL: it is not
 //   wanted.
 // - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
@@ -1166,7 +1166,7 @@ nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
-// - `picture`: where the picture goes, of the size that the packet's header says (nvsp_decode_header). The place is yours. NULL: it is not
+// - `picture`: receives the picture; of the size that the packet's header says (nvsp_decode_header), and yours. NULL: it is not
 //   wanted.
 // - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,

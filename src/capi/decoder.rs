@@ -214,7 +214,7 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 /// - `packet`: the packet. Read during the call. Not NULL.
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
-/// - `picture`: where the picture goes, of the size that the packet's header says (nvsp_decode_header). The place is yours. NULL: it is not
+/// - `picture`: receives the picture; of the size that the packet's header says (nvsp_decode_header), and yours. NULL: it is not
 ///   wanted.
 /// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
@@ -300,7 +300,7 @@ pub unsafe extern "C" fn nvsp_decode_wait(
 ///
 /// # Safety
 /// - `decoder`: a live decoder. Not NULL.
-/// - `picture`: where the picture goes, of the size that the packet's header says (nvsp_decode_header). The place is yours. NULL: it is not
+/// - `picture`: receives the picture; of the size that the packet's header says (nvsp_decode_header), and yours. NULL: it is not
 ///   wanted.
 /// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]

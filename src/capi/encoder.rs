@@ -626,7 +626,7 @@ pub const NVSP_PICTURE_RENDER: u32 = 1;
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `which`: NVSP_PICTURE_*.
-/// - `picture`: where the picture goes, of the camera's size. The place is yours. Not NULL.
+/// - `picture`: receives the picture; of the camera's size, and yours. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_get_picture(
     encoder: *mut nvsp_encoder,

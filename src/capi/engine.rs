@@ -80,7 +80,7 @@ versioned!(nvsp_engine_info, 288);
 /// flags, or a name that is no UTF-8), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 ///
 /// # Safety
-/// - `options`: set up by NVSP_INIT. Read during the call, but for `log` and `log_user`: these are used as long as
+/// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used longer, as long as
 ///   anything made with the engine lives. NULL: all defaults.
 /// - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
