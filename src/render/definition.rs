@@ -11,7 +11,8 @@ use crate::portable;
 use crate::prior::analysis::PriorAnalysis;
 use crate::search::{Anchor, PoseCode, placed, set_pose};
 use crate::shared::{
-    self, CULLED, LOG_ALPHA_MIN, NOWHERE, PIXEL, Params, Projected, TILE, TRANSMITTANCE_STOP,
+    self, CULLED, FACTOR, LOG_ALPHA_MIN, NOWHERE, PIXEL, Params, Projected, TILE,
+    TRANSMITTANCE_STOP,
 };
 use crate::{Camera, Pose, Prior, RenderOptions};
 
@@ -136,7 +137,7 @@ impl Definition {
                 *value += weight * if float % 2 == 0 { even } else { odd };
             }
         }
-        rgb.map(|v| if v > 1e-20 { shared::min(v, f32::MAX) } else { 0.0 })
+        rgb.map(shared::shown)
     }
 
     fn splat(&self, params: &Params, records: &[Option<Record>], order: &[u32]) -> Vec<f32> {
@@ -205,9 +206,6 @@ struct Seen {
     depth: f32,
 }
 
-/// `√(½ log₂ e)`: exponents to base 2 are then differences of squares.
-const FACTOR: f32 = 0.849_321_8;
-
 impl Record {
     fn seen_from(&self, tile_x: u32, tile_y: u32) -> Seen {
         let middle = |tile: u32| (tile * TILE) as f32 + (TILE / 2) as f32;
@@ -275,10 +273,6 @@ impl Pixel {
 
 /// Stage `quantize_rgb8`.
 fn quantize(image: &[f32]) -> Vec<u8> {
-    let byte = |v: f32| {
-        let low = if v > 0.0 { v } else { 0.0 };
-        let high = if low < 1.0 { low } else { 1.0 };
-        (high * 255.0 + 0.5) as u8
-    };
+    let byte = |v: f32| shared::to_byte(v) as u8;
     image.chunks_exact(PIXEL as usize).flat_map(|p| [byte(p[0]), byte(p[1]), byte(p[2])]).collect()
 }

@@ -93,5 +93,5 @@ impl FrameBuffers {
 
 /// A linear value as a byte: clamped, rounded to nearest; a NaN gives 0. What stage `quantize_rgb8` does.
 pub fn to_byte(value: f32) -> u8 {
-    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+    crate::shared::to_byte(value) as u8
 }

@@ -60,6 +60,9 @@ pub fn low_pass(antialiased: bool, factor: u32) -> [f32; 2] {
 }
 /// Alpha below this is skipped.
 pub const ALPHA_MIN: f32 = 1.0 / 255.0;
+/// What blending multiplies the conic's factor by, `√(½ log₂ e)`: alpha's exponent, to base 2, is then a difference of
+/// squares.
+pub const FACTOR: f32 = 0.849_321_8;
 /// log₂ of [`ALPHA_MIN`].
 pub const LOG_ALPHA_MIN: f32 = -7.994_353_4;
 /// log₂ of the opacity of a splat that shows nowhere.
@@ -220,6 +223,18 @@ pub fn min(a: f32, b: f32) -> f32 {
 /// `x` limited to `[low, high]`; a NaN gives `low`.
 pub fn clamp(x: f32, low: f32, high: f32) -> f32 {
     min(max(x, low), high)
+}
+
+/// A linear value as a byte: clamped, rounded to nearest; a NaN gives 0.
+pub fn to_byte(value: f32) -> u32 {
+    let low = if value > 0.0 { value } else { 0.0 };
+    let high = if low < 1.0 { low } else { 1.0 };
+    (high * 255.0 + 0.5) as u32
+}
+
+/// A colour's channel, finite and not negative. What is so dark that blending would make denormals of it is black.
+pub fn shown(channel: f32) -> f32 {
+    if channel > 1e-20 { min(channel, f32::MAX) } else { 0.0 }
 }
 
 /// Scalar product.

@@ -8,7 +8,7 @@
 //! power: 9.3. Stage `splat_flow`, likewise: 83; 46 plain; 23.0 handed round, of which a quarter is
 //! loads. A GPU that loads one address for a whole subgroup at once needs no handing round.
 
-use crate::shared::{self, Counters, NOWHERE, RECORD};
+use crate::shared::{self, Counters, FACTOR, NOWHERE, RECORD};
 use core::arch::asm;
 use spirv_std::arch::{IndexUnchecked, atomic_u_max, subgroup_shuffle};
 use spirv_std::glam::Vec4;
@@ -16,9 +16,6 @@ use spirv_std::memory::{Scope, Semantics};
 
 /// Invocations of a workgroup that hands records round; splats that it takes at a time.
 pub const LANES: u32 = 8;
-/// What the conic's factor is multiplied by, `√(½ log₂ e)`: alpha's exponent, to base 2, is then a
-/// difference of squares.
-const FACTOR: f32 = 0.849_321_8;
 /// What a product of two scaled values must be multiplied by.
 pub const PRODUCT: f32 = 1.0 / (FACTOR * FACTOR);
 

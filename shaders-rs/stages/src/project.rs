@@ -57,7 +57,7 @@ pub fn coefficients<B: Pairs + ?Sized>(params: &Params, sh: &B, two: u32, i: u32
     [[a, b, c], [d, e, f]]
 }
 
-/// Colour from spherical harmonics, + 0.5, by [`positive`].
+/// Colour from spherical harmonics, + 0.5, by [`shared::shown`].
 fn colour<B: Pairs + ?Sized>(
     params: &Params,
     sh_degree: u32,
@@ -77,12 +77,7 @@ fn colour<B: Pairs + ?Sized>(
         rgb = [rgb[0] + c * other[0], rgb[1] + c * other[1], rgb[2] + c * other[2]];
         two += 1;
     }
-    [positive(rgb[0]), positive(rgb[1]), positive(rgb[2])]
-}
-
-/// A channel, finite and not negative. What is so dark that blending would make denormals of it is black.
-fn positive(value: f32) -> f32 {
-    if value > 1e-20 { shared::min(value, f32::MAX) } else { 0.0 }
+    [shared::shown(rgb[0]), shared::shown(rgb[1]), shared::shown(rgb[2])]
 }
 
 /// Takes note of a key. Most are not the largest so far, and cost a read alone.

@@ -1,15 +1,8 @@
 //! Stage `quantize_rgb8`: the picture in 8 bits, as the topside will have it.
 
-use crate::shared::{PIXEL, Params};
+use crate::shared::{PIXEL, Params, to_byte};
 use spirv_std::glam::UVec3;
 use spirv_std::spirv;
-
-/// A linear value as a byte: clamped, rounded to nearest; a NaN gives 0.
-fn to_byte(v: f32) -> u32 {
-    let low = if v > 0.0 { v } else { 0.0 };
-    let high = if low < 1.0 { low } else { 1.0 };
-    (high * 255.0 + 0.5) as u32
-}
 
 /// One invocation per four pixels, which are three words of bytes.
 #[spirv(compute(threads(256)))]
