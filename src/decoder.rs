@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::packet::{Latent, RenderCheck, Residual, Salvage};
+use crate::packet::{Latent, RenderCheck, Residual, Salvage, Session};
 use crate::render::{Plan, Renderer, Scene};
 use crate::residual::ResidualDecoder;
 use crate::{Camera, Engine, Error, Packet, Picture, Pose};
@@ -12,7 +12,7 @@ use crate::{Camera, Engine, Error, Packet, Picture, Pose};
 pub struct Decoded {
     /// The picture.
     pub picture: Picture,
-    /// Frame number, modulo 2²⁴.
+    /// Frame number, modulo 2²⁴; of a short packet by the last one decoded, see [`Latent::frame_near`].
     pub frame: u32,
     /// The pose it was rendered at.
     pub pose: Pose,
@@ -35,6 +35,8 @@ pub struct Decoder {
     scene: Arc<Scene>,
     cameras: Vec<Camera>,
     camera_decoder: Option<CameraDecoder>,
+    /// Number of the last frame decoded.
+    last_frame: Option<u32>,
 }
 
 /// What one camera's packets take.
@@ -66,6 +68,7 @@ impl Decoder {
             scene: scene.clone(),
             cameras: Vec::new(),
             camera_decoder: None,
+            last_frame: None,
         }
     }
 
@@ -95,7 +98,8 @@ impl Decoder {
     /// Decodes a packet. If only its latent part is sound, the picture is the render alone.
     ///
     /// # Errors
-    /// If the latent part is damaged, is about another prior, or names a camera that never came.
+    /// If the latent part is damaged, is about another prior, names a camera that never came, or, in the
+    /// short form, a session that is not this side's prior with any camera known.
     pub fn decode(&mut self, bytes: &[u8]) -> Result<Decoded, Error> {
         let mut decoded = Decoded::default();
         self.decode_into(bytes, Trust::Whole, &mut decoded)?;
@@ -121,10 +125,12 @@ impl Decoder {
         };
         let pose = latent.pose.dequantise(&self.scene.frame());
         let here = self.engine.device().portable;
-        let view = self.camera_decoder(&latent)?;
-        decoded.picture.resize(latent.width, latent.height);
+        let frame = latent.frame_near(self.last_frame);
+        let view = self.camera_decoder(&latent, frame)?;
+        let Camera { width, height, .. } = view.camera;
+        decoded.picture.resize(width, height);
         view.renderer.coded_picture(&latent.pose.words(), &mut decoded.picture)?;
-        (decoded.frame, decoded.pose) = (latent.frame, pose);
+        (decoded.frame, decoded.pose) = (frame, pose);
         decoded.uncertain = latent.uncertain;
         decoded.portable = latent.portable && here;
         let told = salvage.render.as_ref().ok().copied().flatten();
@@ -134,14 +140,32 @@ impl Decoder {
             Ok((rows, damage)) => (damage.or(camera_damage), rows),
             Err(error) => (Some(error), 0),
         };
+        self.last_frame = Some(frame);
         Ok(())
     }
 
-    /// What renders for the newest camera whose tag fits.
-    fn camera_decoder(&mut self, latent: &Latent) -> Result<&mut CameraDecoder, Error> {
-        let named = self.cameras.iter().rev().find(|c| latent.check_camera(c).is_ok());
-        let (frame, tag) = (latent.frame, latent.camera_tag);
-        let camera = *named.ok_or(Error::CameraUnknown { frame, tag })?;
+    /// The newest camera known that a packet may be about.
+    pub fn camera_of(&self, latent: &Latent) -> Option<&Camera> {
+        let prior = self.scene.id();
+        self.cameras.iter().rev().find(|camera| latent.session.check(prior, camera).is_ok())
+    }
+
+    /// What renders for a packet's camera.
+    fn camera_decoder(
+        &mut self,
+        latent: &Latent,
+        frame: u32,
+    ) -> Result<&mut CameraDecoder, Error> {
+        let unknown = || match latent.session {
+            Session::Stated { camera_tag: tag, .. } => Error::CameraUnknown { frame, tag },
+            Session::Tagged(tag) => Error::SessionUnknown {
+                frame,
+                tag,
+                prior: self.scene.id(),
+                cameras: self.cameras.len(),
+            },
+        };
+        let camera = *self.camera_of(latent).ok_or_else(unknown)?;
         let view = match self.camera_decoder.take() {
             Some(view) if view.camera == camera => view,
             _ => CameraDecoder {

@@ -115,4 +115,19 @@ pub enum Error {
         /// Tag of the camera.
         tag: u8,
     },
+    /// A short packet's session is not that of the prior at hand with any camera known.
+    #[error(
+        "frame {frame}: a short packet of session {tag:#04x}, which is not prior {prior} with any of \
+         the {cameras} cameras known: the packet that told it is missing, or another prior is held"
+    )]
+    SessionUnknown {
+        /// Number of the frame.
+        frame: u32,
+        /// Tag of the session.
+        tag: u8,
+        /// The prior at hand.
+        prior: crate::PriorId,
+        /// How many cameras are known.
+        cameras: usize,
+    },
 }

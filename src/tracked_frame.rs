@@ -74,7 +74,9 @@ impl TrackedFrame {
             return Err(Error::Budget { budget, needed });
         }
         let (render, difference) = (&self.render, &mut self.difference);
-        let coded = residual.encode_difference(frame, render, difference, rate, needed)?;
+        // The coder counts the check of the full form.
+        let others = needed - packet.latent.spared_check();
+        let coded = residual.encode_difference(frame, render, difference, rate, others)?;
         packet.residual = coded.residual;
         encoded.picture.clone_from(coded.reconstruction);
         packet.write(&mut encoded.packet)?;

@@ -122,14 +122,21 @@ fn codes_are_those_of_packets() {
     for turn in 0..40 {
         let t = f64::from(turn);
         let at = some_pose().stepped(&[0.1 * t, 0.2, -0.3 * t, 0.31 * t, 0.17 * t, -0.05 * t]);
-        for profile in [PoseProfile::Compact, PoseProfile::Paper] {
+        for profile in [PoseProfile::Compact, PoseProfile::Paper, PoseProfile::Short] {
             let code = quantised(&placement(&at), &anchor, profile.word());
+            let short = profile == PoseProfile::Short;
             let placed = pose(&placed(&code, &anchor));
             // Half a step per axis of rotation, some units from the camera.
-            assert_close(&placed, &at, 1e-4);
+            assert_close(&placed, &at, if short { 2e-3 } else { 1e-4 });
             let of_packet = QuantisedPose::of_words(&code).unwrap();
             assert_eq!(of_packet.words(), code);
-            assert_eq!(of_packet.profile(), profile);
+            assert_eq!(of_packet.is_short(), short);
+            assert_eq!(of_packet.profile(), if short { PoseProfile::Compact } else { profile });
+            if short {
+                let host = QuantisedPose::quantise(&at, &frame, profile).unwrap().words();
+                let off = std::iter::zip(host.words, code.words).map(|(a, b)| (a - b).abs());
+                assert!(off.max() <= Some(32), "one step of the grid, where f32 rounds otherwise");
+            }
             let rounding = 4.0 * f64::from(f32::EPSILON) * (1.0 + at.translation.length());
             assert_close(&placed, &of_packet.dequantise(&frame), rounding);
         }

@@ -2,7 +2,7 @@
 //!
 //! Random bytes hardly ever match a check, so the first byte of the input tells which checks to make
 //! right beforehand.
-use nvsprior::packet::{CAMERA_PART_LEN, Latent};
+use nvsprior::packet::{CAMERA_PART_LEN, SHORT_LATENT_LEN, Session};
 use nvsprior::residual::ResidualDecoder;
 use nvsprior::{Packet, Picture};
 
@@ -23,7 +23,10 @@ pub fn run(input: &[u8]) {
         let again = packet.encode().expect("what was read can be written");
         assert_eq!(Packet::decode(&again), Ok(packet));
     }
-    let Latent { width, height, .. } = salvage.latent;
+    let (width, height) = match salvage.latent.session {
+        Session::Stated { width, height, .. } => (width, height),
+        Session::Tagged(_) => (64, 48),
+    };
     if width * height > PIXELS {
         return;
     }
@@ -43,6 +46,7 @@ pub fn run(input: &[u8]) {
 fn latent_len(bytes: &[u8]) -> usize {
     match bytes.get(1).map(|flags| flags & 3) {
         Some(2) => 43,
+        Some(3) => SHORT_LATENT_LEN,
         _ => 31,
     }
 }
@@ -51,7 +55,7 @@ fn latent_len(bytes: &[u8]) -> usize {
 fn repair_latent(bytes: &mut [u8]) {
     let len = latent_len(bytes);
     let Some(part) = bytes.get_mut(..len) else { return };
-    part[0] = 0xB1;
+    part[0] = if len == SHORT_LATENT_LEN { 0xB4 } else { 0xB1 };
     let check = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740).checksum(&part[..len - 2]);
     part[len - 2..].copy_from_slice(&check.to_le_bytes());
 }
@@ -67,6 +71,12 @@ fn repair_residual(bytes: &mut Vec<u8>) {
     let payload = bytes.len() - start - 2;
     bytes[start] = 0x80 | (payload & 0x7F) as u8;
     bytes[start + 1] = (payload >> 7 & 0x7F) as u8;
+    if latent == SHORT_LATENT_LEN {
+        let bound = [&crc32fast::hash(&bytes[..latent]).to_le_bytes(), &bytes[start..]].concat();
+        let check = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740).checksum(&bound);
+        bytes.extend(check.to_le_bytes());
+        return;
+    }
     let mut hasher = crc32fast::Hasher::new();
     hasher.update(&bytes[..latent]);
     hasher.update(&bytes[start..]);

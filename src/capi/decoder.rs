@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 use std::time::Duration;
 
-use crate::packet::{LONGEST_LATENT, Latent, PoseProfile};
+use crate::packet::{LONGEST_LATENT, Latent, PoseProfile, Session};
 use crate::prior::PriorFrame;
 use crate::{Decoded, Decoder, Trust, packet_bound};
 
@@ -76,6 +76,8 @@ versioned!(nvsp_decoded, 88);
 
 /// `pose` is given.
 pub const NVSP_HEADER_POSE: u32 = 2;
+/// The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
+pub const NVSP_HEADER_SHORT: u32 = 128;
 
 /// What a packet says first, without rendering.
 #[allow(non_camel_case_types)]
@@ -86,22 +88,22 @@ pub struct nvsp_header {
     pub struct_size: u32,
     /// Set by NVSP_INIT.
     pub abi_version: u32,
-    /// Identity of the prior that the packet is about; see nvsp_prior_info.
+    /// Identity of the prior that the packet is about, see nvsp_prior_info; 0 in the short form.
     pub prior_id: u32,
-    /// Number of the frame, modulo 2^24.
+    /// Number of the frame, modulo 2^24; in the short form modulo 2^16.
     pub frame: u32,
-    /// Pixels.
+    /// Pixels; 0 in the short form, whose size earlier packets told.
     pub width: u32,
-    /// Pixels.
+    /// Pixels; 0 in the short form.
     pub height: u32,
-    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE and NVSP_HEADER_POSE bits.
+    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_HEADER_POSE and NVSP_HEADER_SHORT bits.
     pub flags: u32,
     /// NVSP_PROFILE_*.
     pub profile: u32,
     /// Bytes of the latent part, which is a picture by itself.
     pub latent_bytes: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// In the short form the tag, a byte, that names prior and camera; else 0.
+    pub session: u32,
     /// The pose, if it is given: the compact profile states it relative to the prior.
     pub pose: nvsp_pose,
 }
@@ -344,16 +346,17 @@ pub unsafe extern "C" fn nvsp_decoder_destroy(decoder: *mut nvsp_decoder) {
     unsafe { Handle::destroy(nvsp_decoder::handle(decoder).cast_mut()) }
 }
 
-/// Reads what a packet says first, from its first 31 bytes (43 in the paper's profile) or more,
-/// without device and rendering. The pose of a compact packet is given if `prior` is the one that the
-/// packet is about. Allocates nothing; any threads may call it.
+/// Reads what a packet says first, from its first 31 bytes (19 in the short form, 43 in the paper's
+/// profile) or more, without device and rendering. The pose of a compact packet is given if `prior` is
+/// the one that the packet is about. A short packet does not name it: `prior` is then taken to be the
+/// one. Allocates nothing; any threads may call it.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
 /// NVSP_ERR_PACKET.
 ///
 /// # Safety
 /// - `packet`: the packet, or its start. Read during the call. Not NULL.
-/// - `size`: bytes of it that are there, 31 or more (43 in the paper's profile).
+/// - `size`: bytes of it that are there, 31 or more (19 in the short form, 43 in the paper's profile).
 /// - `prior`: a live prior. NULL: the pose of a compact packet is not wanted.
 /// - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
@@ -381,30 +384,35 @@ pub unsafe extern "C" fn nvsp_decode_header(
 const ANY_FRAME: PriorFrame = PriorFrame { centre: [0.0; 3], spread: 1.0 };
 
 fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
-    let frame = prior.map(|p| p.scene).filter(|scene| scene.id() == latent.prior);
+    let frame = prior.map(|p| p.scene).filter(|scene| latent.check_prior(scene.id()).is_ok());
     let profile = latent.pose.profile();
     let pose = match (profile, frame) {
         (_, Some(scene)) => Some(latent.pose.dequantise(&scene.frame())),
         (PoseProfile::Paper, None) => Some(latent.pose.dequantise(&ANY_FRAME)),
-        (PoseProfile::Compact, None) => None,
+        (PoseProfile::Compact | PoseProfile::Short, None) => None,
+    };
+    let (prior_id, width, height, session) = match latent.session {
+        Session::Stated { prior, width, height, .. } => (prior.0, width, height, 0),
+        Session::Tagged(tag) => (0, 0, 0, tag.into()),
     };
     let flag = |set: bool, bit: u32| if set { bit } else { 0 };
     nvsp_header {
         struct_size: 0,
         abi_version: 0,
-        prior_id: latent.prior.0,
+        prior_id,
         frame: latent.frame,
-        width: latent.width,
-        height: latent.height,
+        width,
+        height,
         flags: flag(latent.uncertain, super::encoder::NVSP_FRAME_UNCERTAIN)
             | flag(!latent.portable, super::encoder::NVSP_FRAME_NOT_PORTABLE)
-            | flag(pose.is_some(), NVSP_HEADER_POSE),
+            | flag(pose.is_some(), NVSP_HEADER_POSE)
+            | flag(latent.is_short(), NVSP_HEADER_SHORT),
         profile: match profile {
-            PoseProfile::Compact => super::encoder::NVSP_PROFILE_COMPACT,
+            PoseProfile::Compact | PoseProfile::Short => super::encoder::NVSP_PROFILE_COMPACT,
             PoseProfile::Paper => super::encoder::NVSP_PROFILE_PAPER,
         },
         latent_bytes: latent.encoded_len() as u32,
-        reserved: 0,
+        session,
         pose: match pose {
             Some(pose) => image::pose_out(&pose),
             None => nvsp_pose { rotation: [0.0; 4], translation: [0.0; 3] },
@@ -438,7 +446,11 @@ unsafe fn prepare(
     // SAFETY: as the caller promises; the slice ends with this call.
     let packet = unsafe { image::slice(packet, size, "packet")? };
     // No packet of its size is longer than this; what follows it is padding.
-    let longest = Latent::decode(packet).map_or(0, |l| packet_bound(l.width, l.height));
+    let size = Latent::decode(packet).ok().and_then(|latent| match latent.session {
+        Session::Stated { width, height, .. } => Some((width, height)),
+        Session::Tagged(_) => core.decoder.camera_of(&latent).map(|c| (c.width, c.height)),
+    });
+    let longest = size.map_or(0, |(width, height)| packet_bound(width, height));
     let longest = longest.max(LONGEST_LATENT);
     core.packet.clear();
     core.packet.reserve(longest);

@@ -65,6 +65,11 @@ pub const NVSP_PROFILE_COMPACT: u32 = 0;
 /// The pose in 28 bytes, as in the paper.
 pub const NVSP_PROFILE_PAPER: u32 = 1;
 
+/// A packet whose prior and camera an earlier one told has the short form, a latent part of 19 bytes.
+pub const NVSP_FORM_SHORT: u32 = 0;
+/// Every packet names prior and camera in full: a latent part of 31 bytes.
+pub const NVSP_FORM_FULL: u32 = 1;
+
 /// For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
 pub const NVSP_CAMERA_ONCE: u32 = u32::MAX;
 
@@ -102,8 +107,10 @@ pub struct nvsp_encoder_options {
     /// Renders of the prior, of any size, that a frame may take to look afresh for its pose; what it does
     /// not find is looked for again with the next frame. A search that has begun is ended. 0: 96.
     pub lost_renders: u32,
+    /// NVSP_FORM_*.
+    pub form: u32,
 }
-versioned!(nvsp_encoder_options, 48);
+versioned!(nvsp_encoder_options, 48, 52);
 
 /// The pose is not certain: the picture does not confirm it.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -256,6 +263,11 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         NVSP_PROFILE_PAPER => PoseProfile::Paper,
         _ => return Err(Failure::argument("nvsp_encoder_options.profile")),
     };
+    made.short = match options.form {
+        NVSP_FORM_SHORT => true,
+        NVSP_FORM_FULL => false,
+        _ => return Err(Failure::argument("nvsp_encoder_options.form")),
+    };
     match options.levels {
         0 => {}
         levels @ 1..=6 => made.factors = (0..levels).map(|level| 1 << level).collect(),
@@ -309,6 +321,24 @@ pub unsafe extern "C" fn nvsp_encoder_set_rate(
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let rate = rate(mode, value)?;
             content.core()?.encoder.set_rate(rate);
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// The next packet has the full form and carries the camera: for a topside that asks what packets are
+/// about.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `encoder`: a live encoder. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_announce(encoder: *mut nvsp_encoder) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
+            content.core()?.encoder.announce();
             Ok(NVSP_OK)
         })
     }

@@ -56,7 +56,8 @@ pub const NVSP_ERR_BUDGET: nvsp_status = -18;
 pub const NVSP_ERR_PACKET: nvsp_status = -19;
 /// The packet is about another prior than the one at hand.
 pub const NVSP_ERR_OTHER_PRIOR: nvsp_status = -20;
-/// The packet's camera was sent in an earlier packet, which is missing.
+/// The packet's camera was sent in an earlier packet, which is missing. Of a short packet also: the
+/// prior that it is about may be another than the one at hand; the text tells.
 pub const NVSP_ERR_CAMERA_UNKNOWN: nvsp_status = -21;
 /// The difference picture is damaged or cut short.
 pub const NVSP_ERR_RESIDUAL: nvsp_status = -22;
@@ -188,7 +189,7 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         | E::HintAge { .. }
         | E::FrameTime { .. }
         | E::FrameTimeBack { .. } => NVSP_ERR_ARGUMENT,
-        E::CameraUnknown { .. } => NVSP_ERR_CAMERA_UNKNOWN,
+        E::CameraUnknown { .. } | E::SessionUnknown { .. } => NVSP_ERR_CAMERA_UNKNOWN,
         E::Thread(_) | E::CoderGone => NVSP_ERR_MEMORY,
     }
 }

@@ -151,15 +151,19 @@ impl<T: Versioned> Out<T> {
     }
 }
 
-/// Implements [`Versioned`] for a structure of which `$first_size` bytes were there from the first.
+/// Implements [`Versioned`] for a structure of which `$first_size` bytes were there from the first, of
+/// `$size` now.
 macro_rules! versioned {
     ($name:ident, $first_size:expr) => {
+        versioned!($name, $first_size, $first_size);
+    };
+    ($name:ident, $first_size:expr, $size:expr) => {
         // SAFETY: its definition stands above, with numbers and pointers only.
         unsafe impl crate::capi::structs::Versioned for $name {
             const FIRST_SIZE: usize = $first_size;
             const NAME: &'static str = stringify!($name);
         }
-        const _: () = assert!(size_of::<$name>() == $first_size, "the first version's size");
+        const _: () = assert!(size_of::<$name>() == $size, "the size in this version");
     };
 }
 pub(super) use versioned;

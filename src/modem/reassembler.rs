@@ -52,7 +52,8 @@ impl ReassemblerOptions {
 /// What has come of a packet.
 #[derive(Clone, Copy)]
 pub struct Received<'a> {
-    /// Frame number, modulo 2²⁴.
+    /// Frame number, modulo 2²⁴; of a short packet the one nearest to that of the newest packet when it
+    /// came, or its 16 bits where that was the first.
     pub frame: u32,
     /// The packet's first bytes, without gap and without padding, each vouched for by a check. A
     /// decoder makes the best picture of them that there is, if they hold the latent part; empty
@@ -141,12 +142,13 @@ impl Reassembler {
         self.packet(self.newest?)
     }
 
-    /// The packet of a frame number, modulo 2²⁴, if it is held and its first frame has come.
+    /// The packet of a frame number, modulo 2²⁴, if it is held and its first frame has come. Of a
+    /// short packet, the low 16 bits count.
     pub fn packet(&self, frame: u32) -> Option<Received<'_>> {
         let packet = &self.slots[tag_of(frame)].packet;
-        let state = packet.state().filter(|state| state.extent.frame == frame)?;
+        let state = packet.state().filter(|state| state.extent.may_be(frame))?;
         Some(Received {
-            frame,
+            frame: state.extent.frame,
             bytes: packet.sound(),
             complete: state.complete,
             frames: state.frames,
@@ -171,7 +173,7 @@ impl Reassembler {
 
     fn push_first(&mut self, frame: &[u8]) -> Result<Pushed, ModemError> {
         let padded = &frame[..frame.len().min(self.layout.mtu)];
-        let extent = Extent::read(padded)?;
+        let extent = Extent::read(padded)?.near(self.newest);
         let needed = self.layout.range(0, extent.total.unwrap_or(usize::MAX)).len();
         let cut = ModemError::Cut { found: frame.len(), needed };
         let first = padded.get(..needed).ok_or(cut)?;

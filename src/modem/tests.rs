@@ -10,6 +10,7 @@ use crate::packet::{
 use crate::prior::{PriorFrame, PriorId};
 use crate::{Camera, Pose};
 
+const PRIOR: PriorId = PriorId(0xd4a5_d0ed);
 const CAMERA: Camera =
     Camera { width: 320, height: 180, fx: 274.5, fy: 274.25, cx: 160.0, cy: 90.0 };
 
@@ -32,7 +33,12 @@ fn packet_of(recipe: Recipe) -> Vec<u8> {
     let turn = f64::from((frame + 1000 * payload.unwrap_or(0) as u32) % 10_007) * 1e-4;
     let pose = Pose::from_wxyz([0.9, 0.1, -0.3, turn], [1.0, turn, 3.0]).unwrap();
     let pose = QuantisedPose::quantise(&pose, &frame_of_prior, profile).unwrap();
-    let latent = Latent::new(frame, PriorId(0xd4a5_d0ed), &CAMERA, pose, false).unwrap();
+    let latent = Latent::new(frame, PRIOR, &CAMERA, pose, false).unwrap();
+    let latent = match profile {
+        PoseProfile::Short => latent.shortened(PRIOR, &CAMERA).unwrap(),
+        _ => latent,
+    };
+    let camera = camera && !latent.is_short();
     let residual = match payload {
         Some(len) => Residual::Coded { coder: Coder::Vp8, payload: noise(frame, len).leak() },
         None => Residual::None,
@@ -397,6 +403,39 @@ fn a_frame_binds_to_no_other_packet() {
     assert!(bound <= 2, "{bound} of 20,000");
 }
 
+/// Short packets after one in the full form: their numbers are those of its count, also beyond 2¹⁶
+/// and 2²⁴, late or not.
+#[test]
+fn short_packets_go_on_in_the_count() {
+    for first in [0, 0x1_FFFE, Latent::FRAMES - 2] {
+        let packet = |step: u32, profile| {
+            let frame = (first + step) % Latent::FRAMES;
+            packet_of(Recipe { frame, profile, camera: false, payload: Some(40) })
+        };
+        let mut reassembler = reassembler(64);
+        let mut push = |packet: &[u8]| {
+            let frames = frames_of(packet, 64);
+            frames.iter().map(|frame| reassembler.push(frame).unwrap()).last().unwrap()
+        };
+        assert_eq!(push(&packet(0, PoseProfile::Compact)), Pushed::Complete(first));
+        for step in [1, 3, 2, 4, 9, 8] {
+            let frame = (first + step) % Latent::FRAMES;
+            assert_eq!(push(&packet(step, PoseProfile::Short)), Pushed::Complete(frame));
+        }
+        let newest = reassembler.newest().unwrap();
+        assert_eq!(newest.frame, (first + 9) % Latent::FRAMES);
+        assert!(newest.complete);
+        let late = reassembler.packet((first + 8) % Latent::FRAMES).unwrap();
+        assert_eq!(late.bytes, packet(8, PoseProfile::Short));
+    }
+    // Without one, the sixteen bits are all there is.
+    let frame = 0x02_0304;
+    let alone = packet_of(Recipe { frame, profile: PoseProfile::Short, camera: false, payload: None });
+    let mut reassembler = reassembler(31);
+    assert_eq!(reassembler.push(&alone), Ok(Pushed::Complete(0x0304)));
+    assert_eq!(reassembler.packet(frame).unwrap().frame, 0x0304);
+}
+
 /// A frame of a run, with what decides when it comes and how often.
 #[derive(Clone, Copy, Debug)]
 struct Fate {
@@ -420,11 +459,14 @@ struct Run {
 
 prop_compose! {
     fn any_recipe()(
-        paper in any::<bool>(),
+        profile in prop_oneof![
+            Just(PoseProfile::Paper),
+            Just(PoseProfile::Compact),
+            Just(PoseProfile::Short),
+        ],
         camera in any::<bool>(),
         payload in prop::option::weighted(0.9, 0_usize..400),
     ) -> Recipe {
-        let profile = if paper { PoseProfile::Paper } else { PoseProfile::Compact };
         Recipe { frame: 0, profile, camera, payload }
     }
 }
@@ -489,6 +531,8 @@ impl Sent {
         let own = sound_len(&self.packet[..mtu.min(len)]);
         let sound = if bound > 1 { without_gap } else { own };
         prop_assert_eq!(received.bytes, &self.packet[..sound]);
+        let frames = Extent::read(&self.packet).unwrap().frames;
+        prop_assert_eq!(received.frame % frames, self.recipe.frame % frames);
         prop_assert_eq!(received.complete, gap == self.comes.len());
         prop_assert_eq!(received.frames, bound);
         prop_assert_eq!(received.expected, known.then_some(self.comes.len()));

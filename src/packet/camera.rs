@@ -4,17 +4,19 @@ use crate::Camera;
 
 use super::bytes::{Reader, crc16};
 use super::camera_tag::{camera_tag, intrinsics, size_bytes};
-use super::{Latent, PacketError, Part};
+use super::{Latent, PacketError, Part, Session};
 
 /// Length of the part, bytes.
 pub(super) const LEN: usize = 18;
 
 pub(super) fn encode(camera: &Camera, latent: &Latent) -> Result<[u8; LEN], PacketError> {
     camera.check()?;
+    let Session::Stated { width, height, camera_tag: expected, .. } = latent.session else {
+        return Err(PacketError::ShortCamera);
+    };
     let found = camera_tag(camera)?;
-    let same_size = (camera.width, camera.height) == (latent.width, latent.height);
-    if found != latent.camera_tag || !same_size {
-        return Err(PacketError::CameraTag { expected: latent.camera_tag, found });
+    if found != expected || (camera.width, camera.height) != (width, height) {
+        return Err(PacketError::CameraTag { expected, found });
     }
     let fields = intrinsics(camera);
     let check = crc16(&[&size_bytes(camera.width, camera.height)?, &fields]);
@@ -27,15 +29,18 @@ pub(super) fn encode(camera: &Camera, latent: &Latent) -> Result<[u8; LEN], Pack
 pub(super) fn decode(bytes: &[u8], latent: &Latent) -> Result<Camera, PacketError> {
     let mut reader = Reader::new(bytes, Part::Camera, LEN)?;
     let [fx, fy, cx, cy] = [(); 4].map(|()| f32::from_le_bytes(reader.take()));
-    let check = crc16(&[&size_bytes(latent.width, latent.height)?, reader.taken()]);
+    let Session::Stated { width, height, camera_tag: expected, .. } = latent.session else {
+        return Err(PacketError::ShortCamera);
+    };
+    let check = crc16(&[&size_bytes(width, height)?, reader.taken()]);
     if check != u16::from_le_bytes(reader.take()) {
         return Err(PacketError::Check(Part::Camera));
     }
     let found = check as u8;
-    if found != latent.camera_tag {
-        return Err(PacketError::CameraTag { expected: latent.camera_tag, found });
+    if found != expected {
+        return Err(PacketError::CameraTag { expected, found });
     }
-    let camera = Camera { width: latent.width, height: latent.height, fx, fy, cx, cy };
+    let camera = Camera { width, height, fx, fy, cx, cy };
     camera.check()?;
     Ok(camera)
 }

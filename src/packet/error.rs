@@ -58,7 +58,7 @@ pub enum PacketError {
     #[error("not a packet: first byte {0:#04x}")]
     Magic(u8),
     /// The packet is of another version of the format.
-    #[error("packet of version {0}, this side knows {known}", known = super::latent::VERSION)]
+    #[error("packet of version {0}, this side knows 1 and 2, in the short form 4 and 7")]
     Version(u8),
     /// The part's check does not match its bytes.
     #[error("{0}: damaged, its check does not match")]
@@ -88,6 +88,20 @@ pub enum PacketError {
         /// Tag of the camera.
         found: u8,
     },
+    /// The session is not the one that a packet of the short form names.
+    #[error("session of tag {found:#04x} where the packet names {packet:#04x}")]
+    SessionTag {
+        /// Tag in the latent part.
+        packet: u8,
+        /// Tag of the prior and the camera at hand.
+        found: u8,
+    },
+    /// A packet of the short form has, or was to have, a camera part.
+    #[error("the short form of a packet holds no camera part")]
+    ShortCamera,
+    /// A pose was to be written in the short form, which cannot hold it.
+    #[error("the pose is too fine for the short form, or beyond its reach")]
+    ShortPose,
     /// The residual's coder is not known.
     #[error("unknown residual coder {0}")]
     Coder(u8),

@@ -1,7 +1,8 @@
 //! How far a packet reaches, and how much of it is sound, read from its start.
 
 use super::bytes::{Reader, from_u24};
-use super::latent::{Follows, check_start, encoded_len};
+use super::latent::{Follows, check_start, nearest_frame};
+use super::residual::Check;
 use super::{
     CAMERA_PART_LEN, Latent, PacketError, Part, RENDER_PART_LEN, camera, render, residual,
 };
@@ -9,8 +10,10 @@ use super::{
 /// What the start of a packet says of the whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
-    /// Frame number, modulo 2²⁴.
+    /// Frame number, as the packet states it.
     pub frame: u32,
+    /// It is stated modulo this: 2²⁴, in the short form 2¹⁶.
+    pub frames: u32,
     /// Length of the latent part, bytes.
     pub latent: usize,
     /// Length of the packet, bytes; `None` where the bytes end before its residual's length does.
@@ -18,25 +21,27 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Reads the first bytes of a packet, 31 or more. If the latent part is there in full, its
+    /// Reads the first bytes of a packet, 31 or more, of the short form 19. If the latent part is there in full, its
     /// check must match; no other check is looked at, see [`sound_len`].
     ///
     /// # Errors
     /// If the bytes are not the start of a packet, or the residual's length fits no packet.
     pub fn read(start: &[u8]) -> Result<Extent, PacketError> {
-        let latent = encoded_len(check_start(start)?);
+        let form = check_start(start)?;
+        let latent = form.latent_len();
         if start.len() >= latent {
             Latent::read(start)?;
         }
         let mut reader = Reader::new(start, Part::Latent, 5)?;
         let [_, flags] = reader.take();
-        let frame = from_u24(reader.take());
+        let frames = form.frames();
+        let frame = from_u24(reader.take()) % frames;
         let follows = Follows::of_flags(flags);
         let camera = if follows.camera { CAMERA_PART_LEN } else { 0 };
         let render = if follows.render { RENDER_PART_LEN } else { 0 };
         let head = latent + camera + render;
         let total = if residual::has_part(follows.residual) {
-            match residual::part_len(start.get(head..).unwrap_or(&[])) {
+            match residual::part_len(start.get(head..).unwrap_or(&[]), Check::of(form)) {
                 Ok(length) => Some(head + length),
                 Err(PacketError::TooShort { .. }) => None,
                 Err(error) => return Err(error),
@@ -44,7 +49,17 @@ impl Extent {
         } else {
             Some(head)
         };
-        Ok(Extent { frame, latent, total })
+        Ok(Extent { frame, frames, latent, total })
+    }
+
+    /// The same with the frame number modulo 2²⁴ that is nearest to another packet's.
+    pub(crate) fn near(self, last: Option<u32>) -> Extent {
+        Extent { frame: nearest_frame(self.frame, self.frames, last), ..self }
+    }
+
+    /// Whether the packet may be of a frame number, modulo 2²⁴.
+    pub(crate) fn may_be(&self, frame: u32) -> bool {
+        frame.wrapping_sub(self.frame) % self.frames == 0
     }
 }
 
@@ -67,7 +82,8 @@ pub fn sound_len(start: &[u8]) -> usize {
         sound += RENDER_PART_LEN;
     }
     if residual::has_part(follows.residual)
-        && let Ok((length, _)) = residual::checked(&start[sound..], latent_part)
+        && let Ok((length, _)) =
+            residual::checked(&start[sound..], latent_part, Check::of(latent.form()))
     {
         sound += length;
     }

@@ -4,17 +4,25 @@ use crate::Camera;
 use crate::prior::PriorId;
 
 use super::bytes::{Reader, crc16, from_u24, to_u24};
-use super::camera_tag::{camera_tag, size_bytes};
-use super::{PacketError, Part, PoseProfile, QuantisedPose};
+use super::camera_tag::size_bytes;
+use super::pose::SHORT_LEN;
+use super::residual::Check;
+use super::{PacketError, Part, PoseProfile, QuantisedPose, Session};
 
 /// High four bits of the first byte.
 const MAGIC: u8 = 0xB;
-/// Version of the format, low four bits of the first byte, if the render is the same on every portable device.
-pub(super) const VERSION: u8 = 1;
+/// Version of the full form, low four bits of the first byte, if the render is the same on every portable device.
+const VERSION: u8 = 1;
 /// In its place if the encoder's device is not portable. The layout is the same.
 const VERSION_NOT_PORTABLE: u8 = 2;
-/// Bytes of the latent part that are not the pose.
+/// The same two of the short form. Of the four, each differs from each in two bits, and no flags of the
+/// full form are flags of the short one: it takes three flipped bits to read one form as the other.
+const VERSION_SHORT: u8 = 4;
+const VERSION_SHORT_NOT_PORTABLE: u8 = 7;
+/// Bytes of the full form that are not the pose.
 pub(super) const FIXED_LEN: usize = 15;
+/// Bytes of the short form.
+pub(super) const SHORT_LATENT_LEN: usize = 7 + SHORT_LEN;
 
 const FLAG_UNCERTAIN: u8 = 1 << 2;
 const FLAG_CAMERA: u8 = 1 << 3;
@@ -23,16 +31,10 @@ const FLAG_RENDER: u8 = 1 << 7;
 /// What a packet says first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Latent {
-    /// Frame number; its low 24 bits travel.
+    /// Frame number; its low 24 bits travel, in the short form 16.
     pub frame: u32,
-    /// The prior to render.
-    pub prior: PriorId,
-    /// Picture width, pixels.
-    pub width: u32,
-    /// Picture height, pixels.
-    pub height: u32,
-    /// [`camera_tag`] of the camera to render with.
-    pub camera_tag: u8,
+    /// The prior and the camera to render with.
+    pub session: Session,
     /// The pose to render at.
     pub pose: QuantisedPose,
     /// The pose is not certain: the picture does not confirm it.
@@ -59,11 +61,38 @@ impl Follows {
     }
 }
 
+/// What the first two bytes say of the part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    Full(PoseProfile),
+    Short,
+}
+
+impl Form {
+    /// Length of the part, bytes.
+    pub(super) fn latent_len(self) -> usize {
+        match self {
+            Form::Full(profile) => FIXED_LEN + profile.encoded_len(),
+            Form::Short => SHORT_LATENT_LEN,
+        }
+    }
+
+    /// Frame numbers are sent modulo this.
+    pub(super) fn frames(self) -> u32 {
+        match self {
+            Form::Full(_) => Latent::FRAMES,
+            Form::Short => Latent::SHORT_FRAMES,
+        }
+    }
+}
+
 impl Latent {
     /// Frame numbers are sent modulo this.
     pub const FRAMES: u32 = 1 << 24;
+    /// In the short form, modulo this; see [`Latent::frame_near`].
+    pub const SHORT_FRAMES: u32 = 1 << 16;
 
-    /// The latent part of a frame seen by `camera`, on a portable device.
+    /// The latent part of a frame seen by `camera`, on a portable device, in the full form.
     pub fn new(
         frame: u32,
         prior: PriorId,
@@ -71,10 +100,28 @@ impl Latent {
         pose: QuantisedPose,
         uncertain: bool,
     ) -> Result<Latent, PacketError> {
-        let Camera { width, height, .. } = *camera;
-        let frame = frame % Self::FRAMES;
-        let camera_tag = camera_tag(camera)?;
-        Ok(Latent { frame, prior, width, height, camera_tag, pose, uncertain, portable: true })
+        let (frame, session) = (frame % Self::FRAMES, Session::stated(prior, camera)?);
+        Ok(Latent { frame, session, pose, uncertain, portable: true })
+    }
+
+    /// In the short form, for a topside that knows prior and camera; as it is, where that cannot hold
+    /// the pose.
+    pub fn shortened(self, prior: PriorId, camera: &Camera) -> Result<Latent, PacketError> {
+        if !self.pose.is_short() {
+            return Ok(self);
+        }
+        let (frame, session) = (self.frame % Self::SHORT_FRAMES, Session::tagged(prior, camera)?);
+        Ok(Latent { frame, session, ..self })
+    }
+
+    /// The frame number modulo 2²⁴: of the numbers that end in the short form's 16 bits, the one
+    /// nearest to `last`, that of a packet read before. Without one, the 16 bits themselves. It is
+    /// right while no 32,768 packets in a row are missing.
+    pub fn frame_near(&self, last: Option<u32>) -> u32 {
+        match self.session {
+            Session::Stated { .. } => self.frame,
+            Session::Tagged(_) => nearest_frame(self.frame, Self::SHORT_FRAMES, last),
+        }
     }
 
     /// Reads the latent part at the start of `bytes`, and nothing of what follows.
@@ -82,44 +129,77 @@ impl Latent {
         Latent::read(bytes).map(|(latent, _, _)| latent)
     }
 
-    /// Checks that the packet is about the prior at hand.
+    /// Checks that the packet is about the prior at hand. The short form tells only with the camera:
+    /// see [`Session::check`].
     pub fn check_prior(&self, held: PriorId) -> Result<(), PacketError> {
-        if self.prior == held {
-            Ok(())
-        } else {
-            Err(PacketError::Prior { packet: self.prior, held })
+        match self.session {
+            Session::Stated { prior, .. } if prior != held => {
+                Err(PacketError::Prior { packet: prior, held })
+            }
+            _ => Ok(()),
         }
     }
 
-    /// Checks that `camera` is the one that the packet is about.
-    pub fn check_camera(&self, camera: &Camera) -> Result<(), PacketError> {
-        let found = camera_tag(camera)?;
-        if found == self.camera_tag && (camera.width, camera.height) == (self.width, self.height) {
-            Ok(())
-        } else {
-            Err(PacketError::CameraTag { expected: self.camera_tag, found })
+    /// Whether it is written in the short form.
+    pub fn is_short(&self) -> bool {
+        self.form() == Form::Short
+    }
+
+    pub(super) fn form(&self) -> Form {
+        match self.session {
+            Session::Stated { .. } => Form::Full(self.pose.profile()),
+            Session::Tagged(_) => Form::Short,
         }
+    }
+
+    /// Bytes by which the residual part's check is shorter than [`residual_part_len`] says.
+    ///
+    /// [`residual_part_len`]: super::residual_part_len
+    pub fn spared_check(&self) -> usize {
+        Check::Crc32.len() - Check::of(self.form()).len()
     }
 
     /// Length of the part, bytes.
     pub fn encoded_len(&self) -> usize {
-        encoded_len(self.pose.profile())
+        self.form().latent_len()
     }
 
     /// Writes the part at the start of an empty packet.
     pub(super) fn write(&self, follows: &Follows, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
-        let flags = self.pose.profile().code()
+        let form = self.form();
+        let profile = match form {
+            Form::Full(profile) => profile,
+            Form::Short => PoseProfile::Short,
+        };
+        let flags = profile.code()
             | if self.uncertain { FLAG_UNCERTAIN } else { 0 }
             | if follows.camera { FLAG_CAMERA } else { 0 }
             | if follows.render { FLAG_RENDER } else { 0 }
             | follows.residual << 4;
-        let version = if self.portable { VERSION } else { VERSION_NOT_PORTABLE };
+        let version = match (form, self.portable) {
+            (Form::Full(_), true) => VERSION,
+            (Form::Full(_), false) => VERSION_NOT_PORTABLE,
+            (Form::Short, true) => VERSION_SHORT,
+            (Form::Short, false) => VERSION_SHORT_NOT_PORTABLE,
+        };
         bytes.extend_from_slice(&[MAGIC << 4 | version, flags]);
-        bytes.extend_from_slice(&to_u24(self.frame));
-        bytes.extend_from_slice(&self.prior.to_bytes());
-        bytes.extend_from_slice(&size_bytes(self.width, self.height)?);
-        self.pose.write(bytes);
-        bytes.push(self.camera_tag);
+        match self.session {
+            Session::Stated { prior, width, height, camera_tag } => {
+                bytes.extend_from_slice(&to_u24(self.frame));
+                bytes.extend_from_slice(&prior.to_bytes());
+                bytes.extend_from_slice(&size_bytes(width, height)?);
+                self.pose.write(bytes);
+                bytes.push(camera_tag);
+            }
+            Session::Tagged(tag) => {
+                if follows.camera {
+                    return Err(PacketError::ShortCamera);
+                }
+                bytes.extend_from_slice(&(self.frame as u16).to_le_bytes());
+                bytes.push(tag);
+                self.pose.write_short(bytes).ok_or(PacketError::ShortPose)?;
+            }
+        }
         let check = crc16(&[bytes]);
         bytes.extend_from_slice(&check.to_le_bytes());
         Ok(())
@@ -127,46 +207,72 @@ impl Latent {
 
     /// The latent part, what follows, and the bytes after it.
     pub(super) fn read(bytes: &[u8]) -> Result<(Latent, Follows, &[u8]), PacketError> {
-        let profile = check_start(bytes)?;
-        let len = encoded_len(profile);
+        let form = check_start(bytes)?;
+        let len = form.latent_len();
         let mut reader = Reader::new(bytes, Part::Latent, len)?;
         let [first, flags] = reader.take();
-        let frame = from_u24(reader.take());
-        let prior = PriorId::from_bytes(reader.take());
-        let size = from_u24(reader.take());
-        let pose = QuantisedPose::read(&mut reader, profile);
-        let [camera_tag] = reader.take();
+        let (frame, session, pose) = match form {
+            Form::Full(profile) => {
+                let frame = from_u24(reader.take());
+                let prior = PriorId::from_bytes(reader.take());
+                let size = from_u24(reader.take());
+                let pose = QuantisedPose::read(&mut reader, profile);
+                let [camera_tag] = reader.take();
+                let (width, height) = ((size & 0xFFF) + 1, (size >> 12) + 1);
+                (frame, Session::Stated { prior, width, height, camera_tag }, pose)
+            }
+            Form::Short => {
+                let frame = u16::from_le_bytes(reader.take()).into();
+                let [tag] = reader.take();
+                (frame, Session::Tagged(tag), QuantisedPose::read_short(&mut reader))
+            }
+        };
         let check = crc16(&[reader.taken()]);
         if check != u16::from_le_bytes(reader.take()) {
             return Err(PacketError::Check(Part::Latent));
         }
         let latent = Latent {
             frame,
-            prior,
-            width: (size & 0xFFF) + 1,
-            height: (size >> 12) + 1,
-            camera_tag,
+            session,
             pose: pose?,
             uncertain: flags & FLAG_UNCERTAIN != 0,
-            portable: first & 0xF == VERSION,
+            portable: [VERSION, VERSION_SHORT].contains(&(first & 0xF)),
         };
         Ok((latent, Follows::of_flags(flags), &bytes[len..]))
     }
 }
 
 /// Checks the first two bytes, on which the part's length depends.
-pub(super) fn check_start(bytes: &[u8]) -> Result<PoseProfile, PacketError> {
-    let needed = encoded_len(PoseProfile::Compact);
-    let [first, flags] = Reader::new(bytes, Part::Latent, needed)?.take();
+pub(super) fn check_start(bytes: &[u8]) -> Result<Form, PacketError> {
+    let [first, flags] = Reader::new(bytes, Part::Latent, SHORT_LATENT_LEN)?.take();
     if first >> 4 != MAGIC {
         return Err(PacketError::Magic(first));
     }
-    if ![VERSION, VERSION_NOT_PORTABLE].contains(&(first & 0xF)) {
-        return Err(PacketError::Version(first & 0xF));
+    let code = flags & 0b11;
+    match first & 0xF {
+        VERSION | VERSION_NOT_PORTABLE => {
+            let shortest = Form::Full(PoseProfile::Compact).latent_len();
+            Reader::new(bytes, Part::Latent, shortest)?;
+            PoseProfile::of_code(code).map(Form::Full)
+        }
+        VERSION_SHORT | VERSION_SHORT_NOT_PORTABLE => {
+            if code != PoseProfile::Short.code() {
+                return Err(PacketError::Profile(code));
+            }
+            if flags & FLAG_CAMERA != 0 {
+                return Err(PacketError::ShortCamera);
+            }
+            Ok(Form::Short)
+        }
+        version => Err(PacketError::Version(version)),
     }
-    PoseProfile::of_code(flags & 0b11)
 }
 
-pub(super) fn encoded_len(profile: PoseProfile) -> usize {
-    FIXED_LEN + profile.encoded_len()
+/// Of the frame numbers modulo [`Latent::FRAMES`] that are `frame` modulo `frames`, the one nearest to
+/// `last`.
+pub(crate) fn nearest_frame(frame: u32, frames: u32, last: Option<u32>) -> u32 {
+    let Some(last) = last else { return frame };
+    let ahead = frame.wrapping_sub(last) % frames;
+    let behind = if ahead > frames / 2 { frames } else { 0 };
+    last.wrapping_add(ahead).wrapping_sub(behind) % Latent::FRAMES
 }

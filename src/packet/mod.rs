@@ -59,10 +59,12 @@ mod latent;
 pub mod pose;
 mod render;
 mod residual;
+mod session;
 
 use crate::Camera;
 
 use latent::Follows;
+use residual::Check;
 
 pub use camera_tag::camera_tag;
 pub use error::{PacketError, Part};
@@ -71,9 +73,13 @@ pub use latent::Latent;
 pub use pose::{PoseProfile, QuantisedPose};
 pub use render::RenderCheck;
 pub use residual::{Coder, Residual, ResidualStart, residual_part_len};
+pub use session::{Session, session_tag};
 
 /// Length of the latent part in the paper's profile, the longer one, bytes.
 pub const LONGEST_LATENT: usize = latent::FIXED_LEN + pose::LONGEST;
+
+/// Length of the latent part in the short form, bytes.
+pub const SHORT_LATENT_LEN: usize = latent::SHORT_LATENT_LEN;
 
 /// Length of the camera part, bytes.
 pub const CAMERA_PART_LEN: usize = camera::LEN;
@@ -115,7 +121,8 @@ impl<'a> Packet<'a> {
     ///
     /// # Errors
     /// If the picture size does not fit the header, the camera is not the one that the latent
-    /// part is about, or the payload has 2²⁸ bytes or more.
+    /// part is about, the payload has 2²⁸ bytes or more, or the short form is asked for with a camera
+    /// or a pose that it does not hold.
     pub fn encode(&self) -> Result<Vec<u8>, PacketError> {
         let mut bytes = Vec::with_capacity(self.encoded_len());
         self.write(&mut bytes)?;
@@ -140,7 +147,7 @@ impl<'a> Packet<'a> {
             bytes.extend_from_slice(&part);
         }
         if let Residual::Coded { payload, .. } = &self.residual {
-            residual::write(payload, latent_len, bytes)?;
+            residual::write(payload, latent_len, Check::of(self.latent.form()), bytes)?;
         }
         Ok(())
     }
@@ -151,7 +158,9 @@ impl<'a> Packet<'a> {
         let render = if self.render.is_some() { RENDER_PART_LEN } else { 0 };
         let residual = match &self.residual {
             Residual::None | Residual::Omitted => 0,
-            Residual::Coded { payload, .. } => residual_part_len(payload.len()),
+            Residual::Coded { payload, .. } => {
+                residual::len_with(payload.len(), Check::of(self.latent.form()))
+            }
         };
         self.latent.encoded_len() + camera + render + residual
     }
@@ -182,7 +191,9 @@ impl<'a> Packet<'a> {
         } else {
             (Ok(None), rest)
         };
-        let (residual, residual_start) = residual::decode(follows.residual, rest, latent_bytes);
+        let check = Check::of(latent.form());
+        let (residual, residual_start) =
+            residual::decode(follows.residual, rest, latent_bytes, check);
         Ok(Salvage { latent, camera, render, residual, residual_start })
     }
 }

@@ -7,6 +7,12 @@
 //! `131072 + round(131071 √2 q)`, with the sign of the quaternion such that the largest is
 //! positive. A rotation is off by at most 2·10⁻⁵ rad, a centre by half a step per axis.
 //!
+//! **Short**, 12 bytes: the compact code on a coarser grid, in the short form of the latent part
+//! ([`latent`](super)). The centre is three signed 16-bit numbers of 32 compact steps, which reaches
+//! 8 units. Then the rotation in 48 bits: two bits that name the largest component, then the others
+//! at 15 bits each, of 8 compact steps, each `16384 + k`, at most 32767. The top bit is zero. It
+//! costs the render less than 0.01 dB. A pose beyond its reach takes the compact code.
+//!
 //! **Paper**, 28 bytes: translation (x, y, z) and quaternion (w, x, y, z) as f32, as in the paper.
 //! Also taken for a pose whose centre lies beyond the compact one's reach.
 
@@ -16,7 +22,10 @@ use glam::{DQuat, DVec3};
 
 use crate::Pose;
 use crate::prior::PriorFrame;
-use crate::search::{COMPACT, PAPER, PoseCode, SMALL_ZERO};
+use crate::search::{
+    COMPACT, PAPER, PoseCode, SHORT, SHORT_CENTRE_MAX, SHORT_CENTRE_STEPS, SHORT_SMALL_MAX,
+    SHORT_SMALL_STEPS, SMALL_ZERO,
+};
 
 use super::PacketError;
 use super::bytes::{Reader, from_u24, to_u24};
@@ -27,7 +36,15 @@ const CENTRE_STEPS: std::ops::Range<f64> = -8_388_608.0..8_388_608.0;
 const SMALL_BITS: u32 = SMALL_ZERO.ilog2() + 1;
 /// Code steps per unit of a small component: the largest magnitude, 1/√2, takes the last step.
 const SMALL_STEPS: f64 = (SMALL_ZERO - 1) as f64 * SQRT_2;
-/// Bytes of the longer profile.
+/// Range of a short centre, in its own steps: 16 bits, two's complement.
+const SHORT_CENTRE: std::ops::RangeInclusive<i32> = -SHORT_CENTRE_MAX - 1..=SHORT_CENTRE_MAX;
+/// Range of a small component of the short code, in its own steps.
+const SHORT_SMALL: std::ops::RangeInclusive<i32> = -SHORT_SMALL_MAX - 1..=SHORT_SMALL_MAX;
+/// Bits of it.
+const SHORT_SMALL_BITS: u32 = SHORT_SMALL_MAX.ilog2() + 2;
+/// Bytes of the short code.
+pub(super) const SHORT_LEN: usize = 12;
+/// Bytes of the longest profile.
 pub(super) const LONGEST: usize = 28;
 /// Rounds after which quantisation has settled, with room; see [`QuantisedPose::quantise`].
 const MAX_SETTLING: usize = 16;
@@ -40,18 +57,23 @@ pub enum PoseProfile {
     Compact,
     /// 28 bytes: seven f32.
     Paper,
+    /// 12 bytes in the short form of the latent part. In the full form as [`PoseProfile::Compact`],
+    /// on the short code's grid.
+    Short,
 }
 
 impl PoseProfile {
-    /// The profile's number in the flags. One flipped bit does not make one of the other, which
-    /// matters as the length of what the check covers hangs on it.
+    /// The profile's number in the flags. One flipped bit makes no other that fits the version,
+    /// which matters as the length of what the check covers hangs on it.
     pub(super) fn code(self) -> u8 {
         match self {
             PoseProfile::Compact => 0b01,
             PoseProfile::Paper => 0b10,
+            PoseProfile::Short => 0b11,
         }
     }
 
+    /// The profile of a code in the full form.
     pub(super) fn of_code(code: u8) -> Result<PoseProfile, PacketError> {
         [PoseProfile::Compact, PoseProfile::Paper]
             .into_iter()
@@ -64,6 +86,7 @@ impl PoseProfile {
         match self {
             PoseProfile::Compact => COMPACT,
             PoseProfile::Paper => PAPER,
+            PoseProfile::Short => SHORT,
         }
     }
 
@@ -72,6 +95,7 @@ impl PoseProfile {
         match self {
             PoseProfile::Compact => 16,
             PoseProfile::Paper => LONGEST,
+            PoseProfile::Short => SHORT_LEN,
         }
     }
 }
@@ -87,8 +111,8 @@ enum Code {
 }
 
 impl QuantisedPose {
-    /// Quantises a pose. If its centre is beyond the reach of [`PoseProfile::Compact`], the
-    /// other profile is taken.
+    /// Quantises a pose. If its centre is beyond the reach of [`PoseProfile::Short`],
+    /// [`PoseProfile::Compact`] is taken, and beyond the reach of that [`PoseProfile::Paper`].
     ///
     /// Quantising what [`QuantisedPose::dequantise`] gives returns the same code. Plain rounding
     /// would not do: where two components of a quaternion are nearly equally large, rounding may
@@ -103,10 +127,15 @@ impl QuantisedPose {
         profile: PoseProfile,
     ) -> Result<QuantisedPose, PacketError> {
         Pose::from_wxyz(pose.wxyz(), pose.translation.into()).ok_or(PacketError::Pose)?;
-        let mut codes = [round(pose, frame, profile)?; MAX_SETTLING + 1];
+        let first = round(pose, frame, profile)?;
+        let profile = match profile {
+            PoseProfile::Short if first.is_short() => profile,
+            _ => first.profile(),
+        };
+        let mut codes = [first; MAX_SETTLING + 1];
         for count in 1..=MAX_SETTLING {
             let last = codes[count - 1];
-            let next = round(&last.dequantise(frame), frame, last.profile())?;
+            let next = round(&last.dequantise(frame), frame, profile)?;
             if let Some(start) = codes[..count].iter().position(|code| *code == next) {
                 return Ok(least(&codes[start..count]));
             }
@@ -166,12 +195,58 @@ impl QuantisedPose {
         if code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
     }
 
-    /// How it is written.
+    /// Whether the short form can hold it: it lies on the short code's grid, within its reach.
+    pub fn is_short(&self) -> bool {
+        self.short().is_some()
+    }
+
+    /// In the short code's steps.
+    fn short(&self) -> Option<([i32; 3], usize, [i32; 3])> {
+        let Code::Compact { centre, largest, small } = self.0 else { return None };
+        let on_grid = |v: [i32; 3], step| v.iter().all(|v| v % step == 0);
+        if !on_grid(centre, SHORT_CENTRE_STEPS) || !on_grid(small, SHORT_SMALL_STEPS) {
+            return None;
+        }
+        let centre = centre.map(|v| v / SHORT_CENTRE_STEPS);
+        let small = small.map(|v| v / SHORT_SMALL_STEPS);
+        let reached = centre.iter().all(|v| SHORT_CENTRE.contains(v));
+        reached.then_some((centre, largest, small))
+    }
+
+    /// How it is written in the full form.
     pub fn profile(&self) -> PoseProfile {
         match self.0 {
             Code::Compact { .. } => PoseProfile::Compact,
             Code::Paper { .. } => PoseProfile::Paper,
         }
+    }
+
+    /// Appends the short code's bytes; `None` where it cannot hold the pose.
+    pub(super) fn write_short(&self, bytes: &mut Vec<u8>) -> Option<()> {
+        let (centre, largest, small) = self.short()?;
+        centre.iter().for_each(|v| bytes.extend_from_slice(&(*v as i16).to_le_bytes()));
+        let zero = SHORT_SMALL_MAX + 1;
+        let rotation =
+            small.iter().fold(largest as u64, |bits, v| bits << SHORT_SMALL_BITS | (v + zero) as u64);
+        bytes.extend_from_slice(&rotation.to_le_bytes()[..SHORT_LEN - 6]);
+        Some(())
+    }
+
+    /// Takes the short code's bytes, all of them also where they are refused.
+    pub(super) fn read_short(reader: &mut Reader) -> Result<QuantisedPose, PacketError> {
+        let centre = [(); 3].map(|()| i32::from(i16::from_le_bytes(reader.take())));
+        let [a, b, c, d, e, f] = reader.take();
+        let bits = u64::from_le_bytes([a, b, c, d, e, f, 0, 0]);
+        let mask = (1 << SHORT_SMALL_BITS) - 1;
+        let zero = SHORT_SMALL_MAX + 1;
+        let small = [2, 1, 0].map(|i| (bits >> (i * SHORT_SMALL_BITS) & mask) as i32 - zero);
+        let largest = (bits >> (3 * SHORT_SMALL_BITS)) as usize;
+        let code = Code::Compact {
+            centre: centre.map(|v| v * SHORT_CENTRE_STEPS),
+            largest,
+            small: small.map(|v| v * SHORT_SMALL_STEPS),
+        };
+        if largest < 4 && code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
     }
 
     pub(super) fn write(&self, bytes: &mut Vec<u8>) {
@@ -206,7 +281,7 @@ impl QuantisedPose {
         profile: PoseProfile,
     ) -> Result<QuantisedPose, PacketError> {
         let code = match profile {
-            PoseProfile::Compact => {
+            PoseProfile::Compact | PoseProfile::Short => {
                 // Shifting up and down again extends the sign of 24 bits.
                 let centre = [(); 3].map(|()| (from_u24(reader.take()) as i32) << 8 >> 8);
                 let [a, b, c, d, e, f, g] = reader.take();
@@ -257,9 +332,12 @@ fn round(
     profile: PoseProfile,
 ) -> Result<QuantisedPose, PacketError> {
     let pose = &Pose { rotation: unit(pose.rotation), ..*pose };
-    if profile == PoseProfile::Compact
-        && let Some(code) = round_compact(pose, frame)
-    {
+    let near = match profile {
+        PoseProfile::Short => round_short(pose, frame).or_else(|| round_compact(pose, frame)),
+        PoseProfile::Compact => round_compact(pose, frame),
+        PoseProfile::Paper => None,
+    };
+    if let Some(code) = near {
         return Ok(QuantisedPose(code));
     }
     let wxyz = pose.wxyz().map(|v| v as f32);
@@ -269,18 +347,39 @@ fn round(
 
 /// `None` where the centre is out of reach.
 fn round_compact(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
-    let step = frame.step();
-    let offset = pose.centre() - DVec3::from(frame.centre.map(f64::from));
-    let steps = (offset / step).round();
-    if !steps.to_array().iter().all(|v| CENTRE_STEPS.contains(v)) {
-        return None;
-    }
-    let centre = steps.to_array().map(|v| v as i32);
+    let steps = steps_from(frame, pose).round().to_array();
+    let reached = steps.iter().all(|v| CENTRE_STEPS.contains(v));
+    let (largest, small) = small_steps(pose);
+    let small = small.map(|v| v.round() as i32);
+    reached.then_some(Code::Compact { centre: steps.map(|v| v as i32), largest, small })
+}
+
+/// On the short code's grid; `None` where the centre is out of its reach.
+fn round_short(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
+    let steps = (steps_from(frame, pose) / f64::from(SHORT_CENTRE_STEPS)).round().to_array();
+    let reach = f64::from(*SHORT_CENTRE.start())..=f64::from(*SHORT_CENTRE.end());
+    let reached = steps.iter().all(|v| reach.contains(v));
+    let (largest, small) = small_steps(pose);
+    // A component as large as the largest would round beyond the code.
+    let small = small.map(|v| {
+        let steps = (v / f64::from(SHORT_SMALL_STEPS)).round() as i32;
+        steps.clamp(*SHORT_SMALL.start(), *SHORT_SMALL.end()) * SHORT_SMALL_STEPS
+    });
+    let centre = steps.map(|v| v as i32).map(|v| v.saturating_mul(SHORT_CENTRE_STEPS));
+    reached.then_some(Code::Compact { centre, largest, small })
+}
+
+/// Compact steps from the prior's centre to a camera's.
+fn steps_from(frame: &PriorFrame, pose: &Pose) -> DVec3 {
+    (pose.centre() - DVec3::from(frame.centre.map(f64::from))) / frame.step()
+}
+
+/// Index of a rotation's largest component, and the others in compact steps.
+fn small_steps(pose: &Pose) -> (usize, [f64; 3]) {
     let q = pose.wxyz();
     let largest = (0..4).fold(0, |best, i| if q[i].abs() > q[best].abs() { i } else { best });
     let sign = q[largest].signum();
-    let small = others(largest).map(|i| (sign * q[i] * SMALL_STEPS).round() as i32);
-    Some(Code::Compact { centre, largest, small })
+    (largest, others(largest).map(|i| sign * q[i] * SMALL_STEPS))
 }
 
 /// The quaternion whose component `largest` is left out.

@@ -1,12 +1,53 @@
 //! The residual part: a coded difference picture, or why there is none.
 
-use super::bytes::Reader;
+use super::bytes::{Reader, crc16};
+use super::latent::Form;
 use super::{PacketError, Part};
 
 /// Longest payload, bytes: four groups of seven bits.
 pub(super) const MAX_PAYLOAD: usize = (1 << 28) - 1;
-/// Bytes of the CRC-32.
-const CHECK_LEN: usize = 4;
+/// What a part ends with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Check {
+    /// CRC-32 of latent part, length and payload.
+    Crc32,
+    /// CRC-16 of the latent part's CRC-32, length and payload. The latent part ends with a CRC-16 of
+    /// its own: one that simply ran on over it would hang on eight of its bits only.
+    Crc16,
+}
+
+impl Check {
+    pub(super) fn of(form: Form) -> Check {
+        match form {
+            Form::Full(_) => Check::Crc32,
+            Form::Short => Check::Crc16,
+        }
+    }
+
+    /// Bytes that it takes.
+    pub(super) fn len(self) -> usize {
+        match self {
+            Check::Crc32 => 4,
+            Check::Crc16 => 2,
+        }
+    }
+
+    /// The low [`Check::len`] bytes, and zeros.
+    fn bytes(self, latent: &[u8], part: &[u8]) -> [u8; 4] {
+        match self {
+            Check::Crc32 => {
+                let mut hasher = crc32fast::Hasher::new();
+                hasher.update(latent);
+                hasher.update(part);
+                hasher.finalize().to_le_bytes()
+            }
+            Check::Crc16 => {
+                let latent = crc32fast::hash(latent).to_le_bytes();
+                u32::from(crc16(&[&latent, part])).to_le_bytes()
+            }
+        }
+    }
+}
 
 const CODE_NONE: u8 = 0;
 const CODE_OMITTED: u8 = 1;
@@ -48,9 +89,15 @@ pub struct ResidualStart<'a> {
     pub payload_len: usize,
 }
 
-/// Length of the residual part that holds a payload of this length, bytes.
+/// Length of the residual part that holds a payload of this length, bytes: of the full form; that
+/// of the short one is two bytes shorter.
 pub fn residual_part_len(payload: usize) -> usize {
-    length_field(payload).count() + payload + CHECK_LEN
+    len_with(payload, Check::Crc32)
+}
+
+/// Length of the part that holds a payload, bytes.
+pub(super) fn len_with(payload: usize, check: Check) -> usize {
+    length_field(payload).count() + payload + check.len()
 }
 
 /// What the flags say about a residual.
@@ -66,6 +113,7 @@ pub(super) fn code_of(residual: &Residual) -> u8 {
 pub(super) fn write(
     payload: &[u8],
     latent_len: usize,
+    check: Check,
     packet: &mut Vec<u8>,
 ) -> Result<(), PacketError> {
     if payload.len() > MAX_PAYLOAD {
@@ -74,8 +122,8 @@ pub(super) fn write(
     let start = packet.len();
     packet.extend(length_field(payload.len()));
     packet.extend_from_slice(payload);
-    let check = check(&packet[..latent_len], &packet[start..]);
-    packet.extend_from_slice(&check.to_le_bytes());
+    let bytes = check.bytes(&packet[..latent_len], &packet[start..]);
+    packet.extend_from_slice(&bytes[..check.len()]);
     Ok(())
 }
 
@@ -84,6 +132,7 @@ pub(super) fn decode<'a>(
     code: u8,
     bytes: &'a [u8],
     latent: &[u8],
+    check: Check,
 ) -> (Result<Residual<'a>, PacketError>, Option<ResidualStart<'a>>) {
     let coder = match code {
         CODE_NONE => return (Ok(Residual::None), None),
@@ -92,17 +141,17 @@ pub(super) fn decode<'a>(
         code if code == Coder::WebP as u8 => Coder::WebP,
         code => return (Err(PacketError::Coder(code)), None),
     };
-    match checked(bytes, latent) {
+    match checked(bytes, latent, check) {
         Ok((_, payload)) => (Ok(Residual::Coded { coder, payload }), None),
-        Err(error) => (Err(error), start(coder, bytes)),
+        Err(error) => (Err(error), start(coder, bytes, check)),
     }
 }
 
 /// The start of a payload whose end is missing.
-fn start(coder: Coder, bytes: &[u8]) -> Option<ResidualStart<'_>> {
+fn start(coder: Coder, bytes: &[u8], check: Check) -> Option<ResidualStart<'_>> {
     let (payload_len, field) = read_length(bytes).ok()?;
     let end = field + payload_len;
-    let cut = bytes.len() < end + CHECK_LEN;
+    let cut = bytes.len() < end + check.len();
     let payload = &bytes[field..bytes.len().min(end)];
     cut.then_some(ResidualStart { coder, payload, payload_len })
 }
@@ -113,35 +162,29 @@ pub(super) fn has_part(code: u8) -> bool {
 }
 
 /// Length of the part that `bytes` begin with, bytes.
-pub(super) fn part_len(bytes: &[u8]) -> Result<usize, PacketError> {
+pub(super) fn part_len(bytes: &[u8], check: Check) -> Result<usize, PacketError> {
     let (length, field) = read_length(bytes)?;
-    Ok(field + length + CHECK_LEN)
+    Ok(field + length + check.len())
 }
 
 /// Length of a sound part at the start of `bytes`, and its payload.
 pub(super) fn checked<'a>(
     bytes: &'a [u8],
     latent: &[u8],
+    check: Check,
 ) -> Result<(usize, &'a [u8]), PacketError> {
     let (length, field) = read_length(bytes)?;
-    let needed = field + length + CHECK_LEN;
+    let needed = field + length + check.len();
     let part = bytes.get(..needed).ok_or(PacketError::TooShort {
         part: Part::Residual,
         needed,
         found: bytes.len(),
     })?;
     let (checked, found) = part.split_at(field + length);
-    if check(latent, checked).to_le_bytes() != found {
+    if check.bytes(latent, checked)[..check.len()] != *found {
         return Err(PacketError::Check(Part::Residual));
     }
     Ok((needed, &checked[field..]))
-}
-
-fn check(latent: &[u8], part: &[u8]) -> u32 {
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(latent);
-    hasher.update(part);
-    hasher.finalize()
 }
 
 /// The length as the part starts with it: seven bits per byte, low bits first.

@@ -6,6 +6,7 @@ use crate::Pose;
 use crate::prior::{PriorFrame, PriorId};
 
 const FRAME: PriorFrame = PriorFrame { centre: [-3.5, 2.25, 24.0], spread: 8.25 };
+const PRIOR: PriorId = PriorId(0xd4a5_d0ed);
 const CAMERA: Camera =
     Camera { width: 320, height: 180, fx: 274.5, fy: 274.25, cx: 160.0, cy: 90.0 };
 
@@ -15,7 +16,8 @@ fn pose() -> Pose {
 
 fn latent(profile: PoseProfile) -> Latent {
     let pose = QuantisedPose::quantise(&pose(), &FRAME, profile).unwrap();
-    Latent::new(0x0102_0304, PriorId(0xd4a5_d0ed), &CAMERA, pose, true).unwrap()
+    let latent = Latent::new(0x0102_0304, PRIOR, &CAMERA, pose, true).unwrap();
+    if profile == PoseProfile::Short { latent.shortened(PRIOR, &CAMERA).unwrap() } else { latent }
 }
 
 fn packet(profile: PoseProfile, camera: bool, residual: Residual<'_>) -> Packet<'_> {
@@ -34,7 +36,7 @@ fn hex(bytes: &[u8]) -> String {
 /// The wire format, pinned: a change here is a new version of it.
 #[test]
 fn golden_packets() {
-    use PoseProfile::{Compact, Paper};
+    use PoseProfile::{Compact, Paper, Short};
     let cases = [
         (
             packet(Compact, false, Residual::None),
@@ -65,6 +67,8 @@ fn golden_packets() {
             packet(Compact, false, Residual::Omitted),
             "b115040302edd0a5d43f310b451300fc14ff6be3f994948e84a4a424a8db08",
         ),
+        (packet(Short, false, Residual::None), "b40704039d9a00a8f81bcf9252125252124b75"),
+        (packet(Short, false, coded(b"difference")), "b42704039d9a00a8f81bcf9252125252125f330a646966666572656e6365a1b7"),
     ];
     for (packet, expected) in cases {
         let bytes = packet.encode().unwrap();
@@ -99,6 +103,9 @@ fn golden_render_part() {
 fn the_latent_part_fits_the_smallest_modem_frame() {
     assert_eq!(latent(PoseProfile::Compact).encoded_len(), 31);
     assert_eq!(latent(PoseProfile::Paper).encoded_len(), 43);
+    assert_eq!(latent(PoseProfile::Short).encoded_len(), SHORT_LATENT_LEN);
+    assert_eq!(SHORT_LATENT_LEN, 19);
+    assert_eq!(packet(PoseProfile::Short, false, coded(&[7; 100])).encoded_len(), 19 + 1 + 100 + 2);
     assert_eq!(CAMERA_PART_LEN, 18);
     assert_eq!(residual_part_len(0), 5);
     assert_eq!(residual_part_len(127), 132);
@@ -183,7 +190,7 @@ fn the_extent_is_known_from_the_start() {
             let told = if has_part { head + 2 } else { 0 };
             for len in 31..=bytes.len() {
                 let total = (len >= told).then_some(bytes.len());
-                let extent = Extent { frame: 0x02_0304, latent, total };
+                let extent = Extent { frame: 0x02_0304, frames: Latent::FRAMES, latent, total };
                 assert_eq!(Extent::read(&bytes[..len]), Ok(extent));
                 let ends = [bytes.len(), head, latent, 0];
                 let sound = ends.into_iter().find(|end| *end <= len).unwrap();
@@ -230,11 +237,12 @@ fn names_what_is_wrong() {
     };
     assert_eq!(with(0, 0x52), PacketError::Magic(0x52));
     assert_eq!(with(0, 0xB3), PacketError::Version(3));
+    assert_eq!(with(0, 0xB4), PacketError::Profile(1));
     assert_eq!(with(1, 0), PacketError::Profile(0));
     assert_eq!(with(5, 0), PacketError::Check(Part::Latent));
     let latent = latent(PoseProfile::Compact);
-    assert_eq!(latent.check_prior(latent.prior), Ok(()));
-    let (packet, held) = (latent.prior, PriorId(1));
+    assert_eq!(latent.check_prior(PRIOR), Ok(()));
+    let (packet, held) = (PRIOR, PriorId(1));
     assert_eq!(latent.check_prior(held), Err(PacketError::Prior { packet, held }));
 }
 
@@ -255,11 +263,14 @@ fn only_the_camera_meant_is_sent_or_taken() {
     let other = Camera { fx: 300.0, ..CAMERA };
     packet.camera = Some(other);
     assert!(matches!(packet.encode(), Err(PacketError::CameraTag { .. })));
-    assert!(matches!(packet.latent.check_camera(&other), Err(PacketError::CameraTag { .. })));
-    assert_eq!(packet.latent.check_camera(&CAMERA), Ok(()));
+    let session = packet.latent.session;
+    assert!(matches!(session.check(PRIOR, &other), Err(PacketError::CameraTag { .. })));
+    assert_eq!(session.check(PRIOR, &CAMERA), Ok(()));
+    let held = PriorId(1);
+    assert_eq!(session.check(held, &CAMERA), Err(PacketError::Prior { packet: PRIOR, held }));
     let large = Camera { width: 4097, ..CAMERA };
     let size = Err(PacketError::Size { width: 4097, height: 180 });
-    assert_eq!(packet.latent.check_camera(&large), size);
+    assert_eq!(session.check(PRIOR, &large), size);
 }
 
 #[test]
@@ -316,7 +327,7 @@ fn quantising_settles_in_the_paper_profile() {
 /// because the polynomial has the factor x + 1.
 #[test]
 fn two_flipped_bits_are_detected() {
-    for profile in [PoseProfile::Compact, PoseProfile::Paper] {
+    for profile in [PoseProfile::Compact, PoseProfile::Paper, PoseProfile::Short] {
         let bytes = packet(profile, false, Residual::None).encode().unwrap();
         let bits = 8 * bytes.len();
         for (i, j) in (0..bits).flat_map(|i| (i..bits).map(move |j| (i, j))) {
@@ -342,7 +353,7 @@ fn any_residual() -> impl Strategy<Value = Residual<'static>> {
 }
 
 fn any_profile() -> impl Strategy<Value = PoseProfile> {
-    prop_oneof![Just(PoseProfile::Compact), Just(PoseProfile::Paper)]
+    prop_oneof![Just(PoseProfile::Compact), Just(PoseProfile::Paper), Just(PoseProfile::Short)]
 }
 
 fn any_pose() -> impl Strategy<Value = Pose> {
@@ -364,9 +375,14 @@ prop_compose! {
         let camera = Camera { width, height, fx, fy: fx * 1.01, cx, cy: -cx };
         let pose = QuantisedPose::quantise(&pose, &FRAME, profile).unwrap();
         let latent = Latent::new(frame, PriorId(prior), &camera, pose, uncertain).unwrap();
-        let latent = Latent { portable, ..latent };
         let render = with_check.then_some(RenderCheck(latent.frame));
-        Packet { latent, camera: with_camera.then_some(camera), render, residual }
+        let latent = Latent { portable, ..latent };
+        let latent = match profile {
+            PoseProfile::Short => latent.shortened(PriorId(prior), &camera).unwrap(),
+            _ => latent,
+        };
+        let camera = (with_camera && !latent.is_short()).then_some(camera);
+        Packet { latent, camera, render, residual }
     }
 }
 
@@ -390,11 +406,13 @@ proptest! {
     #[test]
     fn arbitrary_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..120)) {
         let _ = Packet::salvage(&bytes);
-        let start = [0xB1, bytes.first().copied().unwrap_or(0)];
-        let bytes = [&start, &bytes[..]].concat();
-        let _ = Packet::salvage(&bytes);
-        let _ = Extent::read(&bytes);
-        prop_assert!(sound_len(&bytes) <= bytes.len());
+        for version in [0xB1, 0xB4, 0xB7] {
+            let start = [version, bytes.first().copied().unwrap_or(0)];
+            let bytes = [&start, &bytes[..]].concat();
+            let _ = Packet::salvage(&bytes);
+            let _ = Extent::read(&bytes);
+            prop_assert!(sound_len(&bytes) <= bytes.len());
+        }
     }
 
     #[test]
@@ -415,12 +433,17 @@ proptest! {
     #[test]
     fn quantising_is_close_and_settled(pose in any_pose(), profile in any_profile()) {
         let code = QuantisedPose::quantise(&pose, &FRAME, profile).unwrap();
-        prop_assert_eq!(code.profile(), profile);
+        let near = (pose.centre() - DVec3::from(FRAME.centre.map(f64::from))).abs().max_element();
+        let short = profile == PoseProfile::Short && near < 7.999 * FRAME.unit();
+        prop_assert!(!short || code.is_short());
+        let written = if profile == PoseProfile::Short { PoseProfile::Compact } else { profile };
+        prop_assert_eq!(code.profile(), written);
         let back = code.dequantise(&FRAME);
         let miss = back.centre() - pose.centre();
         let (angle, length) = match profile {
             PoseProfile::Compact => (2e-5, 0.5001 * FRAME.unit() / 131_072.0),
             PoseProfile::Paper => (3e-7, 3e-4),
+            PoseProfile::Short => (2e-4, 0.5001 * FRAME.unit() / 4096.0),
         };
         prop_assert!(back.angle_to(&pose) < angle);
         prop_assert!(miss.abs().max_element() <= length);
@@ -439,5 +462,148 @@ proptest! {
         let code = QuantisedPose::quantise(&pose, &frame, profile).unwrap();
         let again = QuantisedPose::quantise(&code.dequantise(&frame), &frame, profile);
         prop_assert_eq!(again, Ok(code));
+    }
+}
+
+/// What a topside does with short packets: it knows the prior and some cameras.
+#[test]
+fn a_session_is_told_by_its_tag() {
+    let latent = latent(PoseProfile::Short);
+    let Session::Tagged(packet) = latent.session else { panic!("{:?}", latent.session) };
+    assert_eq!(session_tag(PRIOR, &CAMERA), Ok(packet));
+    assert_eq!(latent.session.check(PRIOR, &CAMERA), Ok(()));
+    let found = |prior, camera: &Camera| match latent.session.check(prior, camera) {
+        Err(PacketError::SessionTag { packet: named, found }) if named == packet => found,
+        other => panic!("{other:?}"),
+    };
+    assert_ne!(found(PriorId(1), &CAMERA), packet);
+    assert_ne!(found(PRIOR, &Camera { fx: 300.0, ..CAMERA }), packet);
+    assert_ne!(found(PRIOR, &Camera { width: 321, ..CAMERA }), packet);
+}
+
+#[test]
+fn the_short_form_refuses_what_it_cannot_hold() {
+    let short = Packet { camera: Some(CAMERA), ..packet(PoseProfile::Short, false, Residual::None) };
+    assert_eq!(short.encode(), Err(PacketError::ShortCamera));
+    let fine = latent(PoseProfile::Compact);
+    assert_eq!(fine.shortened(PRIOR, &CAMERA), Ok(fine), "its pose is too fine");
+    let latent = Latent { session: Session::Tagged(1), ..fine };
+    let forced = Packet { latent, camera: None, render: None, residual: Residual::None };
+    assert_eq!(forced.encode(), Err(PacketError::ShortPose));
+    let mut bytes = packet(PoseProfile::Short, false, Residual::None).encode().unwrap();
+    bytes[1] |= 8;
+    assert_eq!(Packet::decode(&bytes), Err(PacketError::ShortCamera));
+}
+
+#[test]
+fn a_pose_beyond_the_short_reach_takes_the_compact_code() {
+    let quantise = |units: f64| {
+        let centre = DVec3::from(FRAME.centre.map(f64::from)) + DVec3::X * units * FRAME.unit();
+        let pose = Pose::from_centre(pose().rotation, centre);
+        QuantisedPose::quantise(&pose, &FRAME, PoseProfile::Short).unwrap()
+    };
+    assert!(quantise(7.999).is_short() && quantise(-8.0).is_short());
+    for (units, profile) in [(8.01, PoseProfile::Compact), (64.1, PoseProfile::Paper)] {
+        let pose = quantise(units);
+        assert_eq!((pose.is_short(), pose.profile()), (false, profile));
+    }
+}
+
+/// Components that tie round to the last step of the code, not beyond.
+#[test]
+fn quarter_turns_fit_the_short_form() {
+    for wxyz in [[1.0, 1.0, 0.0, 0.0], [1.0, 0.0, -1.0, 0.0], [0.0, -1.0, 0.0, 1.0]] {
+        let pose = Pose::from_wxyz(wxyz, [0.1, 0.2, 0.3]).unwrap();
+        let code = QuantisedPose::quantise(&pose, &FRAME, PoseProfile::Short).unwrap();
+        assert!(code.is_short());
+        assert!(code.dequantise(&FRAME).angle_to(&pose) < 3e-4);
+        let latent = Latent::new(7, PRIOR, &CAMERA, code, false).unwrap();
+        let latent = latent.shortened(PRIOR, &CAMERA).unwrap();
+        let packet = Packet { latent, camera: None, render: None, residual: Residual::None };
+        assert_eq!(Packet::decode(&packet.encode().unwrap()), Ok(packet));
+    }
+}
+
+#[test]
+fn a_short_frame_number_is_the_nearest() {
+    let latent = |frame| Latent { frame, ..latent(PoseProfile::Short) };
+    assert_eq!(latent(7).frame_near(None), 7);
+    for (low, last, frame) in [
+        (7, 7, 7),
+        (8, 7, 8),
+        (6, 7, 6),
+        (3, 0xFFFF, 0x1_0003),
+        (0xFFFE, 0x1_0001, 0xFFFE),
+        (0x0304, 0x02_0300, 0x02_0304),
+        (1, 0xFF_FFFF, 1),
+        (0xFFFF, 0, 0xFF_FFFF),
+        (0x8000, 0, 0x8000),
+        (0x8001, 0, 0xFF_8001),
+    ] {
+        assert_eq!(latent(low).frame_near(Some(last)), frame, "{low:#x} near {last:#x}");
+    }
+    let full = self::latent(PoseProfile::Compact);
+    assert_eq!(full.frame_near(Some(0)), full.frame);
+}
+
+/// What the documentation says of the short form's checks, by trial: random bytes where the latent
+/// part was, where the residual part was, and a residual of another packet.
+#[test]
+fn checks_of_the_short_form_miss_what_is_said() {
+    let payload = [7; 60];
+    let sound = packet(PoseProfile::Short, false, coded(&payload)).encode().unwrap();
+    let mut state = 1_u64;
+    let mut random = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (state >> 33) as u8
+    };
+    const TRIALS: u32 = 1 << 19;
+    let (mut latents, mut residuals, mut both) = (0, 0, 0);
+    for _ in 0..TRIALS {
+        let mut bytes = sound.clone();
+        bytes[2..19].fill_with(&mut random);
+        let salvage = Packet::salvage(&bytes);
+        latents += u32::from(salvage.is_ok());
+        both += u32::from(salvage.is_ok_and(|s| s.residual.is_ok()));
+        let mut bytes = sound.clone();
+        bytes[20..].fill_with(&mut random);
+        residuals += u32::from(Packet::decode(&bytes).is_ok());
+    }
+    // One in 65,536 makes 8 of each; five standard deviations are 14.
+    assert!(latents < 23 && residuals < 23, "{latents} latents, {residuals} residuals");
+    assert_eq!(both, 0, "both checks miss one in 2³² only");
+}
+
+/// A residual goes with no latent part but its own: frame numbers, poses and tags in turn.
+#[test]
+fn a_short_residual_belongs_to_its_latent() {
+    let sound = packet(PoseProfile::Short, false, coded(b"difference"));
+    let bytes = sound.encode().unwrap();
+    let mut taken = 0;
+    for frame in 0..u32::from(u16::MAX) {
+        let latent = Latent { frame, ..sound.latent };
+        let other = Packet { latent, ..sound }.encode().unwrap();
+        let mixed = [&other[..SHORT_LATENT_LEN], &bytes[SHORT_LATENT_LEN..]].concat();
+        taken += u32::from(Packet::decode(&mixed).is_ok() && mixed != bytes);
+    }
+    assert!(taken < 8, "{taken} of 65,535");
+}
+
+/// The same for a part that other bytes follow: no flip of two makes it one of another length, which
+/// the check could miss.
+#[test]
+fn no_two_flipped_bits_change_the_form() {
+    for profile in [PoseProfile::Compact, PoseProfile::Short] {
+        let mut bytes = packet(profile, false, Residual::None).encode().unwrap();
+        let bits = 8 * bytes.len();
+        bytes.extend((0..40).map(|i: u8| i.wrapping_mul(151)));
+        for (i, j) in (0..bits).flat_map(|i| (i..bits).map(move |j| (i, j))) {
+            let mut damaged = bytes.clone();
+            damaged[i / 8] ^= 1 << (i % 8);
+            if i != j {
+                damaged[j / 8] ^= 1 << (j % 8);
+            }
+            assert!(Latent::decode(&damaged).is_err(), "bits {i} and {j}");
+        }
     }
 }

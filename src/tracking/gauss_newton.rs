@@ -43,7 +43,7 @@ pub struct Schedule {
 
 impl Schedule {
     /// The program that the device runs on a pyramid of so many levels, from `starts`, of which the first eight
-    /// count. `profile`: how the pose is coded, [`crate::search::COMPACT`] or [`crate::search::PAPER`].
+    /// count. `profile`: how the pose is coded, as of [`Tracker::set_profile`](super::Tracker::set_profile).
     pub fn program(
         &self,
         levels: usize,

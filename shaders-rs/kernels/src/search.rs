@@ -85,7 +85,7 @@ pub struct Program {
     pub tolerance: f32,
     /// First damping, relative to the diagonal of JᵀJ.
     pub damping: f32,
-    /// How the pose is to be written: [`COMPACT`] or [`PAPER`].
+    /// How the pose is to be written: [`COMPACT`], [`PAPER`] or [`SHORT`].
     pub profile: u32,
 }
 
@@ -574,6 +574,16 @@ pub fn set_pose(params: &mut Params, at: &Placement) {
 pub const COMPACT: u32 = 1;
 /// [`PoseCode::profile`]: seven f32.
 pub const PAPER: u32 = 2;
+/// [`Program::profile`]: the compact code on a coarser grid, near the prior. Its words are those of [`COMPACT`].
+pub const SHORT: u32 = 3;
+/// Steps of a compact centre that are one step of the short grid.
+pub const SHORT_CENTRE_STEPS: i32 = 1 << 5;
+/// Largest coordinate of a centre on the short grid, in its own steps: 16 bits.
+pub const SHORT_CENTRE_MAX: i32 = (1 << 15) - 1;
+/// Steps of a small compact component that are one step of the short grid.
+pub const SHORT_SMALL_STEPS: i32 = 1 << 3;
+/// Largest small component on the short grid, in its own steps: 15 bits.
+pub const SHORT_SMALL_MAX: i32 = (1 << 14) - 1;
 /// Offset of a small quaternion component's code, which stands for zero.
 pub const SMALL_ZERO: i32 = 1 << 17;
 /// Code steps per unit of a small component.
@@ -608,16 +618,31 @@ fn round(v: f32) -> i32 {
     (v + 0.5).floor() as i32
 }
 
-/// The code of a placement, compact where that is wanted and the camera is within its reach.
+/// Whether three magnitudes are below a limit; none that is not a number is.
+fn all_below(v: &[f32; 3], limit: f32) -> bool {
+    (v[0].abs() < limit) & (v[1].abs() < limit) & (v[2].abs() < limit)
+}
+
+/// To a multiple of a power of two, at most `most` times it.
+fn round_to(v: f32, multiple: i32, most: i32) -> i32 {
+    let code = round(v / multiple as f32);
+    (if code > most { most } else { code }) * multiple
+}
+
+/// The code of a placement: compact where the camera is within its reach and the paper's is not
+/// wanted; on the short grid where that is wanted and within reach.
 pub fn quantised(at: &Placement, anchor: &Anchor, profile: u32) -> PoseCode {
     let rotation = rotation_matrix(&at.rotation);
     let c = transform_back(&rotation, at.translation);
     let steps = [-c[0] / anchor.step, -c[1] / anchor.step, -c[2] / anchor.step];
-    let within = (steps[0].abs() < CENTRE_MAX)
-        & (steps[1].abs() < CENTRE_MAX)
-        & (steps[2].abs() < CENTRE_MAX);
     let q = &at.rotation;
-    if (profile == COMPACT) & within {
+    if (profile != PAPER) & all_below(&steps, CENTRE_MAX) {
+        let reach = (SHORT_CENTRE_MAX * SHORT_CENTRE_STEPS) as f32;
+        let short = (profile == SHORT) & all_below(&steps, reach);
+        let centre_steps = if short { SHORT_CENTRE_STEPS } else { 1 };
+        let small_steps = if short { SHORT_SMALL_STEPS } else { 1 };
+        let small_most = if short { SHORT_SMALL_MAX } else { SMALL_ZERO - 1 };
+        let centre_most = CENTRE_MAX as i32;
         let mut largest = 0;
         let mut i = 1;
         while i < 4 {
@@ -627,13 +652,17 @@ pub fn quantised(at: &Placement, anchor: &Anchor, profile: u32) -> PoseCode {
             i += 1;
         }
         let scale = if q[largest] < 0.0 { -SMALL_STEPS } else { SMALL_STEPS };
-        let mut words =
-            [round(steps[0]), round(steps[1]), round(steps[2]), largest as i32, 0, 0, 0];
+        let mut words = [0, 0, 0, largest as i32, 0, 0, 0];
+        i = 0;
+        while i < 3 {
+            words[i] = round_to(steps[i], centre_steps, centre_most);
+            i += 1;
+        }
         let mut to = 4;
         i = 0;
         while i < 4 {
             if i != largest {
-                words[to] = round(q[i] * scale);
+                words[to] = round_to(q[i] * scale, small_steps, small_most);
                 to += 1;
             }
             i += 1;

@@ -66,7 +66,7 @@ pub struct Tracker {
 
 impl Tracker {
     /// `threshold`: mean squared error, values in [0, 1], below which a frame is never looked for
-    /// afresh; `profile`: how poses are coded, [`crate::search::COMPACT`] or [`crate::search::PAPER`].
+    /// afresh; `profile`: how poses are coded, see [`Tracker::set_profile`].
     pub fn new(
         mut objective: Objective,
         options: RefineOptions,
@@ -93,6 +93,12 @@ impl Tracker {
             masked: false,
             blurred: false,
         }
+    }
+
+    /// How poses are coded from here on: [`crate::search::COMPACT`], [`crate::search::PAPER`] or
+    /// [`crate::search::SHORT`].
+    pub fn set_profile(&mut self, profile: u32) {
+        self.profile = profile;
     }
 
     /// Goes on with another camera or device; poses carry over. Key frames are rendered anew.

@@ -90,6 +90,10 @@ struct RateArgs {
     /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
     #[arg(long, value_enum, default_value = "compact")]
     profile: ProfileArg,
+    /// Every packet names prior and camera in full, in a latent part of 31 bytes; else only the first
+    /// and those with the camera do, and the others take 19
+    #[arg(long)]
+    full_latent: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -150,6 +154,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut options = args.refine.options();
     options.rate = args.rate.rate();
     options.check_interval = args.rate.render_check;
+    options.short = !args.rate.full_latent;
     options.profile = match args.rate.profile {
         ProfileArg::Compact => PoseProfile::Compact,
         ProfileArg::Paper => PoseProfile::Paper,
