@@ -151,11 +151,7 @@ impl Decoder {
     }
 
     /// What renders for a packet's camera.
-    fn camera_decoder(
-        &mut self,
-        latent: &Latent,
-        frame: u32,
-    ) -> Result<&mut CameraDecoder, Error> {
+    fn camera_decoder(&mut self, latent: &Latent, frame: u32) -> Result<&mut CameraDecoder, Error> {
         let unknown = || match latent.session {
             Session::Stated { camera_tag: tag, .. } => Error::CameraUnknown { frame, tag },
             Session::Tagged(tag) => Error::SessionUnknown {

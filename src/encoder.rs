@@ -26,8 +26,8 @@ pub struct EncoderOptions {
     pub profile: PoseProfile,
     /// A packet whose prior and camera an earlier one told has the short form: a latent part of 19 bytes
     /// for 31, with a pose that costs the render less than 0.01 dB. The full form stays for the first
-    /// packet, those with the camera, the next after a reset or on another device, poses far from the
-    /// prior, and the paper's profile.
+    /// packet, those with the camera, the next after a reset, poses far from the prior, and the paper's
+    /// profile.
     pub short: bool,
     /// The camera is sent with the first frame, when it changes, and every so many frames for a
     /// topside that missed it; 0: no repeats.
@@ -132,7 +132,6 @@ impl Encoder {
         }
         self.tracker.replace(objective(engine, scene, &self.camera, &self.options)?);
         (self.engine, self.scene) = (engine.clone(), scene.clone());
-        self.full_due = true;
         Ok(())
     }
 
@@ -222,8 +221,7 @@ impl Encoder {
             portable: self.engine.device().portable,
             ..Latent::new(self.frame, self.scene.id(), &self.camera, pose, !found.certain)?
         };
-        let latent =
-            if short { latent.shortened(self.scene.id(), &self.camera)? } else { latent };
+        let latent = if short { latent.shortened(self.scene.id(), &self.camera)? } else { latent };
         tracked.latent = Some(latent);
         tracked.camera = camera;
         tracked.rate = self.options.rate;
@@ -257,7 +255,7 @@ impl Encoder {
         self.full_due = false;
         self.frame = self.frame.wrapping_add(1);
         self.time = known.time.or(self.time);
-        self.tracker.keep(tracked.pose, found);
+        self.tracker.keep(found);
     }
 
     /// Forgets the frames before: the next one is looked for as the first was, and its time may be any.

@@ -95,6 +95,9 @@ impl Pipeline {
         let failure = parcel.failure.take();
         if failure.is_none() {
             std::mem::swap(encoded, &mut parcel.encoded);
+        } else if parcel.tracked.camera.is_some() {
+            // The camera was in the packet that is lost.
+            self.encoder.announce();
         }
         self.spare.push(parcel);
         failure.map_or(Ok(true), Err)

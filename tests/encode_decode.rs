@@ -11,7 +11,7 @@ use nvsprior::packet::{Latent, PoseProfile, RenderCheck};
 use nvsprior::render::{Plan, Scene};
 use nvsprior::tracking::{Optimizer, StartKind};
 use nvsprior::{
-    Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, Hint, Known, Packet, Picture,
+    Camera, Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, Hint, Known, Packet, Picture,
     Pipeline, Pose, Rate,
 };
 use scene::{CAMERA, clean_frame, frame, pose, wall};
@@ -43,7 +43,7 @@ fn a_dive_comes_back_as_the_encoder_predicted() {
         let encoded = encoder.encode(&frame, start).unwrap();
         assert!(pose_error(&encoded.pose, &truth) < 0.3, "frame {t}: {:?}", encoded.stats);
         assert!(encoded.stats.psnr > encoded.stats.render_psnr);
-        assert_eq!(encoded.stats.latent_bytes, 31);
+        assert_eq!(encoded.stats.latent_bytes, if t == 0 { 31 } else { 19 });
         let decoded = decoder.decode(&encoded.packet).unwrap();
         assert_eq!(decoded.picture, encoded.picture, "frame {t}");
         assert_eq!(decoded.frame, u32::from(t));
@@ -247,7 +247,7 @@ fn a_reset_forgets_the_frames_before() {
     let picture = frame(&engine, &scene, &pose(0.0));
     let at = |time| Known { hint: Some(Hint::of(pose(0.0))), time: Some(time) };
     encoder.encode(&picture, at(5.0)).unwrap();
-    assert_eq!(encoder.encode(&picture, None).unwrap().packet.len(), 31);
+    assert_eq!(encoder.encode(&picture, None).unwrap().packet.len(), 19);
     assert!(matches!(encoder.encode(&picture, at(4.0)), Err(Error::FrameTimeBack { .. })));
     encoder.reset();
     assert!(matches!(encoder.encode(&picture, None), Err(Error::NoStart { frame: 2 })));
@@ -420,12 +420,18 @@ fn a_decoder_refuses_what_it_cannot_show_and_shows_what_it_can() {
     // The second packet names its camera only: after a loss, the topside must be told of it.
     let mut decoder = Decoder::new(&engine, &scene);
     let lost = decoder.decode(&second.packet);
-    assert!(matches!(lost, Err(Error::CameraUnknown { frame: 1, .. })));
+    assert!(matches!(lost, Err(Error::SessionUnknown { frame: 1, cameras: 0, .. })));
     decoder.add_camera(&CAMERA).unwrap();
     assert_eq!(decoder.decode(&second.packet).unwrap().picture, second.picture);
 
+    // So does a topside that holds another prior.
+    let mut elsewhere = Decoder::new(&engine, &other);
+    elsewhere.add_camera(&CAMERA).unwrap();
+    let refused = elsewhere.decode(&second.packet);
+    assert!(matches!(refused, Err(Error::SessionUnknown { cameras: 1, .. })), "{refused:?}");
+
     // The latent part alone makes a picture; a damaged residual leaves it.
-    let alone = decoder.decode(&second.packet[..31]).unwrap();
+    let alone = decoder.decode(&second.packet[..19]).unwrap();
     assert_eq!(alone.picture, second.render);
     assert!(alone.damage.is_some());
     let mut damaged = second.packet.clone();
@@ -435,6 +441,72 @@ fn a_decoder_refuses_what_it_cannot_show_and_shows_what_it_can() {
     assert!(decoded.damage.is_some());
     damaged[5] ^= 1;
     assert!(decoder.decode(&damaged).is_err());
+}
+
+/// The short form, where prior and camera are known; the full one where they may not be.
+#[test]
+fn the_short_form_is_for_a_known_session() {
+    let engine = engine();
+    let scene = engine.upload(&wall(7)).unwrap();
+    let pictures: Vec<_> = (0..3).map(|t| frame(&engine, &scene, &pose(t.into()))).collect();
+    let options = || EncoderOptions { rate: None, first_frame: 0x02_FFFD, ..Default::default() };
+    let start = Some(pose(0.0));
+
+    let every_third = EncoderOptions { camera_interval: 3, ..options() };
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, every_third).unwrap();
+    let mut decoder = Decoder::new(&engine, &scene);
+    let mut next = |encoder: &mut Encoder, t: usize| {
+        let encoded = encoder.encode(&pictures[t % 3], start).unwrap();
+        let decoded = decoder.decode(&encoded.packet).unwrap();
+        assert_eq!(decoded.picture, encoded.picture);
+        assert_eq!(decoded.frame, 0x02_FFFD + t as u32, "the count goes on beyond sixteen bits");
+        assert_eq!(
+            Latent::decode(&encoded.packet).unwrap().encoded_len(),
+            encoded.stats.latent_bytes
+        );
+        encoded.packet.len()
+    };
+    let lengths: Vec<_> = (0..5).map(|t| next(&mut encoder, t)).collect();
+    assert_eq!(lengths, [49, 19, 19, 49, 19]);
+    encoder.reset();
+    assert_eq!([next(&mut encoder, 5), next(&mut encoder, 6)], [31, 49]);
+    encoder.announce();
+    assert_eq!([next(&mut encoder, 7), next(&mut encoder, 8)], [49, 19]);
+    let longer = Camera { fx: CAMERA.fx * 1.01, ..CAMERA };
+    encoder.set_camera(&longer).unwrap();
+    assert_eq!([next(&mut encoder, 9), next(&mut encoder, 10)], [49, 19]);
+
+    let other_forms = [
+        (EncoderOptions { short: false, ..options() }, 31),
+        (EncoderOptions { profile: PoseProfile::Paper, ..options() }, 43),
+    ];
+    for (options, length) in other_forms {
+        let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+        encoder.encode(&pictures[0], start).unwrap();
+        assert_eq!(encoder.encode(&pictures[1], None).unwrap().packet.len(), length);
+    }
+}
+
+/// A byte budget counts the short form's own check.
+#[test]
+fn a_budget_holds_for_a_short_packet() {
+    let engine = engine();
+    let scene = engine.upload(&wall(5)).unwrap();
+    let picture = frame(&engine, &scene, &pose(0.0));
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
+    encoder.encode(&picture, Some(pose(0.0))).unwrap();
+    let mut decoder = Decoder::new(&engine, &scene);
+    decoder.add_camera(&CAMERA).unwrap();
+    for budget in [19, 30, 250, 400, 800] {
+        encoder.set_rate(Some(Rate::Bytes(budget)));
+        let encoded = encoder.encode(&picture, None).unwrap();
+        assert_eq!(encoded.stats.latent_bytes, 19);
+        assert!(encoded.packet.len() <= budget, "{} for {budget}", encoded.packet.len());
+        assert_eq!(decoder.decode(&encoded.packet).unwrap().picture, encoded.picture);
+    }
+    encoder.set_rate(Some(Rate::Bytes(18)));
+    let refused = encoder.encode(&picture, None);
+    assert!(matches!(refused, Err(Error::Budget { budget: 18, needed: 19 })));
 }
 
 #[test]
@@ -476,7 +548,7 @@ fn the_rate_may_change_with_the_link() {
     encoder.set_rate(None);
     let bare = encoder.encode(&picture, None).unwrap();
     let [fine, coarse, bare] = [fine, coarse, bare].map(|encoded| encoded.packet.len());
-    assert!(fine > 300 && coarse <= 300 && coarse > 31 && bare == 31, "{fine}, {coarse}, {bare}");
+    assert!(fine > 300 && coarse <= 300 && coarse > 19 && bare == 19, "{fine}, {coarse}, {bare}");
 }
 
 /// A topside whose prior looks a little different is told so, if the vehicle sends a check.

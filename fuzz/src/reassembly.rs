@@ -1,7 +1,7 @@
 //! Reassembly: sound frames of several packets, damaged ones and garbage, in any order.
 use arbitrary::{Arbitrary, Unstructured};
 use nvsprior::modem::{Reassembler, ReassemblerOptions, Splitter};
-use nvsprior::packet::{Coder, Latent, QuantisedPose, Residual};
+use nvsprior::packet::{Coder, Latent, PoseProfile, QuantisedPose, Residual};
 use nvsprior::prior::PriorFrame;
 use nvsprior::{Camera, Packet, Pose, PriorId};
 
@@ -65,13 +65,18 @@ pub fn run(bytes: &[u8]) {
 fn packet(sent: &Sent) -> Vec<u8> {
     let camera = Camera { width: 64, height: 36, fx: 60.0, fy: 60.0, cx: 32.0, cy: 18.0 };
     let profile = match sent.paper {
-        true => nvsprior::packet::PoseProfile::Paper,
-        false => nvsprior::packet::PoseProfile::Compact,
+        true => PoseProfile::Paper,
+        false => PoseProfile::Compact,
     };
     let frame = PriorFrame { centre: [0.0; 3], spread: 1.0 };
     let pose = Pose::exp(&[0.01 * f64::from(sent.frame); 6]);
+    let profile = if sent.frame % 3 == 2 && !sent.paper { PoseProfile::Short } else { profile };
     let pose = QuantisedPose::quantise(&pose, &frame, profile).expect("a pose in range");
     let latent = Latent::new(sent.frame.into(), PriorId(7), &camera, pose, false).expect("small");
+    let latent = match sent.frame % 3 {
+        2 if !sent.camera => latent.shortened(PriorId(7), &camera).expect("small"),
+        _ => latent,
+    };
     let payload: Vec<u8> = (0..sent.payload.unwrap_or(0)).map(|i| i ^ sent.frame).collect();
     let residual = match sent.payload {
         Some(_) => Residual::Coded { coder: Coder::Vp8, payload: &payload },

@@ -430,7 +430,8 @@ fn short_packets_go_on_in_the_count() {
     }
     // Without one, the sixteen bits are all there is.
     let frame = 0x02_0304;
-    let alone = packet_of(Recipe { frame, profile: PoseProfile::Short, camera: false, payload: None });
+    let alone =
+        packet_of(Recipe { frame, profile: PoseProfile::Short, camera: false, payload: None });
     let mut reassembler = reassembler(31);
     assert_eq!(reassembler.push(&alone), Ok(Pushed::Complete(0x0304)));
     assert_eq!(reassembler.packet(frame).unwrap().frame, 0x0304);

@@ -226,8 +226,9 @@ impl QuantisedPose {
         let (centre, largest, small) = self.short()?;
         centre.iter().for_each(|v| bytes.extend_from_slice(&(*v as i16).to_le_bytes()));
         let zero = SHORT_SMALL_MAX + 1;
-        let rotation =
-            small.iter().fold(largest as u64, |bits, v| bits << SHORT_SMALL_BITS | (v + zero) as u64);
+        let rotation = small
+            .iter()
+            .fold(largest as u64, |bits, v| bits << SHORT_SMALL_BITS | (v + zero) as u64);
         bytes.extend_from_slice(&rotation.to_le_bytes()[..SHORT_LEN - 6]);
         Some(())
     }

@@ -68,7 +68,10 @@ fn golden_packets() {
             "b115040302edd0a5d43f310b451300fc14ff6be3f994948e84a4a424a8db08",
         ),
         (packet(Short, false, Residual::None), "b40704039d9a00a8f81bcf9252125252124b75"),
-        (packet(Short, false, coded(b"difference")), "b42704039d9a00a8f81bcf9252125252125f330a646966666572656e6365a1b7"),
+        (
+            packet(Short, false, coded(b"difference")),
+            "b42704039d9a00a8f81bcf9252125252125f330a646966666572656e6365a1b7",
+        ),
     ];
     for (packet, expected) in cases {
         let bytes = packet.encode().unwrap();
@@ -483,7 +486,8 @@ fn a_session_is_told_by_its_tag() {
 
 #[test]
 fn the_short_form_refuses_what_it_cannot_hold() {
-    let short = Packet { camera: Some(CAMERA), ..packet(PoseProfile::Short, false, Residual::None) };
+    let short =
+        Packet { camera: Some(CAMERA), ..packet(PoseProfile::Short, false, Residual::None) };
     assert_eq!(short.encode(), Err(PacketError::ShortCamera));
     let fine = latent(PoseProfile::Compact);
     assert_eq!(fine.shortened(PRIOR, &CAMERA), Ok(fine), "its pose is too fine");

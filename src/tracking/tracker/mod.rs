@@ -131,11 +131,11 @@ impl Tracker {
         }
     }
 
-    /// Notes what was found for a frame, and the pose as its packet holds it, for the next one's start. After a
-    /// certain frame, those that are not lead nowhere.
-    pub fn keep(&mut self, pose: Pose, found: &Found) {
+    /// Notes what was found for a frame, for the next one's start: the pose as it was found, not as its packet
+    /// holds it, which may be coarser. After a certain frame, those that are not lead nowhere.
+    pub fn keep(&mut self, found: &Found) {
         if found.certain || !self.good {
-            self.starts.push(pose, found.start, Some(&found.observability));
+            self.starts.push(found.outcome.pose, found.start, Some(&found.observability));
             self.error = Some(found.outcome.mse);
         }
         self.good |= found.certain;

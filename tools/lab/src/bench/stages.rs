@@ -157,7 +157,7 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     let times = mean(|| {
         tracker.reset();
         for Best { pose, psnr } in &context.best[..last] {
-            tracker.keep(*pose, &Found::known(*pose, 10f64.powf(-0.1 * psnr)));
+            tracker.keep(&Found::known(*pose, 10f64.powf(-0.1 * psnr)));
         }
         let before = tracker.objective().renderer().renders().to_vec();
         tracker.track(&shot.picture, &Known::default())?;
