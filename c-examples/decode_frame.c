@@ -16,6 +16,12 @@ static int print_header(const uint8_t *packet, size_t size, const nvsp_prior *pr
         fprintf(stderr, "reading the header: %s\n", nvsp_status_text(status));
         return 0;
     }
+    if (header.flags & NVSP_HEADER_SHORT) {
+        // To decode it takes a decoder that has seen the packet before which names all in full.
+        fprintf(stderr, "a short packet: prior and camera are those of an earlier one, by tag %02x\n",
+                header.session);
+        return 0;
+    }
     printf("prior           %08x\n", header.prior_id);
     printf("frame           %u, %u x %u pixels\n", header.frame, header.width, header.height);
     printf("latent part     %u bytes, profile %s\n", header.latent_bytes,

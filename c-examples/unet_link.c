@@ -74,7 +74,17 @@ static int show(nvsp_decoder *decoder, nvsp_reassembler *reassembler, const char
         fprintf(stderr, "fetching: %s\n", nvsp_status_text(status));
         return 0;
     }
-    ppm picture = {header.width, header.height, NULL};
+    // A short packet's picture has the size of the one before.
+    static uint32_t width, height;
+    if (!(header.flags & NVSP_HEADER_SHORT)) {
+        width = header.width;
+        height = header.height;
+    }
+    if (width == 0) {
+        fprintf(stderr, "a short packet, and none before it that names prior and camera in full\n");
+        return 0;
+    }
+    ppm picture = {width, height, NULL};
     picture.pixels = malloc(ppm_size(&picture));
     if (picture.pixels == NULL) {
         fprintf(stderr, "out of memory\n");
@@ -84,11 +94,13 @@ static int show(nvsp_decoder *decoder, nvsp_reassembler *reassembler, const char
                                 .pixels = picture.pixels,
                                 .stride = (size_t)picture.width * 3,
                                 .size = ppm_size(&picture)};
-    status = nvsp_decode(decoder, packet, size, NVSP_DECODE_START, &place, NULL);
+    nvsp_decoded decoded;
+    NVSP_INIT(&decoded);
+    status = nvsp_decode(decoder, packet, size, NVSP_DECODE_START, &place, &decoded);
     int done = 0;
     if (status == NVSP_OK) {
         char path[4096];
-        snprintf(path, sizeof path, "%s/%u.ppm", folder, header.frame);
+        snprintf(path, sizeof path, "%s/%u.ppm", folder, decoded.frame);
         done = ppm_write(path, &picture);
     } else {
         char text[512] = "";

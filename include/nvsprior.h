@@ -133,6 +133,12 @@
 // The pose in 28 bytes, as in the paper.
 #define NVSP_PROFILE_PAPER 1
 
+// A packet whose prior and camera an earlier one told has the short form, a latent part of 19 bytes.
+#define NVSP_FORM_SHORT 0
+
+// Every packet names prior and camera in full: a latent part of 31 bytes.
+#define NVSP_FORM_FULL 1
+
 // For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
 #define NVSP_CAMERA_ONCE UINT32_MAX
 
@@ -204,6 +210,9 @@
 
 // `pose` is given.
 #define NVSP_HEADER_POSE 2
+
+// The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
+#define NVSP_HEADER_SHORT 128
 
 // MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do.
 #define NVSP_MTU_31 31
@@ -387,6 +396,8 @@ typedef struct nvsp_encoder_options {
   // Renders of the prior, of any size, that a frame may take to look afresh for its pose; what it does
   // not find is looked for again with the next frame. A search that has begun is ended. 0: 96.
   uint32_t lost_renders;
+  // NVSP_FORM_*.
+  uint32_t form;
 } nvsp_encoder_options;
 
 // A camera's image; read during the call only. Its size may be another than the camera's, which it
@@ -527,22 +538,22 @@ typedef struct nvsp_header {
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // Identity of the prior that the packet is about; see nvsp_prior_info.
+  // Identity of the prior that the packet is about, see nvsp_prior_info; 0 in the short form.
   uint32_t prior_id;
-  // Number of the frame, modulo 2^24.
+  // Number of the frame, modulo 2^24; in the short form modulo 2^16.
   uint32_t frame;
-  // Pixels.
+  // Pixels; 0 in the short form, whose size earlier packets told.
   uint32_t width;
-  // Pixels.
+  // Pixels; 0 in the short form.
   uint32_t height;
-  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE and NVSP_HEADER_POSE bits.
+  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_HEADER_POSE and NVSP_HEADER_SHORT bits.
   uint32_t flags;
   // NVSP_PROFILE_*.
   uint32_t profile;
   // Bytes of the latent part, which is a picture by itself.
   uint32_t latent_bytes;
-  // Zero.
-  uint32_t reserved;
+  // In the short form the tag, a byte, that names prior and camera; else 0.
+  uint32_t session;
   // The pose, if it is given: the compact profile states it relative to the prior.
   struct nvsp_pose pose;
 } nvsp_header;
@@ -670,7 +681,8 @@ typedef struct nvsp_reassembler_statistics {
 // The packet is about another prior than the one at hand.
 #define NVSP_ERR_OTHER_PRIOR -20
 
-// The packet's camera was sent in an earlier packet, which is missing.
+// The packet's camera was sent in an earlier packet, which is missing. Of a short packet also: the
+// prior that it is about may be another than the one at hand; the text tells.
 #define NVSP_ERR_CAMERA_UNKNOWN -21
 
 // The difference picture is damaged or cut short.
@@ -858,6 +870,15 @@ nvsp_status nvsp_encoder_create(struct nvsp_engine *engine,
 nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
                                   uint32_t mode,
                                   float value);
+
+// The next packet has the full form and carries the camera: for a topside that asks what packets are
+// about.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder);
 
 // Frames from here on are seen by another camera, or at another size; the next packet carries it.
 // Allocates as nvsp_encoder_create does. If it fails, the old camera stays.
@@ -1187,16 +1208,17 @@ nvsp_status nvsp_decoder_last_error(const struct nvsp_decoder *decoder, char *te
 // - `decoder`: a live decoder that no other thread is using; it is dead afterwards. NULL is allowed.
 void nvsp_decoder_destroy(struct nvsp_decoder *decoder);
 
-// Reads what a packet says first, from its first 31 bytes (43 in the paper's profile) or more,
-// without device and rendering. The pose of a compact packet is given if `prior` is the one that the
-// packet is about. Allocates nothing; any threads may call it.
+// Reads what a packet says first, from its first 31 bytes (19 in the short form, 43 in the paper's
+// profile) or more, without device and rendering. The pose of a compact packet is given if `prior` is
+// the one that the packet is about. A short packet does not name it: `prior` is then taken to be the
+// one. Allocates nothing; any threads may call it.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
 // NVSP_ERR_PACKET.
 //
 // Parameters:
 // - `packet`: the packet, or its start. Read during the call. Not NULL.
-// - `size`: bytes of it that are there, 31 or more (43 in the paper's profile).
+// - `size`: bytes of it that are there, 31 or more (19 in the short form, 43 in the paper's profile).
 // - `prior`: a live prior. NULL: the pose of a compact packet is not wanted.
 // - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
 nvsp_status nvsp_decode_header(const uint8_t *packet,

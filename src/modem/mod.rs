@@ -33,12 +33,16 @@
 //! any odd number of bits in data and check, and every burst of up to sixteen in the data. Other
 //! damage it misses with a chance of 2⁻¹⁶. Of two packets whose frame numbers agree modulo 4, the
 //! frames can be taken for each other's with the same chance, then all of them. A packet that is
-//! all there must also match its own checks; with that of its residual, 2⁻⁴⁸ is left. Of frame 0
+//! all there must also match its own checks; with that of its residual, 2⁻⁴⁸ is left, of a packet in
+//! the short form 2⁻³². Of frame 0
 //! alone, what the packet's own checks vouch for counts as sound: the latent part, the camera part,
 //! or all where the packet ends with it.
 //!
 //! (Frame 0 enters by another CRC than the latent part's own: a CRC over bytes that end with the
 //! same CRC, low byte first, depends on eight bits of them only.)
+//!
+//! **The short form** of a packet states its frame number modulo 2¹⁶. Here it is the number modulo 2²⁴
+//! nearest to that of the newest packet; before any packet in the full form, the 16 bits themselves.
 //!
 //! **The paper's profile** has a latent part of 43 bytes. Below that MTU, frame 0 has no check of
 //! its own and gives no picture before frame 1.

@@ -3,28 +3,41 @@
 //! A packet is a *latent part*, which makes a picture by itself, and up to three parts after it. All
 //! numbers are little endian, all floats IEEE 754.
 //!
-//! | byte | latent part |
+//! The latent part has two forms. The full one names prior, size and camera:
+//!
+//! | byte | latent part, full form |
 //! |---|---|
 //! | 0 | high four bits `0xB`, low four bits the version: 1, or 2 if the vehicle's device is not portable |
 //! | 1 | flags, below |
 //! | 2–4 | frame number, modulo 2²⁴ |
 //! | 5–8 | prior id |
 //! | 9–11 | 12 bits width − 1, 12 bits height − 1 |
-//! | 12–… | pose: compact 16 bytes, paper 28 bytes; see [`pose`] |
+//! | 12–… | pose: compact 16 bytes, paper 28 bytes; see [`mod@pose`] |
 //! | next | camera tag: low byte of the camera check below |
 //! | next 2 | CRC-16/IBM-3740 of all bytes before |
 //!
 //! | bits | flags |
 //! |---|---|
-//! | 0–1 | pose profile: 1 compact, 2 paper |
+//! | 0–1 | pose profile: 1 compact, 2 paper, 3 short |
 //! | 2 | the pose is not certain: the picture does not confirm it |
 //! | 3 | the camera part follows |
 //! | 4–6 | residual: 0 none asked for, 1 left out for want of bytes, 2 and up its [`Coder`] |
 //! | 7 | the render part follows |
 //!
-//! So the latent part has 31 bytes in the compact profile, one frame of the smallest modems, and 43
-//! in the paper's. That CRC finds every error of one, two or any odd number of bits in a part this
-//! short (its polynomial has order 32,767 and the factor x + 1), and every burst of up to sixteen.
+//! It has 31 bytes in the compact profile, one frame of the smallest modems, and 43 in the paper's.
+//!
+//! The short form is for a topside that knows the *session*: the prior, the size and the camera. A
+//! packet in the full form has told them, with its camera part, and tells them again now and then.
+//! No camera part follows the short form, so its bit is 0.
+//!
+//! | byte | latent part, short form: 19 bytes |
+//! |---|---|
+//! | 0 | high four bits `0xB`, low four bits the version: 4, or 7 if the vehicle's device is not portable |
+//! | 1 | flags, as above; pose profile: 3 |
+//! | 2–3 | frame number, modulo 2¹⁶: see [`Latent::frame_near`] |
+//! | 4 | [`session_tag`] |
+//! | 5–16 | pose: short, 12 bytes; see [`mod@pose`] |
+//! | 17–18 | CRC-16/IBM-3740 of all bytes before |
 //!
 //! | bytes | camera part |
 //! |---|---|
@@ -40,15 +53,35 @@
 //! |---|---|
 //! | 1–4 | payload length, seven bits per byte, low bits first, high bit set on all but the last |
 //! | length | payload |
-//! | 4 | CRC-32 (IEEE) of the latent part, the length and the payload |
+//! | 4 | CRC-32 (IEEE) of the latent part, the length and the payload; after the full form |
+//! | 2 | CRC-16/IBM-3740 of the latent part's CRC-32, the length and the payload; after the short form |
 //!
 //! The residual's check covers the latent part too, so that a residual is never added to the
 //! picture of another frame when parts travel apart. Bytes after the last part are passed over:
 //! modems pad.
 //!
 //! A decoder that holds no camera whose tag is the packet's cannot use the packet, and one that
-//! holds another prior must not ([`Latent::check_prior`]). A single flipped bit is always detected;
-//! in the residual part, where it may hit the length, it is missed with a chance of 2⁻³².
+//! holds another prior must not ([`Session::check`]).
+//!
+//! **What is missed.** The CRC-16 of a latent part finds every error of one, two or any odd number of
+//! bits in a part this short (its polynomial has order 32,767 and the factor x + 1), and every burst
+//! of up to sixteen bits. That holds while its length is right, which hangs on version and profile.
+//! Of them, no two flipped bits make one form the other.
+//!
+//! | damage, to | full form | short form |
+//! |---|---|---|
+//! | one or two bits of the latent part | never missed | never missed |
+//! | the latent part, at random | 1 in 65,536 | 1 in 65,536 |
+//! | the same, with the residual after it taken too | 1 in 2⁴⁸ | 1 in 2³² |
+//! | one bit of a residual's payload or check | never missed | never missed |
+//! | one bit of a residual's length | 1 in 2³² | 1 in 65,536 |
+//! | the residual part at random, or that of another packet | 1 in 2³² | 1 in 65,536 |
+//! | a prior that is not the vehicle's | 1 in 2³² | 1 in 256 for each camera known |
+//! | a camera that is not the vehicle's | 1 in 256 | 1 in 256 |
+//!
+//! A pose is as safe in the short form as in the full one. A residual is less: one that is taken for
+//! sound spoils one picture. The last two rows are drawn once for a vehicle and its topside, not once
+//! a packet, and the next packet in the full form corrects them: it refuses another prior.
 
 pub(crate) mod bytes;
 mod camera;

@@ -56,21 +56,27 @@ static void headers(void) {
     EXPECT(NVSP_OK, nvsp_prior_get_info(both.prior, &prior));
     CHECK(prior.splats == 4800 && prior.dropped == 0 && prior.sh_degree == 0 && prior.spread > 0);
     CHECK(prior.key_frames == 0);
-    const packet one = packets[1];
-    EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, both.prior, &header));
-    EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, 31, both.prior, &alone));
-    CHECK(memcmp(&header, &alone, sizeof header) == 0);
-    CHECK(header.prior_id == prior.id && header.frame == 1 && header.latent_bytes == 31);
-    CHECK(header.width == dive.camera.width && header.height == dive.camera.height);
-    CHECK(header.flags == NVSP_HEADER_POSE && header.profile == NVSP_PROFILE_COMPACT);
-    EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, one.size, 0, NULL, &info));
-    CHECK(memcmp(&info.pose, &header.pose, sizeof info.pose) == 0);
-    EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, NULL, &header));
-    CHECK(header.flags == 0 && header.pose.rotation[0] == 0);
-    for (size_t size = 0; size < 31; size++) {
-        EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(one.bytes, size, both.prior, &header));
+    // The first packet names prior and camera in full; the second does by a tag.
+    for (uint32_t which = 0; which < 2; which++) {
+        const packet one = packets[which];
+        const uint32_t latent = which == 0 ? 31 : 19, form = which == 0 ? 0 : NVSP_HEADER_SHORT;
+        EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, both.prior, &header));
+        EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, latent, both.prior, &alone));
+        CHECK(memcmp(&header, &alone, sizeof header) == 0);
+        CHECK(header.frame == which && header.latent_bytes == latent);
+        CHECK(header.prior_id == (which == 0 ? prior.id : 0) && header.session < 256);
+        CHECK(header.width == (which == 0 ? dive.camera.width : 0));
+        CHECK(header.height == (which == 0 ? dive.camera.height : 0));
+        CHECK(header.flags == (NVSP_HEADER_POSE | form) && header.profile == NVSP_PROFILE_COMPACT);
+        EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, one.size, 0, NULL, &info));
+        CHECK(memcmp(&info.pose, &header.pose, sizeof info.pose) == 0);
+        EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, NULL, &header));
+        CHECK(header.flags == form && header.pose.rotation[0] == 0);
+        for (size_t size = 0; size < latent; size++) {
+            EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(one.bytes, size, both.prior, &header));
+        }
+        EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode_header(one.bytes, SIZE_MAX, both.prior, &header));
     }
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode_header(one.bytes, SIZE_MAX, both.prior, &header));
 }
 
 // Key frames are read from the file beside a prior.
@@ -232,9 +238,9 @@ static void starts_of_packets(void) {
     const nvsp_picture render_place = place_of(render, dive.camera.width, dive.camera.height);
     const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     const packet one = packets[1];
-    EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, 31, 0, &render_place, NULL));
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, 19, 0, &render_place, NULL));
     uint32_t rows = 0;
-    for (size_t size = 31; size <= one.size; size++) {
+    for (size_t size = 19; size <= one.size; size++) {
         nvsp_decoded info;
         MUST(NVSP_INIT(&info));
         EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, size, 0, &place, &info));

@@ -49,7 +49,7 @@ static void random_bytes(void) {
         bytes[i] = (uint8_t)random_bits(&seed);
     }
     if (size > 0 && random_below(&seed, 2)) {
-        bytes[0] = 0xb1;  // As a packet begins.
+        bytes[0] = random_below(&seed, 2) ? 0xb1 : 0xb4;  // As a packet begins.
     }
     offer(bytes, size);
 }
@@ -111,12 +111,12 @@ static uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size) {
     return ~crc;
 }
 
-// Puts a sound check behind a damaged difference picture; packet 1 carries no camera.
+// Puts a sound check behind a damaged difference picture; packet 1 is of the short form.
 static void sealed_residuals(void) {
     const packet one = packets[1];
-    const size_t latent = 31, head = latent + 2;  // The length takes two bytes from 128 to 16383.
+    const size_t latent = 19, head = latent + 2;  // The length takes two bytes from 128 to 16383.
     uint8_t bytes[4096], payload[4096];
-    size_t size = one.size - head - 4;
+    size_t size = one.size - head - 2;
     memcpy(payload, one.bytes + head, size);
     size = damaged(payload, size, sizeof payload - 64);
     if (random_below(&seed, 4) == 0) {
@@ -131,28 +131,36 @@ static void sealed_residuals(void) {
     bytes[latent] = (uint8_t)(size | 0x80);
     bytes[latent + 1] = (uint8_t)(size >> 7);
     memcpy(bytes + head, payload, size);
-    const uint32_t crc = crc32(0, bytes, head + size);
+    // A CRC-16 of the latent part's CRC-32, and of length and payload.
+    uint8_t covered[4 + 2 + sizeof payload];
+    const uint32_t latent_crc = crc32(0, bytes, latent);
     for (int i = 0; i < 4; i++) {
-        bytes[head + size + (size_t)i] = (uint8_t)(crc >> 8 * i);
+        covered[i] = (uint8_t)(latent_crc >> 8 * i);
     }
-    offer(bytes, head + size + 4);
+    memcpy(covered + 4, bytes + latent, 2 + size);
+    const uint16_t crc = crc16(covered, 4 + 2 + size);
+    bytes[head + size] = (uint8_t)crc;
+    bytes[head + size + 1] = (uint8_t)(crc >> 8);
+    offer(bytes, head + size + 2);
 }
 
-// A latent part with a sound check that says anything; the prior's identity stays.
+// A latent part with a sound check that says anything; the prior's identity, or the session, stays.
 static void sealed_latents(void) {
     uint8_t bytes[4096];
     const packet one = packets[random_below(&seed, (uint32_t)dive.frames)];
     memcpy(bytes, one.bytes, one.size);
+    const int full = (bytes[0] & 15) < 4;
+    const uint32_t covered = full ? 29 : 17;
     for (uint32_t turn = random_below(&seed, 6); turn > 0; turn--) {
-        const uint32_t at = 1 + random_below(&seed, 28);
+        const uint32_t at = 1 + random_below(&seed, covered - 1);
         // Not the prior, nor the picture's size, which the camera's check covers.
-        if (at < 5 || at > 11) {
+        if (full ? at < 5 || at > 11 : at != 4) {
             bytes[at] = (uint8_t)random_bits(&seed);
         }
     }
-    const uint16_t crc = crc16(bytes, 29);
-    bytes[29] = (uint8_t)crc;
-    bytes[30] = (uint8_t)(crc >> 8);
+    const uint16_t crc = crc16(bytes, covered);
+    bytes[covered] = (uint8_t)crc;
+    bytes[covered + 1] = (uint8_t)(crc >> 8);
     offer(bytes, one.size);
 }
 

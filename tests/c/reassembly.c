@@ -70,7 +70,7 @@ static nvsp_reassembly fetch_and_show(nvsp_reassembler *reassembler, const packe
     MUST(NVSP_INIT(&state));
     MUST(NVSP_INIT(&info));
     EXPECT(NVSP_OK, nvsp_reassembler_fetch(reassembler, bytes, sizeof bytes, &size, &state));
-    CHECK(size >= 31 && size <= packet->size && state.bytes == size && state.event == 0);
+    CHECK(size >= 19 && size <= packet->size && state.bytes == size && state.event == 0);
     CHECK(memcmp(bytes, packet->bytes, size) == 0);
     CHECK(state.complete == (size == packet->size));
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, NVSP_DECODE_START, NULL, &info));

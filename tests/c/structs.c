@@ -116,21 +116,23 @@ static const struct {
     size_t size;
     caller call;
     int output;
+    // Bytes that the first version had, if it has grown since.
+    size_t first;
 } structures[] = {
-    {sizeof(nvsp_engine_options), engine_options, 0},
-    {sizeof(nvsp_engine_info), engine_info, 1},
-    {sizeof(nvsp_prior_options), prior_options, 0},
-    {sizeof(nvsp_prior_info), prior_info, 1},
-    {sizeof(nvsp_encoder_options), encoder_options, 0},
-    {sizeof(nvsp_frame_info), frame_info, 0},
-    {sizeof(nvsp_frame_info), begun_info, 0},
-    {sizeof(nvsp_frame_stats), frame_stats, 1},
-    {sizeof(nvsp_decoded), decoded, 1},
-    {sizeof(nvsp_header), header, 1},
-    {sizeof(nvsp_reassembler_options), reassembler_options, 0},
-    {sizeof(nvsp_reassembly), pushed, 1},
-    {sizeof(nvsp_reassembly), fetched, 1},
-    {sizeof(nvsp_reassembler_statistics), statistics, 1},
+    {sizeof(nvsp_engine_options), engine_options, 0, 0},
+    {sizeof(nvsp_engine_info), engine_info, 1, 0},
+    {sizeof(nvsp_prior_options), prior_options, 0, 0},
+    {sizeof(nvsp_prior_info), prior_info, 1, 0},
+    {sizeof(nvsp_encoder_options), encoder_options, 0, 48},
+    {sizeof(nvsp_frame_info), frame_info, 0, 0},
+    {sizeof(nvsp_frame_info), begun_info, 0, 0},
+    {sizeof(nvsp_frame_stats), frame_stats, 1, 0},
+    {sizeof(nvsp_decoded), decoded, 1, 0},
+    {sizeof(nvsp_header), header, 1, 0},
+    {sizeof(nvsp_reassembler_options), reassembler_options, 0, 0},
+    {sizeof(nvsp_reassembly), pushed, 1, 0},
+    {sizeof(nvsp_reassembly), fetched, 1, 0},
+    {sizeof(nvsp_reassembler_statistics), statistics, 1, 0},
 };
 
 // Calls with a structure of `room` bytes that says it has `size`, filled with `fill` behind its head.
@@ -153,18 +155,25 @@ static nvsp_status call_with(caller call, size_t room, uint32_t size, uint32_t v
     return status;
 }
 
-static void refusals(caller call, size_t size) {
-    const uint32_t wrong_sizes[] = {0, 1, 7, 8, (uint32_t)size - 1, 4097, 1u << 31, UINT32_MAX};
+static void refusals(caller call, size_t size, size_t first) {
+    const uint32_t wrong_sizes[] = {0, 1, 7, 8, (uint32_t)first - 1, 4097, 1u << 31, UINT32_MAX};
     for (size_t i = 0; i < sizeof wrong_sizes / sizeof *wrong_sizes; i++) {
         const uint32_t wrong = wrong_sizes[i];
         // Of a size that no structure has, the head alone may be looked at.
-        const size_t room = wrong == (uint32_t)size - 1 ? size : 8;
+        const size_t room = wrong == (uint32_t)first - 1 ? size : 8;
         EXPECT(NVSP_ERR_STRUCT_SIZE, call_with(call, room, wrong, NVSP_ABI_VERSION, 0, NULL));
     }
     const uint32_t wrong_versions[] = {0, NVSP_ABI_VERSION + 1, UINT32_MAX};
     for (size_t i = 0; i < sizeof wrong_versions / sizeof *wrong_versions; i++) {
         EXPECT(NVSP_ERR_ABI_VERSION,
                call_with(call, size, (uint32_t)size, wrong_versions[i], 0, NULL));
+    }
+}
+
+// A program with an older header, whose structure is smaller: of every size since the first.
+static void older(caller call, size_t first, size_t size) {
+    for (; first < size; first += 4) {
+        EXPECT(NVSP_OK, call_with(call, first, (uint32_t)first, NVSP_ABI_VERSION, 0, NULL));
     }
 }
 
@@ -219,7 +228,11 @@ int main(int argc, char **argv) {
 
     initialising();
     for (size_t i = 0; i < sizeof structures / sizeof *structures; i++) {
-        refusals(structures[i].call, structures[i].size);
+        const size_t size = structures[i].size, first = structures[i].first;
+        refusals(structures[i].call, size, first == 0 ? size : first);
+        if (first != 0) {
+            older(structures[i].call, first, size);
+        }
         newer(structures[i].call, structures[i].size, structures[i].output);
     }
     for (int i = 0; i < dive.frames; i++) {
