@@ -59,7 +59,7 @@ impl Extent {
 
     /// Whether the packet may be of a frame number, modulo 2²⁴.
     pub(crate) fn may_be(&self, frame: u32) -> bool {
-        frame.wrapping_sub(self.frame) % self.frames == 0
+        frame.wrapping_sub(self.frame).is_multiple_of(self.frames)
     }
 }
 

@@ -573,7 +573,7 @@ fn checks_of_the_short_form_miss_what_is_said() {
         bytes[20..].fill_with(&mut random);
         residuals += u32::from(Packet::decode(&bytes).is_ok());
     }
-    // One in 65,536 makes 8 of each; five standard deviations are 14.
+    // One in 131,072 makes 4, one in 65,536 makes 8; five standard deviations of that are 14.
     assert!(latents < 23 && residuals < 23, "{latents} latents, {residuals} residuals");
     assert_eq!(both, 0, "both checks miss one in 2³² only");
 }
