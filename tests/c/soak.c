@@ -47,7 +47,7 @@ static void whole_way(int number) {
                      &size, NULL));
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, &place, NULL));
     if (number % 10 == 0) {  // An error now and then leaves nothing behind either.
-        EXPECT(NVSP_ERR_PACKET, nvsp_decode(both.decoder, bytes, 30, 0, &place, NULL));
+        EXPECT(NVSP_ERR_PACKET, nvsp_decode(both.decoder, bytes, 18, 0, &place, NULL));
     }
 }
 
