@@ -13,7 +13,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use nvsprior::packet::{Latent, PoseProfile, QuantisedPose};
 use nvsprior::prior::ply::write_ply;
 use nvsprior::render::{Jacobian, Plan, Scene};
-use nvsprior::residual::{ResidualDecoder, ResidualEncoder};
+use nvsprior::residual::{ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Packet, Picture, Pose, Prior, Rate};
 
@@ -83,7 +83,8 @@ fn code(criterion: &mut Criterion) {
     let (camera, render) = camera_and_render(&engine, &scene);
     let quality = Rate::Quality(10.0);
     let (width, height) = (camera.width, camera.height);
-    let mut encoder = ResidualEncoder::new(width, height);
+    let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
+    let mut encoder = ResidualEncoder::new(&setup);
     let mut group = criterion.benchmark_group("residual wall");
     for (name, rate) in [("quality 10", quality), ("300 bytes", Rate::Bytes(300))] {
         group.bench_function(format!("encode, {name}"), |b| {
@@ -94,12 +95,12 @@ fn code(criterion: &mut Criterion) {
         });
     }
     let coded = encoder.encode(&camera, &render, quality, 0).expect("a coded residual");
-    let mut decoder = ResidualDecoder::new(width, height);
+    let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
     group.bench_function("decode", |b| {
         let mut picture = render.clone();
         b.iter(|| {
             picture.clone_from(black_box(&render));
-            decoder.add(&coded.residual, &mut picture)
+            decoder.add(&coded.residual, true, &mut picture)
         })
     });
     group.finish();

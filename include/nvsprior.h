@@ -139,6 +139,12 @@
 // Every packet names prior and camera in full: a latent part of 31 bytes.
 #define NVSP_FORM_FULL 1
 
+// The difference picture by the wavelet coder, which knows the prior's render.
+#define NVSP_RESIDUAL_WAVELET 0
+
+// The difference picture by WebP, as in the paper.
+#define NVSP_RESIDUAL_WEBP 1
+
 // For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
 #define NVSP_CAMERA_ONCE UINT32_MAX
 
@@ -197,8 +203,8 @@
 #define NVSP_PICTURE_RENDER 1
 
 // For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives
-// it. Of a difference picture that is cut short, the rows that arrived are then shown. Without this,
-// a difference picture is shown where it is whole and its check matches.
+// it. Of a difference picture that is cut short, what arrived is then shown: rows of WebP's, a coarser picture of the
+// wavelet coder's. Without this, a difference picture is shown if it is whole and its check matches.
 #define NVSP_DECODE_START 1
 
 // The render is the vehicle's, byte for byte. Neither this nor NVSP_DECODED_OTHER_RENDER: the packet
@@ -398,6 +404,8 @@ typedef struct nvsp_encoder_options {
   uint32_t lost_renders;
   // NVSP_FORM_*.
   uint32_t form;
+  // NVSP_RESIDUAL_*: what codes the difference picture.
+  uint32_t residual;
 } nvsp_encoder_options;
 
 // A camera's image; read during the call only. Its size may be another than the camera's, which it
@@ -523,7 +531,7 @@ typedef struct nvsp_decoded {
   // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_* bits.
   uint32_t flags;
   // Rows, from the top, that the difference picture reached; the others are the prior's render
-  // alone.
+  // alone. The start of a wavelet payload reaches all rows.
   uint32_t rows;
   // NVSP_OK, or what was wrong with parts of the packet that the picture does without:
   // NVSP_ERR_RESIDUAL or NVSP_ERR_PACKET (the camera's part).

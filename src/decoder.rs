@@ -23,7 +23,8 @@ pub struct Decoded {
     pub same_render: Option<bool>,
     /// Whether this device and the vehicle's are portable: then the render is the vehicle's. Else it may differ.
     pub portable: bool,
-    /// Rows, from the top, that the residual reached; the others are the render alone.
+    /// Rows, from the top, that the residual reached; the others are the render alone. The wavelet coder's payloads
+    /// reach all of them, and make them finer the more of them there is.
     pub rows: u32,
     /// What of the packet could not be used.
     pub damage: Option<Error>,
@@ -135,7 +136,7 @@ impl Decoder {
         decoded.portable = latent.portable && here;
         let told = salvage.render.as_ref().ok().copied().flatten();
         decoded.same_render = told.map(|check| check == RenderCheck::of(&decoded.picture));
-        let rows = view.add_residual(&salvage, trust, &mut decoded.picture);
+        let rows = view.add_residual(&salvage, trust, decoded.portable, &mut decoded.picture);
         (decoded.damage, decoded.rows) = match rows {
             Ok((rows, damage)) => (damage.or(camera_damage), rows),
             Err(error) => (Some(error), 0),
@@ -167,7 +168,11 @@ impl Decoder {
             _ => CameraDecoder {
                 camera,
                 renderer: self.engine.renderer(&self.scene, &camera, Plan::picture())?,
-                residual: ResidualDecoder::new(camera.width, camera.height),
+                residual: ResidualDecoder::new(
+                    camera.width,
+                    camera.height,
+                    self.scene.coder_tables(),
+                ),
             },
         };
         Ok(self.camera_decoder.insert(view))
@@ -180,16 +185,17 @@ impl CameraDecoder {
         &mut self,
         salvage: &Salvage,
         trust: Trust,
+        portable: bool,
         picture: &mut Picture,
     ) -> Result<(u32, Option<Error>), Error> {
         match (&salvage.residual, &salvage.residual_start) {
             (Ok(Residual::None | Residual::Omitted), _) => Ok((0, None)),
             (Ok(residual), _) => {
-                self.residual.add(residual, picture)?;
+                self.residual.add(residual, portable, picture)?;
                 Ok((picture.height, None))
             }
             (Err(error), Some(start)) if trust == Trust::Start => {
-                let rows = self.residual.add_start(start, picture)?;
+                let rows = self.residual.add_start(start, portable, picture)?;
                 Ok((rows, Some(error.clone().into())))
             }
             (Err(error), _) => Err(error.clone().into()),

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::packet::{Latent, PoseProfile, QuantisedPose};
 use crate::render::{Plan, Scene};
-use crate::residual::ResidualEncoder;
+use crate::residual::{ResidualCoder, ResidualEncoder, ResidualSetup};
 use crate::tracked_frame::TrackedFrame;
 use crate::tracking::{Evaluation, Found, Known, Objective, Optimizer, RefineOptions, Tracker};
 use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
@@ -22,6 +22,8 @@ pub struct EncoderOptions {
     pub threshold: f64,
     /// How fine the difference picture is; `None`: none is sent.
     pub rate: Option<Rate>,
+    /// What codes it.
+    pub residual: ResidualCoder,
     /// How poses are written.
     pub profile: PoseProfile,
     /// A packet whose prior and camera an earlier one told has the short form: a latent part of 19 bytes
@@ -47,6 +49,7 @@ impl Default for EncoderOptions {
             refine: RefineOptions::default(),
             threshold: 1e-3,
             rate: Some(Rate::Quality(10.0)),
+            residual: ResidualCoder::default(),
             profile: PoseProfile::Compact,
             short: true,
             camera_interval: 64,
@@ -93,9 +96,14 @@ impl Encoder {
             scene: scene.clone(),
             camera: *camera,
             frame: options.first_frame,
-            options,
             tracker,
-            residual: ResidualEncoder::new(camera.width, camera.height),
+            residual: ResidualEncoder::new(&residual_setup(
+                engine,
+                scene,
+                camera,
+                options.residual,
+            )),
+            options,
             tracked: TrackedFrame::default(),
             renders_before: Vec::new(),
             camera_age: None,
@@ -109,10 +117,12 @@ impl Encoder {
         if *camera != self.camera {
             let objective = objective(&self.engine, &self.scene, camera, &self.options)?;
             self.tracker.replace(objective);
-            if (camera.width, camera.height) != (self.camera.width, self.camera.height) {
-                self.residual = ResidualEncoder::new(camera.width, camera.height);
-            }
+            let same_size =
+                (camera.width, camera.height) == (self.camera.width, self.camera.height);
             self.camera = *camera;
+            if !same_size {
+                self.residual = ResidualEncoder::new(&self.residual_setup());
+            }
             self.camera_age = None;
         }
         Ok(())
@@ -121,6 +131,11 @@ impl Encoder {
     /// How fine the difference pictures are from here on: links change.
     pub fn set_rate(&mut self, rate: Option<Rate>) {
         self.options.rate = rate;
+    }
+
+    /// What difference pictures of a camera are coded by.
+    pub(crate) fn residual_setup(&self) -> ResidualSetup {
+        residual_setup(&self.engine, &self.scene, &self.camera, self.options.residual)
     }
 
     /// Goes on with another engine, after the device of the old one was lost, and the same prior
@@ -132,6 +147,7 @@ impl Encoder {
         }
         self.tracker.replace(objective(engine, scene, &self.camera, &self.options)?);
         (self.engine, self.scene) = (engine.clone(), scene.clone());
+        self.residual = ResidualEncoder::new(&self.residual_setup());
         Ok(())
     }
 
@@ -211,6 +227,7 @@ impl Encoder {
         let lost_frames = self.lost_frames_with(&found);
         let camera = self.camera_due().then_some(self.camera);
         tracked.checked = self.check_due();
+        tracked.residual = Some(self.residual_setup());
         let renderer = self.tracker.objective().renderer();
         tracked.render.resize(frame.width, frame.height);
         tracked.render.data.copy_from_slice(renderer.rendered());
@@ -317,6 +334,21 @@ impl Encoder {
     /// Evaluations of the last frame's refinement, in order: error against run time.
     pub fn trace(&self) -> &[Evaluation] {
         self.tracker.trace()
+    }
+}
+
+fn residual_setup(
+    engine: &Engine,
+    scene: &Scene,
+    camera: &Camera,
+    coder: ResidualCoder,
+) -> ResidualSetup {
+    ResidualSetup {
+        width: camera.width,
+        height: camera.height,
+        coder,
+        tables: scene.coder_tables().clone(),
+        portable: engine.device().portable,
     }
 }
 

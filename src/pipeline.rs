@@ -4,7 +4,7 @@
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
-use crate::residual::ResidualEncoder;
+use crate::residual::{ResidualEncoder, ResidualSetup};
 use crate::tracked_frame::TrackedFrame;
 use crate::{Encoded, Encoder, Error, Known, Picture};
 
@@ -122,13 +122,17 @@ impl Drop for Pipeline {
 
 /// What the coding thread does.
 fn code(parcels: &Receiver<Parcel>, back: &SyncSender<Parcel>) {
-    let mut residual: Option<((u32, u32), ResidualEncoder)> = None;
+    let mut kept: Option<(ResidualSetup, ResidualEncoder)> = None;
     while let Ok(mut parcel) = parcels.recv() {
         let Parcel { frame, tracked, encoded, failure } = &mut parcel;
-        let size = (frame.width, frame.height);
-        let (_, coder) = match residual.take() {
-            Some(kept) if kept.0 == size => residual.insert(kept),
-            _ => residual.insert((size, ResidualEncoder::new(size.0, size.1))),
+        // A frame that was tracked has it.
+        let Some(setup) = tracked.residual.take() else { return };
+        let (_, coder) = match kept.take() {
+            Some(same) if same.0.is_as(&setup) => kept.insert(same),
+            _ => {
+                let coder = ResidualEncoder::new(&setup);
+                kept.insert((setup, coder))
+            }
         };
         *failure = tracked.encode(frame, coder, encoded).err();
         if back.send(parcel).is_err() {

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use crate::packet::{Latent, RenderCheck, Residual};
-use crate::residual::ResidualEncoder;
+use crate::residual::{ResidualEncoder, ResidualSetup};
 use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
 
 /// What a frame's packet is made of. Buffers are kept from frame to frame.
@@ -17,6 +17,8 @@ pub(crate) struct TrackedFrame {
     /// Whether the packet tells what the render is.
     pub checked: bool,
     pub rate: Option<Rate>,
+    /// What codes the difference.
+    pub residual: Option<ResidualSetup>,
     pub pose: Pose,
     /// As far as they are known.
     pub stats: FrameStats,

@@ -4,6 +4,7 @@
 //! right beforehand.
 use nvsprior::packet::{CAMERA_PART_LEN, SHORT_LATENT_LEN, Session};
 use nvsprior::residual::ResidualDecoder;
+use nvsprior::residual::wavelet::Tables;
 use nvsprior::{Packet, Picture};
 
 /// Pixels of a picture that is decoded here.
@@ -31,12 +32,12 @@ pub fn run(input: &[u8]) {
         return;
     }
     let mut picture = Picture::new(width, height);
-    let mut decoder = ResidualDecoder::new(width, height);
+    let mut decoder = ResidualDecoder::new(width, height, &Tables::generic());
     if let Ok(residual) = &salvage.residual {
-        let _ = decoder.add(residual, &mut picture);
+        let _ = decoder.add(residual, true, &mut picture);
     }
     if let Some(start) = &salvage.residual_start
-        && let Ok(rows) = decoder.add_start(start, &mut picture)
+        && let Ok(rows) = decoder.add_start(start, true, &mut picture)
     {
         assert!(rows <= height);
     }

@@ -36,8 +36,8 @@ pub(super) struct Core {
 type Content = Worker<Core>;
 
 /// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives
-/// it. Of a difference picture that is cut short, the rows that arrived are then shown. Without this,
-/// a difference picture is shown where it is whole and its check matches.
+/// it. Of a difference picture that is cut short, what arrived is then shown: rows of WebP's, a coarser picture of the
+/// wavelet coder's. Without this, a difference picture is shown if it is whole and its check matches.
 pub const NVSP_DECODE_START: u32 = 1;
 
 /// The render is the vehicle's, byte for byte. Neither this nor NVSP_DECODED_OTHER_RENDER: the packet
@@ -64,7 +64,7 @@ pub struct nvsp_decoded {
     /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_* bits.
     pub flags: u32,
     /// Rows, from the top, that the difference picture reached; the others are the prior's render
-    /// alone.
+    /// alone. The start of a wavelet payload reaches all rows.
     pub rows: u32,
     /// NVSP_OK, or what was wrong with parts of the packet that the picture does without:
     /// NVSP_ERR_RESIDUAL or NVSP_ERR_PACKET (the camera's part).

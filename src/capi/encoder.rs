@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use crate::image::Converter;
 use crate::packet::PoseProfile;
+use crate::residual::ResidualCoder;
 use crate::tracking::{Optimizer, StartKind, Stop};
 use crate::{Encoded, Encoder, EncoderOptions, Known, Picture, Rate, packet_bound};
 
@@ -70,6 +71,11 @@ pub const NVSP_FORM_SHORT: u32 = 0;
 /// Every packet names prior and camera in full: a latent part of 31 bytes.
 pub const NVSP_FORM_FULL: u32 = 1;
 
+/// The difference picture by the wavelet coder, which knows the prior's render.
+pub const NVSP_RESIDUAL_WAVELET: u32 = 0;
+/// The difference picture by WebP, as in the paper.
+pub const NVSP_RESIDUAL_WEBP: u32 = 1;
+
 /// For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
 pub const NVSP_CAMERA_ONCE: u32 = u32::MAX;
 
@@ -109,8 +115,10 @@ pub struct nvsp_encoder_options {
     pub lost_renders: u32,
     /// NVSP_FORM_*.
     pub form: u32,
+    /// NVSP_RESIDUAL_*: what codes the difference picture.
+    pub residual: u32,
 }
-versioned!(nvsp_encoder_options, 48, 52);
+versioned!(nvsp_encoder_options, 48, 56);
 
 /// The pose is not certain: the picture does not confirm it.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -267,6 +275,11 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         NVSP_FORM_SHORT => true,
         NVSP_FORM_FULL => false,
         _ => return Err(Failure::argument("nvsp_encoder_options.form")),
+    };
+    made.residual = match options.residual {
+        NVSP_RESIDUAL_WAVELET => ResidualCoder::Wavelet,
+        NVSP_RESIDUAL_WEBP => ResidualCoder::Webp,
+        _ => return Err(Failure::argument("nvsp_encoder_options.residual")),
     };
     match options.levels {
         0 => {}

@@ -60,6 +60,8 @@ pub enum Coder {
     Vp8 = 2,
     /// A whole WebP file.
     WebP = 3,
+    /// The wavelet coder: see [`crate::residual::wavelet`].
+    Wavelet = 4,
 }
 
 /// The difference picture of a packet.
@@ -139,6 +141,7 @@ pub(super) fn decode<'a>(
         CODE_OMITTED => return (Ok(Residual::Omitted), None),
         code if code == Coder::Vp8 as u8 => Coder::Vp8,
         code if code == Coder::WebP as u8 => Coder::WebP,
+        code if code == Coder::Wavelet as u8 => Coder::Wavelet,
         code => return (Err(PacketError::Coder(code)), None),
     };
     match checked(bytes, latent, check) {

@@ -6,6 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::prior::analysis::PriorAnalysis;
 use crate::prior::{KeyFrames, PriorFrame, Splats};
+use crate::residual::wavelet::Tables;
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
@@ -23,6 +24,7 @@ pub struct Scene {
     id: PriorId,
     frame: PriorFrame,
     key_frames: KeyFrames,
+    coder_tables: Arc<Tables>,
 }
 
 impl Scene {
@@ -49,6 +51,7 @@ impl Scene {
             id: prior.id(),
             frame: prior.frame(),
             key_frames: prior.key_frames().clone(),
+            coder_tables: Arc::new(Tables::generic()),
         })
     }
 
@@ -71,6 +74,11 @@ impl Scene {
     /// The frame in which packets state camera positions.
     pub fn frame(&self) -> PriorFrame {
         self.frame
+    }
+
+    /// The wavelet coder's tables for pictures of this prior.
+    pub fn coder_tables(&self) -> &Arc<Tables> {
+        &self.coder_tables
     }
 
     /// Where to look for a lost camera; possibly none.

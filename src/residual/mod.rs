@@ -7,13 +7,17 @@ mod difference;
 #[allow(unsafe_code)] // It wraps a C codec; each block says why it is sound.
 mod libwebp;
 mod rate;
+pub mod wavelet;
 mod webp;
+mod webp_rate;
 
 use crate::Picture;
-use crate::packet::{Residual, ResidualStart};
+use crate::packet::{Coder, Residual, ResidualStart};
+
+use wavelet::{Tables, Tail, WaveletDecoder};
 
 pub use difference::{add, difference};
-pub use rate::{CodedResidual, Rate, ResidualEncoder};
+pub use rate::{CodedResidual, Rate, ResidualCoder, ResidualEncoder, ResidualSetup};
 pub use webp::Webp;
 
 /// Why a residual cannot be coded or decoded.
@@ -43,6 +47,11 @@ pub enum ResidualError {
     /// The image encoder refuses the difference picture.
     #[error("WebP encoder: {0}")]
     Encode(String),
+    /// The payload can be read only beside the encoder's own render.
+    #[error(
+        "residual payload: it needs the encoder's render, and one of the two devices is not portable"
+    )]
+    OtherRender,
     /// The payload is no picture of the expected kind.
     #[error("residual payload: {0}")]
     Payload(&'static str),
@@ -56,36 +65,57 @@ pub fn max_payload_len(width: u32, height: u32) -> usize {
 
 /// Adds residuals to renders of one size, in memory of its own.
 pub struct ResidualDecoder {
+    wavelet: WaveletDecoder,
     webp: Webp,
     difference: Picture,
 }
 
 impl ResidualDecoder {
-    /// For pictures of a size.
-    pub fn new(width: u32, height: u32) -> ResidualDecoder {
-        ResidualDecoder { webp: Webp::new(width, height), difference: Picture::new(width, height) }
+    /// For pictures of a size, rendered from a prior with `tables`.
+    pub fn new(width: u32, height: u32, tables: &Tables) -> ResidualDecoder {
+        ResidualDecoder {
+            wavelet: WaveletDecoder::new(width, height, tables),
+            webp: Webp::new(width, height),
+            difference: Picture::new(width, height),
+        }
     }
 
-    /// Turns a render into the picture that a residual makes of it; nothing is changed on an error.
+    /// Turns a render into the picture that a residual makes of it; nothing is changed on an error. `portable`: the
+    /// render is the encoder's, byte for byte.
     ///
     /// # Errors
-    /// If the payload is no picture of the render's size.
-    pub fn add(&mut self, residual: &Residual, render: &mut Picture) -> Result<(), ResidualError> {
-        if let Residual::Coded { coder, payload } = residual {
-            check_size(&self.difference, render)?;
-            self.webp.decode(*coder, payload, &mut self.difference)?;
-            difference::add(&self.difference.data, &mut render.data);
+    /// If the payload is no picture of the render's size, or needs the encoder's render and has another.
+    pub fn add(
+        &mut self,
+        residual: &Residual,
+        portable: bool,
+        render: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        let Residual::Coded { coder, payload } = *residual else { return Ok(()) };
+        check_size(&self.difference, render)?;
+        match coder {
+            Coder::Wavelet => self.wavelet.add(payload, Tail::Zeros, portable, render),
+            Coder::Vp8 | Coder::WebP => {
+                self.webp.decode(coder, payload, &mut self.difference)?;
+                difference::add(&self.difference.data, &mut render.data);
+                Ok(())
+            }
         }
-        Ok(())
     }
 
-    /// As [`ResidualDecoder::add`], with the rows that the start of a payload holds; their number.
+    /// As [`ResidualDecoder::add`], with what the start of a payload holds; the number of rows that it reaches. The
+    /// wavelet coder's payloads reach all rows, and grow finer.
     pub fn add_start(
         &mut self,
         start: &ResidualStart,
+        portable: bool,
         render: &mut Picture,
     ) -> Result<u32, ResidualError> {
         check_size(&self.difference, render)?;
+        if start.coder == Coder::Wavelet {
+            self.wavelet.add(start.payload, Tail::Unknown, portable, render)?;
+            return Ok(render.height);
+        }
         let rows = self.webp.decode_start(start, &mut self.difference)?;
         let bytes = rows * render.width as usize * 3;
         difference::add(&self.difference.data[..bytes], &mut render.data[..bytes]);

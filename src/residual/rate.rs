@@ -1,20 +1,36 @@
 //! How many bytes a residual takes: by quality, by a budget, or by the picture wanted.
 
-use crate::Picture;
-use crate::packet::{Coder, Residual, residual_part_len};
+use std::sync::Arc;
 
-use super::difference::{add, difference_into};
-use super::{ResidualError, Webp, check_size, max_payload_len};
+use crate::Picture;
+use crate::packet::Residual;
+
+use super::difference::difference_into;
+use super::wavelet::{RateEncoder, Tables};
+use super::webp_rate::WebpEncoder;
+use super::{ResidualError, check_size};
 
 /// What decides how finely the difference picture is coded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
-    /// Libwebp's quality, 0 to 100.
+    /// 0 to 100. Of the wavelet coder, even steps of a quantiser's logarithm, from 76 levels to 2; of WebP, libwebp's own.
     Quality(f32),
     /// As fine as fits the packet's bytes. The budget is hard.
     Bytes(usize),
     /// As coarse as gives this PSNR, dB.
     Psnr(f64),
+}
+
+impl Rate {
+    /// Checks that the number can be one.
+    fn check(self) -> Result<(), ResidualError> {
+        let sound = match self {
+            Rate::Quality(quality) => (0.0..=100.0).contains(&quality),
+            Rate::Psnr(target) => !target.is_nan(),
+            Rate::Bytes(_) => true,
+        };
+        if sound { Ok(()) } else { Err(ResidualError::Rate(self)) }
+    }
 }
 
 /// A coded difference picture, and what the decoder will make of it.
@@ -26,75 +42,85 @@ pub struct CodedResidual<'a> {
     pub reconstruction: &'a Picture,
     /// Its PSNR against the camera's picture, dB.
     pub psnr: f64,
-    /// Libwebp's quality; `None` where there is no difference picture.
-    pub quality: Option<f32>,
     /// How often the difference picture was coded.
     pub probes: u32,
-    /// Whether the rate asked for was kept: not where a budget holds no difference picture at all,
-    /// or where the best one falls short of a PSNR.
+    /// Whether the rate asked for was kept. It is not if a budget holds no difference picture at all, or if the best
+    /// one falls short of a PSNR.
     pub reached: bool,
 }
 
-/// Steps of the bisection. Libwebp has 128 quantisers, so seven steps tell them all apart.
-const STEPS: u32 = 7;
+/// What a search for a rate came to.
+pub(super) struct Choice {
+    /// Whether a difference picture was coded, and if not, why.
+    pub residual: Result<(), Residual<'static>>,
+    pub reached: bool,
+    pub probes: u32,
+}
+
+/// Which coder codes difference pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ResidualCoder {
+    /// The wavelet coder, which knows the render.
+    #[default]
+    Wavelet,
+    /// WebP, as in the paper.
+    Webp,
+}
 
 /// Codes difference pictures of one size, in memory of its own.
 pub struct ResidualEncoder {
-    webp: Webp,
+    coder: AnyEncoder,
+    /// Of the size that is coded.
     difference: Picture,
-    /// What libwebp made of the difference.
-    decoded: Picture,
-    /// The coding to keep, and the one just tried.
-    best: Probe,
-    trial: Probe,
-    probes: u32,
 }
 
-/// One coding of the difference picture.
-struct Probe {
-    quality: f32,
-    coder: Coder,
-    payload: Vec<u8>,
-    reconstruction: Picture,
-    psnr: f64,
+enum AnyEncoder {
+    Wavelet(Box<RateEncoder>),
+    Webp(Box<WebpEncoder>),
 }
 
-impl Probe {
-    fn new(width: u32, height: u32) -> Probe {
-        Probe {
-            quality: 0.0,
-            coder: Coder::Vp8,
-            payload: Vec::with_capacity(max_payload_len(width, height)),
-            reconstruction: Picture::new(width, height),
-            psnr: f64::NEG_INFINITY,
-        }
+/// What an encoder of difference pictures is made for.
+#[derive(Clone, Debug)]
+pub struct ResidualSetup {
+    /// Size of the pictures, pixels.
+    pub width: u32,
+    /// See `width`.
+    pub height: u32,
+    /// Which coder.
+    pub coder: ResidualCoder,
+    /// The prior's tables, of the wavelet coder.
+    pub tables: Arc<Tables>,
+    /// The topside draws this device's renders, byte for byte.
+    pub portable: bool,
+}
+
+impl ResidualSetup {
+    /// A coder of pictures of a size, with the library's own tables, on a portable device.
+    pub fn new(width: u32, height: u32, coder: ResidualCoder) -> ResidualSetup {
+        let tables = Arc::new(Tables::generic());
+        ResidualSetup { width, height, coder, tables, portable: true }
     }
 
-    /// Length of the residual part.
-    fn part_len(&self) -> usize {
-        residual_part_len(self.payload.len())
+    /// Whether an encoder made for the one does for the other. Tables are the same if they lie in the same place.
+    pub(crate) fn is_as(&self, other: &ResidualSetup) -> bool {
+        (self.width, self.height) == (other.width, other.height)
+            && (self.coder, self.portable) == (other.coder, other.portable)
+            && Arc::ptr_eq(&self.tables, &other.tables)
     }
-}
-
-/// What the search came to.
-enum Choice {
-    /// The best coding.
-    Coded,
-    /// No difference picture, and why.
-    Uncoded(Residual<'static>),
 }
 
 impl ResidualEncoder {
-    /// For pictures of a size.
-    pub fn new(width: u32, height: u32) -> ResidualEncoder {
-        ResidualEncoder {
-            webp: Webp::new(width, height),
-            difference: Picture::new(width, height),
-            decoded: Picture::new(width, height),
-            best: Probe::new(width, height),
-            trial: Probe::new(width, height),
-            probes: 0,
-        }
+    /// Makes an encoder.
+    pub fn new(setup: &ResidualSetup) -> ResidualEncoder {
+        let ResidualSetup { width, height, coder, ref tables, portable } = *setup;
+        let coder = match coder {
+            ResidualCoder::Wavelet => {
+                let coder = RateEncoder::new(width, height, tables, portable);
+                AnyEncoder::Wavelet(Box::new(coder))
+            }
+            ResidualCoder::Webp => AnyEncoder::Webp(Box::new(WebpEncoder::new(width, height))),
+        };
+        ResidualEncoder { coder, difference: Picture::new(width, height) }
     }
 
     /// Codes what the camera saw and the render did not. `overhead` is the length of everything else
@@ -112,7 +138,9 @@ impl ResidualEncoder {
     ) -> Result<CodedResidual<'a>, ResidualError> {
         check_size(&self.difference, camera)?;
         check_size(&self.difference, render)?;
-        difference_into(camera, render, &mut self.difference);
+        if matches!(self.coder, AnyEncoder::Webp(_)) {
+            difference_into(camera, render, &mut self.difference);
+        }
         self.encode_own(camera, render, rate, overhead)
     }
 
@@ -140,152 +168,21 @@ impl ResidualEncoder {
         rate: Rate,
         overhead: usize,
     ) -> Result<CodedResidual<'a>, ResidualError> {
-        self.probes = 0;
-        let (choice, reached) = match rate {
-            Rate::Quality(quality) if (0.0..=100.0).contains(&quality) => {
-                self.probe(camera, render, quality)?;
-                self.keep();
-                (Choice::Coded, true)
+        rate.check()?;
+        let choice = match &mut self.coder {
+            AnyEncoder::Wavelet(coder) => coder.encode(camera, render, rate, overhead),
+            AnyEncoder::Webp(coder) => {
+                coder.encode(camera, render, &self.difference, rate, overhead)?
             }
-            Rate::Bytes(budget) => self.within(camera, render, budget, overhead)?,
-            Rate::Psnr(target) if !target.is_nan() => self.reaching(camera, render, target)?,
-            Rate::Quality(_) | Rate::Psnr(_) => return Err(ResidualError::Rate(rate)),
         };
-        let Probe { quality, coder, ref payload, ref reconstruction, psnr } = self.best;
-        let probes = self.probes;
-        Ok(match choice {
-            Choice::Coded => {
-                let residual = Residual::Coded { coder, payload };
-                let quality = Some(quality);
-                CodedResidual { residual, reconstruction, psnr, quality, probes, reached }
-            }
-            Choice::Uncoded(residual) => {
-                let (psnr, quality) = (camera.psnr(render), None);
-                CodedResidual { residual, reconstruction: render, psnr, quality, probes, reached }
-            }
-        })
-    }
-
-    /// Codes at a quality; the outcome is in `trial`.
-    fn probe(
-        &mut self,
-        camera: &Picture,
-        render: &Picture,
-        quality: f32,
-    ) -> Result<(), ResidualError> {
-        self.probes += 1;
-        let trial = &mut self.trial;
-        trial.quality = quality;
-        trial.coder = self.webp.encode(&self.difference, quality, &mut trial.payload)?;
-        let (width, height) = (camera.width, camera.height);
-        if trial.payload.len() > max_payload_len(width, height) {
-            return Err(ResidualError::Encode(format!("{} bytes", trial.payload.len())));
-        }
-        self.webp.decode(trial.coder, &trial.payload, &mut self.decoded)?;
-        trial.reconstruction.data.copy_from_slice(&render.data);
-        add(&self.decoded.data, &mut trial.reconstruction.data);
-        trial.psnr = camera.psnr(&trial.reconstruction);
-        Ok(())
-    }
-
-    /// Keeps the coding just tried.
-    fn keep(&mut self) {
-        std::mem::swap(&mut self.best, &mut self.trial);
-    }
-
-    /// The best picture within the budget.
-    fn within(
-        &mut self,
-        camera: &Picture,
-        render: &Picture,
-        budget: usize,
-        overhead: usize,
-    ) -> Result<(Choice, bool), ResidualError> {
-        let room = budget.saturating_sub(overhead);
-        if room <= residual_part_len(0) {
-            return Ok((Choice::Uncoded(Residual::Omitted), false));
-        }
-        let fits = |probe: &Probe| probe.part_len() <= room;
-        let preferred =
-            |new: &Probe, old: &Probe| fits(new) && !(fits(old) && old.psnr >= new.psnr);
-        self.bisect(camera, render, fits, preferred)?;
-        Ok(if fits(&self.best) {
-            (self.if_better(camera, render), true)
-        } else {
-            (Choice::Uncoded(Residual::Omitted), false)
-        })
-    }
-
-    /// The fewest bytes that reach the target, or the best picture there is.
-    fn reaching(
-        &mut self,
-        camera: &Picture,
-        render: &Picture,
-        target: f64,
-    ) -> Result<(Choice, bool), ResidualError> {
-        if camera.psnr(render) >= target {
-            return Ok((Choice::Uncoded(Residual::None), true));
-        }
-        let reaches = |probe: &Probe| probe.psnr >= target;
-        let preferred = |new: &Probe, old: &Probe| match (reaches(new), reaches(old)) {
-            (true, true) => new.part_len() < old.part_len(),
-            (false, false) => new.psnr > old.psnr,
-            (new, _) => new,
+        let Choice { residual, reached, probes } = choice;
+        let (residual, reconstruction, psnr) = match (residual, &self.coder) {
+            (Err(none), _) => (none, render, camera.psnr(render)),
+            (Ok(()), AnyEncoder::Wavelet(coder)) => coder.coded(),
+            (Ok(()), AnyEncoder::Webp(coder)) => coder.coded(),
         };
-        self.bisect(camera, render, |probe| !reaches(probe), preferred)?;
-        Ok((self.if_better(camera, render), reaches(&self.best)))
+        Ok(CodedResidual { residual, reconstruction, psnr, probes, reached })
     }
-
-    /// Codes at qualities that close in on the one where `finer` turns from true to false; at the
-    /// end of the range too, if no such turn was met. The one that is `preferred` over all others
-    /// met ends in `best`.
-    fn bisect(
-        &mut self,
-        camera: &Picture,
-        render: &Picture,
-        finer: impl Fn(&Probe) -> bool,
-        preferred: impl Fn(&Probe, &Probe) -> bool,
-    ) -> Result<(), ResidualError> {
-        let (mut low, mut high) = (0.0, 1.0);
-        for step in 0..=STEPS {
-            let level = if step < STEPS {
-                0.5 * (low + high)
-            } else if low == 0.0 {
-                low
-            } else if high == 1.0 {
-                high
-            } else {
-                break;
-            };
-            self.probe(camera, render, quality_of(level))?;
-            if finer(&self.trial) {
-                low = level
-            } else {
-                high = level
-            }
-            if step == 0 || preferred(&self.trial, &self.best) {
-                self.keep();
-            }
-        }
-        Ok(())
-    }
-
-    fn if_better(&self, camera: &Picture, render: &Picture) -> Choice {
-        if self.best.psnr > camera.psnr(render) {
-            Choice::Coded
-        } else {
-            Choice::Uncoded(Residual::None)
-        }
-    }
-}
-
-/// The quality at which libwebp's quantiser, 127 to 0, lies at `1 − level` of its range: inverts
-/// `QualityToCompression` of its `quant_enc.c`. Evenly spaced qualities would not do, as the lowest
-/// hundredth of them spans a fifth of the quantisers: those that small packets need.
-fn quality_of(level: f64) -> f32 {
-    let linear = level.powi(3);
-    let quality = if linear < 0.5 { 1.5 * linear } else { 0.5 * (linear + 1.0) };
-    (100.0 * quality) as f32
 }
 
 #[cfg(test)]

@@ -104,6 +104,7 @@ impl Webp {
                 self.rebuilt = file;
                 decoded
             }
+            Coder::Wavelet => Err(OTHER_CODER),
         }
     }
 
@@ -122,6 +123,7 @@ impl Webp {
                     .ok_or(NO_FRAME)?;
                 &self.rebuilt
             }
+            Coder::Wavelet => return Err(OTHER_CODER),
         };
         check_file(file, into)?;
         decode_rows(file, into.width, &mut into.data, &mut self.arena)
@@ -129,6 +131,7 @@ impl Webp {
     }
 }
 
+const OTHER_CODER: ResidualError = ResidualError::Payload("not of a WebP coder");
 const NO_FRAME: ResidualError =
     ResidualError::Payload("shorter than a VP8 frame tag, or beyond a RIFF file");
 

@@ -6,6 +6,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
+use nvsprior::residual::ResidualCoder;
 use nvsprior::{Encoder, EncoderOptions, Rate};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
@@ -71,8 +72,8 @@ pub enum JacobianArg {
 /// How fine the difference picture is.
 #[derive(clap::Args)]
 struct RateArgs {
-    /// Coder of the difference picture
-    #[arg(long, value_enum, default_value = "webp")]
+    /// Coder of the difference picture: `wavelet` knows the render, `webp` is the paper's
+    #[arg(long, value_enum, default_value = "wavelet")]
     residual: ResidualArg,
     /// Quality of the difference picture, 0 to 100 [default: 10]
     #[arg(long, value_name = "Q", group = "rate")]
@@ -98,6 +99,7 @@ struct RateArgs {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum ResidualArg {
+    Wavelet,
     Webp,
     None,
 }
@@ -115,7 +117,14 @@ impl RateArgs {
             (_, Some(psnr)) => Rate::Psnr(psnr),
             _ => Rate::Quality(self.quality.unwrap_or(10.0)),
         };
-        (self.residual == ResidualArg::Webp).then_some(rate)
+        (self.residual != ResidualArg::None).then_some(rate)
+    }
+
+    fn coder(&self) -> ResidualCoder {
+        match self.residual {
+            ResidualArg::Webp => ResidualCoder::Webp,
+            ResidualArg::Wavelet | ResidualArg::None => ResidualCoder::Wavelet,
+        }
     }
 }
 
@@ -153,6 +162,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let scene = args.prior.upload(&engine)?;
     let mut options = args.refine.options();
     options.rate = args.rate.rate();
+    options.residual = args.rate.coder();
     options.check_interval = args.rate.render_check;
     options.short = !args.rate.full_latent;
     options.profile = match args.rate.profile {

@@ -4,7 +4,7 @@ use anyhow::Context as _;
 use nvsprior::image::psnr_of_mse;
 use nvsprior::packet::Residual;
 use nvsprior::render::{Plan, Renderer};
-use nvsprior::residual::ResidualEncoder;
+use nvsprior::residual::{ResidualCoder, ResidualEncoder, ResidualSetup};
 use nvsprior::{Camera, Picture, Pose, Rate};
 
 use super::super::context::{Context, Shot};
@@ -68,7 +68,11 @@ impl Judge {
             _ => Tools {
                 camera: *camera,
                 renderer: context.engine.renderer(&context.scene, camera, Plan::picture())?,
-                residual: ResidualEncoder::new(camera.width, camera.height),
+                residual: ResidualEncoder::new(&ResidualSetup::new(
+                    camera.width,
+                    camera.height,
+                    ResidualCoder::Webp,
+                )),
                 render: Picture::new(camera.width, camera.height),
             },
         };

@@ -2,7 +2,7 @@
 
 use nvsprior::Picture;
 use nvsprior::packet::Residual;
-use nvsprior::residual::{Rate, ResidualDecoder, ResidualEncoder};
+use nvsprior::residual::{Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
 
 use super::{Input, Mode, Outcome, Point, Run, timed};
 
@@ -24,8 +24,9 @@ fn code(pictures: &[Picture], quality: f32) -> anyhow::Result<Outcome> {
     // The difference from grey is the picture itself.
     let mut grey = Picture::new(width, height);
     grey.data.fill(128);
-    let mut encoder = ResidualEncoder::new(width, height);
-    let mut decoder = ResidualDecoder::new(width, height);
+    let setup = ResidualSetup::new(width, height, ResidualCoder::Webp);
+    let mut encoder = ResidualEncoder::new(&setup);
+    let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
     let setting = f64::from(quality);
     let mut outcome =
         Outcome { setting, bytes: 0, encode_ms: 0.0, decode_ms: 0.0, decoded: Vec::new() };
@@ -37,7 +38,7 @@ fn code(pictures: &[Picture], quality: f32) -> anyhow::Result<Outcome> {
             outcome.bytes += payload.len();
         }
         let mut shown = grey.clone();
-        let ((), ms) = timed(|| Ok(decoder.add(&coded.residual, &mut shown)?))?;
+        let ((), ms) = timed(|| Ok(decoder.add(&coded.residual, true, &mut shown)?))?;
         outcome.decode_ms += ms;
         outcome.decoded.push(shown);
     }

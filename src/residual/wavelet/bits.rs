@@ -1,0 +1,177 @@
+//! A coefficient as bits: its magnitude in unary, then Golomb's way, then its sign.
+
+use super::context::{BandContext, Inputs};
+use super::geometry::PLANES;
+use super::network::{LOGITS, Logit};
+use super::pass::Source;
+use super::predictor::{Chances, Predictor};
+use super::quantised::Quantised;
+use super::range_coder::{EVEN, RangeDecoder, RangeEncoder};
+
+/// Magnitudes up to this are coded in unary.
+const UNARY: i32 = 24;
+/// Bits of the magnitude beyond, at most.
+const GOLOMB: u32 = 14;
+/// The largest magnitude.
+pub const LARGEST_MAGNITUDE: i32 = 8191;
+
+/// The logit of "more than `magnitude`".
+fn logit_of(logits: &[Logit; LOGITS], magnitude: i32) -> Logit {
+    logits[magnitude.min(LOGITS as i32 - 1) as usize]
+}
+
+/// The logit of "not zero", and the others as far as they are known.
+struct First {
+    logit: Logit,
+    all: Option<[Logit; LOGITS]>,
+}
+
+impl First {
+    fn of(predictor: &Predictor, context: &BandContext, inputs: &Inputs) -> First {
+        if inputs.is_quiet() {
+            First { logit: predictor.quiet(&context.bias, &inputs.magnitude), all: None }
+        } else {
+            let all = predictor.magnitude(&context.bias, &inputs.magnitude);
+            First { logit: all[0], all: Some(all) }
+        }
+    }
+
+    fn others(
+        self,
+        predictor: &Predictor,
+        context: &BandContext,
+        inputs: &Inputs,
+    ) -> [Logit; LOGITS] {
+        self.all.unwrap_or_else(|| predictor.magnitude(&context.bias, &inputs.magnitude))
+    }
+}
+
+/// All logits of a magnitude.
+pub fn logits(predictor: &Predictor, context: &BandContext, inputs: &Inputs) -> [Logit; LOGITS] {
+    let first = First::of(predictor, context, inputs);
+    let zero = first.logit;
+    let mut all = first.others(predictor, context, inputs);
+    all[0] = zero;
+    all
+}
+
+/// Bits of a magnitude.
+pub fn cost(chances: &Chances, logits: &[Logit; LOGITS], magnitude: i32) -> f32 {
+    let unary = magnitude.min(UNARY);
+    let mut bits: f32 = (0..unary).map(|k| chances.cost(logit_of(logits, k), true)).sum();
+    if magnitude < UNARY {
+        bits += chances.cost(logit_of(logits, magnitude), false);
+    } else {
+        bits += (2 * (magnitude - UNARY + 1).ilog2() + 1) as f32;
+    }
+    bits
+}
+
+/// Writes coefficients that are known.
+pub struct Writer<'a, 'b> {
+    /// Where to.
+    pub encoder: RangeEncoder<'a>,
+    /// What the tables say.
+    pub predictor: &'b Predictor,
+    /// The coefficients, by plane.
+    pub chosen: &'b [Vec<i16>; PLANES],
+}
+
+impl Source for Writer<'_, '_> {
+    fn next(
+        &mut self,
+        context: &BandContext,
+        quantised: &Quantised,
+        x: usize,
+        y: usize,
+    ) -> Option<i16> {
+        let value = self.chosen[context.plane][context.index(x, y)];
+        let predictor = self.predictor;
+        let inputs = context.inputs(quantised, x, y);
+        let first = First::of(predictor, context, &inputs);
+        let magnitude = i32::from(value).abs();
+        self.encoder.put(magnitude > 0, predictor.chances.one(first.logit));
+        if magnitude == 0 {
+            return Some(0);
+        }
+        let logits = first.others(predictor, context, &inputs);
+        for k in 1..magnitude.min(UNARY) {
+            self.encoder.put(true, predictor.chances.one(logit_of(&logits, k)));
+        }
+        if magnitude < UNARY {
+            self.encoder.put(false, predictor.chances.one(logit_of(&logits, magnitude)));
+        } else {
+            self.put_golomb((magnitude - UNARY + 1) as u32);
+        }
+        let sign = predictor.sign(&context.bias, &inputs.sign);
+        self.encoder.put(value < 0, predictor.chances.one(sign));
+        Some(value)
+    }
+}
+
+impl Writer<'_, '_> {
+    /// A number of one or more, by Elias' gamma code.
+    fn put_golomb(&mut self, number: u32) {
+        let bits = number.ilog2();
+        for _ in 0..bits {
+            self.encoder.put(true, EVEN);
+        }
+        self.encoder.put(false, EVEN);
+        for bit in (0..bits).rev() {
+            self.encoder.put(number >> bit & 1 > 0, EVEN);
+        }
+    }
+}
+
+/// Reads coefficients.
+pub struct Reader<'a, 'b> {
+    /// Where from.
+    pub decoder: RangeDecoder<'a>,
+    /// What the tables say.
+    pub predictor: &'b Predictor,
+}
+
+impl Source for Reader<'_, '_> {
+    fn next(
+        &mut self,
+        context: &BandContext,
+        quantised: &Quantised,
+        x: usize,
+        y: usize,
+    ) -> Option<i16> {
+        let predictor = self.predictor;
+        let inputs = context.inputs(quantised, x, y);
+        let first = First::of(predictor, context, &inputs);
+        if !self.decoder.get(predictor.chances.one(first.logit))? {
+            return Some(0);
+        }
+        let logits = first.others(predictor, context, &inputs);
+        let mut magnitude = 1;
+        while magnitude < UNARY
+            && self.decoder.get(predictor.chances.one(logit_of(&logits, magnitude)))?
+        {
+            magnitude += 1;
+        }
+        if magnitude == UNARY {
+            magnitude += self.golomb()? as i32 - 1;
+        }
+        let sign = predictor.sign(&context.bias, &inputs.sign);
+        let negative = self.decoder.get(predictor.chances.one(sign))?;
+        let magnitude = magnitude.min(LARGEST_MAGNITUDE) as i16;
+        Some(if negative { -magnitude } else { magnitude })
+    }
+}
+
+impl Reader<'_, '_> {
+    fn golomb(&mut self) -> Option<u32> {
+        let mut bits = 0;
+        while bits < GOLOMB && self.decoder.get(EVEN)? {
+            bits += 1;
+        }
+        let mut number = 1;
+        for _ in 0..bits {
+            number = number << 1 | u32::from(self.decoder.get(EVEN)?);
+        }
+        Some(number)
+    }
+}

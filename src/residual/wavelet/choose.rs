@@ -1,0 +1,56 @@
+//! Rate–distortion choice of coefficients: each one as the bits are worth it.
+
+use super::bits::{LARGEST_MAGNITUDE, cost, logits};
+use super::context::BandContext;
+use super::geometry::PLANES;
+use super::pass::Source;
+use super::predictor::Predictor;
+use super::quantised::Quantised;
+
+/// Coefficients nearer to zero than this are zero, steps.
+const LEAST: f32 = 0.45;
+
+/// Chooses coefficients in coding order. What a choice costs those after it is left out of account.
+pub struct Chooser<'a> {
+    /// The coefficients to code, in quantiser steps, by plane.
+    pub wanted: &'a [Vec<f32>; PLANES],
+    /// What a bit is worth, squared steps.
+    pub lambda: f32,
+    /// What the tables say.
+    pub predictor: &'a Predictor,
+}
+
+impl Source for Chooser<'_> {
+    fn next(
+        &mut self,
+        context: &BandContext,
+        quantised: &Quantised,
+        x: usize,
+        y: usize,
+    ) -> Option<i16> {
+        let wanted = self.wanted[context.plane][context.index(x, y)];
+        let size = wanted.abs();
+        if !(size >= LEAST) {
+            return Some(0);
+        }
+        let inputs = context.inputs(quantised, x, y);
+        let predictor = self.predictor;
+        let logits = logits(predictor, context, &inputs);
+        let sign = predictor.sign(&context.bias, &inputs.sign);
+        let sign = self.predictor.chances.cost(sign, wanted < 0.0);
+        let offsets = &self.predictor.offsets[context.plane][context.band.rank()];
+        let bits = |magnitude| cost(&self.predictor.chances, &logits, magnitude);
+        let mut best = (size * size + self.lambda * bits(0), 0);
+        let near = (size as i32).min(LARGEST_MAGNITUDE - 1);
+        for magnitude in (near - 1).max(1)..=near + 1 {
+            let offset = f32::from(offsets[magnitude.min(3) as usize - 1]) / 256.0;
+            let error = size - (magnitude as f32 - offset);
+            let total = error * error + self.lambda * (bits(magnitude) + sign);
+            if total < best.0 {
+                best = (total, magnitude);
+            }
+        }
+        let value = best.1 as i16;
+        Some(if wanted < 0.0 { -value } else { value })
+    }
+}

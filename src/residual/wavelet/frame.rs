@@ -1,0 +1,56 @@
+//! What a frame is coded beside: sizes, the render's bands, and how far to trust them.
+
+use crate::Picture;
+
+use super::geometry::{Band, Geometry, Orientation};
+use super::lifting::Scratch;
+use super::render::RenderBands;
+use super::step::Step;
+
+/// All that a pass over a frame's coefficients looks at, and does not change.
+pub struct Frame {
+    /// Sizes.
+    pub geometry: Geometry,
+    /// The render's bands.
+    pub render: RenderBands,
+    /// By value of the coarsest low band, row by row: the details of its block are predicted from the render.
+    pub predicted: Vec<bool>,
+    /// The coarsest low band is predicted from the render, too; else from grey.
+    pub low_predicted: bool,
+    /// Contexts look at the render: both sides hold the same one, byte for byte.
+    pub sees_render: bool,
+    /// The quantiser.
+    pub step: Step,
+    /// Room for the transform.
+    pub scratch: Scratch,
+}
+
+impl Frame {
+    /// For pictures of a size.
+    pub fn new(width: u32, height: u32) -> Frame {
+        let geometry = Geometry::new(width, height);
+        let (columns, rows) = geometry.sizes[geometry.levels];
+        Frame {
+            render: RenderBands::new(&geometry),
+            predicted: vec![true; columns * rows],
+            low_predicted: true,
+            sees_render: true,
+            step: Step::new(0),
+            scratch: Scratch::new(&geometry),
+            geometry,
+        }
+    }
+
+    /// Takes a render of the frame's size.
+    pub fn set_render(&mut self, render: &Picture) {
+        self.render.set(&self.geometry, render, &mut self.scratch);
+    }
+
+    /// Whether a coefficient is predicted from the render.
+    pub fn is_predicted(&self, band: &Band, x: usize, y: usize) -> bool {
+        match band.orientation {
+            Orientation::Low => self.low_predicted,
+            _ => self.predicted[self.geometry.block(band, x, y)],
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! The coding order, and what is decoded along it.
+//!
+//! From coarse to fine: the low band, then level by level; within a level by orientation, within that by plane.
+//! After each level the decoded picture of the next one is known, which contexts look at.
+
+use super::colour;
+use super::context::BandContext;
+use super::frame::Frame;
+use super::geometry::{Band, Geometry, Orientation, PLANES};
+use super::lifting::{self, Scratch};
+use super::predictor::Predictor;
+use super::quantised::Quantised;
+
+/// Tells the coefficients of a frame, in order.
+pub trait Source {
+    /// The next coefficient; `None`: this one and all that follow are not known.
+    fn next(
+        &mut self,
+        context: &BandContext,
+        quantised: &Quantised,
+        x: usize,
+        y: usize,
+    ) -> Option<i16>;
+}
+
+/// Finest level that is coded, by plane; one more than the levels: none at all.
+pub type Finest = [usize; PLANES];
+
+/// Room for a pass, and its outcome.
+pub struct Pass {
+    /// The coefficients.
+    pub quantised: Quantised,
+    /// Decoded planes of the difference between picture and render.
+    pub decoded: [Vec<i32>; PLANES],
+    /// Room for what of the render is taken out.
+    taken: Vec<i32>,
+    scratch: Scratch,
+}
+
+impl Pass {
+    /// For pictures of a size.
+    pub fn new(geometry: &Geometry) -> Pass {
+        Pass {
+            quantised: Quantised::new(geometry),
+            decoded: std::array::from_fn(|_| vec![0; geometry.len()]),
+            taken: vec![0; geometry.len()],
+            scratch: Scratch::new(geometry),
+        }
+    }
+
+    /// Asks for all coefficients, and makes the planes of the difference.
+    pub fn run(
+        &mut self,
+        frame: &Frame,
+        predictor: &Predictor,
+        finest: Finest,
+        source: &mut impl Source,
+    ) {
+        let geometry = &frame.geometry;
+        let mut ended = false;
+        self.quantised.clear();
+        for band in geometry.bands() {
+            for (plane, finest) in finest.into_iter().enumerate() {
+                if band.level >= finest && !ended {
+                    ended = self.code(frame, predictor, band, plane, source).is_none();
+                }
+                self.dequantise(frame, predictor, band, plane);
+            }
+            if band.orientation == Orientation::Diagonal {
+                for plane in &mut self.decoded {
+                    lifting::inverse(plane, geometry, band.level - 1, &mut self.scratch);
+                }
+            }
+        }
+        if !frame.low_predicted || frame.predicted.contains(&false) {
+            self.take_out_render(frame);
+        }
+    }
+
+    fn code(
+        &mut self,
+        frame: &Frame,
+        predictor: &Predictor,
+        band: Band,
+        plane: usize,
+        source: &mut impl Source,
+    ) -> Option<()> {
+        let Pass { quantised, decoded, .. } = self;
+        let context = BandContext::new(frame, predictor, quantised, decoded, band, plane);
+        for y in 0..band.height {
+            for x in 0..band.width {
+                let value = source.next(&context, quantised, x, y)?;
+                if value != 0 {
+                    quantised.set(context.own, x, y, value);
+                }
+            }
+        }
+        Some(())
+    }
+
+    /// Writes a band's decoded coefficients to its place in the plane.
+    fn dequantise(&mut self, frame: &Frame, predictor: &Predictor, band: Band, plane: usize) {
+        let offsets = &predictor.offsets[plane][band.rank()];
+        let units = frame.step.units(frame.geometry.norm(&band));
+        for (y, place) in band.rows(&frame.geometry).enumerate() {
+            let row = self.quantised.row(plane, &band, y);
+            for (to, value) in self.decoded[plane][place].iter_mut().zip(row) {
+                *to = dequantised(*value, offsets, units);
+            }
+        }
+    }
+
+    /// Takes out of the decoded planes what of the render nothing is predicted from. Only here: contexts look at the
+    /// decoded planes, and may not see the render in them.
+    fn take_out_render(&mut self, frame: &Frame) {
+        let geometry = &frame.geometry;
+        for (plane, decoded) in self.decoded.iter_mut().enumerate() {
+            for band in geometry.bands() {
+                for (y, place) in band.rows(geometry).enumerate() {
+                    let render = &frame.render.planes[plane][place.clone()];
+                    for (x, (to, render)) in self.taken[place].iter_mut().zip(render).enumerate() {
+                        *to = if frame.is_predicted(&band, x, y) { 0 } else { *render };
+                    }
+                }
+            }
+            for level in (0..geometry.levels).rev() {
+                lifting::inverse(&mut self.taken, geometry, level, &mut self.scratch);
+            }
+            for (to, taken) in decoded.iter_mut().zip(&self.taken) {
+                *to = to.wrapping_sub(*taken);
+            }
+        }
+    }
+
+    /// Adds the decoded difference to a render.
+    pub fn add_to(&self, render: &mut [u8]) {
+        let [a, b, c] = &self.decoded;
+        for (((pixel, a), b), c) in render.chunks_exact_mut(3).zip(a).zip(b).zip(c) {
+            for (to, difference) in pixel.iter_mut().zip(colour::to_rgb([*a, *b, *c])) {
+                *to = (i32::from(*to) + difference).clamp(0, 255) as u8;
+            }
+        }
+    }
+}
+
+/// A lifted coefficient of a quantised one.
+fn dequantised(value: i16, offsets: &[i8; 3], units: i64) -> i32 {
+    if value == 0 {
+        return 0;
+    }
+    let magnitude = i32::from(value).abs();
+    let offset = offsets[magnitude.min(3) as usize - 1];
+    let parts = i64::from((magnitude << 8) - i32::from(offset));
+    let lifted = ((parts * units) >> 24) as i32;
+    if value < 0 { -lifted } else { lifted }
+}

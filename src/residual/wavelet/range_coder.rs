@@ -1,0 +1,197 @@
+//! A binary range coder with probabilities of 16 bits (carry-less, after Mahoney's lpaq).
+
+/// Chance of a one, of 65,536: 1 to 65,535.
+pub type Probability = u16;
+
+/// Even odds.
+pub const EVEN: Probability = 1 << 15;
+
+/// The interval that the bits so far leave.
+#[derive(Clone, Copy)]
+struct Interval {
+    low: u32,
+    high: u32,
+}
+
+impl Interval {
+    const ALL: Interval = Interval { low: 0, high: u32::MAX };
+
+    /// The last number that stands for a one.
+    fn split(self, one: Probability) -> u32 {
+        let range = u64::from(self.high - self.low);
+        self.low + ((range * u64::from(one)) >> 16) as u32
+    }
+
+    fn take(&mut self, bit: bool, split: u32) {
+        if bit { self.high = split } else { self.low = split + 1 }
+    }
+
+    /// The first byte, if it is settled; the interval goes on behind it.
+    fn settled(&mut self) -> Option<u8> {
+        let settled = (self.low ^ self.high) >> 24 == 0;
+        settled.then(|| {
+            let byte = (self.high >> 24) as u8;
+            (self.low, self.high) = (self.low << 8, self.high << 8 | 0xFF);
+            byte
+        })
+    }
+}
+
+/// Writes bits.
+pub struct RangeEncoder<'a> {
+    bytes: &'a mut Vec<u8>,
+    interval: Interval,
+}
+
+impl<'a> RangeEncoder<'a> {
+    /// Appends to `bytes`, which must be empty.
+    pub fn new(bytes: &'a mut Vec<u8>) -> RangeEncoder<'a> {
+        RangeEncoder { bytes, interval: Interval::ALL }
+    }
+
+    /// Writes a bit.
+    pub fn put(&mut self, bit: bool, one: Probability) {
+        let split = self.interval.split(one);
+        self.interval.take(bit, split);
+        while let Some(byte) = self.interval.settled() {
+            self.bytes.push(byte);
+        }
+    }
+
+    /// Ends with as few bytes as tell the bits, if zeros follow.
+    pub fn finish(self) {
+        let Interval { low, high } = self.interval;
+        for count in 0..=4u32 {
+            let below = u32::MAX.checked_shr(8 * count).unwrap_or(0);
+            let value = low.checked_add(below).map(|v| v & !below);
+            if let Some(value) = value.filter(|v| (low..=high).contains(v)) {
+                self.bytes.extend_from_slice(&value.to_be_bytes()[..count as usize]);
+                break;
+            }
+        }
+        while self.bytes.last() == Some(&0) {
+            self.bytes.pop();
+        }
+    }
+}
+
+/// What follows the bytes of a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tail {
+    /// Zeros: the stream is whole.
+    Zeros,
+    /// Bytes that are not known: the stream was cut.
+    Unknown,
+}
+
+/// Reads bits.
+pub struct RangeDecoder<'a> {
+    bytes: std::slice::Iter<'a, u8>,
+    interval: Interval,
+    /// The number read, if zeros follow; if the largest bytes follow.
+    least: u32,
+    most: u32,
+    /// Bytes read beyond the end.
+    beyond: u32,
+    tail: Tail,
+}
+
+impl<'a> RangeDecoder<'a> {
+    /// Reads from the start of a stream.
+    pub fn new(bytes: &'a [u8], tail: Tail) -> RangeDecoder<'a> {
+        let (interval, bytes) = (Interval::ALL, bytes.iter());
+        let mut decoder = RangeDecoder { bytes, interval, least: 0, most: 0, beyond: 0, tail };
+        for _ in 0..4 {
+            decoder.next_byte();
+        }
+        decoder
+    }
+
+    /// What follows the bytes is not known, from here on.
+    pub fn cut(&mut self) {
+        self.tail = Tail::Unknown;
+        self.most = self.least | u32::MAX.checked_shr(32 - 8 * self.beyond).unwrap_or(0);
+    }
+
+    fn next_byte(&mut self) {
+        let (least, most) = match self.bytes.next() {
+            Some(byte) => (*byte, *byte),
+            None => {
+                self.beyond = (self.beyond + 1).min(4);
+                (0, if self.tail == Tail::Zeros { 0 } else { 0xFF })
+            }
+        };
+        self.least = self.least << 8 | u32::from(least);
+        self.most = self.most << 8 | u32::from(most);
+    }
+
+    /// The next bit; `None` if the bytes at hand do not tell it.
+    pub fn get(&mut self, one: Probability) -> Option<bool> {
+        let split = self.interval.split(one);
+        let bit = self.least <= split;
+        if bit != (self.most <= split) {
+            return None;
+        }
+        self.interval.take(bit, split);
+        while self.interval.settled().is_some() {
+            self.next_byte();
+        }
+        Some(bit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn encode(bits: &[(bool, Probability)]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = RangeEncoder::new(&mut bytes);
+        for (bit, one) in bits {
+            encoder.put(*bit, *one);
+        }
+        encoder.finish();
+        bytes
+    }
+
+    fn bits() -> impl Strategy<Value = Vec<(bool, Probability)>> {
+        proptest::collection::vec((any::<bool>(), 1..=u16::MAX), 0..400)
+    }
+
+    proptest! {
+        #[test]
+        fn bits_come_back(bits in bits()) {
+            let bytes = encode(&bits);
+            let mut decoder = RangeDecoder::new(&bytes, Tail::Zeros);
+            for (bit, one) in bits {
+                prop_assert_eq!(decoder.get(one), Some(bit));
+            }
+        }
+
+        #[test]
+        fn a_cut_stream_gives_true_bits_or_none(bits in bits(), cut in any::<prop::sample::Index>()) {
+            let bytes = encode(&bits);
+            let bytes = &bytes[..cut.index(bytes.len() + 1)];
+            let mut decoder = RangeDecoder::new(bytes, Tail::Unknown);
+            for (bit, one) in bits {
+                match decoder.get(one) {
+                    Some(found) => prop_assert_eq!(found, bit),
+                    None => break,
+                }
+            }
+        }
+
+        #[test]
+        fn bits_cost_what_their_chances_say(bits in bits()) {
+            let cost = |(bit, one): &(bool, Probability)| {
+                let one = f64::from(*one) / 65_536.0;
+                -(if *bit { one } else { 1.0 - one }).log2()
+            };
+            let bytes = encode(&bits).len() as f64;
+            let ideal = bits.iter().map(cost).sum::<f64>() / 8.0;
+            prop_assert!(bytes < ideal * 1.002 + 4.0, "{} bytes for {}", bytes, ideal);
+        }
+    }
+}

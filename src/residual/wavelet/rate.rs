@@ -1,0 +1,209 @@
+//! The wavelet coder at a rate: by quality, by a budget, or by the picture wanted.
+
+use crate::Picture;
+use crate::packet::{Coder, Residual, residual_part_len};
+
+use super::super::rate::{Choice, Rate};
+use super::decoder::WaveletDecoder;
+use super::encoder::WaveletEncoder;
+use super::fineness::{Bracket, Fineness};
+use super::range_coder::Tail;
+use super::tables::Tables;
+
+/// Most codings of a frame.
+const MOST_PROBES: u32 = 8;
+/// A PSNR may lie above its target by this much, dB.
+const PSNR_SLACK: f64 = 0.05;
+/// Share of a budget that is used at least.
+const USED: f64 = 0.98;
+
+/// Codes frames of one size at a rate, in memory of its own.
+pub struct RateEncoder {
+    encoder: WaveletEncoder,
+    decoder: WaveletDecoder,
+    portable: bool,
+    best: Coding,
+    trial: Coding,
+    probes: u32,
+}
+
+/// A payload, and what it shows.
+struct Coding {
+    payload: Vec<u8>,
+    reconstruction: Picture,
+    psnr: f64,
+}
+
+impl Coding {
+    fn new(width: u32, height: u32) -> Coding {
+        Coding {
+            payload: Vec::with_capacity(super::super::max_payload_len(width, height)),
+            reconstruction: Picture::new(width, height),
+            psnr: f64::NEG_INFINITY,
+        }
+    }
+}
+
+impl RateEncoder {
+    /// For pictures of a size. `portable`: the topside draws this device's renders, byte for byte.
+    pub fn new(width: u32, height: u32, tables: &Tables, portable: bool) -> RateEncoder {
+        RateEncoder {
+            encoder: WaveletEncoder::new(width, height, tables),
+            decoder: WaveletDecoder::new(width, height, tables),
+            portable,
+            best: Coding::new(width, height),
+            trial: Coding::new(width, height),
+            probes: 0,
+        }
+    }
+
+    /// Codes a frame of the encoder's size; the outcome is in [`RateEncoder::coded`].
+    pub fn encode(
+        &mut self,
+        camera: &Picture,
+        render: &Picture,
+        rate: Rate,
+        overhead: usize,
+    ) -> Choice {
+        self.probes = 0;
+        let plain = camera.psnr(render);
+        if matches!(rate, Rate::Psnr(target) if plain >= target) {
+            return Choice { residual: Err(Residual::None), reached: true, probes: 0 };
+        }
+        self.encoder.set(camera, render, self.portable);
+        let (coded, reached) = match rate {
+            Rate::Quality(quality) => {
+                self.choose(camera, render, Fineness::of_quality(quality));
+                self.write(false);
+                self.keep();
+                return Choice { residual: Ok(()), reached: true, probes: self.probes };
+            }
+            Rate::Bytes(budget) => {
+                let room = budget.saturating_sub(overhead);
+                if room <= residual_part_len(0) {
+                    let residual = Err(Residual::Omitted);
+                    return Choice { residual, reached: false, probes: 0 };
+                }
+                self.within(camera, render, room);
+                (self.best.psnr > plain, true)
+            }
+            Rate::Psnr(target) => {
+                let reached = self.reaching(camera, render, target);
+                (self.best.psnr > plain, reached)
+            }
+        };
+        let residual = if coded { Ok(()) } else { Err(Residual::None) };
+        Choice { residual, reached, probes: self.probes }
+    }
+
+    /// What was coded, the picture that it makes, and its PSNR, dB.
+    pub fn coded(&self) -> (Residual<'_>, &Picture, f64) {
+        let Coding { payload, reconstruction, psnr } = &self.best;
+        (Residual::Coded { coder: Coder::Wavelet, payload }, reconstruction, *psnr)
+    }
+
+    /// Chooses coefficients; the picture and its PSNR are in `trial`.
+    fn choose(&mut self, camera: &Picture, render: &Picture, fineness: Fineness) {
+        self.probes += 1;
+        self.encoder.choose(fineness.step(), fineness.lambda());
+        let trial = &mut self.trial;
+        trial.reconstruction.clone_from(render);
+        self.encoder.add_to(&mut trial.reconstruction);
+        trial.psnr = camera.psnr(&trial.reconstruction);
+    }
+
+    /// Writes what was chosen last.
+    fn write(&mut self, cut: bool) {
+        self.encoder.write(cut, &mut self.trial.payload);
+    }
+
+    /// Keeps the coding just tried.
+    fn keep(&mut self) {
+        std::mem::swap(&mut self.best, &mut self.trial);
+    }
+
+    /// The coarsest picture that reaches a PSNR, or the finest there is. Whether it is reached.
+    fn reaching(&mut self, camera: &Picture, render: &Picture, target: f64) -> bool {
+        let guess = self.encoder.guess(|model| model.psnr >= target);
+        let mut bracket = Bracket::new(guess, target + 0.4 * PSNR_SLACK, -0.15);
+        let mut best: Option<(Fineness, f64)> = None;
+        let mut last = None;
+        while let Some(fineness) = bracket.next().filter(|_| self.probes < MOST_PROBES) {
+            self.choose(camera, render, fineness);
+            last = Some(fineness);
+            let psnr = self.trial.psnr;
+            bracket.tell(fineness, psnr);
+            let better = |(_, before): (Fineness, f64)| {
+                if before < target { psnr > before } else { (target..before).contains(&psnr) }
+            };
+            if best.is_none_or(better) {
+                best = Some((fineness, psnr));
+            }
+            if (target..=target + PSNR_SLACK).contains(&psnr) {
+                break;
+            }
+        }
+        if let Some((fineness, _)) = best.filter(|(fineness, _)| last != Some(*fineness)) {
+            self.choose(camera, render, fineness);
+        }
+        self.write(false);
+        self.keep();
+        self.best.psnr >= target
+    }
+
+    /// The best picture whose residual part has at most `room` bytes.
+    fn within(&mut self, camera: &Picture, render: &Picture, room: usize) {
+        let most = most_payload(room);
+        let target = (most as f64 * (1.0 + USED) / 2.0).max(1.0).ln();
+        let guess = self.encoder.guess(|model| model.bytes >= most as f64);
+        let mut bracket = Bracket::new(guess, target, -0.12);
+        self.best.psnr = f64::NEG_INFINITY;
+        self.best.payload.clear();
+        let mut over: Option<(usize, Fineness)> = None;
+        while let Some(fineness) = bracket.next().filter(|_| self.probes < MOST_PROBES) {
+            self.choose(camera, render, fineness);
+            self.write(false);
+            let len = self.trial.payload.len();
+            bracket.tell(fineness, (len.max(1) as f64).ln());
+            if len <= most {
+                if self.trial.psnr > self.best.psnr {
+                    self.keep();
+                }
+                if len as f64 >= USED * most as f64 {
+                    break;
+                }
+            } else if over.is_none_or(|(least, _)| len < least) {
+                over = Some((len, fineness));
+            }
+        }
+        if (self.best.payload.len() as f64) < USED * most as f64
+            && let Some((_, fineness)) = over
+        {
+            self.cut(camera, render, fineness, most);
+        }
+    }
+
+    /// Codes more than there is room for, and leaves the end away; keeps it if it is the best so far.
+    fn cut(&mut self, camera: &Picture, render: &Picture, fineness: Fineness, most: usize) {
+        self.choose(camera, render, fineness);
+        self.write(true);
+        let trial = &mut self.trial;
+        trial.payload.truncate(most);
+        trial.reconstruction.clone_from(render);
+        // It fails only if the render is not the encoder's own.
+        let _ = self.decoder.add(&trial.payload, Tail::Zeros, true, &mut trial.reconstruction);
+        trial.psnr = camera.psnr(&trial.reconstruction);
+        if trial.psnr > self.best.psnr {
+            self.keep();
+        }
+    }
+}
+
+/// The longest payload whose residual part has at most `room` bytes.
+fn most_payload(room: usize) -> usize {
+    let mut most = room.saturating_sub(residual_part_len(0));
+    while most > 0 && residual_part_len(most) > room {
+        most -= 1;
+    }
+    most
+}

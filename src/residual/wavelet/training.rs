@@ -1,0 +1,62 @@
+//! What training the tables needs: the inputs and outcomes of a coded frame.
+
+use super::encoder::LAMBDA;
+use super::{Step, Tables, WaveletEncoder};
+
+pub use super::network::{
+    CLASSES, COUNT_INPUTS, FEATURE_SCALE, HIDDEN, HIDDEN_2, HIDDEN_QUIET, HIDDEN_SIGN, LOGITS,
+    MAGNITUDE_INPUTS, Networks, QUIET_INPUTS, SIGN_INPUTS, WEIGHT_SCALE, classes,
+};
+pub use super::tables::{MAGNITUDES, RANKS};
+
+/// One coefficient that was coded.
+pub struct Sample {
+    /// Inputs of the network for magnitudes.
+    pub magnitude: [i16; MAGNITUDE_INPUTS],
+    /// Inputs of the one for signs.
+    pub sign: [i16; SIGN_INPUTS],
+    /// Rank, orientation and plane of its band.
+    pub band: [u8; 3],
+    /// Its value.
+    pub value: i16,
+    /// What was to be coded, steps.
+    pub wanted: f32,
+}
+
+/// Codes frames, and shows what was coded.
+pub struct Sampler {
+    encoder: WaveletEncoder,
+}
+
+impl Sampler {
+    /// For pictures of a size, coded with tables.
+    pub fn new(width: u32, height: u32, tables: &Tables) -> Sampler {
+        Sampler { encoder: WaveletEncoder::new(width, height, tables) }
+    }
+
+    /// The encoder.
+    pub fn encoder(&mut self) -> &mut WaveletEncoder {
+        &mut self.encoder
+    }
+
+    /// Codes the frame that the encoder was set to, and shows its coefficients in coding order.
+    pub fn visit(&mut self, step: Step, mut visit: impl FnMut(Sample)) {
+        self.encoder.choose(step, LAMBDA);
+        self.encoder.show(|context, quantised, shown| {
+            let inputs = context.inputs(quantised, shown.x, shown.y);
+            let (rank, orientation) = (context.band.rank(), context.band.orientation.index());
+            visit(Sample {
+                magnitude: first(inputs.magnitude.as_flattened()),
+                sign: first(inputs.sign.as_flattened()),
+                band: [rank, orientation, context.plane].map(|v| v as u8),
+                value: shown.value,
+                wanted: shown.wanted,
+            });
+        });
+    }
+}
+
+/// Without what fills the last pair.
+fn first<const N: usize>(inputs: &[i16]) -> [i16; N] {
+    std::array::from_fn(|i| inputs[i])
+}

@@ -1,0 +1,172 @@
+//! The wavelet coder through the library's interface: whatever the bytes, a picture or an error.
+
+use std::sync::OnceLock;
+
+use nvsprior::Picture;
+use nvsprior::packet::{Coder, Residual, ResidualStart};
+use nvsprior::residual::wavelet::Tables;
+use nvsprior::residual::{
+    Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualError, ResidualSetup,
+};
+use proptest::prelude::*;
+
+const SIZE: (u32, u32) = (96, 54);
+
+/// A picture of shapes and texture, the same on every machine; `light` in percent.
+fn shapes(width: u32, height: u32, light: i32, shift: i32) -> Picture {
+    let mut picture = Picture::new(width, height);
+    for (i, value) in picture.data.iter_mut().enumerate() {
+        let (x, y) = (i as i32 / 3 % width as i32 + shift, i as i32 / 3 / width as i32);
+        let texture = (x * 7919 + y * 104_729) % 23 - 11;
+        let edge = if (x / 9 + y / 7) % 3 == 0 { 60 } else { 0 };
+        let slope = x + y / 2 + [0, 15, 30][i % 3];
+        *value = ((40 + texture + edge + slope) * light / 100).clamp(0, 255) as u8;
+    }
+    picture
+}
+
+fn pair() -> (Picture, Picture) {
+    (shapes(SIZE.0, SIZE.1, 80, 0), shapes(SIZE.0, SIZE.1, 100, 1))
+}
+
+fn encoder(portable: bool) -> ResidualEncoder {
+    let setup = ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet);
+    ResidualEncoder::new(&ResidualSetup { portable, ..setup })
+}
+
+fn payload(camera: &Picture, render: &Picture, rate: Rate, portable: bool) -> Vec<u8> {
+    let mut encoder = encoder(portable);
+    match encoder.encode(camera, render, rate, 0).expect("pictures of the size").residual {
+        Residual::Coded { coder: Coder::Wavelet, payload } => payload.to_vec(),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn decoder() -> ResidualDecoder {
+    static TABLES: OnceLock<Tables> = OnceLock::new();
+    ResidualDecoder::new(SIZE.0, SIZE.1, TABLES.get_or_init(Tables::generic))
+}
+
+fn decode(payload: &[u8], render: &Picture) -> Picture {
+    let mut shown = render.clone();
+    let residual = Residual::Coded { coder: Coder::Wavelet, payload };
+    decoder().add(&residual, true, &mut shown).expect("any payload gives a picture");
+    shown
+}
+
+#[test]
+fn a_payload_cut_at_any_byte_gives_a_picture_that_grows_finer() {
+    let (camera, render) = pair();
+    let payload = payload(&camera, &render, Rate::Quality(50.0), true);
+    let mut decoder = decoder();
+    let mut best = camera.psnr(&render);
+    let last = camera.psnr(&decode(&payload, &render));
+    for len in 0..payload.len() {
+        let start = ResidualStart {
+            coder: Coder::Wavelet,
+            payload: &payload[..len],
+            payload_len: payload.len(),
+        };
+        let mut shown = render.clone();
+        assert_eq!(decoder.add_start(&start, true, &mut shown), Ok(SIZE.1));
+        let psnr = camera.psnr(&shown);
+        assert!(psnr > best - 0.5, "{len} of {} bytes: {psnr} after {best}", payload.len());
+        best = best.max(psnr);
+    }
+    assert!(last > best - 0.1 && last > camera.psnr(&render) + 6.0);
+}
+
+#[test]
+fn any_flipped_bit_gives_a_picture() {
+    let (camera, render) = pair();
+    let payload = payload(&camera, &render, Rate::Bytes(80), true);
+    for bit in 0..8 * payload.len() {
+        let mut damaged = payload.clone();
+        damaged[bit / 8] ^= 1 << (bit % 8);
+        decode(&damaged, &render);
+    }
+}
+
+#[test]
+fn without_the_same_render_a_payload_is_refused_unless_it_looks_at_none() {
+    let (camera, render) = pair();
+    let rate = Rate::Quality(30.0);
+    let residual = |payload| Residual::Coded { coder: Coder::Wavelet, payload };
+    let seen = payload(&camera, &render, rate, true);
+    let mut shown = render.clone();
+    let refused = decoder().add(&residual(&seen), false, &mut shown);
+    assert_eq!((refused, &shown), (Err(ResidualError::OtherRender), &render));
+
+    let blind = payload(&camera, &render, rate, false);
+    let mut other = render.clone();
+    other.data.iter_mut().step_by(5).for_each(|value| *value = value.saturating_add(1));
+    let mut shown_there = other.clone();
+    decoder().add(&residual(&blind), false, &mut shown).expect("it looks at no render");
+    decoder().add(&residual(&blind), false, &mut shown_there).expect("it looks at no render");
+    let furthest =
+        std::iter::zip(&shown.data, &shown_there.data).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(furthest <= Some(2), "{furthest:?} levels for one of the render");
+    assert!(blind.len() < seen.len() * 3 / 2, "{} and {} bytes", blind.len(), seen.len());
+}
+
+#[test]
+fn a_render_of_no_use_costs_little_more_than_none() {
+    let (camera, _) = pair();
+    let mut grey = camera.clone();
+    grey.data.fill(128);
+    // The same kind of picture, elsewhere.
+    let astray = shapes(SIZE.0, SIZE.1, 100, 61);
+    for target in [26.0, 30.0, 36.0] {
+        let plain = payload(&camera, &grey, Rate::Psnr(target), true).len();
+        let beside = payload(&camera, &astray, Rate::Psnr(target), true).len();
+        assert!(beside <= plain + plain / 20 + 8, "{target} dB: {beside} bytes, plain {plain}");
+    }
+}
+
+#[test]
+fn pictures_of_all_sizes_come_back() {
+    for (width, height) in [(1, 1), (1, 9), (7, 2), (5, 5), (33, 17), (64, 200)] {
+        let (camera, render) = (shapes(width, height, 90, 3), shapes(width, height, 100, 0));
+        let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
+        let mut encoder = ResidualEncoder::new(&setup);
+        let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
+        for quality in [0.0, 50.0, 100.0] {
+            let coded = encoder.encode(&camera, &render, Rate::Quality(quality), 0).unwrap();
+            let mut shown = render.clone();
+            decoder.add(&coded.residual, true, &mut shown).unwrap();
+            assert!(shown == *coded.reconstruction, "{width}×{height}");
+            assert!(quality < 100.0 || coded.psnr > 45.0, "{width}×{height}: {}", coded.psnr);
+        }
+    }
+}
+
+#[test]
+fn the_extremes_of_8_bits_come_back() {
+    let mut black = Picture::new(SIZE.0, SIZE.1);
+    let mut white = black.clone();
+    white.data.fill(255);
+    for (i, value) in black.data.iter_mut().enumerate() {
+        *value = if (i / 3 + i / 288) % 2 == 0 { 255 } else { 0 };
+    }
+    let mut inverse = black.clone();
+    inverse.data.iter_mut().for_each(|value| *value = 255 - *value);
+    for (camera, render) in [(&black, &white), (&white, &black), (&black, &inverse)] {
+        let payload = payload(camera, render, Rate::Quality(100.0), true);
+        assert!(camera.psnr(&decode(&payload, render)) > 45.0);
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_give_a_picture(bytes in proptest::collection::vec(any::<u8>(), 0..200), cut: bool) {
+        let (_, render) = pair();
+        let mut shown = render.clone();
+        if cut {
+            let start =
+                ResidualStart { coder: Coder::Wavelet, payload: &bytes, payload_len: 1000 };
+            prop_assert!(decoder().add_start(&start, true, &mut shown).is_ok());
+        } else {
+            decode(&bytes, &render);
+        }
+    }
+}

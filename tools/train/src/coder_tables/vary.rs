@@ -1,0 +1,42 @@
+//! Frames as other scenes, dives and cameras might give them.
+
+use nvsprior::Picture;
+use nvsprior::random::Random;
+
+use super::Pair;
+
+/// A pair made of one of `all`: mirrored, lit otherwise, or beside another's render.
+pub fn vary(pair: &Pair, all: &[Pair], random: &mut Random) -> Pair {
+    let other = &all[(random.bits() % all.len() as u64) as usize];
+    let same_size =
+        (other.render.width, other.render.height) == (pair.camera.width, pair.camera.height);
+    let astray = random.bits().is_multiple_of(16) && same_size;
+    let mut camera = pair.camera.clone();
+    let mut render = if astray { other.render.clone() } else { pair.render.clone() };
+    if random.bits().is_multiple_of(2) {
+        mirror(&mut camera);
+        mirror(&mut render);
+    }
+    if random.bits().is_multiple_of(4) {
+        let gain = random.within(0.5, 1.4);
+        let offset = random.within(-20.0, 20.0);
+        let cast: [f32; 3] = random.triple(0.85, 1.15);
+        for (i, value) in camera.data.iter_mut().enumerate() {
+            *value =
+                (f32::from(*value) * gain * cast[i % 3] + offset).round().clamp(0.0, 255.0) as u8;
+        }
+    }
+    Pair { camera, render }
+}
+
+/// Exchanges left and right.
+fn mirror(picture: &mut Picture) {
+    let width = picture.width as usize;
+    for row in picture.data.chunks_mut(width * 3) {
+        for x in 0..width / 2 {
+            for channel in 0..3 {
+                row.swap(3 * x + channel, 3 * (width - 1 - x) + channel);
+            }
+        }
+    }
+}
