@@ -66,6 +66,7 @@ cross-aarch64:
 	@scripts/setup.sh lib c cross
 	scripts/package-test.sh firmware aarch64-unknown-linux-gnu
 	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
+	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet
 
 shader-toolchain:
 	@scripts/setup.sh shaders

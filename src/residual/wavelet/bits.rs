@@ -1,6 +1,7 @@
 //! A coefficient as bits: its magnitude in unary, then Golomb's way, then its sign.
 
 use super::context::{BandContext, Inputs};
+use super::gains::{Gains, LevelGains};
 use super::geometry::PLANES;
 use super::network::{LOGITS, Logit};
 use super::pass::Source;
@@ -75,6 +76,8 @@ pub struct Writer<'a, 'b> {
     pub predictor: &'b Predictor,
     /// The coefficients, by plane.
     pub chosen: &'b [Vec<i16>; PLANES],
+    /// The gains, by level.
+    pub gains: &'b LevelGains,
 }
 
 impl Source for Writer<'_, '_> {
@@ -106,6 +109,13 @@ impl Source for Writer<'_, '_> {
         let sign = predictor.sign(&context.bias, &inputs.sign);
         self.encoder.put(value < 0, predictor.chances.one(sign));
         Some(value)
+    }
+
+    fn gains(&mut self, zeros: &[BandContext; 3], _: &Quantised) -> Option<Gains> {
+        let level = zeros[0].band.level;
+        let gains = self.gains[level];
+        gains.write(level, &mut self.encoder);
+        Some(gains)
     }
 }
 
@@ -159,6 +169,10 @@ impl Source for Reader<'_, '_> {
         let negative = self.decoder.get(predictor.chances.one(sign))?;
         let magnitude = magnitude.min(LARGEST_MAGNITUDE) as i16;
         Some(if negative { -magnitude } else { magnitude })
+    }
+
+    fn gains(&mut self, zeros: &[BandContext; 3], _: &Quantised) -> Option<Gains> {
+        Gains::read(zeros[0].band.level, &mut self.decoder)
     }
 }
 

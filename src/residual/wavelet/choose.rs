@@ -2,6 +2,7 @@
 
 use super::bits::{LARGEST_MAGNITUDE, cost, logits};
 use super::context::BandContext;
+use super::gains::{GainFit, Gains, LevelGains};
 use super::geometry::PLANES;
 use super::pass::Source;
 use super::predictor::Predictor;
@@ -18,6 +19,8 @@ pub struct Chooser<'a> {
     pub lambda: f32,
     /// What the tables say.
     pub predictor: &'a Predictor,
+    /// Receives the gains, by level.
+    pub gains: &'a mut LevelGains,
 }
 
 impl Source for Chooser<'_> {
@@ -52,5 +55,16 @@ impl Source for Chooser<'_> {
         }
         let value = best.1 as i16;
         Some(if wanted < 0.0 { -value } else { value })
+    }
+
+    fn gains(&mut self, zeros: &[BandContext; 3], quantised: &Quantised) -> Option<Gains> {
+        let mut fit = GainFit::default();
+        for zeros in zeros {
+            fit.take(zeros, quantised, &self.wanted[0]);
+        }
+        let level = zeros[0].band.level;
+        let gains = fit.solve(level, self.lambda);
+        self.gains[level] = gains;
+        Some(gains)
     }
 }

@@ -5,6 +5,7 @@
 
 use super::fixed::{FEATURE_PLACES, LARGEST, ONE, log_count, log_size};
 use super::frame::Frame;
+use super::gains::Seen;
 use super::geometry::{Band, PLANES};
 use super::lifting::FRACTION;
 use super::network::{COUNT_INPUTS, classes};
@@ -169,6 +170,42 @@ impl<'a> BandContext<'a> {
         }
     }
 
+    /// Visits the zeros of a band of details of which the render tells something.
+    pub fn zeros(&self, quantised: &Quantised, mut visit: impl FnMut(usize, usize, Seen)) {
+        let Frame { geometry, predicted, sees_render, .. } = self.frame;
+        if !sees_render {
+            return;
+        }
+        let (width, height) = geometry.sizes[self.band.level];
+        for y in 0..self.band.height {
+            for x in 0..self.band.width {
+                if quantised.at(self.own, x, y, 0, 0) == 0
+                    && predicted[geometry.block(&self.band, x, y)]
+                {
+                    let light = self.light(x.min(width - 1), y.min(height - 1));
+                    visit(x, y, self.seen(self.index(x, y), light));
+                }
+            }
+        }
+    }
+
+    /// How much brighter the decoded picture is than the render, 8 binary places. Light that changes multiplies what
+    /// is there.
+    fn light(&self, x: usize, y: usize) -> i32 {
+        let Frame { geometry, render, .. } = self.frame;
+        let level = self.band.level;
+        let luma = render.low[0][level][y * geometry.sizes[level].0 + x];
+        let decoded = self.low[1][y * geometry.width + x];
+        let light = (i64::from(decoded) << 8) / i64::from((luma + GREY_LUMA).max(12 << FRACTION));
+        light.clamp(-1024, 1024) as i32
+    }
+
+    /// What the render tells of a coefficient.
+    fn seen(&self, index: usize, light: i32) -> Seen {
+        let own = scaled(self.frame.render.planes[self.plane][index], self.scale);
+        Seen { own, guess: ((i64::from(own) * i64::from(light)) >> 8) as i32 }
+    }
+
     /// The render and the decoded coarser picture: inputs 18 to 32.
     fn pictures(&self, x: usize, y: usize, magnitude: &mut [i16], sign: &mut [i16]) {
         let Frame { geometry, render, predicted, sees_render, .. } = self.frame;
@@ -189,16 +226,11 @@ impl<'a> BandContext<'a> {
         if self.band.rank() == 0 {
             return;
         }
-        let low = |plane: usize, gx: usize, gy: usize| self.low[plane][gy * geometry.width + gx];
         if known {
             let index = self.index(x, y);
-            let own = scaled(render.planes[self.plane][index], self.scale);
+            let gain = self.light(gx, gy);
+            let Seen { own, guess } = self.seen(index, gain);
             let energy = scaled(render.energy[self.plane][index], self.scale);
-            // Light that changes multiplies what is there: the decoded low band over the render's tells how much.
-            let gain = (i64::from(low(1, gx, gy)) << 8)
-                / i64::from((luma + GREY_LUMA).max(12 << FRACTION));
-            let gain = gain.clamp(-1024, 1024) as i32;
-            let guess = ((i64::from(own) * i64::from(gain)) >> 8) as i32;
             let around = ((i64::from(energy) * i64::from(gain)) >> 8) as i32;
             magnitude[23] = bounded(log_size(guess));
             magnitude[24] = bounded(log_size(around));
@@ -209,7 +241,8 @@ impl<'a> BandContext<'a> {
         }
         let (left, right) = (gx.saturating_sub(1), (gx + 1).min(width - 1));
         let (up, down) = (gy.saturating_sub(1), (gy + 1).min(height - 1));
-        let low = |gx: usize, gy: usize| scaled(low(0, gx, gy), self.low_scale);
+        let low =
+            |gx: usize, gy: usize| scaled(self.low[0][gy * geometry.width + gx], self.low_scale);
         let here = low(gx, gy);
         let (west, east, north, south) =
             (low(left, gy), low(right, gy), low(gx, up), low(gx, down));

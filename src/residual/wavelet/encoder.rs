@@ -9,6 +9,7 @@ use super::colour;
 use super::context::BandContext;
 use super::fineness::Fineness;
 use super::frame::Frame;
+use super::gains::{Gains, LevelGains};
 use super::geometry::{Geometry, PLANES};
 use super::header::Header;
 use super::lifting::{self, FRACTION};
@@ -35,6 +36,7 @@ pub struct WaveletEncoder {
     wanted: [Vec<f32>; PLANES],
     /// Quantised.
     chosen: [Vec<i16>; PLANES],
+    gains: LevelGains,
     pass: Pass,
 }
 
@@ -47,6 +49,7 @@ impl WaveletEncoder {
             difference: std::array::from_fn(|_| vec![0; len]),
             wanted: std::array::from_fn(|_| vec![0.0; len]),
             chosen: std::array::from_fn(|_| vec![0; len]),
+            gains: LevelGains::default(),
             pass: Pass::new(&frame.geometry),
             predictor: Predictor::new(tables),
             frame,
@@ -85,9 +88,10 @@ impl WaveletEncoder {
     pub(super) fn choose(&mut self, step: Step, lambda: f32) {
         self.frame.step = step;
         self.want(step);
-        let WaveletEncoder { frame, predictor, wanted, chosen, pass, .. } = self;
+        let WaveletEncoder { frame, predictor, wanted, chosen, gains, pass, .. } = self;
+        *gains = LevelGains::default();
         let finest = finest(&frame.geometry, |plane, i| wanted[plane][i].abs() > WORTH_A_LOOK);
-        let mut chooser = Chooser { wanted, lambda, predictor };
+        let mut chooser = Chooser { wanted, lambda, predictor, gains };
         pass.run(frame, predictor, finest, &mut chooser);
         for (plane, chosen) in chosen.iter_mut().enumerate() {
             pass.quantised.copy_to(&frame.geometry, plane, chosen);
@@ -113,22 +117,22 @@ impl WaveletEncoder {
     /// Codes what was chosen, in place of what `bytes` held. `cut`: the end will be left away.
     pub(super) fn write(&mut self, cut: bool, bytes: &mut Vec<u8>) {
         bytes.clear();
-        let WaveletEncoder { frame, predictor, chosen, pass, .. } = self;
+        let WaveletEncoder { frame, predictor, chosen, gains, pass, .. } = self;
         let finest = finest(&frame.geometry, |plane, i| chosen[plane][i] != 0);
         let Frame { sees_render, step, low_predicted, .. } = *frame;
         let header = Header { cut, sees_render, step, finest, low_predicted };
         let mut encoder = RangeEncoder::new(bytes);
         header.write(&frame.predicted, &mut encoder);
-        let mut writer = Writer { encoder, predictor, chosen };
+        let mut writer = Writer { encoder, predictor, chosen, gains };
         pass.run(frame, predictor, finest, &mut writer);
         writer.encoder.finish();
     }
 
     /// Shows the coefficients chosen last: each one's context, its value, and what was wanted, steps.
     pub(super) fn show(&mut self, visit: impl FnMut(&BandContext, &Quantised, Shown)) {
-        let WaveletEncoder { frame, predictor, wanted, chosen, pass, .. } = self;
+        let WaveletEncoder { frame, predictor, wanted, chosen, gains, pass, .. } = self;
         let finest = finest(&frame.geometry, |plane, i| chosen[plane][i] != 0);
-        pass.run(frame, predictor, finest, &mut Show { wanted, chosen, visit });
+        pass.run(frame, predictor, finest, &mut Show { wanted, chosen, gains, visit });
     }
 
     /// Codes at a step, in place of what `bytes` held.
@@ -165,6 +169,7 @@ pub struct Shown {
 struct Show<'a, V> {
     wanted: &'a [Vec<f32>; PLANES],
     chosen: &'a [Vec<i16>; PLANES],
+    gains: &'a LevelGains,
     visit: V,
 }
 
@@ -181,5 +186,9 @@ impl<V: FnMut(&BandContext, &Quantised, Shown)> Source for Show<'_, V> {
             (self.chosen[context.plane][index], self.wanted[context.plane][index]);
         (self.visit)(context, quantised, Shown { x, y, value, wanted });
         Some(value)
+    }
+
+    fn gains(&mut self, zeros: &[BandContext; 3], _: &Quantised) -> Option<Gains> {
+        Some(self.gains[zeros[0].band.level])
     }
 }

@@ -16,6 +16,7 @@ mod encoder;
 mod fineness;
 mod fixed;
 mod frame;
+mod gains;
 mod geometry;
 mod header;
 mod lifting;

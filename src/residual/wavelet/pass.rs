@@ -5,7 +5,9 @@
 
 use super::colour;
 use super::context::BandContext;
+use super::fixed::FEATURE_PLACES;
 use super::frame::Frame;
+use super::gains::Gains;
 use super::geometry::{Band, Geometry, Orientation, PLANES};
 use super::lifting::{self, Scratch};
 use super::predictor::Predictor;
@@ -21,10 +23,23 @@ pub trait Source {
         x: usize,
         y: usize,
     ) -> Option<i16>;
+
+    /// The gains of a level, after its coefficients. `zeros` are the contexts of its first plane.
+    fn gains(&mut self, zeros: &[BandContext; 3], quantised: &Quantised) -> Option<Gains>;
 }
 
 /// Finest level that is coded, by plane; one more than the levels: none at all.
 pub type Finest = [usize; PLANES];
+
+/// What a pass is about.
+struct Run<'a, S> {
+    frame: &'a Frame,
+    predictor: &'a Predictor,
+    finest: Finest,
+    source: &'a mut S,
+    /// The rest is not known.
+    ended: bool,
+}
 
 /// Room for a pass, and its outcome.
 pub struct Pass {
@@ -32,6 +47,8 @@ pub struct Pass {
     pub quantised: Quantised,
     /// Decoded planes of the difference between picture and render.
     pub decoded: [Vec<i32>; PLANES],
+    /// Room for zeros that are decoded as something else: where, and as what.
+    filled: Vec<(usize, i32)>,
     /// Room for what of the render is taken out.
     taken: Vec<i32>,
     scratch: Scratch,
@@ -43,6 +60,7 @@ impl Pass {
         Pass {
             quantised: Quantised::new(geometry),
             decoded: std::array::from_fn(|_| vec![0; geometry.len()]),
+            filled: Vec::with_capacity(geometry.len()),
             taken: vec![0; geometry.len()],
             scratch: Scratch::new(geometry),
         }
@@ -57,19 +75,21 @@ impl Pass {
         source: &mut impl Source,
     ) {
         let geometry = &frame.geometry;
-        let mut ended = false;
+        let mut run = Run { frame, predictor, finest, source, ended: false };
         self.quantised.clear();
-        for band in geometry.bands() {
-            for (plane, finest) in finest.into_iter().enumerate() {
-                if band.level >= finest && !ended {
-                    ended = self.code(frame, predictor, band, plane, source).is_none();
-                }
-                self.dequantise(frame, predictor, band, plane);
+        self.code(&mut run, geometry.band(geometry.levels, Orientation::Low));
+        self.dequantise(&run, geometry.band(geometry.levels, Orientation::Low), Gains::default());
+        for level in (1..=geometry.levels).rev() {
+            let bands = Orientation::DETAILS.map(|orientation| geometry.band(level, orientation));
+            for band in bands {
+                self.code(&mut run, band);
             }
-            if band.orientation == Orientation::Diagonal {
-                for plane in &mut self.decoded {
-                    lifting::inverse(plane, geometry, band.level - 1, &mut self.scratch);
-                }
+            let gains = self.gains(&mut run, bands);
+            for band in bands {
+                self.dequantise(&run, band, gains);
+            }
+            for plane in &mut self.decoded {
+                lifting::inverse(plane, geometry, level - 1, &mut self.scratch);
             }
         }
         if !frame.low_predicted || frame.predicted.contains(&false) {
@@ -77,19 +97,21 @@ impl Pass {
         }
     }
 
-    fn code(
-        &mut self,
-        frame: &Frame,
-        predictor: &Predictor,
-        band: Band,
-        plane: usize,
-        source: &mut impl Source,
-    ) -> Option<()> {
+    /// Asks for the coefficients of a band, plane by plane.
+    fn code(&mut self, run: &mut Run<impl Source>, band: Band) {
+        for plane in 0..PLANES {
+            if band.level >= run.finest[plane] && !run.ended {
+                run.ended = self.code_plane(run, band, plane).is_none();
+            }
+        }
+    }
+
+    fn code_plane(&mut self, run: &mut Run<impl Source>, band: Band, plane: usize) -> Option<()> {
         let Pass { quantised, decoded, .. } = self;
-        let context = BandContext::new(frame, predictor, quantised, decoded, band, plane);
+        let context = BandContext::new(run.frame, run.predictor, quantised, decoded, band, plane);
         for y in 0..band.height {
             for x in 0..band.width {
-                let value = source.next(&context, quantised, x, y)?;
+                let value = run.source.next(&context, quantised, x, y)?;
                 if value != 0 {
                     quantised.set(context.own, x, y, value);
                 }
@@ -98,15 +120,50 @@ impl Pass {
         Some(())
     }
 
-    /// Writes a band's decoded coefficients to its place in the plane.
-    fn dequantise(&mut self, frame: &Frame, predictor: &Predictor, band: Band, plane: usize) {
-        let offsets = &predictor.offsets[plane][band.rank()];
-        let units = frame.step.units(frame.geometry.norm(&band));
-        for (y, place) in band.rows(&frame.geometry).enumerate() {
-            let row = self.quantised.row(plane, &band, y);
-            for (to, value) in self.decoded[plane][place].iter_mut().zip(row) {
-                *to = dequantised(*value, offsets, units);
+    /// Asks for the gains of a level.
+    fn gains(&mut self, run: &mut Run<impl Source>, bands: [Band; 3]) -> Gains {
+        if run.ended || !run.frame.sees_render {
+            return Gains::default();
+        }
+        let Pass { quantised, decoded, .. } = self;
+        let context =
+            |band| BandContext::new(run.frame, run.predictor, quantised, decoded, band, 0);
+        let gains = run.source.gains(&bands.map(context), quantised);
+        run.ended = gains.is_none();
+        gains.unwrap_or_default()
+    }
+
+    /// Writes a band's decoded coefficients to their places in the planes.
+    fn dequantise(&mut self, run: &Run<impl Source>, band: Band, gains: Gains) {
+        let units = run.frame.step.units(run.frame.geometry.norm(&band));
+        for plane in 0..PLANES {
+            let offsets = &run.predictor.offsets[plane][band.rank()];
+            for (y, place) in band.rows(&run.frame.geometry).enumerate() {
+                let row = self.quantised.row(plane, &band, y);
+                for (to, value) in self.decoded[plane][place].iter_mut().zip(row) {
+                    *to = dequantised(*value, offsets, units);
+                }
             }
+        }
+        if !gains.is_zero() {
+            self.fill_zeros(run, band, gains, units);
+        }
+    }
+
+    /// Decodes the zeros of the first plane.
+    fn fill_zeros(&mut self, run: &Run<impl Source>, band: Band, gains: Gains, units: i64) {
+        let Pass { quantised, decoded, filled, .. } = self;
+        let context = BandContext::new(run.frame, run.predictor, quantised, decoded, band, 0);
+        filled.clear();
+        context.zeros(quantised, |x, y, seen| {
+            let value = gains.value(seen);
+            if value != 0 {
+                let lifted = (i64::from(value) * units) >> (16 + FEATURE_PLACES);
+                filled.push((context.index(x, y), lifted as i32));
+            }
+        });
+        for (index, lifted) in filled {
+            self.decoded[0][*index] = *lifted;
         }
     }
 

@@ -158,7 +158,7 @@ fn output<const N: usize>(sums: &[i32; N], weights: &[i16; N], bias: i16) -> Log
     logit(products.fold(bias, |sum, (w, v)| sum + i32::from(*w) * i32::from(hidden(*v))))
 }
 
-const _: () = assert!(COUNT_INPUTS % 2 == 0);
+const _: () = assert!(COUNT_INPUTS.is_multiple_of(2));
 
 fn add<const N: usize>(sums: &mut [i32; N], values: &[i32; N]) {
     for (sum, value) in sums.iter_mut().zip(values) {

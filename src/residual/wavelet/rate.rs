@@ -11,7 +11,7 @@ use super::range_coder::Tail;
 use super::tables::Tables;
 
 /// Most codings of a frame.
-const MOST_PROBES: u32 = 8;
+const MOST_PROBES: u32 = 10;
 /// A PSNR may lie above its target by this much, dB.
 const PSNR_SLACK: f64 = 0.05;
 /// Share of a budget that is used at least.

@@ -9,7 +9,7 @@ use std::time::Instant;
 use anyhow::Context;
 use nvsprior::prior::ply::write_ply;
 use nvsprior::render::Scene;
-use nvsprior::residual::Webp;
+use nvsprior::residual::{ResidualCoder, Webp};
 use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
 use nvsprior_train::mapping::{MappingOptions, PosedPicture, make_prior};
@@ -145,12 +145,15 @@ struct Dive<'a> {
 
 impl Dive<'_> {
     fn table(&self, frames: &[DemoFrame]) -> anyhow::Result<Table> {
-        let (bfgs, _) = self.encode(frames, Optimizer::Bfgs)?;
-        let (default, pictures) = self.encode(frames, Optimizer::default())?;
+        let quality = Rate::Quality(self.args.quality);
+        let (default, pictures) =
+            self.encode(frames, Optimizer::default(), ResidualCoder::Wavelet, quality)?;
+        let same = Rate::Psnr(default.psnr);
+        let (paper, _) = self.encode(frames, Optimizer::Bfgs, ResidualCoder::Webp, same)?;
         let webp = self.webp(frames, default.psnr)?;
         sheet::write(&self.args.out.join(format!("{}.png", self.name)), &pictures)?;
         let title = format!("{}, {} frames of 320×180", self.name, frames.len());
-        Ok(Table { title, rows: vec![webp, bfgs, default] })
+        Ok(Table { title, rows: vec![webp, paper, default] })
     }
 
     /// Plain WebP of the frames, each at the least quality that reaches a PSNR.
@@ -169,9 +172,12 @@ impl Dive<'_> {
         &self,
         frames: &[DemoFrame],
         optimizer: Optimizer,
+        residual: ResidualCoder,
+        rate: Rate,
     ) -> anyhow::Result<(TableRow, Vec<SheetRow>)> {
-        let rate = Some(Rate::Quality(self.args.quality));
-        let mut options = EncoderOptions { threshold: THRESHOLD, rate, ..Default::default() };
+        let rate = Some(rate);
+        let mut options =
+            EncoderOptions { threshold: THRESHOLD, rate, residual, ..Default::default() };
         options.refine.optimizer = optimizer;
         let mut encoder = Encoder::new(self.engine, self.scene, &CAMERA, options)?;
         let folder = self.args.out.join(self.name);
@@ -179,7 +185,11 @@ impl Dive<'_> {
         std::fs::create_dir_all(&packets)
             .with_context(|| format!("making {}", packets.display()))?;
         let bar = progress(frames.len(), "encoding");
-        let mut row = TableRow::new(format!("NVSPrior+iNVS+WebP, {}", optimizer.name()));
+        let coder = match residual {
+            ResidualCoder::Wavelet => "wavelet",
+            ResidualCoder::Webp => "WebP",
+        };
+        let mut row = TableRow::new(format!("NVSPrior+iNVS+{coder}, {}", optimizer.name()));
         let mut pictures = Vec::new();
         for (index, frame) in frames.iter().enumerate() {
             let start = (index == 0).then(|| frame.pose.stepped(&FIRST_OFFSET));
