@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn the_hash_is_part_of_the_wire_format() {
-        let id = PriorId::of(&sample_splats(5, 1, None), &RenderOptions::INRIA);
+        let id = PriorId::of(&sample_splats(5, 1), &RenderOptions::INRIA, None);
         assert_eq!(id.to_string(), "5d4dcd04");
         assert_eq!(PriorId::from_bytes(id.to_bytes()), id);
     }

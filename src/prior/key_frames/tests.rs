@@ -2,7 +2,7 @@ use glam::DQuat;
 use proptest::prelude::*;
 
 use super::super::tests::sample_splats;
-use super::super::{Prior, RenderOptions, RenderOverrides};
+use super::super::{PartSource, Prior, RenderOptions, RenderOverrides};
 use super::*;
 
 /// Key frames of a winding run, `count` of them.
