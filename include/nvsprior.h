@@ -332,7 +332,7 @@ typedef struct nvsp_prior_info {
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // Identity of splats and render options; packets carry it.
+  // Identity of splats, render options and coder tables; packets carry it.
   uint32_t id;
   // Splats in use.
   uint32_t splats;
@@ -794,6 +794,10 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // PATH.keys beside the prior, if there is one, else those in the prior's own. They are no part of its
 // identity; `nvsprior key-frames` writes them. A file PATH.keys that is not sound is NVSP_ERR_PRIOR.
 //
+// Coder tables of the scene's own, by which difference pictures take fewer bytes, are read in the same
+// way, from PATH.tables or the prior's own file. They are part of its identity: both sides of a link need
+// them. `nvsprior tables` writes them.
+//
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
 // is the engine's.
@@ -809,7 +813,7 @@ nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
                             struct nvsp_prior **prior);
 
 // nvsp_prior_open, from the content of a file in memory, which is not needed afterwards. Key frames
-// are those in it.
+// and coder tables are those in it.
 //
 // Fails as nvsp_prior_open does, but for NVSP_ERR_FILE.
 //

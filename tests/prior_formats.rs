@@ -9,7 +9,7 @@ use common::{
     REEF_CAMERA, assert_silent, engine, random_pose, random_prior, reef_file, reef_prior,
 };
 use nvsprior::prior::compact::{self, Quantisation};
-use nvsprior::prior::{KeyFrameSource, KeyFrames, PriorFormat, Splats, ply};
+use nvsprior::prior::{KeyFrames, PartSource, PriorFormat, Splats, ply};
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Picture, Pose, Prior, RenderOverrides};
 
@@ -131,7 +131,7 @@ fn key_frames_go_from_container_to_container() {
     assert_eq!(compact::write(splats, options, &KeyFrames::NONE, &q, &mut without).unwrap(), id);
     assert_eq!(bytes.len(), without.len() + 28 + 50 * 10);
     let small = open(&bytes);
-    assert_eq!((small.id(), small.report().key_frames), (id, KeyFrameSource::InFile));
+    assert_eq!((small.id(), small.report().key_frames), (id, PartSource::InFile));
     assert_eq!(small.splats(), open(&without).splats());
     let [least, most] = key_frames.bounds().unwrap();
     let limit = 0.51 * (most - least).length() / 65_535.0 + 1e-6;

@@ -1,6 +1,6 @@
 //! The wavelet coder through the library's interface: whatever the bytes, a picture or an error.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use nvsprior::Picture;
 use nvsprior::packet::{Coder, Residual, ResidualStart};
@@ -196,5 +196,34 @@ proptest! {
         } else {
             decode(&bytes, &render);
         }
+    }
+
+    /// Tables come with a prior's file, and that may hold any.
+    #[test]
+    fn any_tables_give_a_picture(
+        weights in proptest::collection::vec(any::<u8>(), Tables::encoded_len()),
+        bytes in proptest::collection::vec(any::<u8>(), 0..200),
+        extreme: bool,
+        quality in 0.0..100.0_f32,
+    ) {
+        let (camera, render) = pair();
+        let body = &weights[4..];
+        // Weights of the greatest magnitudes, or any.
+        let most = |b: &u8| if b & 1 == 0 { i16::MIN } else { i16::MAX };
+        let body: Vec<u8> = match extreme {
+            true => body.iter().flat_map(|b| most(b).to_le_bytes()).take(body.len()).collect(),
+            false => body.to_vec(),
+        };
+        let tables = Tables::read(&[b"NVT1", &body[..]].concat()).expect("tables of any numbers");
+        let mut setup = ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet);
+        setup.tables = Arc::new(tables);
+        let mut encoder = ResidualEncoder::new(&setup);
+        let mut decoder = ResidualDecoder::new(SIZE.0, SIZE.1, &setup.tables);
+        let coded = encoder.encode(&camera, &render, Rate::Quality(quality), 0).unwrap();
+        let mut shown = render.clone();
+        decoder.add(&coded.residual, true, &mut shown).unwrap();
+        prop_assert!(shown == *coded.reconstruction);
+        let residual = Residual::Coded { coder: Coder::Wavelet, payload: &bytes };
+        prop_assert!(decoder.add(&residual, true, &mut render.clone()).is_ok());
     }
 }

@@ -2,6 +2,7 @@
 //! behind it would ever be reached.
 use nvsprior::prior::KeyFrames;
 use nvsprior::prior::compact::{self, Quantisation};
+use nvsprior::residual::wavelet::Tables;
 use nvsprior::{Prior, RenderOverrides};
 
 pub fn run(bytes: &[u8]) {
@@ -18,7 +19,17 @@ pub fn run(bytes: &[u8]) {
     let again = Prior::from_bytes(&again, "again", &RenderOverrides::default());
     let again = again.expect("what was written can be read");
     assert_eq!((again.id(), again.key_frames().len()), (id, key_frames.len()));
+    let open = |bytes: &[u8]| {
+        Prior::from_bytes(bytes, "changed", &RenderOverrides::default()).expect("the same splats")
+    };
     let without = compact::with_key_frames(&file, &KeyFrames::NONE).expect("what could be read");
-    let without = Prior::from_bytes(&without, "without", &RenderOverrides::default());
-    assert_eq!(without.expect("the same splats").id(), prior.id());
+    assert_eq!(open(&without).id(), prior.id());
+    // Coder tables are put in, and taken out again.
+    let tables = prior.coder_tables().map(AsRef::as_ref);
+    let generic = Tables::generic();
+    let with = compact::with_coder_tables(&file, Some(&generic)).expect("what could be read");
+    assert_eq!(open(&with).coder_tables().map(AsRef::as_ref), Some(&generic));
+    assert!(tables == Some(&generic) || open(&with).id() != prior.id());
+    let back = compact::with_coder_tables(&with, tables).expect("what was written");
+    assert_eq!(open(&back).id(), prior.id());
 }

@@ -72,7 +72,7 @@ pub fn read(bytes: &[u8], header: PlyHeader, body: usize) -> Result<PriorFile, P
     }
     let Comments { options, key_frames, others } = Comments::of(header.comments)?;
     let format = PriorFormat::PlyCompressed;
-    Ok(PriorFile { splats, options, format, comments: others, key_frames })
+    Ok(PriorFile { splats, options, format, comments: others, key_frames, coder_tables: None })
 }
 
 /// Appends a splat, up to the constant coefficients.

@@ -8,7 +8,7 @@ pub enum PriorError {
     /// The file cannot be read.
     #[error("{0}")]
     Read(#[source] std::io::Error),
-    /// A prior, or its key frames, cannot be written.
+    /// A prior, its key frames or its coder tables cannot be written.
     #[error("writing: {0}")]
     Write(#[source] std::io::Error),
     /// The content is of no format known here.

@@ -3,11 +3,12 @@
 use std::fmt;
 
 use super::{RenderOptions, Splats};
+use crate::residual::wavelet::Tables;
 
 /// Identity of a prior: the first four bytes, little endian, of the BLAKE3 hash of all that shapes
-/// its pictures, so of the render options, the degree and every parameter kept. File format, order
-/// of properties and dropped splats leave it alone; the order of splats does not (it breaks ties
-/// between equal depths).
+/// its pictures, so of the render options, the degree, every parameter kept, and the coder tables, if it
+/// has its own. File format, order of properties and dropped splats leave it alone; the order of splats
+/// does not (it breaks ties between equal depths).
 ///
 /// It guards against mistakes, not against forgers: two different priors agree by chance once in
 /// 2³² pairs.
@@ -25,7 +26,11 @@ impl PriorId {
         PriorId(u32::from_le_bytes(bytes))
     }
 
-    pub(super) fn of(splats: &Splats, options: &RenderOptions) -> PriorId {
+    pub(super) fn of(
+        splats: &Splats,
+        options: &RenderOptions,
+        coder_tables: Option<&Tables>,
+    ) -> PriorId {
         let mut hasher = blake3::Hasher::new();
         hasher.update(b"nvsprior prior 1");
         hash_floats(&mut hasher, &[options.near, options.alpha_max]);
@@ -38,6 +43,10 @@ impl PriorId {
         hash_floats(&mut hasher, splats.rotations.as_flattened());
         hash_floats(&mut hasher, &splats.opacity_logits);
         hash_floats(&mut hasher, &splats.sh);
+        // None leave no trace: priors without tables are named as they were before there were any.
+        if let Some(tables) = coder_tables {
+            hasher.update(&tables.write());
+        }
         let hash = *hasher.finalize().as_bytes();
         PriorId::from_bytes([hash[0], hash[1], hash[2], hash[3]])
     }
@@ -61,12 +70,13 @@ fn hash_floats(hasher: &mut blake3::Hasher, values: &[f32]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::coder_tables::tests::sample_tables;
     use super::super::tests::sample_splats;
     use super::*;
 
     #[test]
     fn the_hash_is_part_of_the_wire_format() {
-        let id = PriorId::of(&sample_splats(5, 1), &RenderOptions::INRIA);
+        let id = PriorId::of(&sample_splats(5, 1), &RenderOptions::INRIA, None);
         assert_eq!(id.to_string(), "5d4dcd04");
         assert_eq!(PriorId::from_bytes(id.to_bytes()), id);
     }
@@ -74,11 +84,11 @@ mod tests {
     #[test]
     fn every_parameter_counts() {
         let splats = sample_splats(5, 1);
-        let id = PriorId::of(&splats, &RenderOptions::INRIA);
+        let id = PriorId::of(&splats, &RenderOptions::INRIA, None);
         let changed = |change: fn(&mut Splats)| {
             let mut other = splats.clone();
             change(&mut other);
-            PriorId::of(&other, &RenderOptions::INRIA)
+            PriorId::of(&other, &RenderOptions::INRIA, None)
         };
         assert_ne!(changed(|s| s.positions[4][2] += 1e-3), id);
         assert_ne!(changed(|s| s.log_scales[0][0] += 1e-3), id);
@@ -86,8 +96,24 @@ mod tests {
         assert_ne!(changed(|s| s.opacity_logits[2] += 1e-3), id);
         assert_ne!(changed(|s| s.sh[59] += 1e-3), id);
         assert_ne!(changed(|s| s.positions.swap(0, 1)), id);
-        assert_ne!(PriorId::of(&splats, &RenderOptions::GSPLAT), id);
+        assert_ne!(PriorId::of(&splats, &RenderOptions::GSPLAT, None), id);
         let antialiased = RenderOptions { antialiased: true, ..RenderOptions::INRIA };
-        assert_ne!(PriorId::of(&splats, &antialiased), id);
+        assert_ne!(PriorId::of(&splats, &antialiased, None), id);
+    }
+
+    #[test]
+    fn every_byte_of_the_coder_tables_counts() {
+        let (splats, tables) = (sample_splats(5, 1), sample_tables(1));
+        let of = |tables: Option<&Tables>| PriorId::of(&splats, &RenderOptions::INRIA, tables);
+        let id = of(Some(&tables));
+        assert_eq!(of(Some(&tables.clone())), id);
+        assert_ne!(of(None), id);
+        assert_ne!(of(Some(&Tables::generic())), of(None));
+        let bytes = tables.write();
+        for at in 4..bytes.len() {
+            let mut other = bytes.clone();
+            other[at] ^= 1;
+            assert_ne!(of(Some(&Tables::read(&other).unwrap())), id, "byte {at}");
+        }
     }
 }

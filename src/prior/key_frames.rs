@@ -6,14 +6,11 @@
 
 mod text;
 
-use std::fmt;
-use std::fs::{self, File};
-use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::{PriorError, replace_file};
+use super::{PriorError, beside, replace_file};
 use crate::Pose;
 pub(super) use text::{pose_from_words, words};
 
@@ -21,31 +18,6 @@ pub(super) use text::{pose_from_words, words};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KeyFrames {
     poses: Vec<Pose>,
-}
-
-/// Where a prior's key frames came from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum KeyFrameSource {
-    /// There are none.
-    #[default]
-    None,
-    /// The prior's own file.
-    InFile,
-    /// The file `NAME.EXT.keys` beside it.
-    Beside,
-    /// Handed over in memory.
-    Memory,
-}
-
-impl fmt::Display for KeyFrameSource {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            KeyFrameSource::None => "none",
-            KeyFrameSource::InFile => "in the file",
-            KeyFrameSource::Beside => "in the file beside it",
-            KeyFrameSource::Memory => "from memory",
-        })
-    }
 }
 
 /// How far the length of a key frame's quaternion may be from 1.
@@ -130,9 +102,7 @@ impl KeyFrames {
 
     /// Where key frames stand beside a prior's file: `prior.ply.keys` beside `prior.ply`.
     pub fn path_beside(prior: &Path) -> PathBuf {
-        let mut name = prior.as_os_str().to_owned();
-        name.push(".keys");
-        name.into()
+        beside::path(prior, "keys")
     }
 
     /// Reads a file of key frames: CSV with the header `qw,qx,qy,qz,tx,ty,tz`, one key frame a line.
@@ -145,11 +115,7 @@ impl KeyFrames {
     /// Those in the file beside a prior's; `None` where there is no such file.
     pub(super) fn open_beside(prior: &Path) -> Result<Option<KeyFrames>, PriorError> {
         let path = KeyFrames::path_beside(prior);
-        let absent = fs::metadata(&path).is_err_and(|error| {
-            // A name that is too long for a file is none of a file.
-            matches!(error.kind(), ErrorKind::NotFound | ErrorKind::InvalidFilename)
-        });
-        if absent { Ok(None) } else { KeyFrames::open(&path).map(Some) }
+        if beside::is_absent(&path) { Ok(None) } else { KeyFrames::open(&path).map(Some) }
     }
 
     /// Writes a file of key frames, which is there whole or not at all; [`open`](Self::open) gives
@@ -181,18 +147,9 @@ fn angle_between(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }
 
-/// A file's text, but no more of it than key frames can take, and of no device or pipe.
+/// A file's text, but no more of it than key frames can take.
 fn read_text(path: &Path) -> Result<String, PriorError> {
-    let refuse = |what: &str| PriorError::Read(std::io::Error::other(what));
-    if !fs::metadata(path).map_err(PriorError::Read)?.is_file() {
-        return Err(refuse("no file of key frames"));
-    }
-    let mut text = Vec::new();
-    let file = File::open(path).map_err(PriorError::Read)?;
-    file.take(MOST_BYTES + 1).read_to_end(&mut text).map_err(PriorError::Read)?;
-    if text.len() as u64 > MOST_BYTES {
-        return Err(refuse("too long for a file of key frames"));
-    }
+    let text = beside::read(path, MOST_BYTES, "key frames")?;
     String::from_utf8(text).map_err(|error| {
         let read = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + read.iter().filter(|byte| **byte == b'\n').count();

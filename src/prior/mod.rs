@@ -1,7 +1,9 @@
 //! The prior: a trained 3D Gaussian Splatting scene that vehicle and topside share.
 
 pub mod analysis;
+mod beside;
 mod check;
+pub mod coder_tables;
 pub mod compact;
 #[cfg(feature = "formats")]
 mod compressed_ply;
@@ -10,6 +12,7 @@ mod error;
 mod frame;
 mod identity;
 mod key_frames;
+mod part_source;
 pub mod ply;
 mod ply_header;
 mod replace;
@@ -20,6 +23,7 @@ use std::fmt;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -28,8 +32,11 @@ pub use coverage::Covering;
 pub use error::PriorError;
 pub use frame::PriorFrame;
 pub use identity::PriorId;
-pub use key_frames::{KeyFrameSource, KeyFrames};
+pub use key_frames::KeyFrames;
+pub use part_source::PartSource;
 pub use replace::replace_file;
+
+use crate::residual::wavelet::Tables;
 
 /// How a prior was trained to be rendered; stored with it, and part of its identity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -255,7 +262,9 @@ pub struct LoadReport {
     /// Comments in the file's header, as they stand there, but for those that are key frames.
     pub comments: Vec<String>,
     /// Where the key frames came from.
-    pub key_frames: KeyFrameSource,
+    pub key_frames: PartSource,
+    /// Where the coder tables came from.
+    pub coder_tables: PartSource,
 }
 
 /// A checked, immutable prior: at least one splat, every parameter usable by the renderer.
@@ -266,6 +275,7 @@ pub struct Prior {
     id: PriorId,
     frame: PriorFrame,
     key_frames: KeyFrames,
+    coder_tables: Option<Arc<Tables>>,
     report: LoadReport,
 }
 
@@ -275,14 +285,19 @@ impl Prior {
 
     /// Reads a prior from a file, its format told by the content. See [`ply`] for where the render
     /// options come from; `overrides` has the last word. Key frames are those of the file
-    /// [`KeyFrames::path_beside`] it, if there is one, else those in the prior's own.
+    /// [`KeyFrames::path_beside`] it, if there is one, else those in the prior's own. So are coder tables:
+    /// [`coder_tables::path_beside`].
     pub fn open(path: &Path, overrides: &RenderOverrides) -> Result<Prior, PriorError> {
         let name = path.display().to_string();
         let bytes = read_prior_file(path).map_err(|e| PriorError::Read(e).in_file(&name))?;
-        let beside = KeyFrames::open_beside(path)?;
+        let (key_frames, tables) =
+            (KeyFrames::open_beside(path)?, coder_tables::open_beside(path)?);
         let mut prior = Prior::from_bytes(&bytes, &name, overrides)?;
-        if let Some(key_frames) = beside {
-            prior.set_key_frames(key_frames, KeyFrameSource::Beside);
+        if let Some(key_frames) = key_frames {
+            prior.set_key_frames(key_frames, PartSource::Beside);
+        }
+        if let Some(tables) = tables {
+            prior.set_coder_tables(Some(tables), PartSource::Beside);
         }
         Ok(prior)
     }
@@ -301,12 +316,18 @@ impl Prior {
 
     /// Makes a prior of splats in memory. Unsound splats are dropped and counted, as from a file.
     pub fn from_splats(splats: Splats, options: RenderOptions) -> Result<Prior, PriorError> {
-        let (format, comments) = (PriorFormat::Memory, Vec::new());
-        Prior::build(PriorFile { splats, options, format, comments, key_frames: KeyFrames::NONE })
+        Prior::build(PriorFile {
+            splats,
+            options,
+            format: PriorFormat::Memory,
+            comments: Vec::new(),
+            key_frames: KeyFrames::NONE,
+            coder_tables: None,
+        })
     }
 
     fn build(file: PriorFile) -> Result<Prior, PriorError> {
-        let PriorFile { mut splats, options, format, comments, key_frames } = file;
+        let PriorFile { mut splats, options, format, comments, key_frames, coder_tables } = file;
         options.check()?;
         splats.check_shape()?;
         let read = splats.len();
@@ -322,10 +343,6 @@ impl Prior {
             return Err(PriorError::AllDropped { read, fault: first.fault });
         }
         let kept = splats.len();
-        let source = match key_frames.is_empty() {
-            true => KeyFrameSource::None,
-            false => KeyFrameSource::InFile,
-        };
         let report = LoadReport {
             format,
             read,
@@ -333,22 +350,36 @@ impl Prior {
             dropped,
             clamped_logits,
             comments,
-            key_frames: source,
+            key_frames: PartSource::in_file(!key_frames.is_empty()),
+            coder_tables: PartSource::in_file(coder_tables.is_some()),
         };
-        let id = PriorId::of(&splats, &options);
+        let id = PriorId::of(&splats, &options, coder_tables.as_ref());
         let frame = PriorFrame::of(&splats.positions);
-        Ok(Prior { splats, options, id, frame, key_frames, report })
+        let coder_tables = coder_tables.map(Arc::new);
+        Ok(Prior { splats, options, id, frame, key_frames, coder_tables, report })
     }
 
     /// The same prior with other key frames; they are no part of its identity.
     pub fn with_key_frames(mut self, key_frames: KeyFrames) -> Prior {
-        self.set_key_frames(key_frames, KeyFrameSource::Memory);
+        self.set_key_frames(key_frames, PartSource::Memory);
         self
     }
 
-    fn set_key_frames(&mut self, key_frames: KeyFrames, source: KeyFrameSource) {
+    /// The same splats with other coder tables, or none; another prior, unless they are the same.
+    pub fn with_coder_tables(mut self, tables: Option<Tables>) -> Prior {
+        self.set_coder_tables(tables, PartSource::Memory);
+        self
+    }
+
+    fn set_key_frames(&mut self, key_frames: KeyFrames, source: PartSource) {
         self.key_frames = key_frames;
         self.report.key_frames = source;
+    }
+
+    fn set_coder_tables(&mut self, tables: Option<Tables>, source: PartSource) {
+        self.id = PriorId::of(&self.splats, &self.options, tables.as_ref());
+        self.report.coder_tables = if tables.is_some() { source } else { PartSource::None };
+        self.coder_tables = tables.map(Arc::new);
     }
 
     /// Number of splats; never zero.
@@ -382,6 +413,11 @@ impl Prior {
         &self.key_frames
     }
 
+    /// What the wavelet coder has learned of the scene; `None`: the library's own tables do.
+    pub fn coder_tables(&self) -> Option<&Arc<Tables>> {
+        self.coder_tables.as_ref()
+    }
+
     /// What loading found.
     pub fn report(&self) -> &LoadReport {
         &self.report
@@ -401,6 +437,8 @@ pub struct PriorFile {
     pub comments: Vec<String>,
     /// The key frames in it.
     pub key_frames: KeyFrames,
+    /// The coder tables in it.
+    pub coder_tables: Option<Tables>,
 }
 
 impl PriorFile {

@@ -68,7 +68,7 @@ pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         PlyFormat::BinaryLittleEndian => PriorFormat::PlyLittleEndian,
         PlyFormat::BinaryBigEndian => PriorFormat::PlyBigEndian,
     };
-    Ok(PriorFile { splats, options, format, comments: others, key_frames })
+    Ok(PriorFile { splats, options, format, comments: others, key_frames, coder_tables: None })
 }
 
 /// Where the splats lie in a file.

@@ -60,6 +60,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         format: PriorFormat::Spz(header.version),
         comments,
         key_frames: KeyFrames::NONE,
+        coder_tables: None,
     })
 }
 

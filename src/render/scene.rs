@@ -51,7 +51,7 @@ impl Scene {
             id: prior.id(),
             frame: prior.frame(),
             key_frames: prior.key_frames().clone(),
-            coder_tables: Arc::new(Tables::generic()),
+            coder_tables: prior.coder_tables().cloned().unwrap_or_else(generic_tables),
         })
     }
 
@@ -76,7 +76,7 @@ impl Scene {
         self.frame
     }
 
-    /// The wavelet coder's tables for pictures of this prior.
+    /// The wavelet coder's tables for pictures of this prior: its own, or the library's.
     pub fn coder_tables(&self) -> &Arc<Tables> {
         &self.coder_tables
     }
@@ -85,6 +85,11 @@ impl Scene {
     pub fn key_frames(&self) -> &KeyFrames {
         &self.key_frames
     }
+}
+
+/// Those for a prior without tables of its own.
+fn generic_tables() -> Arc<Tables> {
+    Arc::new(Tables::generic())
 }
 
 impl PipelineKey {

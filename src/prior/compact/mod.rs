@@ -6,14 +6,15 @@
 //! | 4 | u8 | version of the format: 1 |
 //! | 5 | u8 | degree of the spherical harmonics, 0 to 3 |
 //! | 6 | u8 | 1: anti-aliased |
-//! | 7 | u8 | 1: there are key frames |
+//! | 7 | u8 | 1: there are key frames; 2: there are coder tables; 3: both |
 //! | 8 | u32 | number of splats, at least one |
-//! | 12 | u32 | [`PriorId`] of the splats as they come out of the reader, with the options below |
+//! | 12 | u32 | [`PriorId`] of the splats as they come out of the reader, with the options below and the coder tables |
 //! | 16 | f32 × 5 | near plane, clamp of alpha, background |
 //! | 36 | f32 × 3 | origin of the positions |
 //! | 48 | i32 | step of the positions, as an exponent of two |
 //! | 52 | f32 × 6 | [`Quantisation`] in the order of its fields |
 //! | 76 | | the key frames, if there are any |
+//! | | | the coder tables, if there are any: their length (u32), then [`Tables::write`] |
 //! | | | the splats, coded |
 //! | end − 4 | u32 | CRC-32 of all bytes before |
 //!
@@ -27,7 +28,8 @@
 //! | 34 + 10 i | u32 | its rotation, world to camera, of w, x, y, z: bits 30 and 31 which is the largest, and positive; then ten bits for each of the others, first to last, 0 to 1022 for −√½ to √½ |
 //!
 //! Positions are off by up to half a step, and the bounds are rounded to f32; rotations are off by up
-//! to 0.28°. Key frames are no part of the identity.
+//! to 0.28°. Key frames are no part of the identity; coder tables are. A reader that does not know a part
+//! refuses the file.
 //!
 //! The coded part is a raw LZMA stream (lc, lp and pb 0, no end mark, a window as
 //! large as what it holds, but 4 KiB to 64 MiB), filled up with zeros to a byte a splat where it is
@@ -58,6 +60,7 @@
 //! Positions as x, y and z apart take 0.3 bytes more than steps along the curve. Steps that shrink
 //! with the size and opacity of a splat gave less at the same bytes than even ones.
 
+mod coder_tables;
 mod header;
 mod key_frames;
 mod orientation;
@@ -68,6 +71,7 @@ use std::io::Write;
 
 use super::check::fault_of;
 use super::{KeyFrames, PriorError, PriorFile, PriorFormat, PriorId, RenderOptions, Splats};
+use crate::residual::wavelet::Tables;
 use header::Header;
 use quantise::{Grid, dequantise, quantise};
 pub use quantise::{Quantisation, UNIFORM_BITS};
@@ -75,11 +79,14 @@ pub use quantise::{Quantisation, UNIFORM_BITS};
 /// How a compact prior starts.
 pub const MAGIC: &[u8] = b"nvsg";
 
+/// What errors call it.
+const FORMAT: &str = "compact prior";
+
 /// Bytes of the check at the end.
 const CHECK: usize = 4;
 
 /// Writes splats and key frames; returns the identity of the prior that readers get, in which the key
-/// frames take no part.
+/// frames take no part. [`with_coder_tables`] adds coder tables.
 ///
 /// Fails if the quantisation is out of its range, if a splat is unsound or one of its values
 /// too large for its step, and where `writer` does.
@@ -100,33 +107,50 @@ pub fn write(
         u32::try_from(splats.len()).map_err(|_| PriorError::TooMany { count: splats.len() })?;
     let coded = Coded::of(splats, quantisation)?;
     let kept = coded.splats(splats.sh_degree, quantisation);
-    let id = PriorId::of(&kept, options);
+    let id = PriorId::of(&kept, options, None);
     let header = Header {
         sh_degree: splats.sh_degree,
         key_frames: !key_frames.is_empty(),
+        coder_tables: false,
         count,
         id,
         options: *options,
         grid: coded.grid,
         quantisation: *quantisation,
     };
-    let bytes = assembled(&header, key_frames, &coded.stream()?);
+    let bytes = assembled(&header, key_frames, None, &coded.stream()?);
     writer.write_all(&bytes).and_then(|()| writer.flush()).map_err(PriorError::Write)?;
     Ok(id)
 }
 
-/// The bytes of a compact prior with other key frames: the splats, as they are coded, and the identity
-/// stay as they are. Fails where `bytes` are no compact prior.
+/// The bytes of a compact prior with other key frames: the splats, as they are coded, the coder tables and
+/// the identity stay as they are. Fails where `bytes` are no compact prior.
 pub fn with_key_frames(bytes: &[u8], key_frames: &KeyFrames) -> Result<Vec<u8>, PriorError> {
     let parts = Parts::of(bytes)?;
     let header = Header { key_frames: !key_frames.is_empty(), ..parts.header };
-    Ok(assembled(&header, key_frames, parts.stream))
+    Ok(assembled(&header, key_frames, parts.coder_tables.as_ref(), parts.stream))
+}
+
+/// The bytes of a compact prior with other coder tables, or without any: another prior, whose splats, as
+/// they are coded, and key frames stay as they are. Fails where `bytes` are no compact prior.
+pub fn with_coder_tables(bytes: &[u8], tables: Option<&Tables>) -> Result<Vec<u8>, PriorError> {
+    let file = read(bytes)?;
+    let parts = Parts::of(bytes)?;
+    let id = PriorId::of(&file.splats, &file.options, tables);
+    let header = Header { coder_tables: tables.is_some(), id, ..parts.header };
+    Ok(assembled(&header, &parts.key_frames, tables, parts.stream))
 }
 
 /// A whole file.
-fn assembled(header: &Header, key_frames: &KeyFrames, stream: &[u8]) -> Vec<u8> {
+fn assembled(
+    header: &Header,
+    key_frames: &KeyFrames,
+    tables: Option<&Tables>,
+    stream: &[u8],
+) -> Vec<u8> {
     let mut bytes = header.to_bytes();
     bytes.extend(key_frames::to_bytes(key_frames));
+    bytes.extend(coder_tables::to_bytes(tables));
     bytes.extend(stream);
     bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
     bytes
@@ -135,7 +159,7 @@ fn assembled(header: &Header, key_frames: &KeyFrames, stream: &[u8]) -> Vec<u8> 
 /// Reads the content of a compact prior. Memory grows with the content's size, whatever the header
 /// says: at most 1000 bytes for each byte, and a window of 64 MiB at most.
 pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
-    let Parts { header, key_frames, stream_at, stream } = Parts::of(bytes)?;
+    let Parts { header, key_frames, coder_tables, stream_at, stream } = Parts::of(bytes)?;
     let count = header.count as usize;
     if count > stream.len() {
         let needed = (bytes.len() - stream.len()) as u128 + count as u128;
@@ -143,24 +167,25 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     }
     let unpacked = stream::unpack(stream, count, quantise::columns(header.sh_degree));
     let (ranks, columns) = unpacked.map_err(|e| PriorError::Field {
-        format: "compact prior",
+        format: FORMAT,
         offset: stream_at as u64,
         reason: format!("LZMA: {e}"),
     })?;
     let coded = Coded { grid: header.grid, ranks, columns };
     let splats = coded.splats(header.sh_degree, &header.quantisation);
-    let found = PriorId::of(&splats, &header.options);
+    let found = PriorId::of(&splats, &header.options, coder_tables.as_ref());
     if found != header.id {
         return Err(PriorError::Identity { stated: header.id, found });
     }
     let (options, format) = (header.options, PriorFormat::Compact);
-    Ok(PriorFile { splats, options, format, comments: Vec::new(), key_frames })
+    Ok(PriorFile { splats, options, format, comments: Vec::new(), key_frames, coder_tables })
 }
 
 /// What a file consists of, but for the check.
 struct Parts<'a> {
     header: Header,
     key_frames: KeyFrames,
+    coder_tables: Option<Tables>,
     /// Byte at which the coded part begins.
     stream_at: usize,
     stream: &'a [u8],
@@ -185,13 +210,19 @@ impl Parts<'_> {
             true => key_frames::read(rest, Header::BYTES)?,
             false => (KeyFrames::NONE, 0),
         };
-        let (stream_at, stream) = (Header::BYTES + size, &rest[size..]);
-        Ok(Parts { header, key_frames, stream_at, stream })
+        let (mut stream_at, mut stream) = (Header::BYTES + size, &rest[size..]);
+        let mut coder_tables = None;
+        if header.coder_tables {
+            let (tables, size) = coder_tables::read(stream, stream_at)?;
+            coder_tables = Some(tables);
+            (stream_at, stream) = (stream_at + size, &stream[size..]);
+        }
+        Ok(Parts { header, key_frames, coder_tables, stream_at, stream })
     }
 }
 
 fn refusal(offset: usize, reason: String) -> PriorError {
-    PriorError::Field { format: "compact prior", offset: offset as u64, reason }
+    PriorError::Field { format: FORMAT, offset: offset as u64, reason }
 }
 
 /// Splats in steps, in the order of the file.

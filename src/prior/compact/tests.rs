@@ -1,8 +1,9 @@
 use proptest::prelude::*;
 
+use super::super::coder_tables::tests::sample_tables;
 use super::super::key_frames::tests::sample_key_frames;
 use super::super::tests::sample_splats;
-use super::super::{Fault, INFINITE_LOGIT, Prior, PriorFrame, RenderOverrides};
+use super::super::{Fault, INFINITE_LOGIT, PartSource, Prior, PriorFrame, RenderOverrides};
 use super::*;
 
 fn written(splats: &Splats, options: &RenderOptions, q: &Quantisation) -> (PriorId, Vec<u8>) {
@@ -21,6 +22,14 @@ fn sample_with_key_frames(count: usize) -> (PriorId, Vec<u8>) {
     let (splats, key_frames) = (sample_splats(count, 1), sample_key_frames(5));
     let (options, q, mut bytes) = (RenderOptions::INRIA, Quantisation::default(), Vec::new());
     (write(&splats, &options, &key_frames, &q, &mut bytes).unwrap(), bytes)
+}
+
+/// The same with coder tables, too.
+fn sample_with_tables(count: usize) -> (PriorId, Vec<u8>) {
+    let (_, bytes) = sample_with_key_frames(count);
+    let bytes = with_coder_tables(&bytes, Some(&sample_tables(1))).unwrap();
+    let prior = Prior::from_bytes(&bytes, "p.nvsg", &RenderOverrides::default()).unwrap();
+    (prior.id(), bytes)
 }
 
 /// The content with a check that fits.
@@ -207,9 +216,50 @@ fn key_frames_travel_with_the_splats_and_change_nothing_of_them() {
 }
 
 #[test]
+fn coder_tables_travel_with_the_splats_and_name_another_prior() {
+    let (id, without) = sample_with_key_frames(7);
+    let tables = sample_tables(1);
+    let with = with_coder_tables(&without, Some(&tables)).unwrap();
+    assert_eq!(with.len(), without.len() + 4 + Tables::encoded_len());
+    let open = |bytes: &[u8]| Prior::from_bytes(bytes, "p", &RenderOverrides::default()).unwrap();
+    let (plain, prior) = (open(&without), open(&with));
+    assert_eq!((prior.splats(), prior.key_frames()), (plain.splats(), plain.key_frames()));
+    assert_eq!(prior.coder_tables().map(|t| &**t), Some(&tables));
+    assert_eq!(prior.report().coder_tables, PartSource::InFile);
+    assert!(plain.coder_tables().is_none() && plain.id() == id && prior.id() != id);
+    assert_eq!(plain.clone().with_coder_tables(Some(tables.clone())).id(), prior.id());
+    // Replaced and taken out of a file, and left alone by what is done to the key frames.
+    let other = with_coder_tables(&with, Some(&sample_tables(2))).unwrap();
+    assert!(open(&other).id() != id && open(&other).id() != prior.id());
+    assert_eq!(with_coder_tables(&other, Some(&tables)).unwrap(), with);
+    assert_eq!(with_coder_tables(&with, None).unwrap(), without);
+    let bare = with_key_frames(&with, &KeyFrames::NONE).unwrap();
+    assert_eq!((open(&bare).id(), bare.len()), (prior.id(), with.len() - 28 - 10 * 5));
+    assert_eq!(with_key_frames(&bare, prior.key_frames()).unwrap(), with);
+    assert!(matches!(with_coder_tables(&with[1..], None), Err(PriorError::UnknownFormat)));
+    assert!(matches!(with_coder_tables(&with[..90], None), Err(PriorError::Damaged { .. })));
+}
+
+#[test]
+fn coder_tables_that_are_none_are_named_by_their_place() {
+    let (_, bytes) = sample_with_tables(4);
+    let at = Header::BYTES + 28 + 10 * 5;
+    let error = |change: &dyn Fn(&mut [u8])| {
+        let mut content = bytes[..bytes.len() - CHECK].to_vec();
+        change(&mut content[at..]);
+        read(&checked(&content)).unwrap_err()
+    };
+    let magic = error(&|b| b[4] = b'n');
+    assert!(matches!(magic, PriorError::Field { offset, .. } if offset == at as u64 + 4));
+    assert!(matches!(error(&|b| b[..4].fill(255)), PriorError::Truncated { .. }));
+    // A weight more or less is another prior.
+    assert!(matches!(error(&|b| b[100] ^= 1), PriorError::Identity { .. }));
+}
+
+#[test]
 fn unknown_flags_are_refused() {
     let mut content = sample(4).1[..70].to_vec();
-    content[7] = 2;
+    content[7] = 4;
     content.resize(200, 0);
     let error = read(&checked(&content)).unwrap_err();
     assert!(matches!(error, PriorError::Field { offset: 6, .. }), "{error}");
@@ -219,6 +269,11 @@ fn unknown_flags_are_refused() {
 fn every_flipped_bit_and_every_cut_is_noticed() {
     every_damage_is_noticed(&sample(4).1);
     every_damage_is_noticed(&sample_with_key_frames(4).1);
+}
+
+#[test]
+fn every_damage_to_the_coder_tables_is_noticed() {
+    every_damage_is_noticed(&sample_with_tables(4).1);
 }
 
 fn every_damage_is_noticed(bytes: &[u8]) {
@@ -270,7 +325,7 @@ proptest! {
         let q = Quantisation::default().scaled(factor);
         let (id, bytes) = written(&splats, &RenderOptions::INRIA, &q);
         let file = read(&bytes).unwrap();
-        prop_assert_eq!(PriorId::of(&file.splats, &file.options), id);
+        prop_assert_eq!(PriorId::of(&file.splats, &file.options, None), id);
         let (again, bytes) = written(&file.splats, &file.options, &q);
         prop_assert_eq!(read(&bytes).unwrap().splats, file.splats);
         prop_assert_eq!(again, id);
@@ -281,9 +336,13 @@ proptest! {
         header in proptest::collection::vec(any::<u8>(), Header::BYTES),
         stream in proptest::collection::vec(any::<u8>(), 0..300),
         forged in any::<bool>(),
-        key_frames in any::<bool>(),
+        parts in 0..3,
     ) {
-        let sample = if key_frames { sample_with_key_frames(20).1 } else { sample(20).1 };
+        let sample = match parts {
+            0 => sample(20).1,
+            1 => sample_with_key_frames(20).1,
+            _ => sample_with_tables(20).1,
+        };
         let header = if forged { sample[..Header::BYTES].to_vec() } else { header };
         let mut content = [&header[..], &stream[..]].concat();
         content[..4].copy_from_slice(MAGIC);

@@ -2,7 +2,7 @@ use glam::DQuat;
 use proptest::prelude::*;
 
 use super::super::tests::sample_splats;
-use super::super::{Prior, RenderOptions, RenderOverrides};
+use super::super::{PartSource, Prior, RenderOptions, RenderOverrides};
 use super::*;
 
 /// Key frames of a winding run, `count` of them.
@@ -129,13 +129,13 @@ fn those_beside_a_prior_come_before_those_in_its_file() {
     let open = || Prior::open(&path, &RenderOverrides::default());
     let prior = open().unwrap();
     assert_eq!(prior.key_frames(), &sample_key_frames(2));
-    assert_eq!(prior.report().key_frames, KeyFrameSource::InFile);
+    assert_eq!(prior.report().key_frames, PartSource::InFile);
     let beside = KeyFrames::path_beside(&path);
     assert!(beside.to_str().unwrap().ends_with("p.ply.keys"));
     sample_key_frames(5).save(&beside).unwrap();
     let with = open().unwrap();
     assert_eq!(with.key_frames(), &sample_key_frames(5));
-    assert_eq!(with.report().key_frames, KeyFrameSource::Beside);
+    assert_eq!(with.report().key_frames, PartSource::Beside);
     assert_eq!(with.id(), prior.id());
     // In memory there is no file beside.
     let bytes = std::fs::read(&path).unwrap();
@@ -143,11 +143,11 @@ fn those_beside_a_prior_come_before_those_in_its_file() {
     assert_eq!(inside.key_frames().len(), 2);
     // A list of none is a list.
     KeyFrames::NONE.save(&beside).unwrap();
-    assert_eq!(open().unwrap().report().key_frames, KeyFrameSource::Beside);
+    assert_eq!(open().unwrap().report().key_frames, PartSource::Beside);
     assert!(open().unwrap().key_frames().is_empty());
     let other = open().unwrap().with_key_frames(sample_key_frames(3));
     assert_eq!((other.key_frames().len(), other.id()), (3, prior.id()));
-    assert_eq!(other.report().key_frames, KeyFrameSource::Memory);
+    assert_eq!(other.report().key_frames, PartSource::Memory);
 }
 
 #[test]

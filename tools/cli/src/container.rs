@@ -5,6 +5,7 @@ use std::path::Path;
 use nvsprior::RenderOptions;
 use nvsprior::prior::compact::{self, Quantisation};
 use nvsprior::prior::{KeyFrames, PriorError, Splats, ply};
+use nvsprior::residual::wavelet::Tables;
 
 /// A kind of file, by the ending of its name.
 #[derive(Clone, Copy)]
@@ -25,17 +26,21 @@ impl Container {
         }
     }
 
-    /// The file's content.
+    /// The file's content. Coder tables are left out of a `.ply`: they stand beside it.
     pub fn write(
         self,
         splats: &Splats,
         options: &RenderOptions,
         key_frames: &KeyFrames,
+        coder_tables: Option<&Tables>,
     ) -> Result<Vec<u8>, PriorError> {
         let mut bytes = Vec::new();
         match self {
             Container::Compact(quantisation) => {
                 compact::write(splats, options, key_frames, &quantisation, &mut bytes)?;
+                if coder_tables.is_some() {
+                    bytes = compact::with_coder_tables(&bytes, coder_tables)?;
+                }
             }
             Container::Ply => ply::write_ply(splats, options, key_frames, &mut bytes)?,
         }

@@ -5,7 +5,8 @@ mod study;
 use std::path::PathBuf;
 
 use nvsprior::Prior;
-use nvsprior::prior::KeyFrameSource;
+use nvsprior::prior::PartSource;
+use nvsprior::residual::wavelet::Tables;
 
 use crate::key_frames;
 use crate::mission::{self, MissionArgs};
@@ -77,6 +78,7 @@ fn describe(args: &Args, prior: &Prior) {
     let frame = prior.frame();
     row("frame", format!("centre {:?}, spread {}", frame.centre, frame.spread));
     row("key frames", key_frames(prior));
+    row("coder tables", coder_tables(prior));
     for comment in &report.comments {
         row("comment", comment.clone());
     }
@@ -86,8 +88,16 @@ fn describe(args: &Args, prior: &Prior) {
 fn key_frames(prior: &Prior) -> String {
     let source = prior.report().key_frames;
     match source {
-        KeyFrameSource::None => source.to_string(),
+        PartSource::None => source.to_string(),
         _ => format!("{source}: {}", key_frames::describe(prior.key_frames())),
+    }
+}
+
+/// Whose coder tables are used, where they came from, and what they take.
+fn coder_tables(prior: &Prior) -> String {
+    match prior.report().coder_tables {
+        PartSource::None => "the library's own, for any scene".into(),
+        source => format!("the scene's own, {source}: {} bytes", Tables::encoded_len()),
     }
 }
 

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use nvsprior::prior::{
-    Covering, KeyFrames, PriorError, PriorFormat, Splats, compact, ply, replace_file,
+    Covering, KeyFrames, PriorError, PriorFormat, Splats, coder_tables, compact, ply, replace_file,
 };
+use nvsprior::residual::wavelet::Tables;
 use nvsprior::{Camera, Pose, Prior};
 
 use crate::mission;
@@ -80,7 +81,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     // Not by its path: a broken file beside the prior is what this may be asked to replace.
     let bytes = std::fs::read(&args.prior).with_context(|| name.clone())?;
     let prior = Prior::from_bytes(&bytes, &name, &Default::default())?;
-    kind.check(&out, &prior).with_context(|| out.display().to_string())?;
+    let tables = coder_tables::open_beside(&args.prior)?;
+    kind.check(&out, &prior, tables.as_ref()).with_context(|| out.display().to_string())?;
     let views = args.cameras.as_deref().map(|file| Views::of(args, file, &prior)).transpose()?;
     let seeds = views.as_ref().map_or(&[][..], |views| views.thinned.key_frames.poses());
     let covering = KeyFrames::covering(prior.splats(), seeds, args.cover as usize)?;
@@ -88,6 +90,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     anyhow::ensure!(!key_frames.is_empty(), "{name}: {}", nothing(args.cover));
     let content = kind.content(&bytes, &prior, key_frames)?;
     replace_file(&out, &content)?;
+    if let (Some(tables), Kind::Ply | Kind::Compact) = (&tables, kind) {
+        coder_tables::save(tables, &coder_tables::path_beside(&out))?;
+    }
+    let prior = if tables.is_some() { prior.with_coder_tables(tables) } else { prior };
     if let Some(views) = &views {
         views.print(args.angle);
     }
@@ -218,8 +224,9 @@ impl Kind {
         }
     }
 
-    /// Refuses a copy in another format than the prior's, and one whose key frames nobody would read.
-    fn check(self, out: &Path, prior: &Prior) -> anyhow::Result<()> {
+    /// Refuses a copy in another format than the prior's, one whose key frames nobody would read, and one that
+    /// another prior's coder tables would be read with. `tables`: those beside the prior.
+    fn check(self, out: &Path, prior: &Prior, tables: Option<&Tables>) -> anyhow::Result<()> {
         let format = prior.report().format;
         let plain = matches!(
             format,
@@ -238,6 +245,12 @@ impl Kind {
         anyhow::ensure!(
             !beside.exists(),
             "{} takes precedence over key frames in the copy; remove it first",
+            beside.display()
+        );
+        let beside = coder_tables::path_beside(out);
+        anyhow::ensure!(
+            tables.is_some() || !beside.exists(),
+            "{} would make the copy another prior; remove it first",
             beside.display()
         );
         Ok(())

@@ -11,6 +11,7 @@ mod picture_renderer;
 mod render;
 mod sheet;
 mod summary;
+mod tables;
 mod trim;
 mod view_set;
 
@@ -41,6 +42,7 @@ enum Command {
     Inspect(inspect::Args),
     Trim(trim::Args),
     KeyFrames(key_frames::Args),
+    Tables(tables::Args),
     Bench(bench::Args),
     Demo(demo::Args),
     Stability(stability::Args),
@@ -57,6 +59,7 @@ fn main() -> ExitCode {
         Command::Inspect(args) => inspect::run(&args),
         Command::Trim(args) => trim::run(&args),
         Command::KeyFrames(args) => key_frames::run(&args),
+        Command::Tables(args) => tables::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Stability(args) => stability::run(&args),

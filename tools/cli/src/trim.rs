@@ -5,8 +5,8 @@ mod judge;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use nvsprior::prior::KeyFrames;
 use nvsprior::prior::compact::Quantisation;
+use nvsprior::prior::{KeyFrames, PriorError, coder_tables};
 use nvsprior::{Camera, Pose, Prior};
 use nvsprior_train::mapping::PosedPicture;
 use nvsprior_train::trim::{TrimOptions, trim};
@@ -95,6 +95,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let container = Container::of(&args.out, finest)?;
     check_beside(&args.out)?;
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
+    place_tables(&prior, container, &args.out)?;
     let mission = args.mission.read(&args.cameras)?;
     let engine = args.device.open()?;
     let mut whole = PictureRenderer::new(&engine, &prior)?;
@@ -130,6 +131,20 @@ fn check_beside(out: &Path) -> anyhow::Result<()> {
         KeyFrames::open(&beside)?;
         eprintln!("{}: takes precedence over the key frames of the prior", beside.display());
     }
+    Ok(())
+}
+
+/// Puts a prior's coder tables beside the reduced one, if that cannot hold them. Those of an earlier run would
+/// be read with it: says so.
+fn place_tables(prior: &Prior, container: Container, out: &Path) -> Result<(), PriorError> {
+    let beside = coder_tables::path_beside(out);
+    match (prior.coder_tables(), container) {
+        (Some(tables), Container::Ply) => return coder_tables::save(tables, &beside),
+        _ if !beside.exists() => return Ok(()),
+        _ => (),
+    }
+    coder_tables::open(&beside)?;
+    eprintln!("{}: takes precedence over the coder tables of the prior", beside.display());
     Ok(())
 }
 

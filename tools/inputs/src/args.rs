@@ -97,7 +97,7 @@ impl PriorArgs {
 }
 
 /// The size that frames are encoded at.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub struct SizeArgs {
     /// Frames wider than this are reduced to it, as in the paper; 0 keeps every size
     #[arg(long, value_name = "PIXELS", default_value_t = 320)]

@@ -1,7 +1,7 @@
 //! `nvsprior key-frames`, and what `inspect` and `trim` make of key frames.
 
 use nvsprior::prior::compact::{self, Quantisation};
-use nvsprior::prior::{KeyFrameSource, KeyFrames};
+use nvsprior::prior::{KeyFrames, PartSource};
 use nvsprior::{Pose, Prior};
 
 use crate::dive::{Dive, camera_file, view};
@@ -36,7 +36,7 @@ fn written_beside_the_prior_and_read_with_it() {
     assert!(row(&text, "written").starts_with("prior.ply.keys, "), "{text}");
     assert_eq!(row(&text, "identity"), format!("{id}, as it was"));
     let prior = open(&dive, "prior.ply");
-    assert_eq!((prior.id(), prior.report().key_frames), (id, KeyFrameSource::Beside));
+    assert_eq!((prior.id(), prior.report().key_frames), (id, PartSource::Beside));
     assert_near(prior.key_frames(), &poses(&[0.0, 1.0, 2.0, 3.0]), 1e-12, 1e-12);
     let text = dive.run("inspect prior.ply").ends_with(0).stdout;
     assert!(row(&text, "key frames").starts_with("in the file beside it: 4, cameras"), "{text}");
@@ -128,7 +128,7 @@ fn trim_carries_them_over() {
         let text = dive.run(&format!("{trim} --out {name}")).ends_with(0).stdout;
         assert_eq!(row(&text, "key frames"), "4");
         let small = open(&dive, name);
-        assert_eq!(small.report().key_frames, KeyFrameSource::InFile);
+        assert_eq!(small.report().key_frames, PartSource::InFile);
         assert_near(small.key_frames(), &poses(&[0.0, 1.0, 2.0, 3.0]), error, error);
     }
 }

@@ -17,3 +17,4 @@ mod render;
 mod scene;
 mod stability;
 mod study;
+mod tables;

@@ -1,0 +1,50 @@
+//! Coder tables of a prior's own: what the wavelet coder has learned of the scene.
+//!
+//! They travel with the prior: in a compact prior, or in a file beside a prior of any format. They are part
+//! of its identity, since other tables make another picture of the same packet.
+
+use std::path::{Path, PathBuf};
+
+use super::{PriorError, beside, replace_file};
+use crate::residual::wavelet::{Tables, TablesError};
+
+/// What errors call them.
+const FORMAT: &str = "coder tables";
+
+/// Where tables stand beside a prior's file: `prior.ply.tables` beside `prior.ply`.
+pub fn path_beside(prior: &Path) -> PathBuf {
+    beside::path(prior, "tables")
+}
+
+/// Reads a file of tables. Errors name it.
+pub fn open(path: &Path) -> Result<Tables, PriorError> {
+    let read = || {
+        let most = Tables::encoded_len() as u64;
+        let bytes = beside::read(path, most, FORMAT)?;
+        Tables::read(&bytes).map_err(|error| refusal(FORMAT, 0, &error))
+    };
+    read().map_err(|error| error.in_file(&path.display().to_string()))
+}
+
+/// Those in the file beside a prior's; `None` where there is no such file.
+pub fn open_beside(prior: &Path) -> Result<Option<Tables>, PriorError> {
+    let path = path_beside(prior);
+    if beside::is_absent(&path) { Ok(None) } else { open(&path).map(Some) }
+}
+
+/// Writes a file of tables, which is there whole or not at all.
+pub fn save(tables: &Tables, path: &Path) -> Result<(), PriorError> {
+    replace_file(path, &tables.write())
+}
+
+/// Why bytes that begin at byte `at` of a file are no tables.
+pub(super) fn refusal(format: &'static str, at: usize, error: &TablesError) -> PriorError {
+    let within = match *error {
+        TablesError::Magic => 0,
+        TablesError::Length { expected, found } => expected.min(found),
+    };
+    PriorError::Field { format, offset: (at + within) as u64, reason: error.to_string() }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,199 @@
+//! `nvsprior tables`: coder tables of a scene's own, trained on the frames of its mapping run.
+
+mod gain;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use nvsprior::prior::{PriorFormat, coder_tables, compact, replace_file};
+use nvsprior::residual::wavelet::Tables;
+use nvsprior::{Encoder, EncoderOptions, Prior};
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
+use nvsprior_inputs::input::{Input, InputArgs};
+use nvsprior_train::coder_tables::{Pair, TableOptions, train_tables};
+
+/// Give a prior coder tables of its own, trained on the frames of its mapping run
+///
+/// Finds the pose of each frame, from that in the camera file, and draws the prior there. The tables of the
+/// wavelet coder learn from frames and renders; frames whose pose is not certain are left out. Every eighth frame
+/// is held out, and what the tables save there is printed. The tables are part of the prior's identity: both sides
+/// of a link need them.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    prior: PriorArgs,
+    /// cameras.json, or nerfstudio's transforms.json: the mapping run, with poses
+    #[arg(long, value_name = "FILE")]
+    cameras: PathBuf,
+    /// Only the frames of this split of the camera file
+    #[arg(long, value_name = "NAME")]
+    split: Option<String>,
+    #[command(flatten)]
+    size: SizeArgs,
+    /// Rounds of coding all frames and learning from it
+    #[arg(long, value_name = "N", default_value_t = ROUNDS,
+        value_parser = clap::value_parser!(u32).range(1..=100))]
+    rounds: u32,
+    /// What to write: .tables, the tables alone; .nvsg, a copy of an .nvsg with the tables in it [default:
+    /// PRIOR.tables, which is read with the prior]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// Rounds of training.
+const ROUNDS: u32 = 3;
+
+/// A kind of file that tables are written to.
+#[derive(Clone, Copy)]
+enum Kind {
+    Tables,
+    Compact,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let path = &args.prior.prior;
+    let name = path.display().to_string();
+    let out = args.out.clone().unwrap_or_else(|| coder_tables::path_beside(path));
+    let kind = Kind::of(&out)?;
+    // Not by its path: a broken file beside the prior is what this may be asked to replace.
+    let bytes = std::fs::read(path).with_context(|| name.clone())?;
+    let prior = Prior::from_bytes(&bytes, &name, &args.prior.overrides.overrides())?;
+    kind.check(&out, &prior).with_context(|| out.display().to_string())?;
+    let run = MappingRun::of(args, &prior)?;
+    let tables = train(&run.learned, args.rounds as usize);
+    let content = kind.content(&bytes, &tables)?;
+    replace_file(&out, &content)?;
+    run.print();
+    gain::print(&run.held_out, &tables);
+    row("written", format!("{}, {} bytes", out.display(), content.len()));
+    row("identity", format!("{}", prior.with_coder_tables(Some(tables)).id()));
+    Ok(())
+}
+
+/// One line of the report.
+fn row(name: &str, value: String) {
+    println!("{name:14} {value}");
+}
+
+/// The frames of a mapping run with their renders.
+struct MappingRun {
+    /// How many frames there are.
+    frames: usize,
+    learned: Vec<Pair>,
+    held_out: Vec<Pair>,
+}
+
+impl MappingRun {
+    /// Finds the poses of the frames.
+    fn of(args: &Args, prior: &Prior) -> anyhow::Result<MappingRun> {
+        /// One frame in so many is held out.
+        const HELD_OUT: usize = 8;
+        let frames = inputs(args)?;
+        let pairs = pairs(args, prior, &frames)?;
+        let certain = pairs.len();
+        let (mut learned, mut held_out) = (Vec::new(), Vec::new());
+        for (index, pair) in pairs.into_iter().enumerate() {
+            let to = if index % HELD_OUT == 0 { &mut held_out } else { &mut learned };
+            to.push(pair);
+        }
+        anyhow::ensure!(
+            !learned.is_empty(),
+            "{}: {certain} of {} frames have a certain pose, two are needed: are the poses in the prior's frame?",
+            args.cameras.display(),
+            frames.len()
+        );
+        Ok(MappingRun { frames: frames.len(), learned, held_out })
+    }
+
+    fn print(&self) {
+        let (learned, held_out) = (self.learned.len(), self.held_out.len());
+        let certain = learned + held_out;
+        let text = format!(
+            "{}, {certain} certain: {learned} learned from, {held_out} held out",
+            self.frames
+        );
+        row("frames", text);
+    }
+}
+
+/// The frames of the run; each starts from its pose in the camera file.
+fn inputs(args: &Args) -> anyhow::Result<Vec<Input>> {
+    let input = InputArgs {
+        cameras: args.cameras.clone(),
+        split: args.split.clone(),
+        limit: None,
+        size: args.size.clone(),
+        start_offset: None,
+        starts: "camera-file".into(),
+    };
+    input.frames()
+}
+
+/// The frames whose pose is certain, each with the prior's render there.
+fn pairs(args: &Args, prior: &Prior, frames: &[Input]) -> anyhow::Result<Vec<Pair>> {
+    let engine = args.device.open()?;
+    let scene = engine.upload(prior)?;
+    let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
+    let mut encoder = Encoder::new(&engine, &scene, &frames[0].camera, options)?;
+    let bar = progress(frames.len(), "finding poses");
+    let mut pairs = Vec::new();
+    for frame in frames {
+        let (camera, encoded) = frame.encode(&mut encoder)?;
+        // A wrong pose would teach what no difference picture looks like.
+        if encoded.stats.certain {
+            pairs.push(Pair { camera, render: encoded.render });
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    args.device.check(&engine)?;
+    Ok(pairs)
+}
+
+/// Trains tables, beginning with the library's.
+fn train(pairs: &[Pair], rounds: usize) -> Tables {
+    let options = TableOptions { rounds, ..TableOptions::default() };
+    let bar = progress(rounds, "training");
+    bar.tick();
+    let tables = train_tables(pairs, Some(&Tables::generic()), &options, |_| bar.inc(1));
+    bar.finish_and_clear();
+    tables
+}
+
+impl Kind {
+    /// The kind that a name's ending stands for.
+    fn of(path: &Path) -> anyhow::Result<Kind> {
+        match path.extension().and_then(|e| e.to_str()) {
+            Some("tables") => Ok(Kind::Tables),
+            Some("nvsg") => Ok(Kind::Compact),
+            _ => anyhow::bail!("{}: ends in .tables or .nvsg", path.display()),
+        }
+    }
+
+    /// Refuses a copy of what is no compact prior, and one whose tables nobody would read.
+    fn check(self, out: &Path, prior: &Prior) -> anyhow::Result<()> {
+        let Kind::Compact = self else { return Ok(()) };
+        let format = prior.report().format;
+        anyhow::ensure!(
+            format == PriorFormat::Compact,
+            "the prior is no .nvsg but {format}; write a .tables file instead"
+        );
+        let beside = coder_tables::path_beside(out);
+        anyhow::ensure!(
+            !beside.exists(),
+            "{} takes precedence over tables in the copy; remove it first",
+            beside.display()
+        );
+        Ok(())
+    }
+
+    /// The file's content; `bytes` is that of the prior.
+    fn content(self, bytes: &[u8], tables: &Tables) -> anyhow::Result<Vec<u8>> {
+        match self {
+            Kind::Tables => Ok(tables.write()),
+            Kind::Compact => Ok(compact::with_coder_tables(bytes, Some(tables))?),
+        }
+    }
+}
