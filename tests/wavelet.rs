@@ -124,6 +124,23 @@ fn a_render_of_no_use_costs_little_more_than_none() {
 }
 
 #[test]
+fn noise_stays_within_the_longest_payload() {
+    let mut noise = Picture::new(SIZE.0, SIZE.1);
+    let mut other = noise.clone();
+    let mut state = 1u32;
+    for value in noise.data.iter_mut().chain(&mut other.data) {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        *value = (state >> 24) as u8;
+    }
+    let longest = nvsprior::residual::max_payload_len(SIZE.0, SIZE.1);
+    for rate in [Rate::Quality(100.0), Rate::Psnr(50.0), Rate::Bytes(1 << 20)] {
+        let payload = payload(&noise, &other, rate, true);
+        assert!(payload.len() <= longest, "{rate:?}: {} bytes", payload.len());
+        assert!(noise.psnr(&decode(&payload, &other)) > 25.0);
+    }
+}
+
+#[test]
 fn pictures_of_all_sizes_come_back() {
     for (width, height) in [(1, 1), (1, 9), (7, 2), (5, 5), (33, 17), (64, 200)] {
         let (camera, render) = (shapes(width, height, 90, 3), shapes(width, height, 100, 0));

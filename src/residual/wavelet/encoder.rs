@@ -114,18 +114,20 @@ impl WaveletEncoder {
         }
     }
 
-    /// Codes what was chosen, in place of what `bytes` held. `cut`: the end will be left away.
-    pub(super) fn write(&mut self, cut: bool, bytes: &mut Vec<u8>) {
+    /// Codes what was chosen, in place of what `bytes` held, within their capacity. `cut`: the end will be left away.
+    /// Whether there was room for all.
+    pub(super) fn write(&mut self, cut: bool, bytes: &mut Vec<u8>) -> bool {
         bytes.clear();
         let WaveletEncoder { frame, predictor, chosen, gains, pass, .. } = self;
         let finest = finest(&frame.geometry, |plane, i| chosen[plane][i] != 0);
         let Frame { sees_render, step, low_predicted, .. } = *frame;
         let header = Header { cut, sees_render, step, finest, low_predicted };
-        let mut encoder = RangeEncoder::new(bytes);
+        let most = bytes.capacity();
+        let mut encoder = RangeEncoder::new(bytes, most);
         header.write(&frame.predicted, &mut encoder);
         let mut writer = Writer { encoder, predictor, chosen, gains };
         pass.run(frame, predictor, finest, &mut writer);
-        writer.encoder.finish();
+        writer.encoder.finish()
     }
 
     /// Shows the coefficients chosen last: each one's context, its value, and what was wanted, steps.
@@ -135,10 +137,10 @@ impl WaveletEncoder {
         pass.run(frame, predictor, finest, &mut Show { wanted, chosen, gains, visit });
     }
 
-    /// Codes at a step, in place of what `bytes` held.
-    pub fn encode(&mut self, step: Step, bytes: &mut Vec<u8>) {
+    /// Codes at a step, in place of what `bytes` held, within their capacity. Whether there was room for all.
+    pub fn encode(&mut self, step: Step, bytes: &mut Vec<u8>) -> bool {
         self.choose(step, LAMBDA);
-        self.write(false, bytes);
+        self.write(false, bytes)
     }
 
     /// Adds what was chosen or coded last to the render.

@@ -203,9 +203,9 @@ mod tests {
                 for own in -LARGEST..=LARGEST {
                     let gains = Gains { guess, own };
                     let mut bytes = Vec::new();
-                    let mut encoder = RangeEncoder::new(&mut bytes);
+                    let mut encoder = RangeEncoder::new(&mut bytes, 100);
                     gains.write(level, &mut encoder);
-                    encoder.finish();
+                    assert!(encoder.finish());
                     assert!(bytes.len() as f64 <= gains.bits(level) / 8.0 + 2.0, "{gains:?}");
                     let mut decoder = RangeDecoder::new(&bytes, Tail::Zeros);
                     assert_eq!(Gains::read(level, &mut decoder), Some(gains));

@@ -40,13 +40,25 @@ impl Interval {
 /// Writes bits.
 pub struct RangeEncoder<'a> {
     bytes: &'a mut Vec<u8>,
+    /// Most bytes that are written.
+    most: usize,
+    /// More were due.
+    over: bool,
     interval: Interval,
 }
 
 impl<'a> RangeEncoder<'a> {
-    /// Appends to `bytes`, which must be empty.
-    pub fn new(bytes: &'a mut Vec<u8>) -> RangeEncoder<'a> {
-        RangeEncoder { bytes, interval: Interval::ALL }
+    /// Appends to `bytes`, which must be empty; `most` of them at most.
+    pub fn new(bytes: &'a mut Vec<u8>, most: usize) -> RangeEncoder<'a> {
+        RangeEncoder { bytes, most, over: false, interval: Interval::ALL }
+    }
+
+    fn push(&mut self, byte: u8) {
+        if self.bytes.len() < self.most {
+            self.bytes.push(byte);
+        } else {
+            self.over = true;
+        }
     }
 
     /// Writes a bit.
@@ -54,24 +66,27 @@ impl<'a> RangeEncoder<'a> {
         let split = self.interval.split(one);
         self.interval.take(bit, split);
         while let Some(byte) = self.interval.settled() {
-            self.bytes.push(byte);
+            self.push(byte);
         }
     }
 
-    /// Ends with as few bytes as tell the bits, if zeros follow.
-    pub fn finish(self) {
+    /// Ends with as few bytes as tell the bits, if zeros follow. Whether all of them had room.
+    pub fn finish(mut self) -> bool {
         let Interval { low, high } = self.interval;
         for count in 0..=4u32 {
             let below = u32::MAX.checked_shr(8 * count).unwrap_or(0);
             let value = low.checked_add(below).map(|v| v & !below);
             if let Some(value) = value.filter(|v| (low..=high).contains(v)) {
-                self.bytes.extend_from_slice(&value.to_be_bytes()[..count as usize]);
+                for byte in &value.to_be_bytes()[..count as usize] {
+                    self.push(*byte);
+                }
                 break;
             }
         }
         while self.bytes.last() == Some(&0) {
             self.bytes.pop();
         }
+        !self.over
     }
 }
 
@@ -148,11 +163,11 @@ mod tests {
 
     fn encode(bits: &[(bool, Probability)]) -> Vec<u8> {
         let mut bytes = Vec::new();
-        let mut encoder = RangeEncoder::new(&mut bytes);
+        let mut encoder = RangeEncoder::new(&mut bytes, usize::MAX);
         for (bit, one) in bits {
             encoder.put(*bit, *one);
         }
-        encoder.finish();
+        assert!(encoder.finish());
         bytes
     }
 

@@ -74,8 +74,7 @@ impl RateEncoder {
         let (coded, reached) = match rate {
             Rate::Quality(quality) => {
                 self.choose(camera, render, Fineness::of_quality(quality));
-                self.write(false);
-                self.keep();
+                self.write_or_coarser(camera, render);
                 return Choice { residual: Ok(()), reached: true, probes: self.probes };
             }
             Rate::Bytes(budget) => {
@@ -112,9 +111,9 @@ impl RateEncoder {
         trial.psnr = camera.psnr(&trial.reconstruction);
     }
 
-    /// Writes what was chosen last.
-    fn write(&mut self, cut: bool) {
-        self.encoder.write(cut, &mut self.trial.payload);
+    /// Writes what was chosen last. Whether a payload may be that long.
+    fn write(&mut self, cut: bool) -> bool {
+        self.encoder.write(cut, &mut self.trial.payload)
     }
 
     /// Keeps the coding just tried.
@@ -146,9 +145,18 @@ impl RateEncoder {
         if let Some((fineness, _)) = best.filter(|(fineness, _)| last != Some(*fineness)) {
             self.choose(camera, render, fineness);
         }
-        self.write(false);
-        self.keep();
+        self.write_or_coarser(camera, render);
         self.best.psnr >= target
+    }
+
+    /// Keeps what was chosen last; if it is longer than a payload may be, the finest that is not.
+    fn write_or_coarser(&mut self, camera: &Picture, render: &Picture) {
+        if self.write(false) {
+            self.keep();
+        } else {
+            let longest = self.trial.payload.capacity();
+            self.within(camera, render, residual_part_len(longest));
+        }
     }
 
     /// The best picture whose residual part has at most `room` bytes.
@@ -162,10 +170,10 @@ impl RateEncoder {
         let mut over: Option<(usize, Fineness)> = None;
         while let Some(fineness) = bracket.next().filter(|_| self.probes < MOST_PROBES) {
             self.choose(camera, render, fineness);
-            self.write(false);
+            let whole = self.write(false);
             let len = self.trial.payload.len();
             bracket.tell(fineness, (len.max(1) as f64).ln());
-            if len <= most {
+            if whole && len <= most {
                 if self.trial.psnr > self.best.psnr {
                     self.keep();
                 }

@@ -143,7 +143,7 @@ pub fn measure(pairs: &[Pair], tables: &Tables, step: Step, sees_render: bool) -
     let of_pair = |pair: &Pair| {
         let Picture { width, height, .. } = pair.camera;
         let mut sampler = Sampler::new(width, height, tables);
-        let mut bytes = Vec::new();
+        let mut bytes = Vec::with_capacity(8 * pair.camera.data.len() + 64);
         sampler.encoder().set(&pair.camera, &pair.render, sees_render);
         sampler.encoder().encode(step, &mut bytes);
         let mut shown = pair.render.clone();
