@@ -60,7 +60,8 @@ pub enum Coder {
     Vp8 = 2,
     /// A whole WebP file.
     WebP = 3,
-    /// The wavelet coder: see [`crate::residual::wavelet`].
+    /// The wavelet coder: see [`crate::residual::wavelet`]. Another form of it, or other generic tables, will take
+    /// another number: who holds other tables would decode garbage.
     Wavelet = 4,
 }
 

@@ -22,38 +22,36 @@ fn logit_of(logits: &[Logit; LOGITS], magnitude: i32) -> Logit {
 }
 
 /// The logit of "not zero", and the others as far as they are known.
-struct First {
-    logit: Logit,
-    all: Option<[Logit; LOGITS]>,
+pub struct First {
+    /// The logit.
+    pub logit: Logit,
+    others: Option<[Logit; LOGITS]>,
 }
 
 impl First {
-    fn of(predictor: &Predictor, context: &BandContext, inputs: &Inputs) -> First {
+    /// Of a coefficient.
+    pub fn of(predictor: &Predictor, context: &BandContext, inputs: &Inputs) -> First {
         if inputs.is_quiet() {
-            First { logit: predictor.quiet(&context.bias, &inputs.magnitude), all: None }
+            First { logit: predictor.quiet(&context.bias, &inputs.magnitude), others: None }
         } else {
             let all = predictor.magnitude(&context.bias, &inputs.magnitude);
-            First { logit: all[0], all: Some(all) }
+            First { logit: all[0], others: Some(all) }
         }
     }
 
-    fn others(
-        self,
+    /// All logits of the magnitude.
+    pub fn all(
+        &self,
         predictor: &Predictor,
         context: &BandContext,
         inputs: &Inputs,
     ) -> [Logit; LOGITS] {
-        self.all.unwrap_or_else(|| predictor.magnitude(&context.bias, &inputs.magnitude))
+        let others = self.others;
+        let mut all =
+            others.unwrap_or_else(|| predictor.magnitude(&context.bias, &inputs.magnitude));
+        all[0] = self.logit;
+        all
     }
-}
-
-/// All logits of a magnitude.
-pub fn logits(predictor: &Predictor, context: &BandContext, inputs: &Inputs) -> [Logit; LOGITS] {
-    let first = First::of(predictor, context, inputs);
-    let zero = first.logit;
-    let mut all = first.others(predictor, context, inputs);
-    all[0] = zero;
-    all
 }
 
 /// Bits of a magnitude.
@@ -97,7 +95,7 @@ impl Source for Writer<'_, '_> {
         if magnitude == 0 {
             return Some(0);
         }
-        let logits = first.others(predictor, context, &inputs);
+        let logits = first.all(predictor, context, &inputs);
         for k in 1..magnitude.min(UNARY) {
             self.encoder.put(true, predictor.chances.one(logit_of(&logits, k)));
         }
@@ -155,7 +153,7 @@ impl Source for Reader<'_, '_> {
         if !self.decoder.get(predictor.chances.one(first.logit))? {
             return Some(0);
         }
-        let logits = first.others(predictor, context, &inputs);
+        let logits = first.all(predictor, context, &inputs);
         let mut magnitude = 1;
         while magnitude < UNARY
             && self.decoder.get(predictor.chances.one(logit_of(&logits, magnitude)))?

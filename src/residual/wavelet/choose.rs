@@ -1,6 +1,6 @@
 //! Rate–distortion choice of coefficients: each one as the bits are worth it.
 
-use super::bits::{LARGEST_MAGNITUDE, cost, logits};
+use super::bits::{First, LARGEST_MAGNITUDE, cost};
 use super::context::BandContext;
 use super::gains::{GainFit, Gains, LevelGains};
 use super::geometry::PLANES;
@@ -37,13 +37,19 @@ impl Source for Chooser<'_> {
             return Some(0);
         }
         let inputs = context.inputs(quantised, x, y);
-        let predictor = self.predictor;
-        let logits = logits(predictor, context, &inputs);
-        let sign = predictor.sign(&context.bias, &inputs.sign);
-        let sign = self.predictor.chances.cost(sign, wanted < 0.0);
-        let offsets = &self.predictor.offsets[context.plane][context.band.rank()];
-        let bits = |magnitude| cost(&self.predictor.chances, &logits, magnitude);
-        let mut best = (size * size + self.lambda * bits(0), 0);
+        let Predictor { chances, offsets, .. } = self.predictor;
+        let first = First::of(self.predictor, context, &inputs);
+        let zero = size * size + self.lambda * chances.cost(first.logit, false);
+        // Without an error, and but for its first bit, another value would be no better.
+        if zero <= self.lambda * chances.cost(first.logit, true) {
+            return Some(0);
+        }
+        let logits = first.all(self.predictor, context, &inputs);
+        let sign = self.predictor.sign(&context.bias, &inputs.sign);
+        let sign = chances.cost(sign, wanted < 0.0);
+        let offsets = &offsets[context.plane][context.band.rank()];
+        let bits = |magnitude| cost(chances, &logits, magnitude);
+        let mut best = (zero, 0);
         let near = (size as i32).min(LARGEST_MAGNITUDE - 1);
         for magnitude in (near - 1).max(1)..=near + 1 {
             let offset = f32::from(offsets[magnitude.min(3) as usize - 1]) / 256.0;
