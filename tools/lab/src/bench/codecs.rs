@@ -53,9 +53,9 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     let wavelet = Own::wavelet(&context.scene, context.engine.device().portable);
     let mut report = Measured::default();
     report.plain(&run, &wavelet)?;
-    report.warped(&run, affine::FOUND)?;
+    report.webp(&affine::warped(&run), affine::FOUND)?;
     match estimated(context, &run)? {
-        Some(estimated) => report.warped(&estimated, affine::ESTIMATED)?,
+        Some(estimated) => report.affine(&affine::warped(&estimated))?,
         None => report.missing.extend(affine::ESTIMATED.map(|name| Missing {
             coder: name,
             why: "not measured; needs poses of all frames in the camera file".into(),
@@ -90,11 +90,16 @@ impl Measured {
     }
 
     /// The paper's affine baseline: WebP and JPEG XL on the difference from a warped render.
-    fn warped(&mut self, run: &Run, [webp, jpeg_xl]: [&'static str; 2]) -> anyhow::Result<()> {
-        let warped = affine::warped(run);
-        let own = Own::webp(webp);
-        self.points.extend(own.measure(&warped, Input::Difference, || ())?);
-        self.external(&external::jpeg_xl(jpeg_xl), &warped, &[Input::Difference]);
+    fn affine(&mut self, warped: &Run) -> anyhow::Result<()> {
+        let [webp, jpeg_xl] = affine::ESTIMATED;
+        self.webp(warped, webp)?;
+        self.external(&external::jpeg_xl(jpeg_xl), warped, &[Input::Difference]);
+        Ok(())
+    }
+
+    /// WebP on the difference pictures, under a name.
+    fn webp(&mut self, run: &Run, name: &'static str) -> anyhow::Result<()> {
+        self.points.extend(Own::webp(name).measure(run, Input::Difference, || ())?);
         Ok(())
     }
 

@@ -7,8 +7,8 @@ use super::timed_value;
 
 /// Names of the baseline as the paper has it, at the poses of an estimator: with WebP, with JPEG XL.
 pub const ESTIMATED: [&str; 2] = ["affine-webp", "affine-jpeg-xl"];
-/// The same at the poses found.
-pub const FOUND: [&str; 2] = ["found-affine-webp", "found-affine-jpeg-xl"];
+/// Its name at the poses found, with WebP.
+pub const FOUND: &str = "found-affine-webp";
 
 /// Bytes of a warp: six numbers as f32.
 const BYTES: f64 = 24.0;
@@ -210,20 +210,20 @@ fn equations(warp: &Warp, render: &Plane, frame: &Plane) -> ([[f64; N]; N], [f64
     (normal, slope)
 }
 
-/// Solves `(JᵀJ + damping · diag JᵀJ) step = Jᵀr` by Cholesky's way; `None` if the picture does not determine it.
+/// Solves `(JᵀJ + damping · diag JᵀJ) step = Jᵀr` by elimination; `None` if the picture does not determine it.
 fn solve(mut normal: [[f64; N]; N], mut right: [f64; N], damping: f64) -> Option<[f64; N]> {
-    for i in 0..N {
-        normal[i][i] *= 1.0 + damping;
+    for (i, row) in normal.iter_mut().enumerate() {
+        row[i] *= 1.0 + damping;
     }
     for i in 0..N {
-        let pivot = normal[i][i];
+        let (above, pivot) = (normal[i], normal[i][i]);
         if !(pivot > 0.0 && pivot.is_finite()) {
             return None;
         }
         for row in i + 1..N {
             let factor = normal[row][i] / pivot;
-            for column in i..N {
-                normal[row][column] -= factor * normal[i][column];
+            for (value, above) in normal[row].iter_mut().zip(above) {
+                *value -= factor * above;
             }
             right[row] -= factor * right[i];
         }

@@ -62,7 +62,7 @@ pub fn all() -> Vec<External> {
 
 /// JPEG XL, under a name.
 pub fn jpeg_xl(name: &'static str) -> External {
-    let qualities = &[1.0, 2.0, 4.0, 8.0, 15.0, 25.0];
+    let qualities = &[1.0, 2.0, 3.0, 4.0, 8.0, 15.0, 25.0];
     External { name, kind: Kind::JpegXl, modes: &[Mode::Intra], qualities }
 }
 
@@ -72,11 +72,11 @@ fn x264() -> External {
         stream: H264,
         pixels: "yuv444p",
         quality: &["-crf"],
-        options: &["-preset", "placebo", "-bf", "0", "-threads", "1"],
+        options: &["-preset", "veryslow", "-bf", "0", "-threads", "1"],
         intra: &["-g", "1", "-tune", "psnr"],
         low_delay: &["-g", "9999", "-tune", "psnr,zerolatency"],
     };
-    let qualities = &[16.0, 21.0, 26.0, 31.0, 36.0, 43.0, 51.0];
+    let qualities = &[18.0, 22.0, 26.0, 29.0, 32.0, 36.0, 43.0];
     External { name: "x264", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
 }
 
@@ -86,11 +86,11 @@ fn x265() -> External {
         stream: HEVC,
         pixels: "yuv444p",
         quality: &["-crf"],
-        options: &["-preset", "placebo", "-bf", "0", "-tune", "psnr"],
+        options: &["-preset", "veryslow", "-bf", "0", "-tune", "psnr"],
         intra: &["-x265-params", "log-level=error:keyint=1"],
         low_delay: &["-x265-params", "log-level=error:keyint=9999:rc-lookahead=0"],
     };
-    let qualities = &[16.0, 21.0, 26.0, 31.0, 36.0, 43.0, 51.0];
+    let qualities = &[18.0, 22.0, 26.0, 29.0, 32.0, 36.0, 43.0];
     External { name: "x265", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
 }
 
@@ -106,7 +106,7 @@ fn libaom() -> External {
         intra: &["-usage", "allintra"],
         low_delay: &["-g", "9999", "-lag-in-frames", "0"],
     };
-    let qualities = &[12.0, 22.0, 32.0, 42.0, 52.0, 63.0];
+    let qualities = &[20.0, 27.0, 32.0, 37.0, 42.0, 52.0, 63.0];
     External { name: "libaom", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
 }
 
@@ -120,7 +120,7 @@ fn svt_av1() -> External {
         intra: &["-g", "1"],
         low_delay: &["-g", "9999", "-svtav1-params", "pred-struct=1"],
     };
-    let qualities = &[12.0, 22.0, 32.0, 42.0, 52.0, 63.0];
+    let qualities = &[20.0, 27.0, 32.0, 37.0, 42.0, 52.0, 63.0];
     External { name: "svt-av1", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
 }
 

@@ -28,10 +28,10 @@ impl Own {
             tables: scene.coder_tables().clone(),
             portable,
             // Budgets reach coarser than quality 0.
-            rates: [100, 180]
+            rates: [60, 100, 180]
                 .map(Rate::Bytes)
                 .into_iter()
-                .chain(qualities([0.0, 6.0, 12.0, 18.0, 25.0, 35.0, 45.0, 60.0, 80.0]))
+                .chain(qualities([0.0, 6.0, 12.0, 18.0, 24.0, 30.0, 36.0, 46.0, 60.0, 80.0]))
                 .collect(),
         }
     }
@@ -43,7 +43,7 @@ impl Own {
             coder: ResidualCoder::Webp,
             tables: Arc::new(Tables::generic()),
             portable: true,
-            rates: qualities([0.0, 2.0, 6.0, 15.0, 35.0, 60.0, 85.0]).collect(),
+            rates: qualities([0.0, 2.0, 6.0, 15.0, 25.0, 35.0, 50.0, 65.0, 85.0]).collect(),
         }
     }
 
