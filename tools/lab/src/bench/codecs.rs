@@ -1,41 +1,43 @@
-//! `nvsprior bench --codecs`: what other coders make of the same frames and difference pictures.
+//! `nvsprior bench --codecs`: the wavelet coder beside other coders, on the same frames and difference pictures.
 
+mod affine;
 mod external;
+mod own;
 mod point;
+mod rates;
 mod report;
-mod webp;
+mod run;
 
 use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context as _;
-use nvsprior::Picture;
-use nvsprior::residual::difference;
+use nvsprior::EncoderOptions;
 use nvsprior_inputs::args::progress;
 
 use super::context::{Context, Shot};
+use super::perturbed::{NEAR, steps};
 use external::External;
+use own::Own;
 use point::{Input, Mode, Point};
+use report::Missing;
+use run::{Beside, Outcome, Run};
 
 /// `bench --codecs` and what it takes.
 #[derive(clap::Args)]
 pub struct CodecsArgs {
-    /// Measure other coders on the frames and on the difference pictures, in place of all else
+    /// Measure the wavelet coder and others on the frames and on the difference pictures, in place of all else
     ///
-    /// WebP is built in. JPEG XL needs `cjxl` and `djxl`, the video coders (x264, x265, libaom, SVT-AV1) `ffmpeg`; those
-    /// that are not installed are named. Writes codecs.json, codecs.csv and codecs.svg.
+    /// The wavelet coder and WebP are built in. JPEG XL needs `cjxl` and `djxl`, the video coders (x264, x265, libaom,
+    /// SVT-AV1, VVenC) `ffmpeg` with them; those that are not installed are named. Bytes are payloads without
+    /// containers; with those of a difference picture is counted what a steady packet adds: 19 bytes of latent part,
+    /// the payload's length, and a check of 2. Writes codecs.json, codecs.csv, codecs-rates.csv and codecs.svg.
     #[arg(long, conflicts_with_all = ["ablation", "recovery"])]
     pub codecs: bool,
 }
 
-/// The pictures that are coded: all of one size.
-struct Run {
-    frames: Vec<Picture>,
-    renders: Vec<Picture>,
-    differences: Vec<Picture>,
-    /// Bytes of a packet's latent part, which goes with every difference picture.
-    latent: f64,
-}
+/// Seed of the poses that an estimator would give.
+const SEED: u64 = 1;
 
 /// Measures, prints and writes it all to a folder.
 pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
@@ -47,106 +49,117 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
         );
     }
     std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-    let run = pictures(context)?;
-    let (found, missing): (Vec<_>, Vec<_>) =
-        external::all().into_iter().partition(External::is_installed);
-    let steps: usize = found.iter().map(External::settings).sum();
-    let bar = progress(2 * (webp::QUALITIES.len() + steps), "coders");
-    let mut points = Vec::new();
-    for input in [Input::Frame, Input::Difference] {
-        points.extend(webp::measure(&run, input, || bar.inc(1))?);
-        for coder in &found {
-            points.extend(coder.measure(&run, input, || bar.inc(1))?);
-        }
+    let run = found(context)?;
+    let wavelet = Own::wavelet(&context.scene, context.engine.device().portable);
+    let mut report = Measured::default();
+    report.plain(&run, &wavelet)?;
+    report.webp(&affine::warped(&run), affine::FOUND)?;
+    match estimated(context, &run)? {
+        Some(estimated) => report.affine(&affine::warped(&estimated))?,
+        None => report.missing.extend(affine::ESTIMATED.map(|name| Missing {
+            coder: name,
+            why: "not measured; needs poses of all frames in the camera file".into(),
+        })),
     }
-    bar.finish_and_clear();
-    let missing: Vec<_> = missing.iter().map(External::missing).collect();
-    report::print(&points, &missing);
-    report::write(folder, &points, &missing)
+    report::print(&run, &report.points, &report.missing);
+    report::write(folder, &report.points, &report.missing)
 }
 
-/// Encodes the run without difference pictures, and takes those from the renders.
-fn pictures(context: &mut Context) -> anyhow::Result<Run> {
-    let mut encoder = context.encoder(context.options())?;
-    let (mut frames, mut renders, mut differences) = (Vec::new(), Vec::new(), Vec::new());
-    let mut latent = 0.0;
+/// What came of the coders.
+#[derive(Default)]
+struct Measured {
+    points: Vec<Point>,
+    missing: Vec<Missing>,
+}
+
+impl Measured {
+    /// All coders on frames and on difference pictures.
+    fn plain(&mut self, run: &Run, wavelet: &Own) -> anyhow::Result<()> {
+        let inputs = [Input::Frame, Input::Difference];
+        for own in [wavelet, &Own::webp("webp")] {
+            let bar = progress(2 * own.settings(), own.name());
+            for input in inputs {
+                self.points.extend(own.measure(run, input, || bar.inc(1))?);
+            }
+            bar.finish_and_clear();
+        }
+        for coder in &external::all() {
+            self.external(coder, run, &inputs);
+        }
+        Ok(())
+    }
+
+    /// The paper's affine baseline: WebP and JPEG XL on the difference from a warped render.
+    fn affine(&mut self, warped: &Run) -> anyhow::Result<()> {
+        let [webp, jpeg_xl] = affine::ESTIMATED;
+        self.webp(warped, webp)?;
+        self.external(&external::jpeg_xl(jpeg_xl), warped, &[Input::Difference]);
+        Ok(())
+    }
+
+    /// WebP on the difference pictures, under a name.
+    fn webp(&mut self, run: &Run, name: &'static str) -> anyhow::Result<()> {
+        self.points.extend(Own::webp(name).measure(run, Input::Difference, || ())?);
+        Ok(())
+    }
+
+    /// A coder that may not be there, or not as it is expected to be: the others are measured all the same.
+    fn external(&mut self, coder: &External, run: &Run, inputs: &[Input]) {
+        let missing = |why| Missing { coder: coder.name(), why };
+        if !coder.is_installed() {
+            self.missing.push(missing(format!("not installed; needs {}", coder.needs())));
+            return;
+        }
+        let bar = progress(inputs.len() * coder.settings(), coder.name());
+        for input in inputs {
+            match coder.measure(run, *input, || bar.inc(1)) {
+                Ok(points) => self.points.extend(points),
+                Err(error) => self.missing.push(missing(format!("failed: {error:#}"))),
+            }
+        }
+        bar.finish_and_clear();
+    }
+}
+
+/// The frames beside the renders at the poses that the encoder finds.
+fn found(context: &mut Context) -> anyhow::Result<Run> {
+    let options = EncoderOptions { rate: None, ..context.options() };
+    let mut encoder = context.encoder(options)?;
+    let (mut frames, mut renders) = (Vec::new(), Vec::new());
     let bar = progress(context.shots.len(), "renders");
     for Shot { file, picture, external, .. } in &context.shots {
         let encoded =
             encoder.encode(picture, *external).with_context(|| format!("encoding {file}"))?;
-        latent += encoded.stats.latent_bytes as f64 / context.shots.len() as f64;
-        differences.push(difference(picture, &encoded.render));
         frames.push(picture.clone());
         renders.push(encoded.render);
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(Run { frames, renders, differences, latent })
+    Ok(Run::new(frames, renders, Beside::default()))
 }
 
-impl Run {
-    fn len(&self) -> f64 {
-        self.frames.len() as f64
+/// The same beside the renders at poses as an estimator would give them: the camera file's, put off by as much as
+/// the paper says of estimators. `None` if the file has not all poses.
+fn estimated(context: &mut Context, run: &Run) -> anyhow::Result<Option<Run>> {
+    let known: Option<Vec<_>> =
+        context.shots.iter().map(|shot| Some((shot.camera, shot.known?))).collect();
+    let Some(known) = known else { return Ok(None) };
+    let mut renders = Vec::new();
+    for ((camera, pose), step) in known.into_iter().zip(steps(NEAR, SEED)) {
+        renders.push(context.forward.picture(&camera, &pose.stepped(&step))?.clone());
     }
-
-    /// What is coded.
-    fn pictures(&self, input: Input) -> &[Picture] {
-        match input {
-            Input::Frame => &self.frames,
-            Input::Difference => &self.differences,
-        }
-    }
-
-    /// Bytes of a frame that a payload comes with.
-    fn overhead(&self, input: Input) -> f64 {
-        match input {
-            Input::Frame => 0.0,
-            Input::Difference => self.latent,
-        }
-    }
-
-    /// Mean PSNR over the frames of what was decoded, dB.
-    fn psnr(&self, input: Input, decoded: &[Picture]) -> f64 {
-        let shown = |(index, picture): (usize, &Picture)| match input {
-            Input::Frame => picture.psnr(&self.frames[index]),
-            Input::Difference => {
-                let mut shown = self.renders[index].clone();
-                nvsprior::residual::add(&picture.data, &mut shown.data);
-                shown.psnr(&self.frames[index])
-            }
-        };
-        decoded.iter().enumerate().map(shown).sum::<f64>() / self.len()
-    }
-
-    /// A point of a coder, from its payloads' bytes and what they decode to.
-    fn point(&self, coder: &'static str, input: Input, mode: Mode, outcome: &Outcome) -> Point {
-        Point {
-            coder,
-            input,
-            mode,
-            setting: outcome.setting,
-            bytes: outcome.bytes as f64 / self.len() + self.overhead(input),
-            psnr: self.psnr(input, &outcome.decoded),
-            encode_ms: outcome.encode_ms / self.len(),
-            decode_ms: outcome.decode_ms / self.len(),
-        }
-    }
-}
-
-/// What a coder made of all pictures.
-struct Outcome {
-    /// Its quality setting.
-    setting: f64,
-    /// Of all payloads together, without containers.
-    bytes: usize,
-    encode_ms: f64,
-    decode_ms: f64,
-    decoded: Vec<Picture>,
+    Ok(Some(Run::new(run.frames.clone(), renders, Beside::default())))
 }
 
 /// Milliseconds that something takes, and what it gives.
 fn timed<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<(T, f64)> {
+    let (value, ms) = timed_value(work);
+    Ok((value?, ms))
+}
+
+/// The same of what cannot fail.
+fn timed_value<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let since = Instant::now();
-    let value = work()?;
-    Ok((value, since.elapsed().as_secs_f64() * 1e3))
+    let value = work();
+    (value, since.elapsed().as_secs_f64() * 1e3)
 }

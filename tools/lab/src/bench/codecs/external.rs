@@ -21,84 +21,121 @@ pub struct External {
 /// How its programs are run.
 enum Kind {
     /// An encoder of ffmpeg, all pictures in one file.
-    Ffmpeg {
-        encoder: &'static str,
-        /// Format of the elementary stream.
-        format: &'static str,
-        pixels: &'static str,
-        options: &'static [&'static str],
-        intra: &'static [&'static str],
-        stream: &'static [&'static str],
-    },
+    Ffmpeg(Ffmpeg),
     /// libjxl's programs, one file per picture.
     JpegXl,
 }
+
+/// An encoder of ffmpeg. All are told to aim at PSNR, which they are judged by.
+struct Ffmpeg {
+    encoder: &'static str,
+    stream: Stream,
+    pixels: &'static str,
+    /// The options that set its quality.
+    quality: &'static [&'static str],
+    options: &'static [&'static str],
+    intra: &'static [&'static str],
+    low_delay: &'static [&'static str],
+}
+
+/// An elementary stream.
+struct Stream {
+    /// Its format's name in ffmpeg.
+    format: &'static str,
+    /// Types of the units that say nothing of a picture, or the same of all: parameter sets, delimiters, SEI.
+    headers: &'static str,
+    /// Whether units begin with start codes.
+    start_codes: bool,
+}
+
+const H264: Stream = Stream { format: "h264", headers: "6-9", start_codes: true };
+const HEVC: Stream = Stream { format: "hevc", headers: "32-40", start_codes: true };
+const AV1: Stream = Stream { format: "obu", headers: "1|2|5|15", start_codes: false };
+const VVC: Stream = Stream { format: "vvc", headers: "12-16|20-24", start_codes: true };
 
 const BOTH: &[Mode] = &[Mode::Intra, Mode::Stream];
 
 /// All that are known.
 pub fn all() -> Vec<External> {
-    vec![
-        External {
-            name: "jpeg-xl",
-            kind: Kind::JpegXl,
-            modes: &[Mode::Intra],
-            qualities: &[1.0, 2.0, 4.0, 8.0, 15.0, 25.0],
-        },
-        External {
-            name: "x264",
-            kind: Kind::Ffmpeg {
-                encoder: "libx264",
-                format: "h264",
-                pixels: "yuv444p",
-                options: &["-preset", "placebo", "-bf", "0"],
-                intra: &["-g", "1"],
-                stream: &["-g", "9999", "-tune", "zerolatency"],
-            },
-            modes: BOTH,
-            qualities: &[18.0, 24.0, 30.0, 36.0, 42.0, 48.0],
-        },
-        External {
-            name: "x265",
-            kind: Kind::Ffmpeg {
-                encoder: "libx265",
-                format: "hevc",
-                pixels: "yuv444p",
-                options: &["-preset", "placebo", "-bf", "0"],
-                intra: &["-x265-params", "log-level=error:keyint=1"],
-                stream: &["-x265-params", "log-level=error:keyint=9999:rc-lookahead=0"],
-            },
-            modes: BOTH,
-            qualities: &[18.0, 24.0, 30.0, 36.0, 42.0, 48.0],
-        },
-        External {
-            name: "libaom",
-            kind: Kind::Ffmpeg {
-                encoder: "libaom-av1",
-                format: "obu",
-                pixels: "yuv444p",
-                options: &["-cpu-used", "1", "-b:v", "0"],
-                intra: &["-usage", "allintra"],
-                stream: &["-g", "9999", "-lag-in-frames", "0"],
-            },
-            modes: BOTH,
-            qualities: &[16.0, 26.0, 36.0, 46.0, 56.0, 63.0],
-        },
-        External {
-            name: "svt-av1",
-            kind: Kind::Ffmpeg {
-                encoder: "libsvtav1",
-                format: "obu",
-                pixels: "yuv420p",
-                options: &["-preset", "2"],
-                intra: &["-g", "1"],
-                // Its low delay is not for measuring, it says.
-                stream: &[],
-            },
-            modes: &[Mode::Intra],
-            qualities: &[16.0, 26.0, 36.0, 46.0, 56.0, 63.0],
-        },
-    ]
+    vec![jpeg_xl("jpeg-xl"), x264(), x265(), libaom(), svt_av1(), vvenc()]
+}
+
+/// JPEG XL, under a name.
+pub fn jpeg_xl(name: &'static str) -> External {
+    let qualities = &[1.0, 2.0, 3.0, 4.0, 8.0, 15.0, 25.0];
+    External { name, kind: Kind::JpegXl, modes: &[Mode::Intra], qualities }
+}
+
+fn x264() -> External {
+    let kind = Ffmpeg {
+        encoder: "libx264",
+        stream: H264,
+        pixels: "yuv444p",
+        quality: &["-crf"],
+        options: &["-preset", "veryslow", "-bf", "0", "-threads", "1"],
+        intra: &["-g", "1", "-tune", "psnr"],
+        low_delay: &["-g", "9999", "-tune", "psnr,zerolatency"],
+    };
+    let qualities = &[18.0, 22.0, 26.0, 29.0, 32.0, 36.0, 43.0];
+    External { name: "x264", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
+}
+
+fn x265() -> External {
+    let kind = Ffmpeg {
+        encoder: "libx265",
+        stream: HEVC,
+        pixels: "yuv444p",
+        quality: &["-crf"],
+        options: &["-preset", "veryslow", "-bf", "0", "-tune", "psnr"],
+        intra: &["-x265-params", "log-level=error:keyint=1"],
+        low_delay: &["-x265-params", "log-level=error:keyint=9999:rc-lookahead=0"],
+    };
+    let qualities = &[18.0, 22.0, 26.0, 29.0, 32.0, 36.0, 43.0];
+    External { name: "x265", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
+}
+
+/// AV1 as in AVIF, picture by picture, and as a stream.
+fn libaom() -> External {
+    let kind = Ffmpeg {
+        encoder: "libaom-av1",
+        stream: AV1,
+        pixels: "yuv444p",
+        // Without bounds, its streams come out far finer than asked for.
+        quality: &["-crf", "-qmin", "-qmax"],
+        options: &["-cpu-used", "4", "-b:v", "0"],
+        intra: &["-usage", "allintra"],
+        low_delay: &["-g", "9999", "-lag-in-frames", "0"],
+    };
+    let qualities = &[20.0, 27.0, 32.0, 37.0, 42.0, 52.0, 63.0];
+    External { name: "libaom", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
+}
+
+fn svt_av1() -> External {
+    let kind = Ffmpeg {
+        encoder: "libsvtav1",
+        stream: AV1,
+        pixels: "yuv420p",
+        quality: &["-crf"],
+        options: &["-preset", "5"],
+        intra: &["-g", "1"],
+        low_delay: &["-g", "9999", "-svtav1-params", "pred-struct=1"],
+    };
+    let qualities = &[20.0, 27.0, 32.0, 37.0, 42.0, 52.0, 63.0];
+    External { name: "svt-av1", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
+}
+
+fn vvenc() -> External {
+    let kind = Ffmpeg {
+        encoder: "libvvenc",
+        stream: VVC,
+        pixels: "yuv420p10le",
+        quality: &["-qp"],
+        options: &["-preset", "slow", "-qpa", "0"],
+        intra: &["-g", "1"],
+        low_delay: &["-period", "9999", "-vvenc-params", "PicReordering=0"],
+    };
+    let qualities = &[17.0, 22.0, 27.0, 32.0, 37.0, 44.0, 52.0];
+    External { name: "vvenc", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
 }
 
 /// Runs a program; an error has what it said.
@@ -111,6 +148,10 @@ fn run(program: &str, arguments: &[&str]) -> anyhow::Result<Vec<u8>> {
 }
 
 impl External {
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
     /// How many points it gives of a kind of input.
     pub fn settings(&self) -> usize {
         self.modes.len() * self.qualities.len()
@@ -118,20 +159,20 @@ impl External {
 
     /// Whether its programs can be run.
     pub fn is_installed(&self) -> bool {
-        match self.kind {
+        match &self.kind {
             Kind::JpegXl => {
                 run("cjxl", &["--version"]).is_ok() && run("djxl", &["--version"]).is_ok()
             }
-            Kind::Ffmpeg { encoder, .. } => run("ffmpeg", &["-v", "error", "-encoders"])
+            Kind::Ffmpeg(Ffmpeg { encoder, .. }) => run("ffmpeg", &["-v", "error", "-encoders"])
                 .is_ok_and(|list| String::from_utf8_lossy(&list).contains(encoder)),
         }
     }
 
-    /// Its name, and what it needs.
-    pub fn missing(&self) -> (&'static str, &'static str) {
-        match self.kind {
-            Kind::JpegXl => (self.name, "cjxl and djxl (Debian: libjxl-tools)"),
-            Kind::Ffmpeg { .. } => (self.name, "ffmpeg with this encoder (Debian: ffmpeg)"),
+    /// What it needs.
+    pub fn needs(&self) -> String {
+        match &self.kind {
+            Kind::JpegXl => "cjxl and djxl (Debian: libjxl-tools)".into(),
+            Kind::Ffmpeg(Ffmpeg { encoder, .. }) => format!("ffmpeg with {encoder}"),
         }
     }
 
@@ -141,9 +182,12 @@ impl External {
         for &mode in self.modes {
             for &quality in self.qualities {
                 let folder = tempfile::tempdir()?;
-                let outcome = self
+                let show = |index, decoded: &Picture| run.show(input, index, decoded);
+                let mut outcome = self
                     .code(run.pictures(input), mode, quality, folder.path())
                     .with_context(|| format!("{} at {quality}", self.name))?;
+                let decoded = outcome.shown.iter().enumerate();
+                outcome.shown = decoded.map(|(index, picture)| show(index, picture)).collect();
                 points.push(run.point(self.name, input, mode, &outcome));
                 done();
             }
@@ -159,12 +203,8 @@ impl External {
         folder: &Path,
     ) -> anyhow::Result<Outcome> {
         match &self.kind {
-            Kind::JpegXl => jpeg_xl(pictures, quality, folder),
-            Kind::Ffmpeg { encoder, format, pixels, options, intra, stream } => {
-                let of_mode = if mode == Mode::Intra { intra } else { stream };
-                let options = [*options, *of_mode, &["-pix_fmt", pixels]].concat();
-                ffmpeg(pictures, encoder, format, &options, quality, folder)
-            }
+            Kind::JpegXl => code_jpeg_xl(pictures, quality, folder),
+            Kind::Ffmpeg(coder) => coder.code(pictures, mode, quality, folder),
         }
     }
 }
@@ -172,49 +212,75 @@ impl External {
 /// The same conversion both ways, full range.
 const TO_YUV: &str = "scale=out_color_matrix=bt709:out_range=pc:flags=accurate_rnd+full_chroma_int";
 const FROM_YUV: &str = "scale=in_color_matrix=bt709:in_range=pc:flags=accurate_rnd+full_chroma_int";
+/// Raw pictures.
+const RGB: [&str; 4] = ["-f", "rawvideo", "-pix_fmt", "rgb24"];
+/// Says what goes wrong, and no more.
+const QUIET: [&str; 3] = ["-v", "error", "-y"];
 
-fn ffmpeg(
-    pictures: &[Picture],
-    encoder: &str,
-    format: &str,
-    options: &[&str],
-    quality: f64,
-    folder: &Path,
-) -> anyhow::Result<Outcome> {
-    let (width, height) = (pictures[0].width, pictures[0].height);
-    let file = |name: &str| folder.join(name).to_string_lossy().into_owned();
-    let (raw, coded, shown) = (file("in.rgb"), file("coded"), file("out.rgb"));
-    std::fs::write(
-        &raw,
-        pictures.iter().flat_map(|p| p.data.iter().copied()).collect::<Vec<u8>>(),
-    )?;
-    let (size, crf) = (format!("{width}x{height}"), quality.to_string());
-    let rgb = ["-f", "rawvideo", "-pix_fmt", "rgb24"];
-    let from = [&["-v", "error", "-y"], &rgb[..], &["-s", &size, "-r", "15", "-i", &raw]].concat();
-    let how = ["-vf", TO_YUV, "-c:v", encoder, "-crf", &crf];
-    let arguments = [&from[..], &how, options, &["-f", format, &coded]].concat();
-    let (_, encode_ms) = timed(|| run("ffmpeg", &arguments))?;
-    let from = ["-v", "error", "-y", "-f", format, "-i", &coded, "-vf", FROM_YUV];
-    let arguments = [&from[..], &rgb, &[&shown]].concat();
-    let (_, decode_ms) = timed(|| run("ffmpeg", &arguments))?;
-    let bytes = std::fs::metadata(&coded)?.len() as usize;
-    let data = std::fs::read(&shown)?;
-    let whole = data.chunks_exact(width as usize * height as usize * 3);
-    let decoded: Vec<_> =
-        whole.filter_map(|rgb| Picture::from_rgb(width, height, rgb.to_vec())).collect();
-    let (expected, found) = (pictures.len(), decoded.len());
-    anyhow::ensure!(expected == found, "{found} pictures decoded of {expected}");
-    Ok(Outcome { setting: quality, bytes, encode_ms, decode_ms, decoded })
+impl Ffmpeg {
+    fn code(
+        &self,
+        pictures: &[Picture],
+        mode: Mode,
+        quality: f64,
+        folder: &Path,
+    ) -> anyhow::Result<Outcome> {
+        let (width, height) = (pictures[0].width, pictures[0].height);
+        let file = |name: &str| folder.join(name).to_string_lossy().into_owned();
+        let (raw, coded, bare, shown) =
+            (file("in.rgb"), file("coded"), file("bare"), file("out.rgb"));
+        std::fs::write(&raw, pictures.iter().flat_map(|p| p.data.clone()).collect::<Vec<u8>>())?;
+        let (size, quality_text) = (format!("{width}x{height}"), quality.to_string());
+        let from = [&QUIET[..], &RGB, &["-s", &size, "-r", "15", "-i", &raw]].concat();
+        let how = ["-vf", TO_YUV, "-c:v", self.encoder];
+        let quality_options: Vec<&str> =
+            self.quality.iter().flat_map(|option| [*option, &quality_text]).collect();
+        let of_mode = if mode == Mode::Intra { self.intra } else { self.low_delay };
+        let format = ["-pix_fmt", self.pixels, "-f", self.stream.format, &coded];
+        let arguments =
+            [&from[..], &how, &quality_options, self.options, of_mode, &format].concat();
+        let mut outcome = Outcome::new(quality);
+        (_, outcome.encode_ms) = timed(|| run("ffmpeg", &arguments))?;
+        let to = ["-f", self.stream.format, "-i", &coded, "-vf", FROM_YUV];
+        let arguments = [&QUIET[..], &to, &RGB, &[&shown]].concat();
+        (_, outcome.decode_ms) = timed(|| run("ffmpeg", &arguments))?;
+        outcome.bytes = self.stream.payload(&coded, &bare)?;
+        let data = std::fs::read(&shown)?;
+        let whole = data.chunks_exact(width as usize * height as usize * 3);
+        outcome.shown =
+            whole.filter_map(|rgb| Picture::from_rgb(width, height, rgb.to_vec())).collect();
+        let (expected, found) = (pictures.len(), outcome.shown.len());
+        anyhow::ensure!(expected == found, "{found} pictures decoded of {expected}");
+        Ok(outcome)
+    }
 }
 
-fn jpeg_xl(pictures: &[Picture], distance: f64, folder: &Path) -> anyhow::Result<Outcome> {
+impl Stream {
+    /// Bytes of a file that are about single pictures: a vehicle and a topside would agree on the rest beforehand.
+    /// `bare`: a file for them.
+    fn payload(&self, coded: &str, bare: &str) -> anyhow::Result<usize> {
+        let filter = format!("filter_units=remove_types={}", self.headers);
+        let from = ["-f", self.format, "-i", coded, "-c", "copy", "-bsf:v", &filter];
+        run("ffmpeg", &[&QUIET[..], &from, &["-f", self.format, bare]].concat())?;
+        let bytes = std::fs::read(bare)?;
+        let start_codes = if self.start_codes { start_code_bytes(&bytes) } else { 0 };
+        Ok(bytes.len() - start_codes)
+    }
+}
+
+/// Bytes of the start codes in a stream; none is amid a unit.
+fn start_code_bytes(stream: &[u8]) -> usize {
+    let length = |at: usize| if at > 0 && stream[at - 1] == 0 { 4 } else { 3 };
+    let codes = stream.windows(3).enumerate().filter(|(_, bytes)| *bytes == [0, 0, 1]);
+    codes.map(|(at, _)| length(at)).sum()
+}
+
+fn code_jpeg_xl(pictures: &[Picture], distance: f64, folder: &Path) -> anyhow::Result<Outcome> {
     let file = |name: &str| folder.join(name);
     let text = |name: &str| file(name).to_string_lossy().into_owned();
     let (raw, coded, shown) = (text("in.png"), text("coded.jxl"), text("out.png"));
-    let setting = distance;
+    let mut outcome = Outcome::new(distance);
     let distance = distance.to_string();
-    let mut outcome =
-        Outcome { setting, bytes: 0, encode_ms: 0.0, decode_ms: 0.0, decoded: Vec::new() };
     for picture in pictures {
         frame_file::write_png(&file("in.png"), picture)?;
         let arguments = [raw.as_str(), &coded, "-d", &distance, "-e", "9", "--quiet"];
@@ -224,7 +290,18 @@ fn jpeg_xl(pictures: &[Picture], distance: f64, folder: &Path) -> anyhow::Result
         let (_, ms) = timed(|| run("djxl", &[&coded, &shown, "--quiet"]))?;
         outcome.decode_ms += ms;
         let decoded = frame_file::read_frame(&file("out.png"), picture.width, picture.height)?;
-        outcome.decoded.push(decoded);
+        outcome.shown.push(decoded);
     }
     Ok(outcome)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn start_codes_are_found_in_both_lengths() {
+        assert_eq!(start_code_bytes(&[0, 0, 0, 1, 9, 0, 0, 1, 7, 0, 0, 3, 1]), 7);
+        assert_eq!(start_code_bytes(&[0, 1]), 0);
+    }
 }

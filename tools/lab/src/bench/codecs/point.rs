@@ -45,7 +45,7 @@ pub struct Point {
     pub input: Input,
     pub mode: Mode,
     pub setting: f64,
-    /// Of a difference picture, the latent part included.
+    /// Of a difference picture, what a steady packet adds included.
     pub bytes: f64,
     /// Of what the topside shows, dB.
     pub psnr: f64,
@@ -64,6 +64,13 @@ pub fn bd_rate(curve: &[&Point], anchor: &[&Point]) -> Option<f64> {
     let ratio = |i: u32| log_bytes(&curve, at(i)) - log_bytes(&anchor, at(i));
     let mean = (0..STEPS).map(ratio).sum::<f64>() / f64::from(STEPS);
     (high > low).then(|| mean.exp() - 1.0)
+}
+
+/// Bytes at a PSNR, on straight lines between the points' logarithms; `None` beyond the points.
+pub fn bytes_at(curve: &[&Point], psnr: f64) -> Option<f64> {
+    let line = line(curve);
+    let (low, high) = (line.first()?.0, line.last()?.0);
+    (line.len() > 1 && (low..=high).contains(&psnr)).then(|| log_bytes(&line, psnr).exp())
 }
 
 /// PSNR and logarithm of bytes, in the order of PSNR.
@@ -103,6 +110,17 @@ mod tests {
         let (half, whole) = (curve(0.5), curve(1.0));
         let rate = bd_rate(&half.iter().collect::<Vec<_>>(), &whole.iter().collect::<Vec<_>>());
         assert!((rate.unwrap() + 0.5).abs() < 1e-9, "{rate:?}");
+    }
+
+    #[test]
+    fn bytes_lie_between_the_points_and_nowhere_else() {
+        let curve = curve(2.0);
+        let curve: Vec<_> = curve.iter().collect();
+        let bytes = bytes_at(&curve, 30.0).expect("28 to 36 dB");
+        assert!((bytes - 2.0 * 6.0_f64.exp()).abs() < 1e-6, "{bytes}");
+        assert_eq!(bytes_at(&curve, 27.9), None);
+        assert_eq!(bytes_at(&curve, 36.1), None);
+        assert_eq!(bytes_at(&[], 30.0), None);
     }
 
     #[test]

@@ -5,71 +5,73 @@ use std::path::Path;
 use anyhow::Context as _;
 use serde_json::{Value, json};
 
-use super::point::{Input, Mode, Point, bd_rate};
+use super::point::{Mode, Point};
+use super::rates::{Best, Curve, LEVELS, Row, best_others, rows};
+use super::run::Run;
 use crate::bench::plot;
 
-/// A coder that is not installed, and what it needs.
-type Missing = (&'static str, &'static str);
-
-/// Points of one coder, input and mode.
-struct Curve<'a> {
-    coder: &'static str,
-    input: Input,
-    mode: Mode,
-    points: Vec<&'a Point>,
+/// A coder without points, and why it has none.
+pub struct Missing {
+    pub coder: &'static str,
+    pub why: String,
 }
 
-fn curves(points: &[Point]) -> Vec<Curve<'_>> {
-    let mut curves: Vec<Curve> = Vec::new();
-    for point in points {
-        let Point { coder, input, mode, .. } = *point;
-        let same = |c: &&mut Curve| (c.coder, c.input, c.mode) == (coder, input, mode);
-        match curves.iter_mut().find(same) {
-            Some(curve) => curve.points.push(point),
-            None => curves.push(Curve { coder, input, mode, points: vec![point] }),
-        }
-    }
-    curves
-}
-
-/// Bytes beyond those of WebP on the difference, which is the paper's way.
-fn beside_webp(curves: &[Curve], curve: &Curve) -> Option<f64> {
-    let is_webp = |c: &&Curve| c.coder == "webp" && c.input == Input::Difference;
-    let webp = curves.iter().find(is_webp)?;
-    bd_rate(&curve.points, &webp.points)
-}
-
-/// Prints a table, and what is not installed.
-pub fn print(points: &[Point], missing: &[Missing]) {
-    let curves = curves(points);
-    println!("bytes and PSNR are means per frame; of a difference picture with its latent part");
-    println!("BD-rate is beside WebP on the difference picture");
-    println!("{:<10} {:<10} {:<6} {:>9}  points: bytes at dB", "coder", "input", "mode", "BD-rate");
+/// Prints the points, the coders side by side, and what was not measured.
+pub fn print(run: &Run, points: &[Point], missing: &[Missing]) {
+    let curves = Curve::all(points);
+    println!("bytes and PSNR are means per frame");
+    println!(
+        "with bytes of a difference picture is counted what a steady packet adds to the payload"
+    );
     for curve in &curves {
-        let rate = beside_webp(&curves, curve);
-        let rate = rate.map_or("-".into(), |r| format!("{:+.0} %", 100.0 * r));
         let points: Vec<String> =
             curve.points.iter().map(|p| format!("{:.0} at {:.2}", p.bytes, p.psnr)).collect();
-        let (input, mode) = (curve.input.name(), curve.mode.name());
-        println!("{:<10} {input:<10} {mode:<6} {rate:>9}  {}", curve.coder, points.join(", "));
+        println!("{}: {} dB", curve.name(), points.join(", "));
     }
-    for (coder, needs) in missing {
-        println!("{coder}: not installed; needs {needs}");
+    println!("the renders alone: {:.2} dB", run.psnr(&run.renders));
+    let rows = rows(&curves);
+    print_rows(&rows);
+    print_best("best other, picture by picture", &best_others(&rows, &[Mode::Intra]));
+    print_best("best other, streams too", &best_others(&rows, &[Mode::Intra, Mode::Stream]));
+    for Missing { coder, why } in missing {
+        println!("{coder}: {why}");
     }
 }
 
-/// Writes codecs.json, codecs.csv and codecs.svg.
+/// Prints the best other coders, and the wavelet coder's share of their bytes.
+fn print_best(title: &str, best: &[Best]) {
+    println!("{title}:");
+    for Best { psnr, curve, bytes, share } in best {
+        let percent = 100.0 * share;
+        println!("  {psnr} dB: {bytes:.0}, {}; wavelet has {percent:.0} %", curve.name());
+    }
+}
+
+/// Prints bytes at the same PSNR, and the wavelet coder's BD-rate beside each coder.
+fn print_rows(rows: &[Row]) {
+    let levels: String = LEVELS.iter().map(|psnr| format!("{psnr:>5} dB")).collect();
+    println!("{:<17} {:<10} {:<6} {levels}  wavelet's BD-rate", "coder", "input", "mode");
+    for Row { curve, bd_rate, bytes } in rows {
+        let number = |bytes: &Option<f64>| bytes.map_or("-".into(), |bytes| format!("{bytes:.0}"));
+        let bytes: String = bytes.iter().map(|bytes| format!("{:>8}", number(bytes))).collect();
+        let rate = bd_rate.map_or("-".into(), |rate| format!("{:+.1} %", 100.0 * rate));
+        let (input, mode) = (curve.input.name(), curve.mode.name());
+        println!("{:<17} {input:<10} {mode:<6} {bytes}  {rate}", curve.coder);
+    }
+}
+
+/// Writes codecs.json, codecs.csv, codecs-rates.csv and codecs.svg.
 pub fn write(folder: &Path, points: &[Point], missing: &[Missing]) -> anyhow::Result<()> {
     let path = folder.join("codecs.json");
-    let rows: Vec<Value> = points.iter().map(row).chain(missing.iter().map(absent)).collect();
-    let text = serde_json::to_string_pretty(&rows)? + "\n";
+    let all: Vec<Value> = points.iter().map(row).chain(missing.iter().map(absent)).collect();
+    let text = serde_json::to_string_pretty(&all)? + "\n";
     std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
     table(&folder.join("codecs.csv"), points)?;
-    let curves = curves(points);
-    let named = curves.iter().map(|curve| {
-        let name = format!("{}, {}, {}", curve.coder, curve.input.name(), curve.mode.name());
-        (name, curve.points.iter().map(|p| (p.bytes, p.psnr)).collect())
-    });
+    let curves = Curve::all(points);
+    rates_table(&folder.join("codecs-rates.csv"), &rows(&curves))?;
+    let named = curves
+        .iter()
+        .map(|curve| (curve.name(), curve.points.iter().map(|p| (p.bytes, p.psnr)).collect()));
     plot::codecs(&folder.join("codecs.svg"), named.collect())
 }
 
@@ -86,8 +88,8 @@ fn row(p: &Point) -> Value {
     })
 }
 
-fn absent((coder, needs): &Missing) -> Value {
-    json!({ "coder": coder, "missing": needs })
+fn absent(Missing { coder, why }: &Missing) -> Value {
+    json!({ "coder": coder, "missing": why })
 }
 
 fn table(path: &Path, points: &[Point]) -> anyhow::Result<()> {
@@ -108,6 +110,22 @@ fn table(path: &Path, points: &[Point]) -> anyhow::Result<()> {
         let numbers = numbers.map(|v| format!("{v:.3}"));
         let words = [p.coder, p.input.name(), p.mode.name()].map(String::from);
         table.write_record(words.iter().chain(&numbers))?;
+    }
+    table.flush().with_context(writing)
+}
+
+/// Bytes at the same PSNR, and the wavelet coder's BD-rate beside each coder; empty where there is none.
+fn rates_table(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
+    let writing = || format!("writing {}", path.display());
+    let mut table = csv::Writer::from_path(path).with_context(writing)?;
+    let words = ["coder", "input", "mode", "wavelet_bd_rate"].map(String::from);
+    let levels = LEVELS.map(|psnr| format!("bytes_at_{psnr}_db"));
+    table.write_record(words.iter().chain(&levels))?;
+    for Row { curve, bd_rate, bytes } in rows {
+        let words = [curve.coder, curve.input.name(), curve.mode.name()].map(String::from);
+        let rate = bd_rate.map_or(String::new(), |rate| format!("{rate:.4}"));
+        let bytes = bytes.map(|bytes| bytes.map_or(String::new(), |bytes| format!("{bytes:.1}")));
+        table.write_record(words.iter().chain([&rate]).chain(&bytes))?;
     }
     table.flush().with_context(writing)
 }

@@ -1,0 +1,105 @@
+//! The coders of packets, wavelet coder and WebP: without a container.
+
+use std::sync::Arc;
+
+use nvsprior::packet::Residual;
+use nvsprior::render::Scene;
+use nvsprior::residual::wavelet::Tables;
+use nvsprior::residual::{Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
+
+use super::{Input, Mode, Outcome, Point, Run, timed};
+
+/// A coder of packets.
+pub struct Own {
+    name: &'static str,
+    coder: ResidualCoder,
+    tables: Arc<Tables>,
+    portable: bool,
+    /// Coarsest first.
+    rates: Vec<Rate>,
+}
+
+impl Own {
+    /// The wavelet coder, as an encoder of a scene has it.
+    pub fn wavelet(scene: &Scene, portable: bool) -> Own {
+        Own {
+            name: "wavelet",
+            coder: ResidualCoder::Wavelet,
+            tables: scene.coder_tables().clone(),
+            portable,
+            // Budgets reach coarser than quality 0.
+            rates: [60, 100, 180]
+                .map(Rate::Bytes)
+                .into_iter()
+                .chain(qualities([0.0, 6.0, 12.0, 18.0, 24.0, 30.0, 36.0, 46.0, 60.0, 80.0]))
+                .collect(),
+        }
+    }
+
+    /// WebP, under a name.
+    pub fn webp(name: &'static str) -> Own {
+        Own {
+            name,
+            coder: ResidualCoder::Webp,
+            tables: Arc::new(Tables::generic()),
+            portable: true,
+            rates: qualities([0.0, 2.0, 6.0, 15.0, 25.0, 35.0, 50.0, 65.0, 85.0]).collect(),
+        }
+    }
+
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// How many points it gives of a kind of input.
+    pub fn settings(&self) -> usize {
+        self.rates.len()
+    }
+
+    /// Codes the run at each rate.
+    pub fn measure(&self, run: &Run, input: Input, done: impl Fn()) -> anyhow::Result<Vec<Point>> {
+        let point = |rate: &Rate| {
+            let outcome = self.code(run, input, *rate)?;
+            done();
+            Ok(run.point(self.name, input, Mode::Intra, &outcome))
+        };
+        self.rates.iter().map(point).collect()
+    }
+
+    fn code(&self, run: &Run, input: Input, rate: Rate) -> anyhow::Result<Outcome> {
+        let Own { coder, portable, .. } = *self;
+        let (width, height) = (run.frames[0].width, run.frames[0].height);
+        let tables = self.tables.clone();
+        let setup = ResidualSetup { width, height, coder, tables, portable };
+        let mut encoder = ResidualEncoder::new(&setup);
+        let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
+        let mut outcome = Outcome::new(setting(rate));
+        for (frame, base) in run.frames.iter().zip(run.bases(input)) {
+            let (coded, ms) = timed(|| Ok(encoder.encode(frame, base, rate, 0)?))?;
+            outcome.encode_ms += ms;
+            if let Residual::Coded { payload, .. } = coded.residual {
+                outcome.bytes += payload.len();
+            }
+            let mut shown = base.clone();
+            let ((), ms) = timed(|| Ok(decoder.add(&coded.residual, portable, &mut shown)?))?;
+            outcome.decode_ms += ms;
+            let name = self.name;
+            anyhow::ensure!(shown == *coded.reconstruction, "{name}: decoded to another picture");
+            outcome.shown.push(shown);
+        }
+        Ok(outcome)
+    }
+}
+
+fn qualities<const N: usize>(values: [f32; N]) -> impl Iterator<Item = Rate> {
+    values.into_iter().map(Rate::Quality)
+}
+
+/// The number of a rate.
+fn setting(rate: Rate) -> f64 {
+    match rate {
+        Rate::Quality(quality) => f64::from(quality),
+        Rate::Bytes(bytes) => bytes as f64,
+        Rate::Psnr(psnr) => psnr,
+    }
+}
