@@ -28,7 +28,8 @@ fn codecs_are_measured_on_frames_and_differences() {
         let webp = rows(&report, "webp", input);
         assert!(webp.len() > 3);
         for pair in webp.windows(2) {
-            assert!(number(pair[1], "bytes") >= number(pair[0], "bytes"), "{input}: {pair:?}");
+            // Libwebp's neighbouring qualities may differ by a byte either way on small pictures.
+            assert!(number(pair[1], "bytes") > number(pair[0], "bytes") - 2.0, "{input}: {pair:?}");
             assert!(number(pair[1], "psnr") > number(pair[0], "psnr") - 0.5, "{input}: {pair:?}");
         }
         assert!(webp.iter().all(|row| row["mode"] == "intra" && number(row, "encode_ms") > 0.0));
