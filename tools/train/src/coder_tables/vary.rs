@@ -5,14 +5,17 @@ use nvsprior::random::Random;
 
 use super::Pair;
 
-/// A pair made of one of `all`: mirrored, lit otherwise, or beside another's render.
+/// A pair made of one of `all`: mirrored, lit otherwise, beside another's render or none.
 pub fn vary(pair: &Pair, all: &[Pair], random: &mut Random) -> Pair {
     let other = &all[(random.bits() % all.len() as u64) as usize];
     let same_size =
         (other.render.width, other.render.height) == (pair.camera.width, pair.camera.height);
-    let astray = random.bits().is_multiple_of(16) && same_size;
     let mut camera = pair.camera.clone();
-    let mut render = if astray { other.render.clone() } else { pair.render.clone() };
+    let mut render = match random.bits() % 8 {
+        0 if same_size => other.render.clone(),
+        1 => grey(&camera),
+        _ => pair.render.clone(),
+    };
     if random.bits().is_multiple_of(2) {
         mirror(&mut camera);
         mirror(&mut render);
@@ -27,6 +30,13 @@ pub fn vary(pair: &Pair, all: &[Pair], random: &mut Random) -> Pair {
         }
     }
     Pair { camera, render }
+}
+
+/// A render that shows nothing.
+fn grey(of: &Picture) -> Picture {
+    let mut grey = of.clone();
+    grey.data.fill(128);
+    grey
 }
 
 /// Exchanges left and right.

@@ -60,12 +60,10 @@ fn print_rows(rows: &[Row]) {
     }
 }
 
-/// Writes codecs.json, codecs.csv, codecs-rates.csv and codecs.svg.
+/// Writes codecs.json, codecs-missing.json, codecs.csv, codecs-rates.csv and codecs.svg.
 pub fn write(folder: &Path, points: &[Point], missing: &[Missing]) -> anyhow::Result<()> {
-    let path = folder.join("codecs.json");
-    let all: Vec<Value> = points.iter().map(row).chain(missing.iter().map(absent)).collect();
-    let text = serde_json::to_string_pretty(&all)? + "\n";
-    std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
+    list(&folder.join("codecs.json"), points.iter().map(row))?;
+    list(&folder.join("codecs-missing.json"), missing.iter().map(absent))?;
     table(&folder.join("codecs.csv"), points)?;
     let curves = Curve::all(points);
     rates_table(&folder.join("codecs-rates.csv"), &rows(&curves))?;
@@ -73,6 +71,11 @@ pub fn write(folder: &Path, points: &[Point], missing: &[Missing]) -> anyhow::Re
         .iter()
         .map(|curve| (curve.name(), curve.points.iter().map(|p| (p.bytes, p.psnr)).collect()));
     plot::codecs(&folder.join("codecs.svg"), named.collect())
+}
+
+fn list(path: &Path, rows: impl Iterator<Item = Value>) -> anyhow::Result<()> {
+    let text = serde_json::to_string_pretty(&rows.collect::<Vec<_>>())? + "\n";
+    std::fs::write(path, text).with_context(|| format!("writing {}", path.display()))
 }
 
 fn row(p: &Point) -> Value {
