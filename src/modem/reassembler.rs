@@ -53,7 +53,7 @@ impl ReassemblerOptions {
 #[derive(Clone, Copy)]
 pub struct Received<'a> {
     /// Frame number, modulo 2²⁴; of a short packet the one nearest to that of the newest packet when it
-    /// came, or its 16 bits where that was the first.
+    /// came; its 16 bits if that was the first.
     pub frame: u32,
     /// The packet's first bytes, without gap and without padding, each vouched for by a check. A
     /// decoder makes the best picture of them that there is, if they hold the latent part; empty

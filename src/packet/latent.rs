@@ -104,8 +104,7 @@ impl Latent {
         Ok(Latent { frame, session, pose, uncertain, portable: true })
     }
 
-    /// In the short form, for a topside that knows prior and camera; as it is, where that cannot hold
-    /// the pose.
+    /// In the short form, for a topside that knows prior and camera. Unchanged if the short form cannot hold the pose.
     pub fn shortened(self, prior: PriorId, camera: &Camera) -> Result<Latent, PacketError> {
         if !self.pose.is_short() {
             return Ok(self);

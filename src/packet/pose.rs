@@ -221,7 +221,7 @@ impl QuantisedPose {
         }
     }
 
-    /// Appends the short code's bytes; `None` where it cannot hold the pose.
+    /// Appends the short code's bytes. `None` if it cannot hold the pose.
     pub(super) fn write_short(&self, bytes: &mut Vec<u8>) -> Option<()> {
         let (centre, largest, small) = self.short()?;
         centre.iter().for_each(|v| bytes.extend_from_slice(&(*v as i16).to_le_bytes()));
@@ -233,7 +233,7 @@ impl QuantisedPose {
         Some(())
     }
 
-    /// Takes the short code's bytes, all of them also where they are refused.
+    /// Takes the short code's bytes. All of them are taken, even if they are refused.
     pub(super) fn read_short(reader: &mut Reader) -> Result<QuantisedPose, PacketError> {
         let centre = [(); 3].map(|()| i32::from(i16::from_le_bytes(reader.take())));
         let [a, b, c, d, e, f] = reader.take();
@@ -276,7 +276,7 @@ impl QuantisedPose {
         bytes
     }
 
-    /// Takes a pose's bytes, all of them also where they are refused.
+    /// Takes a pose's bytes. All of them are taken, even if they are refused.
     pub(super) fn read(
         reader: &mut Reader,
         profile: PoseProfile,
@@ -346,7 +346,7 @@ fn round(
     if code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
 }
 
-/// `None` where the centre is out of reach.
+/// `None` if the centre is out of reach.
 fn round_compact(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
     let steps = steps_from(frame, pose).round().to_array();
     let reached = steps.iter().all(|v| CENTRE_STEPS.contains(v));
@@ -355,7 +355,7 @@ fn round_compact(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
     reached.then_some(Code::Compact { centre: steps.map(|v| v as i32), largest, small })
 }
 
-/// On the short code's grid; `None` where the centre is out of its reach.
+/// On the short code's grid. `None` if the centre is out of its reach.
 fn round_short(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
     let steps = (steps_from(frame, pose) / f64::from(SHORT_CENTRE_STEPS)).round().to_array();
     let reach = f64::from(*SHORT_CENTRE.start())..=f64::from(*SHORT_CENTRE.end());

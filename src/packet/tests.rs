@@ -550,8 +550,8 @@ fn a_short_frame_number_is_the_nearest() {
     assert_eq!(full.frame_near(Some(0)), full.frame);
 }
 
-/// What the documentation says of the short form's checks, by trial: random bytes where the latent
-/// part was, where the residual part was, and a residual of another packet.
+/// What the documentation says of the short form's checks, by trial: random bytes in place of the latent part, then in
+/// place of the residual part; then the residual part of another packet.
 #[test]
 fn checks_of_the_short_form_miss_what_is_said() {
     let payload = [7; 60];

@@ -4,13 +4,13 @@ use super::context::{BandContext, Inputs};
 use super::gains::{Gains, LevelGains};
 use super::geometry::PLANES;
 use super::network::{LOGITS, Logit};
-use super::pass::Source;
+use super::pass::{Due, Source};
 use super::predictor::{Chances, Predictor};
 use super::quantised::Quantised;
 use super::range_coder::{EVEN, RangeDecoder, RangeEncoder};
 
 /// Magnitudes up to this are coded in unary.
-const UNARY: i32 = 24;
+pub const UNARY: i32 = 24;
 /// Bits of the magnitude beyond, at most.
 const GOLOMB: u32 = 14;
 /// The largest magnitude.
@@ -79,16 +79,11 @@ pub struct Writer<'a, 'b> {
 }
 
 impl Source for Writer<'_, '_> {
-    fn next(
-        &mut self,
-        context: &BandContext,
-        quantised: &Quantised,
-        x: usize,
-        y: usize,
-    ) -> Option<i16> {
-        let value = self.chosen[context.plane][context.index(x, y)];
+    fn next(&mut self, due: &Due) -> Option<i16> {
+        let context = due.context;
+        let value = self.chosen[context.plane][due.index()];
         let predictor = self.predictor;
-        let inputs = context.inputs(quantised, x, y);
+        let inputs = due.inputs();
         let first = First::of(predictor, context, &inputs);
         let magnitude = i32::from(value).abs();
         self.encoder.put(magnitude > 0, predictor.chances.one(first.logit));
@@ -140,15 +135,9 @@ pub struct Reader<'a, 'b> {
 }
 
 impl Source for Reader<'_, '_> {
-    fn next(
-        &mut self,
-        context: &BandContext,
-        quantised: &Quantised,
-        x: usize,
-        y: usize,
-    ) -> Option<i16> {
-        let predictor = self.predictor;
-        let inputs = context.inputs(quantised, x, y);
+    fn next(&mut self, due: &Due) -> Option<i16> {
+        let (predictor, context) = (self.predictor, due.context);
+        let inputs = due.inputs();
         let first = First::of(predictor, context, &inputs);
         if !self.decoder.get(predictor.chances.one(first.logit))? {
             return Some(0);

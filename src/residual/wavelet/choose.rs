@@ -4,7 +4,7 @@ use super::bits::{First, LARGEST_MAGNITUDE, cost};
 use super::context::BandContext;
 use super::gains::{GainFit, Gains, LevelGains};
 use super::geometry::PLANES;
-use super::pass::Source;
+use super::pass::{Due, Source};
 use super::predictor::Predictor;
 use super::quantised::Quantised;
 
@@ -24,19 +24,14 @@ pub struct Chooser<'a> {
 }
 
 impl Source for Chooser<'_> {
-    fn next(
-        &mut self,
-        context: &BandContext,
-        quantised: &Quantised,
-        x: usize,
-        y: usize,
-    ) -> Option<i16> {
-        let wanted = self.wanted[context.plane][context.index(x, y)];
+    fn next(&mut self, due: &Due) -> Option<i16> {
+        let context = due.context;
+        let wanted = self.wanted[context.plane][due.index()];
         let size = wanted.abs();
         if !(size >= LEAST) {
             return Some(0);
         }
-        let inputs = context.inputs(quantised, x, y);
+        let inputs = due.inputs();
         let Predictor { chances, offsets, .. } = self.predictor;
         let first = First::of(self.predictor, context, &inputs);
         let zero = size * size + self.lambda * chances.cost(first.logit, false);

@@ -5,7 +5,7 @@ use super::pass::Finest;
 use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
 use super::step::Step;
 
-/// How the render is used.
+/// What the coefficients are read with.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Header {
     /// The bytes are the start of a longer stream.

@@ -4,7 +4,7 @@
 //! After each level the decoded picture of the next one is known, which contexts look at.
 
 use super::colour;
-use super::context::BandContext;
+use super::context::{BandContext, Inputs};
 use super::fixed::FEATURE_PLACES;
 use super::frame::Frame;
 use super::gains::Gains;
@@ -13,16 +13,31 @@ use super::lifting::{self, Scratch};
 use super::predictor::Predictor;
 use super::quantised::Quantised;
 
+/// The coefficient that is due.
+pub struct Due<'a> {
+    /// Its band's context.
+    pub context: &'a BandContext<'a>,
+    quantised: &'a Quantised,
+    x: usize,
+    y: usize,
+}
+
+impl Due<'_> {
+    /// Place in a transformed plane.
+    pub fn index(&self) -> usize {
+        self.context.index(self.x, self.y)
+    }
+
+    /// The networks' inputs.
+    pub fn inputs(&self) -> Inputs {
+        self.context.inputs(self.quantised, self.x, self.y)
+    }
+}
+
 /// Tells the coefficients of a frame, in order.
 pub trait Source {
     /// The next coefficient; `None`: this one and all that follow are not known.
-    fn next(
-        &mut self,
-        context: &BandContext,
-        quantised: &Quantised,
-        x: usize,
-        y: usize,
-    ) -> Option<i16>;
+    fn next(&mut self, due: &Due) -> Option<i16>;
 
     /// The gains of a level, after its coefficients. `zeros` are the contexts of its first plane.
     fn gains(&mut self, zeros: &[BandContext; 3], quantised: &Quantised) -> Option<Gains>;
@@ -111,7 +126,7 @@ impl Pass {
         let context = BandContext::new(run.frame, run.predictor, quantised, decoded, band, plane);
         for y in 0..band.height {
             for x in 0..band.width {
-                let value = run.source.next(&context, quantised, x, y)?;
+                let value = run.source.next(&Due { context: &context, quantised, x, y })?;
                 if value != 0 {
                     quantised.set(context.own, x, y, value);
                 }

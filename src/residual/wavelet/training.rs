@@ -3,6 +3,7 @@
 use super::encoder::LAMBDA;
 use super::{Step, Tables, WaveletEncoder};
 
+pub use super::bits::UNARY;
 pub use super::network::{
     CLASSES, COUNT_INPUTS, FEATURE_SCALE, HIDDEN, HIDDEN_2, HIDDEN_QUIET, HIDDEN_SIGN, LOGITS,
     MAGNITUDE_INPUTS, Networks, QUIET_INPUTS, SIGN_INPUTS, WEIGHT_SCALE, classes,
@@ -42,15 +43,15 @@ impl Sampler {
     /// Codes the frame that the encoder was set to, and shows its coefficients in coding order.
     pub fn visit(&mut self, step: Step, mut visit: impl FnMut(Sample)) {
         self.encoder.choose(step, LAMBDA);
-        self.encoder.show(|context, quantised, shown| {
-            let inputs = context.inputs(quantised, shown.x, shown.y);
+        self.encoder.show(|due, value, wanted| {
+            let (inputs, context) = (due.inputs(), due.context);
             let (rank, orientation) = (context.band.rank(), context.band.orientation.index());
             visit(Sample {
                 magnitude: first(inputs.magnitude.as_flattened()),
                 sign: first(inputs.sign.as_flattened()),
                 band: [rank, orientation, context.plane].map(|v| v as u8),
-                value: shown.value,
-                wanted: shown.wanted,
+                value,
+                wanted,
             });
         });
     }

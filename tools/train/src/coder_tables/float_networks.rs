@@ -3,7 +3,7 @@
 use nvsprior::residual::wavelet::Tables;
 use nvsprior::residual::wavelet::training::{
     CLASSES, COUNT_INPUTS, FEATURE_SCALE, HIDDEN, HIDDEN_2, HIDDEN_QUIET, HIDDEN_SIGN, LOGITS,
-    MAGNITUDE_INPUTS, Networks, QUIET_INPUTS, SIGN_INPUTS, WEIGHT_SCALE, classes,
+    MAGNITUDE_INPUTS, Networks, QUIET_INPUTS, SIGN_INPUTS, UNARY, WEIGHT_SCALE, classes,
 };
 
 use super::examples::Example;
@@ -203,9 +203,6 @@ fn learn_magnitude(
     }
     bits
 }
-
-/// Magnitudes that the coder codes in unary.
-const UNARY: i32 = 24;
 
 /// Bits of a magnitude, and the derivatives of its nats by the logits. In a quiet context another network tells
 /// whether it is zero.
