@@ -629,8 +629,8 @@ fn round_to(v: f32, multiple: i32, most: i32) -> i32 {
     (if code > most { most } else { code }) * multiple
 }
 
-/// The code of a placement: compact where the camera is within its reach and the paper's is not
-/// wanted; on the short grid where that is wanted and within reach.
+/// The code of a placement: compact, unless the paper's is wanted or the camera is out of reach. On the short grid, if
+/// that is wanted and within reach.
 pub fn quantised(at: &Placement, anchor: &Anchor, profile: u32) -> PoseCode {
     let rotation = rotation_matrix(&at.rotation);
     let c = transform_back(&rotation, at.translation);
