@@ -3,18 +3,22 @@
 set -eu
 cd "$(dirname "$0")/.."
 
+# Cargo takes a crate of one version for the same crate for ever. So what an earlier run unpacked and built is
+# removed: else the library would be built with the kernels of that run.
+target=${CARGO_TARGET_DIR:-target}/packing
+rm -rf "$target" "${CARGO_HOME:-$HOME/.cargo}"/registry/src/*/nvsprior-*
+
 # Cargo builds both from what it packed: the library takes the kernels of the packed file, not of the tree. Not
 # optimised: whether they build is all that is asked.
-cargo package --allow-dirty -p nvsprior-kernels -p nvsprior --config 'profile.dev.opt-level=0' \
+CARGO_TARGET_DIR=$target cargo package --allow-dirty -p nvsprior-kernels -p nvsprior --config 'profile.dev.opt-level=0' \
     --config 'profile.dev.package."*".opt-level=0'
 
 # Nothing of the tools comes with the library.
-target=${CARGO_TARGET_DIR:-target}/package
-for crate in "$target"/nvsprior-*.crate; do
+for crate in "$target"/package/nvsprior-*.crate; do
     printf '%s: %s bytes, %s files\n' "$(basename "$crate")" "$(wc -c < "$crate")" \
         "$(tar tzf "$crate" | wc -l)"
 done
-if tar tzf "$target"/nvsprior-[0-9]*.crate | grep -q '/tools/\|/shaders-rs/'; then
+if tar tzf "$target"/package/nvsprior-[0-9]*.crate | grep -q '/tools/\|/shaders-rs/'; then
     echo "package: the library's file holds more than the library" >&2
     exit 1
 fi
