@@ -5,6 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::prior::analysis::PriorAnalysis;
 use crate::render::arithmetic;
 use crate::render::probe::Probe;
+#[cfg(feature = "training")]
+use crate::render::training::{Trainer, TrainingPlan};
 use crate::render::{Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels};
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
@@ -80,6 +82,13 @@ impl Engine {
     /// Uploads a prior with what no picture shows, to compare with.
     pub fn upload_whole(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
         self.upload_analysed(prior, PriorAnalysis::everything(prior))
+    }
+
+    /// Makes a trainer of splats.
+    #[cfg(feature = "training")]
+    pub fn trainer(&self, plan: &TrainingPlan) -> Result<Trainer, Error> {
+        let key = PipelineKey { sh_degree: plan.sh_degree, clamped: true };
+        Trainer::new(&self.device, &self.kernels, self.scene_kernels(&key)?, plan)
     }
 
     /// Makes a renderer of an uploaded prior.

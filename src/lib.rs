@@ -51,6 +51,8 @@ mod error;
 mod pipeline;
 mod tracked_frame;
 
+#[cfg(feature = "training")]
+use nvsprior_kernels::training;
 use nvsprior_kernels::{portable, search, shared};
 
 pub use decoder::{Decoded, Decoder, Trust};

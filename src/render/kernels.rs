@@ -108,3 +108,32 @@ impl SceneKernels {
         SceneKernels::build(device, &[(SH_DEGREE, traits.sh_degree), (CLAMP, clamp)])
     }
 }
+
+#[cfg(feature = "training")]
+pub(crate) use training::TrainingKernels;
+
+#[cfg(feature = "training")]
+mod training {
+    use super::*;
+
+    kernels! {
+        /// Pipelines of training.
+        TrainingKernels:
+        train_activate = train_activate(5, 0);
+        train_slots = train_slots(6, 0);
+        ssim_rows = ssim_rows(4, 0);
+        ssim_columns = ssim_columns(3, 0);
+        ssim_back = ssim_back(3, 0);
+        loss_gradient = loss_gradient(6, 0);
+        splat_backward = splat_backward(8, 0), in lockstep: splat_backward_lockstep;
+        train_gradient = train_gradient(8, 0);
+        train_step = train_step(8, 0);
+    }
+
+    impl TrainingKernels {
+        /// Builds every pipeline.
+        pub fn new(device: &Device) -> Result<TrainingKernels, Error> {
+            TrainingKernels::build(device, &[])
+        }
+    }
+}

@@ -9,6 +9,7 @@ use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose, RenderOptions};
 
 use super::binning::{self, Binning};
+use super::scene::SplatBuffers;
 use super::{Scene, kernels};
 
 /// One picture size.
@@ -104,7 +105,7 @@ impl LevelBuffers {
     /// The levels of `camera` at these reduction factors; those without a pixel are left out.
     pub fn new(
         device: &Device,
-        scene: &Scene,
+        splats: &SplatBuffers,
         camera: &Camera,
         factors: &[u32],
     ) -> Result<LevelBuffers, Error> {
@@ -113,7 +114,7 @@ impl LevelBuffers {
         for &factor in factors.iter().take(LEVELS) {
             let camera = camera.reduced(factor);
             if camera.width > 0 && camera.height > 0 {
-                let params = prototype(&scene.options, scene.splats, &camera, factor, floats);
+                let params = prototype(&splats.options, splats.count, &camera, factor, floats);
                 floats += 3 * camera.pixels() as u32;
                 levels.push(Level { camera, factor, params });
             }
@@ -121,7 +122,7 @@ impl LevelBuffers {
         let most = |count: fn(&Level) -> usize| levels.iter().map(count).max().unwrap_or(0);
         let pixels = most(|level| level.camera.pixels());
         let tiles = most(|level| (level.params.tiles_x * level.params.tiles_y) as usize);
-        let log_sort_blocks = kernels::log_blocks(device, scene.splats);
+        let log_sort_blocks = kernels::log_blocks(device, splats.count);
         let log_bin_blocks = binning::log_blocks(log_sort_blocks, tiles as u32);
         for Level { params, .. } in &mut levels {
             params.sort_blocks = 1 << log_sort_blocks;

@@ -13,6 +13,8 @@ mod radix;
 mod renderer;
 mod scene;
 mod stages;
+#[cfg(feature = "training")]
+pub mod training;
 mod workspace;
 
 pub use frame::to_byte;

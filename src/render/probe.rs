@@ -137,20 +137,21 @@ impl Probe<'_> {
         sort_precision: SortPrecision,
     ) -> Result<Stages, Error> {
         let Probe { device, kernels } = *self;
-        let work = Workspace::new(device, scene, pair_capacity, true)?;
-        let mut levels = LevelBuffers::new(device, scene, camera, &[factor])?;
+        let work = Workspace::new(device, &scene.splats, pair_capacity, true)?;
+        let mut levels = LevelBuffers::new(device, &scene.splats, camera, &[factor])?;
         levels.ask(scene, 0, pair_capacity, pose);
 
         let mut recorder = Recorder::new(device, Timing::None)?;
         recorder.copy(&levels.params_asked, &levels.params)?;
         recorder.copy(&levels.groups_asked, &levels.groups)?;
         let bytes = &Bytes::new(device, &levels)?;
-        let stages = stages::Stages { kernels, scene, levels: &levels, work: &work, bytes };
+        let stages =
+            stages::Stages { kernels, splats: &scene.splats, levels: &levels, work: &work, bytes };
         stages.tile_lists(&mut recorder, sort_precision, Pass::Evaluation)?;
         stages.pose_jacobian(&mut recorder, Pass::Evaluation)?;
         recorder.finish()?.run()?;
         let counters = read::<Counters>(device, &work.counters, 1)?[0];
-        let splats = scene.splats as usize;
+        let splats = scene.splats.count as usize;
         let pairs = counters.pairs_needed.min(pair_capacity) as usize;
         let Params { tiles_x, tiles_y, .. } = levels.sizes[0].params;
         let tiles = tiles_x * tiles_y;

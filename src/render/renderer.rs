@@ -129,14 +129,14 @@ impl Renderer {
         plan: Plan,
     ) -> Result<Renderer, Error> {
         // Room for a few tiles a splat; a picture that needs more makes it grow once.
-        let pairs = (scene.splats.saturating_mul(8)).clamp(1 << 14, 1 << 22);
-        let levels = LevelBuffers::new(device, scene, camera, &plan.factors)?;
+        let pairs = (scene.splats.count.saturating_mul(8)).clamp(1 << 14, 1 << 22);
+        let levels = LevelBuffers::new(device, &scene.splats, camera, &plan.factors)?;
         let framed = plan.search.is_some() || !plan.jacobians.is_empty();
         let mut renderer = Renderer {
             device: device.clone(),
             kernels: kernels.clone(),
             scene: scene.clone(),
-            work: Workspace::new(device, scene, pairs, plan.exact())?,
+            work: Workspace::new(device, &scene.splats, pairs, plan.exact())?,
             bytes: Bytes::new(device, &levels)?,
             frame: framed.then(|| FrameBuffers::new(device, &levels)).transpose()?,
             renders: vec![0; levels.sizes.len()],
@@ -167,8 +167,8 @@ impl Renderer {
             _ => Timing::None,
         };
         let mut recorder = Recorder::new(&self.device, timing)?;
-        let (kernels, scene) = (&*self.kernels, &*self.scene);
-        let stages = Stages { kernels, scene, levels: &self.levels, work, bytes: &self.bytes };
+        let (kernels, splats) = (&*self.kernels, &self.scene.splats);
+        let stages = Stages { kernels, splats, levels: &self.levels, work, bytes: &self.bytes };
         match (job, &self.frame) {
             (Job::Pyramid, Some(frame)) => stages.pyramid(&mut recorder, frame)?,
             (Job::Search, Some(frame)) => {
@@ -246,7 +246,7 @@ impl Renderer {
             return self.split_binning();
         }
         let room = room_for(pairs, self.device.info().storage_range);
-        let work = Workspace::new(&self.device, &self.scene, room, self.plan.exact())?;
+        let work = Workspace::new(&self.device, &self.scene.splats, room, self.plan.exact())?;
         self.recorded = self.record_all(&work)?;
         self.work = work;
         self.levels.set_room(room);

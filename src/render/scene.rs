@@ -13,13 +13,18 @@ use crate::{Prior, PriorId, RenderOptions};
 
 use super::{PipelineKey, SceneKernels};
 
-/// A prior's splats on the device, activated and laid out in planes.
+/// Splats on the device, activated and laid out in planes, and the pipelines that draw them: what the stages read.
+pub(crate) struct SplatBuffers {
+    pub kernels: Arc<SceneKernels>,
+    pub geometry: Buffer,
+    pub sh: Buffer,
+    pub count: u32,
+    pub options: RenderOptions,
+}
+
+/// A prior on the device.
 pub struct Scene {
-    pub(crate) kernels: Arc<SceneKernels>,
-    pub(crate) geometry: Buffer,
-    pub(crate) sh: Buffer,
-    pub(crate) splats: u32,
-    pub(crate) options: RenderOptions,
+    pub(crate) splats: SplatBuffers,
     analysis: PriorAnalysis,
     id: PriorId,
     frame: PriorFrame,
@@ -41,12 +46,15 @@ impl Scene {
         check_workgroups(device, count).map_err(&room)?;
         let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
         let Planes { geometry, sh } = Planes::of(prior, &analysis);
-        Ok(Scene {
+        let splats = SplatBuffers {
             kernels,
             geometry: upload("geometry", &geometry)?,
             sh: upload("spherical harmonics", &sh)?,
-            splats: count as u32,
+            count: count as u32,
             options: *prior.options(),
+        };
+        Ok(Scene {
+            splats,
             analysis,
             id: prior.id(),
             frame: prior.frame(),

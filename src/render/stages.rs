@@ -8,8 +8,9 @@ use crate::vulkan::{Error, Recorder};
 use super::frame::{Bytes, FrameBuffers};
 use super::levels::{Level, LevelBuffers, Pass};
 use super::radix::{Sort, SortPrecision};
+use super::scene::SplatBuffers;
 use super::workspace::Workspace;
-use super::{Jacobian, Kernels, Scene};
+use super::{Jacobian, Kernels};
 
 /// Evaluations that one submission has room for. A frame that follows another takes six to eight. A search that is
 /// not done then goes on in a second submission. Those left over cost their empty dispatches.
@@ -28,7 +29,7 @@ pub(crate) enum Channels {
 #[derive(Clone, Copy)]
 pub(crate) struct Stages<'a> {
     pub kernels: &'a Kernels,
-    pub scene: &'a Scene,
+    pub splats: &'a SplatBuffers,
     pub levels: &'a LevelBuffers,
     pub work: &'a Workspace,
     pub bytes: &'a Bytes,
@@ -165,11 +166,11 @@ impl Stages<'_> {
 
     /// Mean, conic, colour and depth key of every splat.
     fn project(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
-        let Stages { scene, levels, work, .. } = *self;
-        let (geometry, sh) = (&scene.geometry, &scene.sh);
+        let Stages { splats, levels, work, .. } = *self;
+        let (geometry, sh) = (&splats.geometry, &splats.sh);
         let buffers = [&levels.params, geometry, sh, &work.records, &work.keys, &work.counters];
-        let splats = pass.at(offset_of!(Groups, splats));
-        r.dispatch_indirect(&scene.kernels.project, &buffers, &[], &levels.groups, splats)
+        let groups = pass.at(offset_of!(Groups, splats));
+        r.dispatch_indirect(&splats.kernels.project, &buffers, &[], &levels.groups, groups)
     }
 
     /// The splats in the order of their depths.
@@ -179,10 +180,10 @@ impl Stages<'_> {
         sort_precision: SortPrecision,
         pass: Pass,
     ) -> Result<(), Error> {
-        let Stages { scene, levels, work, .. } = *self;
+        let Stages { splats, levels, work, .. } = *self;
         let sort = Sort {
             sort_precision,
-            count: scene.splats,
+            count: splats.count,
             log_blocks: levels.log_sort_blocks,
             pass,
             groups: &levels.groups,
@@ -215,13 +216,13 @@ impl Stages<'_> {
 
     /// The picture, blended tile by tile.
     fn splat(&self, r: &mut Recorder, channels: Channels, pass: Pass) -> Result<(), Error> {
-        let Stages { scene, levels, work, .. } = *self;
+        let Stages { splats, levels, work, .. } = *self;
         let (params, counters) = (&levels.params, &work.counters);
         let pairs = &work.pair_splats;
         let buffers = [params, &levels.ranges, pairs, &work.records, &levels.image, counters];
         let kernel = match channels {
-            Channels::All => &scene.kernels.splat,
-            Channels::Colour => &scene.kernels.splat_colour,
+            Channels::All => &splats.kernels.splat,
+            Channels::Colour => &splats.kernels.splat_colour,
         };
         let tiles = pass.at(offset_of!(Groups, tiles));
         r.dispatch_indirect(kernel, &buffers, &[], &levels.groups, tiles)
@@ -229,36 +230,36 @@ impl Stages<'_> {
 
     /// Each tile's share of the normal equations, by the optical-flow Jacobian.
     fn splat_flow(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
-        let Stages { scene, levels, work, .. } = *self;
+        let Stages { splats, levels, work, .. } = *self;
         let (params, ranges, counters) = (&levels.params, &levels.ranges, &work.counters);
         let (pairs, frame, partials) = (&work.pair_splats, &levels.frame, &levels.partials);
         let buffers = [params, ranges, pairs, &work.records, frame, partials, counters];
         let tiles = pass.at(offset_of!(Groups, tiles));
-        r.dispatch_indirect(&scene.kernels.splat_flow, &buffers, &[], &levels.groups, tiles)
+        r.dispatch_indirect(&splats.kernels.splat_flow, &buffers, &[], &levels.groups, tiles)
     }
 
     /// Pose derivatives of every visible splat, for the exact Jacobian. Nothing if the workspace was made without
     /// room for them.
     pub fn pose_jacobian(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
-        let Stages { scene, levels, work, .. } = *self;
+        let Stages { splats, levels, work, .. } = *self;
         let Some(derivatives) = &work.derivatives else { return Ok(()) };
-        let (geometry, sh) = (&scene.geometry, &scene.sh);
+        let (geometry, sh) = (&splats.geometry, &splats.sh);
         let buffers = [&levels.params, geometry, sh, &work.records, &work.keys, derivatives];
-        let splats = pass.at(offset_of!(Groups, splats));
-        r.dispatch_indirect(&scene.kernels.pose_jacobian, &buffers, &[], &levels.groups, splats)
+        let groups = pass.at(offset_of!(Groups, splats));
+        r.dispatch_indirect(&splats.kernels.pose_jacobian, &buffers, &[], &levels.groups, groups)
     }
 
     /// Each tile's share of the normal equations, by the exact Jacobian. Nothing if the workspace was made without
     /// room for derivatives.
     fn splat_exact(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
-        let Stages { scene, levels, work, .. } = *self;
+        let Stages { splats, levels, work, .. } = *self;
         let Some(derivatives) = &work.derivatives else { return Ok(()) };
         let (params, ranges, counters) = (&levels.params, &levels.ranges, &work.counters);
         let (pairs, frame, partials) = (&work.pair_splats, &levels.frame, &levels.partials);
         let records = &work.records;
         let buffers = [params, ranges, pairs, records, frame, partials, derivatives, counters];
         let tiles = pass.at(offset_of!(Groups, tiles));
-        r.dispatch_indirect(&scene.kernels.splat_exact, &buffers, &[], &levels.groups, tiles)
+        r.dispatch_indirect(&splats.kernels.splat_exact, &buffers, &[], &levels.groups, tiles)
     }
 
     /// The normal equations of the picture: the tiles' shares, summed in a fixed order. For the host; stage `solve`

@@ -3,7 +3,8 @@
 use crate::shared::{Counters, DERIVATIVES, RECORD, TABLE};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
-use super::{Scene, kernels};
+use super::kernels;
+use super::scene::SplatBuffers;
 
 /// Splat-sized and pair-sized buffers.
 pub(crate) struct Workspace {
@@ -28,16 +29,17 @@ pub(crate) struct Workspace {
 impl Workspace {
     pub fn new(
         device: &Device,
-        scene: &Scene,
+        splats: &SplatBuffers,
         pair_capacity: u32,
         exact: bool,
     ) -> Result<Workspace, Error> {
-        let splats = scene.splats as usize;
+        let count = splats.count;
+        let splats = count as usize;
         let pairs = pair_capacity as usize;
         let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
         let limit = device.info().storage_range;
         let room_for = |of, each: u64| Error::with_room_for(limit / each - 1, of);
-        let log_blocks = kernels::log_blocks(device, scene.splats);
+        let log_blocks = kernels::log_blocks(device, count);
         let between = || {
             let keys = own("keys half sorted", splats)?;
             Ok::<_, Error>([keys, own("splats half sorted", splats)?])

@@ -1,5 +1,5 @@
 //! What the GPU stages of nvsprior share with the host: constants, buffer layouts and maths ([`shared`]), arithmetic with the same bits on every device ([`portable`]), the search
-//! for a pose ([`search`]), and the built SPIR-V ([`modules`]).
+//! for a pose ([`search`]), layouts of training ([`training`]), and the built SPIR-V ([`modules`]).
 //!
 //! The stages are compiled against this crate for the device, the library `nvsprior` for the host. So both agree on
 //! every layout, and the library needs no shader compiler.
@@ -15,3 +15,4 @@ pub mod modules;
 pub mod portable;
 pub mod search;
 pub mod shared;
+pub mod training;

@@ -40,6 +40,12 @@ modules! {
     reduce: reduce;
     solve: solve;
     splat: splat splat_lockstep;
+    splat_backward: splat_backward splat_backward_lockstep;
     splat_exact: splat_exact;
     splat_flow: splat_flow splat_flow_lockstep;
+    ssim: loss_gradient ssim_back ssim_columns ssim_rows;
+    train_activate: train_activate;
+    train_gradient: train_gradient;
+    train_slots: train_slots;
+    train_step: train_step;
 }

@@ -476,7 +476,7 @@ impl Outline {
 }
 
 /// Tiles `[first, end)` of `count` along an axis whose span of pixel centres meets `[low, high]`.
-fn tiles_between(low: f32, high: f32, count: u32) -> [u32; 2] {
+pub fn tiles_between(low: f32, high: f32, count: u32) -> [u32; 2] {
     let scale = 1.0 / TILE as f32;
     let limit = count as f32;
     let first = clamp(((low - (TILE as f32 - 0.5)) * scale).ceil(), 0.0, limit);

@@ -3,7 +3,7 @@
 #![no_std]
 #![cfg_attr(target_arch = "spirv", feature(asm_experimental_arch))]
 
-pub use nvsprior_kernels::{portable, search, shared};
+pub use nvsprior_kernels::{portable, search, shared, training};
 
 pub mod arithmetic;
 pub mod bin;
@@ -21,5 +21,11 @@ pub mod radix;
 pub mod reduce;
 pub mod solve;
 pub mod splat;
+pub mod splat_backward;
 pub mod splat_exact;
 pub mod splat_flow;
+pub mod ssim;
+pub mod train_activate;
+pub mod train_gradient;
+pub mod train_slots;
+pub mod train_step;

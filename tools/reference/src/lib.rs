@@ -8,6 +8,7 @@
 
 pub mod bin;
 pub mod harmonics;
+pub mod loss;
 pub mod pose_jacobian;
 pub mod project;
 pub mod radix;

@@ -1,0 +1,431 @@
+//! Training splats on the device: the render's own stages, their gradients, and Adam's steps.
+//!
+//! What to train on, how fast, and when splats move elsewhere is the caller's: see `nvsprior map`. Sums run in a
+//! fixed order, so the same input gives the same splats on one device, byte for byte.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::prior::RenderOptions;
+use crate::shared::{Counters, GEOMETRY_PLANES, GROUP, Groups, Params, sh_planes};
+use crate::training::{
+    GRADIENT_PIXEL, NO_PAIR, PAIR_SUMS, SSIM_MAPS, SSIM_PARTIALS, SlotCounters, planes,
+};
+use crate::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, StageTime, Timing};
+use crate::{Camera, Picture, Pose};
+
+use super::Kernels;
+use super::frame::Bytes;
+use super::kernels::{SceneKernels, TrainingKernels};
+use super::levels::{LevelBuffers, Pass, posed, prototype};
+use super::scene::SplatBuffers;
+use super::stages::{Channels, Stages};
+use super::workspace::Workspace;
+
+pub use crate::training::{FADING, Training};
+
+/// What is trained.
+#[derive(Clone, Debug)]
+pub struct TrainingPlan {
+    /// Size of all pictures, pixels.
+    pub size: [u32; 2],
+    /// How the prior will be rendered.
+    pub options: RenderOptions,
+    /// Degree of the spherical harmonics.
+    pub sh_degree: u32,
+    /// Number of splats.
+    pub splats: u32,
+    /// What positions are relative to, so that f32 tells them apart.
+    pub centre: DVec3,
+    /// Have the device time each stage.
+    pub profiled: bool,
+}
+
+/// A camera's picture with its pose.
+#[derive(Clone, Copy, Debug)]
+pub struct TrainingView<'a> {
+    /// The camera, of the plan's size.
+    pub camera: &'a Camera,
+    /// Its pose.
+    pub pose: &'a Pose,
+    /// What it saw.
+    pub frame: &'a Picture,
+}
+
+/// The splats and what Adam knows of them: planes of one float per splat, in the order of `nvsprior_kernels::training`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainingState {
+    /// The parameters. Positions are relative to the plan's centre.
+    pub parameters: Vec<f32>,
+    /// Running means of the gradients.
+    pub first: Vec<f32>,
+    /// Running means of their squares.
+    pub second: Vec<f32>,
+}
+
+/// What the host can ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Job {
+    /// The picture in 8 bits.
+    Picture,
+    /// The gradients alone.
+    Gradients,
+    /// Gradients and a step.
+    Step,
+}
+
+/// Buffers as large as the splats' number, or as the picture, asks.
+struct Fixed {
+    training: Buffer,
+    frame: Buffer,
+    parameters: Buffer,
+    first: Buffer,
+    second: Buffer,
+    gradients: Buffer,
+    starts: Buffer,
+    maps: Buffer,
+    partials: Buffer,
+    gradient: Buffer,
+    slot_counters: Buffer,
+    slot_counters_read: Buffer,
+}
+
+/// Buffers as large as the pictures turn out to need.
+struct Grown {
+    work: Workspace,
+    slots: Buffer,
+    slot_capacity: u32,
+    pairs: Buffer,
+}
+
+/// Trains splats.
+pub struct Trainer {
+    device: Device,
+    kernels: Arc<Kernels>,
+    own: TrainingKernels,
+    plan: TrainingPlan,
+    splats: SplatBuffers,
+    levels: LevelBuffers,
+    bytes: Bytes,
+    fixed: Fixed,
+    grown: Grown,
+    recorded: Vec<(Job, Commands)>,
+}
+
+impl Fixed {
+    fn new(device: &Device, plan: &TrainingPlan) -> Result<Fixed, Error> {
+        let splats = plan.splats as usize;
+        let pixels = plan.size[0] as usize * plan.size[1] as usize;
+        let numbers = splats * planes(plan.sh_degree) as usize;
+        let own = |name, count| Buffer::new::<f32>(device, name, count, Memory::Device);
+        let counters = |memory| Buffer::new::<SlotCounters>(device, "slot counters", 1, memory);
+        Ok(Fixed {
+            training: Buffer::new::<Training>(device, "training", 1, Memory::Upload)?,
+            frame: Buffer::new::<u32>(device, "frame", words(pixels), Memory::Upload)?,
+            parameters: own("parameters", numbers)?,
+            first: own("means of gradients", numbers)?,
+            second: own("means of squares", numbers)?,
+            gradients: own("gradients", numbers)?,
+            starts: own("first slots", splats)?,
+            maps: own("blurred maps", 3 * SSIM_MAPS as usize * pixels)?,
+            partials: own("derivatives of SSIM", 3 * SSIM_PARTIALS as usize * pixels)?,
+            gradient: own("gradient of the loss", GRADIENT_PIXEL as usize * pixels)?,
+            slot_counters: counters(Memory::Device)?,
+            slot_counters_read: counters(Memory::Readback)?,
+        })
+    }
+}
+
+impl Grown {
+    fn new(
+        device: &Device,
+        splats: &SplatBuffers,
+        pair_capacity: u32,
+        slot_capacity: u32,
+    ) -> Result<Grown, Error> {
+        let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
+        let sums = pair_capacity as usize * PAIR_SUMS as usize;
+        Ok(Grown {
+            work: Workspace::new(device, splats, pair_capacity, false)?,
+            slots: own("slots", slot_capacity as usize)?,
+            slot_capacity,
+            pairs: own("sums of pairs", sums)?,
+        })
+    }
+}
+
+/// Words of a picture's bytes.
+fn words(pixels: usize) -> usize {
+    (3 * pixels).div_ceil(4)
+}
+
+/// A little to spare.
+fn with_room(count: u32) -> u32 {
+    count.saturating_add(count / 4)
+}
+
+impl Trainer {
+    pub(crate) fn new(
+        device: &Device,
+        kernels: &Arc<Kernels>,
+        scene_kernels: Arc<SceneKernels>,
+        plan: &TrainingPlan,
+    ) -> Result<Trainer, Error> {
+        let count = plan.splats as usize;
+        let own = |name, planes: u32| {
+            Buffer::new::<f32>(device, name, count * 2 * planes as usize, Memory::Device)
+        };
+        let splats = SplatBuffers {
+            kernels: scene_kernels,
+            geometry: own("geometry", GEOMETRY_PLANES)?,
+            sh: own("spherical harmonics", sh_planes(plan.sh_degree))?,
+            count: plan.splats,
+            options: plan.options,
+        };
+        let [width, height] = plan.size;
+        let camera = Camera { width, height, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 };
+        let levels = LevelBuffers::new(device, &splats, &camera, &[1])?;
+        let pairs = plan.splats.saturating_mul(8).clamp(1 << 14, 1 << 21);
+        let mut trainer = Trainer {
+            device: device.clone(),
+            kernels: kernels.clone(),
+            own: TrainingKernels::new(device)?,
+            bytes: Bytes::new(device, &levels)?,
+            fixed: Fixed::new(device, plan)?,
+            grown: Grown::new(device, &splats, pairs, pairs)?,
+            plan: plan.clone(),
+            splats,
+            levels,
+            recorded: Vec::new(),
+        };
+        trainer.recorded = trainer.record_all(&trainer.grown)?;
+        Ok(trainer)
+    }
+
+    /// Sets splats and what is known of their gradients.
+    ///
+    /// # Panics
+    /// If the planes are not those of the plan.
+    pub fn set(&mut self, state: &TrainingState) -> Result<(), Error> {
+        let numbers = (self.plan.splats * planes(self.plan.sh_degree)) as usize;
+        let Fixed { parameters, first, second, .. } = &self.fixed;
+        for (from, to) in
+            [(&state.parameters, parameters), (&state.first, first), (&state.second, second)]
+        {
+            assert_eq!(from.len(), numbers, "planes of the plan");
+            let upload = Buffer::from_slice(&self.device, "state", from)?;
+            let mut recorder = Recorder::new(&self.device, Timing::None)?;
+            recorder.copy(&upload, to)?;
+            recorder.finish()?.run()?;
+        }
+        Ok(())
+    }
+
+    /// The splats, and what is known of their gradients.
+    pub fn state(&self) -> Result<TrainingState, Error> {
+        Ok(TrainingState {
+            parameters: self.read(&self.fixed.parameters)?,
+            first: self.read(&self.fixed.first)?,
+            second: self.read(&self.fixed.second)?,
+        })
+    }
+
+    fn read(&self, from: &Buffer) -> Result<Vec<f32>, Error> {
+        let numbers = (self.plan.splats * planes(self.plan.sh_degree)) as usize;
+        let to = Buffer::new::<f32>(&self.device, "state read back", numbers, Memory::Readback)?;
+        let mut recorder = Recorder::new(&self.device, Timing::None)?;
+        recorder.copy(from, &to)?;
+        recorder.finish()?.run()?;
+        Ok(to.read(numbers).to_vec())
+    }
+
+    /// One step towards a picture. `training`: rates and shares; the room for slots is filled in.
+    pub fn step(&mut self, view: &TrainingView, training: &Training) -> Result<(), Error> {
+        self.run(Job::Step, view.camera, view.pose, Some(view.frame), training)
+    }
+
+    /// The loss's gradient by all parameters: planes as those of the parameters.
+    pub fn gradients(
+        &mut self,
+        view: &TrainingView,
+        training: &Training,
+    ) -> Result<Vec<f32>, Error> {
+        self.run(Job::Gradients, view.camera, view.pose, Some(view.frame), training)?;
+        self.read(&self.fixed.gradients)
+    }
+
+    /// Draws the splats as they are.
+    pub fn picture(
+        &mut self,
+        camera: &Camera,
+        pose: &Pose,
+        into: &mut Picture,
+    ) -> Result<(), Error> {
+        let sh_coefficients = crate::shared::sh_coefficients(self.plan.sh_degree);
+        let training = Training { sh_coefficients, ..Training::default() };
+        self.run(Job::Picture, camera, pose, None, &training)?;
+        let pixels = camera.pixels();
+        into.data.copy_from_slice(&self.bytes.render.read::<u8>(pixels * 3)[..pixels * 3]);
+        Ok(())
+    }
+
+    /// Device times of the last step's stages; empty unless the plan asked for them.
+    pub fn stage_times(&self) -> Result<Vec<StageTime>, Error> {
+        let step = self.recorded.iter().find(|(job, _)| *job == Job::Step);
+        step.map_or(Ok(Vec::new()), |(_, commands)| commands.stage_times())
+    }
+
+    /// Runs a job. If there was not room for all, makes room and runs it again: no step was taken.
+    fn run(
+        &mut self,
+        job: Job,
+        camera: &Camera,
+        pose: &Pose,
+        frame: Option<&Picture>,
+        training: &Training,
+    ) -> Result<(), Error> {
+        assert_eq!([camera.width, camera.height], self.plan.size, "pictures of the plan's size");
+        if let Some(frame) = frame {
+            assert_eq!([frame.width, frame.height], self.plan.size, "pictures of the plan's size");
+            self.fixed.frame.write(&frame.data);
+        }
+        loop {
+            let slot_capacity = self.grown.slot_capacity;
+            self.fixed.training.write(&[Training { slot_capacity, ..*training }]);
+            self.ask(camera, pose);
+            let commands = self.recorded.iter_mut().find(|(recorded, _)| *recorded == job);
+            commands.expect("all jobs are recorded").1.run()?;
+            if !self.grow()? {
+                return Ok(());
+            }
+        }
+    }
+
+    fn ask(&mut self, camera: &Camera, pose: &Pose) {
+        let own = prototype(&self.plan.options, self.plan.splats, camera, 1, 0);
+        let Params { sort_blocks, bin_blocks, .. } = self.levels.sizes[0].params;
+        let pair_capacity = self.grown.work.pair_capacity;
+        let own = Params { sort_blocks, bin_blocks, pair_capacity, ..own };
+        let params = posed(&own, self.plan.centre, pose);
+        self.levels.params_asked.write(&[params]);
+        self.levels.groups_asked.write(&[[Groups::of(&params); 2]]);
+    }
+
+    /// Makes room for what the last run needed; whether it did. If it fails, everything is as before.
+    fn grow(&mut self) -> Result<bool, Error> {
+        let pairs = self.grown.work.counters_read.read::<Counters>(1)[0].pairs_needed;
+        let slots = self.fixed.slot_counters_read.read::<SlotCounters>(1)[0];
+        let (pair_capacity, slot_capacity) =
+            (self.grown.work.pair_capacity, self.grown.slot_capacity);
+        if pairs == u32::MAX {
+            return Err(Error::TooManyPairs);
+        }
+        let blocks = slots.blocks.saturating_add(self.plan.splats / 256).saturating_mul(256);
+        let wrapped = slots.blocks > slot_capacity / 256;
+        let needed = if wrapped { slots.slots.max(blocks) } else { slots.slots };
+        if pairs <= pair_capacity && needed <= slot_capacity {
+            return Ok(false);
+        }
+        let more = |needed: u32, capacity: u32| {
+            if needed > capacity { with_room(needed) } else { capacity }
+        };
+        let (pairs, slots) = (more(pairs, pair_capacity), more(needed, slot_capacity));
+        let grown = Grown::new(&self.device, &self.splats, pairs, slots)?;
+        self.recorded = self.record_all(&grown)?;
+        self.grown = grown;
+        Ok(true)
+    }
+
+    fn record_all(&self, grown: &Grown) -> Result<Vec<(Job, Commands)>, Error> {
+        let jobs = [Job::Picture, Job::Gradients, Job::Step];
+        jobs.into_iter().map(|job| Ok((job, self.record(grown, job)?))).collect()
+    }
+
+    fn record(&self, grown: &Grown, job: Job) -> Result<Commands, Error> {
+        let timing = if self.plan.profiled { Timing::Stages } else { Timing::None };
+        let r = &mut Recorder::new(&self.device, timing)?;
+        let Trainer { kernels, splats, levels, bytes, fixed, .. } = self;
+        let stages = Stages { kernels, splats, levels, work: &grown.work, bytes };
+        r.copy(&levels.params_asked, &levels.params)?;
+        r.copy(&levels.groups_asked, &levels.groups)?;
+        r.fill(&fixed.slot_counters, 0);
+        self.activate(r)?;
+        stages.picture(r, Channels::Colour, Pass::Evaluation)?;
+        if job == Job::Picture {
+            stages.quantize_rgb8(r, Pass::Evaluation)?;
+        } else {
+            self.slots(r, grown)?;
+            self.loss(r)?;
+            self.backward(r, grown)?;
+        }
+        if job == Job::Step {
+            self.take_step(r, grown)?;
+        }
+        r.copy(&fixed.slot_counters, &fixed.slot_counters_read)?;
+        r.copy(&grown.work.counters, &grown.work.counters_read)?;
+        std::mem::replace(r, Recorder::new(&self.device, Timing::None)?).finish()
+    }
+
+    /// Workgroups of one invocation per splat.
+    fn per_splat(&self) -> [u32; 3] {
+        [self.plan.splats.div_ceil(GROUP), 1, 1]
+    }
+
+    /// Parameters as the render reads splats.
+    fn activate(&self, r: &mut Recorder) -> Result<(), Error> {
+        let Trainer { splats, levels, fixed, .. } = self;
+        let (geometry, sh) = (&splats.geometry, &splats.sh);
+        let buffers = [&levels.params, &fixed.training, &fixed.parameters, geometry, sh];
+        r.dispatch(&self.own.train_activate, &buffers, &[], self.per_splat())
+    }
+
+    /// A slot per splat and tile.
+    fn slots(&self, r: &mut Recorder, grown: &Grown) -> Result<(), Error> {
+        let Trainer { levels, fixed, .. } = self;
+        let Workspace { records, keys, .. } = &grown.work;
+        r.fill(&grown.slots, NO_PAIR);
+        let (params, starts) = (&levels.params, &fixed.starts);
+        let buffers = [params, &fixed.training, records, keys, starts, &fixed.slot_counters];
+        r.dispatch(&self.own.train_slots, &buffers, &[], self.per_splat())
+    }
+
+    /// The loss's gradient by each pixel.
+    fn loss(&self, r: &mut Recorder) -> Result<(), Error> {
+        let Trainer { levels, fixed, own, .. } = self;
+        let pixels = (self.plan.size[0] * self.plan.size[1]).div_ceil(GROUP);
+        let (params, image, frame) = (&levels.params, &levels.image, &fixed.frame);
+        let Fixed { training, maps, partials, gradient, .. } = fixed;
+        let by_channel = [pixels, 3, 1];
+        r.dispatch(&own.ssim_rows, &[params, image, frame, maps], &[], by_channel)?;
+        r.dispatch(&own.ssim_columns, &[params, maps, partials], &[], by_channel)?;
+        // The maps are not needed any more: their room takes the blurred derivatives.
+        r.dispatch(&own.ssim_back, &[params, partials, maps], &[], by_channel)?;
+        let buffers = [params, training, image, frame, maps, gradient];
+        r.dispatch(&own.loss_gradient, &buffers, &[], [pixels, 1, 1])
+    }
+
+    /// The loss's gradient by each parameter.
+    fn backward(&self, r: &mut Recorder, grown: &Grown) -> Result<(), Error> {
+        let Trainer { levels, fixed, own, .. } = self;
+        let Workspace { records, pair_splats, .. } = &grown.work;
+        let Params { tiles_x, tiles_y, .. } = levels.sizes[0].params;
+        let Fixed { training, parameters, starts, gradient, gradients, .. } = fixed;
+        let (params, ranges) = (&levels.params, &levels.ranges);
+        let (slots, pairs) = (&grown.slots, &grown.pairs);
+        let buffers = [params, ranges, pair_splats, records, gradient, starts, slots, pairs];
+        r.dispatch(&own.splat_backward, &buffers, &[], [tiles_x, tiles_y, 1])?;
+        let buffers = [params, training, parameters, records, starts, slots, pairs, gradients];
+        r.dispatch(&own.train_gradient, &buffers, &[], self.per_splat())
+    }
+
+    /// Adam's step.
+    fn take_step(&self, r: &mut Recorder, grown: &Grown) -> Result<(), Error> {
+        let Trainer { levels, fixed, own, .. } = self;
+        let Fixed { training, slot_counters, gradients, parameters, first, second, .. } = fixed;
+        let (params, counters) = (&levels.params, &grown.work.counters);
+        let buffers =
+            [params, training, counters, slot_counters, gradients, parameters, first, second];
+        r.dispatch(&own.train_step, &buffers, &[], self.per_splat())
+    }
+}

@@ -1,0 +1,183 @@
+//! Holds the gradients of training against differences of the twin's loss.
+
+#[path = "../../../tests/common/mod.rs"]
+mod common;
+
+use glam::DVec3;
+
+use nvsprior::prior::Splats;
+use nvsprior::random::Random;
+use nvsprior::render::training::{Training, TrainingPlan, TrainingState, TrainingView};
+use nvsprior::{Camera, Picture, Pose, Prior, RenderOptions};
+use nvsprior_kernels::shared::sh_coefficients;
+use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
+use nvsprior_reference::Twin;
+use nvsprior_reference::loss::loss;
+
+const CAMERA: Camera = Camera { width: 44, height: 37, fx: 40.0, fy: 44.0, cx: 21.0, cy: 19.0 };
+const SHARE: f32 = 0.2;
+
+/// The splats' parameters as planes.
+fn planes_of(splats: &Splats) -> Vec<f32> {
+    let n = splats.positions.len();
+    let mut all = vec![0.0; n * planes(splats.sh_degree) as usize];
+    let stride = splats.sh_stride();
+    for i in 0..n {
+        let mut put = |plane: u32, value: f32| all[plane as usize * n + i] = value;
+        (0..3).for_each(|k| put(POSITION + k, splats.positions[i][k as usize]));
+        (0..3).for_each(|k| put(LOG_SCALE + k, splats.log_scales[i][k as usize]));
+        (0..4).for_each(|k| put(ROTATION + k, splats.rotations[i][k as usize]));
+        put(OPACITY, splats.opacity_logits[i]);
+        (0..stride).for_each(|k| put(SH + k as u32, splats.sh[i * stride + k]));
+    }
+    all
+}
+
+/// The number of a splat in a plane.
+fn number(splats: &mut Splats, plane: u32, i: usize) -> &mut f32 {
+    let stride = splats.sh_stride();
+    match plane {
+        LOG_SCALE.. if plane < ROTATION => &mut splats.log_scales[i][(plane - LOG_SCALE) as usize],
+        ROTATION.. if plane < OPACITY => &mut splats.rotations[i][(plane - ROTATION) as usize],
+        OPACITY => &mut splats.opacity_logits[i],
+        SH.. => &mut splats.sh[i * stride + (plane - SH) as usize],
+        _ => &mut splats.positions[i][plane as usize],
+    }
+}
+
+/// Which kind of splats.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Ordinary,
+    /// Needles and discs.
+    Stiff,
+    /// As large as the picture and more, and partly behind the camera's margin.
+    Large,
+}
+
+fn cloud(count: usize, sh_degree: u32, kind: Kind) -> Splats {
+    let mut random = Random::new(7 + u64::from(sh_degree));
+    let mut splats = Splats { sh_degree, ..Splats::default() };
+    for _ in 0..count {
+        let [x, y, z]: [f32; 3] = random.triple(-1.0, 1.0);
+        splats.positions.push([1.1 * x, 0.9 * y, 3.0 + 1.2 * z]);
+        let [a, b, c]: [f32; 3] = random.triple(-0.5, 0.5);
+        splats.log_scales.push(match kind {
+            Kind::Ordinary => [a - 2.2, b - 2.4, c - 2.6],
+            Kind::Stiff if a > 0.0 => [a - 1.5, b - 7.0, c - 7.0],
+            Kind::Stiff => [a - 1.8, b - 2.0, c - 8.0],
+            Kind::Large => [a + 0.3, b - 0.5, c - 1.0],
+        });
+        let [w, x, y]: [f32; 3] = random.triple(-1.0, 1.0);
+        splats.rotations.push([w, x, y, random.within(0.2, 1.5)]);
+        splats.opacity_logits.push(random.within(-2.0, 1.0));
+        for k in 0..sh_coefficients(sh_degree) {
+            let size = if k == 0 { 1.0 } else { 0.25 };
+            splats.sh.extend(random.triple(-size, size));
+        }
+    }
+    splats
+}
+
+fn frame() -> Picture {
+    let mut frame = Picture::new(CAMERA.width, CAMERA.height);
+    for (i, byte) in frame.data.iter_mut().enumerate() {
+        *byte = ((i * 7919) % 251) as u8;
+    }
+    frame
+}
+
+fn twin_loss(splats: &Splats, options: &RenderOptions, pose: &Pose, frame: &Picture) -> f64 {
+    let prior = Prior::from_splats(splats.clone(), *options).unwrap();
+    let rendered = Twin::new(&prior).render(&CAMERA, pose);
+    let rgb: Vec<_> = rendered.pixels.iter().map(|[r, g, b, ..]| [*r, *g, *b]).collect();
+    loss(&rgb, frame, SHARE.into())
+}
+
+/// Relative errors of a plane's gradients, sorted.
+fn errors(
+    splats: &Splats,
+    options: &RenderOptions,
+    pose: &Pose,
+    frame: &Picture,
+    plane: u32,
+    gradients: &[f32],
+) -> Vec<f64> {
+    let n = splats.positions.len();
+    let least = gradients.iter().map(|g| f64::from(g.abs())).fold(0.0, f64::max) * 1e-3;
+    let of = |i: usize| {
+        let moved = |by: f32| {
+            let mut splats = splats.clone();
+            let value = number(&mut splats, plane, i);
+            *value += by;
+            let value = f64::from(*value);
+            (value, twin_loss(&splats, options, pose, frame))
+        };
+        let (high, low) = (moved(2e-4), moved(-2e-4));
+        let difference = (high.1 - low.1) / (high.0 - low.0);
+        (f64::from(gradients[i]) - difference).abs() / difference.abs().max(least)
+    };
+    let mut errors: Vec<f64> = (0..n).map(of).collect();
+    errors.sort_by(f64::total_cmp);
+    errors
+}
+
+/// Medians, since cuts and stops make jumps that no gradient sees.
+fn agree(kind: Kind, sh_degree: u32, options: RenderOptions) {
+    let engine = common::engine();
+    let splats = cloud(20, sh_degree, kind);
+    let pose = Pose {
+        rotation: glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.05, -0.08, 0.1),
+        translation: DVec3::new(0.05, -0.1, 0.2),
+    };
+    let frame = frame();
+    let plan = TrainingPlan {
+        size: [CAMERA.width, CAMERA.height],
+        options,
+        sh_degree,
+        splats: splats.positions.len() as u32,
+        centre: DVec3::ZERO,
+        profiled: false,
+    };
+    let mut trainer = engine.trainer(&plan).unwrap();
+    let parameters = planes_of(&splats);
+    let zero = vec![0.0; parameters.len()];
+    trainer.set(&TrainingState { parameters, first: zero.clone(), second: zero.clone() }).unwrap();
+    let coefficients = sh_coefficients(sh_degree);
+    let training = Training {
+        sh_coefficients: coefficients,
+        sh_trained: coefficients,
+        ssim: SHARE,
+        per_value: 1.0 / (3 * CAMERA.pixels()) as f32,
+        ..Training::default()
+    };
+    let view = TrainingView { camera: &CAMERA, pose: &pose, frame: &frame };
+    let gradients = trainer.gradients(&view, &training).unwrap();
+    let n = splats.positions.len();
+    for (plane, gradients) in gradients.chunks_exact(n).enumerate() {
+        let errors = errors(&splats, &options, &pose, &frame, plane as u32, gradients);
+        let median = errors[n / 2];
+        assert!(
+            median < 1e-4,
+            "{kind:?}, degree {sh_degree}, plane {plane}: {median} of {errors:?}"
+        );
+    }
+    common::assert_silent(&engine);
+}
+
+#[test]
+fn gradients_agree_with_differences_of_the_twins_loss() {
+    agree(Kind::Ordinary, 1, RenderOptions::INRIA);
+    agree(Kind::Ordinary, 3, RenderOptions { background: [0.2, 0.5, 0.9], ..RenderOptions::INRIA });
+}
+
+#[test]
+fn gradients_agree_for_anti_aliased_priors() {
+    agree(Kind::Ordinary, 0, RenderOptions { antialiased: true, ..RenderOptions::INRIA });
+}
+
+#[test]
+fn gradients_agree_for_needles_discs_and_giants() {
+    agree(Kind::Stiff, 1, RenderOptions::INRIA);
+    agree(Kind::Large, 2, RenderOptions::INRIA);
+}
