@@ -1,0 +1,283 @@
+//! Training a prior from posed pictures, on the device: 3D Gaussian Splatting (Kerbl et al. 2023) with a fixed budget of
+//! splats, which noise and relocation spread (3DGS-MCMC, Kheradmand et al. 2024).
+//!
+//! The prior is trained by the engine's own render path, so it fits the renderer that will draw it. All that is random
+//! follows from the seed and the number of the step: the same input gives the same prior on one device, byte for byte,
+//! also if training is interrupted and goes on.
+
+mod relocate;
+mod schedule;
+mod splats;
+mod start;
+
+use glam::DVec3;
+
+use nvsprior::prior::{RenderOptions, Splats};
+use nvsprior::random::Random;
+use nvsprior::render::training::{Trainer, TrainingPlan, TrainingState, TrainingView};
+use nvsprior::vulkan::{Error as DeviceError, StageTime};
+use nvsprior::{Camera, Engine, Picture, Pose};
+use nvsprior_kernels::training::planes;
+
+use crate::mapping::PosedPicture;
+use relocate::relocate;
+pub use schedule::Schedule;
+pub use start::ColouredPoint;
+use start::start;
+
+/// How to train.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapOptions {
+    /// How the prior will be rendered.
+    pub render: RenderOptions,
+    /// Most splats.
+    pub splats: u32,
+    /// Degree of the spherical harmonics, 0 to 3.
+    pub sh_degree: u32,
+    /// Steps in all; each looks at one picture.
+    pub iterations: u32,
+    /// Rates and their course.
+    pub schedule: Schedule,
+    /// Seed of all that is random.
+    pub seed: u64,
+    /// Have the device time its stages.
+    pub profiled: bool,
+}
+
+impl Default for MapOptions {
+    fn default() -> MapOptions {
+        MapOptions {
+            render: RenderOptions::INRIA,
+            splats: 40_000,
+            sh_degree: 1,
+            iterations: 8_000,
+            schedule: Schedule::default(),
+            seed: 1,
+            profiled: false,
+        }
+    }
+}
+
+/// Why no prior was made.
+#[derive(Debug, thiserror::Error)]
+pub enum MapError {
+    /// There is nothing to train on.
+    #[error("no picture to train on")]
+    NoPictures,
+    /// A picture has another size than the first.
+    #[error("picture {index}: {width}×{height}, the first one has another size")]
+    Size {
+        /// Which one.
+        index: usize,
+        /// Its width.
+        width: u32,
+        /// Its height.
+        height: u32,
+    },
+    /// A pose is not finite.
+    #[error("picture {index}: its pose is not finite")]
+    Pose {
+        /// Which one.
+        index: usize,
+    },
+    /// An option lies outside its range.
+    #[error("option {name} = {value} is out of range: {range}")]
+    Option {
+        /// Which one.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be.
+        range: &'static str,
+    },
+    /// A saved state is of another training.
+    #[error("the saved state is of another training: {what}")]
+    State {
+        /// What differs.
+        what: &'static str,
+    },
+    /// The device failed.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+}
+
+/// A training as it stands after a step: enough to go on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapState {
+    /// Steps done.
+    pub step: u32,
+    /// Splats in use, the first ones of the planes.
+    pub alive: u32,
+    /// Parameters, and what Adam knows of them.
+    pub training: TrainingState,
+}
+
+/// A training under way.
+pub struct Mapper {
+    trainer: Trainer,
+    views: Vec<PosedPicture>,
+    options: MapOptions,
+    /// What positions are relative to.
+    centre: DVec3,
+    /// Size of the cameras' volume, the prior's unit.
+    extent: f64,
+    step: u32,
+    alive: u32,
+}
+
+impl Mapper {
+    /// Starts from points, or from random ones in front of the cameras if there are none.
+    pub fn new(
+        engine: &Engine,
+        views: Vec<PosedPicture>,
+        points: &[ColouredPoint],
+        options: &MapOptions,
+    ) -> Result<Mapper, MapError> {
+        check(&views, options)?;
+        let (centre, extent) = volume(&views);
+        let camera = views[0].camera;
+        let plan = TrainingPlan {
+            size: [camera.width, camera.height],
+            options: options.render,
+            sh_degree: options.sh_degree,
+            splats: options.splats,
+            centre,
+            profiled: options.profiled,
+        };
+        let mut trainer = engine.trainer(&plan)?;
+        let (parameters, alive) = start(&views, points, options, centre, extent);
+        let zero = vec![0.0; parameters.len()];
+        trainer.set(&TrainingState { parameters, first: zero.clone(), second: zero })?;
+        Ok(Mapper { trainer, views, options: options.clone(), centre, extent, step: 0, alive })
+    }
+
+    /// Takes one step, on the picture whose turn it is.
+    pub fn step(&mut self) -> Result<(), MapError> {
+        let view = &self.views[self.turn()];
+        let training = self.options.schedule.at(
+            self.step,
+            &self.options,
+            self.extent,
+            view.camera.pixels(),
+            self.alive,
+        );
+        let view = TrainingView { camera: &view.camera, pose: &view.pose, frame: &view.picture };
+        self.trainer.step(&view, &training)?;
+        self.step += 1;
+        if self.options.schedule.relocates_after(self.step, self.options.iterations) {
+            self.relocate()?;
+        }
+        Ok(())
+    }
+
+    /// Which picture the next step looks at: all in turn, in an order that is another one in each round.
+    fn turn(&self) -> usize {
+        let count = self.views.len();
+        let (round, place) = (self.step as usize / count, self.step as usize % count);
+        let mut random = Random::new(self.options.seed ^ (round as u64) << 32);
+        let mut order: Vec<usize> = (0..count).collect();
+        for i in (1..count).rev() {
+            order.swap(i, (random.bits() % (i as u64 + 1)) as usize);
+        }
+        order[place]
+    }
+
+    /// Moves splats that show nothing to where others show much, and adds some.
+    fn relocate(&mut self) -> Result<(), MapError> {
+        let mut state = self.trainer.state()?;
+        let seed = self.options.seed.wrapping_mul(0x2545_f491_4f6c_dd1d) ^ u64::from(self.step);
+        let n = self.options.splats;
+        self.alive = relocate(&mut state, n, self.alive, &mut Random::new(seed));
+        self.trainer.set(&state)?;
+        Ok(())
+    }
+
+    /// Steps done.
+    pub fn steps(&self) -> u32 {
+        self.step
+    }
+
+    /// Splats in use.
+    pub fn alive(&self) -> u32 {
+        self.alive
+    }
+
+    /// The pictures it is trained on.
+    pub fn views(&self) -> &[PosedPicture] {
+        &self.views
+    }
+
+    /// The splats as they are, in world axes.
+    pub fn splats(&self) -> Result<Splats, MapError> {
+        let state = self.trainer.state()?;
+        let Mapper { options, centre, alive, .. } = self;
+        Ok(splats::from_planes(&state.parameters, options, *centre, *alive))
+    }
+
+    /// Draws the splats as they are.
+    pub fn picture(&mut self, camera: &Camera, pose: &Pose) -> Result<Picture, MapError> {
+        let mut picture = Picture::new(camera.width, camera.height);
+        self.trainer.picture(camera, pose, &mut picture)?;
+        Ok(picture)
+    }
+
+    /// Device times of the last step's stages, if the options asked for them.
+    pub fn stage_times(&self) -> Result<Vec<StageTime>, MapError> {
+        Ok(self.trainer.stage_times()?)
+    }
+
+    /// All that it takes to go on later.
+    pub fn state(&self) -> Result<MapState, MapError> {
+        Ok(MapState { step: self.step, alive: self.alive, training: self.trainer.state()? })
+    }
+
+    /// Goes on from a state of the same training.
+    pub fn resume(&mut self, state: &MapState) -> Result<(), MapError> {
+        let numbers = self.options.splats as usize * planes(self.options.sh_degree) as usize;
+        let TrainingState { parameters, first, second } = &state.training;
+        if [parameters, first, second].into_iter().any(|planes| planes.len() != numbers) {
+            return Err(MapError::State { what: "the number of splats or of their coefficients" });
+        }
+        if state.alive > self.options.splats || state.step > self.options.iterations {
+            return Err(MapError::State { what: "the number of splats or of iterations" });
+        }
+        self.trainer.set(&state.training)?;
+        (self.step, self.alive) = (state.step, state.alive);
+        Ok(())
+    }
+}
+
+fn check(views: &[PosedPicture], options: &MapOptions) -> Result<(), MapError> {
+    let first = views.first().ok_or(MapError::NoPictures)?;
+    for (index, view) in views.iter().enumerate() {
+        let Picture { width, height, .. } = view.picture;
+        let same = (width, height) == (first.camera.width, first.camera.height)
+            && (view.camera.width, view.camera.height) == (width, height);
+        if !same {
+            return Err(MapError::Size { index, width, height });
+        }
+        if !view.pose.translation.is_finite() || !view.pose.rotation.is_finite() {
+            return Err(MapError::Pose { index });
+        }
+    }
+    let in_range = [
+        ("splats", f64::from(options.splats), 1.0..=16e6, "1 to 16,000,000"),
+        ("sh-degree", f64::from(options.sh_degree), 0.0..=3.0, "0 to 3"),
+        ("iterations", f64::from(options.iterations), 1.0..=1e7, "1 to 10,000,000"),
+    ];
+    for (name, value, allowed, range) in in_range {
+        if !allowed.contains(&value) {
+            return Err(MapError::Option { name, value, range });
+        }
+    }
+    Ok(())
+}
+
+/// Middle of the cameras, and their greatest distance from it (gsplat's scene scale: a tenth more).
+fn volume(views: &[PosedPicture]) -> (DVec3, f64) {
+    let sum: DVec3 = views.iter().map(|view| view.pose.centre()).sum();
+    let centre = sum / views.len() as f64;
+    let distance = |view: &PosedPicture| view.pose.centre().distance(centre);
+    let extent = 1.1 * views.iter().map(distance).fold(0.0, f64::max);
+    (centre.as_vec3().as_dvec3(), if extent > 1e-6 { extent } else { 1.0 })
+}

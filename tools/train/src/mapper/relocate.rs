@@ -1,0 +1,139 @@
+//! Where splats are needed: those that show nothing move to where others show much, and some are added, so that the
+//! picture stays as it is (3DGS-MCMC, Kheradmand et al. 2024, eq. 9).
+
+use nvsprior::random::Random;
+use nvsprior::render::training::TrainingState;
+use nvsprior_kernels::training::{LOG_SCALE, OPACITY};
+
+use super::splats::Planes;
+
+/// Splats of less opacity move.
+const FAINT: f64 = 0.005;
+/// Splats are added by this share at a time.
+const GROWTH: f64 = 0.05;
+/// Most splats that one is divided into.
+const MOST: usize = 51;
+
+/// Moves faint splats of the first `alive` of `n`, and adds some; how many are alive then.
+pub fn relocate(state: &mut TrainingState, n: u32, alive: u32, random: &mut Random) -> u32 {
+    let splats = n as usize;
+    let opacities: Vec<f64> = {
+        let logits = &state.parameters[OPACITY as usize * splats..][..alive as usize];
+        logits.iter().map(|logit| 1.0 / (1.0 + (-f64::from(*logit)).exp())).collect()
+    };
+    let grown = (f64::from(alive) * (1.0 + GROWTH)) as u32;
+    let faint = (0..alive as usize).filter(|i| opacities[*i] <= FAINT);
+    let free: Vec<usize> = faint.chain(alive as usize..grown.min(n) as usize).collect();
+    let Some(choice) = Choice::new(&opacities) else { return alive };
+    // By the splat that is divided: those that it is divided into.
+    let mut shares = vec![Vec::new(); alive as usize];
+    for to in free {
+        shares[choice.draw(random)].push(to);
+    }
+    for (from, into) in shares.iter().enumerate().filter(|(_, into)| !into.is_empty()) {
+        divide(state, splats, from, into, opacities[from]);
+    }
+    grown.min(n).max(alive)
+}
+
+/// A splat chosen by its opacity.
+struct Choice {
+    /// Sums of the opacities up to each.
+    sums: Vec<f64>,
+}
+
+impl Choice {
+    /// Among those that are not faint; `None` if all are.
+    fn new(opacities: &[f64]) -> Option<Choice> {
+        let mut sum = 0.0;
+        let sums: Vec<f64> = opacities
+            .iter()
+            .map(|opacity| {
+                sum += if *opacity > FAINT { *opacity } else { 0.0 };
+                sum
+            })
+            .collect();
+        (sum > 0.0).then_some(Choice { sums })
+    }
+
+    fn draw(&self, random: &mut Random) -> usize {
+        let total = self.sums.last().copied().unwrap_or(0.0);
+        let point = total * (random.bits() >> 11) as f64 / (1_u64 << 53) as f64;
+        self.sums.partition_point(|sum| *sum <= point).min(self.sums.len() - 1)
+    }
+}
+
+/// Divides a splat: itself and those in `into` together show what it shows.
+fn divide(state: &mut TrainingState, splats: usize, from: usize, into: &[usize], opacity: f64) {
+    let (share, scale) = divided(opacity, into.len() + 1);
+    let share = share.clamp(FAINT, 1.0 - 1e-6);
+    let TrainingState { parameters, first, second } = state;
+    let mut planes = Planes { numbers: parameters, splats };
+    *planes.at(OPACITY, from) = (share / (1.0 - share)).ln() as f32;
+    for k in 0..3 {
+        *planes.at(LOG_SCALE + k, from) += scale.ln() as f32;
+    }
+    for to in into {
+        planes.copy(from, *to);
+    }
+    for numbers in [first, second] {
+        let mut planes = Planes { numbers, splats };
+        into.iter().chain([&from]).for_each(|splat| planes.clear(*splat));
+    }
+}
+
+/// Opacity, and factor of the standard deviations, of each of `count` splats that stand for one.
+fn divided(opacity: f64, count: usize) -> (f64, f64) {
+    let count = count.min(MOST);
+    let share = 1.0 - (1.0 - opacity).powf(1.0 / count as f64);
+    let mut sum = 0.0;
+    for i in 1..=count {
+        let mut binomial = 1.0;
+        for k in 0..i {
+            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+            sum += binomial * sign / ((k + 1) as f64).sqrt() * share.powi(k as i32 + 1);
+            binomial *= (i - 1 - k) as f64 / (k + 1) as f64;
+        }
+    }
+    (share, opacity / sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Seen along a line through the middle, the integral of alpha stays.
+    #[test]
+    fn divided_splats_show_what_the_one_showed() {
+        let covered = |opacity: f64, scale: f64, count: i32| -> f64 {
+            let alpha = |x: f64| opacity * (-0.5 * (x / scale).powi(2)).exp();
+            (-4000..4000).map(|i| 1.0 - (1.0 - alpha(f64::from(i) * 0.005)).powi(count)).sum()
+        };
+        for opacity in [0.01, 0.3, 0.9, 0.99] {
+            for count in [1, 2, 5, 20] {
+                let (share, scale) = divided(opacity, count);
+                let (one, all) = (covered(opacity, 1.0, 1), covered(share, scale, count as i32));
+                assert!((all / one - 1.0).abs() < 0.01, "{opacity} by {count}: {all} for {one}");
+            }
+        }
+    }
+
+    #[test]
+    fn faint_splats_move_and_the_number_grows() {
+        let n = 100;
+        let numbers = 14 * n;
+        let mut state = TrainingState {
+            parameters: vec![0.5; numbers],
+            first: vec![1.0; numbers],
+            second: vec![1.0; numbers],
+        };
+        for i in 40..50 {
+            state.parameters[OPACITY as usize * n + i] = -9.0;
+        }
+        let alive = relocate(&mut state, n as u32, 60, &mut Random::new(1));
+        assert_eq!(alive, 63);
+        let logits = &state.parameters[OPACITY as usize * n..][..63];
+        assert!(logits.iter().all(|logit| *logit > -5.4), "{logits:?}");
+        assert_eq!(state.first[OPACITY as usize * n + 45], 0.0);
+    }
+}

@@ -1,0 +1,108 @@
+//! How fast what is trained, and when splats move elsewhere.
+
+use nvsprior::render::training::{FADING, Training};
+use nvsprior_kernels::shared::sh_coefficients;
+
+use super::MapOptions;
+
+/// Rates and pulls, as gsplat's MCMC preset has them unless said otherwise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Schedule {
+    /// Rate of positions at the start, in extents of the scene.
+    pub position: f32,
+    /// Share of it at the end; it falls geometrically.
+    pub position_end: f32,
+    /// Rate of log scales.
+    pub log_scale: f32,
+    /// Rate of quaternions.
+    pub rotation: f32,
+    /// Rate of opacity logits.
+    pub opacity: f32,
+    /// Rate of the first coefficient of the spherical harmonics.
+    pub sh_first: f32,
+    /// Rate of the others.
+    pub sh_others: f32,
+    /// Share of SSIM in the loss.
+    pub ssim: f32,
+    /// Pull of opacities.
+    pub opacity_pull: f32,
+    /// Pull of standard deviations.
+    pub scale_pull: f32,
+    /// Noise of positions, in rates of positions.
+    pub noise: f32,
+    /// Steps until the next degree of the spherical harmonics is trained.
+    pub degree_every: u32,
+    /// Steps between relocations.
+    pub relocate_every: u32,
+    /// Share of the steps after which no splat is relocated.
+    pub relocate_until: f32,
+}
+
+impl Default for Schedule {
+    fn default() -> Schedule {
+        Schedule {
+            position: 1.6e-4,
+            position_end: 0.01,
+            log_scale: 5e-3,
+            rotation: 1e-3,
+            opacity: 5e-2,
+            sh_first: 2.5e-3,
+            sh_others: 2.5e-3 / 20.0,
+            ssim: 0.2,
+            opacity_pull: 0.01,
+            scale_pull: 0.01,
+            noise: 5e5,
+            degree_every: 1000,
+            relocate_every: 100,
+            relocate_until: 0.8,
+        }
+    }
+}
+
+/// No relocation before this step: opacities say nothing yet.
+const RELOCATE_FROM: u32 = 500;
+
+impl Schedule {
+    /// What a step is told. `extent`: of the scene, the prior's unit; `alive`: splats in use.
+    pub fn at(
+        &self,
+        step: u32,
+        options: &MapOptions,
+        extent: f64,
+        pixels: usize,
+        alive: u32,
+    ) -> Training {
+        let share = f64::from(step) / f64::from(options.iterations);
+        let position = f64::from(self.position) * extent * f64::from(self.position_end).powf(share);
+        let degree = (step / self.degree_every.max(1)).min(options.sh_degree);
+        let unbias = FADING
+            .map(|fading| (1.0 / (1.0 - f64::from(fading).powf(f64::from(step) + 1.0))) as f32);
+        Training {
+            sh_coefficients: sh_coefficients(options.sh_degree),
+            sh_trained: sh_coefficients(degree),
+            slot_capacity: 0,
+            step,
+            rates: [
+                position as f32,
+                self.log_scale,
+                self.rotation,
+                self.opacity,
+                self.sh_first,
+                self.sh_others,
+            ],
+            unbias,
+            opacity_pull: self.opacity_pull / alive as f32,
+            scale_pull: self.scale_pull / (3.0 * alive as f32),
+            noise: (position * f64::from(self.noise)) as f32,
+            ssim: self.ssim,
+            per_value: 1.0 / (3 * pixels) as f32,
+            spare: 0,
+        }
+    }
+
+    /// Whether splats are relocated once so many steps are done.
+    pub fn relocates_after(&self, steps: u32, iterations: u32) -> bool {
+        let until = (f64::from(iterations) * f64::from(self.relocate_until)) as u32;
+        (RELOCATE_FROM..=until).contains(&steps) && steps.is_multiple_of(self.relocate_every.max(1))
+    }
+}

@@ -1,0 +1,55 @@
+//! Splats as planes, and back.
+
+use glam::DVec3;
+
+use nvsprior::prior::Splats;
+use nvsprior_kernels::shared::sh_coefficients;
+use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH};
+
+use super::MapOptions;
+
+/// Planes of one float per splat; a view of one splat's numbers.
+pub struct Planes<'a> {
+    pub numbers: &'a mut [f32],
+    pub splats: usize,
+}
+
+impl Planes<'_> {
+    /// The number of a splat in a plane.
+    pub fn at(&mut self, plane: u32, splat: usize) -> &mut f32 {
+        &mut self.numbers[plane as usize * self.splats + splat]
+    }
+
+    /// Copies all numbers of a splat.
+    pub fn copy(&mut self, from: usize, to: usize) {
+        for plane in self.numbers.chunks_exact_mut(self.splats) {
+            plane[to] = plane[from];
+        }
+    }
+
+    /// Sets all numbers of a splat to zero.
+    pub fn clear(&mut self, splat: usize) {
+        for plane in self.numbers.chunks_exact_mut(self.splats) {
+            plane[splat] = 0.0;
+        }
+    }
+}
+
+/// The first `alive` splats of the planes.
+pub fn from_planes(planes: &[f32], options: &MapOptions, centre: DVec3, alive: u32) -> Splats {
+    let (n, alive) = (options.splats as usize, alive as usize);
+    let at = |plane: u32, i: usize| planes[plane as usize * n + i];
+    let coefficients = 3 * sh_coefficients(options.sh_degree);
+    let position = |i: usize| {
+        let own = [0, 1, 2].map(|k| f64::from(at(POSITION + k, i)));
+        (DVec3::from(own) + centre).as_vec3().to_array()
+    };
+    Splats {
+        positions: (0..alive).map(position).collect(),
+        log_scales: (0..alive).map(|i| [0, 1, 2].map(|k| at(LOG_SCALE + k, i))).collect(),
+        rotations: (0..alive).map(|i| [0, 1, 2, 3].map(|k| at(ROTATION + k, i))).collect(),
+        opacity_logits: (0..alive).map(|i| at(OPACITY, i)).collect(),
+        sh: (0..alive).flat_map(|i| (0..coefficients).map(move |k| at(SH + k, i))).collect(),
+        sh_degree: options.sh_degree,
+    }
+}

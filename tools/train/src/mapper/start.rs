@@ -1,0 +1,234 @@
+//! The splats that training starts from.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use nvsprior::random::Random;
+use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
+
+use super::MapOptions;
+use super::splats::Planes;
+use crate::mapping::PosedPicture;
+
+/// A point of the scene, as structure from motion gives it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColouredPoint {
+    /// World axes, the prior's unit.
+    pub position: [f32; 3],
+    /// Red, green, blue, in [0, 1].
+    pub rgb: [f32; 3],
+}
+
+/// Logit of the opacity of splats that are not in use: they show nowhere.
+pub const UNUSED: f32 = -20.0;
+/// Standard deviation of a first splat, in mean distances to its three nearest neighbours.
+const SPREAD: f32 = 0.5;
+/// Share of random points among the first ones if there are no points.
+const RANDOM_SHARE: f64 = 0.5;
+/// The first coefficient's basis function.
+const SH_0: f32 = 0.282_094_8;
+
+/// The parameters' planes, and how many splats are in use.
+pub fn start(
+    views: &[PosedPicture],
+    points: &[ColouredPoint],
+    options: &MapOptions,
+    centre: DVec3,
+    extent: f64,
+) -> (Vec<f32>, u32) {
+    let n = options.splats as usize;
+    let mut random = Random::new(options.seed ^ 0x0073_7461_7274);
+    let made;
+    let points = if points.is_empty() {
+        made = in_front(views, (n as f64 * RANDOM_SHARE).ceil() as usize, extent, &mut random);
+        &made
+    } else {
+        points
+    };
+    let chosen = choose(points, n, centre, &mut random);
+    let spreads = spreads(&chosen);
+    let mut numbers = vec![0.0; n * planes(options.sh_degree) as usize];
+    let mut planes = Planes { numbers: &mut numbers, splats: n };
+    for i in 0..n {
+        *planes.at(OPACITY, i) = UNUSED;
+        *planes.at(ROTATION, i) = 1.0;
+    }
+    for (i, (point, spread)) in chosen.iter().zip(&spreads).enumerate() {
+        for k in 0..3 {
+            *planes.at(POSITION + k, i) = point.position[k as usize];
+            *planes.at(LOG_SCALE + k, i) = (SPREAD * spread).ln();
+            *planes.at(SH + k, i) = (point.rgb[k as usize] - 0.5) / SH_0;
+        }
+        for k in 0..4 {
+            *planes.at(ROTATION + k, i) = random.within(-1.0, 1.0);
+        }
+        // A length of zero has no direction.
+        *planes.at(ROTATION, i) += 1.5;
+        *planes.at(OPACITY, i) = 0.0;
+    }
+    (numbers, chosen.len() as u32)
+}
+
+/// As many points as there may be splats, relative to the centre.
+fn choose(
+    points: &[ColouredPoint],
+    most: usize,
+    centre: DVec3,
+    random: &mut Random,
+) -> Vec<ColouredPoint> {
+    let relative = |point: &ColouredPoint| {
+        let position = DVec3::from(point.position.map(f64::from)) - centre;
+        ColouredPoint { position: position.as_vec3().to_array(), ..*point }
+    };
+    let sound = |point: &&ColouredPoint| {
+        point.position.iter().chain(&point.rgb).all(|value| value.is_finite())
+    };
+    let mut all: Vec<_> = points.iter().filter(sound).map(relative).collect();
+    for i in 0..most.min(all.len()) {
+        let left = (all.len() - i) as u64;
+        // Points of a file may lie in an order: those left out come from everywhere.
+        if all.len() > most {
+            all.swap(i, i + (random.bits() % left) as usize);
+        }
+    }
+    all.truncate(most);
+    all
+}
+
+/// Mean distance of each point to its three nearest neighbours.
+fn spreads(points: &[ColouredPoint]) -> Vec<f32> {
+    let grid = Grid::new(points);
+    (0..points.len()).into_par_iter().map(|i| grid.spread(i)).collect()
+}
+
+/// Points in cubes.
+struct Grid<'a> {
+    points: &'a [ColouredPoint],
+    /// Points in the order of their cubes.
+    order: Vec<(u64, u32)>,
+    low: Vec3,
+    side: f32,
+}
+
+/// Cubes along an axis, at most.
+const CUBES: u64 = 1 << 20;
+
+impl Grid<'_> {
+    fn new(points: &[ColouredPoint]) -> Grid<'_> {
+        let positions = || points.iter().map(|point| Vec3::from(point.position));
+        let low = positions().fold(Vec3::INFINITY, Vec3::min);
+        // A few points per cube, if half of them lie near each other.
+        let mut distances: Vec<f32> = {
+            let middle = positions().sum::<Vec3>() / points.len().max(1) as f32;
+            positions().map(|p| p.distance(middle)).collect()
+        };
+        distances.sort_by(f32::total_cmp);
+        let half = distances.get(distances.len() / 2).copied().unwrap_or(1.0);
+        let side = (half * 4.0 / (points.len().max(1) as f32).cbrt()).max(1e-6);
+        let mut grid = Grid { points, order: Vec::new(), low, side };
+        let key = |i: usize| (grid.key(grid.cube(Vec3::from(points[i].position))), i as u32);
+        let mut order: Vec<_> = (0..points.len()).map(key).collect();
+        order.sort_unstable();
+        grid.order = order;
+        grid
+    }
+
+    fn cube(&self, position: Vec3) -> [i64; 3] {
+        let scaled = (position - self.low) / self.side;
+        scaled.to_array().map(|v| (v as i64).clamp(0, CUBES as i64 - 1))
+    }
+
+    fn key(&self, cube: [i64; 3]) -> u64 {
+        cube.into_iter().fold(0, |key, v| key * CUBES + v as u64)
+    }
+
+    fn points_in(&self, cube: [i64; 3]) -> &[(u64, u32)] {
+        if cube.iter().any(|v| !(0..CUBES as i64).contains(v)) {
+            return &[];
+        }
+        let key = self.key(cube);
+        let first = self.order.partition_point(|(other, _)| *other < key);
+        let count = self.order[first..].partition_point(|(other, _)| *other == key);
+        &self.order[first..first + count]
+    }
+
+    /// Mean distance to the three nearest within some cubes; a cube's side if there are none.
+    fn spread(&self, i: usize) -> f32 {
+        let own = Vec3::from(self.points[i].position);
+        let [x, y, z] = self.cube(own);
+        let mut nearest = [f32::INFINITY; 3];
+        for reach in 1..=4 {
+            nearest = [f32::INFINITY; 3];
+            for cube in cubes_around(reach).map(|[a, b, c]| [x + a, y + b, z + c]) {
+                for (_, other) in self.points_in(cube) {
+                    let distance = own.distance(Vec3::from(self.points[*other as usize].position));
+                    // Points that lie in the same place say nothing of the distance to others.
+                    if distance > 1e-7 * self.side && distance < nearest[2] {
+                        nearest[2] = distance;
+                        nearest.sort_by(f32::total_cmp);
+                    }
+                }
+            }
+            if nearest[2] <= reach as f32 * self.side {
+                break;
+            }
+        }
+        let found: Vec<f32> = nearest.into_iter().filter(|v| v.is_finite()).collect();
+        let sum: f32 = found.iter().sum();
+        if found.is_empty() { self.side } else { sum / found.len() as f32 }
+    }
+}
+
+fn cubes_around(reach: i64) -> impl Iterator<Item = [i64; 3]> {
+    let along = move || -reach..=reach;
+    along().flat_map(move |x| along().flat_map(move |y| along().map(move |z| [x, y, z])))
+}
+
+/// Random points in front of the cameras, grey.
+fn in_front(
+    views: &[PosedPicture],
+    count: usize,
+    extent: f64,
+    random: &mut Random,
+) -> Vec<ColouredPoint> {
+    let point = |_| {
+        let view = &views[(random.bits() % views.len() as u64) as usize];
+        let camera = &view.camera;
+        let (u, v) = (f64::from(random.within(0.0, 1.0)), f64::from(random.within(0.0, 1.0)));
+        let depth = extent * f64::from(random.within(0.1, 3.0));
+        let x = (u * f64::from(camera.width) - f64::from(camera.cx)) / f64::from(camera.fx);
+        let y = (v * f64::from(camera.height) - f64::from(camera.cy)) / f64::from(camera.fy);
+        let back = view.pose.inverse();
+        let position = back.rotation * (DVec3::new(x, y, 1.0) * depth) + back.translation;
+        ColouredPoint { position: position.as_vec3().to_array(), rgb: [0.5; 3] }
+    };
+    (0..count).map(point).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spreads_are_distances_to_the_nearest() {
+        let mut random = Random::new(3);
+        let points: Vec<_> = (0..400)
+            .map(|_| ColouredPoint { position: random.triple(-2.0, 5.0), rgb: [0.5; 3] })
+            .collect();
+        let spreads = spreads(&points);
+        for (i, spread) in spreads.iter().enumerate() {
+            let own = Vec3::from(points[i].position);
+            let mut all: Vec<f32> =
+                points.iter().map(|p| own.distance(Vec3::from(p.position))).collect();
+            all.sort_by(f32::total_cmp);
+            let expected = all[1..4].iter().sum::<f32>() / 3.0;
+            assert!((spread - expected).abs() < 1e-4 * expected, "{i}: {spread}, {expected}");
+        }
+    }
+
+    #[test]
+    fn points_in_one_place_have_a_spread() {
+        let points = [ColouredPoint { position: [1.0; 3], rgb: [0.5; 3] }; 5];
+        assert!(spreads(&points).iter().all(|spread| *spread > 0.0));
+    }
+}
