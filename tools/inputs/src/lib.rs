@@ -4,3 +4,4 @@ pub mod args;
 pub mod camera_file;
 pub mod frame_file;
 pub mod input;
+pub mod lens;
