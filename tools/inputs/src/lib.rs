@@ -5,3 +5,4 @@ pub mod camera_file;
 pub mod frame_file;
 pub mod input;
 pub mod lens;
+pub mod points;
