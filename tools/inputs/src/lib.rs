@@ -2,6 +2,7 @@
 
 pub mod args;
 pub mod camera_file;
+pub mod colmap;
 pub mod frame_file;
 pub mod input;
 pub mod lens;
