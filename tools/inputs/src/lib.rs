@@ -7,3 +7,4 @@ pub mod frame_file;
 pub mod input;
 pub mod lens;
 pub mod points;
+pub mod posed;

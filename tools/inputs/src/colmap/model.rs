@@ -8,9 +8,12 @@ pub struct Model {
     pub name: &'static str,
     /// Number of its parameters.
     pub parameters: usize,
-    /// fx, fy, cx, cy and the distortion from that many parameters.
-    parts: fn(&[f64]) -> Option<([f64; 4], Distortion)>,
+    /// The parts of a lens, from that many parameters.
+    parts: fn(&[f64]) -> Option<Parts>,
 }
+
+/// fx, fy, cx, cy and the distortion.
+type Parts = ([f64; 4], Distortion);
 
 /// Those that are read, by COLMAP's number for them.
 static MODELS: [Model; 6] = [
@@ -48,7 +51,7 @@ const OTHERS: [&str; 6] = [
 ];
 
 /// Parameters that begin with f, cx, cy, and two radial coefficients.
-fn simple(p: &[f64], [k1, k2]: [f64; 2]) -> Option<([f64; 4], Distortion)> {
+fn simple(p: &[f64], [k1, k2]: [f64; 2]) -> Option<Parts> {
     let [f, cx, cy] = *p.first_chunk()?;
     Some(([f, f, cx, cy], Distortion::brown(&[k1, k2, 0.0, 0.0]).ok()?))
 }

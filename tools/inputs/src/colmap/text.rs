@@ -93,7 +93,7 @@ pub fn images(bytes: &[u8]) -> Result<Vec<ImageRecord>, Wrong> {
         images.push(ImageRecord { at, quaternion, translation, camera, name });
         if let Some(observations) = lines.next() {
             let count = observations.count();
-            if count % 3 != 0 {
+            if !count.is_multiple_of(3) {
                 return Err(Wrong::new(observations.at, ColmapFault::Observations { count }));
             }
         }
@@ -108,7 +108,7 @@ pub fn points(bytes: &[u8]) -> Result<Vec<Point>, Wrong> {
         let rgb = [line.value("red")?, line.value("green")?, line.value("blue")?];
         let error = line.value("the error")?;
         let track = line.count();
-        if track % 2 != 0 {
+        if !track.is_multiple_of(2) {
             return Err(Wrong::new(line.at, ColmapFault::Missing { what: "half of a track" }));
         }
         super::point(line.at, position, rgb, error, track / 2)
