@@ -5,12 +5,18 @@
 //! intrinsics of its own where they differ, and `time`, seconds, if it is known. `transforms.json` holds OpenGL camera-to-world
 //! matrices (nerfstudio's data conventions), which are turned into the former. They are taken as
 //! they stand: a prior exported after nerfstudio's own scaling and centring lies in another frame.
+//!
+//! [`CameraFile`] is for pinhole pictures, and refuses distortion; [`crate::posed`] reads it.
+
+mod posed;
 
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DMat4, DQuat};
 use nvsprior::{Camera, Pose};
 use serde_json::Value;
+
+pub(crate) use posed::PosedFile;
 
 /// One posed picture.
 #[derive(Clone, Debug)]
@@ -73,29 +79,11 @@ impl CameraFile {
 
     /// Reads a camera file's content; `path` is where it stands.
     pub fn parse(text: &str, path: &Path) -> Result<CameraFile, CameraFileError> {
-        let own = path.to_path_buf();
-        let root: Value = serde_json::from_str(text)
-            .map_err(|error| CameraFileError::Json { path: own.clone(), error })?;
-        let (entries, opencv) = match (root["images"].as_array(), root["frames"].as_array()) {
-            (Some(images), _) => (images, true),
-            (_, Some(frames)) => (frames, false),
-            _ => return Err(CameraFileError::Format { path: own }),
-        };
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let mut views = Vec::with_capacity(entries.len());
-        for (order, value) in entries.iter().enumerate() {
-            let entry = Entry { root: &root, value, order, folder };
-            let view = if opencv { entry.opencv_view() } else { entry.nerfstudio_view() };
-            let view = view.map_err(|what| CameraFileError::View {
-                path: own.clone(),
-                view: entry.label(),
-                what,
-            })?;
-            views.push(view);
-        }
-        views.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let views = views.into_iter().map(|(_, view)| view).collect();
-        Ok(CameraFile { path: own, views })
+        let root = parse_root(text, path)?;
+        let views = entries(&root, path, |entry| {
+            if entry.opencv { entry.opencv_view() } else { entry.nerfstudio_view() }
+        })?;
+        Ok(CameraFile { path: path.to_path_buf(), views })
     }
 
     /// The views of a split, or all.
@@ -120,10 +108,40 @@ impl CameraFile {
     }
 }
 
+fn parse_root(text: &str, path: &Path) -> Result<Value, CameraFileError> {
+    let failed = |error| CameraFileError::Json { path: path.to_path_buf(), error };
+    serde_json::from_str(text).map_err(failed)
+}
+
+/// What `read` makes of the entries of a file's list of pictures, by the order that it gives them.
+fn entries<T>(
+    root: &Value,
+    path: &Path,
+    mut read: impl FnMut(&Entry) -> Result<(f64, T), String>,
+) -> Result<Vec<T>, CameraFileError> {
+    let own = path.to_path_buf();
+    let (values, opencv) = match (root["images"].as_array(), root["frames"].as_array()) {
+        (Some(images), _) => (images, true),
+        (_, Some(frames)) => (frames, false),
+        _ => return Err(CameraFileError::Format { path: own }),
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut views = Vec::with_capacity(values.len());
+    for (order, value) in values.iter().enumerate() {
+        let entry = Entry { root, value, opencv, order, folder };
+        let wrong = |what| CameraFileError::View { path: own.clone(), view: entry.label(), what };
+        views.push(read(&entry).map_err(wrong)?);
+    }
+    views.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(views.into_iter().map(|(_, view)| view).collect())
+}
+
 /// One entry of the file's list of pictures, with what stands for all of them.
 struct Entry<'a> {
     root: &'a Value,
     value: &'a Value,
+    /// Whether it is `cameras.json`'s, else `transforms.json`'s.
+    opencv: bool,
     order: usize,
     folder: &'a Path,
 }
@@ -248,7 +266,7 @@ fn floats<const N: usize>(value: &Value) -> Option<[f64; N]> {
 }
 
 /// nerfstudio leaves out endings at times.
-fn with_ending(file: PathBuf) -> PathBuf {
+pub(crate) fn with_ending(file: PathBuf) -> PathBuf {
     if file.extension().is_some() || file.exists() {
         return file;
     }

@@ -32,10 +32,7 @@ const SHAPE_TOLERANCE: f64 = 0.01;
 /// Reads a PNG, JPEG or WebP, resized (Lanczos, 3 lobes) where its size is another of the same
 /// shape. Alpha is dropped, grey becomes RGB, 16 bits become 8.
 pub fn read_frame(path: &Path, width: u32, height: u32) -> Result<Picture, FrameFileError> {
-    let failed = |error| FrameFileError::Image { path: path.to_path_buf(), error };
-    let reader = image::ImageReader::open(path).map_err(|e| failed(e.into()))?;
-    let reader = reader.with_guessed_format().map_err(|e| failed(e.into()))?;
-    let picture = reader.decode().map_err(failed)?.to_rgb8();
+    let picture = open_image(path)?.to_rgb8();
     let (found, expected) = (picture.dimensions(), (width, height));
     let picture = if found == expected {
         picture
@@ -47,7 +44,16 @@ pub fn read_frame(path: &Path, width: u32, height: u32) -> Result<Picture, Frame
     Ok(Picture { width, height, data: picture.into_raw() })
 }
 
-fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
+/// Reads a PNG, JPEG or WebP, told by its content.
+pub(crate) fn open_image(path: &Path) -> Result<image::DynamicImage, FrameFileError> {
+    let failed = |error| FrameFileError::Image { path: path.to_path_buf(), error };
+    let reader = image::ImageReader::open(path).map_err(|e| failed(e.into()))?;
+    let reader = reader.with_guessed_format().map_err(|e| failed(e.into()))?;
+    reader.decode().map_err(failed)
+}
+
+/// Whether sizes are of the same shape, but for rounding.
+pub(crate) fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
     let ratio = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
     (ratio(a) / ratio(b) - 1.0).abs() <= SHAPE_TOLERANCE
 }

@@ -2,5 +2,9 @@
 
 pub mod args;
 pub mod camera_file;
+pub mod colmap;
 pub mod frame_file;
 pub mod input;
+pub mod lens;
+pub mod points;
+pub mod posed;
