@@ -124,7 +124,8 @@ mod training {
         ssim_rows = ssim_rows(4, 0);
         ssim_columns = ssim_columns(3, 0);
         ssim_back = ssim_back(3, 0);
-        loss_gradient = loss_gradient(6, 0);
+        ssim_gradient = ssim_gradient(6, 0);
+        loss_gradient = loss_gradient(5, 0);
         splat_backward = splat_backward(8, 0), in lockstep: splat_backward_lockstep;
         train_gradient = train_gradient(8, 0);
         train_step = train_step(8, 0);

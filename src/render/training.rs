@@ -10,7 +10,7 @@ use glam::DVec3;
 use crate::prior::RenderOptions;
 use crate::shared::{Counters, GEOMETRY_PLANES, GROUP, Groups, Params, sh_planes};
 use crate::training::{
-    GRADIENT_PIXEL, NO_PAIR, PAIR_SUMS, SSIM_MAPS, SSIM_PARTIALS, SlotCounters, planes,
+    GRADIENT_PIXEL, NO_PAIR, PAIR_SUMS, RUN, RUNS, SSIM_MAPS, SSIM_PARTIALS, SlotCounters, planes,
 };
 use crate::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
@@ -38,6 +38,8 @@ pub struct TrainingPlan {
     pub splats: u32,
     /// What positions are relative to, so that f32 tells them apart.
     pub centre: DVec3,
+    /// Whether SSIM has a share in the loss; else its stages are left out.
+    pub ssim: bool,
     /// Have the device time each stage.
     pub profiled: bool,
 }
@@ -393,16 +395,21 @@ impl Trainer {
     /// The loss's gradient by each pixel.
     fn loss(&self, r: &mut Recorder) -> Result<(), Error> {
         let Trainer { levels, fixed, own, .. } = self;
-        let pixels = (self.plan.size[0] * self.plan.size[1]).div_ceil(GROUP);
+        let [width, height] = self.plan.size;
         let (params, image, frame) = (&levels.params, &levels.image, &fixed.frame);
         let Fixed { training, maps, partials, gradient, .. } = fixed;
-        let by_channel = [pixels, 3, 1];
-        r.dispatch(&own.ssim_rows, &[params, image, frame, maps], &[], by_channel)?;
-        r.dispatch(&own.ssim_columns, &[params, maps, partials], &[], by_channel)?;
-        // The maps are not needed any more: their room takes the blurred derivatives.
-        r.dispatch(&own.ssim_back, &[params, partials, maps], &[], by_channel)?;
-        let buffers = [params, training, image, frame, maps, gradient];
-        r.dispatch(&own.loss_gradient, &buffers, &[], [pixels, 1, 1])
+        if self.plan.ssim {
+            let rows = [height.div_ceil(RUNS), width.div_ceil(RUN), 3];
+            let columns = [width.div_ceil(RUNS), height.div_ceil(RUN), 3];
+            r.dispatch(&own.ssim_rows, &[params, image, frame, maps], &[], rows)?;
+            r.dispatch(&own.ssim_columns, &[params, maps, partials], &[], columns)?;
+            // The maps are not needed any more: their room takes the blurred derivatives.
+            r.dispatch(&own.ssim_back, &[params, partials, maps], &[], rows)?;
+            let buffers = [params, training, image, frame, maps, gradient];
+            r.dispatch(&own.ssim_gradient, &buffers, &[], columns)?;
+        }
+        let buffers = [params, training, image, frame, gradient];
+        r.dispatch(&own.loss_gradient, &buffers, &[], [(width * height).div_ceil(GROUP), 1, 1])
     }
 
     /// The loss's gradient by each parameter.

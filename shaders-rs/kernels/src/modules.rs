@@ -43,7 +43,7 @@ modules! {
     splat_backward: splat_backward splat_backward_lockstep;
     splat_exact: splat_exact;
     splat_flow: splat_flow splat_flow_lockstep;
-    ssim: loss_gradient ssim_back ssim_columns ssim_rows;
+    ssim: loss_gradient ssim_back ssim_columns ssim_gradient ssim_rows;
     train_activate: train_activate;
     train_gradient: train_gradient;
     train_slots: train_slots;

@@ -33,6 +33,10 @@ pub const SSIM_REACH: u32 = 5;
 /// Weights of the window of SSIM from its middle on: a Gaussian of 1.5 pixels (Wang et al. 2004).
 pub const SSIM_WEIGHTS: [f32; 6] =
     [0.266_011_72, 0.213_005_34, 0.109_360_69, 0.036_000_773, 0.007_598_758, 0.001_028_38];
+/// Pixels that an invocation blurs.
+pub const RUN: u32 = 8;
+/// Invocations of a workgroup that blurs.
+pub const RUNS: u32 = 8;
 /// Blurred maps of frame and render for SSIM: render, frame, their squares, their product.
 pub const SSIM_MAPS: u32 = 5;
 /// Maps of SSIM's derivatives: by the render's mean, its variance, and the covariance.

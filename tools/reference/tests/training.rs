@@ -137,6 +137,7 @@ fn agree(kind: Kind, sh_degree: u32, options: RenderOptions) {
         sh_degree,
         splats: splats.positions.len() as u32,
         centre: DVec3::ZERO,
+        ssim: true,
         profiled: false,
     };
     let mut trainer = engine.trainer(&plan).unwrap();

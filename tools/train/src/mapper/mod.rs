@@ -142,6 +142,7 @@ impl Mapper {
             sh_degree: options.sh_degree,
             splats: options.splats,
             centre,
+            ssim: options.schedule.ssim > 0.0,
             profiled: options.profiled,
         };
         let mut trainer = engine.trainer(&plan)?;
