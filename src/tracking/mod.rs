@@ -82,8 +82,8 @@ pub struct RefineOptions {
     pub bfgs: BfgsOptions,
     /// Options of Adam.
     pub adam: AdamOptions,
-    /// Renders, of any level, that a frame may take in looking afresh; what it does not find is looked for
-    /// again in the next frame. A search that has begun is ended.
+    /// Renders, of any level, that one frame may take to search afresh. A search that has begun is finished, even if it
+    /// takes more. If the frame finds no pose, the next frame searches again.
     pub lost_renders: u32,
     /// Whether a frame that is looked for afresh is also searched for without what does not agree.
     pub masks: bool,

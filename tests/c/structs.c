@@ -7,7 +7,7 @@ static rig both;
 static packet first;
 static nvsp_reassembler *reassembler;
 
-// Calls a function with a structure; what else it would write must stay as it is where it fails.
+// Calls a function with a structure. If it fails, all else that it would write must stay as it is.
 typedef nvsp_status (*caller)(void *structure);
 
 static nvsp_status engine_options(void *structure) {
@@ -135,8 +135,8 @@ static const struct {
     {sizeof(nvsp_reassembler_statistics), statistics, 1, 0},
 };
 
-// Calls with a structure of `room` bytes that says it has `size`, filled with `fill` behind its head.
-// Where the call fails, the structure must be as it was.
+// Calls with a structure of `room` bytes that says it has `size`, filled with `fill` after its head. If the call fails,
+// the structure must be as it was.
 static nvsp_status call_with(caller call, size_t room, uint32_t size, uint32_t version, int fill,
                              uint8_t *after) {
     uint32_t *words = malloc(room);  // No larger: a memory checker sees what goes beyond.
