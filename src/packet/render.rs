@@ -1,5 +1,5 @@
-//! The render part: a check of the prior's render, by which the topside knows whether its own is the
-//! same. A device that is not portable may round differently.
+//! The render part: a check of the prior's render. It tells the topside whether its own render is the same. A device
+//! that is not portable may round differently.
 
 use super::bytes::{Reader, crc16};
 use super::{PacketError, Part};
