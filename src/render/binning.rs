@@ -4,11 +4,11 @@ use crate::Camera;
 use crate::shared::{self, TILE};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
-/// Most counters of the table of blocks by tiles: 16 MiB, of which a picture takes what it needs.
+/// Most counters in the table of blocks by tiles: 16 MiB. A picture takes only what it needs.
 const TABLE: u32 = 1 << 22;
 /// Most tiles of a picture.
 const TILES: u32 = (Camera::MAX_SIDE / TILE).pow(2);
-/// Most bands of a picture: none has fewer rows of tiles than one as wide as a picture can be.
+/// Most bands of a picture: the number in the widest picture, whose bands have the fewest rows of tiles.
 pub(crate) const BANDS: u32 = TILES / shared::TABLE;
 
 const _: () = assert!(TABLE >= 4 * TILES, "blocks come by fours");
@@ -18,7 +18,7 @@ const _: () = assert!(shared::TABLE >= Camera::MAX_SIDE / TILE, "a band has a ro
 pub(crate) struct Binning {
     /// Logarithm, base 2, of their number.
     pub log_blocks: u32,
-    /// Where each block's part of each tile's list begins; a last row for the ends.
+    /// Where each block's part of each tile's list begins. The last row holds the ends.
     pub starts: Buffer,
 }
 
@@ -36,8 +36,8 @@ pub(crate) fn log_blocks(most: u32, tiles: u32) -> u32 {
     (TABLE / tiles.max(1)).max(1).ilog2().min(most)
 }
 
-/// Logarithm, base 2, of the most blocks for a picture of so many tiles. Stage `bin_scan` goes through the table
-/// in a loop, and llvmpipe ends loops of 65,535 rounds.
+/// Logarithm, base 2, of the most blocks for a picture of `tiles` tiles. Stage `bin_scan` goes through the table in a
+/// loop, and llvmpipe ends loops after 65,535 rounds.
 pub(crate) fn log_most_blocks(tiles: u32) -> u32 {
     (TABLE / 4 / tiles.max(1)).max(4).ilog2().min(14)
 }

@@ -16,12 +16,12 @@ pub(crate) struct Level {
     pub camera: Camera,
     /// Side of the block of frame pixels that becomes one.
     pub factor: u32,
-    /// What the stages are told, but for the pose.
+    /// The stages' parameters, except the pose.
     pub params: Params,
 }
 
-/// Buffers of all levels, and how many workgroups share the splats; each buffer is as large as the largest level needs, but for `frame`, which holds
-/// all of them.
+/// Buffers of all levels, and how many workgroups share the splats. Each buffer is as large as the largest level needs,
+/// except `frame`, which holds all levels.
 pub(crate) struct LevelBuffers {
     pub sizes: Vec<Level>,
     /// Logarithm of the number of workgroups that share the sort of the splats.
@@ -29,7 +29,7 @@ pub(crate) struct LevelBuffers {
     pub binning: Binning,
     /// [`Level::params`] of each level, for stages that choose between them.
     pub prototypes: Buffer,
-    /// What the host asks for, copied to `params` and `groups` before its renders.
+    /// What the host asks for. It is copied to `params` and `groups` before the host's renders.
     pub params_asked: Buffer,
     pub groups_asked: Buffer,
     pub params: Buffer,
@@ -101,7 +101,7 @@ impl NormalEquations {
 }
 
 impl LevelBuffers {
-    /// The levels of `camera` at these reduction factors; those without a pixel are left out.
+    /// The levels of `camera` at these reduction factors. Levels without a pixel are left out.
     pub fn new(
         device: &Device,
         scene: &Scene,
@@ -128,7 +128,7 @@ impl LevelBuffers {
             params.bin_blocks = 1 << log_bin_blocks;
         }
         let image = pixels * PIXEL as usize;
-        // Of the buffers of a picture, the image is the largest, but for the frame's levels.
+        // The image is a picture's largest buffer, except for the frame's levels.
         let most = device.info().storage_range / (4 * u64::from(PIXEL));
         let room = Error::with_room_for(most, "pixels");
         let own =
@@ -158,7 +158,7 @@ impl LevelBuffers {
         tiles.max().unwrap_or(0)
     }
 
-    /// Shares the binning otherwise; how it was shared. What is recorded must be recorded anew.
+    /// Shares the binning in another way; returns the old way. All recordings must be made again.
     pub fn share_binning(&mut self, binning: Binning) -> Binning {
         for Level { params, .. } in &mut self.sizes {
             params.bin_blocks = 1 << binning.log_blocks;
@@ -193,7 +193,7 @@ impl LevelBuffers {
     }
 }
 
-/// What the stages are told of a level, but for the pose and the room for pairs.
+/// The stages' parameters of a level, except the pose and the room for pairs.
 pub(super) fn prototype(
     options: &RenderOptions,
     splats: u32,

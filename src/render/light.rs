@@ -1,5 +1,5 @@
-//! What brings the light of a frame to the prior's before the two are compared, and which of the frame's pixels
-//! count: for searches alone. The difference that is sent is taken from the frame as it is.
+//! Brings the light of a frame to the prior's before the two are compared, and says which of the frame's pixels count.
+//! Only searches use it: the difference that is sent is taken from the frame as it is.
 
 use crate::shared::{CELL, LIGHT, MASKED};
 
@@ -45,8 +45,8 @@ impl Cell {
     pub const NONE: Cell = Cell { factor: 1.0, summand: 0.0, counts: 1.0 };
 }
 
-/// Light that differs from place to place (a vignette, a lamp), and what of the frame does not count, such as
-/// an object that the prior does not know: a flat-field correction.
+/// A flat-field correction: for light that differs from place to place (a vignette, a lamp). It also masks what must
+/// not count, such as an object that the prior does not know.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FlatField {
     columns: usize,
@@ -62,7 +62,7 @@ impl FlatField {
         FlatField { columns, rows, cells: vec![Cell::NONE; columns * rows], on: false }
     }
 
-    /// Cells in a row, and rows. What is left of the frame belongs to the last ones.
+    /// Cells per row, and rows. The rest of the frame belongs to the last cells.
     pub fn size(&self) -> [usize; 2] {
         [self.columns, self.rows]
     }
@@ -78,7 +78,7 @@ impl FlatField {
         &mut self.cells
     }
 
-    /// From here on it changes nothing.
+    /// Switches the correction off.
     pub fn switch_off(&mut self) {
         self.on = false;
     }
@@ -102,8 +102,8 @@ impl FlatField {
         LIGHT as usize + 3 * self.cells.len()
     }
 
-    /// A pixel whose middle lies at `(x, y)`, pixels of the frame: R, G and B corrected, or `None` if it does
-    /// not count. The twin of stage `pyramid`.
+    /// Corrects R, G and B of a pixel whose middle lies at `(x, y)`, pixels of the frame; `None` if it does not count.
+    /// The twin of stage `pyramid`.
     pub fn of(&self, rgb: [f32; 3], x: f32, y: f32) -> Option<[f32; 3]> {
         if !self.on {
             return Some(rgb);

@@ -1,16 +1,16 @@
-//! Points of the prior as key frames see them, found again by their descriptors: locality-sensitive
-//! hashing (Indyk & Motwani 1998), each table by some bits of the descriptor.
+//! Points of the prior as key frames see them. They are found again by their descriptors, with
+//! locality-sensitive hashing (Indyk & Motwani 1998): each table uses some bits of the descriptor.
 
 use super::descriptor::{Descriptor, distance};
 use super::features::Feature;
 
-/// Tables; each right match is found in at least one of them with about four chances in five.
+/// Tables. The chance that at least one of them gives a right match is about four in five.
 const TABLES: usize = 8;
 /// Bits of a table's key.
 const BITS: u32 = 14;
 /// Two descriptors that differ in more bits are of two points.
 const ALIKE: u32 = 40;
-/// A longer chain is of patches that look all the same; its rest is passed over.
+/// A longer chain holds patches that all look the same; its rest is ignored.
 const LONGEST: usize = 256;
 /// No entry.
 const END: u32 = u32::MAX;
@@ -83,7 +83,7 @@ impl Landmarks {
         self.counted.push((END, 0));
     }
 
-    /// For each group how many of the features have their like in it: `votes`, most first.
+    /// Counts for each group how many of the features have a match in it: `votes`, most first.
     pub fn vote(&mut self, features: &[Feature], votes: &mut Vec<(u32, u32)>) {
         votes.clear();
         self.counted.fill((END, 0));
