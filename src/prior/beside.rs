@@ -19,8 +19,8 @@ pub fn is_absent(path: &Path) -> bool {
     })
 }
 
-/// A file's content, but no more than `most` bytes, and of no device or pipe. `what` it is to hold is for
-/// errors.
+/// Reads a file. Refuses more than `most` bytes, and devices and pipes. `what` says in errors what the file should
+/// hold.
 pub fn read(path: &Path, most: u64, what: &str) -> Result<Vec<u8>, PriorError> {
     let refuse = |text: String| PriorError::Read(Error::other(text));
     if !fs::metadata(path).map_err(PriorError::Read)?.is_file() {

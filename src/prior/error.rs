@@ -59,8 +59,8 @@ pub enum PriorError {
         /// What is wrong with it.
         reason: String,
     },
-    /// A comment in the header that is meant for this program cannot be understood. It is not passed
-    /// over, since two sides that understand different options would render different pictures.
+    /// A comment in the header that is meant for this program cannot be understood. It is not ignored: if the two sides
+    /// read different options, they render different pictures.
     #[error("\"comment {comment}\" is no render option and no key frame that is known here")]
     Comment {
         /// The comment.
@@ -101,7 +101,7 @@ pub enum PriorError {
         degree: u32,
     },
     /// Two arrays of one set of splats disagree.
-    #[error("array {array} holds {found} entries where {expected} are due")]
+    #[error("array {array} holds {found} entries, but {expected} are due")]
     Shape {
         /// Name of the array.
         array: &'static str,

@@ -1,5 +1,5 @@
-//! The coded part of a compact prior: positions along the Morton curve, then the columns, byte by
-//! byte of their numbers, as one LZMA stream.
+//! The coded part of a compact prior as one LZMA stream: positions along the Morton curve, then the
+//! columns, one byte plane after another.
 
 use std::io::{Read, Write};
 
@@ -15,7 +15,7 @@ const BITS: u32 = 30;
 const RANK_BYTES: usize = 12;
 const NUMBER_BYTES: usize = 4;
 
-/// Largest window of the coder, bytes; smaller where there is less to code.
+/// Largest window of the coder, bytes; smaller if there is less to code.
 const WINDOW: usize = 1 << 26;
 
 /// Where a position lies on the Morton curve, from its codes of magnitude below 2²⁹.

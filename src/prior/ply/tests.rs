@@ -221,7 +221,7 @@ fn errors_name_the_file_and_drops_are_reported() {
     assert_eq!((report.dropped[0].fault, report.dropped[0].first), (Fault::NonFinite, 1));
 }
 
-/// The reef prior lies outside the repository: where it is absent there is nothing to check.
+/// The reef prior lies outside the repository: if it is absent, there is nothing to check.
 #[test]
 fn reads_the_reef_prior() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/reef/prior.ply");
