@@ -1,4 +1,4 @@
-//! What the surfaces are painted with: albedo over the surface at several scales, never repeating.
+//! The paint of the surfaces: albedo at several scales, which never repeats.
 
 use glam::{IVec2, Vec2, Vec3};
 
@@ -12,7 +12,7 @@ pub struct Spot<'a> {
     pub position: Vec3,
     /// Outward unit normal, world axes.
     pub normal: Vec3,
-    /// Width of a picture sample on the surface, metres: finer detail is left out.
+    /// Width of a picture sample on the surface, metres. Finer detail is left out.
     pub footprint: f32,
 }
 

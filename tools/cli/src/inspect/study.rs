@@ -106,7 +106,7 @@ fn print_times(
     Ok(())
 }
 
-/// A camera of the usual size that has the middle of the prior three spreads before it.
+/// A camera of the usual size, three spreads in front of the middle of the prior.
 fn default_view(prior: &Prior) -> (Camera, Pose) {
     let (width, height) = (320, 180);
     let camera = Camera { width, height, fx: 274.0, fy: 274.0, cx: 160.0, cy: 90.0 };
@@ -206,7 +206,7 @@ impl<'a> Sampled<'a> {
         PictureRenderer::new(self.engine, &left)
     }
 
-    /// Those that stay where as many go as the tolerance allows, those first that show least.
+    /// Which splats stay if as many are left out as the tolerance allows, starting with those that show least.
     fn least_shown(&self, tolerance: f64) -> anyhow::Result<Vec<bool>> {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..HALVINGS {
@@ -223,5 +223,5 @@ impl<'a> Sampled<'a> {
 
 /// A loss against frames, if there are any.
 fn decibels(loss: f64) -> String {
-    if loss.is_nan() { "frames not there: nothing known".into() } else { format!("{loss:.3} dB") }
+    if loss.is_nan() { "no frames, so not known".into() } else { format!("{loss:.3} dB") }
 }

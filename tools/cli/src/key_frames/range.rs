@@ -23,8 +23,8 @@ impl Sample {
         Sample { positions, near: near.into() }
     }
 
-    /// The poses of the views that show any of the splats, and the median over them of the median
-    /// distance to those.
+    /// The poses of the views that show any of the splats, and the median of their median distances
+    /// to the splats that they show.
     pub fn seen_by(&self, views: &[(Camera, Pose)]) -> (Vec<Pose>, Option<f64>) {
         let seen =
             views.iter().filter_map(|(camera, pose)| Some((*pose, self.distance(camera, pose)?)));

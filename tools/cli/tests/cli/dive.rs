@@ -92,13 +92,13 @@ pub struct Run {
 }
 
 impl Run {
-    /// Fails where the exit code is another.
+    /// Fails if the exit code is another.
     pub fn ends_with(self, code: i32) -> Run {
         assert_eq!(self.code, Some(code), "nvsprior {}\n{}", self.args, self.stderr);
         self
     }
 
-    /// Fails where standard error does not have the text.
+    /// Fails if standard error does not have the text.
     pub fn says(self, text: &str) -> Run {
         assert!(
             self.stderr.contains(text),
