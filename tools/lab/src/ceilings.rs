@@ -1,5 +1,5 @@
-//! What a device can do at best, measured: the rate of multiply-adds in registers and that of copying
-//! words. Stages are reported as shares of these.
+//! Measures what a device can do at best: the rate of multiply-adds in registers and the rate of copying words. Stages
+//! are reported as shares of these.
 
 use nvsprior_kernels::modules::{self, Module};
 
@@ -21,7 +21,7 @@ const THREADS: usize = 256;
 const CHAINED: usize = 1 << 14;
 /// Words that the copy kernel copies: more than caches hold, 32 MiB.
 const WORDS: usize = 1 << 22;
-/// Runs, of which the fastest counts.
+/// Runs; the fastest counts.
 const RUNS: usize = 5;
 
 /// Measures a device. Takes a few tenths of a second on a CPU.

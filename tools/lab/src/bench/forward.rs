@@ -1,4 +1,4 @@
-//! The unit of run time: one forward render at full resolution, on the same device, just before.
+//! The unit of run time: one forward render at full resolution, on the same device, just before the measurement.
 
 use std::sync::Arc;
 use std::time::Instant;

@@ -80,7 +80,7 @@ fn time(context: &Context, prior: &Prior, camera: &Camera) -> anyhow::Result<Tim
     Ok(Times { forward_ms: counted(forward), evaluation_ms: counted(evaluation) })
 }
 
-/// The scene with another number of splats: every so manieth, or each several times, put aside by
+/// The scene with another number of splats: every n-th splat, or each splat several times, moved by
 /// up to its own extent. Each becomes larger or smaller, so that all together cover the same area.
 fn resized(splats: &Splats, count: usize) -> Splats {
     let len = splats.len();

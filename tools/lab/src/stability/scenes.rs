@@ -40,8 +40,8 @@ pub fn only(all: impl IntoIterator<Item = One>) -> Splats {
     splats
 }
 
-/// `count` splats before a camera at the origin, 2 to 8 units away, each of them visible or nearly
-/// so, of every opacity.
+/// `count` splats in front of a camera at the origin, 2 to 8 units away. Each is visible or nearly
+/// so. They have every opacity.
 pub fn cloud(seed: u64, count: usize, sh_degree: u32) -> Splats {
     let mut random = Random::new(seed);
     let mut splats = Splats { sh_degree, ..Splats::default() };
@@ -65,7 +65,7 @@ pub fn cloud(seed: u64, count: usize, sh_degree: u32) -> Splats {
     splats
 }
 
-/// A cloud's splats and these behind, among or before them.
+/// A cloud's splats, and others behind, among or before them.
 pub fn with(mut cloud: Splats, all: impl IntoIterator<Item = One>) -> Splats {
     all.into_iter().for_each(|one| push(&mut cloud, one));
     cloud

@@ -1,4 +1,4 @@
-//! Ribbon plots, as the paper has them: a solid line for the median, shade between the quartiles.
+//! Ribbon plots, as in the paper: a solid line for the median, shade between the quartiles.
 
 use std::path::Path;
 
@@ -49,7 +49,7 @@ const FIGURES: [Figure; 4] = [
     },
 ];
 
-/// A method's curve: where, and the quartiles there.
+/// A method's curve: places on the x axis, and the quartiles there.
 struct Curve {
     method: Method,
     points: Vec<(f64, Quartiles)>,

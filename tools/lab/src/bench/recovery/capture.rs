@@ -38,7 +38,7 @@ impl Figure {
         }
     }
 
-    /// A step by 75 to 100 % of the figure, either sign, along or about a random axis; and its name.
+    /// A step by 75 to 100 % of the figure, of either sign, along or about a random axis. Also returns its name.
     fn step(self, drawn: &mut impl Iterator<Item = f64>) -> (Step, String) {
         let mut next = || drawn.next().unwrap_or_default();
         let axis = (((next() + 1.0) * 1.5) as usize).min(2);

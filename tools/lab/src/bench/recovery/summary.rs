@@ -12,7 +12,7 @@ use super::dropouts::CLEAR;
 use super::probe::{Answer, Frame, Phase, Run};
 use super::{Measurement, TRIES, WRONG};
 
-/// Trials whose outcome is told apart.
+/// Trials whose outcome is listed one by one.
 pub const EARLY: usize = 8;
 
 /// The figures of a column. Counts are of trials, unless they are of frames.
@@ -21,7 +21,7 @@ pub struct Column {
     pub measurement: Measurement,
     pub name: String,
     pub trials: usize,
-    /// Found at the first frame; after a dropout, at the first clear one, and certain.
+    /// Trials found at the first frame; after a dropout: found and certain at the first clear frame.
     pub found_first: usize,
     /// Found at the first frame, of the first [`EARLY`] trials.
     pub found_early: usize,
@@ -35,7 +35,7 @@ pub struct Column {
     pub false_certain: usize,
     /// At the first frame; after a dropout, at the first clear one.
     pub false_certain_first: usize,
-    /// Frames of which the encoder was certain, its pose being wrong.
+    /// Frames of which the encoder was certain, although its pose was wrong.
     pub false_certain_frames: usize,
     /// Of them, those of a dropout.
     pub false_certain_dropout: usize,
@@ -48,13 +48,13 @@ pub struct Column {
     /// Frames found that are more than 0.1 dB better than the best known pose.
     pub better: usize,
     pub frames: usize,
-    /// Of all frames but those before a dropout, where the encoder had an answer.
+    /// Over all frames for which the encoder had an answer, except those before a dropout.
     pub renders: Spread,
     pub full_renders: Spread,
     /// Of all frames but those before a dropout.
     pub milliseconds: Spread,
     pub in_forward_renders: Spread,
-    /// Frames until found, 1 being the first (after a dropout, the first clear one); infinite: never.
+    /// Frames until found; 1 is the first (after a dropout, the first clear one), infinite means never.
     pub until_found: Vec<f64>,
 }
 
