@@ -167,7 +167,7 @@ const char usage[] =
     "usage: camera_ring PRIOR.ply CAMERA START RATE SECONDS FRAME.ppm...\n"
     "CAMERA   width,height,fx,fy,cx,cy in pixels: what to encode at; frames are scaled to it\n"
     "START    qw,qx,qy,qz,tx,ty,tz: the camera's rough pose at the first frame, world to camera\n"
-    "RATE     frames a second that the camera delivers, for SECONDS\n"
+    "RATE     frames per second that the camera delivers, for SECONDS\n"
     "FRAMEs   of one size; shown forth and back\n";
 
 // Reads the frames. Returns none if one cannot be read or has another size.

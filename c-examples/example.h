@@ -59,7 +59,7 @@ static inline int ppm_read(const char *path, ppm *picture) {
         fclose(file);
     }
     if (!sound) {
-        fprintf(stderr, "%s: no PPM of the kind P6 with 8 bits a channel\n", path);
+        fprintf(stderr, "%s: no PPM of the kind P6 with 8 bits per channel\n", path);
         free(found.pixels);
         return 0;
     }
@@ -98,7 +98,7 @@ static inline size_t read_file(const char *path, uint8_t *bytes, size_t room) {
     return size;
 }
 
-// An image for the encoder: the PPM's pixels, where they are.
+// An image for the encoder: the PPM's pixels, without a copy.
 static inline nvsp_image ppm_image(const ppm *picture) {
     nvsp_image image = {NVSP_FORMAT_RGB8, 0, 0, 0, {NULL, NULL, NULL}, {0, 0, 0}, {0, 0, 0}};
     image.width = picture->width;

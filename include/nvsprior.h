@@ -552,7 +552,7 @@ typedef struct nvsp_header {
   uint32_t prior_id;
   // Number of the frame, modulo 2^24; in the short form modulo 2^16.
   uint32_t frame;
-  // Pixels; 0 in the short form, whose size earlier packets told.
+  // Pixels; 0 in the short form, as earlier packets stated the size.
   uint32_t width;
   // Pixels; 0 in the short form.
   uint32_t height;
@@ -560,7 +560,7 @@ typedef struct nvsp_header {
   uint32_t flags;
   // NVSP_PROFILE_*.
   uint32_t profile;
-  // Bytes of the latent part, which is a picture by itself.
+  // Bytes of the latent part, which makes a picture by itself.
   uint32_t latent_bytes;
   // In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
   uint32_t session;

@@ -65,7 +65,7 @@ pub struct Encoded {
 }
 
 impl Encoded {
-    /// Makes one with room for every frame of a size.
+    /// Makes one that has room for every frame of a size.
     pub fn with_room(width: u32, height: u32) -> Encoded {
         Encoded {
             packet: Vec::with_capacity(packet_bound(width, height)),

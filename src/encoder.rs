@@ -133,7 +133,7 @@ impl Encoder {
         self.options.rate = rate;
     }
 
-    /// What difference pictures of a camera are coded by.
+    /// The setup of the coder for a camera's difference pictures.
     pub(crate) fn residual_setup(&self) -> ResidualSetup {
         residual_setup(&self.engine, &self.scene, &self.camera, self.options.residual)
     }
@@ -264,7 +264,7 @@ impl Encoder {
         if found.certain { 0 } else { self.tracker.lost_frames().saturating_add(1) }
     }
 
-    /// What the next frame goes on from.
+    /// Keeps what the next frame goes on from.
     fn keep(&mut self, tracked: &TrackedFrame, found: &Found, known: &Known) {
         let sent = tracked.camera.is_some();
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });

@@ -135,7 +135,7 @@ fn codes_are_those_of_packets() {
             if short {
                 let host = QuantisedPose::quantise(&at, &frame, profile).unwrap().words();
                 let off = std::iter::zip(host.words, code.words).map(|(a, b)| (a - b).abs());
-                assert!(off.max() <= Some(32), "one step of the grid, as f32 may round the other way");
+                assert!(off.max() <= Some(32), "one step, as f32 may round the other way");
             }
             let rounding = 4.0 * f64::from(f32::EPSILON) * (1.0 + at.translation.length());
             assert_close(&placed, &of_packet.dequantise(&frame), rounding);

@@ -26,7 +26,7 @@ struct Sent {
 /// What arrives.
 #[derive(Arbitrary, Debug)]
 enum Arrival {
-    /// A frame of a packet, with so much padding, one bit of it flipped or none.
+    /// A frame of a packet, with some padding, and one bit flipped or none.
     Frame { packet: u8, index: u8, padding: u8, flip: Option<u16> },
     /// Anything.
     Garbage(Vec<u8>),

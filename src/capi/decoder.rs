@@ -93,7 +93,7 @@ pub struct nvsp_header {
     pub prior_id: u32,
     /// Number of the frame, modulo 2^24; in the short form modulo 2^16.
     pub frame: u32,
-    /// Pixels; 0 in the short form, whose size earlier packets told.
+    /// Pixels; 0 in the short form, as earlier packets stated the size.
     pub width: u32,
     /// Pixels; 0 in the short form.
     pub height: u32,
@@ -101,7 +101,7 @@ pub struct nvsp_header {
     pub flags: u32,
     /// NVSP_PROFILE_*.
     pub profile: u32,
-    /// Bytes of the latent part, which is a picture by itself.
+    /// Bytes of the latent part, which makes a picture by itself.
     pub latent_bytes: u32,
     /// In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
     pub session: u32,

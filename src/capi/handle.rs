@@ -182,7 +182,7 @@ impl<T> Handle<T> {
         if !handle.is_null() {
             // SAFETY: as the caller promises.
             let handle = unsafe { Box::from_raw(handle) };
-            // Nobody is left to tell of a panic while dropping.
+            // There is nobody left to report a panic while dropping.
             let _ = catch_unwind(AssertUnwindSafe(|| drop(handle)));
         }
     }

@@ -126,7 +126,7 @@ impl<T: Versioned> Out<T> {
     /// As [`Out::new`], refusing NULL.
     ///
     /// # Safety
-    /// As there.
+    /// As for [`Out::new`].
     pub(super) unsafe fn required(place: *mut T) -> Result<Out<T>, Failure> {
         if place.is_null() {
             return Err(Failure::null(T::NAME));
@@ -189,7 +189,7 @@ mod tests {
         result.err().map(|failure| failure.status())
     }
 
-    /// Words of a structure as some header has it.
+    /// The words of a structure of a header.
     fn words<const N: usize>(fields: [u32; N]) -> [u32; N] {
         let mut words = fields;
         (words[0], words[1]) = (4 * N as u32, NVSP_ABI_VERSION);

@@ -81,7 +81,7 @@ impl<C: Send + 'static> Worker<C> {
         Ok(())
     }
 
-    /// Prepares the job on this thread and has it done on the other.
+    /// Prepares the job on this thread. The other thread then does it.
     pub(super) fn begin(
         &mut self,
         prepare: impl FnOnce(&mut C) -> Result<(), Failure>,

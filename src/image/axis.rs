@@ -18,7 +18,7 @@ const ONE: i64 = 1 << WEIGHT_BITS;
 #[derive(Default)]
 pub(super) struct Axis {
     made_for: Option<(u32, u32, u32)>,
-    /// Of each target pixel its first sample, and the end of its weights.
+    /// For each target pixel its first sample, and the end of its weights.
     pixels: Vec<(u32, u32)>,
     weights: Vec<u16>,
 }

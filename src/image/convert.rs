@@ -17,7 +17,7 @@ pub struct Converter {
     height: u32,
     /// For planes of full and of half resolution, one for x and one for y.
     axes: [[Axis; 2]; 2],
-    /// Weighted sum of a plane's rows, and the same with [`SAMPLE_BITS`].
+    /// Weighted sum of a plane's rows, and the sum with [`SAMPLE_BITS`].
     sums: Vec<u32>,
     line: Vec<u16>,
     /// A row of the picture in three components, with [`SAMPLE_BITS`].
@@ -117,7 +117,7 @@ impl Converter {
         axes.chain(rows).chain([buffer(&self.sums), buffer(&self.line)]).collect()
     }
 
-    /// The components of a row to its bytes.
+    /// Writes a row's components as bytes.
     fn write(&self, matrix: Option<&Matrix>, row: &mut [u8]) {
         let [a, b, c] = &self.components;
         for (((rgb, &a), &b), &c) in row.chunks_exact_mut(3).zip(a).zip(b).zip(c) {

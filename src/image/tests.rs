@@ -260,7 +260,7 @@ fn a_second_image_of_the_size_allocates_nothing() {
     assert_eq!(converter.buffers(), buffers);
     assert_eq!(picture.data.as_ptr(), data);
     assert_eq!(picture, image(2).converted(32, 18));
-    // Another size in between leaves nothing behind.
+    // Another size in between does not change the result.
     converter
         .convert(&Image::noise(PixelFormat::Rgba8, 34, 19, 0, 3).view(), &mut picture)
         .unwrap();

@@ -46,7 +46,7 @@ pub(super) struct Plane {
     pub step: usize,
     /// Pixels a sample, along either axis.
     pub pixels: u32,
-    /// Of each byte of a sample, which of the colour's three components it is.
+    /// For each byte of a sample, which of the colour's three components it is.
     pub components: &'static [usize],
 }
 

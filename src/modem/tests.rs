@@ -201,7 +201,7 @@ fn a_modem_that_checks_is_trusted() {
     let mut reassembler = Reassembler::new(options).unwrap();
     assert_eq!(reassembler.push(&frames[0]), Ok(Pushed::Grown(5)));
     assert_eq!(reassembler.newest().unwrap().bytes, &packet[..64]);
-    // If the packet's own check says otherwise, it is not.
+    // Unless the packet's own check says otherwise.
     let packet = compact(6, 20);
     let mut frame = frames_of(&packet, 64).remove(0);
     frame[40] ^= 1;
@@ -306,7 +306,7 @@ fn frame_numbers_wrap() {
     }
 }
 
-/// After a restart the numbers begin anew, at other poses.
+/// After a restart the numbers begin again, at other poses.
 #[test]
 fn a_restart_locks_nobody_out() {
     for last in [2, 3, 4, 100, 5000] {

@@ -7,7 +7,7 @@ use super::{
     CAMERA_PART_LEN, Latent, PacketError, Part, RENDER_PART_LEN, camera, render, residual,
 };
 
-/// What the start of a packet says of the whole.
+/// What the start of a packet says about the whole packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
     /// Frame number, as the packet states it.

@@ -160,7 +160,7 @@ impl QuantisedPose {
         }
     }
 
-    /// In words, as the device has it.
+    /// The code in the words that the device uses.
     pub fn words(&self) -> PoseCode {
         match self.0 {
             Code::Compact { centre: [x, y, z], largest, small: [a, b, c] } => {

@@ -13,7 +13,7 @@ pub(super) const LEN: usize = 6;
 pub struct RenderCheck(pub u32);
 
 impl RenderCheck {
-    /// Of a render.
+    /// The check of a render.
     pub fn of(render: &Picture) -> RenderCheck {
         RenderCheck(crc32fast::hash(&render.data))
     }

@@ -46,7 +46,7 @@ pub struct Finding {
 pub enum Kind {
     /// Not at all.
     Exact,
-    /// No channel of a pixel by more than this, values in [0, 1].
+    /// No channel of a pixel changes by more than this, values in [0, 1].
     Bounded(f64),
 }
 
@@ -71,7 +71,7 @@ impl PriorAnalysis {
             shown.push(0);
         }
         let sh_degree = sh_degree(splats);
-        // Rounding may lift an alpha a little above its splat's opacity.
+        // Rounding may raise an alpha a little above its splat's opacity.
         let clamped = options.alpha_max * (1.0 - 1e-5);
         let mut analysis = PriorAnalysis {
             clamps_alpha: shown.iter().any(|i| opacities[*i as usize] > clamped),

@@ -14,7 +14,7 @@ pub fn path(prior: &Path, ending: &str) -> PathBuf {
 /// Whether there is no such file.
 pub fn is_absent(path: &Path) -> bool {
     fs::metadata(path).is_err_and(|error| {
-        // A name that is too long for a file is none of a file.
+        // If a name is too long for a file, there is no such file.
         matches!(error.kind(), ErrorKind::NotFound | ErrorKind::InvalidFilename)
     })
 }

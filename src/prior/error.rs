@@ -188,7 +188,7 @@ pub enum PriorError {
         /// What is wrong with it.
         reason: String,
     },
-    /// One of the above, about the content of a file.
+    /// One of the other errors, about the content of a file.
     #[error("{file}: {error}")]
     InFile {
         /// The file.
@@ -199,7 +199,7 @@ pub enum PriorError {
 }
 
 impl PriorError {
-    /// The same error, naming the file that it is about.
+    /// Adds the name of the file to an error.
     pub(super) fn in_file(self, file: &str) -> PriorError {
         PriorError::InFile { file: file.to_owned(), error: Box::new(self) }
     }

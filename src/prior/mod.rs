@@ -166,7 +166,7 @@ impl Splats {
     /// # Panics
     /// If `kept` has not an entry per splat.
     pub fn filtered(&self, kept: &[bool]) -> Splats {
-        assert_eq!(kept.len(), self.len(), "an entry a splat");
+        assert_eq!(kept.len(), self.len(), "one entry per splat");
         Splats {
             positions: pick(&self.positions, kept, 1),
             log_scales: pick(&self.log_scales, kept, 1),
@@ -398,7 +398,7 @@ impl Prior {
         &self.options
     }
 
-    /// Its identity: equal on both sides of a link, or their pictures differ.
+    /// Its identity. If it is not equal on both sides of a link, their pictures differ.
     pub fn id(&self) -> PriorId {
         self.id
     }
@@ -442,7 +442,7 @@ pub struct PriorFile {
 }
 
 impl PriorFile {
-    /// Reads a file's content, its format told by the first bytes.
+    /// Reads a file's content. The first bytes tell the format.
     fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         if bytes.starts_with(compact::MAGIC) {
             return compact::read(bytes);

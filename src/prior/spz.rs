@@ -52,7 +52,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let antialiased = header.flags & 1 != 0;
     let comments = match header.flags & 2 {
         0 => Vec::new(),
-        _ => vec!["SPZ extensions, passed over".into()],
+        _ => vec!["SPZ extensions, ignored".into()],
     };
     Ok(PriorFile {
         splats: header.splats(&streams),

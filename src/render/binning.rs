@@ -12,7 +12,7 @@ const TILES: u32 = (Camera::MAX_SIDE / TILE).pow(2);
 pub(crate) const BANDS: u32 = TILES / shared::TABLE;
 
 const _: () = assert!(TABLE >= 4 * TILES, "blocks come by fours");
-const _: () = assert!(shared::TABLE >= Camera::MAX_SIDE / TILE, "a band has a row and more");
+const _: () = assert!(shared::TABLE >= Camera::MAX_SIDE / TILE, "a band has at least one row");
 
 /// How binning is shared among workgroups.
 pub(crate) struct Binning {
@@ -23,7 +23,7 @@ pub(crate) struct Binning {
 }
 
 impl Binning {
-    /// Of pictures of so many tiles at most.
+    /// Makes buffers for pictures of at most `tiles` tiles.
     pub fn new(device: &Device, log_blocks: u32, tiles: u32) -> Result<Binning, Error> {
         let words = (u64::from(tiles) << log_blocks) + u64::from(tiles);
         let starts = Buffer::new::<u32>(device, "tile starts", words as usize, Memory::Device)?;
@@ -31,7 +31,7 @@ impl Binning {
     }
 }
 
-/// Logarithm, base 2, of the number of blocks for a picture of so many tiles.
+/// Logarithm, base 2, of the number of blocks for a picture of `tiles` tiles.
 pub(crate) fn log_blocks(most: u32, tiles: u32) -> u32 {
     (TABLE / tiles.max(1)).max(1).ilog2().min(most)
 }

@@ -60,7 +60,7 @@ pub struct Drawn {
 }
 
 impl Definition {
-    /// Of a prior; splats that no picture shows are left out, as on a device.
+    /// Prepares a prior. Leaves out splats that no picture shows, as on a device.
     pub fn new(prior: &Prior) -> Definition {
         let analysis = PriorAnalysis::of(prior);
         let frame = prior.frame();

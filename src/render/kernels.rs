@@ -73,7 +73,7 @@ impl Kernels {
     }
 }
 
-/// What of a prior its pipelines are made for.
+/// The properties of a prior that its pipelines are made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PipelineKey {
     /// Degree of the spherical harmonics: code of higher ones is left out.

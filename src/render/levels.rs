@@ -45,7 +45,7 @@ pub(crate) struct LevelBuffers {
     pub sums: Buffer,
 }
 
-/// Which of the two [`Groups`] say how much of a stage is run.
+/// Which of the two [`Groups`] says how many workgroups of a stage run.
 #[derive(Clone, Copy)]
 pub(crate) enum Pass {
     /// An evaluation of a search, or what the host asks for.
@@ -166,7 +166,7 @@ impl LevelBuffers {
         std::mem::replace(&mut self.binning, binning)
     }
 
-    /// Asks for a level at a pose, with room for so many pairs.
+    /// Asks for a level at a pose, with room for `pair_capacity` pairs.
     pub fn ask(&mut self, scene: &Scene, level: usize, pair_capacity: u32, pose: &Pose) {
         let params =
             Params { pair_capacity, ..posed(&self.sizes[level].params, scene.centre(), pose) };

@@ -6,14 +6,14 @@ use crate::shared::{CELL, LIGHT, MASKED};
 /// One light for the whole frame: `factor · value + summand`, by channel, of values in [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Correction {
-    /// Of R, G, B.
+    /// For R, G and B.
     pub factor: [f32; 3],
-    /// Of R, G, B.
+    /// For R, G and B.
     pub summand: [f32; 3],
 }
 
 impl Correction {
-    /// Changes nothing.
+    /// The one that changes nothing.
     pub const NONE: Correction = Correction { factor: [1.0; 3], summand: [0.0; 3] };
 
     /// A value of a channel, corrected.
@@ -34,14 +34,14 @@ impl Correction {
 pub struct Cell {
     /// At the cell's middle, after the [`Correction`]; between middles it is interpolated.
     pub factor: f32,
-    /// The same.
+    /// As `factor`.
     pub summand: f32,
     /// 1 if the cell's pixels count; 0 if they do not.
     pub counts: f32,
 }
 
 impl Cell {
-    /// Changes nothing.
+    /// The one that changes nothing.
     pub const NONE: Cell = Cell { factor: 1.0, summand: 0.0, counts: 1.0 };
 }
 
@@ -56,7 +56,7 @@ pub struct FlatField {
 }
 
 impl FlatField {
-    /// For frames of a size in pixels. It is off.
+    /// Makes one for frames of a size in pixels. It is switched off.
     pub fn new(width: usize, height: usize) -> FlatField {
         let (columns, rows) = (width / CELL as usize, height / CELL as usize);
         FlatField { columns, rows, cells: vec![Cell::NONE; columns * rows], on: false }

@@ -47,7 +47,7 @@ impl Sort<'_> {
         let one = self.pass.at(offset_of!(Groups, one));
         // The coarse order leaves out the lowest digit.
         let first = if sort_precision == SortPrecision::Exact { 0 } else { 1 };
-        // The first pass takes the place of a key for its value.
+        // In the first pass the place of a key is its value.
         let (mut keys, mut values) = (keys, &between[1][1]);
         for digit in first..DIGITS {
             let [keys_out, values_out] = &between[digit as usize % 2];

@@ -24,7 +24,7 @@ pub enum Jacobian {
     /// Optical flow of each pixel's own ray. A search takes as many renders as with the exact Jacobian and ends at the
     /// same error.
     Flow,
-    /// Of exactly what is drawn: means, covariances, colours.
+    /// Derivatives of exactly what is drawn: means, covariances, colours.
     Exact,
 }
 
@@ -285,7 +285,7 @@ impl Renderer {
         &self.levels.sizes[level].camera
     }
 
-    /// Side of the block of the frame's pixels that is one of a level's.
+    /// Side of the block of the frame's pixels that one pixel of a level covers.
     pub fn factor(&self, level: usize) -> u32 {
         self.levels.sizes[level].factor
     }

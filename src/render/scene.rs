@@ -93,7 +93,7 @@ fn generic_tables() -> Arc<Tables> {
 }
 
 impl PipelineKey {
-    /// Of a prior, by its analysis.
+    /// The key of a prior with this analysis.
     pub fn of(analysis: &PriorAnalysis) -> PipelineKey {
         PipelineKey { sh_degree: analysis.sh_degree, clamped: analysis.clamps_alpha }
     }

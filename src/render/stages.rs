@@ -15,7 +15,7 @@ use super::{Jacobian, Kernels, Scene};
 /// more goes on in a second submission. Unused evaluations cost their empty dispatches.
 pub(crate) const EVALUATIONS_PER_SUBMISSION: usize = 10;
 
-/// What of a picture is drawn.
+/// Which parts of a picture are drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Channels {
     /// Colours, depth and transmittance.

@@ -71,7 +71,7 @@ pub struct ResidualDecoder {
 }
 
 impl ResidualDecoder {
-    /// For pictures of a size, rendered from a prior with `tables`.
+    /// Makes one for pictures of a size, rendered from a prior with `tables`.
     pub fn new(width: u32, height: u32, tables: &Tables) -> ResidualDecoder {
         ResidualDecoder {
             wavelet: WaveletDecoder::new(width, height, tables),

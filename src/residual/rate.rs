@@ -71,7 +71,7 @@ pub enum ResidualCoder {
 /// Codes difference pictures of one size, in memory of its own.
 pub struct ResidualEncoder {
     coder: AnyEncoder,
-    /// Of the size that is coded.
+    /// A picture of the size that is coded.
     difference: Picture,
 }
 

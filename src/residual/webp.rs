@@ -34,7 +34,7 @@ pub struct Webp {
 }
 
 impl Webp {
-    /// For pictures of a size; larger ones do too, but cost allocations.
+    /// Makes one for pictures of a size. Larger pictures work too, but cost allocations.
     pub fn new(width: u32, height: u32) -> Webp {
         let file = || Vec::with_capacity(super::max_payload_len(width, height) + CONTAINER_LEN + 8);
         let arena = Arena::with_capacity(arena_len(width, height));
@@ -109,7 +109,7 @@ impl Webp {
         }
     }
 
-    /// Decodes the rows that the start of a payload holds; their number.
+    /// Decodes the rows that the start of a payload holds. Returns their number.
     pub(super) fn decode_start(
         &mut self,
         start: &ResidualStart,

@@ -58,7 +58,7 @@ impl Probe {
 }
 
 impl WebpEncoder {
-    /// For pictures of a size.
+    /// Makes one for pictures of a size.
     pub fn new(width: u32, height: u32) -> WebpEncoder {
         WebpEncoder {
             webp: Webp::new(width, height),

@@ -17,7 +17,7 @@ const AGREES: f64 = 0.5;
 const CONFIRMED: f64 = 0.4;
 /// Variance of a pixel's noise at half size, values in [0, 255]: the rounding to 8 bits and a little more.
 const NOISE: f64 = 0.12;
-/// Fewest blocks by which a pose is judged.
+/// Fewest blocks that can judge a pose.
 const BLOCKS: f64 = 8.0;
 /// Least mean deviation of the render's luma in its blocks, values in [0, 255]. With less, there is nothing to confirm.
 const PLAIN: f64 = 0.5;
@@ -27,12 +27,12 @@ const RANGE: f64 = 3.0;
 const SAME_GAIN: f64 = 0.3;
 const SAME_OFFSET: f64 = 0.1;
 
-/// The channel by which sharpness is told: camera sensors see it best.
+/// The channel that sharpness is measured in: camera sensors see it best.
 const GREEN: usize = 1;
 
 /// Cells around each that tell its light, to each side.
 const AROUND: usize = 2;
-/// Agreeing cells by which the light of a place can be told.
+/// Agreeing cells that are needed to tell the light of a place.
 const TOLD: usize = 4;
 /// Below this share of agreement, what does not agree is masked.
 const NEARLY_ALL: f64 = 0.8;
@@ -77,7 +77,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Of pictures of a size in pixels.
+    /// Makes one for pictures of a size in pixels.
     pub fn new(width: usize, height: usize) -> Comparison {
         let (columns, rows) = (width / (2 * BLOCK), height / (2 * BLOCK));
         let count = columns * rows;
@@ -171,7 +171,7 @@ impl Comparison {
         self.pooled(0..self.rows, 0..self.columns).0.light()
     }
 
-    /// The light of a block beside that of all, `(gain, offset)`.
+    /// The light of a block relative to that of the whole picture, `(gain, offset)`.
     fn cell(&self, index: usize, all: (f64, f64)) -> Cell {
         let (column, row) = (index % self.columns, index / self.columns);
         let around = |at: usize, end: usize| at.saturating_sub(AROUND)..(at + AROUND + 1).min(end);

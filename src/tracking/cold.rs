@@ -7,7 +7,7 @@ use crate::{Picture, Pose};
 
 use super::{Hypotheses, Objective, Pyramid};
 
-/// Level of the pyramid at which frame and render are compared as wholes.
+/// Level of the pyramid at which whole frame and whole render are compared.
 const LEVEL: usize = 2;
 
 /// Proposes starts near a rough one, from one render there.

@@ -17,7 +17,7 @@ pub struct Schedule {
     pub first_level: usize,
     /// Level down to which each start is followed by itself. Below it only the best goes on.
     pub follow_level: usize,
-    /// Levels to be visited, a bit each; level 0 always is.
+    /// Levels to visit, one bit per level; level 0 is always visited.
     pub levels: u32,
     /// Most renders of one start at one level while starts are compared; 1: starts are only scored.
     pub follow_renders: u32,
@@ -33,11 +33,11 @@ pub struct Schedule {
     /// If a coarse level's step is expected to lower the error by less than this share, it is taken
     /// without an evaluation and ends the level. The next level evaluates it.
     pub coarse_leap: f32,
-    /// The same at full resolution; the final picture sees.
+    /// As `coarse_leap`, at full resolution: the final picture shows the outcome.
     pub leap: f32,
     /// A coarse level is done if the next step is expected to lower the error by less than this share.
     pub coarse_tolerance: f32,
-    /// The same at full resolution; 1e-3 is 0.004 dB.
+    /// As `coarse_tolerance`, at full resolution; 1e-3 is 0.004 dB.
     pub tolerance: f32,
 }
 
@@ -166,7 +166,7 @@ const ROUNDING: f64 = 1.0 / (12.0 * 255.0 * 255.0);
 struct Path {
     /// Where it ended.
     found: Placement,
-    /// Share by which the last step, taken unseen, was to lower the error.
+    /// Share by which the last step, taken without an evaluation, promised to lower the error.
     promised: f64,
     /// Best place that was evaluated at full resolution.
     seen: Placement,

@@ -58,7 +58,7 @@ pub struct Hypotheses {
 }
 
 impl Hypotheses {
-    /// Proposals of a call.
+    /// Most proposals of a call.
     pub const MOST: usize = 4;
 
     /// For a level's camera. About 80 pixels across are enough, and cheap: 1.2 ms per call.

@@ -63,7 +63,7 @@ impl Hint {
     }
 }
 
-/// What is known of a frame beside its picture. Nothing, by default.
+/// What is known of a frame besides its picture. By default nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Known {
     /// The camera's rough pose.

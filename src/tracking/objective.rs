@@ -41,7 +41,7 @@ pub struct Objective {
     since: Instant,
     /// Whether the device holds the frame at all levels. A search on the device makes them itself.
     reduced: bool,
-    /// Of the last evaluation at full resolution that the host asked for.
+    /// Observability of the last evaluation at full resolution that the host asked for.
     observability: Observability,
     picture: Picture,
     correction: Correction,

@@ -1,4 +1,4 @@
-//! What of a pose a picture determines: the spectrum of the normal equations.
+//! Which directions of a pose a picture determines: the spectrum of the normal equations.
 //!
 //! The scene's own length makes translations and turns comparable. It is the depth at which moving
 //! sideways and turning shift the picture by the same amount: `L² = tr Hθθ / tr Hρρ` with `H =
@@ -17,7 +17,7 @@ const LOOSE: f64 = 0.1;
 /// cannot tell it from 0.
 const NUMERICAL: f64 = 1e-6;
 
-/// What of a pose the last picture determines.
+/// Which directions of a pose the last picture determines, and how well.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observability {
     /// The scene's length `L`, in the prior's unit; 0 if the picture does not react to translations.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
-/// Width of the low-pass on the whitened spectrum, cycles a pixel.
+/// Width of the low-pass on the whitened spectrum, cycles per pixel.
 const BANDWIDTH: f32 = 0.12;
 
 /// Transforms and buffers for pictures of one size, and the spectrum of a reference.

@@ -58,12 +58,12 @@ const LONGEST: f64 = 4.0;
 pub struct Starts {
     last: Option<Pose>,
     before_last: Option<Pose>,
-    /// When they were taken, if that was stated.
+    /// When the last frame was taken, if that was stated.
     last_time: Option<f64>,
     before_last_time: Option<f64>,
-    /// When the next one was.
+    /// When the next frame was taken, if that is stated.
     time: Option<f64>,
-    /// Of the frame before, if that is known.
+    /// Observability of the frame before, if it is known.
     observability: Option<Observability>,
 }
 

@@ -18,7 +18,7 @@ pub struct StageTime {
     pub milliseconds: f64,
 }
 
-/// What of a recording the device times.
+/// Which parts of a recording the device times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Timing {
     /// Nothing.

@@ -20,7 +20,7 @@ pub enum Error {
     NoDevice {
         /// What was asked for, if anything.
         wanted: String,
-        /// Devices seen and why each was passed over.
+        /// Devices seen, and why each does not fit.
         found: String,
     },
     /// Validation was asked for and its layer is not installed.

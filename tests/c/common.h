@@ -43,7 +43,7 @@ typedef struct scene {
 void scene_read(scene *scene, const char *folder);
 void scene_free(scene *scene);
 
-// A frame as an image, where it lies.
+// A frame as an image, without a copy.
 nvsp_image scene_image(const scene *scene, int frame);
 
 // The scene's camera, scaled to another width.

@@ -192,7 +192,7 @@ static void newer(caller call, size_t size, int output) {
         CHECK(!all_are(after + 8, 0xa5, size - 8));
         return;
     }
-    // An option that this library does not know must not be passed over.
+    // An option that this library does not know must not be ignored.
     uint32_t *words = calloc(1, size + 24);
     words[0] = (uint32_t)size + 24;
     words[1] = NVSP_ABI_VERSION;

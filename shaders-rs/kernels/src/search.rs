@@ -61,7 +61,7 @@ pub struct Program {
     pub first_level: u32,
     /// Level down to which each start is followed by itself. From there only the best goes on.
     pub follow_level: u32,
-    /// Levels to be visited, a bit each; level 0 always is.
+    /// Levels to visit, one bit per level; level 0 is always visited.
     pub levels: u32,
     /// Most evaluations of one start at one level while starts are compared.
     pub follow_renders: u32,
@@ -577,11 +577,11 @@ pub const COMPACT: u32 = 1;
 pub const PAPER: u32 = 2;
 /// [`Program::profile`]: the compact code on a coarser grid, near the prior. Its words are those of [`COMPACT`].
 pub const SHORT: u32 = 3;
-/// Steps of a compact centre that are one step of the short grid.
+/// Steps of a compact centre per step of the short grid.
 pub const SHORT_CENTRE_STEPS: i32 = 1 << 5;
 /// Largest coordinate of a centre on the short grid, in its own steps: 16 bits.
 pub const SHORT_CENTRE_MAX: i32 = (1 << 15) - 1;
-/// Steps of a small compact component that are one step of the short grid.
+/// Steps of a small compact component per step of the short grid.
 pub const SHORT_SMALL_STEPS: i32 = 1 << 3;
 /// Largest small component on the short grid, in its own steps: 15 bits.
 pub const SHORT_SMALL_MAX: i32 = (1 << 14) - 1;
@@ -624,7 +624,7 @@ fn all_below(v: &[f32; 3], limit: f32) -> bool {
     (v[0].abs() < limit) & (v[1].abs() < limit) & (v[2].abs() < limit)
 }
 
-/// To a multiple of a power of two, at most `most` times it.
+/// Rounds to a multiple of a power of two, at most `most` times it.
 fn round_to(v: f32, multiple: i32, most: i32) -> i32 {
     let code = round(v / multiple as f32);
     (if code > most { most } else { code }) * multiple

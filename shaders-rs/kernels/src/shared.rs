@@ -10,9 +10,9 @@ pub const TILE: u32 = 8;
 pub const SPLAT_THREADS: u32 = TILE * TILE / ROWS;
 /// Pixels of one column that one invocation blends: a splat's record is loaded once for all of them.
 pub const ROWS: u32 = 4;
-/// Invocations of a one-splat-each or one-pair-each workgroup.
+/// Invocations of a workgroup with one splat or one pair per invocation.
 pub const GROUP: u32 = 256;
-/// Digits of a depth key; each takes a pass of the sort.
+/// Digits of a depth key. The sort takes one pass per digit.
 pub const DIGITS: u32 = 3;
 /// Counters of a counting stage's workgroup in shared memory: one per digit of the widest pass, or one per tile of a
 /// band. They take 8 KiB, half of what every device has.
@@ -155,7 +155,7 @@ impl Groups {
         one: [0, 1, 1],
     };
 
-    /// Those of a level.
+    /// The dispatches of a level.
     pub fn of(params: &Params) -> Groups {
         // One more for the splat that shows nothing.
         let splats = params.splats + 1;
@@ -553,7 +553,7 @@ pub fn direction(params: &Params, position: [f32; 3]) -> ([f32; 3], f32) {
         position[1] - params.centre[1],
         position[2] - params.centre[2],
     ];
-    // The square of a distance beyond 1e18 is beyond f32.
+    // Beyond 1e18 the square of a distance is beyond f32.
     let s = if longest(v, v) < 1e18 { 1.0 } else { 1e-20 };
     let v = scaled(v, s);
     let inverse = portable::inverse_sqrt(max(dot(v, v), 1e-36));

@@ -13,7 +13,7 @@ use crate::shared::{self, Counters, Outline, Params, Projected};
 use spirv_std::glam::{UVec2, UVec3};
 use spirv_std::spirv;
 
-/// What binning is told.
+/// The parameters of binning.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Split {
@@ -25,7 +25,7 @@ pub struct Split {
 // index of the splat that shows nothing. Tiles of a band: below TABLE. Rows of the table of starts: at most the number
 // of blocks. Pairs: below the room.
 
-/// What `project` wrote of a splat that binning needs.
+/// Loads the part of a splat's record that binning needs.
 fn load<B: Pairs + ?Sized>(records: &B, splat: u32) -> Projected {
     let first = splat * shared::RECORD * 2;
     let [u, v] = records.pair(first);

@@ -19,7 +19,7 @@ pub struct Splat {
 /// The pair of splat `i`, of `splats`, in a plane. (A closure would hold the buffer in a structure, which crashes
 /// SwiftShader.)
 fn of_plane<B: Pairs + ?Sized>(planes: &B, plane: u32, splats: u32, i: u32) -> [f32; 2] {
-    // The host allocated so many planes of so many splats.
+    // The host allocated these planes, with this many splats each.
     planes.pair(plane * splats + i)
 }
 

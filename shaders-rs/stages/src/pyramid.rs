@@ -75,7 +75,7 @@ pub fn pyramid(
     frame[to + 2] = rgb.z;
 }
 
-/// Where the middle of a level's pixel lies, in cells.
+/// The place of the middle of a level's pixel, in cells.
 fn cells_across(pixel: u32, factor: u32) -> f32 {
     (pixel as f32 + 0.5) * factor as f32 / CELL as f32
 }

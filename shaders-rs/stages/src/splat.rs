@@ -27,7 +27,7 @@ pub struct Clamp {
 }
 
 impl Clamp {
-    /// As a specialisation constant has it: 0 for none.
+    /// From a specialisation constant: 0 for no clamp.
     pub fn new(params: &Params, there: u32) -> Clamp {
         Clamp { alpha: params.alpha_max, there: there != 0 }
     }
@@ -215,7 +215,7 @@ pub fn middle_of_tile(group: UVec3) -> [f32; 2] {
     [(group.x * TILE) as f32 + half, (group.y * TILE) as f32 + half]
 }
 
-/// The same for subgroups of eight. One workgroup per tile.
+/// The form for subgroups of eight. One workgroup per tile.
 #[spirv(compute(threads(8)))]
 pub fn splat_lockstep(
     #[spirv(workgroup_id)] group: UVec3,

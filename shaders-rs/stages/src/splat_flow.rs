@@ -14,7 +14,7 @@ use spirv_std::spirv;
 /// Derivatives along four motions: u, v, u/z, v/z.
 type Motion = Vec4;
 
-/// The same of four pixels.
+/// The motions of four pixels.
 type Motions = [Vec4; 4];
 
 /// Four pixels, one below the other.

@@ -29,7 +29,7 @@ pub fn rank(code: [i32; 3]) -> u128 {
     rank
 }
 
-/// The position of a rank. Bits above the curve's are passed over.
+/// The position of a rank. Bits above the curve's are ignored.
 pub fn unrank(rank: u128) -> [i32; 3] {
     std::array::from_fn(|axis| {
         let bit = |place: u32| (rank >> (3 * place + 2 - axis as u32) & 1) as i32;

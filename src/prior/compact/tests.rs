@@ -17,7 +17,7 @@ fn sample(count: usize) -> (PriorId, Vec<u8>) {
     written(&sample_splats(count, 1), &RenderOptions::INRIA, &Quantisation::default())
 }
 
-/// The same with key frames.
+/// Writes a file with key frames.
 fn sample_with_key_frames(count: usize) -> (PriorId, Vec<u8>) {
     let (splats, key_frames) = (sample_splats(count, 1), sample_key_frames(5));
     let (options, q, mut bytes) = (RenderOptions::INRIA, Quantisation::default(), Vec::new());

@@ -1,4 +1,4 @@
-//! What the cameras of a mapping run saw of a prior, and what they saw through.
+//! What the cameras of a mapping run saw of a prior, and the free cells that they saw through.
 
 use glam::DVec3;
 

@@ -93,7 +93,7 @@ impl Arena {
 
     fn take(&mut self, bytes: usize) -> *mut c_void {
         let count = bytes.div_ceil(ALIGN);
-        // Fuzzers see an overrun of a block of the heap, not of one in here.
+        // Fuzzers see an overrun of a block of the heap, but not of a block in the arena.
         if cfg!(fuzzing) || count > self.units.len() - self.used {
             #[cfg(test)]
             {
@@ -145,7 +145,7 @@ unsafe extern "C" fn WebPSafeMalloc(count: u64, size: usize) -> *mut c_void {
 /// As [`WebPSafeMalloc`], zeroed.
 ///
 /// # Safety
-/// As there.
+/// As for [`WebPSafeMalloc`].
 #[unsafe(no_mangle)]
 unsafe extern "C" fn WebPSafeCalloc(count: u64, size: usize) -> *mut c_void {
     // SAFETY: any arguments do, and the block has as many bytes as are zeroed.
@@ -158,7 +158,7 @@ unsafe extern "C" fn WebPSafeCalloc(count: u64, size: usize) -> *mut c_void {
     }
 }
 
-/// Returns a block; one of the arena stays there until the call ends.
+/// Returns a block. A block of the arena stays there until the call ends.
 ///
 /// # Safety
 /// `block` is null or came from [`WebPSafeMalloc`] and was not freed since.
@@ -173,7 +173,7 @@ unsafe extern "C" fn WebPSafeFree(block: *mut c_void) {
 /// The public name of [`WebPSafeMalloc`].
 ///
 /// # Safety
-/// As there.
+/// As for [`WebPSafeMalloc`].
 #[unsafe(no_mangle)]
 unsafe extern "C" fn WebPMalloc(size: usize) -> *mut c_void {
     // SAFETY: as the caller promises.
@@ -183,7 +183,7 @@ unsafe extern "C" fn WebPMalloc(size: usize) -> *mut c_void {
 /// The public name of [`WebPSafeFree`].
 ///
 /// # Safety
-/// As there.
+/// As for [`WebPSafeFree`].
 #[unsafe(no_mangle)]
 unsafe extern "C" fn WebPFree(block: *mut c_void) {
     // SAFETY: as the caller promises.

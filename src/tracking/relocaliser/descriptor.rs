@@ -4,7 +4,7 @@
 
 use std::f32::consts::TAU;
 
-/// Comparisons of a patch's histograms, a bit each.
+/// Comparisons of a patch's histograms, one bit each.
 pub type Descriptor = [u64; 4];
 
 /// Number of bits in which two descriptors differ.
@@ -48,12 +48,12 @@ struct Place {
 pub struct Describer {
     places: Vec<Place>,
     width: usize,
-    /// Of each pixel the gradient's direction, in [`TURNS`], and its length.
+    /// For each pixel the gradient's direction, in [`TURNS`], and its length.
     polar: Vec<[f32; 2]>,
 }
 
 impl Describer {
-    /// For pictures of up to so many pixels.
+    /// Makes one for pictures of up to `pixels` pixels.
     pub fn new(pixels: usize) -> Describer {
         let radius = RADIUS as i32;
         let square = (-radius..=radius).flat_map(|dy| (-radius..=radius).map(move |dx| (dx, dy)));

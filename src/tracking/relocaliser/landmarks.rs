@@ -38,7 +38,7 @@ pub struct Landmarks {
 }
 
 impl Landmarks {
-    /// With room for so many groups of at most so many points.
+    /// Makes one with room for `groups` groups of at most `points` points.
     pub fn with_room(groups: usize, points: usize) -> Landmarks {
         let all = groups * points;
         Landmarks {
@@ -52,7 +52,7 @@ impl Landmarks {
         }
     }
 
-    /// Bytes that groups of so many points take in memory.
+    /// Bytes that `groups` groups of `points` points take in memory.
     pub fn bytes(groups: usize, points: usize) -> usize {
         let point = size_of::<[f32; 3]>() + size_of::<Descriptor>() + 4 + 4 * TABLES;
         groups * points * point + ((4 * TABLES) << BITS)
@@ -117,7 +117,7 @@ impl Landmarks {
     }
 }
 
-/// A table's key: bits that lie apart, other ones for each table.
+/// A table's key: bits from all over the descriptor, other ones for each table.
 fn key(descriptor: &Descriptor, table: usize) -> usize {
     (0..BITS as usize).fold(0, |key, i| {
         // 97 is prime to 256: no bit comes twice in a table, and tables share few.

@@ -25,7 +25,7 @@ use features::{Extractor, Feature};
 use landmarks::Landmarks;
 use resection::{Around, Match, Resection, TURNED, absolute, axis, relative};
 
-/// Corners of a frame.
+/// Most corners of a frame.
 const FEATURES: usize = 1000;
 /// Most corners of a key frame.
 const KEY_FEATURES: usize = 800;

@@ -78,7 +78,7 @@ pub struct Resection {
 }
 
 impl Resection {
-    /// For pictures of a camera with at most so many features.
+    /// Makes one for pictures of a camera with at most `features` features.
     pub fn new(camera: &Camera, features: usize) -> Resection {
         Resection { camera: *camera, counted: vec![0; features], calls: 0 }
     }

@@ -23,7 +23,7 @@ const LIKELY: usize = 6;
 const COMPARISONS: usize = 4;
 /// Poses that come of that and are looked at more closely.
 const COMPARED: usize = 8;
-/// A hint disagrees with the track beyond so many standard deviations.
+/// A hint disagrees with the track beyond this many standard deviations.
 const DISAGREES: f64 = 3.0;
 /// Standard deviations of a hint that states none: as a share of the scene's depth, and in radians.
 const HINT_DEVIATION: [f64; 2] = [0.1, 0.1];

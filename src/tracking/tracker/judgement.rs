@@ -9,7 +9,7 @@ use super::super::gauss_newton::Schedule;
 use super::super::{Agreement, Outcome, StartKind};
 use super::{Found, Tracker};
 
-/// Light that differs by less is left as it is.
+/// If the light differs by less than this, it is not corrected again.
 const LIGHT: f32 = 0.03;
 /// How often the masks are made again, at most. They are made again as long as that raises the score by more than
 /// [`BETTER`].
@@ -17,7 +17,7 @@ const MASKINGS: u32 = 6;
 /// In a frame that follows another, what does not agree is masked only if it makes a larger share of the squared error
 /// than this.
 pub(super) const MOSTLY: f64 = 0.85;
-/// The same in a lost frame.
+/// As [`MOSTLY`], in a lost frame.
 pub(super) const PARTLY: f64 = 0.6;
 /// If a frame has less of the render's fine detail than this, it is blurred. Sharp frames have 0.8 and more; frames
 /// blurred by a Gaussian of 2 pixels have 0.2 and less.

@@ -20,7 +20,7 @@ use super::{
 /// If the error at a search's start is below this many times the error at its end, the start was close. The next search
 /// then begins one level finer.
 const CLOSE: f64 = 1.3;
-/// Above this, the next one begins a level coarser.
+/// If the ratio is above this, the next search begins one level coarser.
 const FAR: f64 = 2.0;
 /// If a frame's error is more than this many times that of the frame before, it is searched again from the coarsest
 /// level: its start may have been too far off for a fine level.

@@ -5,7 +5,7 @@ use glam::{IVec2, Vec2, Vec3};
 use super::noise::{fractal, hash, hash_cell, unit};
 use super::solid::{Material, Shape, Solid};
 
-/// A point of a surface, as its paint sees it.
+/// A point of a surface, in the paint's coordinates.
 pub struct Spot<'a> {
     pub solid: &'a Solid,
     /// World position.

@@ -17,7 +17,7 @@ use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 /// With a camera file, also print what a mission's views do not show. `nvsprior trim` writes a prior without it.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply, told by the content
+    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply; the content tells the format
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
     #[command(flatten)]

@@ -97,7 +97,7 @@ impl Mission {
     }
 }
 
-/// At most so many of some views, evenly spaced.
+/// At most `most` of some views, evenly spaced.
 pub fn spaced<T>(views: &[T], most: usize) -> impl Iterator<Item = &T> {
     views.iter().step_by(views.len().div_ceil(most).max(1))
 }

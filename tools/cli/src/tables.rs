@@ -88,7 +88,7 @@ struct MappingRun {
 impl MappingRun {
     /// Finds the poses of the frames.
     fn of(args: &Args, prior: &Prior) -> anyhow::Result<MappingRun> {
-        /// One frame in so many is held out.
+        /// One frame in this many is held out.
         const HELD_OUT: usize = 8;
         let frames = inputs(args)?;
         let pairs = pairs(args, prior, &frames)?;

@@ -50,7 +50,7 @@ pub struct Args {
     /// packets become larger
     #[arg(long, value_enum, default_value = "renders")]
     fit: FitArg,
-    /// Gradient steps of a round
+    /// Gradient steps per round
     #[arg(long, value_name = "N", default_value_t = 60)]
     steps: u32,
     /// Share of the splats that a round leaves out at first

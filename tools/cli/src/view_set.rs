@@ -33,7 +33,7 @@ impl ViewSet {
         Ok(ViewSet { places, pictures, frames })
     }
 
-    /// At most so many of some views, evenly spaced.
+    /// A set of at most `most` views, evenly spaced.
     pub fn of(
         sights: &[PosedFrame],
         most: usize,

@@ -14,7 +14,7 @@ use nvsprior::{Camera, Engine, Prior, RenderOverrides};
 /// The prior and how to render it.
 #[derive(clap::Args)]
 pub struct PriorArgs {
-    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply, told by the content
+    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply; the content tells the format
     #[arg(long, value_name = "FILE")]
     pub prior: PathBuf,
     #[command(flatten)]

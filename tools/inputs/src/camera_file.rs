@@ -63,7 +63,7 @@ const DISTORTION: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
 const PINHOLE_MODELS: [&str; 3] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE"];
 
 impl CameraFile {
-    /// Reads a camera file of either kind, told by its content.
+    /// Reads a camera file of either kind. The content tells the kind.
     pub fn open(path: &Path) -> Result<CameraFile, CameraFileError> {
         let own = path.to_path_buf();
         let text = std::fs::read_to_string(path)

@@ -64,7 +64,7 @@ const COLUMNS: [&str; 8] = ["file", "qw", "qx", "qy", "qz", "tx", "ty", "tz"];
 /// Standard deviations of a pose, those of a left step: ρ in the prior's unit, θ in degrees.
 const DEVIATION: [&str; 6] = ["srx", "sry", "srz", "sax", "say", "saz"];
 
-/// Where a CSV file has its columns.
+/// The places of a CSV file's columns.
 struct Columns {
     pose: [usize; 8],
     time: Option<usize>,

@@ -1,4 +1,4 @@
-//! The frames of a run: which, and what is known of each before it is encoded.
+//! The frames of a run: which ones, and what is known of each before it is encoded.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ pub struct InputArgs {
     /// Only the frames of this split of the camera file
     #[arg(long, value_name = "NAME")]
     pub split: Option<String>,
-    /// Only the first so many frames
+    /// Only the first N frames
     #[arg(long, value_name = "N")]
     pub limit: Option<usize>,
     #[command(flatten)]

@@ -27,7 +27,7 @@ use nvsprior_lab::cost::{
 /// Runs of each kernel, in turn with those that it is compared with. The fastest counts.
 const RUNS: usize = 60;
 
-/// A stage by hand in GLSL, built by `glsl/build.sh`.
+/// A stage written by hand in GLSL, built by `glsl/build.sh`.
 macro_rules! glsl {
     ($name:literal) => {
         Source {

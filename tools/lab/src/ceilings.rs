@@ -9,9 +9,9 @@ use nvsprior_kernels::shared::{CEILING_CHAINS, CEILING_STEPS, CEILING_TURNS};
 /// A device's best rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ceilings {
-    /// Floating-point operations a second; a multiply-add is two.
+    /// Floating-point operations per second; a multiply-add is two.
     pub flops: f64,
-    /// Bytes a second of a copy by 32-bit words, those read and those written.
+    /// Bytes per second of a copy by 32-bit words; bytes read and bytes written count.
     pub bytes: f64,
 }
 

@@ -43,7 +43,7 @@ pub(crate) fn plus(a: Twist, scale: f64, b: Twist) -> Twist {
     std::array::from_fn(|k| a[k] + scale * b[k])
 }
 
-/// What all splats of a picture are seen through.
+/// What is common to all splats of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Viewpoint<'a> {
     /// The camera.

@@ -61,7 +61,7 @@ fn d_point(p: DVec3, along: Along) -> DVec3 {
     along.rho + along.theta.cross(p)
 }
 
-/// Of the mean: the clamp of the ray does not hold it.
+/// Derivative of the mean, without the clamp of the ray.
 fn d_mean(view: &Viewpoint, p: DVec3, along: Along) -> DVec2 {
     let dp = d_point(p, along);
     let (fx, fy) = (f64::from(view.camera.fx), f64::from(view.camera.fy));

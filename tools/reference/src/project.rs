@@ -96,7 +96,7 @@ impl Linearisation {
         m0.cross(m1).length_squared() + low_pass * (trace + low_pass)
     }
 
-    /// What the determinant of a splat that is drawn is above: see [`THIN`].
+    /// The least determinant of a splat that is drawn: see [`THIN`].
     fn least_determinant(&self, axes: &DMat3) -> f64 {
         let longest = |row: DVec3| (axes.transpose() * row).abs().max_element();
         let most = longest(self.rows[0]).max(longest(self.rows[1]));

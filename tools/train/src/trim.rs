@@ -88,10 +88,10 @@ pub trait Judge {
     /// What the splats lose against all of them.
     fn loss(&mut self, splats: &Splats) -> Result<f64, Self::Error>;
 
-    /// Hears of a round that is over, and what remained of the splats.
+    /// Is called after each round, with the splats that remained.
     fn told(&mut self, round: &Round, splats: &Splats) -> Result<(), Self::Error>;
 
-    /// Hears that so many steps of a fit are done.
+    /// Is called with the number of finished steps of a fit.
     fn fitted(&mut self, done: u32, all: u32);
 }
 

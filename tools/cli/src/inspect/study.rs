@@ -1,4 +1,4 @@
-//! What pictures of a prior do not need: exactly, and at a mission's views.
+//! Which parts of a prior pictures do not need: in all views, and in a mission's views.
 
 use nvsprior::prior::analysis::{PriorAnalysis, key_bits, splat_bytes};
 use nvsprior::{Camera, EncoderOptions, Engine, Pose, Prior};
@@ -84,7 +84,7 @@ fn print_pyramid(camera: &Camera) {
     row("pyramid", format!("{} of {}×{}", levels.join(", "), camera.width, camera.height));
 }
 
-/// Milliseconds of a render of what is uploaded and of all of the prior.
+/// Milliseconds of a render with the uploaded parts, and with the whole prior.
 fn print_times(
     engine: &Engine,
     prior: &Prior,

@@ -94,7 +94,7 @@ fn trim_writes_a_prior_that_shows_nearly_the_same() {
     assert!(lost <= 0.1, "{text}");
     assert!(row(&text, "other splits").starts_with("1 views, "), "{text}");
     assert_eq!(dive.picture("sheet.png").height, 3 * (90 + 4) + 4);
-    // The same again, and a link that holds it.
+    // Trims again with the same result. Then uses the reduced prior on a link.
     dive.run(&trim.replace("small.ply", "again.ply")).ends_with(0);
     assert_eq!(dive.bytes("small.ply"), dive.bytes("again.ply"));
     let encode = "encode --prior small.ply --cameras cameras.json --split dive --packets packets";

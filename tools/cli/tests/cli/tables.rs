@@ -66,7 +66,7 @@ fn the_same_frames_give_the_same_bytes_in_any_container() {
     let with = open(&dive, "with.nvsg");
     assert_eq!(row(&text, "identity"), with.id().to_string());
     assert_eq!(with.report().coder_tables, PartSource::InFile);
-    // The same beside it: the same prior. A broken file there is replaced.
+    // The tables in a file beside it give the same prior. A broken file there is replaced.
     std::fs::write(dive.path("small.nvsg.tables"), "broken").unwrap();
     dive.run("inspect small.nvsg").ends_with(1).says("small.nvsg.tables: coder tables, byte 0");
     dive.run(&format!("{TABLES} small.nvsg")).ends_with(0);

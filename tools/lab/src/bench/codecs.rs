@@ -157,7 +157,7 @@ fn timed<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<(T, f64)
     Ok((value?, ms))
 }
 
-/// The same of what cannot fail.
+/// As `coder`, for coders that cannot fail.
 fn timed_value<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let since = Instant::now();
     let value = work();

@@ -8,7 +8,7 @@ use nvsprior::{Camera, Engine, Picture, Pose};
 
 use super::statistics::median;
 
-/// Renders of which the median counts.
+/// Renders; their median counts.
 const RENDERS: usize = 3;
 
 /// A renderer of 8-bit pictures at full resolution, and all its times.

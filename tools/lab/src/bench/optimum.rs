@@ -23,7 +23,7 @@ const CAREFUL: Schedule = Schedule {
     tolerance: 1e-6,
 };
 
-/// The same at full resolution alone.
+/// The options for a search at full resolution alone.
 const LAST: Schedule = Schedule { first_level: 0, follow_level: 0, levels: 0b0001, ..CAREFUL };
 
 /// How far from the camera file's pose the best known one may lie: the scene's motion in the picture, radians.

@@ -34,7 +34,7 @@ pub fn steps(magnitude: Magnitude, seed: u64) -> impl Iterator<Item = Step> {
     })
 }
 
-/// The endless sequence of a seed, even in [−1, 1).
+/// The endless sequence of a seed, uniform in [−1, 1).
 pub fn even(seed: u64) -> impl Iterator<Item = f64> {
     let mut random = Random::new(seed);
     std::iter::repeat_with(move || random.even())

@@ -120,14 +120,14 @@ pub fn roofline(path: &Path, stages: &Stages) -> anyhow::Result<()> {
     series.push(Series { name: "ceilings".into(), points, line: true, dots: false });
     let words = Words {
         caption: "Stages under the device's measured ceilings",
-        x: "operations a byte, as counted",
+        x: "operations per byte, as counted",
         y: "GFLOP/s",
         legend: SeriesLabelPosition::LowerRight,
     };
     draw(path, &words, true, &series, &labels)
 }
 
-/// Forward renders by number of splats, a curve a size.
+/// Forward renders by number of splats, one curve per size.
 pub fn scaling(path: &Path, rows: &[Scale]) -> anyhow::Result<()> {
     let mut series: Vec<Series> = Vec::new();
     for row in rows {

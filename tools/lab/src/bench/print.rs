@@ -25,7 +25,9 @@ pub fn print(context: &Context, report: &Report) {
     for run in &report.runs[1..] {
         let [mse, gauss_newton] = errors(run, steady);
         let name = run.optimizer.name();
-        println!("final error of {name}: {mse:.6}, of gauss-newton on the same frames: {gauss_newton:.6}");
+        println!(
+            "final error of {name}: {mse:.6}, of gauss-newton on the same frames: {gauss_newton:.6}"
+        );
     }
     let memory = context.device_memory;
     let [used, reserved] = [memory.used, memory.reserved].map(|bytes| bytes as f64 / MIB);
@@ -98,7 +100,7 @@ fn stages(report: &Report) {
     }
 }
 
-/// Thousand millions a second.
+/// Thousand millions per second.
 fn rate(amount: f64, ms: f64) -> f64 {
     if ms > 0.0 { amount / ms * 1e-6 } else { 0.0 }
 }

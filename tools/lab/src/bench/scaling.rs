@@ -15,7 +15,7 @@ use super::statistics::median;
 const SPLATS: [usize; 5] = [5_000, 20_000, 80_000, 320_000, 2_000_000];
 /// Sizes of the pictures.
 const SIZES: [(u32, u32); 4] = [(160, 90), (320, 180), (640, 360), (1280, 720)];
-/// Runs of which the median counts.
+/// Runs; their median counts.
 const RUNS: usize = 3;
 
 /// A number of splats at a size.

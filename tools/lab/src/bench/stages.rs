@@ -13,7 +13,7 @@ use crate::cost::{Cost, Counts, PICTURE_PASSES, SEARCH_PASSES, Sharing, Work};
 
 /// Runs of each job whose stage times are averaged.
 const RUNS: u32 = 10;
-/// A stage that reaches this share of a ceiling is said to be bound by it.
+/// If a stage reaches this share of a ceiling, the ceiling bounds it.
 const BOUND: f64 = 0.35;
 
 /// A stage of a job.

@@ -30,7 +30,7 @@ pub fn measure(
     Ok(samples)
 }
 
-/// The same with a gradient method.
+/// Measures a gradient method.
 pub fn descend(
     context: &mut Context,
     optimizer: Optimizer,

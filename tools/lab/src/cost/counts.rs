@@ -9,7 +9,7 @@ use nvsprior_kernels::shared::{
     sh_coefficients, sh_planes,
 };
 
-/// What a render at one pose comes to.
+/// The amounts of a render at one pose.
 #[derive(Clone, Copy, Debug)]
 pub struct Counts {
     /// Splats of the prior, N.

@@ -86,7 +86,7 @@ pub struct Row {
     pub picture: Option<PictureError>,
     /// Error of the gradient, relative to what Cauchy–Schwarz bounds it by.
     pub gradient: Option<f64>,
-    /// The same of JᵀJ.
+    /// As `gradient`, for JᵀJ.
     pub jtj: Option<f64>,
     pub descent: Option<Descent>,
     pub milliseconds: f64,

@@ -158,7 +158,7 @@ fn offset(r: &mut Random, unit: f32) -> [f64; 6] {
         .map(|k| f64::from(r.within(-1.0, 1.0) * far * if k < 3 { unit } else { 1.0 }))
 }
 
-/// What became of a case.
+/// The outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// Everything held.
@@ -264,7 +264,7 @@ fn send(engine: &Engine, prior: &Prior, scene: &Extreme, seed: u64) -> Result<()
     let options = EncoderOptions { refine, rate, ..EncoderOptions::default() };
     let mut encoder = Encoder::new(engine, &uploaded, camera, options)?;
     let encoded = match encoder.encode(&frame, Some(pose.stepped(offset))) {
-        // A pose that no packet holds is told so.
+        // If no packet can hold the pose, an error must say so.
         Err(Error::Packet(_)) => return Ok(()),
         encoded => encoded?,
     };

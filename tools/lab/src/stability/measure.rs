@@ -44,7 +44,7 @@ pub struct Scenario {
 pub struct Limits {
     /// Largest error of a channel beyond what rounding and close decisions explain.
     pub picture: f64,
-    /// The same of gradient and JᵀJ.
+    /// Largest error of gradient and JᵀJ.
     pub equations: f64,
     /// Whether the twin searches too; slow for large scenes.
     pub twin_searches: bool,
@@ -209,7 +209,7 @@ fn pose_of(placement: &Placement, centre: glam::DVec3) -> Option<Pose> {
     Some(Pose { translation: pose.translation - pose.rotation * centre, ..pose })
 }
 
-/// What the twin makes of a scene, and how far rounding moves it.
+/// The twin's result for a scene, and how far rounding moves it.
 struct Reference {
     frame: Picture,
     picture: Explained,

@@ -18,7 +18,7 @@ pub const GROUP: Group = Group {
 
 /// If a case takes longer, it counts as hanging.
 const DEADLINE: Duration = Duration::from_secs(60);
-/// Faults that are told; all are counted.
+/// Faults that are reported one by one; all are counted.
 const TOLD: usize = 20;
 
 fn cases(_: &Bench) -> Vec<Case> {

@@ -34,7 +34,7 @@ fn cases(bench: &Bench) -> Vec<Case> {
     all
 }
 
-/// A case of a cloud with others.
+/// A case of a cloud with other splats among it.
 fn among(name: &str, others: fn(&mut Random) -> Vec<One>) -> Case {
     Case::new(name, AS_TWIN, move |bench| {
         let mut random = Random::new(name_seed(others(&mut Random::new(1)).len()));
@@ -84,7 +84,7 @@ fn shapes() -> Vec<Case> {
     all
 }
 
-/// Fifty of a logit.
+/// Fifty splats of one logit.
 fn of_logit(random: &mut Random, logit: f32) -> Vec<One> {
     fifty(random, [-1.5; 3]).into_iter().map(|one| One { logit, ..one }).collect()
 }

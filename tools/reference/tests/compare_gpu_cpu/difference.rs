@@ -73,7 +73,7 @@ fn write_difference(name: &str, camera: &Camera, gpu: &[f32], twin: &Rendered) -
     });
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"));
     image::RgbImage::from_raw(camera.width, camera.height, bytes.collect())
-        .expect("three bytes a pixel")
+        .expect("three bytes per pixel")
         .save(&path)
         .expect("a file in the target folder");
     path

@@ -1,4 +1,4 @@
-//! Making a prior from posed pictures and the points of a surface.
+//! Makes a prior from posed pictures and the points of a surface.
 //!
 //! If another system has already found the surfaces (a reconstruction, a sonar, a drawing), the
 //! hard part of training is done. Flat Gaussians are laid along the surfaces. Their colours are

@@ -54,7 +54,7 @@ pub struct Detector {
 impl Detector {
     pub fn new() -> Detector {
         let mut even = even(5);
-        // The sum of three even values is nearly normal, of variance 1.
+        // The sum of three uniform values is nearly normal, with variance 1.
         let mut normal = || (0..3).filter_map(|_| even.next()).sum::<f64>() * SPREAD;
         let mut offset = || {
             loop {

@@ -82,7 +82,7 @@ fn colour(method: Method) -> RGBColor {
     }
 }
 
-/// A row a kind of perturbation, a column a figure.
+/// One row per kind of perturbation, one column per figure.
 fn draw(
     path: &Path,
     caption: &str,

@@ -14,7 +14,7 @@ pub const FOUND: &str = "found-affine-webp";
 const BYTES: f64 = 24.0;
 /// Unknowns.
 const N: usize = 6;
-/// The coarsest picture of the fit has at least so many pixels on a side.
+/// The coarsest picture of the fit has at least this many pixels on a side.
 const LEAST_SIDE: usize = 12;
 /// Most steps of a level.
 const MOST_STEPS: u32 = 30;

@@ -153,7 +153,7 @@ impl External {
         self.name
     }
 
-    /// How many points it gives of a kind of input.
+    /// How many points it gives for a kind of input.
     pub fn settings(&self) -> usize {
         self.modes.len() * self.qualities.len()
     }

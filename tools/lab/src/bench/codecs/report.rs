@@ -20,9 +20,7 @@ pub struct Missing {
 pub fn print(run: &Run, points: &[Point], missing: &[Missing]) {
     let curves = Curve::all(points);
     println!("bytes and PSNR are means per frame");
-    println!(
-        "bytes of a difference picture include what a steady packet adds to the payload"
-    );
+    println!("bytes of a difference picture include what a steady packet adds to the payload");
     for curve in &curves {
         let points: Vec<String> =
             curve.points.iter().map(|p| format!("{:.0} at {:.2}", p.bytes, p.psnr)).collect();

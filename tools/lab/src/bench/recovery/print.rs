@@ -6,7 +6,7 @@ use super::dropouts::CLEAR;
 use super::summary::{Column, EARLY};
 use super::{Measurement, TRIES};
 
-/// Prints a table a measurement.
+/// Prints one table per measurement.
 pub fn print(context: &Context, columns: &[Column]) {
     let (shots, prior) = (context.shots.len(), &context.prior);
     let (splats, key_frames) = (prior.splats().len(), prior.key_frames().len());

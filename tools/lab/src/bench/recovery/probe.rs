@@ -61,7 +61,7 @@ pub struct Frame {
     pub forward_ms: f64,
 }
 
-/// What the encoder says of a frame, and what that is worth.
+/// What the encoder says about a frame, and whether it is right.
 pub struct Answer {
     /// PSNR of the clean frame and the render, dB.
     pub psnr: f64,
@@ -164,7 +164,7 @@ impl<'a> Probe<'a> {
         Probe::of(context, &scene)
     }
 
-    /// Of another prior.
+    /// A probe with another prior.
     pub fn of(
         context: &'a mut Context,
         scene: &Arc<Scene>,

@@ -37,7 +37,7 @@ pub struct Column {
     pub false_certain_first: usize,
     /// Frames of which the encoder was certain, although its pose was wrong.
     pub false_certain_frames: usize,
-    /// Of them, those of a dropout.
+    /// The false certain frames of dropouts.
     pub false_certain_dropout: usize,
     /// Frames of a dropout of which it was certain.
     pub certain_dropout: usize,
@@ -51,7 +51,7 @@ pub struct Column {
     /// Over all frames for which the encoder had an answer, except those before a dropout.
     pub renders: Spread,
     pub full_renders: Spread,
-    /// Of all frames but those before a dropout.
+    /// Over all frames except those before a dropout.
     pub milliseconds: Spread,
     pub in_forward_renders: Spread,
     /// Frames until found; 1 is the first (after a dropout, the first clear one), infinite means never.
@@ -75,7 +75,7 @@ fn found(frame: &Frame) -> bool {
 }
 
 impl Column {
-    /// Of runs of the same column; at least one.
+    /// Summarises runs of the same column; at least one.
     fn of(runs: &[Run]) -> Column {
         let count = |is: &dyn Fn(&Run) -> bool| runs.iter().filter(|run| is(run)).count();
         let first = |is: fn(&Frame) -> bool| count(&|run| sought(run).next().is_some_and(is));
