@@ -105,7 +105,7 @@ private:
     std::condition_variable changed_;
 };
 
-// The camera: the frames forth and back, so many a second.
+// The camera: delivers the frames forth and back, `rate` per second.
 void film(Ring &ring, const std::vector<Nv12> &frames, double rate, double seconds) {
     const auto period =
         std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / rate));

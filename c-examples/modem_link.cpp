@@ -42,7 +42,7 @@ using Handle = std::unique_ptr<T, Destroy>;
 
 // What is set on the command line.
 struct Settings {
-    double bit_rate = 20000;  // Bits a second.
+    double bit_rate = 20000;  // Bits per second.
     double frames_a_second = 2;
     uint32_t mtu = NVSP_MTU_64;
     double loss = 0.05, duplicates = 0.02, reorder = 0.02;  // Chances per modem frame.

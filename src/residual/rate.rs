@@ -1,4 +1,4 @@
-//! How many bytes a residual takes: by quality, by a budget, or by the picture wanted.
+//! The rate of a residual: by quality, by a byte budget, or by PSNR.
 
 use std::sync::Arc;
 

@@ -8,7 +8,7 @@ use nvsprior::Pose;
 use super::Run;
 use super::scene::{BASIN, HALF_PLAN, STRUCTURE_HEIGHT, Scene};
 
-/// Frames a second of the inspection runs.
+/// Frames per second of the inspection runs.
 pub const FRAME_RATE: f64 = 3.0;
 /// Speed of the inspection runs along the track, m/s.
 const SPEED: f64 = 0.25;

@@ -31,7 +31,7 @@ pub struct Args {
     /// Folder for runs, prior, packets, pictures and the table
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
-    /// Frames of each inspection run, three a second
+    /// Frames of each inspection run, three per second
     #[arg(long, value_name = "N", default_value_t = 8)]
     frames: usize,
     /// Quality of the difference pictures, 0 to 100

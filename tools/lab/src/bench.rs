@@ -49,7 +49,7 @@ pub struct Args {
     /// Frames that gradient methods are measured on, after a first one; 0: none
     #[arg(long, value_name = "N", default_value_t = 3)]
     bfgs_frames: usize,
-    /// Starts put off by up to 3°, and as many by up to 10°
+    /// Starts moved off by up to 3°, and as many by up to 10°
     #[arg(long, value_name = "N", default_value_t = 100)]
     trials: usize,
     /// Frames that each setting is measured on, after a first one; 0: compare no settings

@@ -183,7 +183,7 @@ impl<'a> Sampled<'a> {
             name,
             format!(
                 "{gone} splats ({share:.1} %, bounded at {} views), {bytes} bytes on the \
-             device: {psnr:.2} dB between renders, {} lost; {:.2} ms a render, {:.2} ms with them",
+             device: {psnr:.2} dB between renders, {} lost; {:.2} ms per render, {:.2} ms with them",
                 self.views.places.len(),
                 decibels(loss),
                 times.second,

@@ -1,4 +1,4 @@
-//! Starts put off at random: the same ones at every run.
+//! Starts moved off at random, the same in every run.
 
 use nvsprior::geometry::Step;
 use nvsprior::random::Random;

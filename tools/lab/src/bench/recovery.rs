@@ -41,7 +41,7 @@ pub const TRIES: usize = 5;
 /// What is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Measurement {
-    /// Starts put off along or about one axis
+    /// Starts moved off along or about one axis
     Capture,
     /// No pose at all, under conditions
     Nothing,
@@ -74,7 +74,7 @@ pub struct RecoveryArgs {
     /// recovery.svg.
     #[arg(long, conflicts_with = "ablation")]
     pub recovery: bool,
-    /// Starts put off by each figure; and rolled copies of the frames
+    /// Number of starts per figure, and of rolled copies of the frames
     #[arg(long, value_name = "N", default_value = "100", requires = "recovery")]
     recovery_trials: NonZeroUsize,
     /// Only these measurements [default: all, foreign if --foreign is given]
@@ -103,7 +103,7 @@ pub struct RecoveryArgs {
         requires = "recovery"
     )]
     recovery_dropouts: Vec<NonZeroUsize>,
-    /// Frames a second of the run, if the frames' times are not known
+    /// Frames per second of the run, if the frames' times are not known
     #[arg(long, value_name = "FPS", default_value = "3", value_parser = rate, requires = "recovery")]
     recovery_rate: f64,
 }

@@ -22,9 +22,9 @@ pub struct Stage {
     pub name: &'static str,
     pub ms: f64,
     pub work: Work,
-    /// Bytes a second, of the copy's.
+    /// Bytes per second, as a share of the copy's.
     pub share_of_copy: f64,
-    /// Operations a second, of the multiply-adds'.
+    /// Operations per second, as a share of the multiply-adds'.
     pub share_of_fma: f64,
 }
 

@@ -42,7 +42,7 @@ pub fn descend(
     Ok(OptimizerRun { optimizer, samples: measure(context, options, frames, done)? })
 }
 
-/// Frames a second, the first frame not counted.
+/// Frames per second, without the first frame.
 #[derive(Clone, Copy)]
 pub struct Rates {
     /// One frame after the other.

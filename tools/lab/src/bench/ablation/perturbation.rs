@@ -4,13 +4,13 @@ use nvsprior::geometry::Step;
 
 use super::super::perturbed::even;
 
-/// Rotations are put off by up to this, degrees (paper).
+/// Rotations are moved off by up to this, degrees (paper).
 pub const DEGREES: f64 = 40.0;
 
 /// Bins of equal width that the size of perturbations is summed up in.
 pub const BINS: usize = 4;
 
-/// Which part of the pose is put off.
+/// Which part of the pose is moved off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     Rotation,

@@ -9,10 +9,10 @@ use super::Measurement;
 use super::probe::{Phase, Probe, Run, Target};
 use nvsprior_inputs::args::progress;
 
-/// Starts are put off by at least this share of the figure.
+/// Starts are moved off by at least this share of the figure.
 const LEAST: f64 = 0.75;
 
-/// How far starts are put off, along or about one axis.
+/// How far starts are moved off, along or about one axis.
 #[derive(Clone, Copy, Debug)]
 enum Figure {
     Degrees(f64),

@@ -13,7 +13,7 @@ use nvsprior_inputs::args::progress;
 const GOOD: usize = 4;
 /// Frames after it within which the camera must be found again.
 pub const CLEAR: usize = 30;
-/// Frames a second that the encoder gets.
+/// Frames per second that the encoder gets.
 const RATES: [f64; 2] = [3.0, 15.0];
 
 /// What the frames of a dropout show.
@@ -47,7 +47,7 @@ impl Outage {
 struct Case {
     outage: Outage,
     length: usize,
-    /// Frames a second that the encoder gets.
+    /// Frames per second that the encoder gets.
     rate: f64,
     /// Whether the camera file's pose goes with every frame. Else with the first one only.
     hints: bool,
