@@ -111,10 +111,10 @@ pub(super) unsafe fn slice<'a>(
     }
 }
 
-/// As [`slice`], to write.
+/// As [`slice()`], to write.
 ///
 /// # Safety
-/// As for [`slice`], and nobody reads the bytes either.
+/// As for [`slice()`], and nobody reads the bytes either.
 pub(super) unsafe fn slice_mut<'a>(
     bytes: *mut u8,
     size: usize,

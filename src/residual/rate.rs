@@ -144,7 +144,7 @@ impl ResidualEncoder {
         self.encode_own(camera, render, rate, overhead)
     }
 
-    /// As [`ResidualEncoder::encode`], for the bytes of [`super::difference`]. Swaps `difference` for another picture
+    /// As [`ResidualEncoder::encode`], for the bytes of [`super::difference()`]. Swaps `difference` for another picture
     /// of its size.
     pub fn encode_difference<'a>(
         &'a mut self,

@@ -343,8 +343,8 @@ pub fn upper(i: usize, j: usize) -> usize {
 }
 
 /// The step of `(JᵀJ + λ D) δ = −Jᵀr`. `D` is the diagonal of JᵀJ; entries that are small against the others of their
-/// kind are raised ([`LEAST_DIAGONAL`]). The system is scaled by `D`, so it does not depend on the prior's unit of
-/// length. Directions that the picture does not determine at all get no step. A turn beyond [`LARGEST_TURN`], or a
+/// kind are raised (`LEAST_DIAGONAL`). The system is scaled by `D`, so it does not depend on the prior's unit of
+/// length. Directions that the picture does not determine at all get no step. A turn beyond `LARGEST_TURN`, or a
 /// translation that shifts the picture as much, shortens the step.
 pub fn damped_step(sums: &[f32; SUMS as usize], damping: f32) -> Step {
     let scale = scales(sums);
@@ -445,7 +445,7 @@ fn factorise(
     definite
 }
 
-/// The share of a step that turns by at most [`LARGEST_TURN`], and moves by at most as many depths `L` of the scene;
+/// The share of a step that turns by at most `LARGEST_TURN`, and moves by at most as many depths `L` of the scene;
 /// `tr Hθθ = L² tr Hρρ`. Both limits shift the picture by the same amount.
 fn within_reach(sums: &[f32; SUMS as usize], tau: &[f32; 6]) -> f32 {
     let moved = dot([tau[0], tau[1], tau[2]], [tau[0], tau[1], tau[2]]).sqrt();
@@ -491,7 +491,7 @@ fn substitute(l: &[[f32; 6]; 6], b: &[f32; 6]) -> [f32; 6] {
 }
 
 /// `Exp(τ)` applied after a placement (Barfoot, State Estimation for Robotics, eq. 8.30–8.33). A turn beyond
-/// [`LARGEST_TURN`] shortens the whole step to it.
+/// `LARGEST_TURN` shortens the whole step to it.
 pub fn stepped(from: &Placement, tau: &[f32; 6]) -> Placement {
     let mut rho = [tau[0], tau[1], tau[2]];
     let mut theta = [tau[3], tau[4], tau[5]];

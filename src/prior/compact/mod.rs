@@ -34,8 +34,8 @@
 //! The coded part is a raw LZMA stream (lc, lp and pb 0, no end mark). Its window is as large as its content, but at
 //! least 4 KiB and at most 64 MiB. If the stream is shorter than one byte per splat, zeros fill it up. It holds numbers
 //! plane by plane: the lowest byte of a number for all splats, then the next byte. First come the distances of the
-//! splats along the Morton curve of their positions, twelve bytes each. Then come numbers of four bytes each, in which 0,
-//! −1, 1, −2 … are written as 0, 1, 2, 3 …: three scales; x, y and z of the rotation; the opacity; and for each
+//! splats along the Morton curve of their positions, twelve bytes each. Then come numbers of four bytes each, in which
+//! 0, −1, 1, −2 … are written as 0, 1, 2, 3 …: three scales; x, y and z of the rotation; the opacity; and for each
 //! coefficient of the spherical harmonics green, red less green, blue less green.
 //!
 //! **Order.** Splats are in the order of the curve. The order is part of the prior's identity: the identity is the one

@@ -1,5 +1,5 @@
 //! Resection: the pose that explains most matches of world points with points of a picture. RANSAC (Fischler & Bolles
-//! 1981) over [`p3p`](super::p3p), then Gauss–Newton on the distances in the picture.
+//! 1981) over [`super::p3p`], then Gauss–Newton on the distances in the picture.
 
 use glam::DVec3;
 

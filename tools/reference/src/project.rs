@@ -133,7 +133,7 @@ pub struct Projected {
     /// Colour, not below 0.
     pub rgb: [f64; 3],
     /// Half sides, pixels, of the box outside of which alpha is below the cut by more than
-    /// [`CUT_MARGIN`].
+    /// `CUT_MARGIN`.
     pub extent: DVec2,
 }
 
