@@ -661,7 +661,7 @@ typedef struct nvsp_reassembler_statistics {
 // The device was lost. See nvsp_engine_reopen.
 #define NVSP_ERR_DEVICE_LOST -10
 
-// No host or device memory is left. The text names the buffer and its size.
+// Host or device memory could not be allocated. The text names the buffer and its size.
 #define NVSP_ERR_MEMORY -11
 
 // A Vulkan call failed; the text names it.
@@ -790,7 +790,8 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
 // .compressed.ply. Unsound splats are left out and logged as a warning. The file is not needed afterwards, and no copy
 // of it stays in host memory. While the call runs, host and device together take at most four times the size of a
-// binary .ply, or eight times the size of a text .ply. The other formats take as much as the .ply that they unpack to.
+// binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
+// is packed.
 //
 // Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
 // if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes

@@ -101,7 +101,8 @@ versioned!(nvsp_prior_info, 68);
 /// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
 /// .compressed.ply. Unsound splats are left out and logged as a warning. The file is not needed afterwards, and no copy
 /// of it stays in host memory. While the call runs, host and device together take at most four times the size of a
-/// binary .ply, or eight times the size of a text .ply. The other formats take as much as the .ply that they unpack to.
+/// binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
+/// is packed.
 ///
 /// Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
 /// if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes

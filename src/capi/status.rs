@@ -36,7 +36,7 @@ pub const NVSP_ERR_POISONED: nvsp_status = -8;
 pub const NVSP_ERR_NO_DEVICE: nvsp_status = -9;
 /// The device was lost. See nvsp_engine_reopen.
 pub const NVSP_ERR_DEVICE_LOST: nvsp_status = -10;
-/// No host or device memory is left. The text names the buffer and its size.
+/// Host or device memory could not be allocated. The text names the buffer and its size.
 pub const NVSP_ERR_MEMORY: nvsp_status = -11;
 /// A Vulkan call failed; the text names it.
 pub const NVSP_ERR_VULKAN: nvsp_status = -12;
