@@ -19,7 +19,7 @@ help:
 	@echo "make portability    the same pictures on Mesa, old and new, and SwiftShader; fetches the drivers"
 	@echo "make package        the crates as they are published, each built from its packed file"
 	@echo "make package-test   programs against the installed library, shared and static"
-	@echo "make cross-aarch64  the same for 64-bit ARM, under QEMU: docs/cross-build.md"
+	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/cross-build.md"
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
 

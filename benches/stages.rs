@@ -1,5 +1,5 @@
-//! Time of the steps of a frame, on the tests' wall and, if its data lies beside the project, on
-//! the reef: `cargo bench --bench stages`.
+//! Measures the time of a frame's steps, on the tests' wall and, if its data lies beside the
+//! project, on the reef: `cargo bench --bench stages`.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

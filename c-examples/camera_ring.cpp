@@ -1,8 +1,8 @@
 // A camera that does not wait, and an encoder that always takes the newest frame.
 //
-// The camera's thread fills one of three buffers at a fixed rate, in NV12 as camera drivers deliver it.
-// The encoder's thread takes the newest that is full; one that came before it was free is dropped. No
-// buffer is copied, and neither thread waits for the other.
+// The camera's thread fills one of three buffers at a fixed rate, in NV12 as camera drivers deliver it. The encoder's
+// thread takes the newest full buffer. A full buffer that a newer one replaces is dropped. No buffer is copied, and
+// neither thread waits for the other.
 
 #include <algorithm>
 #include <chrono>
@@ -77,7 +77,7 @@ public:
         changed_.notify_one();
     }
 
-    // The newest frame, for the encoder's thread until its next call; null when all is over.
+    // The newest frame. The encoder's thread may use it until its next call. Null when all is over.
     const Nv12 *take() {
         std::unique_lock lock(mutex_);
         changed_.wait(lock, [this] { return fresh_ || over_; });
@@ -105,7 +105,7 @@ private:
     std::condition_variable changed_;
 };
 
-// The camera: the frames forth and back, so many a second.
+// The camera: delivers the frames forth and back, `rate` per second.
 void film(Ring &ring, const std::vector<Nv12> &frames, double rate, double seconds) {
     const auto period =
         std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / rate));
@@ -127,7 +127,7 @@ void film(Ring &ring, const std::vector<Nv12> &frames, double rate, double secon
 
 double milliseconds(Clock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
 
-// Encodes what the ring has, until it ends; false where a frame fails.
+// Encodes what the ring has, until it ends. Returns false if a frame fails.
 bool encode(nvsp_encoder *encoder, const nvsp_camera &camera, const nvsp_pose &start, Ring &ring) {
     Bytes packet(nvsp_packet_bound(camera.width, camera.height));
     size_t encoded = 0;
@@ -166,11 +166,11 @@ struct Destroy {
 const char usage[] =
     "usage: camera_ring PRIOR.ply CAMERA START RATE SECONDS FRAME.ppm...\n"
     "CAMERA   width,height,fx,fy,cx,cy in pixels: what to encode at; frames are scaled to it\n"
-    "START    qw,qx,qy,qz,tx,ty,tz: about where the camera stood first, world to camera\n"
-    "RATE     frames a second that the camera delivers, for SECONDS\n"
+    "START    qw,qx,qy,qz,tx,ty,tz: the camera's rough pose at the first frame, world to camera\n"
+    "RATE     frames per second that the camera delivers, for SECONDS\n"
     "FRAMEs   of one size; shown forth and back\n";
 
-// Reads the frames; none where one cannot be read or has another size.
+// Reads the frames. Returns none if one cannot be read or has another size.
 std::vector<Nv12> read_frames(char **paths, int count) {
     std::vector<Nv12> frames;
     for (int i = 0; i < count; i++) {

@@ -17,7 +17,7 @@ static int print_header(const uint8_t *packet, size_t size, const nvsp_prior *pr
         return 0;
     }
     if (header.flags & NVSP_HEADER_SHORT) {
-        // To decode it takes a decoder that has seen the packet before which names all in full.
+        // Only a decoder that has seen an earlier packet in the full form can decode it.
         fprintf(stderr, "a short packet: prior and camera are those of an earlier one, by tag %02x\n",
                 header.session);
         return 0;
@@ -36,7 +36,7 @@ static int print_header(const uint8_t *packet, size_t size, const nvsp_prior *pr
     return 1;
 }
 
-// Decodes into memory of the size that the header said; 0 where that fails, and says so.
+// Decodes into memory of the size that the header states. If it fails, prints why and returns 0.
 static int decode(nvsp_decoder *decoder, const uint8_t *packet, size_t size, ppm *picture) {
     picture->pixels = malloc(ppm_size(picture));
     if (picture->pixels == NULL) {

@@ -5,7 +5,7 @@
 static const char usage[] =
     "usage: encode_frame PRIOR.ply FRAME.ppm CAMERA START PACKET [BYTES]\n"
     "CAMERA  width,height,fx,fy,cx,cy in pixels: what to encode at; the frame is scaled to it\n"
-    "START   qw,qx,qy,qz,tx,ty,tz: about where the camera stood, world to camera\n"
+    "START   qw,qx,qy,qz,tx,ty,tz: the camera's rough pose, world to camera\n"
     "BYTES   most bytes of the packet; without: quality 10\n";
 
 static void print_stats(const nvsp_frame_stats *stats) {
@@ -26,7 +26,7 @@ static void print_stats(const nvsp_frame_stats *stats) {
     }
 }
 
-// Encodes the frame into `packet`; its bytes, or 0 where that fails, and says so.
+// Encodes the frame into `packet` and returns its bytes. If it fails, prints why and returns 0.
 static size_t encode(nvsp_encoder *encoder, const ppm *frame, const nvsp_pose *start, uint8_t *packet,
                      size_t room) {
     const nvsp_image image = ppm_image(frame);

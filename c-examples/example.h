@@ -18,7 +18,7 @@ static inline size_t ppm_size(const ppm *picture) {
     return (size_t)picture->width * picture->height * 3;
 }
 
-// Reads a number of a PPM's header, passing over white space and comments; -1 where there is none.
+// Reads a number of a PPM's header. Skips white space and comments. Returns -1 if there is no number.
 static inline long ppm_number(FILE *file) {
     int c = getc(file);
     while (c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '#') {
@@ -34,10 +34,10 @@ static inline long ppm_number(FILE *file) {
         number = (number < 0 ? 0 : number) * 10 + (c - '0');
         c = getc(file);
     }
-    return number;  // One byte behind the number is read: the white space that ends it.
+    return number;  // The white space after the number was read too.
 }
 
-// Reads a PPM of the kind P6 with 8 bits a channel; 0 where there is none, and says so.
+// Reads a PPM of the kind P6 with 8 bits per channel. If it fails, prints why and returns 0.
 static inline int ppm_read(const char *path, ppm *picture) {
     ppm found = {0, 0, NULL};
     FILE *file = fopen(path, "rb");
@@ -59,7 +59,7 @@ static inline int ppm_read(const char *path, ppm *picture) {
         fclose(file);
     }
     if (!sound) {
-        fprintf(stderr, "%s: no PPM of the kind P6 with 8 bits a channel\n", path);
+        fprintf(stderr, "%s: no PPM of the kind P6 with 8 bits per channel\n", path);
         free(found.pixels);
         return 0;
     }
@@ -67,7 +67,7 @@ static inline int ppm_read(const char *path, ppm *picture) {
     return 1;
 }
 
-// Writes a PPM; 0 where that fails, and says so.
+// Writes a PPM. If it fails, prints why and returns 0.
 static inline int ppm_write(const char *path, const ppm *picture) {
     FILE *file = fopen(path, "wb");
     int sound = file != NULL && fprintf(file, "P6\n%u %u\n255\n", picture->width, picture->height) > 0
@@ -81,7 +81,7 @@ static inline int ppm_write(const char *path, const ppm *picture) {
     return sound;
 }
 
-// Reads a file of at most `room` bytes; its size, or 0 where that fails, and says so.
+// Reads a file of at most `room` bytes and returns its size. If it fails, prints why and returns 0.
 static inline size_t read_file(const char *path, uint8_t *bytes, size_t room) {
     FILE *file = fopen(path, "rb");
     size_t size = 0;
@@ -98,7 +98,7 @@ static inline size_t read_file(const char *path, uint8_t *bytes, size_t room) {
     return size;
 }
 
-// An image for the encoder: the PPM's pixels, where they are.
+// An image for the encoder: the PPM's pixels, without a copy.
 static inline nvsp_image ppm_image(const ppm *picture) {
     nvsp_image image = {NVSP_FORMAT_RGB8, 0, 0, 0, {NULL, NULL, NULL}, {0, 0, 0}, {0, 0, 0}};
     image.width = picture->width;
@@ -109,7 +109,7 @@ static inline nvsp_image ppm_image(const ppm *picture) {
     return image;
 }
 
-// Reads `count` numbers with commas between them; 0 where the text is something else.
+// Reads `count` numbers with commas between them. Returns 0 if the text is something else.
 static inline int numbers(const char *text, double *values, int count) {
     for (int i = 0; i < count; i++) {
         char *end = NULL;
@@ -154,14 +154,14 @@ static inline int pose_of(const char *text, nvsp_pose *pose) {
     return 1;
 }
 
-// Prints what the library has to say: which device and prior, what is odd, why a call fails.
+// Prints the library's messages: which device and prior, what is odd, why a call fails.
 static inline void print_log(void *user, int32_t level, const char *message) {
     (void)user;
     const char *kind = level == NVSP_LOG_ERROR ? "error: " : level == NVSP_LOG_WARNING ? "warning: " : "";
     fprintf(stderr, "nvsprior: %s%s\n", kind, message);
 }
 
-// Opens an engine that logs to standard error, and a prior; 0 where that fails, and says so.
+// Opens a prior, and an engine that logs to standard error. If it fails, prints why and returns 0.
 static inline int open_prior(const char *path, nvsp_engine **engine, nvsp_prior **prior) {
     nvsp_engine_options options;
     nvsp_status status = NVSP_INIT(&options);
@@ -171,7 +171,7 @@ static inline int open_prior(const char *path, nvsp_engine **engine, nvsp_prior 
     }
     options.log = print_log;
     status = nvsp_engine_create(&options, engine);
-    if (status != NVSP_OK) {  // The particulars were logged: there is no handle to ask.
+    if (status != NVSP_OK) {  // The details were logged: there is no handle to ask.
         fprintf(stderr, "opening a device: %s\n", nvsp_status_text(status));
         return 0;
     }

@@ -1,9 +1,9 @@
 // Pictures from a vehicle to its topside through a slow link that loses frames.
 //
-// Two processes with a UDP socket on loopback between them. The vehicle encodes a frame while the one
-// before is on its way, at the bytes that the link has for a frame. Its modem is simulated: it sends
-// at a set bit rate, and loses, exchanges, repeats and pads modem frames. The topside puts together
-// what arrives, shows the best picture of it that there is, and compares it with the original.
+// Two processes with a UDP socket on loopback between them. The vehicle encodes a frame while the one before is on its
+// way. Its byte budget is what the link carries per frame. Its modem is simulated: it sends at a set bit rate, and
+// loses, swaps, repeats and pads modem frames. The topside puts together what arrives, shows the best possible picture
+// of it, and compares it with the original.
 
 #include <arpa/inet.h>
 #include <getopt.h>
@@ -42,10 +42,10 @@ using Handle = std::unique_ptr<T, Destroy>;
 
 // What is set on the command line.
 struct Settings {
-    double bit_rate = 20000;  // Bits a second.
+    double bit_rate = 20000;  // Bits per second.
     double frames_a_second = 2;
     uint32_t mtu = NVSP_MTU_64;
-    double loss = 0.05, duplicates = 0.02, reorder = 0.02;  // Chances for each modem frame.
+    double loss = 0.05, duplicates = 0.02, reorder = 0.02;  // Chances per modem frame.
     bool pad = false;
     unsigned seed = 1;
     std::string prior;
@@ -139,10 +139,10 @@ private:
 
 // ---- The vehicle ----------------------------------------------------------------------------------
 
-// Bytes of a packet that fill what the link carries in a frame's time, whole modem frames.
+// Bytes of a packet that fills the modem frames that the link carries in one frame's time.
 size_t packet_budget(const Settings &set, double link_bytes) {
     const size_t modem_frames = std::max(1.0, std::floor(link_bytes / set.mtu));
-    return modem_frames * set.mtu - 4 * (modem_frames - 1);  // All but the first have 4 bytes more.
+    return modem_frames * set.mtu - 4 * (modem_frames - 1);  // All but the first have a header of 4 bytes.
 }
 
 bool send_packet(Modem &modem, const Bytes &packet, const Settings &set) {
@@ -164,7 +164,7 @@ bool send_packet(Modem &modem, const Bytes &packet, const Settings &set) {
     return status == NVSP_OK;
 }
 
-// Begins to encode a frame: returns at once, and the picture is not needed any more.
+// Begins to encode a frame and returns at once. The picture is not needed afterwards.
 bool begin(nvsp_encoder *encoder, const std::string &path, const nvsp_pose *hint, double link_bytes,
            const Settings &set) {
     const float budget = static_cast<float>(packet_budget(set, link_bytes));
@@ -182,7 +182,7 @@ bool begin(nvsp_encoder *encoder, const std::string &path, const nvsp_pose *hint
     return sound(status, path.c_str(), encoder, nvsp_encoder_last_error);
 }
 
-// Fetches the packet that was begun, and waits for it where the link was faster than the encoder.
+// Fetches the packet that was begun. Waits for it if the link was faster than the encoder.
 bool finish(nvsp_encoder *encoder, Bytes &packet, nvsp_frame_stats &stats) {
     const bool ready = nvsp_encode_poll(encoder) == NVSP_OK;
     while (nvsp_encode_wait(encoder, 100) == NVSP_PENDING) {
@@ -230,7 +230,7 @@ bool dive(Modem &modem, const Settings &set) {
         if (!finish(encoder.get(), packet, stats)) {
             return false;
         }
-        // The next frame is encoded while this one is on its way, and may use what it leaves.
+        // The next frame is encoded while this one is on its way. It may use the bytes that this one leaves.
         const double left = link_bytes - static_cast<double>(packet.size());
         link_bytes = share + std::clamp(left, 0.0, share);
         if (i + 1 < set.frames.size()
@@ -254,7 +254,7 @@ int vehicle(int socket, const Settings &set) {
 
 // ---- The topside ----------------------------------------------------------------------------------
 
-// PSNR of a picture against a PPM of the same size, dB; NaN where there is none.
+// PSNR of a picture against a PPM of the same size, dB. NaN if there is no such PPM.
 double psnr(const Bytes &picture, const std::string &path) {
     ppm original{};
     if (!ppm_read(path.c_str(), &original)) {
@@ -368,7 +368,7 @@ public:
                     static_cast<unsigned long long>(counts.accepted),
                     static_cast<unsigned long long>(counts.duplicates),
                     static_cast<unsigned long long>(counts.rejected));
-        std::printf("topside: %zu of %zu pictures, %.2f a second, mean %.2f dB, %.0f bit/s\n", pictures,
+        std::printf("topside: %zu of %zu pictures, %.2f per second, mean %.2f dB, %.0f bit/s\n", pictures,
                     set_.frames.size(), static_cast<double>(pictures) / seconds,
                     sum_psnr / static_cast<double>(pictures), 8.0 * static_cast<double>(bytes) / seconds);
     }
@@ -414,9 +414,9 @@ int topside(int socket, int ready, const Settings &set) {
 const char usage[] =
     "usage: modem_link [OPTIONS] PRIOR.ply CAMERA START FRAME.ppm...\n"
     "CAMERA            width,height,fx,fy,cx,cy in pixels, the frames' size\n"
-    "START             qw,qx,qy,qz,tx,ty,tz: about where the camera stood first, world to camera\n"
-    "--bit-rate N      bits a second (20000)\n"
-    "--fps N           frames a second to have bytes for (2)\n"
+    "START             qw,qx,qy,qz,tx,ty,tz: the camera's rough pose at the first frame, world to camera\n"
+    "--bit-rate N      bits per second (20000)\n"
+    "--fps N           frames per second, which share the bits (2)\n"
     "--mtu N           bytes of a modem frame, 31 to 65000 (64)\n"
     "--loss P --duplicates P --reorder P\n"
     "                  chances for each modem frame (0.05, 0.02, 0.02)\n"

@@ -13,9 +13,9 @@
 //   int unetsocket_close(unetsocket_t);
 // and on the number USER, the first that programs may use for a protocol of their own.
 //
-// A datagram holds one modem frame. MTU must not be above what the node's link carries in one frame,
-// or UnetStack cuts datagrams up once more, and the loss of a part costs the whole. UnetStack hands
-// over no damaged datagrams, hence NVSP_MODEM_CHECKS.
+// A datagram holds one modem frame. MTU must not be larger than what the node's link carries in one frame. Else
+// UnetStack splits datagrams again, and the loss of one part costs the whole. UnetStack hands over no damaged
+// datagrams, hence NVSP_MODEM_CHECKS.
 
 #include "example.h"
 

@@ -1,32 +1,32 @@
 /* nvsprior: pictures through an acoustic modem, against a 3D Gaussian Splatting prior.
  *
- * A vehicle and its topside hold the same trained scene, the prior. For each camera frame an encoder
- * finds the pose at which the prior looks most like the frame, and packs the pose with a coded
- * difference picture; a decoder renders the prior at the pose and adds the difference. Packets travel
- * in modem frames; a reassembler puts them together from what arrives.
+ * A vehicle and its topside hold the same trained scene, the prior. For each camera frame an encoder finds the pose at
+ * which the prior looks most like the frame. It packs the pose with a coded difference picture. A decoder renders the
+ * prior at the pose and adds the difference. Packets travel in modem frames. A reassembler puts them together from what
+ * arrives.
  *
  * The contract of every function:
  *
- * Status. What can fail returns an nvsp_status: NVSP_OK (0), NVSP_PENDING, or an error below zero.
- *   nvsp_status_text gives it in words; nvsp_..._last_error on the handle gives the particulars. After
- *   an error nothing was written through any pointer, nothing that was good is lost, and the handle
- *   may be used on, except after NVSP_ERR_INTERNAL (then NVSP_ERR_POISONED) and
- *   NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The firmware build has no NVSP_ERR_INTERNAL: there a
- *   fault of the library itself aborts the process, for a watchdog to start it again.
- * Ownership. nvsp_..._create and nvsp_prior_open hand over a handle, which nvsp_..._destroy ends, in
- *   any order: what a handle needs of another it keeps alive. All other memory is the caller's, and is
- *   read or written during the call alone. Texts that are returned are static.
- * Parameters. A line for each says what it is, its unit, and whether NULL is allowed; where it is not, NULL
- *   gives NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot tell.
- * Threads. An engine and a prior may be used by any number of threads at once. An encoder, a decoder
- *   or a reassembler by one at a time: a second one gets NVSP_ERR_BUSY, and harms nothing. Nobody may
- *   use a handle while, or after, it is destroyed.
- * Waiting. A call waits where its comment says so, and then for the device alone. Nothing waits for
- *   another program, a file (but for nvsp_prior_open) or a network.
- * Memory. A call allocates where its comment says so. Encoding, decoding, splitting and reassembly
- *   allocate nothing on the host once they have run a first time.
- * Structures that begin with struct_size are set up by NVSP_INIT(&structure), which makes every field
- *   zero, its default. Fields will only ever be appended.
+ * Status. A call that can fail returns an nvsp_status: NVSP_OK (0), NVSP_PENDING, or an error below zero.
+ *   nvsp_status_text gives it in words; nvsp_..._last_error on the handle gives the details. A call that fails writes
+ *   nothing through any pointer and loses nothing that was good. You may go on to use the handle, except after
+ *   NVSP_ERR_INTERNAL (later calls give NVSP_ERR_POISONED) and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The
+ *   firmware build has no NVSP_ERR_INTERNAL: there a fault of the library itself aborts the process, and a watchdog
+ *   must start it again.
+ * Ownership. nvsp_..._create and nvsp_prior_open give you a handle; nvsp_..._destroy ends it. You may destroy handles
+ *   in any order: a handle keeps alive what it needs of another. All other memory is yours, and is read or written only
+ *   during the call. Texts that a call returns are static.
+ * Parameters. One line per parameter says what it is, its unit, and whether NULL is allowed. If it is not, NULL gives
+ *   NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot check it.
+ * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
+ *   decoder or a reassembler: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a handle while it is
+ *   destroyed, or afterwards.
+ * Waiting. A call waits only if its comment says so, and only for the device. No call waits for
+ *   another program, a file (except nvsp_prior_open) or a network.
+ * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting and
+ *   reassembly allocate nothing on the host once they have run a first time.
+ * Structures. If a structure begins with struct_size, set it up with NVSP_INIT(&structure). This makes every field
+ *   zero, its default. Later versions only append fields.
  * Units. Angles in radians, pixels from the upper left corner, lengths in the prior's own unit, PSNR
  *   in dB against 255.
  * Signals and forks. The library installs no signal handlers. A child of fork may not use handles of
@@ -48,13 +48,13 @@
 // A call failed.
 #define NVSP_LOG_ERROR 1
 
-// Something is not as it should be, and work goes on.
+// Something is not as it should be, but work goes on.
 #define NVSP_LOG_WARNING 2
 
 // What was chosen and loaded.
 #define NVSP_LOG_INFO 3
 
-// Run under the Khronos validation layer, which must be installed; its messages are logged as
+// Run under the Khronos validation layer, which must be installed. Its messages are logged as
 // warnings when the engine is destroyed or reopened. For tests; slow.
 #define NVSP_ENGINE_VALIDATION 1
 
@@ -76,13 +76,13 @@
 // Three bytes per pixel: blue, green, red.
 #define NVSP_FORMAT_BGR8 2
 
-// Four bytes per pixel: red, green, blue, alpha, which is ignored in images and 255 in pictures.
+// Four bytes per pixel: red, green, blue, alpha. Alpha is ignored in images and 255 in pictures.
 #define NVSP_FORMAT_RGBA8 3
 
-// Plane 0: Y; plane 1: U and V in turn, one pair for two by two pixels. Images only.
+// Plane 0: Y; plane 1: U and V in turn, one pair per two by two pixels. Images only.
 #define NVSP_FORMAT_NV12 4
 
-// Planes Y, U, V; one U and V for two by two pixels. Images only.
+// Planes Y, U, V; one U and one V per two by two pixels. Images only.
 #define NVSP_FORMAT_I420 5
 
 // BT.601, limited range: what most cameras and V4L2 deliver.
@@ -109,7 +109,7 @@
 // Bytes of the whole packet, never exceeded.
 #define NVSP_RATE_BYTES 2
 
-// PSNR to reach at the least bytes, dB.
+// PSNR to reach with as few bytes as possible, dB.
 #define NVSP_RATE_PSNR 3
 
 // No difference picture: the pose alone.
@@ -133,34 +133,34 @@
 // The pose in 28 bytes, as in the paper.
 #define NVSP_PROFILE_PAPER 1
 
-// A packet whose prior and camera an earlier one told has the short form, a latent part of 19 bytes.
+// A packet has the short form, a latent part of 19 bytes, if an earlier packet stated its prior and camera.
 #define NVSP_FORM_SHORT 0
 
 // Every packet names prior and camera in full: a latent part of 31 bytes.
 #define NVSP_FORM_FULL 1
 
-// The difference picture by the wavelet coder, which knows the prior's render.
+// The wavelet coder codes the difference picture. It knows the prior's render.
 #define NVSP_RESIDUAL_WAVELET 0
 
-// The difference picture by WebP, as in the paper.
+// WebP codes the difference picture, as in the paper.
 #define NVSP_RESIDUAL_WEBP 1
 
 // For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
 #define NVSP_CAMERA_ONCE UINT32_MAX
 
-// The pose is not certain: the picture does not confirm it.
+// The picture does not confirm the pose.
 #define NVSP_FRAME_UNCERTAIN 1
 
-// The rate asked for was not kept: the budget holds no difference picture, or the best one falls
-// short of the PSNR.
+// The rate was not kept: the budget holds no difference picture, or the best one does not reach
+// the PSNR.
 #define NVSP_FRAME_RATE_MISSED 2
 
-// The picture leaves a direction of the pose open: see nvsp_frame_stats.pose_deviation.
+// The picture does not determine one direction of the pose: see nvsp_frame_stats.pose_deviation.
 #define NVSP_FRAME_UNDETERMINED 4
 
-// A device is not portable: the topside's render may differ from the vehicle's in the last bit of a colour, and the
-// shown picture with it. Of an encoder's frame: its own device. Of a header: the vehicle's. Of a decoded packet: one
-// of the two.
+// A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
+// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
+// it is one of the two.
 #define NVSP_FRAME_NOT_PORTABLE 64
 
 // The frame started from the pose given with it.
@@ -169,25 +169,25 @@
 // It started from the pose of the frame before.
 #define NVSP_START_PREVIOUS 1
 
-// It started from where constant velocity leads.
+// It started from the pose that constant velocity predicts.
 #define NVSP_START_PREDICTED 2
 
-// Nothing was near, and no pose was given: it started from the best there was.
+// No start was near, and no pose was given: it started from the best one at hand.
 #define NVSP_START_UNCERTAIN 3
 
-// It was found by the prior's key frames.
+// The prior's key frames gave the start.
 #define NVSP_START_KEY_FRAME 4
 
-// The gradient became small.
+// The gradient became small enough.
 #define NVSP_STOP_GRADIENT 0
 
-// The steps became small.
+// The steps became small enough.
 #define NVSP_STOP_PROGRESS 1
 
 // No step made the error smaller.
 #define NVSP_STOP_NO_DESCENT 2
 
-// The iterations were used up.
+// No iterations were left.
 #define NVSP_STOP_ITERATIONS 3
 
 // The picture confirms the pose.
@@ -202,16 +202,17 @@
 // The prior's render alone.
 #define NVSP_PICTURE_RENDER 1
 
-// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives
-// it. Of a difference picture that is cut short, what arrived is then shown: rows of WebP's, a coarser picture of the
-// wavelet coder's. Without this, a difference picture is shown if it is whole and its check matches.
+// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives it. If the
+// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
+// picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
+// matches.
 #define NVSP_DECODE_START 1
 
-// The render is the vehicle's, byte for byte. Neither this nor NVSP_DECODED_OTHER_RENDER: the packet
+// The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
 // does not tell.
 #define NVSP_DECODED_SAME_RENDER 8
 
-// The render is not the vehicle's: its device, or its driver, rounds differently.
+// The render is not the vehicle's: the vehicle's device, or its driver, rounds differently.
 #define NVSP_DECODED_OTHER_RENDER 16
 
 // `pose` is given.
@@ -238,14 +239,14 @@
 // The packet has more bytes at its start than before: nvsp_reassembler_fetch gives a better picture.
 #define NVSP_EVENT_GROWN 2
 
-// The frame is kept until others come: one before it is missing.
+// The modem frame is kept until others come: an earlier one is missing.
 #define NVSP_EVENT_KEPT 3
 
-// The frame was there already.
+// The modem frame was there already.
 #define NVSP_EVENT_DUPLICATE 4
 
-// All frames of the packet are there and its own checks do not match; all but the first were
-// forgotten and may come again.
+// All modem frames of the packet are there, but its own checks do not match. All frames but the
+// first were forgotten; they may come again.
 #define NVSP_EVENT_DAMAGED 5
 
 // Decodes packets, in any order. One thread at a time may use it.
@@ -266,10 +267,10 @@ typedef struct nvsp_reassembler nvsp_reassembler;
 // What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
 typedef int32_t nvsp_status;
 
-// Receives messages of an engine and of everything made with it: NVSP_LOG_ERROR, NVSP_LOG_WARNING or
-// NVSP_LOG_INFO, and a text that is valid during the call. Called on whichever thread is inside the
-// library (or on an encoder's own thread, see nvsp_encode_begin), also on several at once; it must
-// not call the library, nor unwind. No call comes for a frame that succeeds.
+// Receives messages of an engine and of everything made with it: a level, NVSP_LOG_ERROR, NVSP_LOG_WARNING or
+// NVSP_LOG_INFO, and a text that is valid during the call. It is called on the thread that is inside the library, or
+// on an encoder's own thread (see nvsp_encode_begin), and perhaps on several threads at once. It must not call the
+// library, and must not unwind. A frame that succeeds makes no call.
 typedef void (*nvsp_log_callback)(void *user, int32_t level, const char *message);
 
 // How to open an engine; all zero: the best device, nothing logged.
@@ -278,10 +279,10 @@ typedef struct nvsp_engine_options {
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // The device's number as text, or a part of its name or its driver's. NULL: a discrete GPU before
-  // an integrated one before a CPU.
+  // The device's number as text, or a part of its name or its driver's name. NULL: the best device, first a discrete
+  // GPU, then an integrated one, then a CPU.
   const char *device;
-  // Receives messages; NULL: none are passed on.
+  // Receives messages. NULL: nothing is logged.
   nvsp_log_callback log;
   // Passed to `log` as it is.
   void *log_user;
@@ -299,7 +300,7 @@ typedef struct nvsp_engine_info {
   uint32_t abi_version;
   // Name, kind, driver and Vulkan version of the device, ending in NUL.
   char device[256];
-  // Bytes of device memory in use by everything made with the engine.
+  // Bytes of device memory that everything made with the engine uses.
   uint64_t memory_used;
   // Bytes of device memory taken from the driver for that.
   uint64_t memory_reserved;
@@ -307,8 +308,8 @@ typedef struct nvsp_engine_info {
   uint64_t buffers;
 } nvsp_engine_info;
 
-// Render options against those found in a prior's file; part of the prior's identity, so both sides
-// of a link must give the same.
+// Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
+// must give the same.
 typedef struct nvsp_prior_options {
   // Set by NVSP_INIT.
   uint32_t struct_size;
@@ -336,7 +337,7 @@ typedef struct nvsp_prior_info {
   uint32_t id;
   // Splats in use.
   uint32_t splats;
-  // Splats of the file that were unsound and left out.
+  // Unsound splats of the file, which were left out.
   uint32_t dropped;
   // Degree of the spherical harmonics, 0 to 3.
   uint32_t sh_degree;
@@ -377,43 +378,43 @@ typedef struct nvsp_encoder_options {
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // NVSP_RATE_*: what decides how fine the difference picture is.
+  // NVSP_RATE_*: it sets how fine the difference picture is.
   uint32_t rate;
-  // Of NVSP_RATE_*, its number: quality, bytes or dB.
+  // The number that `rate` takes: quality, bytes or dB.
   float rate_value;
   // NVSP_OPTIMIZER_*.
   uint32_t optimizer;
   // NVSP_PROFILE_*.
   uint32_t profile;
-  // Mean squared error, values in [0, 1]; 0: 1e-3. BFGS and Adam start at the frame before only if the
-  // error there is below this: 1e-3 suits a basin, 1e-2 real footage. Gauss-Newton tells by the pictures
-  // whether a pose is right; if the prior shows too little for that, a frame whose error is below this is
-  // not looked for afresh.
+  // Mean squared error, values in [0, 1]; 0: 1e-3. BFGS and Adam start at the pose of the frame before only if the
+  // error there is below this: 1e-3 suits a basin, 1e-2 real footage. Gauss-Newton compares the pictures to tell
+  // whether a pose is right. If the prior shows too little for that, it keeps a pose whose error is below this, and
+  // does not search afresh.
   float threshold;
   // Levels of the image pyramid, 1 to 6; 0: 4.
   uint32_t levels;
-  // The camera (18 bytes) is sent every so many frames for a topside that missed it; 0: 64.
+  // Send the camera (18 bytes) again after this many frames, for a topside that missed it; 0: 64.
   uint32_t camera_interval;
   // Number of the first frame; packets carry it modulo 2^24.
   uint32_t first_frame;
-  // A check of the prior's render (6 bytes) is sent with the first frame and every so many after
-  // it, by which the topside knows whether it renders the same; 0: never.
+  // Send a check of the prior's render (6 bytes) with the first frame, and again after this many
+  // frames. It tells the topside whether its render is the same. 0: never.
   uint32_t check_interval;
-  // Renders of the prior, of any size, that a frame may take to look afresh for its pose; what it does
-  // not find is looked for again with the next frame. A search that has begun is ended. 0: 96.
+  // Renders of the prior, of any size, that one frame may take to search afresh for its pose. A search that has
+  // begun is finished, even if it takes more. If the frame finds no pose, the next frame searches again. 0: 96.
   uint32_t lost_renders;
   // NVSP_FORM_*.
   uint32_t form;
-  // NVSP_RESIDUAL_*: what codes the difference picture.
+  // NVSP_RESIDUAL_*: the coder of the difference picture.
   uint32_t residual;
 } nvsp_encoder_options;
 
-// A camera's image; read during the call only. Its size may be another than the camera's, which it
-// is then scaled to; its shape may not (1 % is tolerated).
+// A camera's image; read during the call only. If its size is not the camera's, it is scaled to
+// it. Its shape must be the camera's (1 % is tolerated).
 typedef struct nvsp_image {
   // NVSP_FORMAT_*.
   uint32_t format;
-  // NVSP_COLOUR_*; counts for NV12 and I420.
+  // NVSP_COLOUR_*; used for NV12 and I420 only.
   uint32_t colour;
   // Pixels, 1 to 16384.
   uint32_t width;
@@ -423,7 +424,7 @@ typedef struct nvsp_image {
   const uint8_t *planes[3];
   // Bytes from one row to the next, of each plane.
   size_t strides[3];
-  // Bytes of each plane: none is read beyond them.
+  // Bytes of each plane. Nothing beyond them is read.
   size_t sizes[3];
 } nvsp_image;
 
@@ -445,7 +446,7 @@ typedef struct nvsp_frame_stats {
   uint32_t frame;
   // Bytes of the packet.
   uint32_t bytes;
-  // Of them, the latent part, which is a picture by itself.
+  // Bytes of its latent part, which makes a picture by itself.
   uint32_t latent_bytes;
   // Renders of the prior at full resolution that the frame took.
   uint32_t full_renders;
@@ -461,40 +462,41 @@ typedef struct nvsp_frame_stats {
   double render_psnr;
   // PSNR of what the topside will show, dB.
   double psnr;
-  // Time that the frame took, milliseconds; scaling and conversion not counted.
+  // Time that the frame took, milliseconds, without scaling and conversion.
   double milliseconds;
   // The pose as the packet holds it.
   struct nvsp_pose pose;
-  // How far the pose may be off at least, standard deviations: translation along the camera's axes
-  // (the prior's unit), then turns about them (radians), by the picture's noise. Infinite along what
-  // the picture does not determine at all.
+  // How far the pose may be off because of the picture's noise, as standard deviations; the true error may be
+  // larger. Translation along the camera's axes (the prior's unit), then turns about them (radians). Infinite in a
+  // direction that the picture does not determine at all.
   double pose_deviation[6];
-  // Best determined over least determined direction of the pose, as eigenvalues of the normal
-  // equations; infinite where one is not determined at all.
+  // The largest eigenvalue of the normal equations divided by the smallest: the best determined
+  // direction of the pose against the least determined. Infinite if the picture does not
+  // determine one direction at all.
   double pose_condition;
-  // Frames since the last one whose pose was certain, or since the encoder was made or reset, this
-  // one counted; 0 if it is certain.
+  // Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
+  // certain.
   uint32_t lost_frames;
   // Zero.
   uint32_t reserved;
 } nvsp_frame_stats;
 
-// What is known of a frame beside its image; all zero: nothing. Read during the call only.
+// What is known of a frame besides its image; all zero: nothing. Read during the call only.
 typedef struct nvsp_frame_info {
   // Set by NVSP_INIT.
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // The pose as sensors or an estimator have it; NULL: none.
+  // A pose from sensors or an estimator; NULL: none.
   const struct nvsp_pose *hint;
-  // How sure the hint is: the covariance of the small motion that leads from it to the true pose, 36
-  // values row by row: translation along the camera's axes (the prior's unit), then turn about them
-  // (radians). Finite, symmetric and positive semidefinite. NULL: not stated.
+  // How sure the hint is: the covariance of the small motion from the hint to the true pose. 36 values, row by row:
+  // translation along the camera's axes (the prior's unit), then turns about them (radians). Finite, symmetric and
+  // positive semidefinite. NULL: not stated.
   const double *hint_covariance;
-  // Seconds from when the hint was taken to when the frame was; 0 or more.
+  // Seconds from the time of the hint to the time of the frame; 0 or more.
   double hint_age;
-  // When the frame was taken, seconds on a clock of yours; counts if `given` says so. It must not go
-  // back from a frame to a later one. nvsp_encoder_reset allows any again.
+  // When the frame was taken, seconds on a clock of yours. Used if `given` has NVSP_FRAME_TIME. A later frame must
+  // not have an earlier time. After nvsp_encoder_reset any time is allowed again.
   double time;
   // NVSP_FRAME_TIME, or 0.
   uint32_t given;
@@ -510,13 +512,13 @@ typedef struct nvsp_picture {
   uint32_t reserved;
   // First byte.
   uint8_t *pixels;
-  // Bytes from one row to the next; those behind a row are left as they are.
+  // Bytes from one row to the next. Bytes after a row's pixels are left as they are.
   size_t stride;
-  // Bytes of the place: none is written beyond them.
+  // Bytes of the place. Nothing beyond them is written.
   size_t size;
 } nvsp_picture;
 
-// What decoding a packet gave, beside the picture.
+// What decoding a packet gave besides the picture.
 typedef struct nvsp_decoded {
   // Set by NVSP_INIT.
   uint32_t struct_size;
@@ -528,13 +530,13 @@ typedef struct nvsp_decoded {
   uint32_t width;
   // Pixels.
   uint32_t height;
-  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_* bits.
+  // Bits: NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_*.
   uint32_t flags;
   // Rows, from the top, that the difference picture reached; the others are the prior's render
   // alone. The start of a wavelet payload reaches all rows.
   uint32_t rows;
-  // NVSP_OK, or what was wrong with parts of the packet that the picture does without:
-  // NVSP_ERR_RESIDUAL or NVSP_ERR_PACKET (the camera's part).
+  // NVSP_OK, or what was wrong with a part of the packet that the picture does without:
+  // NVSP_ERR_RESIDUAL (the difference picture) or NVSP_ERR_PACKET (the camera).
   nvsp_status damage;
   // The pose.
   struct nvsp_pose pose;
@@ -550,7 +552,7 @@ typedef struct nvsp_header {
   uint32_t prior_id;
   // Number of the frame, modulo 2^24; in the short form modulo 2^16.
   uint32_t frame;
-  // Pixels; 0 in the short form, whose size earlier packets told.
+  // Pixels; 0 in the short form, as earlier packets stated the size.
   uint32_t width;
   // Pixels; 0 in the short form.
   uint32_t height;
@@ -558,11 +560,11 @@ typedef struct nvsp_header {
   uint32_t flags;
   // NVSP_PROFILE_*.
   uint32_t profile;
-  // Bytes of the latent part, which is a picture by itself.
+  // Bytes of the latent part, which makes a picture by itself.
   uint32_t latent_bytes;
-  // In the short form the tag, a byte, that names prior and camera; else 0.
+  // In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
   uint32_t session;
-  // The pose, if it is given: the compact profile states it relative to the prior.
+  // The pose, if NVSP_HEADER_POSE is set. The compact profile states it relative to the prior.
   struct nvsp_pose pose;
 } nvsp_header;
 
@@ -572,7 +574,7 @@ typedef struct nvsp_reassembler_options {
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // Packets of up to this many bytes can become complete; of longer ones, so much of the start is
+  // Packets of up to this many bytes can become complete. Of a longer packet, this many bytes from its start are
   // kept. 0: 65536.
   uint32_t max_packet_bytes;
   // NVSP_MODEM_CHECKS, or 0.
@@ -587,17 +589,17 @@ typedef struct nvsp_reassembly {
   uint32_t abi_version;
   // Frame number of the packet, modulo 2^24.
   uint32_t frame;
-  // Bytes of its start that are there, without a gap and each vouched for by a check.
+  // Bytes of its start that are there without a gap. A check vouches for each of them.
   uint32_t bytes;
   // 1: these are the whole packet; else 0.
   uint32_t complete;
-  // Modem frames known to be its; before its length is known, those without a gap.
+  // Modem frames that are known to belong to it. Until its length is known: those without a gap.
   uint32_t frames;
-  // Modem frames that it has; 0: too little came to tell.
+  // Modem frames that it has in all; 0: not known yet.
   uint32_t expected;
-  // Of nvsp_reassembler_push, what the modem frame brought: NVSP_EVENT_*; else 0. If it is
-  // NVSP_EVENT_KEPT or NVSP_EVENT_DUPLICATE, the other fields are those of the newest packet, or
-  // zero where there is none.
+  // NVSP_EVENT_* from nvsp_reassembler_push: what the modem frame brought. From other calls 0.
+  // If it is NVSP_EVENT_KEPT or NVSP_EVENT_DUPLICATE, the other fields are about the newest
+  // packet, or zero if there is none.
   uint32_t event;
 } nvsp_reassembly;
 
@@ -613,11 +615,11 @@ typedef struct nvsp_reassembler_statistics {
   uint64_t duplicates;
   // Modem frames refused.
   uint64_t rejected;
-  // Modem frames that wait for the first of their packet, now.
+  // Modem frames that now wait for the first frame of their packet.
   uint64_t waiting;
   // Packets completed.
   uint64_t completed;
-  // Times that a packet was all there and its own checks did not match.
+  // How often a packet was all there, but its own checks did not match.
   uint64_t damaged;
   // Packets displaced by newer ones before they were complete.
   uint64_t incomplete;
@@ -635,7 +637,7 @@ typedef struct nvsp_reassembler_statistics {
 // An argument or a field is out of its range; the text names it.
 #define NVSP_ERR_ARGUMENT -2
 
-// A structure's struct_size is none that this library knows; see NVSP_INIT.
+// This library does not know a structure's struct_size; see NVSP_INIT.
 #define NVSP_ERR_STRUCT_SIZE -3
 
 // A structure was made for an ABI version that this library does not speak.
@@ -659,7 +661,7 @@ typedef struct nvsp_reassembler_statistics {
 // The device was lost. See nvsp_engine_reopen.
 #define NVSP_ERR_DEVICE_LOST -10
 
-// Host or device memory could not be had; the text names the buffer and its size.
+// Host or device memory could not be allocated. The text names the buffer and its size.
 #define NVSP_ERR_MEMORY -11
 
 // A Vulkan call failed; the text names it.
@@ -668,10 +670,10 @@ typedef struct nvsp_reassembler_statistics {
 // A file cannot be read.
 #define NVSP_ERR_FILE -13
 
-// The content of a prior is not sound; the text names the splat or the byte.
+// The content of a prior is not sound. The text names the splat or the byte.
 #define NVSP_ERR_PRIOR -14
 
-// A camera cannot be rendered with.
+// No picture can be rendered with this camera.
 #define NVSP_ERR_CAMERA -15
 
 // An image's size, shape, strides or planes do not fit.
@@ -689,8 +691,8 @@ typedef struct nvsp_reassembler_statistics {
 // The packet is about another prior than the one at hand.
 #define NVSP_ERR_OTHER_PRIOR -20
 
-// The packet's camera was sent in an earlier packet, which is missing. Of a short packet also: the
-// prior that it is about may be another than the one at hand; the text tells.
+// The packet's camera was sent in an earlier packet, which is missing. For a short packet this may
+// also mean that it is about another prior; the text tells.
 #define NVSP_ERR_CAMERA_UNKNOWN -21
 
 // The difference picture is damaged or cut short.
@@ -699,15 +701,15 @@ typedef struct nvsp_reassembler_statistics {
 // The bytes are no modem frame of a packet, or the packet does not fit the modem.
 #define NVSP_ERR_MODEM -23
 
-// A fault of the library itself; the handle is of no use any more.
+// A fault of the library itself. The handle cannot be used any more.
 #define NVSP_ERR_INTERNAL -24
 
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
 
-// Zeroes a structure of `size` bytes and enters its size and the caller's ABI version: what the
-// macro NVSP_INIT calls. The structure then means all defaults.
+// Zeroes a structure of `size` bytes, then writes its size and the caller's ABI version into it.
+// The structure then means all defaults. The macro NVSP_INIT calls this.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE (size below 8 or above 4096) or
 // NVSP_ERR_ABI_VERSION.
@@ -718,36 +720,37 @@ extern "C" {
 // - `abi_version`: NVSP_ABI_VERSION of your header.
 nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version);
 
-// The library's version, as in "0.1.0"; static.
+// Returns the library's version, such as "0.1.0". The text is static.
 const char *nvsp_version(void);
 
-// The ABI version that the library speaks. A program made for another NVSP_ABI_VERSION is refused by
-// NVSP_INIT and by every call that takes a structure.
+// Returns the ABI version that the library speaks. NVSP_INIT and every call that takes a structure refuse a program
+// made for another NVSP_ABI_VERSION.
 uint32_t nvsp_abi_version(void);
 
-// A status in a few words of English; static, never NULL, also for numbers that are no status.
+// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 //
 // Parameters:
 // - `status`: any number.
 const char *nvsp_status_text(nvsp_status status);
 
-// Opens a device and builds the pipelines; takes from tens of milliseconds to seconds. A failure's text goes to the options' `log`, as there is no handle to ask yet.
+// Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
+// options' `log`, as there is no handle to ask yet.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown
 // flags, or a name that is no UTF-8), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 //
 // Parameters:
-// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used longer, as long as
-//   anything made with the engine lives. NULL: all defaults.
+// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
+//   the engine lives. NULL: all defaults.
 // - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
 nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
                                struct nvsp_engine **engine);
 
-// Opens the device again, with the options that the engine was made with: after
-// NVSP_ERR_DEVICE_LOST. What was made with the engine before stays on the lost device, where every
-// call fails with NVSP_ERR_DEVICE_LOST. So, next, open the prior again, move encoders and decoders to
-// it with nvsp_encoder_reopen and nvsp_decoder_reopen, which keep their state, and destroy the old
-// prior. If the device cannot be opened, the engine is left as it was; try again later.
+// Opens the device again, with the options that the engine was made with. Call it after NVSP_ERR_DEVICE_LOST. What was
+// made with the engine before stays on the lost device: every call on it fails with NVSP_ERR_DEVICE_LOST. So open the
+// prior again next. Then move encoders and decoders to it with nvsp_encoder_reopen and nvsp_decoder_reopen, which keep
+// their state. Then destroy the old prior. If the device cannot be opened, the engine does not change; try again
+// later.
 //
 // Fails as nvsp_engine_create does.
 //
@@ -764,11 +767,11 @@ nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine);
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info);
 
-// Copies the text of the last failed call on the engine, or of making a prior, an encoder or a
-// decoder with it, into `text`, at most `size` bytes with the NUL at the end; empty where none
-// failed.
+// Copies the text of the last failed call on the engine into `text`, or of the last failure to
+// make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the
+// end. The text is empty if nothing failed.
 //
-// Fails with NVSP_ERR_NULL, or with NVSP_ERR_BUFFER_TOO_SMALL where `size` is 0.
+// Fails with NVSP_ERR_NULL, or with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
 //
 // Parameters:
 // - `engine`: a live engine. Not NULL.
@@ -776,27 +779,27 @@ nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_e
 // - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_engine_last_error(const struct nvsp_engine *engine, char *text, size_t size);
 
-// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it work on: the device is
-// closed when the last of them is gone.
+// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
+// the last of them is gone.
 //
 // Parameters:
-// - `engine`: a live engine that no other thread is using; it is dead afterwards. NULL is allowed.
+// - `engine`: a live engine that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_engine_destroy(struct nvsp_engine *engine);
 
-// Reads a prior from a file, its format told by the content: a .ply as Inria's trainer and nerfstudio
-// write it, or a compact prior (.nvsg); built with the feature "formats", an .spz or a
-// .compressed.ply, too. Checks it and copies it to the device. Unsound splats are left out and logged
-// as a warning. The file is not needed afterwards, and no copy of it is kept in
-// host memory. While it runs it takes, on host and device together, at most four times the size of a
-// binary .ply, eight times that of a text; for the other formats, more by as much as they are packed.
+// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
+// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
+// .compressed.ply. Unsound splats are left out and logged as a warning. The file is not needed afterwards, and no copy
+// of it stays in host memory. While the call runs, host and device together take at most four times the size of a
+// binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
+// is packed.
 //
-// Key frames, poses at which a lost camera is looked for, are read by themselves: those of the file
-// PATH.keys beside the prior, if there is one, else those in the prior's own. They are no part of its
-// identity; `nvsprior key-frames` writes them. A file PATH.keys that is not sound is NVSP_ERR_PRIOR.
+// Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
+// if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
+// them. If PATH.keys is not sound, the call fails with NVSP_ERR_PRIOR.
 //
-// Coder tables of the scene's own, by which difference pictures take fewer bytes, are read in the same
-// way, from PATH.tables or the prior's own file. They are part of its identity: both sides of a link need
-// them. `nvsprior tables` writes them.
+// Scene coder tables are read in the same way, from PATH.tables or the prior's own file. With them difference pictures
+// take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes
+// them.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
@@ -812,10 +815,10 @@ nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
                             const struct nvsp_prior_options *options,
                             struct nvsp_prior **prior);
 
-// nvsp_prior_open, from the content of a file in memory, which is not needed afterwards. Key frames
-// and coder tables are those in it.
+// As nvsp_prior_open, but from the content of a file in memory, which is not needed afterwards. Key frames and coder
+// tables come from that content.
 //
-// Fails as nvsp_prior_open does, but for NVSP_ERR_FILE.
+// Fails as nvsp_prior_open does, except with NVSP_ERR_FILE.
 //
 // Parameters:
 // - `engine`: a live engine. Not NULL.
@@ -838,7 +841,7 @@ nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info);
 
-// The text of the last failed call on the prior; as nvsp_engine_last_error.
+// Copies the text of the last failed call on the prior, as nvsp_engine_last_error does.
 //
 // Parameters:
 // - `prior`: a live prior. Not NULL.
@@ -846,14 +849,14 @@ nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prio
 // - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, size_t size);
 
-// Ends a prior; NULL is allowed. Encoders and decoders made with it work on: its device memory goes
-// with the last of them.
+// Ends a prior; NULL is allowed. Encoders and decoders made with it go on to work. The last of them frees its device
+// memory.
 //
 // Parameters:
-// - `prior`: a live prior that no other thread is using; it is dead afterwards. NULL is allowed.
+// - `prior`: a live prior that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_prior_destroy(struct nvsp_prior *prior);
 
-// Makes an encoder of frames seen by `camera`. Allocates all that a frame takes, on host and device.
+// Makes an encoder for frames of `camera`. Allocates all that a frame takes, on host and device.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
@@ -871,20 +874,20 @@ nvsp_status nvsp_encoder_create(struct nvsp_engine *engine,
                                 const struct nvsp_encoder_options *options,
                                 struct nvsp_encoder **encoder);
 
-// Frames from here on are coded at another rate.
+// Sets the rate of all frames from here on.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `mode`: NVSP_RATE_*.
-// - `value`: its number: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take none.
+// - `value`: the number that the mode takes: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take
+//   none.
 nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
                                   uint32_t mode,
                                   float value);
 
-// The next packet has the full form and carries the camera: for a topside that asks what packets are
-// about.
+// Gives the next packet the full form and the camera. Call it if a topside asks what the packets are about.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
@@ -892,7 +895,7 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
 // - `encoder`: a live encoder. Not NULL.
 nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder);
 
-// Frames from here on are seen by another camera, or at another size; the next packet carries it.
+// Sets another camera, or another size, for all frames from here on; the next packet carries it.
 // Allocates as nvsp_encoder_create does. If it fails, the old camera stays.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
@@ -903,24 +906,24 @@ nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder);
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera);
 
-// Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. By them
-// the encoder finds a camera that it has lost. Without this call they are rendered while a frame is
-// lost, as far as nvsp_encoder_options.lost_renders goes. After nvsp_encoder_set_camera or
-// nvsp_encoder_reopen they are rendered anew.
+// Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. With them the encoder
+// finds a camera that it has lost. Without this call they are rendered while a frame is lost, as many as
+// nvsp_encoder_options.lost_renders allows. After nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered
+// again.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 // NVSP_ERR_DEVICE_LOST.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
-// - `most`: key frames to render at most; 0 only counts.
+// - `most`: key frames to render at most; 0: only count those that are left.
 // - `left`: receives how many are not rendered yet. NULL: not wanted.
 nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
                                  uint32_t most,
                                  uint32_t *left);
 
-// Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
-// prior, by its identity. Frame numbers and poses carry over. If it fails, all is as before.
+// Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
+// must have the same identity. Frame numbers and poses carry over. If it fails, nothing changes.
 // See nvsp_engine_reopen.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY, NVSP_ERR_POISONED,
@@ -934,8 +937,8 @@ nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
                                 const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior);
 
-// Forgets all frames before: the next one is looked for as the first was, and its time may be any.
-// Frame numbers go on. Call it if the camera was carried elsewhere, for example.
+// Forgets all earlier frames: the next one is searched for as the first was, and may have any
+// time. Frame numbers go on. Call it if somebody carried the camera elsewhere, for example.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
@@ -943,31 +946,31 @@ nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
 // - `encoder`: a live encoder. Not NULL.
 nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
 
-// Bytes that hold every packet of frames of a camera of this size, in either profile and with the
-// camera; 0 where there is no camera of this size. With NVSP_RATE_BYTES the budget will do too.
+// The largest packet that a camera of this size can give, in either profile and with the camera,
+// bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
+// enough too.
 //
 // Parameters:
 // - `width`, `height`: the camera's size, pixels.
 size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 
-// Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the
-// device. The hint is used if the frame before leads nowhere. Without one, the first frame is found by
-// the prior's key frames. Allocates nothing from the second frame on, except if a view of the prior needs more room
-// on the device than any before it.
+// Encodes a frame into `packet`. Waits for a lock of the device's queue, and for the device. Uses the hint if the
+// frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
+// from the second frame on, unless a view of the prior needs more room on the device than any before it.
 //
 // The same frames, poses and calls give the same packets, byte for byte, on the same device and
 // driver.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
-// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: then the frame counts as not seen; and
-// with NVSP_ERR_BUFFER_TOO_SMALL: then the packet is kept until the next frame is encoded, and
-// nvsp_encode_finish fetches it.
+// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: the encoder then acts as if it had not
+// seen the frame. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the packet is then kept until the
+// next frame is encoded, and nvsp_encode_finish fetches it.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `hint`: the pose as sensors or an estimator have it. Read during the call. NULL: nothing is known.
+// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
 // - `written`: receives the packet's length, bytes. Not NULL.
@@ -980,15 +983,15 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         size_t *written,
                         struct nvsp_frame_stats *stats);
 
-// As nvsp_encode, with all that is known of the frame in place of the hint.
+// As nvsp_encode, but takes all that is known of the frame in place of the hint.
 //
 // Fails as nvsp_encode does; the text of NVSP_ERR_ARGUMENT names the field of `info`.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `info`: what is known of the frame, set up by NVSP_INIT. Read during the call, with what it points to. NULL: nothing
-//   is known.
+// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
+//   call. NULL: nothing is known.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
 // - `written`: receives the packet's length, bytes. Not NULL.
@@ -1001,40 +1004,39 @@ nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
                               size_t *written,
                               struct nvsp_frame_stats *stats);
 
-// Begins to encode a frame on the encoder's own thread, which the first such call starts, and
-// returns at once: the image is read, and scaled, during the call. Until the frame is finished, other
-// calls on the encoder fail with NVSP_ERR_BUSY, but for nvsp_encode_poll, nvsp_encode_wait,
-// nvsp_encode_finish and nvsp_encoder_destroy. A packet of an earlier frame that was not fetched is
-// dropped.
+// Begins to encode a frame on the encoder's own thread, and returns at once. The first such call starts the thread.
+// The image is read and scaled during the call. Until the frame is finished, other calls on the encoder fail with
+// NVSP_ERR_BUSY, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish and nvsp_encoder_destroy. A packet of
+// an earlier frame that was not fetched is dropped.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-// NVSP_ERR_MEMORY (no thread); what the frame itself fails with, nvsp_encode_finish tells.
+// NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `hint`: the pose as sensors or an estimator have it. Read during the call. NULL: nothing is known.
+// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
 nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
                               const struct nvsp_pose *hint);
 
-// As nvsp_encode_begin, with all that is known of the frame in place of the hint.
+// As nvsp_encode_begin, but takes all that is known of the frame in place of the hint.
 //
 // Fails as nvsp_encode_begin does, and with NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `info`: what is known of the frame, set up by NVSP_INIT. Read during the call, with what it points to. NULL: nothing
-//   is known.
+// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
+//   call. NULL: nothing is known.
 nvsp_status nvsp_encode_begin_frame(struct nvsp_encoder *encoder,
                                     const struct nvsp_image *image,
                                     const struct nvsp_frame_info *info);
 
-// Whether the frame that was begun has ended, well or not: NVSP_OK, or NVSP_PENDING. Never waits.
+// Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
+// waits.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where none was
-// begun.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if none was begun.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
@@ -1047,10 +1049,10 @@ nvsp_status nvsp_encode_poll(struct nvsp_encoder *encoder);
 // - `milliseconds`: the longest to wait; 0 does not wait.
 nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds);
 
-// Fetches the packet of the frame that was begun, or that nvsp_encode had no room for; NVSP_PENDING
-// where it has not ended. Never waits.
+// Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
+// if the frame has not ended. Never waits.
 //
-// Fails with NVSP_ERR_STATE where there is none, else as nvsp_encode does; after
+// Fails with NVSP_ERR_STATE if there is none, and as nvsp_encode does. After
 // NVSP_ERR_BUFFER_TOO_SMALL the packet is still there.
 //
 // Parameters:
@@ -1068,17 +1070,17 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
 // Copies a picture of the last frame encoded.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED, or NVSP_ERR_STATE where there is none.
+// NVSP_ERR_POISONED, or NVSP_ERR_STATE if there is none.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `which`: NVSP_PICTURE_*.
-// - `picture`: receives the picture; of the camera's size, and yours. Not NULL.
+// - `picture`: receives the picture. Yours, of the camera's size. Not NULL.
 nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
                                      uint32_t which,
                                      const struct nvsp_picture *picture);
 
-// The text of the last failed call on the encoder; as nvsp_engine_last_error.
+// Copies the text of the last failed call on the encoder, as nvsp_engine_last_error does.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
@@ -1089,11 +1091,11 @@ nvsp_status nvsp_encoder_last_error(const struct nvsp_encoder *encoder, char *te
 // Ends an encoder; NULL is allowed. Waits for a frame that was begun.
 //
 // Parameters:
-// - `encoder`: a live encoder that no other thread is using; it is dead afterwards. NULL is allowed.
+// - `encoder`: a live encoder that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
 
-// Makes a decoder of packets about a prior. Device memory for pictures is taken with the first
-// packet of a camera.
+// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
+// for its pictures.
 //
 // Fails with NVSP_ERR_NULL or NVSP_ERR_MEMORY; the text is the engine's.
 //
@@ -1105,8 +1107,8 @@ nvsp_status nvsp_decoder_create(struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
                                 struct nvsp_decoder **decoder);
 
-// Tells the decoder of a camera, for packets that only name it: a topside that joins late need not
-// wait for its next repeat. The last 256 cameras are known.
+// Tells the decoder about a camera that packets only name. So a topside that joins late need not
+// wait until the camera is sent again. The decoder knows the last 256 cameras.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
@@ -1115,8 +1117,8 @@ nvsp_status nvsp_decoder_create(struct nvsp_engine *engine,
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera);
 
-// Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
-// prior, by its identity. The cameras known carry over. See nvsp_engine_reopen.
+// Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
+// must have the same identity. The known cameras carry over. See nvsp_engine_reopen.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
@@ -1128,19 +1130,18 @@ nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
                                 const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior);
 
-// Decodes a packet, and waits for it: for a lock of the device's queue, and for the device. Whatever
-// the bytes are, the call gives a picture or an error. Allocates nothing from the second
-// sound packet of a camera on, except if a view of the prior needs more room on the device than any
-// before it. What it holds on the host is at most 64 bytes for each pixel of the packet's size, its
-// sides rounded up to multiples of 16, and 2 MiB.
+// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
+// a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
+// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host. The
+// pixels are those of the packet's picture, with sides rounded up to multiples of 16.
 //
 // The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
 // device and driver.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR,
-// NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; and with
-// NVSP_ERR_BUFFER_TOO_SMALL: then the picture is kept until the next packet is decoded, and
+// NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also
+// with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until the next packet is decoded, and
 // nvsp_decode_finish fetches it.
 //
 // Parameters:
@@ -1148,7 +1149,7 @@ nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
 // - `packet`: the packet. Read during the call. Not NULL.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
-// - `picture`: receives the picture; of the size that the packet's header says (nvsp_decode_header), and yours. NULL: it is not
+// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
 //   wanted.
 // - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
@@ -1158,12 +1159,12 @@ nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         const struct nvsp_picture *picture,
                         struct nvsp_decoded *info);
 
-// Begins to decode a packet on the decoder's own thread, which the first such call starts, and
-// returns at once. Until it is finished, other calls on the decoder fail with NVSP_ERR_BUSY, but for
-// nvsp_decode_poll, nvsp_decode_wait, nvsp_decode_finish and nvsp_decoder_destroy.
+// Begins to decode a packet on the decoder's own thread, and returns at once. The first such call starts the thread.
+// Until the packet is finished, other calls on the decoder fail with NVSP_ERR_BUSY, except nvsp_decode_poll,
+// nvsp_decode_wait, nvsp_decode_finish and nvsp_decoder_destroy.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_MEMORY
-// (no thread); what the packet itself fails with, nvsp_decode_finish tells.
+// (no thread). If the packet itself fails, nvsp_decode_finish returns its status.
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
@@ -1175,10 +1176,10 @@ nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
                               size_t size,
                               uint32_t flags);
 
-// Whether the packet that was begun has ended, well or not: NVSP_OK, or NVSP_PENDING. Never waits.
+// Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
+// waits.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where none was
-// begun.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if none was begun.
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
@@ -1191,22 +1192,22 @@ nvsp_status nvsp_decode_poll(struct nvsp_decoder *decoder);
 // - `milliseconds`: the longest to wait; 0 does not wait.
 nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds);
 
-// Fetches the picture of the packet that was begun, or that nvsp_decode had no room for;
-// NVSP_PENDING where it has not ended. Never waits.
+// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
+// for. Returns NVSP_PENDING if the packet has not ended. Never waits.
 //
-// Fails with NVSP_ERR_STATE where there is none, else as nvsp_decode does; after
+// Fails with NVSP_ERR_STATE if there is none, and as nvsp_decode does. After
 // NVSP_ERR_BUFFER_TOO_SMALL the picture is still there.
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
-// - `picture`: receives the picture; of the size that the packet's header says (nvsp_decode_header), and yours. NULL: it is not
+// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
 //   wanted.
 // - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
                                const struct nvsp_picture *picture,
                                struct nvsp_decoded *info);
 
-// The text of the last failed call on the decoder; as nvsp_engine_last_error.
+// Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
@@ -1217,13 +1218,12 @@ nvsp_status nvsp_decoder_last_error(const struct nvsp_decoder *decoder, char *te
 // Ends a decoder; NULL is allowed. Waits for a packet that was begun.
 //
 // Parameters:
-// - `decoder`: a live decoder that no other thread is using; it is dead afterwards. NULL is allowed.
+// - `decoder`: a live decoder that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_decoder_destroy(struct nvsp_decoder *decoder);
 
-// Reads what a packet says first, from its first 31 bytes (19 in the short form, 43 in the paper's
-// profile) or more, without device and rendering. The pose of a compact packet is given if `prior` is
-// the one that the packet is about. A short packet does not name it: `prior` is then taken to be the
-// one. Allocates nothing; any threads may call it.
+// Reads a packet's header without a device. Needs the first 31 bytes of the packet (19 in the short form, 43 in the
+// paper's profile). Gives the pose of a compact packet only if the packet is about `prior`. A short packet does not
+// name its prior: it counts as about `prior`. Allocates nothing; any thread may call it.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
 // NVSP_ERR_PACKET.
@@ -1238,10 +1238,10 @@ nvsp_status nvsp_decode_header(const uint8_t *packet,
                                const struct nvsp_prior *prior,
                                struct nvsp_header *header);
 
-// How many modem frames a packet takes.
-// The first one costs no bytes, each other one four. Allocates nothing; any threads may call it.
+// Tells how many modem frames a packet takes. The first one costs no bytes, each other one costs
+// four. Allocates nothing; any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, or with NVSP_ERR_MODEM where the MTU is out of range or the packet too
+// Fails with NVSP_ERR_NULL, or with NVSP_ERR_MODEM if the MTU is out of range or the packet is too
 // long for 4096 frames.
 //
 // Parameters:
@@ -1250,12 +1250,12 @@ nvsp_status nvsp_decode_header(const uint8_t *packet,
 // - `count`: receives the number of modem frames. Not NULL.
 nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *count);
 
-// Writes modem frame `index` of a packet, 0 first, into `frame`: at most `mtu` bytes. It may be
-// padded to any length. Frame 0 holds the latent part, a picture by itself: send it first, and again
-// if anything. Allocates nothing; any threads may call it.
+// Writes modem frame `index` of a packet, 0 first, into `frame`: at most `mtu` bytes. It may be padded to any length.
+// Frame 0 holds the latent part, which makes a picture by itself. Send it first. If you repeat one frame only, repeat
+// this one. Allocates nothing; any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_MODEM where
-// the bytes are no sound packet, or the MTU or the index is out of range.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_MODEM if the
+// bytes are no sound packet, or the MTU or the index is out of range.
 //
 // Parameters:
 // - `packet`: the packet. Read during the call. Not NULL.
@@ -1273,8 +1273,8 @@ nvsp_status nvsp_modem_frame(const uint8_t *packet,
                              size_t size,
                              size_t *written);
 
-// Makes a reassembler of packets that were split for the same MTU. All its memory is taken here: at most eight times max_packet_bytes and 16 bytes for each
-// frame of as many packets.
+// Makes a reassembler for packets that were split for the same MTU. Takes all its memory here: room for at most eight
+// packets, each of max_packet_bytes and 16 bytes per modem frame.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
 // NVSP_ERR_MODEM (the MTU).
@@ -1287,12 +1287,12 @@ nvsp_status nvsp_reassembler_create(uint32_t mtu,
                                     const struct nvsp_reassembler_options *options,
                                     struct nvsp_reassembler **reassembler);
 
-// Takes a modem frame, in whatever order they come, repeated, padded or damaged.
-// Allocates nothing.
+// Takes a modem frame. Frames may come in any order, repeated, padded or damaged. Allocates
+// nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-// NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_MODEM where it is no frame of a packet, or damaged:
-// then nothing that was there is lost.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
+// NVSP_ERR_POISONED, or NVSP_ERR_MODEM if it is no frame of a packet, or is damaged. What came before is not lost
+// then.
 //
 // Parameters:
 // - `reassembler`: a live reassembler. Not NULL.
@@ -1304,18 +1304,17 @@ nvsp_status nvsp_reassembler_push(struct nvsp_reassembler *reassembler,
                                   size_t size,
                                   struct nvsp_reassembly *state);
 
-// Copies what has come of the newest packet into `packet`: a packet, or the start of one, for
-// nvsp_decode with NVSP_DECODE_START, which makes the best picture of it that there is. It stays
-// until newer packets take its place. Allocates nothing.
+// Copies what has come of the newest packet into `packet`: the whole packet, or its start. Give it
+// to nvsp_decode with NVSP_DECODE_START, which makes the best possible picture of it. The packet
+// stays until newer packets take its place. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-// NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE where nothing came
-// that makes a picture.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
+// NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came that makes a picture.
 //
 // Parameters:
 // - `reassembler`: a live reassembler. Not NULL.
 // - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `packet`; nvsp_reassembler_options.max_packet_bytes always suffice.
+// - `size`: bytes of `packet`; nvsp_reassembler_options.max_packet_bytes always suffices.
 // - `written`: receives the number of bytes. Not NULL.
 // - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
 nvsp_status nvsp_reassembler_fetch(struct nvsp_reassembler *reassembler,
@@ -1324,11 +1323,11 @@ nvsp_status nvsp_reassembler_fetch(struct nvsp_reassembler *reassembler,
                                    size_t *written,
                                    struct nvsp_reassembly *state);
 
-// Tells which modem frames of the newest packet to ask its sender for again. Before enough came to tell how many there are, the first one
-// that is missing. Allocates nothing.
+// Lists the modem frames of the newest packet to ask its sender for again. Until the packet's length is known, the
+// list holds only the first missing frame. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where no first
-// frame of a packet came.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if no first frame
+// of a packet came.
 //
 // Parameters:
 // - `reassembler`: a live reassembler. Not NULL.
@@ -1351,7 +1350,7 @@ nvsp_status nvsp_reassembler_missing(struct nvsp_reassembler *reassembler,
 nvsp_status nvsp_reassembler_get_statistics(struct nvsp_reassembler *reassembler,
                                             struct nvsp_reassembler_statistics *statistics);
 
-// The text of the last failed call on the reassembler; as nvsp_engine_last_error.
+// Copies the text of the last failed call on the reassembler, as nvsp_engine_last_error does.
 //
 // Parameters:
 // - `reassembler`: a live reassembler. Not NULL.
@@ -1364,7 +1363,7 @@ nvsp_status nvsp_reassembler_last_error(const struct nvsp_reassembler *reassembl
 // Ends a reassembler; NULL is allowed.
 //
 // Parameters:
-// - `reassembler`: a live reassembler that no other thread is using; it is dead afterwards. NULL is allowed.
+// - `reassembler`: a live reassembler that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_reassembler_destroy(struct nvsp_reassembler *reassembler);
 
 #ifdef __cplusplus

@@ -1,11 +1,10 @@
 #!/bin/sh
-# Tests the C library as a vendor gets it: installed into a folder, with its header, the examples, and
-# the programs of tests/c. Usage: c-test.sh [quick|full|GROUP...]; full adds sanitizers, valgrind and a
-# soak. Groups by name need what `library` installed; sanitizers, memcheck, memcheck_all and soak nothing
-# else.
+# Tests the C library as a vendor gets it: installed into a folder, with its header, the examples, and the programs of
+# tests/c. Usage: c-test.sh [quick|full|GROUP...]; full adds sanitizers, valgrind and a soak. If you name groups,
+# `library` must have installed the library before, except for sanitizers, memcheck, memcheck_all and soak.
 #
-# Each group's output goes to a file; a line a group is printed, and where one fails, the end of its
-# output.
+# Each group's output goes to a file. The script prints one line per group, and the end of the
+# output if a group fails.
 set -eu
 cd "$(dirname "$0")/.."
 quick="library header symbols readme examples c_programs"
@@ -32,7 +31,7 @@ library() {
     echo "installed: $(stat -Lc %s "$prefix/lib/libnvsprior.so") bytes shared"
 }
 
-# The header alone, in every language that it is for, and as the sources have it.
+# The header alone, in every language that it is for. It must be what the sources give.
 header() {
     for compiler in gcc clang; do
         for language in c99 c11 c++17; do
@@ -46,14 +45,14 @@ header() {
     echo "gcc and clang, C99, C11 and C++17; as the sources have it"
 }
 
-# What the library shows: neither less nor more.
+# The library's exports: no less and no more.
 symbols() {
     nm -D --defined-only "$prefix/lib/libnvsprior.so" | sed 's/.* //' | LC_ALL=C sort > "$work/symbols"
     diff -u tests/c/symbols.txt "$work/symbols"
     echo "$(wc -l < "$work/symbols") functions"
 }
 
-# README's program, between the fences that follow the comment which names this script.
+# README's program: the text between the fences after the comment that names this script.
 readme() {
     sed -n '/^<!-- make c-test/,/^```$/p' README.md | sed '/^<!--/d; /^```/d' > "$work/readme.c"
     [ -s "$work/readme.c" ]
@@ -62,7 +61,7 @@ readme() {
     echo "$(wc -l < "$work/readme.c") lines compiled and linked"
 }
 
-# The examples by pkg-config, shared and static, and by CMake, both; each pair of compilers once.
+# The examples by pkg-config and by CMake, shared and static; each pair of compilers once.
 examples() {
     export LD_LIBRARY_PATH="$prefix/lib"
     for link in shared static; do
@@ -142,9 +141,8 @@ c_programs() {
     echo "$programs allocations lost_device"
 }
 
-# The programs under AddressSanitizer and UndefinedBehaviorSanitizer. The library is built as ever; what
-# it takes from the heap is from the same malloc, so that leaks and uses after free show, its own and
-# the driver's. None are suppressed.
+# The programs under AddressSanitizer and UndefinedBehaviorSanitizer. The library is built as usual. It uses the same
+# malloc, so leaks and uses after free show, its own and the driver's. None are suppressed.
 sanitizers() {
     export ASAN_OPTIONS=detect_leaks=1:strict_string_checks=1 UBSAN_OPTIONS=halt_on_error=1
     for name in $programs; do
@@ -154,10 +152,10 @@ sanitizers() {
     echo "address, undefined, leaks: $programs"
 }
 
-# Mesa's CPU driver compiles its shaders while the program runs, hence --smc-check; without vectors
-# wider than valgrind knows, and on one thread. Most of the time goes into that compiling.
+# Mesa's CPU driver compiles its shaders while the program runs, hence --smc-check. It runs on one
+# thread, without vectors that valgrind does not know. Most of the time goes into that compiling.
 #
-# Here those programs that encode few frames, in minutes; `memcheck_all` takes half an hour.
+# These are the programs that encode few frames; they take minutes. `memcheck_all` takes half an hour.
 memcheck() {
     check_memory structs nulls decoding reassembly garbage
 }

@@ -3,7 +3,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 
-# One source in the header's order, so that nothing but what is exported is looked at.
+# One source in the header's order, so that cbindgen sees only what is exported.
 source=$(mktemp --suffix=.rs)
 trap 'rm -f "$source"' EXIT
 for part in structs version status log engine prior image frame encoder decoder modem; do

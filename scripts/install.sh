@@ -27,8 +27,8 @@ cargo cinstall -p nvsprior --profile "$profile" --target "$target" --no-default-
 
 installed=$destdir$libdir
 
-# The static library as one object that shows nvsp_* alone: as rustc leaves it, libwebp's functions
-# and Rust's own would clash with those that the program brings along.
+# The static library as one object that exports only nvsp_*. As rustc leaves it, libwebp's functions
+# and Rust's own would clash with those of the program.
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 "${binutils}nm" -D --defined-only "$installed/libnvsprior.so" |

@@ -22,7 +22,7 @@ PREFIX=/opt/nvsprior LIBDIR="" INCLUDEDIR="" DESTDIR="$work/stage" \
 mv "$work/stage/opt/nvsprior" "$work/moved"
 lib=$work/moved/lib
 
-# What the libraries show, and of which machine they are.
+# The libraries' exports, and the machine that they are for.
 machine() { "${tools}readelf" -h "$1" | sed -n 's/ *Machine: *//p'; }
 for file in libnvsprior.so libnvsprior.a; do
     [ "$(machine "$lib/$file")" = "$(machine "$("$cc" -print-file-name=crti.o)")" ] ||
@@ -42,7 +42,7 @@ build() { "$cc" -O2 -Wall -Wextra -Werror tests/package/device.c -o "$work/$1" $
 build by-pc-shared "$(pc --cflags --libs) -Wl,-rpath,$lib"
 static=$(pc --static --cflags --libs | sed 's/-lnvsprior/-l:libnvsprior.a/')
 build by-pc-static "$static -Wl,--gc-sections"
-# The same with all functions of the library, whether called or not.
+# A program with all functions of the library, called or not.
 roots=$("${tools}nm" -g --defined-only "$lib/libnvsprior.a" | sed -n 's/.* T \(.*\)/-Wl,-u,\1/p')
 build all-static "$static -Wl,--gc-sections $(echo "$roots" | tr '\n' ' ')"
 

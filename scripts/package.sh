@@ -3,13 +3,13 @@
 set -eu
 cd "$(dirname "$0")/.."
 
-# Cargo takes a crate of one version for the same crate for ever. So what an earlier run unpacked and built is
-# removed: else the library would be built with the kernels of that run.
+# Cargo assumes that a crate of one version never changes. So remove what an earlier run unpacked and built: else the
+# library would be built with the kernels of that run.
 target=${CARGO_TARGET_DIR:-target}/packing
 rm -rf "$target" "${CARGO_HOME:-$HOME/.cargo}"/registry/src/*/nvsprior-*
 
 # Cargo builds both from what it packed: the library takes the kernels of the packed file, not of the tree. Not
-# optimised: whether they build is all that is asked.
+# optimised, since this only tests whether they build.
 CARGO_TARGET_DIR=$target cargo package --allow-dirty -p nvsprior-kernels -p nvsprior --config 'profile.dev.opt-level=0' \
     --config 'profile.dev.package."*".opt-level=0'
 

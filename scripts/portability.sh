@@ -1,14 +1,13 @@
 #!/bin/sh
-# Draws the same scenes on every device that can be had, and decodes packets of one on the others: not a byte may
-# differ. Devices: Mesa's CPU driver as installed and of Debian's backports, each with vectors of 128, 256 and 512
-# bits, and SwiftShader. The drivers are fetched into a folder, and installed nowhere.
-# Usage: portability.sh [SCENES [DIR]]
+# Draws the same scenes on every available device, and decodes packets of one on the others: no byte may differ.
+# Devices: Mesa's CPU driver as installed and from Debian's backports, each with vectors of 128, 256 and 512 bits, and
+# SwiftShader. The drivers are fetched into a folder, not installed. Usage: portability.sh [SCENES [DIR]]
 set -eu
 cd "$(dirname "$0")/.."
 scenes=${1:-200}
 drivers=${2:-target/drivers}
 
-# A driver that cannot be fetched is named and left out.
+# If a driver cannot be fetched, it is named and left out.
 mesa="" mesa_libraries="" swiftshader=""
 if environment=$(scripts/second-driver.sh "$drivers/mesa"); then
     eval "$environment"

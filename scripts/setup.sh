@@ -8,7 +8,7 @@ crates=""
 need() { missing="$missing $1"; }
 any() { for file in "$@"; do [ ! -e "$file" ] || return 0; done; return 1; }
 
-# Whether a crate's program is there in the version that the build is made for.
+# Whether a crate's program is there in the version that the build needs.
 crate() { [ "$($2 --version 2>/dev/null)" = "${1%@*} ${1#*@}" ] || crates="$crates $1"; }
 
 command -v cc >/dev/null || need gcc
@@ -78,7 +78,7 @@ fi
 
 for crate in $crates; do
     echo "installing $crate with cargo (on two cores cbindgen takes a minute, cargo-c some ten)"
-    # Not optimised: they run for moments, and would take twice as long to build.
+    # Not optimised: they run only for moments, and would take twice as long to build.
     CARGO_PROFILE_DEV_DEBUG=false cargo install --quiet --locked --debug "$crate"
 done
 

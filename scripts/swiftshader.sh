@@ -10,7 +10,7 @@ cd "$1"
 dir=$PWD
 library=$dir/root/usr/lib/chromium/libvk_swiftshader.so
 if [ ! -e "$library" ]; then
-    # What Chromium is at, the mirror keeps no longer than its next version: the list must be new.
+    # The mirror keeps a version of Chromium only until the next one: the list must be new.
     sudo=""
     [ "$(id -u)" = 0 ] || sudo=sudo
     $sudo apt-get update -qq >&2

@@ -12,21 +12,23 @@ use crate::{Camera, Engine, Error, Packet, Picture, Pose};
 pub struct Decoded {
     /// The picture.
     pub picture: Picture,
-    /// Frame number, modulo 2²⁴; of a short packet by the last one decoded, see [`Latent::frame_near`].
+    /// Frame number, modulo 2²⁴. A short packet's number is completed from the last packet decoded: see
+    /// [`Latent::frame_near`].
     pub frame: u32,
     /// The pose it was rendered at.
     pub pose: Pose,
-    /// The pose is not certain: the vehicle's picture does not confirm it.
+    /// The vehicle's picture does not confirm the pose.
     pub uncertain: bool,
-    /// Whether the render is the vehicle's, byte for byte; `None` if the packet does not tell. Where
-    /// it is not, the picture may be off by what two devices' roundings make of it.
+    /// Whether the render is the vehicle's, byte for byte; `None` if the packet does not tell. If it is not, the
+    /// picture may be off, since the two devices round differently.
     pub same_render: Option<bool>,
-    /// Whether this device and the vehicle's are portable: then the render is the vehicle's. Else it may differ.
+    /// Whether this device and the vehicle's are both portable. If they are, the render is the vehicle's, else it may
+    /// differ.
     pub portable: bool,
-    /// Rows, from the top, that the residual reached; the others are the render alone. The wavelet coder's payloads
-    /// reach all of them, and make them finer the more of them there is.
+    /// Rows, from the top, that the residual reached; the others are the render alone. A wavelet payload reaches all
+    /// rows; the more of it arrived, the finer they are.
     pub rows: u32,
-    /// What of the packet could not be used.
+    /// Why a part of the packet could not be used.
     pub damage: Option<Error>,
 }
 
@@ -50,11 +52,11 @@ struct CameraDecoder {
 /// What is known of a packet's bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trust {
-    /// Nothing: parts whose check does not match are left out.
+    /// Nothing is known: parts whose check does not match are left out.
     #[default]
     Whole,
-    /// They are the undamaged start of a packet, as [`modem`](crate::modem) gives it: of a residual
-    /// that is cut short, the rows that arrived are shown.
+    /// They are the undamaged start of a packet, as [`modem`](crate::modem) gives it. If the
+    /// residual is cut short, the part that arrived is shown.
     Start,
 }
 
@@ -73,8 +75,8 @@ impl Decoder {
         }
     }
 
-    /// Goes on with another engine, after the device of the old one was lost, and the same prior
-    /// uploaded there. The cameras known carry over.
+    /// Goes on with another engine, after the device of the old one was lost. `scene` is the same
+    /// prior, uploaded there. The known cameras carry over.
     pub fn move_to(&mut self, engine: &Engine, scene: &Arc<Scene>) -> Result<(), Error> {
         let (expected, found) = (self.scene.id(), scene.id());
         if expected != found {
@@ -84,7 +86,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// Tells the decoder of a camera, for packets that only name it.
+    /// Tells the decoder about a camera that packets only name.
     pub fn add_camera(&mut self, camera: &Camera) -> Result<(), Error> {
         camera.check()?;
         if !self.cameras.contains(camera) {
@@ -99,17 +101,17 @@ impl Decoder {
     /// Decodes a packet. If only its latent part is sound, the picture is the render alone.
     ///
     /// # Errors
-    /// If the latent part is damaged, is about another prior, names a camera that never came, or, in the
-    /// short form, a session that is not this side's prior with any camera known.
+    /// If the latent part is damaged, is about another prior, or names a camera that never came. In the short form: if
+    /// its session is not this side's prior with one of the known cameras.
     pub fn decode(&mut self, bytes: &[u8]) -> Result<Decoded, Error> {
         let mut decoded = Decoded::default();
         self.decode_into(bytes, Trust::Whole, &mut decoded)?;
         Ok(decoded)
     }
 
-    /// [`Decoder::decode`], in place of what `decoded` held, or of the start of a packet. From the
-    /// second sound packet of a camera on, nothing is allocated for it, but where a view of the prior
-    /// needs more room than any before.
+    /// As [`Decoder::decode`], but replaces what `decoded` held, and takes the start of a packet too (see [`Trust`]).
+    /// Allocates nothing from the second sound packet of a camera on, unless a view of the prior needs more room than
+    /// any before.
     pub fn decode_into(
         &mut self,
         bytes: &[u8],
@@ -145,7 +147,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// The newest camera known that a packet may be about.
+    /// The newest known camera that a packet may be about.
     pub fn camera_of(&self, latent: &Latent) -> Option<&Camera> {
         let prior = self.scene.id();
         self.cameras.iter().rev().find(|camera| latent.session.check(prior, camera).is_ok())
@@ -180,7 +182,7 @@ impl Decoder {
 }
 
 impl CameraDecoder {
-    /// Turns the render into the picture. The rows that a residual reached, and what was damaged.
+    /// Turns the render into the picture. Returns the rows that a residual reached, and what was damaged.
     fn add_residual(
         &mut self,
         salvage: &Salvage,

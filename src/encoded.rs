@@ -12,7 +12,7 @@ pub struct FrameStats {
     pub frame: u32,
     /// Bytes of the packet.
     pub bytes: usize,
-    /// Of them, the latent part.
+    /// Bytes of its latent part.
     pub latent_bytes: usize,
     /// PSNR of the render at the quantised pose, dB.
     pub render_psnr: f64,
@@ -26,26 +26,26 @@ pub struct FrameStats {
     pub refine_milliseconds: f64,
     /// Time of coding the difference and writing the packet, milliseconds.
     pub code_milliseconds: f64,
-    /// Both together; in a [`Pipeline`](crate::Pipeline) they overlap with those of other frames.
+    /// Both times together. In a [`Pipeline`](crate::Pipeline) they overlap with those of other frames.
     pub milliseconds: f64,
-    /// Submissions that the search on the device took, its final picture included; 0 where the host
+    /// Submissions that the search on the device took, its final picture included; 0 if the host
     /// led the search.
     pub submissions: u32,
     /// Where the refinement started.
     pub start: StartKind,
     /// Why it stopped.
     pub stop: Stop,
-    /// What of the pose the picture determines: the directions in which it may be off.
+    /// Which directions of the pose the picture determines, and how well.
     pub observability: Observability,
-    /// Whether the residual's rate was kept; true where none was asked for.
+    /// Whether the residual's rate was kept; true if no residual was asked for.
     pub rate_kept: bool,
     /// Whether the picture confirms the pose. While it does not, the pose is looked for again at every
     /// frame.
     pub certain: bool,
     /// Whether the device draws what every portable device draws: see [`crate::vulkan::DeviceInfo::portable`].
     pub portable: bool,
-    /// Frames since the last certain one, or since the encoder was made or reset, this one counted; 0 if
-    /// it is certain.
+    /// Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
+    /// certain.
     pub lost_frames: u32,
 }
 
@@ -65,7 +65,7 @@ pub struct Encoded {
 }
 
 impl Encoded {
-    /// With room for every frame of a size.
+    /// Makes one that has room for every frame of a size.
     pub fn with_room(width: u32, height: u32) -> Encoded {
         Encoded {
             packet: Vec::with_capacity(packet_bound(width, height)),
@@ -76,7 +76,7 @@ impl Encoded {
     }
 }
 
-/// Most bytes of a packet about a picture of this size, in either profile and with all its parts.
+/// The largest packet about a picture of this size, in either profile and with all its parts, bytes.
 pub fn packet_bound(width: u32, height: u32) -> usize {
     let fixed = LONGEST_LATENT + CAMERA_PART_LEN + RENDER_PART_LEN;
     fixed + residual_part_len(max_payload_len(width, height))

@@ -15,27 +15,27 @@ use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
 pub struct EncoderOptions {
     /// How to refine poses.
     pub refine: RefineOptions,
-    /// Mean squared error, values in [0, 1] (paper: 1e-3 in a basin, 1e-2 on real footage). The
-    /// gradient methods start from the frame before if the error there is below this. Gauss–Newton
-    /// tells by the pictures whether a pose is right; if the prior shows too little for that, a frame
-    /// whose error is below this is not looked for afresh.
+    /// Mean squared error, values in [0, 1] (paper: 1e-3 in a basin, 1e-2 on real footage). The gradient methods start
+    /// at the pose of the frame before if the error there is below this. Gauss–Newton compares the pictures to tell
+    /// whether a pose is right. If the prior shows too little for that, it keeps a pose whose error is below this, and
+    /// does not search afresh.
     pub threshold: f64,
     /// How fine the difference picture is; `None`: none is sent.
     pub rate: Option<Rate>,
-    /// What codes it.
+    /// The coder of the difference picture.
     pub residual: ResidualCoder,
     /// How poses are written.
     pub profile: PoseProfile,
-    /// A packet whose prior and camera an earlier one told has the short form: a latent part of 19 bytes
-    /// for 31, with a pose that costs the render less than 0.01 dB. The full form stays for the first
-    /// packet, those with the camera, the next after a reset, poses far from the prior, and the paper's
-    /// profile.
+    /// A packet has the short form if an earlier packet stated its prior and camera: a latent part of 19 bytes in place
+    /// of 31, and a pose that costs the render less than 0.01 dB. Some packets keep the full form: the first one, those
+    /// with the camera, the next after a reset, those of poses far from the prior, and those in the paper's profile.
     pub short: bool,
-    /// The camera is sent with the first frame, when it changes, and every so many frames for a
-    /// topside that missed it; 0: no repeats.
+    /// Send the camera again after this many frames, for a topside that missed it; 0: never again.
+    /// It is also sent with the first frame and when it changes.
     pub camera_interval: u32,
-    /// A check of the render is sent with the first frame and every so many after it, by which a
-    /// topside on another kind of device knows whether it renders the same; 0: never. Six bytes.
+    /// Send a check of the render (six bytes) with the first frame, and again after this many
+    /// frames; 0: never. It tells a topside on another kind of device whether its render is the
+    /// same.
     pub check_interval: u32,
     /// Number of the first frame.
     pub first_frame: u32,
@@ -112,7 +112,7 @@ impl Encoder {
         })
     }
 
-    /// Frames from here on come from another camera, or at another size. Poses carry over.
+    /// Sets another camera, or another size, for all frames from here on. Poses carry over.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<(), Error> {
         if *camera != self.camera {
             let objective = objective(&self.engine, &self.scene, camera, &self.options)?;
@@ -128,18 +128,18 @@ impl Encoder {
         Ok(())
     }
 
-    /// How fine the difference pictures are from here on: links change.
+    /// Sets how fine the difference pictures are from here on: links change.
     pub fn set_rate(&mut self, rate: Option<Rate>) {
         self.options.rate = rate;
     }
 
-    /// What difference pictures of a camera are coded by.
+    /// The setup of the coder for a camera's difference pictures.
     pub(crate) fn residual_setup(&self) -> ResidualSetup {
         residual_setup(&self.engine, &self.scene, &self.camera, self.options.residual)
     }
 
-    /// Goes on with another engine, after the device of the old one was lost, and the same prior
-    /// uploaded there. Frame numbers and poses carry over; where it fails, all is as before.
+    /// Goes on with another engine, after the device of the old one was lost. `scene` is the same
+    /// prior, uploaded there. Frame numbers and poses carry over. If it fails, nothing changes.
     pub fn move_to(&mut self, engine: &Engine, scene: &Arc<Scene>) -> Result<(), Error> {
         let (expected, found) = (self.scene.id(), scene.id());
         if expected != found {
@@ -151,8 +151,7 @@ impl Encoder {
         Ok(())
     }
 
-    /// The next packet has the full form and carries the camera: for a topside that asks what packets
-    /// are about.
+    /// Gives the next packet the full form and the camera. Call it if a topside asks what the packets are about.
     pub fn announce(&mut self) {
         self.camera_age = None;
     }
@@ -162,21 +161,21 @@ impl Encoder {
         &self.camera
     }
 
-    /// Encodes a frame. `known`: its pose as sensors or an estimator have it, used where the frame before
-    /// is no good start, and when it was taken; a [`Pose`](crate::Pose), an `Option` of one, a [`Hint`](crate::Hint),
-    /// or all of it.
+    /// Encodes a frame. `known`: when the frame was taken, and a pose from sensors or an estimator, used if the frame
+    /// before gives no good start. It may be a [`Pose`](crate::Pose), an `Option` of one, a [`Hint`](crate::Hint), or a
+    /// [`Known`].
     ///
     /// # Errors
-    /// A frame that cannot be encoded, or of which something is stated that cannot be, changes nothing:
-    /// the next one goes on from the one before.
+    /// If the frame cannot be encoded, or `known` cannot be true. Such a frame changes nothing: the next one goes on
+    /// from the frame before.
     pub fn encode(&mut self, frame: &Picture, known: impl Into<Known>) -> Result<Encoded, Error> {
         let mut encoded = Encoded::default();
         self.encode_into(frame, known, &mut encoded)?;
         Ok(encoded)
     }
 
-    /// [`Encoder::encode`], in place of what `encoded` held. From the second frame on, nothing is
-    /// allocated for it, except if a view of the prior needs more room than any before.
+    /// As [`Encoder::encode`], but replaces what `encoded` held. Allocates nothing from the second
+    /// frame on, unless a view of the prior needs more room than any before.
     pub fn encode_into(
         &mut self,
         frame: &Picture,
@@ -206,7 +205,7 @@ impl Encoder {
         Ok(())
     }
 
-    /// Finds a frame's pose and draws it; changes nothing that the next frame goes on from.
+    /// Finds a frame's pose and draws it. Changes nothing that the next frame goes on from.
     fn track(
         &mut self,
         frame: &Picture,
@@ -265,7 +264,7 @@ impl Encoder {
         if found.certain { 0 } else { self.tracker.lost_frames().saturating_add(1) }
     }
 
-    /// What the next frame goes on from.
+    /// Keeps what the next frame goes on from.
     fn keep(&mut self, tracked: &TrackedFrame, found: &Found, known: &Known) {
         let sent = tracked.camera.is_some();
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
@@ -275,22 +274,22 @@ impl Encoder {
         self.tracker.keep(found);
     }
 
-    /// Forgets the frames before: the next one is looked for as the first was, and its time may be any.
-    /// Frame numbers go on, the next packet has the full form, and the camera is sent again when it is due.
+    /// Forgets all earlier frames: the next one is searched for as the first was, and may have any time. Frame numbers
+    /// go on, the next packet has the full form, and the camera is sent again when it is due.
     pub fn reset(&mut self) {
         self.tracker.reset();
         self.time = None;
         self.full_due = true;
     }
 
-    /// Renders up to `most` of the prior's key frames that are not rendered yet, by which lost cameras are
-    /// found; how many are left. Without this they are rendered while a frame is lost, as far as its renders
-    /// go ([`RefineOptions::lost_renders`]). One render each, and some 20 ms of the host.
+    /// Renders up to `most` of the prior's key frames that are not rendered yet, and returns how many are left. With
+    /// them lost cameras are found. Without this call they are rendered while a frame is lost, as many as
+    /// [`RefineOptions::lost_renders`] allows. Each takes one render and some 20 ms of the host.
     pub fn prepare(&mut self, most: usize) -> Result<usize, Error> {
         Ok(self.tracker.prepare(most)?)
     }
 
-    /// Whether what is stated of the next frame can be used.
+    /// Checks what is stated of the next frame.
     pub(crate) fn check_known(&self, known: &Known) -> Result<(), Error> {
         known.check(self.frame, self.time)
     }

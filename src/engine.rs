@@ -32,12 +32,12 @@ impl Engine {
         Ok(Engine { device, kernels, scene_kernels: Arc::default() })
     }
 
-    /// The device, in words: `{}` of it is the one-line banner.
+    /// Describes the device. `{}` prints it in one line.
     pub fn device(&self) -> &DeviceInfo {
         self.device.info()
     }
 
-    /// The device itself, for kernels of one's own.
+    /// The device itself, for your own kernels.
     pub fn vulkan(&self) -> &Device {
         &self.device
     }
@@ -52,12 +52,12 @@ impl Engine {
         self.device.memory()
     }
 
-    /// Messages of the validation layer so far; empty where validation is off.
+    /// Messages of the validation layer so far; empty if validation is off.
     pub fn validation_messages(&self) -> Vec<String> {
         self.device.validation_messages()
     }
 
-    /// Uploads a prior, for any number of renderers; what no picture shows is left out. Builds the
+    /// Uploads a prior, for any number of renderers. Leaves out what no picture shows. Builds the
     /// pipelines for priors of its kind, if it is the first.
     pub fn upload(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
         self.upload_analysed(prior, PriorAnalysis::of(prior))
@@ -69,7 +69,7 @@ impl Engine {
     }
 
     fn scene_kernels(&self, traits: &PipelineKey) -> Result<Arc<SceneKernels>, Error> {
-        // Whole sets only are put in: what a thread that panicked left is sound.
+        // Only whole sets are put in, so what a thread that panicked left is sound.
         let mut sets = self.scene_kernels.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, set)) = sets.iter().find(|(of, _)| of == traits) {
             return Ok(set.clone());
@@ -79,7 +79,7 @@ impl Engine {
         Ok(set)
     }
 
-    /// Uploads a prior with what no picture shows, to compare with.
+    /// Uploads a prior together with what no picture shows, for comparisons.
     pub fn upload_whole(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
         self.upload_analysed(prior, PriorAnalysis::everything(prior))
     }

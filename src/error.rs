@@ -45,7 +45,7 @@ pub enum Error {
     },
     /// The first frame came without a pose, and the prior has no key frames to find it by.
     #[error(
-        "frame {frame}: no pose to start from, neither from outside nor from a frame before, and the \
+        "frame {frame}: no pose to start from: none from outside, none from a frame before, and the \
          prior has no key frames: give a pose, or make key frames with `nvsprior key-frames`"
     )]
     NoStart {
@@ -58,7 +58,7 @@ pub enum Error {
         /// Number of the frame.
         frame: u32,
     },
-    /// The covariance of the pose from outside is none.
+    /// The covariance of the pose from outside is not one.
     #[error(
         "frame {frame}: the covariance of the pose from outside is not finite, symmetric and \
          positive semidefinite"
@@ -93,16 +93,16 @@ pub enum Error {
         /// The earlier frame's, seconds.
         before: f64,
     },
-    /// A coder was to go on with another prior than its own.
-    #[error("prior {found} in the place of {expected}")]
+    /// An encoder or decoder was told to go on with a prior that is not its own.
+    #[error("prior {found} in place of {expected}")]
     PriorChanged {
-        /// Identity of the prior so far.
+        /// Identity of its own prior.
         expected: crate::PriorId,
-        /// Identity of the other.
+        /// Identity of the other prior.
         found: crate::PriorId,
     },
-    /// The system gives no thread to code on.
-    #[error("no thread to code differences on: {0}")]
+    /// The system gives no thread for coding differences.
+    #[error("no thread for coding differences: {0}")]
     Thread(String),
     /// The coding thread of a pipeline has ended.
     #[error("the thread that codes differences has ended")]
@@ -115,7 +115,7 @@ pub enum Error {
         /// Tag of the camera.
         tag: u8,
     },
-    /// A short packet's session is not that of the prior at hand with any camera known.
+    /// A short packet's session is not this prior with one of the known cameras.
     #[error(
         "frame {frame}: a short packet of session {tag:#04x}, which is not prior {prior} with any of \
          the {cameras} cameras known: the packet that told it is missing, or another prior is held"

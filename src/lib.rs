@@ -2,7 +2,7 @@
 //!
 //! A vehicle and its topside hold the same trained 3D Gaussian Splatting scene, the [`Prior`]. For
 //! each camera frame the [`Encoder`] finds the [`Pose`] at which the prior looks most like the
-//! frame, and packs that pose with a coded difference picture; the [`Decoder`] renders the prior at
+//! frame. It packs that pose with a coded difference picture. The [`Decoder`] renders the prior at
 //! the pose and adds the difference. Everything that touches pixels runs as Vulkan compute.
 //!
 //! ```no_run
@@ -22,7 +22,7 @@
 //! # Ok(()) }
 //! ```
 //!
-//! The layers, each knowing only those to its right: encoder/decoder → [`tracking`], [`residual`],
+//! The layers; each knows only those to its right: encoder/decoder → [`tracking`], [`residual`],
 //! [`packet`] → [`render`] → [`vulkan`]. [`modem`] cuts packets into frames and knows nothing else.
 
 #![deny(unsafe_code)]

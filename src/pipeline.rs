@@ -1,5 +1,5 @@
-//! Encoding with the two halves of a frame side by side: while the host codes the difference picture
-//! of one frame, the device searches for the pose of the next.
+//! Encoding in two halves at once: while the host codes the difference picture of one frame, the device searches for
+//! the pose of the next.
 
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -17,14 +17,14 @@ struct Parcel {
     failure: Option<Error>,
 }
 
-/// An [`Encoder`] whose frames come out one call later, and sooner one after the other: a frame
-/// takes the longer of its halves, not their sum. Packets are the same, byte for byte.
+/// An [`Encoder`] that gives each packet one call later, but more packets per second: a frame takes
+/// the longer of its two halves, not their sum. Packets are the same, byte for byte.
 pub struct Pipeline {
     encoder: Encoder,
     to_coder: Option<SyncSender<Parcel>>,
     from_coder: Receiver<Parcel>,
     coder: Option<JoinHandle<()>>,
-    /// The one that is not with the coder.
+    /// The parcel that is not with the coder.
     spare: Vec<Parcel>,
     under_way: bool,
 }
@@ -33,7 +33,7 @@ impl Pipeline {
     /// Starts the coding thread.
     ///
     /// # Errors
-    /// [`Error::Thread`] where the system gives none.
+    /// [`Error::Thread`] if the system gives no thread.
     pub fn new(encoder: Encoder) -> Result<Pipeline, Error> {
         let (to_coder, parcels) = sync_channel::<Parcel>(1);
         let (back, from_coder) = sync_channel(1);
@@ -51,12 +51,12 @@ impl Pipeline {
         })
     }
 
-    /// Finds the pose of a frame, while the difference of the frame before is coded; then fills
-    /// `encoded` with the frame before. `false`: there was none. `known`: as for [`Encoder::encode`].
+    /// Finds the pose of a frame, while the difference of the frame before is coded. Then fills `encoded` with the
+    /// frame before; `false`: there was none. `known`: as for [`Encoder::encode`].
     ///
     /// # Errors
-    /// If the pose cannot be found: the frame is then left out, and the frame before still comes
-    /// with the next call. If the frame before cannot be coded: it is lost then, and this one is
+    /// If the pose cannot be found: this frame is then left out, and the next call still gives the
+    /// frame before. If the frame before cannot be coded: that frame is then lost, and this one is
     /// under way.
     pub fn push(
         &mut self,
@@ -103,7 +103,7 @@ impl Pipeline {
         failure.map_or(Ok(true), Err)
     }
 
-    /// The encoder, to change its rate or camera between frames.
+    /// The encoder, for changing its rate or camera between frames.
     pub fn encoder(&mut self) -> &mut Encoder {
         &mut self.encoder
     }
@@ -114,7 +114,7 @@ impl Drop for Pipeline {
         // The thread ends with its channel.
         self.to_coder.take();
         if let Some(coder) = self.coder.take() {
-            // A panic there was told by `CoderGone`, and a destructor has nobody to tell.
+            // `CoderGone` has reported a panic there, and a destructor can report to nobody.
             let _ = coder.join();
         }
     }

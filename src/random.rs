@@ -17,7 +17,7 @@ impl Random {
         Random(place.wrapping_sub(1).wrapping_mul(STEP))
     }
 
-    /// 64 even bits.
+    /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(STEP);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -25,17 +25,17 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Even in [−1, 1).
+    /// Uniform in [−1, 1).
     pub fn even(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
-    /// Even in `[low, high)`.
+    /// Uniform in `[low, high)`.
     pub fn within(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * (self.bits() >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// Three numbers, even in `[low, high)`.
+    /// Three numbers, uniform in `[low, high)`.
     pub fn triple(&mut self, low: f32, high: f32) -> [f32; 3] {
         std::array::from_fn(|_| self.within(low, high))
     }

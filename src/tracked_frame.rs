@@ -1,4 +1,4 @@
-//! A frame between its two halves: the pose is found and drawn, the difference not yet coded.
+//! A tracked frame: its pose is found and drawn, its difference is not coded yet.
 
 use std::time::Instant;
 
@@ -25,8 +25,8 @@ pub(crate) struct TrackedFrame {
 }
 
 impl TrackedFrame {
-    /// Codes the difference picture of the frame and writes the packet, and the picture that the topside will
-    /// show. The render moves over to `encoded`.
+    /// Codes the frame's difference picture, and writes the packet and the picture that the topside will show. Moves
+    /// the render to `encoded`.
     pub fn encode(
         &mut self,
         frame: &Picture,
@@ -47,14 +47,14 @@ impl TrackedFrame {
         stats.code_milliseconds = since.elapsed().as_secs_f64() * 1e3;
         stats.milliseconds = stats.refine_milliseconds + stats.code_milliseconds;
         std::mem::swap(&mut encoded.render, &mut self.render);
-        // What came in exchange has room for the next frame: it takes nothing from the heap.
+        // The picture that was swapped in has room for the next frame, so that nothing is allocated.
         self.render.resize(frame.width, frame.height);
         self.stats.renders.clear();
         self.stats.renders.reserve(stats.renders.len());
         Ok(())
     }
 
-    /// Whether the rate was kept.
+    /// Returns whether the rate was kept.
     fn write_packet(
         &mut self,
         frame: &Picture,

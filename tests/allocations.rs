@@ -57,7 +57,7 @@ fn frames_after_the_first_take_nothing_from_the_heap() {
         let options = EncoderOptions { rate, camera_interval: 2, ..EncoderOptions::default() };
         assert_eq!(heap_calls(&engine, &frames, options), 0, "{rate:?}");
     }
-    // Of another scene: looked for by key frames.
+    // A frame of another scene: the encoder looks for it by key frames.
     let foreign = clean_frame(&engine, &engine.upload(&wall(2)).unwrap(), &pose(0.0));
     let lost = [&frames[0], &foreign, &foreign, &frames[1]].map(Picture::clone);
     assert_eq!(heap_calls(&engine, &lost, EncoderOptions::default()), 0, "lost frames");

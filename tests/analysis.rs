@@ -1,4 +1,4 @@
-//! What is left out at load changes no picture.
+//! What is left out when a prior is loaded changes no picture.
 
 mod common;
 mod scene;
@@ -29,7 +29,7 @@ fn seen(engine: &Engine, scene: &Arc<Scene>, camera: &Camera, pose: &Pose) -> Ve
     words
 }
 
-/// Fails where the scene as uploaded shows another picture than all of it.
+/// Fails if the scene as uploaded shows another picture than the whole scene.
 fn assert_same(engine: &Engine, prior: &Prior, camera: &Camera, pose: &Pose) -> Arc<Scene> {
     let (reduced, whole) = (engine.upload(prior).unwrap(), engine.upload_whole(prior).unwrap());
     assert_eq!((reduced.id(), reduced.frame()), (whole.id(), whole.frame()));
@@ -38,7 +38,7 @@ fn assert_same(engine: &Engine, prior: &Prior, camera: &Camera, pose: &Pose) -> 
     reduced
 }
 
-/// Puts a splat that shows nothing behind every `nth`, of opacities up to just below 1/255.
+/// Adds a splat that shows nothing after every `nth`, with opacities up to just below 1/255.
 fn with_invisible(splats: &Splats, nth: usize) -> Splats {
     let mut mixed = Splats { sh_degree: splats.sh_degree, ..Splats::default() };
     let stride = splats.sh_stride();

@@ -1,4 +1,4 @@
-//! The final picture by definition: the same bits on every host. Run for 64-bit ARM under QEMU, too.
+//! The definition of the final picture gives the same bits on every host. Also run for 64-bit ARM under QEMU.
 
 mod common;
 
@@ -7,7 +7,7 @@ use nvsprior::packet::{PoseProfile, QuantisedPose};
 use nvsprior::render::definition::{Definition, Drawn};
 use nvsprior::{Pose, Prior, RenderOptions};
 
-/// CRC-32 of what is drawn of each scene: floats and bytes, at a pose and at a packet's.
+/// CRC-32 of what is drawn of each scene: floats and bytes, at a pose and at a packet's pose.
 const EXPECTED: [u32; 8] = [
     0x89cd_9e00,
     0xe4a4_cad5,

@@ -19,7 +19,7 @@ use scene::{CAMERA, clean_frame, frame, pose, wall};
 const OFFSET: [f64; 6] = [0.05, -0.04, 0.06, 0.02, -0.03, 0.02];
 
 /// How far the wall's corners and centre move between two poses, pixels. (Poses themselves are a
-/// poor measure: before a wall, shifting and turning nearly stand for each other.)
+/// poor measure: in front of a wall, a shift and a turn look nearly the same.)
 fn pose_error(a: &Pose, b: &Pose) -> f64 {
     let at = |pose: &Pose, p: DVec3| {
         let c = pose.rotation * p + pose.translation;
@@ -112,7 +112,7 @@ fn a_pipeline_gives_the_same_packets() {
     for (t, (frame, packet)) in frames.iter().zip(&packets).enumerate() {
         assert_eq!(alone.encode(frame, start(t)).unwrap().packet, *packet, "frame {t}");
     }
-    // A difference that cannot be coded is told one call later, and is only that frame's.
+    // If a difference cannot be coded, the next call says so, and only that frame is lost.
     pipeline.encoder().set_rate(Some(Rate::Bytes(5)));
     assert!(!pipeline.push(&frames[3], None, &mut encoded).unwrap());
     pipeline.encoder().set_rate(None);
@@ -152,7 +152,7 @@ fn starts_follow_the_paper() {
     assert!(!uncertain);
 }
 
-/// On the device the frame before is always tried first; a jump is noticed by what comes of it.
+/// On the device the frame before is always tried first. The outcome shows a jump.
 #[test]
 fn a_jump_is_looked_for_afresh() {
     let engine = engine();
@@ -200,7 +200,7 @@ fn the_first_frame_needs_a_pose_and_a_failed_frame_changes_nothing() {
     assert_eq!(encoder.encode(&picture, Some(pose(0.0))).unwrap().stats.frame, 0);
 }
 
-/// What cannot be is refused before the frame is looked at; the next packet is as if it had not been.
+/// Impossible statements are refused before the frame is looked at. The next packet is as if the frame had never come.
 #[test]
 fn what_is_stated_of_a_frame_is_checked() {
     let engine = engine();
@@ -237,7 +237,7 @@ fn what_is_stated_of_a_frame_is_checked() {
     assert!(matches!(back, Err(Error::FrameTimeBack { frame: 2, time: 4.0, before: 5.5 })));
 }
 
-/// The last stated time counts, whichever frames came between; a reset forgets it with the frames.
+/// The last stated time counts, whichever frames came after it. A reset forgets it with the frames.
 #[test]
 fn a_reset_forgets_the_frames_before() {
     let engine = engine();
@@ -268,7 +268,7 @@ fn silt(value: f64, seed: u64) -> Picture {
     picture
 }
 
-/// A frame is certain or not in its figures and its packet alike, and those that are not are counted.
+/// A frame's statistics and its packet agree on whether it is certain. Uncertain frames are counted.
 #[test]
 fn frames_that_are_not_certain_are_counted() {
     let engine = engine();
@@ -295,7 +295,8 @@ fn frames_that_are_not_certain_are_counted() {
     }
 }
 
-/// After silt or darkness, however long, the first clear frame is found again from where the track was lost.
+/// After silt or darkness, however long, the first clear frame is found again from the place at which the track was
+/// lost.
 #[test]
 fn clear_water_is_found_again_at_once() {
     let engine = engine();
@@ -327,7 +328,7 @@ fn render(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
     render
 }
 
-/// Light that changes at once, by gain, offset and cast, is not lost, and leads to no other pose.
+/// A sudden change of the light, by gain, offset and cast, does not lose the track and leads to no other pose.
 #[test]
 fn light_may_change_at_once() {
     let engine = engine();
@@ -417,7 +418,7 @@ fn a_decoder_refuses_what_it_cannot_show_and_shows_what_it_can() {
     let refused = Decoder::new(&engine, &other).decode(&first.packet);
     assert!(matches!(refused, Err(Error::Packet(_))), "another prior");
 
-    // The second packet names its camera only: after a loss, the topside must be told of it.
+    // The second packet only names its camera: after a loss, the topside must be told about the camera.
     let mut decoder = Decoder::new(&engine, &scene);
     let lost = decoder.decode(&second.packet);
     assert!(matches!(lost, Err(Error::SessionUnknown { frame: 1, cameras: 0, .. })));
@@ -443,7 +444,7 @@ fn a_decoder_refuses_what_it_cannot_show_and_shows_what_it_can() {
     assert!(decoder.decode(&damaged).is_err());
 }
 
-/// The short form, where prior and camera are known; the full one where they may not be.
+/// Packets have the short form if prior and camera are known, and the full form if they may not be.
 #[test]
 fn the_short_form_is_for_a_known_session() {
     let engine = engine();
@@ -551,7 +552,7 @@ fn the_rate_may_change_with_the_link() {
     assert!(fine > 300 && coarse <= 300 && coarse > 19 && bare == 19, "{fine}, {coarse}, {bare}");
 }
 
-/// A topside whose prior looks a little different is told so, if the vehicle sends a check.
+/// If the vehicle sends a check, a topside whose prior looks a little different learns of it.
 #[test]
 fn a_render_check_tells_a_different_render() {
     let engine = common::engine();

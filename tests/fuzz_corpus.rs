@@ -1,5 +1,5 @@
-//! The fuzz targets on the corpora that fuzzing left, and on what it found: quick enough for every
-//! run of the tests. `fuzz/README.md` tells how to go on fuzzing.
+//! Runs the fuzz targets on the corpora that fuzzing left, and on what it found. This is quick
+//! enough for every run of the tests. `fuzz/README.md` says how to go on fuzzing.
 
 #[path = "../fuzz/src/compact.rs"]
 mod compact;

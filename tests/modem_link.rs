@@ -1,4 +1,4 @@
-//! Packets through modem frames to pictures, with losses: the best picture that what arrived allows.
+//! Packets through modem frames to pictures, with losses: what arrived must give the best possible picture.
 
 mod common;
 mod scene;

@@ -1,5 +1,5 @@
-//! Priors in other containers against the same scenes as plain PLY files, what a compact prior loses
-//! in pictures (both where the data lies beside the project), and key frames in every container.
+//! Priors in other containers against the same scenes as plain PLY files. What a compact prior loses in pictures. Key
+//! frames in every container. The first two need the data beside the project.
 
 mod common;
 

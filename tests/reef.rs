@@ -1,4 +1,4 @@
-//! The reef set's figures: real footage, held-out stretch. Runs where the data lies beside the
+//! The reef set's figures: real footage, held-out stretch. Runs if the data lies beside the
 //! project.
 
 mod common;
@@ -43,8 +43,8 @@ fn frames(reef: &Path) -> Vec<(PathBuf, Camera, Pose)> {
         .collect()
 }
 
-/// Starts off by up to 0.11 units and 3° an axis, the paper's bounds, on the frame that the pyramid
-/// alone failed on most (four of six starts).
+/// Starts off by up to 0.11 units and 3° per axis, the paper's bounds, on the frame at which the
+/// pyramid alone failed most (four of six starts).
 #[test]
 fn perturbed_starts_reach_the_optimum() {
     let Some(reef) = reef() else { return };

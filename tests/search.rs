@@ -1,4 +1,4 @@
-//! The search against f64: steps, codes, and whole searches of a made-up valley.
+//! The search against f64: steps, codes, and whole searches in a synthetic valley.
 
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -135,7 +135,7 @@ fn codes_are_those_of_packets() {
             if short {
                 let host = QuantisedPose::quantise(&at, &frame, profile).unwrap().words();
                 let off = std::iter::zip(host.words, code.words).map(|(a, b)| (a - b).abs());
-                assert!(off.max() <= Some(32), "one step of the grid, where f32 rounds otherwise");
+                assert!(off.max() <= Some(32), "one step, as f32 may round the other way");
             }
             let rounding = 4.0 * f64::from(f32::EPSILON) * (1.0 + at.translation.length());
             assert_close(&placed, &of_packet.dequantise(&frame), rounding);
@@ -154,11 +154,11 @@ fn a_centre_beyond_reach_takes_the_long_code() {
     assert_close(&pose(&placed(&code, &anchor)), &far, 1e-3);
 }
 
-/// A search ends where a step promises less than 1e-4 of 0.01: the residuals are then below 1e-3, and
-/// the Jacobian's least singular value is about 0.5.
+/// A search ends if a step promises less than 1e-4 of 0.01. The residuals are then below 1e-3, and the Jacobian's least
+/// singular value is about 0.5.
 const NEAR: f64 = 3e-3;
 
-/// A valley: residuals are the twist from `target`, through a Jacobian, and one that nothing lowers.
+/// A valley: the residuals are the twist from `target`, through a Jacobian, and one residual that nothing lowers.
 struct Valley {
     target: Pose,
     floor: f64,
@@ -271,7 +271,7 @@ fn nothing_found_is_the_start() {
     assert!(visited.len() <= 4 * 5);
 }
 
-/// Sums that are no numbers are never stepped to, nor do they hang a search.
+/// A search never steps to sums that are no numbers, and does not hang on them.
 #[test]
 fn what_is_no_number_is_no_place() {
     let start = placement(&some_pose());
@@ -289,7 +289,7 @@ fn what_is_no_number_is_no_place() {
     assert_eq!((search.found, search.stop), (start, STOP_NO_DESCENT));
 }
 
-/// A step that promises little is taken unseen; one that promises much is looked at first.
+/// A step that promises little is taken without an evaluation. A step that promises much is evaluated first.
 #[test]
 fn small_steps_are_taken_unseen() {
     let valley = Valley { target: some_pose(), floor: 0.01 };
@@ -308,7 +308,7 @@ fn small_steps_are_taken_unseen() {
     assert_close(&pose(&search.found), &valley.target, NEAR);
 }
 
-/// A start at the full picture that turns out to be far off goes by the coarse levels after all.
+/// If a start at the full picture turns out to be far off, the search uses the coarse levels after all.
 #[test]
 fn far_starts_take_the_long_way() {
     let valley = Valley { target: some_pose(), floor: 0.01 };
@@ -327,12 +327,12 @@ fn far_starts_take_the_long_way() {
     }
 }
 
-/// A picture that hardly reacts to one axis, and to translations only as a far scene does: the step
-/// stays within the scene, in whatever unit.
+/// A picture that hardly reacts to one axis, and reacts to translations as a far scene does. The
+/// step stays within the scene, in any unit.
 #[test]
 fn steps_stay_within_the_scene() {
     for unit in [1e-3, 1.0, 1e3] {
-        // Turns shift the picture as moves by 1000 of the prior's units, times `unit`.
+        // A turn by one radian shifts the picture as much as a move by 1000 of the prior's units, times `unit`.
         let far = [1e-3 / unit, 1e-3 / unit, 1e-8 / unit, 1.0, 1.0, 1.0];
         let step = damped_step(&sums(&rows(far), [30.0, -20.0, 50.0, 10.0, -40.0, 20.0]), 1e-5);
         assert!(step.downhill);

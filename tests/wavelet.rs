@@ -1,4 +1,4 @@
-//! The wavelet coder through the library's interface: whatever the bytes, a picture or an error.
+//! The wavelet coder through the library's interface: any bytes must give a picture or an error.
 
 use std::sync::{Arc, OnceLock};
 
@@ -114,7 +114,7 @@ fn a_render_of_no_use_costs_little_more_than_none() {
     let (camera, _) = pair();
     let mut grey = camera.clone();
     grey.data.fill(128);
-    // The same kind of picture, elsewhere.
+    // A picture of the same kind, but shifted.
     let astray = shapes(SIZE.0, SIZE.1, 100, 61);
     for target in [26.0, 30.0, 36.0] {
         let plain = payload(&camera, &grey, Rate::Psnr(target), true).len();
@@ -173,7 +173,8 @@ fn the_extremes_of_8_bits_come_back() {
     }
 }
 
-/// Check sums of payload and picture, on every processor. They change with the coder or its tables alone.
+/// Check sums of payload and picture are the same on every processor. Only a change of the coder or its tables changes
+/// them.
 #[test]
 fn payloads_and_pictures_are_the_same_on_every_processor() {
     let (camera, render) = pair();

@@ -1,5 +1,5 @@
-//! A compact prior: an error or a sound prior. The check at the end is made to fit first, or nothing
-//! behind it would ever be reached.
+//! A compact prior: must give an error or a sound prior. The check at the end is made to match first, else no input
+//! would get past it.
 use nvsprior::prior::KeyFrames;
 use nvsprior::prior::compact::{self, Quantisation};
 use nvsprior::residual::wavelet::Tables;

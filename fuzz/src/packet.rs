@@ -1,7 +1,6 @@
-//! Packets and the difference pictures in them: an error or a picture, whatever the bytes.
+//! Packets and the difference pictures in them: any bytes must give an error or a picture.
 //!
-//! Random bytes hardly ever match a check, so the first byte of the input tells which checks to make
-//! right beforehand.
+//! Random bytes hardly ever match a check. So the first byte of the input says which checks to make right first.
 use nvsprior::packet::{CAMERA_PART_LEN, SHORT_LATENT_LEN, Session};
 use nvsprior::residual::ResidualDecoder;
 use nvsprior::residual::wavelet::Tables;
@@ -61,7 +60,7 @@ fn repair_latent(bytes: &mut [u8]) {
     part[len - 2..].copy_from_slice(&check.to_le_bytes());
 }
 
-/// Makes the residual part's length that of the bytes there are, and its check right.
+/// Sets the residual part's length to the bytes that are there, and makes its check right.
 fn repair_residual(bytes: &mut Vec<u8>) {
     let latent = latent_len(bytes);
     let camera = if bytes.get(1).is_some_and(|flags| flags & 8 != 0) { CAMERA_PART_LEN } else { 0 };

@@ -26,7 +26,7 @@ struct Sent {
 /// What arrives.
 #[derive(Arbitrary, Debug)]
 enum Arrival {
-    /// A frame of a packet, with so much padding, one bit of it flipped or none.
+    /// A frame of a packet, with some padding, and one bit flipped or none.
     Frame { packet: u8, index: u8, padding: u8, flip: Option<u16> },
     /// Anything.
     Garbage(Vec<u8>),
@@ -40,7 +40,7 @@ pub fn run(bytes: &[u8]) {
     options.modem_checks = input.modem_checks;
     let mut reassembler = Reassembler::new(options).expect("an MTU in range");
     let packets: Vec<Vec<u8>> = input.packets.iter().take(8).map(packet).collect();
-    // Packets of one tag tell their frames apart by a check of sixteen bits, which a fuzzer beats.
+    // Only a check of sixteen bits tells frames of two packets with one tag apart. A fuzzer gets past that.
     let mut tags = [false; 4];
     let mut first_of_its_tag =
         |p: &Vec<u8>| !std::mem::replace(&mut tags[usize::from(p[2] & 3)], true);

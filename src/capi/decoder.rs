@@ -35,18 +35,19 @@ pub(super) struct Core {
 
 type Content = Worker<Core>;
 
-/// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives
-/// it. Of a difference picture that is cut short, what arrived is then shown: rows of WebP's, a coarser picture of the
-/// wavelet coder's. Without this, a difference picture is shown if it is whole and its check matches.
+/// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives it. If the
+/// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
+/// picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
+/// matches.
 pub const NVSP_DECODE_START: u32 = 1;
 
-/// The render is the vehicle's, byte for byte. Neither this nor NVSP_DECODED_OTHER_RENDER: the packet
+/// The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
 /// does not tell.
 pub const NVSP_DECODED_SAME_RENDER: u32 = 8;
-/// The render is not the vehicle's: its device, or its driver, rounds differently.
+/// The render is not the vehicle's: the vehicle's device, or its driver, rounds differently.
 pub const NVSP_DECODED_OTHER_RENDER: u32 = 16;
 
-/// What decoding a packet gave, beside the picture.
+/// What decoding a packet gave besides the picture.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -61,13 +62,13 @@ pub struct nvsp_decoded {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_* bits.
+    /// Bits: NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_*.
     pub flags: u32,
     /// Rows, from the top, that the difference picture reached; the others are the prior's render
     /// alone. The start of a wavelet payload reaches all rows.
     pub rows: u32,
-    /// NVSP_OK, or what was wrong with parts of the packet that the picture does without:
-    /// NVSP_ERR_RESIDUAL or NVSP_ERR_PACKET (the camera's part).
+    /// NVSP_OK, or what was wrong with a part of the packet that the picture does without:
+    /// NVSP_ERR_RESIDUAL (the difference picture) or NVSP_ERR_PACKET (the camera).
     pub damage: nvsp_status,
     /// The pose.
     pub pose: nvsp_pose,
@@ -92,7 +93,7 @@ pub struct nvsp_header {
     pub prior_id: u32,
     /// Number of the frame, modulo 2^24; in the short form modulo 2^16.
     pub frame: u32,
-    /// Pixels; 0 in the short form, whose size earlier packets told.
+    /// Pixels; 0 in the short form, as earlier packets stated the size.
     pub width: u32,
     /// Pixels; 0 in the short form.
     pub height: u32,
@@ -100,17 +101,17 @@ pub struct nvsp_header {
     pub flags: u32,
     /// NVSP_PROFILE_*.
     pub profile: u32,
-    /// Bytes of the latent part, which is a picture by itself.
+    /// Bytes of the latent part, which makes a picture by itself.
     pub latent_bytes: u32,
-    /// In the short form the tag, a byte, that names prior and camera; else 0.
+    /// In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
     pub session: u32,
-    /// The pose, if it is given: the compact profile states it relative to the prior.
+    /// The pose, if NVSP_HEADER_POSE is set. The compact profile states it relative to the prior.
     pub pose: nvsp_pose,
 }
 versioned!(nvsp_header, 96);
 
-/// Makes a decoder of packets about a prior. Device memory for pictures is taken with the first
-/// packet of a camera.
+/// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
+/// for its pictures.
 ///
 /// Fails with NVSP_ERR_NULL or NVSP_ERR_MEMORY; the text is the engine's.
 ///
@@ -145,8 +146,8 @@ pub unsafe extern "C" fn nvsp_decoder_create(
     }
 }
 
-/// Tells the decoder of a camera, for packets that only name it: a topside that joins late need not
-/// wait for its next repeat. The last 256 cameras are known.
+/// Tells the decoder about a camera that packets only name. So a topside that joins late need not
+/// wait until the camera is sent again. The decoder knows the last 256 cameras.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
@@ -168,8 +169,8 @@ pub unsafe extern "C" fn nvsp_decoder_add_camera(
     }
 }
 
-/// Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
-/// prior, by its identity. The cameras known carry over. See nvsp_engine_reopen.
+/// Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
+/// must have the same identity. The known cameras carry over. See nvsp_engine_reopen.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
@@ -196,19 +197,18 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
     }
 }
 
-/// Decodes a packet, and waits for it: for a lock of the device's queue, and for the device. Whatever
-/// the bytes are, the call gives a picture or an error. Allocates nothing from the second
-/// sound packet of a camera on, except if a view of the prior needs more room on the device than any
-/// before it. What it holds on the host is at most 64 bytes for each pixel of the packet's size, its
-/// sides rounded up to multiples of 16, and 2 MiB.
+/// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
+/// a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
+/// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host. The
+/// pixels are those of the packet's picture, with sides rounded up to multiples of 16.
 ///
 /// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
 /// device and driver.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR,
-/// NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; and with
-/// NVSP_ERR_BUFFER_TOO_SMALL: then the picture is kept until the next packet is decoded, and
+/// NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also
+/// with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until the next packet is decoded, and
 /// nvsp_decode_finish fetches it.
 ///
 /// # Safety
@@ -216,7 +216,7 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 /// - `packet`: the packet. Read during the call. Not NULL.
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
-/// - `picture`: receives the picture; of the size that the packet's header says (nvsp_decode_header), and yours. NULL: it is not
+/// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
 ///   wanted.
 /// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
@@ -238,12 +238,12 @@ pub unsafe extern "C" fn nvsp_decode(
     }
 }
 
-/// Begins to decode a packet on the decoder's own thread, which the first such call starts, and
-/// returns at once. Until it is finished, other calls on the decoder fail with NVSP_ERR_BUSY, but for
-/// nvsp_decode_poll, nvsp_decode_wait, nvsp_decode_finish and nvsp_decoder_destroy.
+/// Begins to decode a packet on the decoder's own thread, and returns at once. The first such call starts the thread.
+/// Until the packet is finished, other calls on the decoder fail with NVSP_ERR_BUSY, except nvsp_decode_poll,
+/// nvsp_decode_wait, nvsp_decode_finish and nvsp_decoder_destroy.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_MEMORY
-/// (no thread); what the packet itself fails with, nvsp_decode_finish tells.
+/// (no thread). If the packet itself fails, nvsp_decode_finish returns its status.
 ///
 /// # Safety
 /// - `decoder`: a live decoder. Not NULL.
@@ -266,10 +266,10 @@ pub unsafe extern "C" fn nvsp_decode_begin(
     }
 }
 
-/// Whether the packet that was begun has ended, well or not: NVSP_OK, or NVSP_PENDING. Never waits.
+/// Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
+/// waits.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where none was
-/// begun.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if none was begun.
 ///
 /// # Safety
 /// - `decoder`: a live decoder. Not NULL.
@@ -294,15 +294,15 @@ pub unsafe extern "C" fn nvsp_decode_wait(
     unsafe { Handle::call(nvsp_decoder::handle(decoder), |content| content.wait(timeout)) }
 }
 
-/// Fetches the picture of the packet that was begun, or that nvsp_decode had no room for;
-/// NVSP_PENDING where it has not ended. Never waits.
+/// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
+/// for. Returns NVSP_PENDING if the packet has not ended. Never waits.
 ///
-/// Fails with NVSP_ERR_STATE where there is none, else as nvsp_decode does; after
+/// Fails with NVSP_ERR_STATE if there is none, and as nvsp_decode does. After
 /// NVSP_ERR_BUFFER_TOO_SMALL the picture is still there.
 ///
 /// # Safety
 /// - `decoder`: a live decoder. Not NULL.
-/// - `picture`: receives the picture; of the size that the packet's header says (nvsp_decode_header), and yours. NULL: it is not
+/// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
 ///   wanted.
 /// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
@@ -320,7 +320,7 @@ pub unsafe extern "C" fn nvsp_decode_finish(
     }
 }
 
-/// The text of the last failed call on the decoder; as nvsp_engine_last_error.
+/// Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.
 ///
 /// # Safety
 /// - `decoder`: a live decoder. Not NULL.
@@ -339,17 +339,16 @@ pub unsafe extern "C" fn nvsp_decoder_last_error(
 /// Ends a decoder; NULL is allowed. Waits for a packet that was begun.
 ///
 /// # Safety
-/// - `decoder`: a live decoder that no other thread is using; it is dead afterwards. NULL is allowed.
+/// - `decoder`: a live decoder that no other thread uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decoder_destroy(decoder: *mut nvsp_decoder) {
     // SAFETY: as the caller promises.
     unsafe { Handle::destroy(nvsp_decoder::handle(decoder).cast_mut()) }
 }
 
-/// Reads what a packet says first, from its first 31 bytes (19 in the short form, 43 in the paper's
-/// profile) or more, without device and rendering. The pose of a compact packet is given if `prior` is
-/// the one that the packet is about. A short packet does not name it: `prior` is then taken to be the
-/// one. Allocates nothing; any threads may call it.
+/// Reads a packet's header without a device. Needs the first 31 bytes of the packet (19 in the short form, 43 in the
+/// paper's profile). Gives the pose of a compact packet only if the packet is about `prior`. A short packet does not
+/// name its prior: it counts as about `prior`. Allocates nothing; any thread may call it.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
 /// NVSP_ERR_PACKET.

@@ -47,7 +47,7 @@ pub const NVSP_RATE_DEFAULT: u32 = 0;
 pub const NVSP_RATE_QUALITY: u32 = 1;
 /// Bytes of the whole packet, never exceeded.
 pub const NVSP_RATE_BYTES: u32 = 2;
-/// PSNR to reach at the least bytes, dB.
+/// PSNR to reach with as few bytes as possible, dB.
 pub const NVSP_RATE_PSNR: u32 = 3;
 /// No difference picture: the pose alone.
 pub const NVSP_RATE_NONE: u32 = 4;
@@ -66,14 +66,14 @@ pub const NVSP_PROFILE_COMPACT: u32 = 0;
 /// The pose in 28 bytes, as in the paper.
 pub const NVSP_PROFILE_PAPER: u32 = 1;
 
-/// A packet whose prior and camera an earlier one told has the short form, a latent part of 19 bytes.
+/// A packet has the short form, a latent part of 19 bytes, if an earlier packet stated its prior and camera.
 pub const NVSP_FORM_SHORT: u32 = 0;
 /// Every packet names prior and camera in full: a latent part of 31 bytes.
 pub const NVSP_FORM_FULL: u32 = 1;
 
-/// The difference picture by the wavelet coder, which knows the prior's render.
+/// The wavelet coder codes the difference picture. It knows the prior's render.
 pub const NVSP_RESIDUAL_WAVELET: u32 = 0;
-/// The difference picture by WebP, as in the paper.
+/// WebP codes the difference picture, as in the paper.
 pub const NVSP_RESIDUAL_WEBP: u32 = 1;
 
 /// For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
@@ -88,70 +88,70 @@ pub struct nvsp_encoder_options {
     pub struct_size: u32,
     /// Set by NVSP_INIT.
     pub abi_version: u32,
-    /// NVSP_RATE_*: what decides how fine the difference picture is.
+    /// NVSP_RATE_*: it sets how fine the difference picture is.
     pub rate: u32,
-    /// Of NVSP_RATE_*, its number: quality, bytes or dB.
+    /// The number that `rate` takes: quality, bytes or dB.
     pub rate_value: f32,
     /// NVSP_OPTIMIZER_*.
     pub optimizer: u32,
     /// NVSP_PROFILE_*.
     pub profile: u32,
-    /// Mean squared error, values in [0, 1]; 0: 1e-3. BFGS and Adam start at the frame before only if the
-    /// error there is below this: 1e-3 suits a basin, 1e-2 real footage. Gauss-Newton tells by the pictures
-    /// whether a pose is right; if the prior shows too little for that, a frame whose error is below this is
-    /// not looked for afresh.
+    /// Mean squared error, values in [0, 1]; 0: 1e-3. BFGS and Adam start at the pose of the frame before only if the
+    /// error there is below this: 1e-3 suits a basin, 1e-2 real footage. Gauss-Newton compares the pictures to tell
+    /// whether a pose is right. If the prior shows too little for that, it keeps a pose whose error is below this, and
+    /// does not search afresh.
     pub threshold: f32,
     /// Levels of the image pyramid, 1 to 6; 0: 4.
     pub levels: u32,
-    /// The camera (18 bytes) is sent every so many frames for a topside that missed it; 0: 64.
+    /// Send the camera (18 bytes) again after this many frames, for a topside that missed it; 0: 64.
     pub camera_interval: u32,
     /// Number of the first frame; packets carry it modulo 2^24.
     pub first_frame: u32,
-    /// A check of the prior's render (6 bytes) is sent with the first frame and every so many after
-    /// it, by which the topside knows whether it renders the same; 0: never.
+    /// Send a check of the prior's render (6 bytes) with the first frame, and again after this many
+    /// frames. It tells the topside whether its render is the same. 0: never.
     pub check_interval: u32,
-    /// Renders of the prior, of any size, that a frame may take to look afresh for its pose; what it does
-    /// not find is looked for again with the next frame. A search that has begun is ended. 0: 96.
+    /// Renders of the prior, of any size, that one frame may take to search afresh for its pose. A search that has
+    /// begun is finished, even if it takes more. If the frame finds no pose, the next frame searches again. 0: 96.
     pub lost_renders: u32,
     /// NVSP_FORM_*.
     pub form: u32,
-    /// NVSP_RESIDUAL_*: what codes the difference picture.
+    /// NVSP_RESIDUAL_*: the coder of the difference picture.
     pub residual: u32,
 }
 versioned!(nvsp_encoder_options, 48, 56);
 
-/// The pose is not certain: the picture does not confirm it.
+/// The picture does not confirm the pose.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
-/// The rate asked for was not kept: the budget holds no difference picture, or the best one falls
-/// short of the PSNR.
+/// The rate was not kept: the budget holds no difference picture, or the best one does not reach
+/// the PSNR.
 pub const NVSP_FRAME_RATE_MISSED: u32 = 2;
 
-/// The picture leaves a direction of the pose open: see nvsp_frame_stats.pose_deviation.
+/// The picture does not determine one direction of the pose: see nvsp_frame_stats.pose_deviation.
 pub const NVSP_FRAME_UNDETERMINED: u32 = 4;
 
-/// A device is not portable: the topside's render may differ from the vehicle's in the last bit of a colour, and the
-/// shown picture with it. Of an encoder's frame: its own device. Of a header: the vehicle's. Of a decoded packet: one
-/// of the two.
+/// A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
+/// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
+/// it is one of the two.
 pub const NVSP_FRAME_NOT_PORTABLE: u32 = 64;
 
 /// The frame started from the pose given with it.
 pub const NVSP_START_HINT: u32 = 0;
 /// It started from the pose of the frame before.
 pub const NVSP_START_PREVIOUS: u32 = 1;
-/// It started from where constant velocity leads.
+/// It started from the pose that constant velocity predicts.
 pub const NVSP_START_PREDICTED: u32 = 2;
-/// Nothing was near, and no pose was given: it started from the best there was.
+/// No start was near, and no pose was given: it started from the best one at hand.
 pub const NVSP_START_UNCERTAIN: u32 = 3;
-/// It was found by the prior's key frames.
+/// The prior's key frames gave the start.
 pub const NVSP_START_KEY_FRAME: u32 = 4;
 
-/// The gradient became small.
+/// The gradient became small enough.
 pub const NVSP_STOP_GRADIENT: u32 = 0;
-/// The steps became small.
+/// The steps became small enough.
 pub const NVSP_STOP_PROGRESS: u32 = 1;
 /// No step made the error smaller.
 pub const NVSP_STOP_NO_DESCENT: u32 = 2;
-/// The iterations were used up.
+/// No iterations were left.
 pub const NVSP_STOP_ITERATIONS: u32 = 3;
 
 /// The picture confirms the pose.
@@ -172,7 +172,7 @@ pub struct nvsp_frame_stats {
     pub frame: u32,
     /// Bytes of the packet.
     pub bytes: u32,
-    /// Of them, the latent part, which is a picture by itself.
+    /// Bytes of its latent part, which makes a picture by itself.
     pub latent_bytes: u32,
     /// Renders of the prior at full resolution that the frame took.
     pub full_renders: u32,
@@ -188,26 +188,27 @@ pub struct nvsp_frame_stats {
     pub render_psnr: f64,
     /// PSNR of what the topside will show, dB.
     pub psnr: f64,
-    /// Time that the frame took, milliseconds; scaling and conversion not counted.
+    /// Time that the frame took, milliseconds, without scaling and conversion.
     pub milliseconds: f64,
     /// The pose as the packet holds it.
     pub pose: nvsp_pose,
-    /// How far the pose may be off at least, standard deviations: translation along the camera's axes
-    /// (the prior's unit), then turns about them (radians), by the picture's noise. Infinite along what
-    /// the picture does not determine at all.
+    /// How far the pose may be off because of the picture's noise, as standard deviations; the true error may be
+    /// larger. Translation along the camera's axes (the prior's unit), then turns about them (radians). Infinite in a
+    /// direction that the picture does not determine at all.
     pub pose_deviation: [f64; 6],
-    /// Best determined over least determined direction of the pose, as eigenvalues of the normal
-    /// equations; infinite where one is not determined at all.
+    /// The largest eigenvalue of the normal equations divided by the smallest: the best determined
+    /// direction of the pose against the least determined. Infinite if the picture does not
+    /// determine one direction at all.
     pub pose_condition: f64,
-    /// Frames since the last one whose pose was certain, or since the encoder was made or reset, this
-    /// one counted; 0 if it is certain.
+    /// Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
+    /// certain.
     pub lost_frames: u32,
     /// Zero.
     pub reserved: u32,
 }
 versioned!(nvsp_frame_stats, 184);
 
-/// Makes an encoder of frames seen by `camera`. Allocates all that a frame takes, on host and device.
+/// Makes an encoder for frames of `camera`. Allocates all that a frame takes, on host and device.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
@@ -315,14 +316,15 @@ fn rate(mode: u32, value: f32) -> Result<Option<Rate>, Failure> {
     }
 }
 
-/// Frames from here on are coded at another rate.
+/// Sets the rate of all frames from here on.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `mode`: NVSP_RATE_*.
-/// - `value`: its number: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take none.
+/// - `value`: the number that the mode takes: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take
+///   none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_set_rate(
     encoder: *mut nvsp_encoder,
@@ -339,8 +341,7 @@ pub unsafe extern "C" fn nvsp_encoder_set_rate(
     }
 }
 
-/// The next packet has the full form and carries the camera: for a topside that asks what packets are
-/// about.
+/// Gives the next packet the full form and the camera. Call it if a topside asks what the packets are about.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
@@ -357,7 +358,7 @@ pub unsafe extern "C" fn nvsp_encoder_announce(encoder: *mut nvsp_encoder) -> nv
     }
 }
 
-/// Frames from here on are seen by another camera, or at another size; the next packet carries it.
+/// Sets another camera, or another size, for all frames from here on; the next packet carries it.
 /// Allocates as nvsp_encoder_create does. If it fails, the old camera stays.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
@@ -385,17 +386,17 @@ pub unsafe extern "C" fn nvsp_encoder_set_camera(
     }
 }
 
-/// Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. By them
-/// the encoder finds a camera that it has lost. Without this call they are rendered while a frame is
-/// lost, as far as nvsp_encoder_options.lost_renders goes. After nvsp_encoder_set_camera or
-/// nvsp_encoder_reopen they are rendered anew.
+/// Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. With them the encoder
+/// finds a camera that it has lost. Without this call they are rendered while a frame is lost, as many as
+/// nvsp_encoder_options.lost_renders allows. After nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered
+/// again.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 /// NVSP_ERR_DEVICE_LOST.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
-/// - `most`: key frames to render at most; 0 only counts.
+/// - `most`: key frames to render at most; 0: only count those that are left.
 /// - `left`: receives how many are not rendered yet. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_prepare(
@@ -403,7 +404,7 @@ pub unsafe extern "C" fn nvsp_encoder_prepare(
     most: u32,
     left: *mut u32,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises; `left` is written where it is not NULL.
+    // SAFETY: as the caller promises; `left` is written if it is not NULL.
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let remaining = content.core()?.encoder.prepare(most as usize)?;
@@ -415,8 +416,8 @@ pub unsafe extern "C" fn nvsp_encoder_prepare(
     }
 }
 
-/// Goes on with `prior`, opened anew after its device was lost (or on another engine): the same
-/// prior, by its identity. Frame numbers and poses carry over. If it fails, all is as before.
+/// Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
+/// must have the same identity. Frame numbers and poses carry over. If it fails, nothing changes.
 /// See nvsp_engine_reopen.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY, NVSP_ERR_POISONED,
@@ -445,8 +446,8 @@ pub unsafe extern "C" fn nvsp_encoder_reopen(
     }
 }
 
-/// Forgets all frames before: the next one is looked for as the first was, and its time may be any.
-/// Frame numbers go on. Call it if the camera was carried elsewhere, for example.
+/// Forgets all earlier frames: the next one is searched for as the first was, and may have any
+/// time. Frame numbers go on. Call it if somebody carried the camera elsewhere, for example.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
@@ -463,8 +464,9 @@ pub unsafe extern "C" fn nvsp_encoder_reset(encoder: *mut nvsp_encoder) -> nvsp_
     }
 }
 
-/// Bytes that hold every packet of frames of a camera of this size, in either profile and with the
-/// camera; 0 where there is no camera of this size. With NVSP_RATE_BYTES the budget will do too.
+/// The largest packet that a camera of this size can give, in either profile and with the camera,
+/// bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
+/// enough too.
 ///
 /// # Parameters
 /// - `width`, `height`: the camera's size, pixels.
@@ -474,24 +476,23 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
     if sides.contains(&width) && sides.contains(&height) { packet_bound(width, height) } else { 0 }
 }
 
-/// Encodes a frame into `packet`, and waits for it: for a lock of the device's queue, and for the
-/// device. The hint is used if the frame before leads nowhere. Without one, the first frame is found by
-/// the prior's key frames. Allocates nothing from the second frame on, except if a view of the prior needs more room
-/// on the device than any before it.
+/// Encodes a frame into `packet`. Waits for a lock of the device's queue, and for the device. Uses the hint if the
+/// frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
+/// from the second frame on, unless a view of the prior needs more room on the device than any before it.
 ///
 /// The same frames, poses and calls give the same packets, byte for byte, on the same device and
 /// driver.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
-/// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: then the frame counts as not seen; and
-/// with NVSP_ERR_BUFFER_TOO_SMALL: then the packet is kept until the next frame is encoded, and
-/// nvsp_encode_finish fetches it.
+/// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: the encoder then acts as if it had not
+/// seen the frame. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the packet is then kept until the
+/// next frame is encoded, and nvsp_encode_finish fetches it.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `hint`: the pose as sensors or an estimator have it. Read during the call. NULL: nothing is known.
+/// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
 /// - `written`: receives the packet's length, bytes. Not NULL.
@@ -515,15 +516,15 @@ pub unsafe extern "C" fn nvsp_encode(
     }
 }
 
-/// As nvsp_encode, with all that is known of the frame in place of the hint.
+/// As nvsp_encode, but takes all that is known of the frame in place of the hint.
 ///
 /// Fails as nvsp_encode does; the text of NVSP_ERR_ARGUMENT names the field of `info`.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `info`: what is known of the frame, set up by NVSP_INIT. Read during the call, with what it points to. NULL: nothing
-///   is known.
+/// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
+///   call. NULL: nothing is known.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
 /// - `written`: receives the packet's length, bytes. Not NULL.
@@ -547,19 +548,18 @@ pub unsafe extern "C" fn nvsp_encode_frame(
     }
 }
 
-/// Begins to encode a frame on the encoder's own thread, which the first such call starts, and
-/// returns at once: the image is read, and scaled, during the call. Until the frame is finished, other
-/// calls on the encoder fail with NVSP_ERR_BUSY, but for nvsp_encode_poll, nvsp_encode_wait,
-/// nvsp_encode_finish and nvsp_encoder_destroy. A packet of an earlier frame that was not fetched is
-/// dropped.
+/// Begins to encode a frame on the encoder's own thread, and returns at once. The first such call starts the thread.
+/// The image is read and scaled during the call. Until the frame is finished, other calls on the encoder fail with
+/// NVSP_ERR_BUSY, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish and nvsp_encoder_destroy. A packet of
+/// an earlier frame that was not fetched is dropped.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-/// NVSP_ERR_MEMORY (no thread); what the frame itself fails with, nvsp_encode_finish tells.
+/// NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `hint`: the pose as sensors or an estimator have it. Read during the call. NULL: nothing is known.
+/// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_begin(
     encoder: *mut nvsp_encoder,
@@ -575,15 +575,15 @@ pub unsafe extern "C" fn nvsp_encode_begin(
     }
 }
 
-/// As nvsp_encode_begin, with all that is known of the frame in place of the hint.
+/// As nvsp_encode_begin, but takes all that is known of the frame in place of the hint.
 ///
 /// Fails as nvsp_encode_begin does, and with NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `info`: what is known of the frame, set up by NVSP_INIT. Read during the call, with what it points to. NULL: nothing
-///   is known.
+/// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
+///   call. NULL: nothing is known.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_begin_frame(
     encoder: *mut nvsp_encoder,
@@ -599,10 +599,10 @@ pub unsafe extern "C" fn nvsp_encode_begin_frame(
     }
 }
 
-/// Whether the frame that was begun has ended, well or not: NVSP_OK, or NVSP_PENDING. Never waits.
+/// Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
+/// waits.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where none was
-/// begun.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if none was begun.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
@@ -627,10 +627,10 @@ pub unsafe extern "C" fn nvsp_encode_wait(
     unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| content.wait(timeout)) }
 }
 
-/// Fetches the packet of the frame that was begun, or that nvsp_encode had no room for; NVSP_PENDING
-/// where it has not ended. Never waits.
+/// Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
+/// if the frame has not ended. Never waits.
 ///
-/// Fails with NVSP_ERR_STATE where there is none, else as nvsp_encode does; after
+/// Fails with NVSP_ERR_STATE if there is none, and as nvsp_encode does. After
 /// NVSP_ERR_BUFFER_TOO_SMALL the packet is still there.
 ///
 /// # Safety
@@ -664,12 +664,12 @@ pub const NVSP_PICTURE_RENDER: u32 = 1;
 /// Copies a picture of the last frame encoded.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_BUSY,
-/// NVSP_ERR_POISONED, or NVSP_ERR_STATE where there is none.
+/// NVSP_ERR_POISONED, or NVSP_ERR_STATE if there is none.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `which`: NVSP_PICTURE_*.
-/// - `picture`: receives the picture; of the camera's size, and yours. Not NULL.
+/// - `picture`: receives the picture. Yours, of the camera's size. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_get_picture(
     encoder: *mut nvsp_encoder,
@@ -694,7 +694,7 @@ pub unsafe extern "C" fn nvsp_encoder_get_picture(
     }
 }
 
-/// The text of the last failed call on the encoder; as nvsp_engine_last_error.
+/// Copies the text of the last failed call on the encoder, as nvsp_engine_last_error does.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
@@ -713,7 +713,7 @@ pub unsafe extern "C" fn nvsp_encoder_last_error(
 /// Ends an encoder; NULL is allowed. Waits for a frame that was begun.
 ///
 /// # Safety
-/// - `encoder`: a live encoder that no other thread is using; it is dead afterwards. NULL is allowed.
+/// - `encoder`: a live encoder that no other thread uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_destroy(encoder: *mut nvsp_encoder) {
     // SAFETY: as the caller promises.

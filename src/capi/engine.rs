@@ -27,7 +27,7 @@ pub(super) struct EngineContent {
     options: DeviceOptions,
 }
 
-/// Run under the Khronos validation layer, which must be installed; its messages are logged as
+/// Run under the Khronos validation layer, which must be installed. Its messages are logged as
 /// warnings when the engine is destroyed or reopened. For tests; slow.
 pub const NVSP_ENGINE_VALIDATION: u32 = 1;
 
@@ -40,10 +40,10 @@ pub struct nvsp_engine_options {
     pub struct_size: u32,
     /// Set by NVSP_INIT.
     pub abi_version: u32,
-    /// The device's number as text, or a part of its name or its driver's. NULL: a discrete GPU before
-    /// an integrated one before a CPU.
+    /// The device's number as text, or a part of its name or its driver's name. NULL: the best device, first a discrete
+    /// GPU, then an integrated one, then a CPU.
     pub device: *const c_char,
-    /// Receives messages; NULL: none are passed on.
+    /// Receives messages. NULL: nothing is logged.
     pub log: nvsp_log_callback,
     /// Passed to `log` as it is.
     pub log_user: *mut c_void,
@@ -65,7 +65,7 @@ pub struct nvsp_engine_info {
     pub abi_version: u32,
     /// Name, kind, driver and Vulkan version of the device, ending in NUL.
     pub device: [c_char; 256],
-    /// Bytes of device memory in use by everything made with the engine.
+    /// Bytes of device memory that everything made with the engine uses.
     pub memory_used: u64,
     /// Bytes of device memory taken from the driver for that.
     pub memory_reserved: u64,
@@ -74,14 +74,15 @@ pub struct nvsp_engine_info {
 }
 versioned!(nvsp_engine_info, 288);
 
-/// Opens a device and builds the pipelines; takes from tens of milliseconds to seconds. A failure's text goes to the options' `log`, as there is no handle to ask yet.
+/// Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
+/// options' `log`, as there is no handle to ask yet.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown
 /// flags, or a name that is no UTF-8), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 ///
 /// # Safety
-/// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used longer, as long as
-///   anything made with the engine lives. NULL: all defaults.
+/// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
+///   the engine lives. NULL: all defaults.
 /// - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_engine_create(
@@ -96,7 +97,7 @@ pub unsafe extern "C" fn nvsp_engine_create(
         Ok(options) => options,
         Err(failure) => return failure.status(),
     };
-    // A handle without content, to fail within the same fence as every other call.
+    // A handle without content: a failure goes through the same fence as that of every other call.
     let fence = Handle::boxed((), log);
     // SAFETY: the handle was just made, and is destroyed at once.
     unsafe {
@@ -136,11 +137,11 @@ unsafe fn device_options(
     Ok((log, DeviceOptions { device, validation: options.flags & NVSP_ENGINE_VALIDATION != 0 }))
 }
 
-/// Opens the device again, with the options that the engine was made with: after
-/// NVSP_ERR_DEVICE_LOST. What was made with the engine before stays on the lost device, where every
-/// call fails with NVSP_ERR_DEVICE_LOST. So, next, open the prior again, move encoders and decoders to
-/// it with nvsp_encoder_reopen and nvsp_decoder_reopen, which keep their state, and destroy the old
-/// prior. If the device cannot be opened, the engine is left as it was; try again later.
+/// Opens the device again, with the options that the engine was made with. Call it after NVSP_ERR_DEVICE_LOST. What was
+/// made with the engine before stays on the lost device: every call on it fails with NVSP_ERR_DEVICE_LOST. So open the
+/// prior again next. Then move encoders and decoders to it with nvsp_encoder_reopen and nvsp_decoder_reopen, which keep
+/// their state. Then destroy the old prior. If the device cannot be opened, the engine does not change; try again
+/// later.
 ///
 /// Fails as nvsp_engine_create does.
 ///
@@ -193,11 +194,11 @@ pub unsafe extern "C" fn nvsp_engine_get_info(
     }
 }
 
-/// Copies the text of the last failed call on the engine, or of making a prior, an encoder or a
-/// decoder with it, into `text`, at most `size` bytes with the NUL at the end; empty where none
-/// failed.
+/// Copies the text of the last failed call on the engine into `text`, or of the last failure to
+/// make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the
+/// end. The text is empty if nothing failed.
 ///
-/// Fails with NVSP_ERR_NULL, or with NVSP_ERR_BUFFER_TOO_SMALL where `size` is 0.
+/// Fails with NVSP_ERR_NULL, or with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
 ///
 /// # Safety
 /// - `engine`: a live engine. Not NULL.
@@ -213,11 +214,11 @@ pub unsafe extern "C" fn nvsp_engine_last_error(
     unsafe { Handle::last_error(nvsp_engine::handle(engine), text, size) }
 }
 
-/// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it work on: the device is
-/// closed when the last of them is gone.
+/// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
+/// the last of them is gone.
 ///
 /// # Safety
-/// - `engine`: a live engine that no other thread is using; it is dead afterwards. NULL is allowed.
+/// - `engine`: a live engine that no other thread uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_engine_destroy(engine: *mut nvsp_engine) {
     // SAFETY: as the caller promises.
@@ -236,7 +237,7 @@ fn log_validation(handle: &Handle<EngineContent>, engine: &Engine) {
     }
 }
 
-/// Writes a text that ends in NUL, cut at a whole character where it is too long.
+/// Writes a text that ends in NUL. If it is too long, cuts it after a whole character.
 fn write_text(text: &str, to: &mut [c_char]) {
     let end = text.floor_char_boundary(to.len() - 1);
     for (to, byte) in to.iter_mut().zip(text[..end].bytes().chain([0])) {

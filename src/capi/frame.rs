@@ -1,4 +1,4 @@
-//! What is known of a frame beside its image, as C hands it over.
+//! What is known of a frame besides its image, as C hands it over.
 
 use crate::{Error, Hint, Known};
 
@@ -9,7 +9,7 @@ use super::structs::{read, versioned};
 /// For nvsp_frame_info.given: `time` is the frame's.
 pub const NVSP_FRAME_TIME: u32 = 1;
 
-/// What is known of a frame beside its image; all zero: nothing. Read during the call only.
+/// What is known of a frame besides its image; all zero: nothing. Read during the call only.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -18,16 +18,16 @@ pub struct nvsp_frame_info {
     pub struct_size: u32,
     /// Set by NVSP_INIT.
     pub abi_version: u32,
-    /// The pose as sensors or an estimator have it; NULL: none.
+    /// A pose from sensors or an estimator; NULL: none.
     pub hint: *const nvsp_pose,
-    /// How sure the hint is: the covariance of the small motion that leads from it to the true pose, 36
-    /// values row by row: translation along the camera's axes (the prior's unit), then turn about them
-    /// (radians). Finite, symmetric and positive semidefinite. NULL: not stated.
+    /// How sure the hint is: the covariance of the small motion from the hint to the true pose. 36 values, row by row:
+    /// translation along the camera's axes (the prior's unit), then turns about them (radians). Finite, symmetric and
+    /// positive semidefinite. NULL: not stated.
     pub hint_covariance: *const f64,
-    /// Seconds from when the hint was taken to when the frame was; 0 or more.
+    /// Seconds from the time of the hint to the time of the frame; 0 or more.
     pub hint_age: f64,
-    /// When the frame was taken, seconds on a clock of yours; counts if `given` says so. It must not go
-    /// back from a frame to a later one. nvsp_encoder_reset allows any again.
+    /// When the frame was taken, seconds on a clock of yours. Used if `given` has NVSP_FRAME_TIME. A later frame must
+    /// not have an earlier time. After nvsp_encoder_reset any time is allowed again.
     pub time: f64,
     /// NVSP_FRAME_TIME, or 0.
     pub given: u32,
@@ -36,7 +36,7 @@ pub struct nvsp_frame_info {
 }
 versioned!(nvsp_frame_info, 48);
 
-/// What a caller states of a frame, its fields checked as far as they can be without the encoder.
+/// Reads what a caller states of a frame. Checks its fields as far as that needs no encoder.
 ///
 /// # Safety
 /// `info` is null or valid, and so are the pointers in it.
@@ -47,7 +47,7 @@ pub(super) unsafe fn known(info: *const nvsp_frame_info) -> Result<Known, Failur
         (info, hint(&info)?)
     };
     if info.given & !NVSP_FRAME_TIME != 0 {
-        return Err(Failure::argument("nvsp_frame_info.given: bits that are not known"));
+        return Err(Failure::argument("nvsp_frame_info.given: unknown bits"));
     }
     if info.reserved != 0 {
         return Err(Failure::argument("nvsp_frame_info.reserved: not zero"));

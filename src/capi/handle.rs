@@ -16,8 +16,8 @@ pub(super) struct Handle<T> {
     log: Log,
 }
 
-/// A type of the header that C knows by address alone, tied to what its handle holds: a cast to another handle does not
-/// compile.
+/// A type of the header that C knows by address alone. It is tied to what its handle holds, so that a cast to another
+/// handle does not compile.
 pub(super) trait Opaque: Sized {
     /// What the handle holds.
     type Content;
@@ -70,8 +70,8 @@ impl<T> Handle<T> {
         self.log
     }
 
-    /// Runs a call that needs the handle for itself. If another thread is inside one, it fails
-    /// with `NVSP_ERR_BUSY`; after a panic, here or on another thread, all do.
+    /// Runs a call that needs the handle for itself. Fails with `NVSP_ERR_BUSY` if another thread
+    /// is inside such a call. After a panic, every later call fails with `NVSP_ERR_POISONED`.
     ///
     /// # Safety
     /// `handle` is null or came from [`Handle::boxed`] and was not destroyed.
@@ -108,7 +108,7 @@ impl<T> Handle<T> {
         handle.fence(|| body(handle, handle.get()))
     }
 
-    /// A clone of the content; the lock is held for that alone, so nothing can panic under it.
+    /// Clones the content. The lock is held for the clone alone, so that nothing can panic under it.
     pub(super) fn get(&self) -> T
     where
         T: Clone,
@@ -116,7 +116,7 @@ impl<T> Handle<T> {
         self.content.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Puts other content in the place of the one there.
+    /// Replaces the content.
     pub(super) fn replace(&self, content: T) {
         let mut place = self.content.lock().unwrap_or_else(PoisonError::into_inner);
         // The old content is dropped when the lock is free again.
@@ -144,7 +144,7 @@ impl<T> Handle<T> {
         *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = text;
     }
 
-    /// Copies the text of the last failure, ending in NUL and cut where there is no room.
+    /// Copies the text of the last failure, ending in NUL, and cut if it is too long.
     ///
     /// # Safety
     /// `handle` as for [`Handle::call`]; `text` is null or has room for `size` bytes.
@@ -182,7 +182,7 @@ impl<T> Handle<T> {
         if !handle.is_null() {
             // SAFETY: as the caller promises.
             let handle = unsafe { Box::from_raw(handle) };
-            // Nobody is left to tell of a panic while dropping.
+            // There is nobody left to report a panic while dropping.
             let _ = catch_unwind(AssertUnwindSafe(|| drop(handle)));
         }
     }

@@ -9,11 +9,11 @@ use super::status::*;
 pub const NVSP_FORMAT_RGB8: u32 = 1;
 /// Three bytes per pixel: blue, green, red.
 pub const NVSP_FORMAT_BGR8: u32 = 2;
-/// Four bytes per pixel: red, green, blue, alpha, which is ignored in images and 255 in pictures.
+/// Four bytes per pixel: red, green, blue, alpha. Alpha is ignored in images and 255 in pictures.
 pub const NVSP_FORMAT_RGBA8: u32 = 3;
-/// Plane 0: Y; plane 1: U and V in turn, one pair for two by two pixels. Images only.
+/// Plane 0: Y; plane 1: U and V in turn, one pair per two by two pixels. Images only.
 pub const NVSP_FORMAT_NV12: u32 = 4;
-/// Planes Y, U, V; one U and V for two by two pixels. Images only.
+/// Planes Y, U, V; one U and one V per two by two pixels. Images only.
 pub const NVSP_FORMAT_I420: u32 = 5;
 
 /// BT.601, limited range: what most cameras and V4L2 deliver.
@@ -25,15 +25,15 @@ pub const NVSP_COLOUR_BT709_LIMITED: u32 = 2;
 /// BT.709, full range.
 pub const NVSP_COLOUR_BT709_FULL: u32 = 3;
 
-/// A camera's image; read during the call only. Its size may be another than the camera's, which it
-/// is then scaled to; its shape may not (1 % is tolerated).
+/// A camera's image; read during the call only. If its size is not the camera's, it is scaled to
+/// it. Its shape must be the camera's (1 % is tolerated).
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_image {
     /// NVSP_FORMAT_*.
     pub format: u32,
-    /// NVSP_COLOUR_*; counts for NV12 and I420.
+    /// NVSP_COLOUR_*; used for NV12 and I420 only.
     pub colour: u32,
     /// Pixels, 1 to 16384.
     pub width: u32,
@@ -43,7 +43,7 @@ pub struct nvsp_image {
     pub planes: [*const u8; 3],
     /// Bytes from one row to the next, of each plane.
     pub strides: [usize; 3],
-    /// Bytes of each plane: none is read beyond them.
+    /// Bytes of each plane. Nothing beyond them is read.
     pub sizes: [usize; 3],
 }
 
@@ -58,9 +58,9 @@ pub struct nvsp_picture {
     pub reserved: u32,
     /// First byte.
     pub pixels: *mut u8,
-    /// Bytes from one row to the next; those behind a row are left as they are.
+    /// Bytes from one row to the next. Bytes after a row's pixels are left as they are.
     pub stride: usize,
-    /// Bytes of the place: none is written beyond them.
+    /// Bytes of the place. Nothing beyond them is written.
     pub size: usize,
 }
 
@@ -93,7 +93,7 @@ pub struct nvsp_pose {
     pub translation: [f64; 3],
 }
 
-/// The bytes at a pointer; none where there are none to read.
+/// The bytes at a pointer; an empty slice if `size` is 0.
 ///
 /// # Safety
 /// `bytes` is null or has `size` bytes that nobody changes for as long as the slice is in use.
@@ -111,10 +111,10 @@ pub(super) unsafe fn slice<'a>(
     }
 }
 
-/// As [`slice`], to write; the caller's buffer stays as it is until it is written.
+/// As [`slice()`], to write.
 ///
 /// # Safety
-/// As there, and nobody reads them either.
+/// As for [`slice()`], and nobody reads the bytes either.
 pub(super) unsafe fn slice_mut<'a>(
     bytes: *mut u8,
     size: usize,
@@ -181,7 +181,7 @@ pub(super) unsafe fn view<'a>(image: *const nvsp_image) -> Result<ImageView<'a>,
     Ok(ImageView { width, height, format, colour, planes, strides })
 }
 
-/// Writes a picture where the caller wants it.
+/// Writes a picture to the caller's place.
 ///
 /// # Safety
 /// `place` is valid, and has as many bytes as it says, which nobody else uses.

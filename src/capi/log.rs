@@ -4,15 +4,15 @@ use std::ffi::{CString, c_char, c_void};
 
 /// A call failed.
 pub const NVSP_LOG_ERROR: i32 = 1;
-/// Something is not as it should be, and work goes on.
+/// Something is not as it should be, but work goes on.
 pub const NVSP_LOG_WARNING: i32 = 2;
 /// What was chosen and loaded.
 pub const NVSP_LOG_INFO: i32 = 3;
 
-/// Receives messages of an engine and of everything made with it: NVSP_LOG_ERROR, NVSP_LOG_WARNING or
-/// NVSP_LOG_INFO, and a text that is valid during the call. Called on whichever thread is inside the
-/// library (or on an encoder's own thread, see nvsp_encode_begin), also on several at once; it must
-/// not call the library, nor unwind. No call comes for a frame that succeeds.
+/// Receives messages of an engine and of everything made with it: a level, NVSP_LOG_ERROR, NVSP_LOG_WARNING or
+/// NVSP_LOG_INFO, and a text that is valid during the call. It is called on the thread that is inside the library, or
+/// on an encoder's own thread (see nvsp_encode_begin), and perhaps on several threads at once. It must not call the
+/// library, and must not unwind. A frame that succeeds makes no call.
 #[allow(non_camel_case_types)]
 pub type nvsp_log_callback =
     Option<unsafe extern "C" fn(user: *mut c_void, level: i32, message: *const c_char)>;

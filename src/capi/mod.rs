@@ -1,5 +1,5 @@
-//! The C library that vendors link, whose contract is `include/nvsprior.h`. `scripts/header.sh` names the files in the order in
-//! which the header shows them.
+//! The C library that vendors link. Its contract is `include/nvsprior.h`. `scripts/header.sh` names the files in the
+//! header's order.
 //!
 //! Every exported function checks its arguments, then does its work on safe types behind a fence: errors become
 //! status codes with a text, panics are caught, and nothing is written unless all of it succeeded.

@@ -43,7 +43,7 @@ pub struct nvsp_reassembler_options {
     pub struct_size: u32,
     /// Set by NVSP_INIT.
     pub abi_version: u32,
-    /// Packets of up to this many bytes can become complete; of longer ones, so much of the start is
+    /// Packets of up to this many bytes can become complete. Of a longer packet, this many bytes from its start are
     /// kept. 0: 65536.
     pub max_packet_bytes: u32,
     /// NVSP_MODEM_CHECKS, or 0.
@@ -55,12 +55,12 @@ versioned!(nvsp_reassembler_options, 16);
 pub const NVSP_EVENT_COMPLETE: u32 = 1;
 /// The packet has more bytes at its start than before: nvsp_reassembler_fetch gives a better picture.
 pub const NVSP_EVENT_GROWN: u32 = 2;
-/// The frame is kept until others come: one before it is missing.
+/// The modem frame is kept until others come: an earlier one is missing.
 pub const NVSP_EVENT_KEPT: u32 = 3;
-/// The frame was there already.
+/// The modem frame was there already.
 pub const NVSP_EVENT_DUPLICATE: u32 = 4;
-/// All frames of the packet are there and its own checks do not match; all but the first were
-/// forgotten and may come again.
+/// All modem frames of the packet are there, but its own checks do not match. All frames but the
+/// first were forgotten; they may come again.
 pub const NVSP_EVENT_DAMAGED: u32 = 5;
 
 /// What has come of a packet.
@@ -74,17 +74,17 @@ pub struct nvsp_reassembly {
     pub abi_version: u32,
     /// Frame number of the packet, modulo 2^24.
     pub frame: u32,
-    /// Bytes of its start that are there, without a gap and each vouched for by a check.
+    /// Bytes of its start that are there without a gap. A check vouches for each of them.
     pub bytes: u32,
     /// 1: these are the whole packet; else 0.
     pub complete: u32,
-    /// Modem frames known to be its; before its length is known, those without a gap.
+    /// Modem frames that are known to belong to it. Until its length is known: those without a gap.
     pub frames: u32,
-    /// Modem frames that it has; 0: too little came to tell.
+    /// Modem frames that it has in all; 0: not known yet.
     pub expected: u32,
-    /// Of nvsp_reassembler_push, what the modem frame brought: NVSP_EVENT_*; else 0. If it is
-    /// NVSP_EVENT_KEPT or NVSP_EVENT_DUPLICATE, the other fields are those of the newest packet, or
-    /// zero where there is none.
+    /// NVSP_EVENT_* from nvsp_reassembler_push: what the modem frame brought. From other calls 0.
+    /// If it is NVSP_EVENT_KEPT or NVSP_EVENT_DUPLICATE, the other fields are about the newest
+    /// packet, or zero if there is none.
     pub event: u32,
 }
 versioned!(nvsp_reassembly, 32);
@@ -104,11 +104,11 @@ pub struct nvsp_reassembler_statistics {
     pub duplicates: u64,
     /// Modem frames refused.
     pub rejected: u64,
-    /// Modem frames that wait for the first of their packet, now.
+    /// Modem frames that now wait for the first frame of their packet.
     pub waiting: u64,
     /// Packets completed.
     pub completed: u64,
-    /// Times that a packet was all there and its own checks did not match.
+    /// How often a packet was all there, but its own checks did not match.
     pub damaged: u64,
     /// Packets displaced by newer ones before they were complete.
     pub incomplete: u64,
@@ -121,10 +121,10 @@ fn fence(body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp_status {
     caught.map_or(NVSP_ERR_INTERNAL, |done| done.unwrap_or_else(|failure| failure.status()))
 }
 
-/// How many modem frames a packet takes.
-/// The first one costs no bytes, each other one four. Allocates nothing; any threads may call it.
+/// Tells how many modem frames a packet takes. The first one costs no bytes, each other one costs
+/// four. Allocates nothing; any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, or with NVSP_ERR_MODEM where the MTU is out of range or the packet too
+/// Fails with NVSP_ERR_NULL, or with NVSP_ERR_MODEM if the MTU is out of range or the packet is too
 /// long for 4096 frames.
 ///
 /// # Safety
@@ -148,12 +148,12 @@ pub unsafe extern "C" fn nvsp_modem_frame_count(
     })
 }
 
-/// Writes modem frame `index` of a packet, 0 first, into `frame`: at most `mtu` bytes. It may be
-/// padded to any length. Frame 0 holds the latent part, a picture by itself: send it first, and again
-/// if anything. Allocates nothing; any threads may call it.
+/// Writes modem frame `index` of a packet, 0 first, into `frame`: at most `mtu` bytes. It may be padded to any length.
+/// Frame 0 holds the latent part, which makes a picture by itself. Send it first. If you repeat one frame only, repeat
+/// this one. Allocates nothing; any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_MODEM where
-/// the bytes are no sound packet, or the MTU or the index is out of range.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_MODEM if the
+/// bytes are no sound packet, or the MTU or the index is out of range.
 ///
 /// # Safety
 /// - `packet`: the packet. Read during the call. Not NULL.
@@ -188,8 +188,8 @@ pub unsafe extern "C" fn nvsp_modem_frame(
     })
 }
 
-/// Makes a reassembler of packets that were split for the same MTU. All its memory is taken here: at most eight times max_packet_bytes and 16 bytes for each
-/// frame of as many packets.
+/// Makes a reassembler for packets that were split for the same MTU. Takes all its memory here: room for at most eight
+/// packets, each of max_packet_bytes and 16 bytes per modem frame.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
 /// NVSP_ERR_MODEM (the MTU).
@@ -225,12 +225,12 @@ pub unsafe extern "C" fn nvsp_reassembler_create(
     })
 }
 
-/// Takes a modem frame, in whatever order they come, repeated, padded or damaged.
-/// Allocates nothing.
+/// Takes a modem frame. Frames may come in any order, repeated, padded or damaged. Allocates
+/// nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-/// NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_MODEM where it is no frame of a packet, or damaged:
-/// then nothing that was there is lost.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
+/// NVSP_ERR_POISONED, or NVSP_ERR_MODEM if it is no frame of a packet, or is damaged. What came before is not lost
+/// then.
 ///
 /// # Safety
 /// - `reassembler`: a live reassembler. Not NULL.
@@ -265,18 +265,17 @@ pub unsafe extern "C" fn nvsp_reassembler_push(
     }
 }
 
-/// Copies what has come of the newest packet into `packet`: a packet, or the start of one, for
-/// nvsp_decode with NVSP_DECODE_START, which makes the best picture of it that there is. It stays
-/// until newer packets take its place. Allocates nothing.
+/// Copies what has come of the newest packet into `packet`: the whole packet, or its start. Give it
+/// to nvsp_decode with NVSP_DECODE_START, which makes the best possible picture of it. The packet
+/// stays until newer packets take its place. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-/// NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE where nothing came
-/// that makes a picture.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
+/// NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came that makes a picture.
 ///
 /// # Safety
 /// - `reassembler`: a live reassembler. Not NULL.
 /// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `packet`; nvsp_reassembler_options.max_packet_bytes always suffice.
+/// - `size`: bytes of `packet`; nvsp_reassembler_options.max_packet_bytes always suffices.
 /// - `written`: receives the number of bytes. Not NULL.
 /// - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
@@ -309,11 +308,11 @@ pub unsafe extern "C" fn nvsp_reassembler_fetch(
     }
 }
 
-/// Tells which modem frames of the newest packet to ask its sender for again. Before enough came to tell how many there are, the first one
-/// that is missing. Allocates nothing.
+/// Lists the modem frames of the newest packet to ask its sender for again. Until the packet's length is known, the
+/// list holds only the first missing frame. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE where no first
-/// frame of a packet came.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if no first frame
+/// of a packet came.
 ///
 /// # Safety
 /// - `reassembler`: a live reassembler. Not NULL.
@@ -379,7 +378,7 @@ pub unsafe extern "C" fn nvsp_reassembler_get_statistics(
     }
 }
 
-/// The text of the last failed call on the reassembler; as nvsp_engine_last_error.
+/// Copies the text of the last failed call on the reassembler, as nvsp_engine_last_error does.
 ///
 /// # Safety
 /// - `reassembler`: a live reassembler. Not NULL.
@@ -398,7 +397,7 @@ pub unsafe extern "C" fn nvsp_reassembler_last_error(
 /// Ends a reassembler; NULL is allowed.
 ///
 /// # Safety
-/// - `reassembler`: a live reassembler that no other thread is using; it is dead afterwards. NULL is allowed.
+/// - `reassembler`: a live reassembler that no other thread uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_destroy(reassembler: *mut nvsp_reassembler) {
     // SAFETY: as the caller promises.

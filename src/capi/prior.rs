@@ -40,8 +40,8 @@ pub const NVSP_PRIOR_ANTIALIASED: u32 = 4;
 /// `background` is given.
 pub const NVSP_PRIOR_BACKGROUND: u32 = 8;
 
-/// Render options against those found in a prior's file; part of the prior's identity, so both sides
-/// of a link must give the same.
+/// Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
+/// must give the same.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -76,7 +76,7 @@ pub struct nvsp_prior_info {
     pub id: u32,
     /// Splats in use.
     pub splats: u32,
-    /// Splats of the file that were unsound and left out.
+    /// Unsound splats of the file, which were left out.
     pub dropped: u32,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
@@ -97,20 +97,20 @@ pub struct nvsp_prior_info {
 }
 versioned!(nvsp_prior_info, 68);
 
-/// Reads a prior from a file, its format told by the content: a .ply as Inria's trainer and nerfstudio
-/// write it, or a compact prior (.nvsg); built with the feature "formats", an .spz or a
-/// .compressed.ply, too. Checks it and copies it to the device. Unsound splats are left out and logged
-/// as a warning. The file is not needed afterwards, and no copy of it is kept in
-/// host memory. While it runs it takes, on host and device together, at most four times the size of a
-/// binary .ply, eight times that of a text; for the other formats, more by as much as they are packed.
+/// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
+/// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
+/// .compressed.ply. Unsound splats are left out and logged as a warning. The file is not needed afterwards, and no copy
+/// of it stays in host memory. While the call runs, host and device together take at most four times the size of a
+/// binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
+/// is packed.
 ///
-/// Key frames, poses at which a lost camera is looked for, are read by themselves: those of the file
-/// PATH.keys beside the prior, if there is one, else those in the prior's own. They are no part of its
-/// identity; `nvsprior key-frames` writes them. A file PATH.keys that is not sound is NVSP_ERR_PRIOR.
+/// Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
+/// if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
+/// them. If PATH.keys is not sound, the call fails with NVSP_ERR_PRIOR.
 ///
-/// Coder tables of the scene's own, by which difference pictures take fewer bytes, are read in the same
-/// way, from PATH.tables or the prior's own file. They are part of its identity: both sides of a link need
-/// them. `nvsprior tables` writes them.
+/// Scene coder tables are read in the same way, from PATH.tables or the prior's own file. With them difference pictures
+/// take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes
+/// them.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
@@ -140,10 +140,10 @@ pub unsafe extern "C" fn nvsp_prior_open(
     }
 }
 
-/// nvsp_prior_open, from the content of a file in memory, which is not needed afterwards. Key frames
-/// and coder tables are those in it.
+/// As nvsp_prior_open, but from the content of a file in memory, which is not needed afterwards. Key frames and coder
+/// tables come from that content.
 ///
-/// Fails as nvsp_prior_open does, but for NVSP_ERR_FILE.
+/// Fails as nvsp_prior_open does, except with NVSP_ERR_FILE.
 ///
 /// # Safety
 /// - `engine`: a live engine. Not NULL.
@@ -168,7 +168,7 @@ pub unsafe extern "C" fn nvsp_prior_open_memory(
     }
 }
 
-/// Reads a prior in the way that `source` gives once the other arguments are known to be sound.
+/// Reads a prior by what `source` gives. Calls it after the other arguments were checked.
 ///
 /// # Safety
 /// As for [`nvsp_prior_open`].
@@ -181,7 +181,7 @@ unsafe fn open<Read>(
 where
     Read: FnOnce(&RenderOverrides) -> Result<Prior, crate::prior::PriorError>,
 {
-    // SAFETY: as the caller promises; the place for the handle is not NULL where it is written.
+    // SAFETY: as the caller promises; the place for the handle is checked before it is written.
     unsafe {
         Handle::share(nvsp_engine::handle(engine), |handle, content| {
             if prior.is_null() {
@@ -263,7 +263,7 @@ pub unsafe extern "C" fn nvsp_prior_get_info(
     }
 }
 
-/// The text of the last failed call on the prior; as nvsp_engine_last_error.
+/// Copies the text of the last failed call on the prior, as nvsp_engine_last_error does.
 ///
 /// # Safety
 /// - `prior`: a live prior. Not NULL.
@@ -279,11 +279,11 @@ pub unsafe extern "C" fn nvsp_prior_last_error(
     unsafe { Handle::last_error(nvsp_prior::handle(prior), text, size) }
 }
 
-/// Ends a prior; NULL is allowed. Encoders and decoders made with it work on: its device memory goes
-/// with the last of them.
+/// Ends a prior; NULL is allowed. Encoders and decoders made with it go on to work. The last of them frees its device
+/// memory.
 ///
 /// # Safety
-/// - `prior`: a live prior that no other thread is using; it is dead afterwards. NULL is allowed.
+/// - `prior`: a live prior that no other thread uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_destroy(prior: *mut nvsp_prior) {
     // SAFETY: as the caller promises.

@@ -20,7 +20,7 @@ pub const NVSP_PENDING: nvsp_status = 1;
 pub const NVSP_ERR_NULL: nvsp_status = -1;
 /// An argument or a field is out of its range; the text names it.
 pub const NVSP_ERR_ARGUMENT: nvsp_status = -2;
-/// A structure's struct_size is none that this library knows; see NVSP_INIT.
+/// This library does not know a structure's struct_size; see NVSP_INIT.
 pub const NVSP_ERR_STRUCT_SIZE: nvsp_status = -3;
 /// A structure was made for an ABI version that this library does not speak.
 pub const NVSP_ERR_ABI_VERSION: nvsp_status = -4;
@@ -36,15 +36,15 @@ pub const NVSP_ERR_POISONED: nvsp_status = -8;
 pub const NVSP_ERR_NO_DEVICE: nvsp_status = -9;
 /// The device was lost. See nvsp_engine_reopen.
 pub const NVSP_ERR_DEVICE_LOST: nvsp_status = -10;
-/// Host or device memory could not be had; the text names the buffer and its size.
+/// Host or device memory could not be allocated. The text names the buffer and its size.
 pub const NVSP_ERR_MEMORY: nvsp_status = -11;
 /// A Vulkan call failed; the text names it.
 pub const NVSP_ERR_VULKAN: nvsp_status = -12;
 /// A file cannot be read.
 pub const NVSP_ERR_FILE: nvsp_status = -13;
-/// The content of a prior is not sound; the text names the splat or the byte.
+/// The content of a prior is not sound. The text names the splat or the byte.
 pub const NVSP_ERR_PRIOR: nvsp_status = -14;
-/// A camera cannot be rendered with.
+/// No picture can be rendered with this camera.
 pub const NVSP_ERR_CAMERA: nvsp_status = -15;
 /// An image's size, shape, strides or planes do not fit.
 pub const NVSP_ERR_IMAGE: nvsp_status = -16;
@@ -56,17 +56,17 @@ pub const NVSP_ERR_BUDGET: nvsp_status = -18;
 pub const NVSP_ERR_PACKET: nvsp_status = -19;
 /// The packet is about another prior than the one at hand.
 pub const NVSP_ERR_OTHER_PRIOR: nvsp_status = -20;
-/// The packet's camera was sent in an earlier packet, which is missing. Of a short packet also: the
-/// prior that it is about may be another than the one at hand; the text tells.
+/// The packet's camera was sent in an earlier packet, which is missing. For a short packet this may
+/// also mean that it is about another prior; the text tells.
 pub const NVSP_ERR_CAMERA_UNKNOWN: nvsp_status = -21;
 /// The difference picture is damaged or cut short.
 pub const NVSP_ERR_RESIDUAL: nvsp_status = -22;
 /// The bytes are no modem frame of a packet, or the packet does not fit the modem.
 pub const NVSP_ERR_MODEM: nvsp_status = -23;
-/// A fault of the library itself; the handle is of no use any more.
+/// A fault of the library itself. The handle cannot be used any more.
 pub const NVSP_ERR_INTERNAL: nvsp_status = -24;
 
-/// A status in a few words of English; static, never NULL, also for numbers that are no status.
+/// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 ///
 /// # Parameters
 /// - `status`: any number.
@@ -93,7 +93,7 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_VULKAN => c"a Vulkan call failed",
         NVSP_ERR_FILE => c"a file cannot be read",
         NVSP_ERR_PRIOR => c"the prior is not sound",
-        NVSP_ERR_CAMERA => c"the camera cannot be rendered with",
+        NVSP_ERR_CAMERA => c"no picture can be rendered with this camera",
         NVSP_ERR_IMAGE => c"the image does not fit",
         NVSP_ERR_NO_START => c"no pose to start from",
         NVSP_ERR_BUDGET => c"the byte budget does not hold the pose",
@@ -110,11 +110,11 @@ fn text(status: nvsp_status) -> &'static CStr {
 /// Why a call fails.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Failure {
-    /// Found at the boundary: a status, and what it is about.
+    /// Found by the C functions themselves: a status, and what it is about.
     #[error("{}: {about}", text(*status).to_string_lossy())]
     Boundary { status: nvsp_status, about: &'static str },
     /// The destination is too small.
-    #[error("the destination has {found} bytes where {needed} are needed")]
+    #[error("the destination has {found} bytes, but {needed} are needed")]
     Room { needed: usize, found: usize },
     /// An error of the library.
     #[error(transparent)]
@@ -137,7 +137,7 @@ impl Failure {
         Failure::at(NVSP_ERR_ARGUMENT, about)
     }
 
-    /// Of a modem frame that does not fit its buffer, the status that says so.
+    /// Turns the error of a modem frame that does not fit its buffer into the status for that.
     pub(super) fn from_buffer(error: ModemError) -> Failure {
         match error {
             ModemError::Buffer { needed, found } => Failure::Room { needed, found },

@@ -1,8 +1,7 @@
 //! Structures that grow: those that begin with their size and the ABI version.
 //!
-//! Fields are only ever appended, and zero means "default" or "not there". So a caller's structure of
-//! an older header is a prefix of ours, and one of a newer header is sound as long as what we do not
-//! know in it is zero.
+//! Fields are only ever appended, and zero means "default" or "not there". So a structure of an older header is a
+//! prefix of ours. A structure of a newer header is sound if all that we do not know in it is zero.
 
 use std::ffi::c_void;
 
@@ -19,8 +18,8 @@ const MAX_SIZE: usize = 4096;
 /// A structure with `struct_size` and `abi_version` in front.
 ///
 /// # Safety
-/// It is `#[repr(C)]`, begins with these two `u32`, and holds only numbers and pointers, for which
-/// zero is a value, and arrays of them.
+/// It is `#[repr(C)]` and begins with these two `u32`. It holds only numbers, pointers and arrays
+/// of them, for which zero is a value.
 pub(super) unsafe trait Versioned: Copy {
     /// Bytes that its first version had.
     const FIRST_SIZE: usize;
@@ -28,8 +27,8 @@ pub(super) unsafe trait Versioned: Copy {
     const NAME: &'static str;
 }
 
-/// Zeroes a structure of `size` bytes and enters its size and the caller's ABI version: what the
-/// macro NVSP_INIT calls. The structure then means all defaults.
+/// Zeroes a structure of `size` bytes, then writes its size and the caller's ABI version into it.
+/// The structure then means all defaults. The macro NVSP_INIT calls this.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE (size below 8 or above 4096) or
 /// NVSP_ERR_ABI_VERSION.
@@ -90,8 +89,8 @@ pub(super) unsafe fn read<T: Versioned>(structure: *const T) -> Result<T, Failur
     if structure.is_null() {
         return Ok(value);
     }
-    // SAFETY: as the caller promises, `size` bytes are there; those known fit into `value`, and any
-    // are values of its fields.
+    // SAFETY: the caller promises `size` bytes. The known ones fit into `value`, whose fields take
+    // any bytes.
     let unknown = unsafe {
         let size = check_head(structure)?;
         let known = size.min(size_of::<T>());
@@ -100,7 +99,7 @@ pub(super) unsafe fn read<T: Versioned>(structure: *const T) -> Result<T, Failur
         std::slice::from_raw_parts(bytes.add(known), size - known)
     };
     if unknown.iter().any(|b| *b != 0) {
-        // A field that this version does not know, and must not pass over.
+        // The caller set a field that this version does not know. It must not be ignored.
         return Err(Failure::at(NVSP_ERR_STRUCT_SIZE, T::NAME));
     }
     Ok(value)
@@ -108,7 +107,7 @@ pub(super) unsafe fn read<T: Versioned>(structure: *const T) -> Result<T, Failur
 
 /// A checked place for a result.
 pub(super) struct Out<T> {
-    /// Null where the caller wants none.
+    /// Null if the caller wants no result.
     place: *mut T,
     size: usize,
 }
@@ -127,7 +126,7 @@ impl<T: Versioned> Out<T> {
     /// As [`Out::new`], refusing NULL.
     ///
     /// # Safety
-    /// As there.
+    /// As for [`Out::new`].
     pub(super) unsafe fn required(place: *mut T) -> Result<Out<T>, Failure> {
         if place.is_null() {
             return Err(Failure::null(T::NAME));
@@ -136,7 +135,7 @@ impl<T: Versioned> Out<T> {
         unsafe { Out::new(place) }
     }
 
-    /// Writes the fields that the caller's version has; those that only it knows become zero.
+    /// Writes the fields that the caller's version has. Fields that only the caller's version knows become zero.
     pub(super) fn write(&self, value: &T) {
         if self.place.is_null() {
             return;
@@ -151,8 +150,7 @@ impl<T: Versioned> Out<T> {
     }
 }
 
-/// Implements [`Versioned`] for a structure of which `$first_size` bytes were there from the first, of
-/// `$size` now.
+/// Implements [`Versioned`] for a structure that had `$first_size` bytes in its first version and has `$size` now.
 macro_rules! versioned {
     ($name:ident, $first_size:expr) => {
         versioned!($name, $first_size, $first_size);
@@ -191,7 +189,7 @@ mod tests {
         result.err().map(|failure| failure.status())
     }
 
-    /// Words of a structure as some header has it.
+    /// The words of a structure of a header.
     fn words<const N: usize>(fields: [u32; N]) -> [u32; N] {
         let mut words = fields;
         (words[0], words[1]) = (4 * N as u32, NVSP_ABI_VERSION);

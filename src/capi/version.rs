@@ -4,7 +4,7 @@ use std::ffi::c_char;
 
 use super::structs::NVSP_ABI_VERSION;
 
-/// The library's version, as in "0.1.0"; static.
+/// Returns the library's version, such as "0.1.0". The text is static.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_version() -> *const c_char {
     const TEXT: &std::ffi::CStr = match std::ffi::CStr::from_bytes_with_nul(
@@ -16,8 +16,8 @@ pub extern "C" fn nvsp_version() -> *const c_char {
     TEXT.as_ptr()
 }
 
-/// The ABI version that the library speaks. A program made for another NVSP_ABI_VERSION is refused by
-/// NVSP_INIT and by every call that takes a structure.
+/// Returns the ABI version that the library speaks. NVSP_INIT and every call that takes a structure refuse a program
+/// made for another NVSP_ABI_VERSION.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_abi_version() -> u32 {
     NVSP_ABI_VERSION

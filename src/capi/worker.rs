@@ -1,4 +1,4 @@
-//! Work on a thread of its own, so that a control loop need not wait for it.
+//! A thread of its own for the work, so that a control loop need not wait for it.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
@@ -53,10 +53,10 @@ impl<C: Send + 'static> Worker<C> {
         Worker { shared, thread: None, job }
     }
 
-    /// What the job works on, while it does not.
+    /// What the job works on. Fails while the job runs.
     pub(super) fn core(&self) -> Result<MutexGuard<'_, C>, Failure> {
         if matches!(*self.shared.state(), State::Asked) {
-            return Err(Failure::at(NVSP_ERR_BUSY, "what was begun is not finished"));
+            return Err(Failure::at(NVSP_ERR_BUSY, "the job that was begun is not finished"));
         }
         self.shared.core.try_lock().map_err(|error| match error {
             TryLockError::Poisoned(_) => Failure::at(NVSP_ERR_POISONED, "the job failed before"),
@@ -64,8 +64,8 @@ impl<C: Send + 'static> Worker<C> {
         })
     }
 
-    /// Does the job on this thread; an outcome that was not taken is dropped once this one is
-    /// prepared.
+    /// Does the job on this thread. Once the job is prepared, an earlier outcome that was not taken
+    /// is dropped.
     pub(super) fn run(
         &mut self,
         prepare: impl FnOnce(&mut C) -> Result<(), Failure>,
@@ -81,7 +81,7 @@ impl<C: Send + 'static> Worker<C> {
         Ok(())
     }
 
-    /// Prepares the job on this thread and has it done on the other.
+    /// Prepares the job on this thread. The other thread then does it.
     pub(super) fn begin(
         &mut self,
         prepare: impl FnOnce(&mut C) -> Result<(), Failure>,
@@ -102,7 +102,7 @@ impl<C: Send + 'static> Worker<C> {
         Ok(())
     }
 
-    /// Whether there is an outcome to take; waits for it for at most so long.
+    /// Tells whether there is an outcome to take. Waits for it, at most `timeout`.
     pub(super) fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
         let asked = |state: &mut State| matches!(state, State::Asked);
         let changed = &self.shared.changed;

@@ -25,7 +25,7 @@ impl Pose {
     /// The pose whose camera stands at the world's origin and looks along +z.
     pub const IDENTITY: Pose = Pose { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
-    /// From `q = (w, x, y, z)` of any length but zero, and `t`. `None` where that is no pose.
+    /// From `q = (w, x, y, z)` of any length but zero, and `t`. `None` if that is no pose.
     pub fn from_wxyz(q: [f64; 4], t: [f64; 3]) -> Option<Pose> {
         let rotation = DQuat::from_xyzw(q[1], q[2], q[3], q[0]);
         let length = rotation.length();
@@ -85,7 +85,7 @@ impl Pose {
         let theta = DVec3::new(tau[3], tau[4], tau[5]);
         let angle2 = theta.length_squared();
         let angle = angle2.sqrt();
-        // (1 − cos a)/a² and (a − sin a)/a³, by series where the quotients lose digits.
+        // (1 − cos a)/a² and (a − sin a)/a³; by series if the quotients would lose digits.
         let (b, c) = if angle < 1e-4 {
             (0.5 - angle2 / 24.0, 1.0 / 6.0 - angle2 / 120.0)
         } else {
@@ -98,14 +98,14 @@ impl Pose {
         }
     }
 
-    /// The step that [`exp`](Self::exp) makes this motion of, its turn at most π (Barfoot, eq. 8.33).
+    /// The step whose [`exp`](Self::exp) is this motion; it turns by at most π (Barfoot, eq. 8.33).
     pub fn log(&self) -> Step {
         let q = if self.rotation.w < 0.0 { -self.rotation } else { self.rotation };
         let sine = q.xyz().length();
         let angle = 2.0 * sine.atan2(q.w);
         let theta = q.xyz() * if sine < 1e-9 { 2.0 } else { angle / sine };
         let angle2 = angle * angle;
-        // 1/a² − (1 + cos a)/(2 a sin a), by series where that loses digits.
+        // 1/a² − (1 + cos a)/(2 a sin a); by series if that would lose digits.
         let d = if angle < 1e-2 {
             1.0 / 12.0 + angle2 / 720.0 + angle2 * angle2 / 30_240.0
         } else {
@@ -116,8 +116,8 @@ impl Pose {
         [rho.x, rho.y, rho.z, theta.x, theta.y, theta.z]
     }
 
-    /// The pose that constant velocity predicts after `before`, `self`: the last relative motion
-    /// once more.
+    /// The pose that constant velocity predicts after the poses `before` and `self`: repeats the
+    /// motion between them.
     pub fn predicted(&self, before: &Pose) -> Pose {
         self.after(&before.inverse()).after(self)
     }

@@ -10,14 +10,14 @@ use crate::{Camera, Picture};
 ///
 /// Every sample of the result is within one step of the exact value, for images up to 32 times the
 /// picture's size. Planes are scaled before colours are converted, chroma at its own resolution.
-/// Buffers are kept, less than 2 MiB of them; nothing is allocated where the image before had the
-/// same size and format and the picture is large enough.
+/// Buffers of less than 2 MiB are kept. Nothing is allocated if the image before had the same size
+/// and format and the picture is large enough.
 pub struct Converter {
     width: u32,
     height: u32,
     /// For planes of full and of half resolution, one for x and one for y.
     axes: [[Axis; 2]; 2],
-    /// Weighted sum of a plane's rows, and the same with [`SAMPLE_BITS`].
+    /// Weighted sum of a plane's rows, and the sum with [`SAMPLE_BITS`].
     sums: Vec<u32>,
     line: Vec<u16>,
     /// A row of the picture in three components, with [`SAMPLE_BITS`].
@@ -25,8 +25,8 @@ pub struct Converter {
 }
 
 impl Converter {
-    /// For pictures of this size, the encoder's camera's, in pixels: sides of 1 to
-    /// [`Camera::MAX_SIDE`].
+    /// Makes a converter for pictures of this size, that of the encoder's camera: sides of 1 to
+    /// [`Camera::MAX_SIDE`] pixels.
     pub fn new(width: u32, height: u32) -> Result<Converter, PixelError> {
         check_size(width, height, Camera::MAX_SIDE)?;
         let components = std::array::from_fn(|_| vec![0; width as usize]);
@@ -34,11 +34,11 @@ impl Converter {
         Ok(Converter { width, height, axes, sums, line, components })
     }
 
-    /// Makes `into` a picture of the image: scaled where its size is another, 8-bit RGB.
+    /// Makes `into` a picture of the image, 8-bit RGB. Scales it if its size differs.
     ///
     /// # Errors
-    /// An image that [`ImageView::check`] refuses, or one of another shape than the picture (ratios
-    /// of the sides more than 1 % apart): the picture is left as it was.
+    /// If [`ImageView::check`] refuses the image, or its shape is not the picture's (ratios of the
+    /// sides more than 1 % apart). The picture is then left as it was.
     pub fn convert(&mut self, image: &ImageView, into: &mut Picture) -> Result<(), PixelError> {
         image.check()?;
         self.check_shape(image)?;
@@ -78,8 +78,8 @@ impl Converter {
         }
     }
 
-    /// Row `y` of a plane's components: first down the columns, all of the plane's bytes alike,
-    /// then along the row.
+    /// Makes row `y` of a plane's components: scales first down the columns, every byte in the same
+    /// way, then along the row.
     fn scale(&mut self, plane: &Plane, bytes: &[u8], stride: usize, width: u32, y: usize) {
         let [along, down] = &self.axes[plane.pixels as usize - 1];
         let row_len = plane.size(width, 1).0 as usize * plane.step;
@@ -117,7 +117,7 @@ impl Converter {
         axes.chain(rows).chain([buffer(&self.sums), buffer(&self.line)]).collect()
     }
 
-    /// The components of a row to its bytes.
+    /// Writes a row's components as bytes.
     fn write(&self, matrix: Option<&Matrix>, row: &mut [u8]) {
         let [a, b, c] = &self.components;
         for (((rgb, &a), &b), &c) in row.chunks_exact_mut(3).zip(a).zip(b).zip(c) {
@@ -129,8 +129,8 @@ impl Converter {
     }
 }
 
-/// Drops fractional bits. Means of bytes are at most 255 before the point, so that neither the sum
-/// overflows nor the result.
+/// Rounds to whole numbers. Means of bytes are at most 255, so neither the sum nor the result
+/// overflows.
 fn round(value: u32, bits: u32) -> u16 {
     ((value + (1 << (bits - 1))) >> bits) as u16
 }

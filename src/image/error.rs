@@ -16,7 +16,7 @@ pub enum PixelError {
         max: u32,
     },
     /// The rows of a plane would overlap.
-    #[error("plane {plane}: a stride of {found} bytes where a row takes {needed}")]
+    #[error("plane {plane}: a stride of {found} bytes, but a row takes {needed}")]
     Stride {
         /// The plane.
         plane: &'static str,
@@ -26,11 +26,11 @@ pub enum PixelError {
         found: usize,
     },
     /// The bytes of a plane end before its rows do.
-    #[error("plane {plane}: {found} bytes where {needed} are due")]
+    #[error("plane {plane}: {found} bytes, but {needed} are due")]
     TooShort {
         /// The plane.
         plane: &'static str,
-        /// Bytes up to the end of the last row; `usize::MAX` where that is beyond it.
+        /// Bytes up to the end of the last row, at most `usize::MAX`.
         needed: usize,
         /// Bytes that are there.
         found: usize,

@@ -1,7 +1,7 @@
 //! Pictures, and images in the pixel formats of cameras and screens.
 //!
-//! A [`Converter`] makes an encoder's [`Picture`] of a camera's image, whatever its
-//! format and size; [`write_picture`] lays a decoded picture out for whoever shows it. All of it is
+//! A [`Converter`] turns a camera's image, of any format and size, into an encoder's [`Picture`].
+//! [`write_picture`] writes a decoded picture in the format of whoever shows it. All of it is
 //! integer arithmetic: an image gives the same picture, and so the same packet, on every CPU.
 
 mod axis;

@@ -35,7 +35,7 @@ impl Picture {
         Picture { width, height, data: vec![0; width as usize * height as usize * 3] }
     }
 
-    /// From row-major RGB bytes; `None` where their number does not fit the size.
+    /// From row-major RGB bytes; `None` if their number does not fit the size.
     pub fn from_rgb(width: u32, height: u32, data: Vec<u8>) -> Option<Picture> {
         (data.len() == width as usize * height as usize * 3).then_some(Picture {
             width,
@@ -44,7 +44,7 @@ impl Picture {
         })
     }
 
-    /// Gives it another size; its pixels are then of no use. Allocates only beyond its largest size.
+    /// Gives it another size; its pixels are then meaningless. Allocates only beyond its largest size so far.
     pub fn resize(&mut self, width: u32, height: u32) {
         (self.width, self.height) = (width, height);
         self.data.resize(width as usize * height as usize * 3, 0);

@@ -177,7 +177,7 @@ fn every_format_is_near_the_oracle_at_every_ratio() {
     }
 }
 
-/// Worst case of the weights' rounding: black and white in turns at a ratio of 127.
+/// The worst case of the weights' rounding: black and white alternate at a ratio of 127.
 #[test]
 fn fine_stripes_stay_within_a_step() {
     let mut image = Image::noise(PixelFormat::Rgb8, 8001, 127, 0, 1);
@@ -260,7 +260,7 @@ fn a_second_image_of_the_size_allocates_nothing() {
     assert_eq!(converter.buffers(), buffers);
     assert_eq!(picture.data.as_ptr(), data);
     assert_eq!(picture, image(2).converted(32, 18));
-    // Another size in between leaves nothing behind.
+    // Another size in between does not change the result.
     converter
         .convert(&Image::noise(PixelFormat::Rgba8, 34, 19, 0, 3).view(), &mut picture)
         .unwrap();
@@ -282,11 +282,11 @@ fn refusals_name_what_is_wrong() {
     );
     assert_eq!(
         refused(ImageView { strides: [8, 7, 0], ..view }),
-        "plane UV: a stride of 7 bytes where a row takes 8"
+        "plane UV: a stride of 7 bytes, but a row takes 8"
     );
     assert_eq!(
         refused(ImageView { planes: [view.planes[0], &view.planes[1][1..], &[]], ..view }),
-        "plane UV: 23 bytes where 24 are due"
+        "plane UV: 23 bytes, but 24 are due"
     );
     assert_eq!(
         refused(ImageView { height: 5, ..view }),

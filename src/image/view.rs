@@ -5,8 +5,8 @@ use super::PixelError;
 /// How the bytes of an image are laid out.
 ///
 /// The chroma planes of NV12 and I420 have half the sides of the image, rounded up. A chroma sample
-/// lies in the middle of its four pixels, as V4L2's drawings of these formats have it (and JPEG and
-/// MPEG-1); where an H.264 stream has it half a pixel further left, colours shift by that much.
+/// lies in the middle of its four pixels, as in V4L2's drawings of these formats, JPEG and MPEG-1.
+/// If an H.264 stream has it half a pixel further left, colours shift by that much.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PixelFormat {
     /// One plane; red, green, blue.
@@ -46,7 +46,7 @@ pub(super) struct Plane {
     pub step: usize,
     /// Pixels a sample, along either axis.
     pub pixels: u32,
-    /// Of each byte of a sample, which of the colour's three components it is.
+    /// For each byte of a sample, which of the colour's three components it is.
     pub components: &'static [usize],
 }
 
@@ -123,8 +123,8 @@ pub struct ImageView<'a> {
     pub format: PixelFormat,
     /// What Y, U and V mean.
     pub colour: Colour,
-    /// The format's planes, top row first; those that it does not have are not looked at. The last
-    /// row may end before its stride does.
+    /// The format's planes, top row first; other planes are ignored. The last row may end before
+    /// its stride does.
     pub planes: [&'a [u8]; 3],
     /// Bytes from a row of each plane to the next.
     pub strides: [usize; 3],

@@ -4,13 +4,13 @@ use super::view::check_size;
 use super::{ImageView, PixelError, PixelFormat};
 use crate::Picture;
 
-/// Writes a picture as `Rgb8`, `Bgr8` or `Rgba8` (alpha 255), `stride` bytes from a row to the next.
-/// Bytes of `into` between and after the rows are left as they are; the last row need not be
-/// followed by the rest of its stride.
+/// Writes a picture as `Rgb8`, `Bgr8` or `Rgba8` (alpha 255), with `stride` bytes from one row to the next. Bytes of
+/// `into` between and after the rows stay as they are. `into` may end with the last row's pixels.
 ///
 /// # Errors
-/// A picture with sides of zero or above [`ImageView::MAX_SIDE`], or with fewer bytes than its size
-/// says; YUV formats; a stride shorter than a row; `into` too short. Nothing is written then.
+/// If a side of the picture is zero or above [`ImageView::MAX_SIDE`], or it has fewer bytes than
+/// its size says. If the format is YUV, the stride shorter than a row, or `into` too short. Nothing
+/// is written then.
 pub fn write_picture(
     picture: &Picture,
     format: PixelFormat,

@@ -1,4 +1,4 @@
-//! A packet of which the first frame has come, and its frames.
+//! A packet whose first frame has come, and its frames.
 
 use crate::packet::{Extent, sound_len};
 
@@ -8,7 +8,7 @@ use super::layout::Layout;
 /// One packet at a time, and room for it.
 pub(super) struct Assembly {
     layout: Layout,
-    /// The packet's bytes, those of frames that are there in their places.
+    /// The packet's bytes. Those of frames that have come are in their places.
     bytes: Vec<u8>,
     /// By index: the frame is there.
     there: Vec<bool>,
@@ -19,16 +19,16 @@ pub(super) struct Assembly {
 #[derive(Clone, Copy)]
 pub(super) struct State {
     pub(super) extent: Extent,
-    /// Tells it from other packets, by as much of its latent part as is in its first frame.
+    /// Tells it from other packets. Made from the part of its latent part that is in its first frame.
     pub(super) key: u32,
     binding: u32,
     /// Bytes of frame 0 that the packet's own checks vouch for.
     own: usize,
     /// Frames there.
     pub(super) frames: usize,
-    /// Index of the first frame that is not.
+    /// Index of the first frame that is not there.
     next: usize,
-    /// All bytes of the frames there count as sound: a frame bound, or the modem is trusted.
+    /// All bytes of the frames that are there count as sound: a later frame's check matched, or the modem is trusted.
     pub(super) vouched: bool,
     /// All frames are there and the packet's checks match.
     pub(super) complete: bool,
@@ -43,7 +43,7 @@ pub(super) enum Bond {
     Bound,
     /// It is the packet's, and was there.
     Duplicate,
-    /// It is not, or cannot be told to be before the packet's length is known.
+    /// It is not the packet's, or nothing can tell until the packet's length is known.
     Stranger,
 }
 
@@ -62,12 +62,12 @@ impl Assembly {
         self.packet.as_ref()
     }
 
-    /// Length of the packet, as far as it is known.
+    /// Length of the packet, if it is known.
     pub(super) fn total(&self) -> Option<usize> {
         self.packet?.extent.total
     }
 
-    /// The packet's first bytes: without gap, and each vouched for.
+    /// The packet's first bytes: without gap, and vouched for by a check.
     pub(super) fn sound(&self) -> &[u8] {
         let Some(state) = self.packet else { return &[] };
         let without_gap = self.layout.range(state.next - 1, state.end()).end;
@@ -80,8 +80,8 @@ impl Assembly {
         own == Some(first)
     }
 
-    /// Whether a first frame is of this packet, by the latent part; where the frame does not hold
-    /// all of it, by the frame number.
+    /// Whether a first frame is of this packet. Compares the latent part, or the frame number if
+    /// the frame does not hold all of the latent part.
     pub(super) fn is_of(&self, first: &[u8], extent: &Extent) -> bool {
         let Some(state) = self.packet else { return false };
         match first.get(..extent.latent) {
@@ -124,8 +124,8 @@ impl Assembly {
             let same = data.starts_with(held) && later.binds(state.binding, held.len());
             return if same { Bond::Duplicate } else { Bond::Stranger };
         }
-        // Put in its place first, where nobody looks before it is there: the packet's length may
-        // lie in it.
+        // Put it in its place first, as the packet's length may lie in it. Nobody reads the place
+        // until the frame counts as there.
         let start = self.layout.start(index);
         let end = start + data.len();
         self.bytes[start..end].copy_from_slice(data);
@@ -152,8 +152,8 @@ impl Assembly {
         Bond::Bound
     }
 
-    /// Judges the packet once all frames are there. If its own checks do not match, a frame's
-    /// check has missed damage: the frames after the first are forgotten.
+    /// Judges the packet once all frames are there. If its own checks do not match, a frame's check
+    /// has missed damage. Then forgets the frames after the first.
     fn settle(&mut self) {
         let Some(state) = &mut self.packet else { return };
         let Some(total) = state.extent.total else { return };
@@ -169,8 +169,8 @@ impl Assembly {
         }
     }
 
-    /// Indices of frames known to be missing: all that are, once the packet's length is known, and
-    /// the next one before. Frame 0 is one where the packet came damaged.
+    /// Indices of frames known to be missing: all of them if the packet's length is known, else the
+    /// next one. If the packet came damaged, frame 0 is among them.
     pub(super) fn missing(&self) -> impl Iterator<Item = usize> + Clone + '_ {
         let known = self.packet.map_or(0, |state| match state.extent.total {
             Some(total) => self.layout.count(total),
@@ -193,7 +193,7 @@ impl Assembly {
 }
 
 impl State {
-    /// The packet's length; beyond every frame where it is not known.
+    /// The packet's length; beyond every frame if it is not known.
     fn end(&self) -> usize {
         self.extent.total.unwrap_or(usize::MAX)
     }

@@ -10,11 +10,11 @@ pub enum ModemError {
     /// The MTU is outside what frames are made for.
     #[error("MTU of {0} bytes: it must lie in {SMALLEST_MTU}..={LARGEST_MTU}")]
     Mtu(usize),
-    /// The packet, or what is to be the first frame of one, is none.
+    /// The bytes are no packet, or no first frame of one.
     #[error(transparent)]
     Packet(#[from] PacketError),
-    /// The packet has not the length that it says.
-    #[error("{found} bytes of a packet that says it has {stated}")]
+    /// The packet does not have the length that it states.
+    #[error("packet of {found} bytes: it states a length of {stated}")]
     PacketLength {
         /// Bytes given.
         found: usize,
@@ -22,15 +22,15 @@ pub enum ModemError {
         stated: usize,
     },
     /// The packet's own checks do not match all of it.
-    #[error("packet of {len} bytes: its checks match the first {sound} only")]
+    #[error("packet of {len} bytes: its checks match only the first {sound}")]
     Unsound {
         /// Length of the packet, bytes.
         len: usize,
         /// Bytes that its checks match.
         sound: usize,
     },
-    /// The packet has more bytes than the frames that can be numbered.
-    #[error("packet of {len} bytes, the largest for an MTU of {mtu} has {largest}")]
+    /// The packet has more bytes than fit into 4096 frames.
+    #[error("packet of {len} bytes: the largest for an MTU of {mtu} has {largest}")]
     PacketTooLong {
         /// Length of the packet, bytes.
         len: usize,
@@ -58,8 +58,8 @@ pub enum ModemError {
     /// The bytes do not begin as a frame does.
     #[error("no frame: it begins with {0:#04x}")]
     NotAFrame(u8),
-    /// The frame ends before its packet's bytes do: it was cut, or the sender's MTU is another.
-    #[error("frame of {found} bytes where {needed} are due: cut, or split for another MTU")]
+    /// The frame ends before its packet's bytes do: it was cut, or the sender has another MTU.
+    #[error("frame of {found} bytes, but {needed} are due: cut, or split for another MTU")]
     Cut {
         /// Bytes of the frame.
         found: usize,
@@ -74,10 +74,10 @@ pub enum ModemError {
         /// Frames that there is room for.
         room: usize,
     },
-    /// The first frame of a packet that a newer one has displaced.
+    /// The first frame of a packet whose place a newer one has taken.
     #[error("packet of frame number {0} comes again after a newer one took its place")]
     Late(u32),
-    /// The first frame contradicts the one at hand, which later frames vouch for.
+    /// The first frame contradicts the one that is there, and later frames vouch for that one.
     #[error("first frame of frame number {0}: differs from the one that its packet's checks match")]
     Contradicts(u32),
 }

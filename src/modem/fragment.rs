@@ -5,7 +5,7 @@ use crate::packet::bytes::crc16;
 use super::ModemError;
 use super::layout::{HEADER_LEN, Layout};
 
-/// Packets that frames tell apart: the frame number modulo this travels in each.
+/// How many packets the frames tell apart: each frame carries the frame number modulo this.
 pub(super) const TAGS: usize = 4;
 
 /// High two bits of a first frame, which are a packet's.
@@ -13,7 +13,7 @@ pub(super) const FIRST: u8 = 0b10;
 /// High two bits of a later frame.
 pub(super) const LATER: u8 = 0b11;
 
-/// Names a packet by its first frame, to the checks of the later ones.
+/// The name of a packet in the checks of its later frames, made from its first frame.
 pub(super) fn binding(first: &[u8]) -> u32 {
     crc32fast::hash(first)
 }
@@ -54,7 +54,7 @@ impl<'a> Fragment<'a> {
         Ok(Fragment { tag, index, check: u16::from_le_bytes([low, high]), data })
     }
 
-    /// Whether the check matches where the first `len` bytes of data are the packet's.
+    /// Whether the check matches if the first `len` bytes of data are the packet's.
     pub(super) fn binds(&self, binding: u32, len: usize) -> bool {
         let data = self.data.get(..len);
         data.is_some_and(|data| self.check == check(binding, self.tag, self.index, data))

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::ModemError;
 
-/// Bytes of a frame after the first before its data.
+/// Header bytes of each frame after the first.
 pub(super) const HEADER_LEN: usize = 4;
 /// Largest index of a frame: twelve bits.
 pub(super) const MAX_INDEX: usize = 0xFFF;

@@ -1,4 +1,4 @@
-//! What is held of the packets whose frame numbers end in the same two bits.
+//! A packet slot: what is held of packets whose frame numbers end in the same two bits.
 
 use super::assembly::{Assembly, Bond};
 use super::fragment::Fragment;

@@ -9,7 +9,7 @@ use super::layout::{Layout, MAX_INDEX};
 use super::packet_slot::PacketSlot;
 use super::statistics::{Pushed, Statistics};
 
-/// Displaced packets that are remembered, so that their late repeats are known.
+/// How many displaced packets are remembered, so that their late repeats are known.
 const GONE: usize = 16;
 
 /// How to put packets together.
@@ -17,11 +17,12 @@ const GONE: usize = 16;
 pub struct ReassemblerOptions {
     /// The MTU that the packets are split for, bytes.
     pub mtu: usize,
-    /// Packets of up to this many bytes can become complete; of longer ones, so much of the start
-    /// is kept.
+    /// Packets of up to this many bytes can become complete. Of a longer packet, this many bytes
+    /// from its start are kept.
     pub max_packet_bytes: usize,
-    /// The modem hands over no damaged frames. Then a first frame counts as sound to its end; else
-    /// only as far as its packet's own checks go, until a later frame vouches for the rest.
+    /// The modem hands over no damaged frames. If set, a first frame counts as sound to its end.
+    /// Else only what its packet's own checks cover counts as sound, until a later frame vouches
+    /// for the rest.
     pub modem_checks: bool,
 }
 
@@ -31,9 +32,9 @@ impl ReassemblerOptions {
         ReassemblerOptions { mtu, max_packet_bytes: 1 << 16, modem_checks: false }
     }
 
-    /// Memory that a [`Reassembler`] takes, all at once and for good, bytes: four times twice
-    /// `max_packet_bytes`, which is rounded up to whole frames and counts no further than
-    /// [`super::largest_packet`], and seven bytes per frame; 593,000 for
+    /// Memory that a [`Reassembler`] takes, all of it when it is made, bytes. For each of four
+    /// packets this is twice `max_packet_bytes` and seven bytes per frame. `max_packet_bytes` is
+    /// rounded up to whole frames, and limited to [`super::largest_packet`]. Example: 593,000 for
     /// [`ReassemblerOptions::new`] at an MTU of 31.
     ///
     /// # Errors
@@ -52,12 +53,12 @@ impl ReassemblerOptions {
 /// What has come of a packet.
 #[derive(Clone, Copy)]
 pub struct Received<'a> {
-    /// Frame number, modulo 2²⁴; of a short packet the one nearest to that of the newest packet when it
-    /// came; its 16 bits if that was the first.
+    /// Frame number, modulo 2²⁴. For a short packet: the number nearest to the newest packet's when it came, or its 16
+    /// bits if it was the first.
     pub frame: u32,
-    /// The packet's first bytes, without gap and without padding, each vouched for by a check. A
-    /// decoder makes the best picture of them that there is, if they hold the latent part; empty
-    /// where that part is longer than frame 0 and frame 1 has not come.
+    /// The packet's first bytes, without gap and without padding. A check vouches for each of them.
+    /// If they hold the latent part, a decoder makes the best possible picture of them. Empty if
+    /// the latent part is longer than frame 0 and frame 1 has not come.
     pub bytes: &'a [u8],
     /// The bytes are the whole packet.
     pub complete: bool,
@@ -69,21 +70,21 @@ pub struct Received<'a> {
 }
 
 impl<'a> Received<'a> {
-    /// Indices of frames to ask the sender for again, in order: all that are missing, once it is
-    /// known how many there are; the first one before that. Frame 0 is among them where the packet
-    /// came damaged.
+    /// Indices of frames to ask the sender for again, in order: all missing ones if the packet's
+    /// length is known, else the first missing one. If the packet came damaged, frame 0 is among
+    /// them.
     pub fn missing(&self) -> impl Iterator<Item = usize> + Clone + 'a {
         self.packet.missing()
     }
 }
 
-/// Puts packets together from frames that come in any order, more than once, or not at all, padded
-/// or not, among anything else.
+/// Puts packets together from frames. Frames may come in any order, more than once or not at all,
+/// padded, and mixed with other bytes.
 ///
-/// It holds four packets, one for each value of the frame number's low two bits, and as much room
-/// for frames that come before the first of their packet. A packet stays until the first frame of
-/// another with the same low bits comes: a newer one, or one of a vehicle that counts anew. Only the
-/// packet itself, late and for a second time, is refused. Nothing is allocated after [`new`].
+/// It holds four packets, one for each value of the frame number's low two bits. It has the same room again for frames
+/// that come before the first frame of their packet. A packet stays until the first frame of another packet with the
+/// same low bits comes: a newer one, or one of a vehicle that starts to count again. A displaced packet that comes
+/// again is refused. Nothing is allocated after [`new`].
 ///
 /// [`new`]: Reassembler::new
 pub struct Reassembler {
@@ -94,7 +95,7 @@ pub struct Reassembler {
     /// By the frame number's low two bits.
     slots: [PacketSlot; TAGS],
     newest: Option<u32>,
-    /// Keys of the packets displaced last, the one to be forgotten next at `oldest_gone`.
+    /// Keys of the packets displaced last. The next one to forget is at `oldest_gone`.
     gone: [Option<u32>; GONE],
     oldest_gone: usize,
     statistics: Statistics,
@@ -123,8 +124,7 @@ impl Reassembler {
     /// Takes a frame as the modem gives it. What lies beyond the MTU is padding.
     ///
     /// # Errors
-    /// If it is no frame, or refused. The other packets, and what was there of its own, stay as
-    /// they are.
+    /// If it is no frame, or is refused. All packets, its own too, stay as they are.
     pub fn push(&mut self, frame: &[u8]) -> Result<Pushed, ModemError> {
         let pushed = match frame.first() {
             Some(first) if first >> 6 == FIRST => self.push_first(frame),
@@ -136,14 +136,14 @@ impl Reassembler {
         pushed
     }
 
-    /// The packet whose first frame came last, not counting such as are only up to three frame
-    /// numbers behind another: they came late.
+    /// The packet whose first frame came last. Packets that are one to three frame numbers behind
+    /// another do not count: they came late.
     pub fn newest(&self) -> Option<Received<'_>> {
         self.packet(self.newest?)
     }
 
-    /// The packet of a frame number, modulo 2²⁴, if it is held and its first frame has come. Of a
-    /// short packet, the low 16 bits count.
+    /// The packet of a frame number, modulo 2²⁴, if it is held and its first frame has come. For a
+    /// short packet only the low 16 bits count.
     pub fn packet(&self, frame: u32) -> Option<Received<'_>> {
         let packet = &self.slots[tag_of(frame)].packet;
         let state = packet.state().filter(|state| state.extent.may_be(frame))?;
@@ -185,7 +185,7 @@ impl Reassembler {
         let key = binding(&first[..extent.latent.min(first.len())]);
         if let Some(held) = slot.packet.state() {
             if slot.packet.is_of(first, &extent) {
-                // Of two, the one that later frames have vouched for; else the one that came last.
+                // Of two first frames, keep the one that later frames vouch for, else the one that came last.
                 if held.vouched {
                     return Err(ModemError::Contradicts(extent.frame));
                 }
@@ -215,8 +215,8 @@ impl Reassembler {
     }
 }
 
-/// Whether a frame number is one of the few before the newest: then another slot holds the newest.
-/// Any other is newer, or of a vehicle that counts anew.
+/// Whether a frame number is one of the three before the newest. Any other number is newer, or of a
+/// vehicle that starts to count again.
 fn is_late(frame: u32, newest: u32) -> bool {
     let behind = newest.wrapping_sub(frame) % Latent::FRAMES;
     (1..TAGS as u32).contains(&behind)

@@ -6,7 +6,7 @@ use super::ModemError;
 use super::fragment::{binding, header, tag_of};
 use super::layout::{HEADER_LEN, Layout, frame_count};
 
-/// Cuts a packet into frames, each on demand and any number of times. Allocates nothing.
+/// Cuts a packet into frames. Gives each frame on demand, any number of times. Allocates nothing.
 ///
 /// ```
 /// # fn main() -> Result<(), nvsprior::modem::ModemError> {
@@ -37,8 +37,8 @@ impl<'a> Splitter<'a> {
     /// Looks at a packet that is to travel in frames of at most `mtu` bytes.
     ///
     /// # Errors
-    /// If the MTU is outside 31 to 65,535 bytes; the bytes are not one packet, no less and no
-    /// more, all of whose checks match; or it is longer than [`super::largest_packet`].
+    /// If the MTU is outside 31 to 65,535 bytes. If the bytes are not exactly one packet whose
+    /// checks all match. If the packet is longer than [`super::largest_packet`].
     pub fn new(packet: &'a [u8], mtu: usize) -> Result<Splitter<'a>, ModemError> {
         let layout = Layout::new(mtu)?;
         let extent = Extent::read(packet)?;
@@ -62,8 +62,8 @@ impl<'a> Splitter<'a> {
         self.count
     }
 
-    /// Writes the frame of this index to the start of `frame`, and returns its length, at most the
-    /// MTU, bytes. It may be padded to any length, by anything.
+    /// Writes the frame of this index to the start of `frame`. Returns its length, bytes, at most
+    /// the MTU. The frame may be padded to any length, with any bytes.
     ///
     /// # Errors
     /// If there is no frame of this index, or the buffer is too short for it.

@@ -79,7 +79,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The wire format, pinned: a change here is a new version of it.
+/// Pins the wire format: a change here is a new version of it.
 #[test]
 fn golden_frames() {
     let packet = compact(0x0102_0306, 40);
@@ -201,7 +201,7 @@ fn a_modem_that_checks_is_trusted() {
     let mut reassembler = Reassembler::new(options).unwrap();
     assert_eq!(reassembler.push(&frames[0]), Ok(Pushed::Grown(5)));
     assert_eq!(reassembler.newest().unwrap().bytes, &packet[..64]);
-    // If the packet's own check says otherwise, it is not.
+    // Unless the packet's own check says otherwise.
     let packet = compact(6, 20);
     let mut frame = frames_of(&packet, 64).remove(0);
     frame[40] ^= 1;
@@ -230,8 +230,8 @@ fn a_later_frame_vouches_for_the_first() {
     assert_eq!(received.missing().collect::<Vec<_>>(), [3, 4, 5]);
 }
 
-/// A frame whose check matches although it is of no packet: what is left to chance, made on
-/// purpose.
+/// A frame whose check matches although it is of no packet. By chance that happens rarely; here it
+/// is made on purpose.
 #[test]
 fn a_frame_that_its_check_does_not_find_is_found_in_the_end() {
     let packet = compact(5, 100);
@@ -252,8 +252,8 @@ fn a_frame_that_its_check_does_not_find_is_found_in_the_end() {
     assert_eq!(reassembler.statistics().damaged, 1);
 }
 
-/// Where frames are no longer than the latent part: before the length is known, only the next frame
-/// can be told to be the packet's.
+/// Frames that are no longer than the latent part. Until the length is known, only the next frame
+/// is known to be the packet's.
 #[test]
 fn frames_wait_for_the_length() {
     let recipe = Recipe { frame: 8, profile: PoseProfile::Paper, camera: true, payload: Some(120) };
@@ -284,7 +284,7 @@ fn a_newer_packet_takes_the_place() {
     assert_eq!(reassembler.push(&new[1]), Ok(Pushed::Grown(5)));
     assert_eq!(reassembler.push(&new[2]), Ok(Pushed::Complete(5)));
     assert_eq!(reassembler.newest().unwrap().bytes, packets[1]);
-    // What waits of the old packet is not taken for the next one's.
+    // Frames of the old packet that wait do not go to the next packet.
     assert_eq!(reassembler.statistics().waiting, 2);
     assert_eq!(reassembler.push(&next[0]), Ok(Pushed::Grown(9)));
     let (accepted, rejected) = (7, 3);
@@ -306,7 +306,7 @@ fn frame_numbers_wrap() {
     }
 }
 
-/// After a restart the numbers begin anew, at other poses.
+/// After a restart the numbers begin again, at other poses.
 #[test]
 fn a_restart_locks_nobody_out() {
     for last in [2, 3, 4, 100, 5000] {
@@ -368,7 +368,7 @@ fn memory_is_bounded_and_stays() {
     assert!(ReassemblerOptions::new(31).memory().unwrap() < 595_000);
 }
 
-/// What the documentation says of the check.
+/// What the documentation says about the check.
 #[test]
 fn two_flipped_bits_are_detected() {
     let frames = frames_of(&compact(0x0102_0306, 40), 31);
@@ -390,7 +390,7 @@ fn two_flipped_bits_are_detected() {
     }
 }
 
-/// A binding by CRC-16 would let one in 256 through, as frame 0 ends with its own.
+/// A binding by CRC-16 would let one in 256 through, as frame 0 ends with its own CRC-16.
 #[test]
 fn a_frame_binds_to_no_other_packet() {
     let firsts = (0..20_000_u32).map(|frame| frames_of(&compact(4 * frame, 20), 31).remove(0));
@@ -403,8 +403,8 @@ fn a_frame_binds_to_no_other_packet() {
     assert!(bound <= 2, "{bound} of 20,000");
 }
 
-/// Short packets after one in the full form: their numbers are those of its count, also beyond 2¹⁶
-/// and 2²⁴, late or not.
+/// Short packets after one in the full form: their numbers continue its count, also beyond 2¹⁶ and
+/// 2²⁴, late or not.
 #[test]
 fn short_packets_go_on_in_the_count() {
     for first in [0, 0x1_FFFE, Latent::FRAMES - 2] {
@@ -428,7 +428,7 @@ fn short_packets_go_on_in_the_count() {
         let late = reassembler.packet((first + 8) % Latent::FRAMES).unwrap();
         assert_eq!(late.bytes, packet(8, PoseProfile::Short));
     }
-    // Without one, the sixteen bits are all there is.
+    // Without a packet in the full form, the number is the sixteen bits.
     let frame = 0x02_0304;
     let alone =
         packet_of(Recipe { frame, profile: PoseProfile::Short, camera: false, payload: None });
@@ -454,7 +454,7 @@ struct Run {
     recipes: Vec<Recipe>,
     /// Taken in turn by all frames.
     fates: Vec<Fate>,
-    /// Bytes to fill up to beyond the MTU, and what with.
+    /// Padding beyond the MTU: how many bytes, and which.
     padding: Option<(usize, u8)>,
 }
 
@@ -561,7 +561,7 @@ fn same_cases() -> ProptestConfig {
 proptest! {
     #![proptest_config(same_cases())]
 
-    /// Packets by fours, the frames of each four lost, repeated and out of order.
+    /// Packets in groups of four. In each group frames are lost, repeated and out of order.
     #[test]
     fn what_comes_is_put_together(run in any_run()) {
         let mut reassembler = reassembler(run.mtu);
@@ -648,7 +648,7 @@ proptest! {
         }
     }
 
-    /// Anything at all between the frames: packets that come in order become complete, memory stays.
+    /// Any bytes between the frames: packets that come in order become complete, and memory does not grow.
     #[test]
     fn garbage_does_no_harm(
         run in any_run(),

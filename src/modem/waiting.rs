@@ -7,14 +7,14 @@ use super::layout::Layout;
 pub(super) struct Waiting {
     layout: Layout,
     tag: usize,
-    /// Data, each frame's where it lies in its packet less the first frame.
+    /// Data. Each frame's data lies at its place in the packet without the first frame.
     data: Vec<u8>,
     /// By index less one.
     frames: Vec<Option<Held>>,
     count: usize,
 }
 
-/// What is kept of a frame beside its data.
+/// What is kept of a frame besides its data.
 #[derive(Clone, Copy)]
 struct Held {
     check: u16,

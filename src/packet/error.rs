@@ -45,7 +45,7 @@ impl PacketError {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PacketError {
     /// The bytes end before the part does.
-    #[error("{part}: {found} bytes where {needed} are due")]
+    #[error("{part}: {found} bytes, but {needed} are due")]
     TooShort {
         /// The part.
         part: Part,
@@ -66,7 +66,7 @@ pub enum PacketError {
     /// The pose profile is none of the known ones.
     #[error("unknown pose profile {0}")]
     Profile(u8),
-    /// The pose is not one: a component is not finite, or its quaternion is too short or too long.
+    /// The pose is not valid: a component is not finite, or its quaternion is too short or too long.
     #[error("the pose is no rigid motion, or beyond what a packet can hold")]
     Pose,
     /// The picture size does not fit the header.
@@ -81,7 +81,7 @@ pub enum PacketError {
     #[error("camera part: {0}")]
     Camera(#[from] CameraError),
     /// The camera is not the one that the latent part is about.
-    #[error("camera of tag {found:#04x} where the latent part is about {expected:#04x}")]
+    #[error("camera of tag {found:#04x}, but the latent part is about {expected:#04x}")]
     CameraTag {
         /// Tag in the latent part.
         expected: u8,
@@ -89,7 +89,7 @@ pub enum PacketError {
         found: u8,
     },
     /// The session is not the one that a packet of the short form names.
-    #[error("session of tag {found:#04x} where the packet names {packet:#04x}")]
+    #[error("session of tag {found:#04x}, but the packet names {packet:#04x}")]
     SessionTag {
         /// Tag in the latent part.
         packet: u8,

@@ -7,7 +7,7 @@ use super::{
     CAMERA_PART_LEN, Latent, PacketError, Part, RENDER_PART_LEN, camera, render, residual,
 };
 
-/// What the start of a packet says of the whole.
+/// What the start of a packet says about the whole packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
     /// Frame number, as the packet states it.
@@ -16,13 +16,13 @@ pub struct Extent {
     pub frames: u32,
     /// Length of the latent part, bytes.
     pub latent: usize,
-    /// Length of the packet, bytes; `None` where the bytes end before its residual's length does.
+    /// Length of the packet, bytes; `None` if the bytes end before the residual's length field does.
     pub total: Option<usize>,
 }
 
 impl Extent {
-    /// Reads the first bytes of a packet, 31 or more, of the short form 19. If the latent part is there in full, its
-    /// check must match; no other check is looked at, see [`sound_len`].
+    /// Reads the first bytes of a packet: 31 or more, in the short form 19 or more. If the whole latent part is there,
+    /// its check must match. Other checks are not tested: see [`sound_len`].
     ///
     /// # Errors
     /// If the bytes are not the start of a packet, or the residual's length fits no packet.
@@ -52,7 +52,7 @@ impl Extent {
         Ok(Extent { frame, frames, latent, total })
     }
 
-    /// The same with the frame number modulo 2²⁴ that is nearest to another packet's.
+    /// Replaces the frame number by the one modulo 2²⁴ that is nearest to another packet's.
     pub(crate) fn near(self, last: Option<u32>) -> Extent {
         Extent { frame: nearest_frame(self.frame, self.frames, last), ..self }
     }
@@ -63,8 +63,8 @@ impl Extent {
     }
 }
 
-/// Bytes at the start of a packet that its own checks vouch for: none, the latent part, that and
-/// the fixed parts after it, or the packet.
+/// Bytes at the start of a packet that its own checks vouch for: none, the latent part, the latent
+/// part with the fixed parts after it, or the whole packet.
 pub fn sound_len(start: &[u8]) -> usize {
     let Ok((latent, follows, rest)) = Latent::read(start) else { return 0 };
     let (latent_part, _) = start.split_at(start.len() - rest.len());

@@ -11,12 +11,12 @@ use super::{PacketError, Part, PoseProfile, QuantisedPose, Session};
 
 /// High four bits of the first byte.
 const MAGIC: u8 = 0xB;
-/// Version of the full form, low four bits of the first byte, if the render is the same on every portable device.
+/// Version of the full form, in the low four bits of the first byte, if the encoder's device is portable.
 const VERSION: u8 = 1;
-/// In its place if the encoder's device is not portable. The layout is the same.
+/// Version of the full form if the encoder's device is not portable. The layout is the same.
 const VERSION_NOT_PORTABLE: u8 = 2;
-/// The same two of the short form. Of the four, each differs from each in two bits, and no flags of the
-/// full form are flags of the short one: it takes three flipped bits to read one form as the other.
+/// The two versions of the short form. Any two of the four versions differ in two bits or more, and no flags of the
+/// full form are flags of the short one. So only three flipped bits make one form read as the other.
 const VERSION_SHORT: u8 = 4;
 const VERSION_SHORT_NOT_PORTABLE: u8 = 7;
 /// Bytes of the full form that are not the pose.
@@ -104,7 +104,8 @@ impl Latent {
         Ok(Latent { frame, session, pose, uncertain, portable: true })
     }
 
-    /// In the short form, for a topside that knows prior and camera. Unchanged if the short form cannot hold the pose.
+    /// Gives it the short form, for a topside that knows prior and camera. Unchanged if the short form cannot hold the
+    /// pose.
     pub fn shortened(self, prior: PriorId, camera: &Camera) -> Result<Latent, PacketError> {
         if !self.pose.is_short() {
             return Ok(self);
@@ -113,9 +114,9 @@ impl Latent {
         Ok(Latent { frame, session, ..self })
     }
 
-    /// The frame number modulo 2²⁴: of the numbers that end in the short form's 16 bits, the one
-    /// nearest to `last`, that of a packet read before. Without one, the 16 bits themselves. It is
-    /// right while no 32,768 packets in a row are missing.
+    /// The frame number modulo 2²⁴. A short form states only the low 16 bits: of the numbers that
+    /// end in them, this is the one nearest to `last`, the number of a packet read before. If
+    /// `last` is `None`, it is the 16 bits. It is right unless 32,768 packets in a row are missing.
     pub fn frame_near(&self, last: Option<u32>) -> u32 {
         match self.session {
             Session::Stated { .. } => self.frame,
@@ -123,13 +124,13 @@ impl Latent {
         }
     }
 
-    /// Reads the latent part at the start of `bytes`, and nothing of what follows.
+    /// Reads the latent part at the start of `bytes`, and nothing after it.
     pub fn decode(bytes: &[u8]) -> Result<Latent, PacketError> {
         Latent::read(bytes).map(|(latent, _, _)| latent)
     }
 
-    /// Checks that the packet is about the prior at hand. The short form tells only with the camera:
-    /// see [`Session::check`].
+    /// Checks that the packet is about the prior at hand. In the short form that takes the camera too: see
+    /// [`Session::check`].
     pub fn check_prior(&self, held: PriorId) -> Result<(), PacketError> {
         match self.session {
             Session::Stated { prior, .. } if prior != held => {
@@ -267,8 +268,8 @@ pub(super) fn check_start(bytes: &[u8]) -> Result<Form, PacketError> {
     }
 }
 
-/// Of the frame numbers modulo [`Latent::FRAMES`] that are `frame` modulo `frames`, the one nearest to
-/// `last`.
+/// Finds the frame number nearest to `last`, among those that are `frame` modulo `frames`. All are modulo
+/// [`Latent::FRAMES`].
 pub(crate) fn nearest_frame(frame: u32, frames: u32, last: Option<u32>) -> u32 {
     let Some(last) = last else { return frame };
     let ahead = frame.wrapping_sub(last) % frames;

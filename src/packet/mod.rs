@@ -21,14 +21,14 @@
 //! | 0–1 | pose profile: 1 compact, 2 paper, 3 short |
 //! | 2 | the pose is not certain: the picture does not confirm it |
 //! | 3 | the camera part follows |
-//! | 4–6 | residual: 0 none asked for, 1 left out for want of bytes, 2 and up its [`Coder`] |
+//! | 4–6 | residual: 0 none asked for, 1 left out as the budget holds none, 2 and up its [`Coder`] |
 //! | 7 | the render part follows |
 //!
 //! It has 31 bytes in the compact profile, one frame of the smallest modems, and 43 in the paper's.
 //!
 //! The short form is for a topside that knows the *session*: the prior, the size and the camera. A
-//! packet in the full form has told them, with its camera part, and tells them again now and then.
-//! No camera part follows the short form, so its bit is 0.
+//! packet in the full form with a camera part states the session; such a packet is sent again now
+//! and then. No camera part follows the short form, so its bit is 0.
 //!
 //! | byte | latent part, short form: 19 bytes |
 //! |---|---|
@@ -56,36 +56,35 @@
 //! | 4 | CRC-32 (IEEE) of the latent part, the length and the payload; after the full form |
 //! | 2 | CRC-16/IBM-3740 of the latent part's CRC-32, the length and the payload; after the short form |
 //!
-//! The residual's check covers the latent part too, so that a residual is never added to the
-//! picture of another frame when parts travel apart. Bytes after the last part are passed over:
-//! modems pad.
+//! The residual's check covers the latent part too. So a residual is never added to the picture of
+//! another frame. Bytes after the last part are ignored: modems pad.
 //!
-//! A decoder that holds no camera whose tag is the packet's cannot use the packet, and one that
-//! holds another prior must not ([`Session::check`]).
+//! A decoder cannot use a packet if it holds no camera with the packet's tag. It must not use a
+//! packet of another prior ([`Session::check`]).
 //!
-//! **What is missed.** The CRC-16 of a latent part finds every error of one, two or any odd number of
-//! bits in a part this short (its polynomial has order 32,767 and the factor x + 1), and every burst
-//! of up to sixteen bits before the check. Of longer bursts, and of four and more bits if their number
-//! is even, it misses one in 30,000 at most. That holds while its length is right, which hangs on
-//! version and profile. No two flipped bits make one form the other.
+//! **What is missed.** The CRC-16 of a latent part finds every error of one, two or any odd number of bits in a part
+//! this short (its polynomial has order 32,767 and the factor x + 1). It also finds every burst of up to sixteen bits
+//! before the check. It misses at most one in 30,000 of longer bursts, and of errors of an even number of four and more
+//! bits. That holds as long as the part's length is right, which depends on version and profile. No two flipped bits
+//! turn one form into the other.
 //!
-//! | damage, to | full form | short form |
+//! | damage | full form | short form |
 //! |---|---|---|
 //! | one or two bits of the latent part | never missed | never missed |
-//! | the latent part, at random | 1 in 65,536 | 1 in 131,072: a bit of the pose is always zero |
-//! | the same, with the residual after it taken too | 1 in 2⁴⁸ | 1 in 2³³ |
+//! | a random latent part | 1 in 65,536 | 1 in 131,072: a bit of the pose is always zero |
+//! | a random latent part and the residual after it, both | 1 in 2⁴⁸ | 1 in 2³³ |
 //! | one bit of a residual's payload or check | never missed | never missed |
 //! | one bit of a residual's length | 1 in 2³² | 1 in 65,536 |
-//! | the residual part at random, or that of another packet | 1 in 2³² | 1 in 65,536 |
-//! | a prior that is not the vehicle's | 1 in 2³² | 1 in 256 for each camera known |
+//! | a random residual part, or that of another packet | 1 in 2³² | 1 in 65,536 |
+//! | a prior that is not the vehicle's | 1 in 2³² | 1 in 256 per known camera |
 //! | a camera that is not the vehicle's | 1 in 256 | 1 in 256 |
 //!
-//! By trial in the short form: 966 of 2²⁷ random latent parts, none of 2²⁵ with one, two or three bits
-//! flipped, 69 of 2²² random residual parts.
+//! Measured in the short form: 966 of 2²⁷ random latent parts were missed, none of 2²⁵ with one, two or three flipped
+//! bits, and 69 of 2²² random residual parts.
 //!
-//! A pose is as safe in the short form as in the full one. A residual is less: one that is taken for
-//! sound spoils one picture. The last two rows are drawn once for a vehicle and its topside, not once
-//! a packet, and the next packet in the full form corrects them: it refuses another prior.
+//! A pose is as safe in the short form as in the full one. A residual is less safe: a damaged one that passes spoils
+//! one picture. The chances of the last two rows count once per vehicle and topside, not once per packet. The next
+//! packet in the full form corrects such a mistake, as a topside with another prior refuses it.
 
 pub(crate) mod bytes;
 mod camera;
@@ -129,7 +128,7 @@ pub const RENDER_PART_LEN: usize = render::LEN;
 pub struct Packet<'a> {
     /// What makes a picture by itself.
     pub latent: Latent,
-    /// The camera, sent when it changed and as a refresh now and then.
+    /// The camera. Sent when it changed, and again now and then.
     pub camera: Option<Camera>,
     /// A check of the render, if the vehicle sends one.
     pub render: Option<RenderCheck>,
@@ -142,14 +141,14 @@ pub struct Packet<'a> {
 pub struct Salvage<'a> {
     /// The latent part: sound, or there would be nothing.
     pub latent: Latent,
-    /// The camera part, `None` where none was sent.
+    /// The camera part, `None` if none was sent.
     pub camera: Result<Option<Camera>, PacketError>,
-    /// The render part, `None` where none was sent.
+    /// The render part, `None` if none was sent.
     pub render: Result<Option<RenderCheck>, PacketError>,
     /// The residual part.
     pub residual: Result<Residual<'a>, PacketError>,
-    /// The residual's start, if only its end is missing. Nothing checks it: it is of use if the
-    /// bytes are known to be the true start of a packet.
+    /// The residual's start, if only its end is missing. Nothing checks it. Use it only if the
+    /// bytes are known to be the undamaged start of a packet.
     pub residual_start: Option<ResidualStart<'a>>,
 }
 
@@ -157,16 +156,15 @@ impl<'a> Packet<'a> {
     /// The bytes to send.
     ///
     /// # Errors
-    /// If the picture size does not fit the header, the camera is not the one that the latent
-    /// part is about, the payload has 2²⁸ bytes or more, or the short form is asked for with a camera
-    /// or a pose that it does not hold.
+    /// If the picture size does not fit the header. If the camera is not the one that the latent part is about. If the
+    /// payload has 2²⁸ bytes or more. If the short form is asked for with a camera, or with a pose that it cannot hold.
     pub fn encode(&self) -> Result<Vec<u8>, PacketError> {
         let mut bytes = Vec::with_capacity(self.encoded_len());
         self.write(&mut bytes)?;
         Ok(bytes)
     }
 
-    /// [`Packet::encode`], in place of the content of `bytes`.
+    /// As [`Packet::encode`], but replaces the content of `bytes`.
     pub fn write(&self, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
         bytes.clear();
         let follows = Follows {
@@ -202,7 +200,7 @@ impl<'a> Packet<'a> {
         self.latent.encoded_len() + camera + render + residual
     }
 
-    /// Reads a packet all of whose parts are sound.
+    /// Reads a packet; all its parts must be sound.
     pub fn decode(bytes: &'a [u8]) -> Result<Packet<'a>, PacketError> {
         let Salvage { latent, camera, render, residual, .. } = Packet::salvage(bytes)?;
         Ok(Packet { latent, camera: camera?, render: render?, residual: residual? })
@@ -211,7 +209,7 @@ impl<'a> Packet<'a> {
     /// Reads what is sound in a truncated or damaged packet.
     ///
     /// # Errors
-    /// If the latent part is not sound: nothing can be made of the packet then.
+    /// If the latent part is not sound: the packet is then of no use.
     pub fn salvage(bytes: &'a [u8]) -> Result<Salvage<'a>, PacketError> {
         let (latent, follows, rest) = Latent::read(bytes)?;
         let latent_bytes = &bytes[..bytes.len() - rest.len()];

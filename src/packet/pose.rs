@@ -1,20 +1,20 @@
 //! Poses as packets carry them.
 //!
-//! **Compact**, 16 bytes. The camera's centre is stated in the prior's frame ([`PriorFrame`]):
-//! three signed 24-bit numbers of steps of 2⁻¹⁷ of its unit, which reaches 64 units to either side.
-//! Then the rotation as "smallest three" in 56 bits: from the top, two bits that name the
-//! quaternion's largest component, then the other three in order, 18 bits each:
-//! `131072 + round(131071 √2 q)`, with the sign of the quaternion such that the largest is
-//! positive. A rotation is off by at most 2·10⁻⁵ rad, a centre by half a step per axis.
+//! **Compact**, 16 bytes. First the camera's centre in the prior's frame ([`PriorFrame`]): three
+//! signed 24-bit numbers in steps of 2⁻¹⁷ of its unit. They reach 64 units to either side. Then the
+//! rotation as "smallest three" in 56 bits. From the top: two bits name the quaternion's largest
+//! component; the other three follow in order, 18 bits each, as `131072 + round(131071 √2 q)`. The
+//! quaternion's sign makes the largest component positive. A rotation is off by at most 2·10⁻⁵ rad,
+//! a centre by half a step per axis.
 //!
-//! **Short**, 12 bytes: the compact code on a coarser grid, in the short form of the latent part
-//! ([`latent`](super)). The centre is three signed 16-bit numbers of 32 compact steps, which reaches
-//! 8 units. Then the rotation in 48 bits: two bits that name the largest component, then the others
-//! at 15 bits each, of 8 compact steps, each `16384 + k`, at most 32767. The top bit is zero. It
-//! costs the render less than 0.01 dB. A pose beyond its reach takes the compact code.
+//! **Short**, 12 bytes: the compact code on a coarser grid, for the short form of the latent part ([`latent`](super)).
+//! First the centre: three signed 16-bit numbers in steps of 32 compact steps. They reach 8 units. Then the rotation in
+//! 48 bits: the top bit is zero, two bits name the largest component, and the others follow, 15 bits each, in steps of
+//! 8 compact steps, as `16384 + k`, at most 32767. It costs the render less than 0.01 dB. A pose beyond its reach takes
+//! the compact code.
 //!
 //! **Paper**, 28 bytes: translation (x, y, z) and quaternion (w, x, y, z) as f32, as in the paper.
-//! Also taken for a pose whose centre lies beyond the compact one's reach.
+//! Also used if a pose's centre lies beyond the compact code's reach.
 
 use std::f64::consts::SQRT_2;
 
@@ -46,7 +46,7 @@ const SHORT_SMALL_BITS: u32 = SHORT_SMALL_MAX.ilog2() + 2;
 pub(super) const SHORT_LEN: usize = 12;
 /// Bytes of the longest profile.
 pub(super) const LONGEST: usize = 28;
-/// Rounds after which quantisation has settled, with room; see [`QuantisedPose::quantise`].
+/// More rounds than quantisation needs to settle; see [`QuantisedPose::quantise`].
 const MAX_SETTLING: usize = 16;
 
 /// How a pose is written.
@@ -57,14 +57,14 @@ pub enum PoseProfile {
     Compact,
     /// 28 bytes: seven f32.
     Paper,
-    /// 12 bytes in the short form of the latent part. In the full form as [`PoseProfile::Compact`],
-    /// on the short code's grid.
+    /// 12 bytes in the short form of the latent part. In the full form it is written as
+    /// [`PoseProfile::Compact`], on the short code's grid.
     Short,
 }
 
 impl PoseProfile {
-    /// The profile's number in the flags. One flipped bit makes no other that fits the version,
-    /// which matters as the length of what the check covers hangs on it.
+    /// The profile's number in the flags. One flipped bit makes no other number that fits the
+    /// version. That matters because the profile sets how many bytes the check covers.
     pub(super) fn code(self) -> u8 {
         match self {
             PoseProfile::Compact => 0b01,
@@ -100,7 +100,7 @@ impl PoseProfile {
     }
 }
 
-/// A pose as a packet holds it; always one that can be rendered at.
+/// A pose as a packet holds it. The prior can always be rendered at it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuantisedPose(Code);
 
@@ -111,16 +111,16 @@ enum Code {
 }
 
 impl QuantisedPose {
-    /// Quantises a pose. If its centre is beyond the reach of [`PoseProfile::Short`],
-    /// [`PoseProfile::Compact`] is taken, and beyond the reach of that [`PoseProfile::Paper`].
+    /// Quantises a pose. If its centre is beyond the reach of [`PoseProfile::Short`], takes
+    /// [`PoseProfile::Compact`]; if it is beyond the reach of that, takes [`PoseProfile::Paper`].
     ///
     /// Quantising what [`QuantisedPose::dequantise`] gives returns the same code. Plain rounding
-    /// would not do: where two components of a quaternion are nearly equally large, rounding may
-    /// exchange them. So rounding is repeated until it settles (once or twice), or goes in a
-    /// circle, of which the least code then stands for all.
+    /// does not guarantee that: if two components of a quaternion are nearly equal, rounding may
+    /// change which is larger. So rounding is repeated until it settles (once or twice) or runs in
+    /// a circle. The least code of the circle then stands for all of it.
     ///
     /// # Errors
-    /// [`PacketError::Pose`] where a component is not finite or beyond f32, or the quaternion zero.
+    /// [`PacketError::Pose`] if a component is not finite or beyond f32, or the quaternion is zero.
     pub fn quantise(
         pose: &Pose,
         frame: &PriorFrame,
@@ -144,7 +144,7 @@ impl QuantisedPose {
         Ok(least(&codes))
     }
 
-    /// The pose, to the same bits wherever it is computed.
+    /// The pose, with the same bits on every machine.
     pub fn dequantise(&self, frame: &PriorFrame) -> Pose {
         match self.0 {
             Code::Compact { centre, largest, small } => {
@@ -160,7 +160,7 @@ impl QuantisedPose {
         }
     }
 
-    /// In words, as the device has it.
+    /// The code in the words that the device uses.
     pub fn words(&self) -> PoseCode {
         match self.0 {
             Code::Compact { centre: [x, y, z], largest, small: [a, b, c] } => {
@@ -176,7 +176,7 @@ impl QuantisedPose {
     /// From the device's words.
     ///
     /// # Errors
-    /// [`PacketError::Pose`] where they are no pose's, or no packet can hold them.
+    /// [`PacketError::Pose`] if they are no pose, or no packet can hold them.
     pub fn of_words(code: &PoseCode) -> Result<QuantisedPose, PacketError> {
         let w = code.words;
         let code = if code.profile == COMPACT {
@@ -313,8 +313,9 @@ impl Code {
     }
 }
 
-/// A quaternion at unit length; one that is there but for f32 rounding stays as it is. (Normalised
-/// again and again, its small components would creep while the large ones round back.)
+/// A quaternion at unit length. One whose length is 1 up to f32 rounding stays as it is. (If it
+/// were normalised again and again, its small components would drift while the large ones round
+/// back.)
 fn unit(q: DQuat) -> DQuat {
     let length = q.length();
     if (length - 1.0).abs() < 1e-6 { q } else { q * (1.0 / length) }
@@ -394,7 +395,7 @@ fn rotation_of(largest: usize, small: [i32; 3]) -> DQuat {
     DQuat::from_xyzw(x, y, z, w)
 }
 
-/// Square of the component left out; not positive where the others are those of no rotation.
+/// Square of the component left out; not positive if the others belong to no rotation.
 fn rest_of_square(small: &[i32; 3]) -> f64 {
     1.0 - small.iter().map(|v| (f64::from(*v) / SMALL_STEPS).powi(2)).sum::<f64>()
 }

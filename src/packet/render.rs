@@ -1,5 +1,5 @@
-//! The render part: a check of the prior's render, by which the topside knows whether its own is the
-//! same. A device that is not portable may round differently.
+//! The render part: a check of the prior's render. It tells the topside whether its own render is the same. A device
+//! that is not portable may round differently.
 
 use super::bytes::{Reader, crc16};
 use super::{PacketError, Part};
@@ -13,7 +13,7 @@ pub(super) const LEN: usize = 6;
 pub struct RenderCheck(pub u32);
 
 impl RenderCheck {
-    /// Of a render.
+    /// The check of a render.
     pub fn of(render: &Picture) -> RenderCheck {
         RenderCheck(crc32fast::hash(&render.data))
     }

@@ -11,8 +11,8 @@ pub(super) const MAX_PAYLOAD: usize = (1 << 28) - 1;
 pub(super) enum Check {
     /// CRC-32 of latent part, length and payload.
     Crc32,
-    /// CRC-16 of the latent part's CRC-32, length and payload. The latent part ends with a CRC-16 of
-    /// its own: one that simply ran on over it would hang on eight of its bits only.
+    /// CRC-16 of the latent part's CRC-32, length and payload. The latent part ends with a CRC-16 of its own; a CRC-16
+    /// over all of it would depend on eight of its bits only.
     Crc16,
 }
 
@@ -56,12 +56,12 @@ const CODE_OMITTED: u8 = 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Coder {
-    /// A VP8 key frame without what the packet's header says already.
+    /// A VP8 key frame without what the packet's header already says.
     Vp8 = 2,
     /// A whole WebP file.
     WebP = 3,
-    /// The wavelet coder: see [`crate::residual::wavelet`]. Another form of it, or other generic tables, will take
-    /// another number: who holds other tables would decode garbage.
+    /// The wavelet coder: see [`crate::residual::wavelet`]. If its form or its generic tables change, it must take
+    /// another number: a topside with other tables would decode garbage.
     Wavelet = 4,
 }
 
@@ -92,8 +92,8 @@ pub struct ResidualStart<'a> {
     pub payload_len: usize,
 }
 
-/// Length of the residual part that holds a payload of this length, bytes: of the full form; that
-/// of the short one is two bytes shorter.
+/// Length of the residual part that holds a payload of this length, bytes, in the full form. In the
+/// short form it is two bytes shorter.
 pub fn residual_part_len(payload: usize) -> usize {
     len_with(payload, Check::Crc32)
 }
@@ -130,7 +130,7 @@ pub(super) fn write(
     Ok(())
 }
 
-/// The residual, and where only its end is missing its start.
+/// Reads the residual; if only its end is missing, also its start.
 pub(super) fn decode<'a>(
     code: u8,
     bytes: &'a [u8],
@@ -160,7 +160,7 @@ fn start(coder: Coder, bytes: &[u8], check: Check) -> Option<ResidualStart<'_>> 
     cut.then_some(ResidualStart { coder, payload, payload_len })
 }
 
-/// Whether a residual part follows, by the flags; of a coder not known here, too.
+/// Whether the flags say that a residual part follows, perhaps of an unknown coder.
 pub(super) fn has_part(code: u8) -> bool {
     code > CODE_OMITTED
 }

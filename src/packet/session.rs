@@ -21,7 +21,7 @@ pub enum Session {
         /// [`camera_tag`] of the camera to render with.
         camera_tag: u8,
     },
-    /// The short form: the [`session_tag`] of prior and camera, which packets in the full form told.
+    /// The short form: the [`session_tag`] of prior and camera. Packets in the full form have stated both.
     Tagged(u8),
 }
 
@@ -61,7 +61,8 @@ impl Session {
 }
 
 /// Names prior and camera in the short form: the low byte of a CRC-16/IBM-3740 of the prior id, the
-/// size as the full form holds it, and fx, fy, cx, cy. Of two sessions, one in 256 pairs share it.
+/// size as the full form holds it, and fx, fy, cx, cy. Two sessions share a tag with a chance of 1
+/// in 256.
 ///
 /// # Errors
 /// If the camera's size does not fit a packet.

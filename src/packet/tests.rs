@@ -33,7 +33,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The wire format, pinned: a change here is a new version of it.
+/// Pins the wire format: a change here is a new version of it.
 #[test]
 fn golden_packets() {
     use PoseProfile::{Compact, Paper, Short};
@@ -80,7 +80,7 @@ fn golden_packets() {
     }
 }
 
-/// The render part, pinned as the others.
+/// Pins the render part.
 #[test]
 fn golden_render_part() {
     let bare = packet(PoseProfile::Compact, true, coded(b"difference"));
@@ -91,7 +91,7 @@ fn golden_render_part() {
     assert_eq!(bytes[49..53], [1, 2, 3, 4]);
     assert_eq!(bytes[53..55], bytes::crc16(&[&bytes[..31], &[1, 2, 3, 4]]).to_le_bytes());
     assert_eq!(Packet::decode(&bytes), Ok(told));
-    // Damage in it leaves the others alone; cut off, it takes what follows along.
+    // Damage in it does not affect the other parts. If it is cut off, all that follows is lost too.
     let mut damaged = bytes.clone();
     damaged[50] ^= 1;
     let salvage = Packet::salvage(&damaged).unwrap();
@@ -215,14 +215,14 @@ fn the_extent_of_what_is_no_packet() {
     assert_eq!(with(0, 0x52), (Err(PacketError::Magic(0x52)), 0));
     assert_eq!(with(1, 0), (Err(PacketError::Profile(0)), 0));
     assert_eq!(with(5, 0), (Err(PacketError::Check(Part::Latent)), 0));
-    // What comes after the latent part is believed, and found out by its check.
+    // The latent part says what follows. The check of the next part finds out if that is wrong.
     assert_eq!(with(31, 1), (Ok(Some(bytes.len())), 31));
     assert_eq!(with(50, 0x7F), (Ok(Some(49 + 2 + 16_300 + 4)), 49));
     assert_eq!(with(100, 0), (Ok(Some(bytes.len())), 49));
     let mut endless = bytes.clone();
     endless[49..53].fill(0xFF);
     assert_eq!(Extent::read(&endless), Err(PacketError::PayloadLength));
-    // A coder to come has a part of the same form.
+    // A future coder has a part of the same form.
     let mut latent = Vec::new();
     let follows = Follows { camera: false, render: false, residual: 7 };
     self::latent(PoseProfile::Compact).write(&follows, &mut latent).unwrap();
@@ -296,7 +296,7 @@ fn an_extreme_pose_takes_the_wide_profile() {
 #[test]
 fn quantising_settles_where_components_tie() {
     for k in 0..20_000_u32 {
-        // Quaternions whose components differ by less than a step, about every tie there is.
+        // Quaternions whose components differ by less than a step, around every possible tie.
         let jitter = |salt: u32| f64::from(k.wrapping_mul(salt) >> 8 & 0xFFFF) * 1e-10;
         let q = [1.0, jitter(40_503), jitter(30_011), jitter(52_361)];
         let signs = [k & 1, k & 2, k & 4, k & 8].map(|bit| if bit == 0 { 1.0 } else { -1.0 });
@@ -344,7 +344,7 @@ fn two_flipped_bits_are_detected() {
     }
 }
 
-/// Payloads live on to the end of the tests, which spares them an owner.
+/// Payloads are leaked until the end of the tests, so that they need no owner.
 fn any_residual() -> impl Strategy<Value = Residual<'static>> {
     let payload = proptest::collection::vec(any::<u8>(), 0..400);
     prop_oneof![
@@ -513,7 +513,7 @@ fn a_pose_beyond_the_short_reach_takes_the_compact_code() {
     }
 }
 
-/// Components that tie round to the last step of the code, not beyond.
+/// Equal components round to the last step of the code, not beyond.
 #[test]
 fn quarter_turns_fit_the_short_form() {
     for wxyz in [[1.0, 1.0, 0.0, 0.0], [1.0, 0.0, -1.0, 0.0], [0.0, -1.0, 0.0, 1.0]] {
@@ -550,8 +550,8 @@ fn a_short_frame_number_is_the_nearest() {
     assert_eq!(full.frame_near(Some(0)), full.frame);
 }
 
-/// What the documentation says of the short form's checks, by trial: random bytes in place of the latent part, then in
-/// place of the residual part; then the residual part of another packet.
+/// Measures what the documentation says about the short form's checks: random bytes in place of the latent part, then
+/// in place of the residual part; then the residual part of another packet.
 #[test]
 fn checks_of_the_short_form_miss_what_is_said() {
     let payload = [7; 60];
@@ -578,7 +578,7 @@ fn checks_of_the_short_form_miss_what_is_said() {
     assert_eq!(both, 0, "both checks miss one in 2³² only");
 }
 
-/// A residual goes with no latent part but its own: frame numbers, poses and tags in turn.
+/// A residual fits no latent part but its own: tries other frame numbers, poses and tags.
 #[test]
 fn a_short_residual_belongs_to_its_latent() {
     let sound = packet(PoseProfile::Short, false, coded(b"difference"));
@@ -593,8 +593,8 @@ fn a_short_residual_belongs_to_its_latent() {
     assert!(taken < 8, "{taken} of 65,535");
 }
 
-/// The same for a part that other bytes follow: no flip of two makes it one of another length, which
-/// the check could miss.
+/// The same test if other bytes follow the part. No flip of two bits gives it another length, which the check could
+/// miss.
 #[test]
 fn no_two_flipped_bits_change_the_form() {
     for profile in [PoseProfile::Compact, PoseProfile::Short] {

@@ -1,5 +1,5 @@
-//! What a prior needs of the renderer, whatever the camera: the rest can be left out at load, and no
-//! picture changes by a bit.
+//! Prior analysis: what a prior needs of the renderer, whatever the camera. The rest can be left out when the prior is
+//! loaded, and no picture changes by a bit.
 
 use std::fmt;
 
@@ -15,9 +15,9 @@ pub struct PriorAnalysis {
     pub sh_degree: u32,
     /// Whether a splat's alpha may exceed the clamp.
     pub clamps_alpha: bool,
-    /// Whether a splat's colour may fall below zero, where it is clamped.
+    /// Whether a splat's colour may fall below zero, so that it must be clamped.
     pub clamps_colour: bool,
-    /// Whether what lies behind everything has a colour.
+    /// Whether the background has a colour.
     pub background: bool,
     /// Whether opacity is compensated for the low-pass.
     pub antialiased: bool,
@@ -46,7 +46,7 @@ pub struct Finding {
 pub enum Kind {
     /// Not at all.
     Exact,
-    /// No channel of a pixel by more than this, values in [0, 1].
+    /// No channel of a pixel changes by more than this, values in [0, 1].
     Bounded(f64),
 }
 
@@ -71,7 +71,7 @@ impl PriorAnalysis {
             shown.push(0);
         }
         let sh_degree = sh_degree(splats);
-        // Rounding may lift an alpha a little above its splat's opacity.
+        // Rounding may raise an alpha a little above its splat's opacity.
         let clamped = options.alpha_max * (1.0 - 1e-5);
         let mut analysis = PriorAnalysis {
             clamps_alpha: shown.iter().any(|i| opacities[*i as usize] > clamped),
@@ -115,7 +115,7 @@ impl PriorAnalysis {
                 kind: Kind::Exact,
                 count: gone,
                 bytes: gone as u64 * splat_bytes(splats.sh_degree),
-                reason: "opacity below 1/255, where no pixel blends them".into(),
+                reason: "opacity below 1/255, so no pixel blends them".into(),
             });
         }
         let all = self.splats.len() as u64;
@@ -132,7 +132,7 @@ impl PriorAnalysis {
         findings
     }
 
-    /// The highest bands that together change no colour by as much as half an 8-bit step.
+    /// The highest bands that together change every colour by less than half an 8-bit step.
     fn faint_bands(&self, splats: &Splats) -> Option<Finding> {
         let changes = |degree: u32| -> f64 {
             let bands = degree + 1..=self.sh_degree;
@@ -169,7 +169,7 @@ fn sh_degree(splats: &Splats) -> u32 {
     let coefficients = (splats.sh_degree as usize + 1).pow(2);
     let mut last = 0;
     for own in splats.sh.chunks_exact(3 * coefficients) {
-        // The last one of a splat tells; only those behind the last so far are looked at.
+        // Only coefficients after the last one found so far are looked at.
         let behind = own[3 * (last + 1)..].chunks_exact(3);
         if let Some(at) = behind.rev().position(|rgb| rgb.iter().any(|v| *v != 0.0)) {
             last = coefficients - 1 - at;
@@ -178,8 +178,8 @@ fn sh_degree(splats: &Splats) -> u32 {
     last.isqrt() as u32
 }
 
-/// The most that a band changes any channel of a splat's colour, in any direction: the greatest value
-/// of a sum over its harmonics is `√((2l+1)/4π) ‖c‖` (the addition theorem).
+/// The most that a band changes any channel of a splat's colour, in any direction. A sum over the band's harmonics is
+/// at most `√((2l+1)/4π) ‖c‖` (the addition theorem).
 fn amplitude(splats: &Splats, i: usize, band: u32) -> f64 {
     let own = &splats.sh[i * splats.sh_stride()..][..splats.sh_stride()];
     let l = band as usize;
@@ -192,8 +192,7 @@ fn amplitude(splats: &Splats, i: usize, band: u32) -> f64 {
     greatest * ((2 * l + 1) as f64 / (4.0 * std::f64::consts::PI)).sqrt()
 }
 
-/// Whether a channel of a splat's colour may be negative in some direction. If that is close, it
-/// may.
+/// Whether a channel of a splat's colour may be negative in some direction. In doubt it may.
 fn may_be_negative(splats: &Splats, i: usize) -> bool {
     let own = &splats.sh[i * splats.sh_stride()..][..3];
     let least = own.iter().copied().fold(f32::INFINITY, f32::min);

@@ -14,13 +14,13 @@ pub fn path(prior: &Path, ending: &str) -> PathBuf {
 /// Whether there is no such file.
 pub fn is_absent(path: &Path) -> bool {
     fs::metadata(path).is_err_and(|error| {
-        // A name that is too long for a file is none of a file.
+        // If a name is too long for a file, there is no such file.
         matches!(error.kind(), ErrorKind::NotFound | ErrorKind::InvalidFilename)
     })
 }
 
-/// A file's content, but no more than `most` bytes, and of no device or pipe. `what` it is to hold is for
-/// errors.
+/// Reads a file. Refuses more than `most` bytes, and devices and pipes. `what` says in errors what the file should
+/// hold.
 pub fn read(path: &Path, most: u64, what: &str) -> Result<Vec<u8>, PriorError> {
     let refuse = |text: String| PriorError::Read(Error::other(text));
     if !fs::metadata(path).map_err(PriorError::Read)?.is_file() {

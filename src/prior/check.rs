@@ -1,19 +1,19 @@
-//! Which splats a renderer can use: the others are dropped at loading, and counted.
+//! Which splats a renderer can use. The others are dropped when the prior is loaded, and counted.
 
 use std::fmt;
 
 use super::Splats;
 
-/// Largest magnitude of a logarithmic scale. Up to here a variance `exp(2 s)` is a normal f32, with
+/// Largest magnitude of a logarithmic scale. Up to this a variance `exp(2 s)` is a normal f32, with
 /// room for the products of a covariance.
 pub const MAX_LOG_SCALE: f32 = 40.0;
 
-/// Largest magnitude of a spherical harmonic's coefficient: a million times white. Up to there sums of
-/// squared colours stay within an f32.
+/// Largest magnitude of a spherical harmonic's coefficient: a million times white. Up to this sums of squared colours
+/// stay within an f32.
 pub const MAX_COEFFICIENT: f32 = 1e6;
 
-/// What an infinite opacity logit becomes, its sign kept. Converters of quantised scenes write an
-/// opacity of exactly 1 as an infinite logit; at 20 the opacity is 1 to the last bit of an f32.
+/// An infinite opacity logit becomes this, with its sign. Converters of quantised scenes write an
+/// opacity of exactly 1 as an infinite logit. At 20 the opacity is 1 to the last bit of an f32.
 pub const INFINITE_LOGIT: f32 = 20.0;
 
 /// Shortest quaternion that still names a rotation.
@@ -70,13 +70,13 @@ pub(super) fn quaternion_length(q: [f32; 4]) -> f64 {
     q.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Replaces infinite opacity logits by ±[`INFINITE_LOGIT`]; says how many there were.
+/// Replaces infinite opacity logits by ±[`INFINITE_LOGIT`]. Returns how many there were.
 pub(super) fn clamp_logits(splats: &mut Splats) -> usize {
     let infinite = splats.opacity_logits.iter_mut().filter(|logit| logit.is_infinite());
     infinite.map(|logit| *logit = INFINITE_LOGIT.copysign(*logit)).count()
 }
 
-/// Drops unsound splats from `splats`, whose arrays agree; says which, ordered by first index.
+/// Drops unsound splats from `splats`, whose arrays must agree. Returns which, ordered by first index.
 pub(super) fn drop_unsound(splats: &mut Splats) -> Vec<Dropped> {
     let faults: Vec<Option<Fault>> = (0..splats.len()).map(|i| fault_of(splats, i)).collect();
     let mut dropped: Vec<Dropped> = Fault::ALL

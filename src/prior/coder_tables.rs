@@ -1,7 +1,7 @@
-//! Coder tables of a prior's own: what the wavelet coder has learned of the scene.
+//! Scene coder tables: what the wavelet coder has learned about the prior's scene.
 //!
-//! They travel with the prior: in a compact prior, or in a file beside a prior of any format. They are part
-//! of its identity, since other tables make another picture of the same packet.
+//! They travel with the prior: in a compact prior, or in a file beside a prior of any format. They are part of its
+//! identity, since with other tables the same packet gives another picture.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use crate::residual::wavelet::{Tables, TablesError};
 /// What errors call them.
 const FORMAT: &str = "coder tables";
 
-/// Where tables stand beside a prior's file: `prior.ply.tables` beside `prior.ply`.
+/// The file of tables beside a prior's file: `prior.ply.tables` beside `prior.ply`.
 pub fn path_beside(prior: &Path) -> PathBuf {
     beside::path(prior, "tables")
 }
@@ -26,7 +26,7 @@ pub fn open(path: &Path) -> Result<Tables, PriorError> {
     read().map_err(|error| error.in_file(&path.display().to_string()))
 }
 
-/// Those in the file beside a prior's; `None` where there is no such file.
+/// Reads the tables in the file beside a prior's; `None` if there is no such file.
 pub fn open_beside(prior: &Path) -> Result<Option<Tables>, PriorError> {
     let path = path_beside(prior);
     if beside::is_absent(&path) { Ok(None) } else { open(&path).map(Some) }

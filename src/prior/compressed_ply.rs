@@ -1,11 +1,10 @@
 //! PLY files as PlayCanvas's tools pack them, `.compressed.ply`.
 //!
-//! Splats in chunks of 256. Element `chunk` has their bounds: `min_x`…, `max_x`…, `min_scale_x`…,
-//! `max_scale_x`…, in newer files also `min_r`… and `max_r`…. Element `vertex` has four words per splat:
-//! `packed_position` and `packed_scale` (11, 10 and 11 bits between the bounds), `packed_rotation` (two
-//! bits for the largest of w, x, y, z, ten for each of the others) and `packed_color` (four bytes:
-//! colour between the bounds or 0 and 1, and opacity). Element `sh`, where there is one, has a byte
-//! for each `f_rest_*`. Always binary, little endian, without lists.
+//! Splats in chunks of 256. Element `chunk` has their bounds: `min_x`…, `max_x`…, `min_scale_x`…, `max_scale_x`…, in
+//! newer files also `min_r`… and `max_r`…. Element `vertex` has four words per splat: `packed_position` and
+//! `packed_scale` (11, 10 and 11 bits between the bounds), `packed_rotation` (two bits for the largest of w, x, y, z,
+//! ten for each of the others) and `packed_color` (four bytes: colour between the bounds or 0 and 1, and opacity).
+//! Element `sh`, if there is one, has one byte per `f_rest_*`. The file is always binary, little endian, without lists.
 //!
 //! Comments mean what they mean in other PLY files, see [`super::ply`].
 
@@ -100,7 +99,7 @@ fn between(share: [f64; 3], least: &[f32; 3], most: &[f32; 3]) -> [f32; 3] {
     })
 }
 
-/// A quaternion (w, x, y, z): the others than the largest lie within ±1/√2.
+/// A quaternion (w, x, y, z). The components other than the largest lie within ±1/√2.
 fn quaternion(word: u32) -> [f32; 4] {
     let mut q = [0.0; 4];
     let largest = (word >> 30) as usize;
@@ -124,7 +123,7 @@ struct Table {
 }
 
 impl Table {
-    /// Where an element's rows lie, and its properties; `None` if there is no such element.
+    /// The place of an element's rows, and its properties; `None` if there is no such element.
     fn of<'a>(
         header: &'a PlyHeader,
         name: &str,
@@ -246,7 +245,7 @@ impl Harmonics {
         Ok(Harmonics { table: Some(table), degree })
     }
 
-    /// Appends those of a splat: channel by channel in the file, coefficient by coefficient here.
+    /// Appends a splat's coefficients: channel by channel in the file, coefficient by coefficient here.
     fn push(&self, splats: &mut Splats, bytes: &[u8], index: usize) {
         let Some(table) = self.table else { return };
         let row = table.bytes(bytes, index);

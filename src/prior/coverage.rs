@@ -1,11 +1,10 @@
-//! Key frames that cover the free volume of a prior: wherever a camera may be lost, one is near that
-//! looks the same way at the same matter.
+//! Key frames that cover the free volume of a prior: wherever a camera is lost, a key frame is near that looks in the
+//! same direction at the same matter.
 //!
-//! The free volume is taken apart into views, places times directions. Each place stands for a block of
-//! cells, and each view has a depth, that of the matter in the middle of its picture. A key frame covers
-//! the views around it; the next one is always that which covers most of what is left, weighted by the detail in
-//! which it was seen (the greedy method
-//! for maximum coverage, Nemhauser, Wolsey and Fisher 1978).
+//! The free volume is divided into views: places times directions. Each place stands for a block of cells. Each view
+//! has a depth, that of the matter in the middle of its picture. A key frame covers the views around it. The next key
+//! frame is always the one that covers most of the views that are left, weighted by the detail in which they were seen
+//! (the greedy method for maximum coverage, Nemhauser, Wolsey and Fisher 1978).
 
 mod directions;
 mod grid;
@@ -22,25 +21,25 @@ use directions::{DIRECTIONS, Directions};
 use grid::{Grid, Hit};
 use seen::{Seen, median};
 
-/// How near a view a key frame stands that covers it, in the lesser depth of the two.
+/// Largest distance between a view and a key frame that covers it, as a share of the lesser of their depths.
 const DISTANCE: f64 = 0.35;
 
-/// How near its direction is, radians: 20°.
+/// Largest angle between their directions, radians: 20°.
 const ANGLE: f64 = 0.349;
 
 /// Most places that stand for the free volume.
 const MOST_PLACES: usize = 4000;
 
-/// Most views of a round from which key frames are chosen.
+/// Most views that are candidates for key frames in one round.
 const MOST_CANDIDATES: usize = 16_384;
 
-/// Share of the middle of a picture that must show matter that is known.
+/// Share of the middle of a picture that must show known matter.
 const ENOUGH: f64 = 0.6;
 
 /// Share of all directions in which a place must see matter, if no camera vouches for it.
 const ENOUGH_AROUND: f64 = 0.3;
 
-/// Nearest matter of a view, cells: what is nearer, the grid does not resolve.
+/// Least distance of a view's matter, cells. The grid does not resolve nearer matter.
 const NEAREST: f64 = 2.0;
 
 /// Key frames that cover a free volume, and how well.
@@ -64,19 +63,18 @@ impl Covering {
 }
 
 impl KeyFrames {
-    /// Key frames so that each view of the free volume has one within 0.35 of its depth and 20° of its
-    /// direction, but no more than `most` in all, the most useful first. `seeds` are kept, all of them
-    /// and first.
+    /// Chooses key frames so that each view of the free volume has one within 0.35 of its depth and 20° of its
+    /// direction. Chooses at most `most` in all, the most useful first. Keeps all `seeds`, in front.
     ///
-    /// Seeds are poses from which the prior was made, world to camera. Then a view counts if a seed saw
-    /// through its place or stood near, and if most of what it looks at was seen by a seed from the
-    /// same side and not from much farther away. What the seeds saw in most detail is covered first.
-    /// Seeds are taken to see 70° by 44°. If there are no seeds, views count in the largest connected
-    /// part of the free volume within the splats' 1 to 99 % of each axis, unless they see little. That
-    /// is wrong for a hollow thing with nothing around it, whose inside is that part.
+    /// Seeds are poses, world to camera, from which the prior was made. If there are seeds, a view counts only if a
+    /// seed saw through its place or stood near, and if a seed saw most of what it looks at from the same side and not
+    /// from much farther away. What the seeds saw in most detail is covered first. Seeds are assumed to see 70° by 44°.
+    /// If there are no seeds, views count in the largest connected part of the free volume within the splats' 1 to 99 %
+    /// of each axis, unless they see little. That is wrong for a hollow object with nothing around it: there the
+    /// largest part is the inside.
     ///
-    /// The same input gives the same key frames. A prior of no extent, or of faint splats alone, has no
-    /// views. Fails as [`new`](Self::new) does with the seeds, and if the arrays of `splats` disagree.
+    /// The same input gives the same key frames. A prior without extent, or with faint splats only, has no views. Fails
+    /// if [`KeyFrames::new`] refuses the seeds, or if the arrays of `splats` disagree.
     pub fn covering(splats: &Splats, seeds: &[Pose], most: usize) -> Result<Covering, PriorError> {
         splats.check_shape()?;
         let seeds = KeyFrames::new(seeds.to_vec())?;
@@ -124,7 +122,7 @@ struct Views {
     open: Vec<f32>,
     /// By place, then direction; 0 if the view does not count.
     depths: Vec<f32>,
-    /// By place, then direction: rays of seeds that met a cell of what the view shows, the median; 1 if
+    /// By place, then direction: how many rays of seeds met a cell that the view shows, the median over its cells; 1 if
     /// there are no seeds.
     weights: Vec<u32>,
     /// How many count.
@@ -173,8 +171,8 @@ impl Views {
         chosen
     }
 
-    /// Chooses among candidates until they are covered themselves. A gain only falls as others are
-    /// chosen, so that only the greatest is looked at again (Minoux 1978).
+    /// Chooses among candidates until all of them are covered. A candidate's gain only falls as
+    /// others are chosen, so only the greatest gain is computed again (Minoux 1978).
     fn choose_of(&mut self, candidates: &[usize], most: usize, up: DVec3, chosen: &mut Vec<Pose>) {
         let key = |gain: u64, view: usize| (gain, std::cmp::Reverse(view));
         let mut heap: BinaryHeap<_> =
@@ -233,7 +231,7 @@ impl Views {
         }
     }
 
-    /// The places that a key frame covers by its own depth, with their distances.
+    /// Visits the places that a key frame covers by its own depth, with their distances.
     fn near(&self, centre: DVec3, depth: f64, mut visit: impl FnMut(usize, f64)) {
         let reach = DISTANCE * depth;
         self.blocks.within(centre, reach, |place| {
@@ -245,8 +243,8 @@ impl Views {
     }
 }
 
-/// Depths and weights of the views from a place, by direction: the median of what the middle of the
-/// picture shows; 0 if that is too little, unknown or too near.
+/// Depths and weights of the views from a place, by direction: medians over the middle of the
+/// picture; 0 if the matter there is too little, unknown or too near.
 fn views_from(
     grid: &Grid,
     place: DVec3,
@@ -293,7 +291,7 @@ struct Blocks {
 }
 
 impl Blocks {
-    /// The smallest blocks of which no more than [`MOST_PLACES`] have a free cell.
+    /// The smallest blocks with which no more than [`MOST_PLACES`] have a free cell.
     fn of(grid: &Grid, free: &[bool]) -> Blocks {
         let mut side = 1;
         loop {

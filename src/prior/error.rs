@@ -59,8 +59,8 @@ pub enum PriorError {
         /// What is wrong with it.
         reason: String,
     },
-    /// A comment in the header that is meant for this program cannot be understood. It is not passed
-    /// over, since two sides that understand different options would render different pictures.
+    /// A comment in the header that is meant for this program cannot be understood. It is not ignored: if the two sides
+    /// read different options, they render different pictures.
     #[error("\"comment {comment}\" is no render option and no key frame that is known here")]
     Comment {
         /// The comment.
@@ -101,7 +101,7 @@ pub enum PriorError {
         degree: u32,
     },
     /// Two arrays of one set of splats disagree.
-    #[error("array {array} holds {found} entries where {expected} are due")]
+    #[error("array {array} holds {found} entries, but {expected} are due")]
     Shape {
         /// Name of the array.
         array: &'static str,
@@ -188,7 +188,7 @@ pub enum PriorError {
         /// What is wrong with it.
         reason: String,
     },
-    /// One of the above, about the content of a file.
+    /// One of the other errors, about the content of a file.
     #[error("{file}: {error}")]
     InFile {
         /// The file.
@@ -199,7 +199,7 @@ pub enum PriorError {
 }
 
 impl PriorError {
-    /// The same error, naming the file that it is about.
+    /// Adds the name of the file to an error.
     pub(super) fn in_file(self, file: &str) -> PriorError {
         PriorError::InFile { file: file.to_owned(), error: Box::new(self) }
     }

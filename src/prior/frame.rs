@@ -3,22 +3,22 @@
 /// Steps of the compact centre per unit of the prior's frame.
 const STEPS_PER_UNIT: f64 = 131_072.0;
 
-/// Where a prior lies and how large it is, by medians, so that a few stray splats do not count.
+/// The place and size of a prior, by medians, so that a few stray splats do not count.
 ///
-/// Both sides compute it from the same splats with the same comparisons, hence to the same bits.
+/// Both sides compute it from the same splats with the same comparisons, so with the same bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PriorFrame {
     /// Per axis the lower median of the splats' positions.
     pub centre: [f32; 3],
-    /// Largest of the three median absolute deviations from `centre`, the prior's unit. Where that
-    /// is zero (half the splats share a coordinate on every axis), the largest deviation, and 1 for
-    /// a prior of one point: always positive and finite.
+    /// Largest of the three median absolute deviations from `centre`, in the prior's unit. If that
+    /// is zero (half the splats share a coordinate on every axis): the largest deviation. For a
+    /// prior of one point: 1. So it is always positive and finite.
     pub spread: f32,
 }
 
 impl PriorFrame {
     /// The unit of lengths in packets: `spread`, but at least 2⁻²³ of the distance from the origin
-    /// (the resolution of f32 there), so that f64 tells steps of 2⁻¹⁷ units apart everywhere.
+    /// (the resolution of f32 there). So f64 tells steps of 2⁻¹⁷ units apart everywhere.
     pub fn unit(&self) -> f64 {
         let distance = self.centre.iter().map(|v| f64::from(v.abs())).fold(0.0, f64::max);
         f64::from(self.spread).max(distance * 2_f64.powi(-23))
@@ -57,8 +57,8 @@ fn deviations(positions: &[[f32; 3]], axis: usize) -> Axis {
     Axis { centre: centre as f32, median: lower_median(&mut values), most }
 }
 
-/// The lower of the two middle values where their number is even: a value that is there, so nothing
-/// is rounded.
+/// The median; for an even count the lower of the two middle values. So it is one of the values,
+/// and nothing is rounded.
 fn lower_median(values: &mut [f64]) -> f64 {
     let middle = (values.len() - 1) / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1

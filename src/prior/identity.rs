@@ -5,13 +5,13 @@ use std::fmt;
 use super::{RenderOptions, Splats};
 use crate::residual::wavelet::Tables;
 
-/// Identity of a prior: the first four bytes, little endian, of the BLAKE3 hash of all that shapes
-/// its pictures, so of the render options, the degree, every parameter kept, and the coder tables, if it
-/// has its own. File format, order of properties and dropped splats leave it alone; the order of splats
-/// does not (it breaks ties between equal depths).
+/// Identity of a prior: the first four bytes, little endian, of a BLAKE3 hash. The hash covers all that shapes its
+/// pictures: the render options, the degree, every parameter kept, the order of splats (it decides between equal
+/// depths), and its scene coder tables, if it has any. File format, order of properties and dropped splats do not
+/// change the identity.
 ///
-/// It guards against mistakes, not against forgers: two different priors agree by chance once in
-/// 2³² pairs.
+/// It protects against mistakes, not against forgery: two different priors share an identity with a
+/// chance of 1 in 2³².
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct PriorId(pub u32);
 
@@ -43,7 +43,7 @@ impl PriorId {
         hash_floats(&mut hasher, splats.rotations.as_flattened());
         hash_floats(&mut hasher, &splats.opacity_logits);
         hash_floats(&mut hasher, &splats.sh);
-        // None leave no trace: priors without tables are named as they were before there were any.
+        // Without tables nothing is added: such priors keep the identity that they had before tables existed.
         if let Some(tables) = coder_tables {
             hasher.update(&tables.write());
         }

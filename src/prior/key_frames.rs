@@ -1,8 +1,7 @@
 //! Key frames: camera poses at which the prior is rendered as a thumbnail, to find a lost camera again.
 //!
-//! They are poses of the mapping run, thinned, and travel with the prior: in a compact prior, in the
-//! comments of a `.ply`, or in a file beside a prior of any format. They are no part of the prior's
-//! identity.
+//! They are poses of the mapping run, thinned out. They travel with the prior: in a compact prior, in the comments of a
+//! `.ply`, or in a file beside a prior of any format. They are no part of the prior's identity.
 
 mod text;
 
@@ -23,7 +22,7 @@ pub struct KeyFrames {
 /// How far the length of a key frame's quaternion may be from 1.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
-/// Largest file of key frames that is read, bytes: more than the longest list can take as it is
+/// Largest file of key frames that is read, bytes: more than the longest list takes when it is
 /// written.
 const MOST_BYTES: u64 = 256 * (KeyFrames::MAX as u64 + 1);
 
@@ -34,9 +33,8 @@ impl KeyFrames {
     /// None.
     pub const NONE: KeyFrames = KeyFrames { poses: Vec::new() };
 
-    /// Checks world-to-camera poses, lengths in the prior's unit: at most [`MAX`](Self::MAX) of them,
-    /// all numbers finite, quaternions of unit length, cameras where f32 reaches. An error names the
-    /// first pose that fails.
+    /// Checks world-to-camera poses, lengths in the prior's unit: at most [`MAX`](Self::MAX) of them, all numbers
+    /// finite, quaternions of unit length, cameras within the range of f32. An error names the first pose that fails.
     pub fn new(poses: Vec<Pose>) -> Result<KeyFrames, PriorError> {
         if poses.len() > Self::MAX {
             return Err(PriorError::TooManyKeyFrames { count: poses.len() });
@@ -62,14 +60,13 @@ impl KeyFrames {
         self.poses.is_empty()
     }
 
-    /// Some of `poses`, in their order: each that has no pose kept before it that is nearer than
-    /// `distance` (the prior's unit) and looks in a direction less than `angle` (radians) away. So
-    /// every pose that is left out has a kept one that near, and no two kept ones are. Roll about the
-    /// optical axis does not count: the search for a lost camera holds for any roll. If `distance`
-    /// or `angle` is not above 0, all are kept.
+    /// Thins out `poses`, in their order. A pose is left out if an earlier kept one is nearer than `distance` (the
+    /// prior's unit) and looks in a direction less than `angle` (radians) away. So every pose left out has such a kept
+    /// pose, and no two kept poses are that near. Roll about the optical axis does not count: the search for a lost
+    /// camera works for any roll. If `distance` or `angle` is not above 0, all poses are kept.
     ///
-    /// Fails as [`new`](Self::new) does, and if more than [`MAX`](Self::MAX) remain, too. Takes time by
-    /// the number of poses times that of those kept.
+    /// Fails as [`new`](Self::new) does, also if more than [`MAX`](Self::MAX) remain. The time grows with the number of
+    /// poses times the number kept.
     pub fn thinned(poses: &[Pose], distance: f64, angle: f64) -> Result<KeyFrames, PriorError> {
         let mut kept: Vec<(DVec3, DVec3)> = Vec::new();
         let mut key_frames = Vec::new();
@@ -92,7 +89,7 @@ impl KeyFrames {
         KeyFrames::new(key_frames)
     }
 
-    /// Least and greatest camera position on each axis, the prior's unit; `None` where there are no
+    /// Least and greatest camera position on each axis, in the prior's unit; `None` if there are no
     /// key frames.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let mut centres = self.poses.iter().map(Pose::centre);
@@ -100,26 +97,26 @@ impl KeyFrames {
         Some(centres.fold([first; 2], |[least, most], c| [least.min(c), most.max(c)]))
     }
 
-    /// Where key frames stand beside a prior's file: `prior.ply.keys` beside `prior.ply`.
+    /// The file of key frames beside a prior's file: `prior.ply.keys` beside `prior.ply`.
     pub fn path_beside(prior: &Path) -> PathBuf {
         beside::path(prior, "keys")
     }
 
-    /// Reads a file of key frames: CSV with the header `qw,qx,qy,qz,tx,ty,tz`, one key frame a line.
-    /// Errors name the file and the line.
+    /// Reads a file of key frames: CSV with the header `qw,qx,qy,qz,tx,ty,tz`, one key frame per line. Errors name the
+    /// file and the line.
     pub fn open(path: &Path) -> Result<KeyFrames, PriorError> {
         let read = || KeyFrames::from_csv(&read_text(path)?);
         read().map_err(|error| error.in_file(&path.display().to_string()))
     }
 
-    /// Those in the file beside a prior's; `None` where there is no such file.
+    /// Reads the key frames in the file beside a prior's; `None` if there is no such file.
     pub(super) fn open_beside(prior: &Path) -> Result<Option<KeyFrames>, PriorError> {
         let path = KeyFrames::path_beside(prior);
         if beside::is_absent(&path) { Ok(None) } else { KeyFrames::open(&path).map(Some) }
     }
 
-    /// Writes a file of key frames, which is there whole or not at all; [`open`](Self::open) gives
-    /// them back unchanged.
+    /// Writes a file of key frames, whole or not at all. [`open`](Self::open) gives them back
+    /// unchanged.
     pub fn save(&self, path: &Path) -> Result<(), PriorError> {
         replace_file(path, self.to_csv().as_bytes())
     }

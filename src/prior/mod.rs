@@ -75,7 +75,7 @@ impl RenderOptions {
     }
 }
 
-/// What a user says against the options found in a prior's file; `None` leaves the file's.
+/// Render options of a user that replace those of a prior's file; `None` keeps the file's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RenderOverrides {
     /// In place of [`RenderOptions::near`].
@@ -147,8 +147,9 @@ impl Splats {
         3 * (self.sh_degree as usize + 1).pow(2)
     }
 
-    /// Rotation of splat `index` at unit length, (w, x, y, z). The stored one may have any length,
-    /// and is kept as trained, so that reading and writing a prior does not change its identity.
+    /// Rotation of splat `index` at unit length, (w, x, y, z). The stored rotation may have any
+    /// length. It is kept as trained, so that reading and writing a prior does not change its
+    /// identity.
     pub fn unit_rotation(&self, index: usize) -> [f32; 4] {
         let q = self.rotations[index];
         let length = check::quaternion_length(q);
@@ -165,7 +166,7 @@ impl Splats {
     /// # Panics
     /// If `kept` has not an entry per splat.
     pub fn filtered(&self, kept: &[bool]) -> Splats {
-        assert_eq!(kept.len(), self.len(), "an entry a splat");
+        assert_eq!(kept.len(), self.len(), "one entry per splat");
         Splats {
             positions: pick(&self.positions, kept, 1),
             log_scales: pick(&self.log_scales, kept, 1),
@@ -255,11 +256,11 @@ pub struct LoadReport {
     pub read: usize,
     /// Splats kept.
     pub kept: usize,
-    /// Splats left out, by reason; empty where all were sound.
+    /// Splats left out, by reason; empty if all were sound.
     pub dropped: Vec<Dropped>,
     /// Splats whose opacity logit was infinite, and became ±[`INFINITE_LOGIT`].
     pub clamped_logits: usize,
-    /// Comments in the file's header, as they stand there, but for those that are key frames.
+    /// Comments in the file's header, unchanged, without those that are key frames.
     pub comments: Vec<String>,
     /// Where the key frames came from.
     pub key_frames: PartSource,
@@ -267,7 +268,7 @@ pub struct LoadReport {
     pub coder_tables: PartSource,
 }
 
-/// A checked, immutable prior: at least one splat, every parameter usable by the renderer.
+/// A checked, immutable prior: it has at least one splat, and the renderer can use every parameter.
 #[derive(Clone, Debug)]
 pub struct Prior {
     splats: Splats,
@@ -283,10 +284,9 @@ impl Prior {
     /// Most splats a prior may hold: what a 32-bit index reaches.
     pub const MAX_SPLATS: usize = u32::MAX as usize;
 
-    /// Reads a prior from a file, its format told by the content. See [`ply`] for where the render
-    /// options come from; `overrides` has the last word. Key frames are those of the file
-    /// [`KeyFrames::path_beside`] it, if there is one, else those in the prior's own. So are coder tables:
-    /// [`coder_tables::path_beside`].
+    /// Reads a prior from a file. The content tells the format. [`ply`] says where the render options come from;
+    /// `overrides` replaces them. Key frames come from the file at [`KeyFrames::path_beside`] if there is one, else
+    /// from the prior's own file. Coder tables come from [`coder_tables::path_beside`] in the same way.
     pub fn open(path: &Path, overrides: &RenderOverrides) -> Result<Prior, PriorError> {
         let name = path.display().to_string();
         let bytes = read_prior_file(path).map_err(|e| PriorError::Read(e).in_file(&name))?;
@@ -365,7 +365,7 @@ impl Prior {
         self
     }
 
-    /// The same splats with other coder tables, or none; another prior, unless they are the same.
+    /// The same splats with other coder tables, or none. If the tables differ, it is another prior.
     pub fn with_coder_tables(mut self, tables: Option<Tables>) -> Prior {
         self.set_coder_tables(tables, PartSource::Memory);
         self
@@ -398,12 +398,12 @@ impl Prior {
         &self.options
     }
 
-    /// Its identity: equal on both sides of a link, or their pictures differ.
+    /// Its identity. If it is not equal on both sides of a link, their pictures differ.
     pub fn id(&self) -> PriorId {
         self.id
     }
 
-    /// Where it lies and how large it is: the frame in which packets state camera positions.
+    /// The place and size of the prior: the frame in which packets state camera positions.
     pub fn frame(&self) -> PriorFrame {
         self.frame
     }
@@ -413,7 +413,7 @@ impl Prior {
         &self.key_frames
     }
 
-    /// What the wavelet coder has learned of the scene; `None`: the library's own tables do.
+    /// The scene coder tables; `None`: the generic tables are used.
     pub fn coder_tables(&self) -> Option<&Arc<Tables>> {
         self.coder_tables.as_ref()
     }
@@ -433,7 +433,7 @@ pub struct PriorFile {
     pub options: RenderOptions,
     /// Which format.
     pub format: PriorFormat,
-    /// Comments in its header, but for those that are key frames.
+    /// Comments in its header, without those that are key frames.
     pub comments: Vec<String>,
     /// The key frames in it.
     pub key_frames: KeyFrames,
@@ -442,7 +442,7 @@ pub struct PriorFile {
 }
 
 impl PriorFile {
-    /// Reads a file's content, its format told by the first bytes.
+    /// Reads a file's content. The first bytes tell the format.
     fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         if bytes.starts_with(compact::MAGIC) {
             return compact::read(bytes);
@@ -466,8 +466,8 @@ impl PriorFile {
 /// Longest start of a file that tells its format, bytes.
 const LONGEST_MAGIC: u64 = 4;
 
-/// Reads the file, but no further than its first bytes where they show another format, so that a
-/// wrong path (a device, a video) costs neither time nor memory.
+/// Reads the file. If its first bytes show another format, reads no further, so that a wrong path
+/// (a device, a video) costs neither time nor memory.
 fn read_prior_file(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let mut bytes = Vec::new();

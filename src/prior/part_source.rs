@@ -17,7 +17,7 @@ pub enum PartSource {
 }
 
 impl PartSource {
-    /// Of a part in the prior's own file, if it is there.
+    /// The source of a part in the prior's own file, if it is there.
     pub(super) fn in_file(there: bool) -> PartSource {
         if there { PartSource::InFile } else { PartSource::None }
     }

@@ -3,8 +3,8 @@
 //! Element `vertex`, one row per splat: `x y z`, `f_dc_0..2` and `f_rest_*` (spherical harmonics),
 //! `opacity` (logit), `scale_0..2` (logarithms), `rot_0..3` (w, x, y, z). Text or binary of either
 //! byte order, any order of properties, any scalar type; other properties (`nx`…) and elements are
-//! passed over. The number of `f_rest_*` gives the degree: 0, 9, 24 or 45 of them for degree 0
-//! to 3. They run channel by channel in the file (all of red first), coefficient by coefficient in
+//! ignored. The number of `f_rest_*` gives the degree: 0, 9, 24 or 45 of them for degree 0 to 3.
+//! They run channel by channel in the file (all of red first), coefficient by coefficient in
 //! [`Splats::sh`].
 //!
 //! **Render options** come from the header's comments, since the format has no place for them:
@@ -14,8 +14,8 @@
 //! 2. comments `nvsprior near 0.2`, `nvsprior alpha_max 0.99`, `nvsprior antialiased 0` (or 1) and
 //!    `nvsprior background 0 0 0`, as [`write_ply`] leaves them, replace single options.
 //!
-//! **Key frames** stand there, too, one a comment: `nvsprior key_frame qw qx qy qz tx ty tz`, a
-//! world-to-camera pose. Any other comment that starts with `nvsprior` is refused.
+//! **Key frames** are comments too, one key frame per comment: `nvsprior key_frame qw qx qy qz tx
+//! ty tz`, a world-to-camera pose. Any other comment that starts with `nvsprior` is refused.
 
 use std::io::{BufRead, Cursor, Read, Write};
 
@@ -49,7 +49,7 @@ const PROPERTIES: [&str; 59] = [
 /// How many of [`PROPERTIES`] a file of degree 0 has; `f_rest_*` follow them.
 const BASE_PROPERTIES: usize = 14;
 
-/// Reads the content of a PLY file. Memory grows with the content's size, whatever the header says.
+/// Reads the content of a PLY file. Memory depends on the content's size, whatever the header says.
 pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     if !bytes.starts_with(MAGIC) {
         return Err(PriorError::UnknownFormat);
@@ -124,7 +124,7 @@ fn check_property(vertex: &ElementDef, name: &str) -> Result<(), PriorError> {
 
 fn read_splats(bytes: &[u8], format: PlyFormat, layout: &Layout) -> Result<Splats, PriorError> {
     let mut cursor = Cursor::new(bytes);
-    // The reader wants white space after every number of a text, also after the last one.
+    // The reader needs white space after every number of a text, also after the last one.
     let tail: &[u8] = if format == PlyFormat::Ascii { b"\n" } else { b"" };
     let mut sink = SplatSink::new(layout);
     let mut reader = PlyReader::from_reader((&mut cursor).chain(tail))
@@ -154,7 +154,7 @@ fn read_elements<R: BufRead>(
 
 /// Passes over the rows of one element.
 struct SkipRows {
-    /// Rows without properties take no bytes, so that their number is not bounded by the content.
+    /// False if the rows have no properties: they take no bytes, so the content does not bound their number.
     has_rows: bool,
 }
 
@@ -240,8 +240,8 @@ impl<'de> Visitor<'de> for &mut SplatSink {
     }
 }
 
-/// Reads one splat: the values of these properties, in this order. Values are converted to f32;
-/// what does not fit becomes infinite, and is dropped by the check that follows.
+/// Reads one splat: the values of these properties, in this order. Values are converted to f32. A
+/// value that does not fit becomes infinite, and the check that follows drops its splat.
 #[derive(Clone, Copy)]
 struct Row(&'static [&'static str]);
 
@@ -309,8 +309,8 @@ impl Visitor<'_> for PropertyIndex {
     }
 }
 
-/// Writes splats as a binary PLY file with Inria's list of properties (normals zero), options and key
-/// frames as comments; [`read_ply`] gives all of them back unchanged.
+/// Writes splats as a binary PLY file with Inria's list of properties (normals zero), and options and key frames as
+/// comments. [`read_ply`] gives all of them back unchanged.
 pub fn write_ply(
     splats: &Splats,
     options: &RenderOptions,

@@ -29,8 +29,8 @@ pub fn rest_properties(degree: u32) -> usize {
     3 * ((degree as usize + 1).pow(2) - 1)
 }
 
-/// Checks that the content can hold what the header promises up to the last splat, so that nothing
-/// is allocated for, or looped over, on a lying header's word.
+/// Checks that the content can hold what the header promises up to the last splat. So a wrong
+/// header causes no allocation and no loop.
 pub fn check_length(
     header: &PlyHeader,
     last_element: usize,

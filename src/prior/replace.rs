@@ -10,9 +10,8 @@ use super::PriorError;
 /// Names that are tried for the temporary file.
 const ATTEMPTS: u32 = 100;
 
-/// Writes a file, or replaces it: a temporary file beside it is written and flushed to the disk, then
-/// renamed. If that fails (a full disk, say), what was there before is still there. Errors name the
-/// file.
+/// Writes a file, or replaces it: writes a temporary file beside it, flushes it to the disk, then renames it. If that
+/// fails (a full disk, for example), the old file is still there. Errors name the file.
 pub fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), PriorError> {
     // Through a link, the file that it stands for is replaced.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());

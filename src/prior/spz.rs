@@ -5,9 +5,9 @@
 //! spherical harmonics. Up to version 3 all of it is one gzip stream; version 4 has a plain header of
 //! 32 bytes, a table of sizes, and a Zstandard frame for each stream.
 //!
-//! SPZ has y up and z backwards, Inria's PLY files y down and z forwards: both are turned here, with
-//! rotations and spherical harmonics. Render options are [`RenderOptions::INRIA`], anti-aliased where
-//! the file says so. Extensions are passed over; where there are any the report's comments say so.
+//! SPZ has y up and z backwards, Inria's PLY files have y down and z forwards: both axes are flipped here, with
+//! rotations and spherical harmonics. Render options are [`RenderOptions::INRIA`], anti-aliased if the file says so.
+//! Extensions are ignored; the report's comments say if there are any.
 
 use std::io::Read;
 
@@ -32,7 +32,7 @@ const ENTRY: usize = 16;
 /// Size of a step of colours, in units of the constant coefficient.
 const COLOUR_SCALE: f64 = 0.15;
 
-/// Which spherical harmonics change their sign when y and z do; the constant one does not.
+/// Which spherical harmonics change their sign if y and z do. The constant one does not.
 #[rustfmt::skip]
 const SH_SIGNS: [f32; 15] = [
     -1.0, -1.0, 1.0,
@@ -40,7 +40,7 @@ const SH_SIGNS: [f32; 15] = [
     -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0,
 ];
 
-/// Reads an SPZ file. Memory grows with what its streams hold, at most 1032 times the content's size.
+/// Reads an SPZ file. Memory grows with what its streams hold: at most 1032 times the content's size.
 pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     if !MAGICS.iter().any(|magic| bytes.starts_with(magic)) {
         return Err(PriorError::UnknownFormat);
@@ -52,7 +52,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let antialiased = header.flags & 1 != 0;
     let comments = match header.flags & 2 {
         0 => Vec::new(),
-        _ => vec!["SPZ extensions, passed over".into()],
+        _ => vec!["SPZ extensions, ignored".into()],
     };
     Ok(PriorFile {
         splats: header.splats(&streams),
@@ -180,7 +180,7 @@ fn rotation(bytes: &[u8]) -> [f32; 4] {
     [q[3], q[0], -q[1], -q[2]].map(|v| v as f32)
 }
 
-/// Versions 2 and 3: header and streams from gzip. What follows the streams is left alone.
+/// Versions 2 and 3: header and streams from gzip. What follows the streams is ignored.
 fn inflate(bytes: &[u8]) -> Result<(Header, Vec<u8>), PriorError> {
     let mut decoder = GzDecoder::new(bytes);
     let mut first = [0; HEADER];
@@ -215,7 +215,7 @@ fn decompress(bytes: &[u8]) -> Result<(Header, Vec<u8>), PriorError> {
     let sizes = header.sizes();
     let expected = sizes.iter().filter(|size| **size > 0).count();
     if usize::from(long[15]) != expected || table < LONG_HEADER {
-        return Err(refusal(15, format!("{} streams behind byte {table}", long[15])));
+        return Err(refusal(15, format!("{} streams after byte {table}", long[15])));
     }
     let mut at = table as u64 + (expected * ENTRY) as u64;
     let entries = bytes.get(table..at as usize).ok_or_else(|| truncated(at.into()))?;

@@ -1,4 +1,4 @@
-//! Stage `arithmetic`: whether a device computes, bit for bit, what portable pictures are made of.
+//! Stage `arithmetic`: tests whether a device computes the operations of portable pictures to the same bits.
 
 use crate::portable::{RESULTS, sample};
 use crate::random::Random;

@@ -4,26 +4,26 @@ use crate::Camera;
 use crate::shared::{self, TILE};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
-/// Most counters of the table of blocks by tiles: 16 MiB, of which a picture takes what it needs.
+/// Most counters in the table of blocks by tiles: 16 MiB. A picture takes only what it needs.
 const TABLE: u32 = 1 << 22;
 /// Most tiles of a picture.
 const TILES: u32 = (Camera::MAX_SIDE / TILE).pow(2);
-/// Most bands of a picture: none has fewer rows of tiles than one as wide as a picture can be.
+/// Most bands of a picture: the number in the widest picture, whose bands have the fewest rows of tiles.
 pub(crate) const BANDS: u32 = TILES / shared::TABLE;
 
 const _: () = assert!(TABLE >= 4 * TILES, "blocks come by fours");
-const _: () = assert!(shared::TABLE >= Camera::MAX_SIDE / TILE, "a band has a row and more");
+const _: () = assert!(shared::TABLE >= Camera::MAX_SIDE / TILE, "a band has at least one row");
 
 /// How binning is shared among workgroups.
 pub(crate) struct Binning {
     /// Logarithm, base 2, of their number.
     pub log_blocks: u32,
-    /// Where each block's part of each tile's list begins; a last row for the ends.
+    /// Where each block's part of each tile's list begins. The last row holds the ends.
     pub starts: Buffer,
 }
 
 impl Binning {
-    /// Of pictures of so many tiles at most.
+    /// Makes buffers for pictures of at most `tiles` tiles.
     pub fn new(device: &Device, log_blocks: u32, tiles: u32) -> Result<Binning, Error> {
         let words = (u64::from(tiles) << log_blocks) + u64::from(tiles);
         let starts = Buffer::new::<u32>(device, "tile starts", words as usize, Memory::Device)?;
@@ -31,13 +31,13 @@ impl Binning {
     }
 }
 
-/// Logarithm, base 2, of the number of blocks for a picture of so many tiles.
+/// Logarithm, base 2, of the number of blocks for a picture of `tiles` tiles.
 pub(crate) fn log_blocks(most: u32, tiles: u32) -> u32 {
     (TABLE / tiles.max(1)).max(1).ilog2().min(most)
 }
 
-/// Logarithm, base 2, of the most blocks for a picture of so many tiles. Stage `bin_scan` goes through the table
-/// in a loop, and llvmpipe ends loops of 65,535 rounds.
+/// Logarithm, base 2, of the most blocks for a picture of `tiles` tiles. Stage `bin_scan` goes through the table in a
+/// loop, and llvmpipe ends loops after 65,535 rounds.
 pub(crate) fn log_most_blocks(tiles: u32) -> u32 {
     (TABLE / 4 / tiles.max(1)).max(4).ilog2().min(14)
 }

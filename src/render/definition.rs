@@ -1,9 +1,9 @@
-//! The final picture by definition, on the host: the operations of stages `decode_pose`, `project`, `splat` and
-//! `quantize_rgb8` in plain scalar f32, in their order. A device is portable if it draws the same bytes. The list of
-//! operations and what Vulkan promises of each: docs/portability.md.
+//! The definition of the final picture: on the host, the operations of stages `decode_pose`, `project`, `splat` and
+//! `quantize_rgb8` in plain scalar f32, in their order. A device is portable if it draws the same bytes.
+//! docs/portability.md lists the operations, and what Vulkan promises of each.
 //!
-//! Every tile blends every splat that is seen, so that a device may list more splats per tile than it draws, and
-//! never less.
+//! Every tile blends every splat that is seen. So a device may list more splats per tile than it draws, but never
+//! fewer.
 
 use glam::DVec3;
 
@@ -60,7 +60,7 @@ pub struct Drawn {
 }
 
 impl Definition {
-    /// Of a prior; splats that no picture shows are left out, as on a device.
+    /// Prepares a prior. Leaves out splats that no picture shows, as on a device.
     pub fn new(prior: &Prior) -> Definition {
         let analysis = PriorAnalysis::of(prior);
         let frame = prior.frame();
@@ -177,10 +177,10 @@ fn pair(planes: &[f32], i: u32) -> [f32; 2] {
     [planes[2 * i as usize], planes[2 * i as usize + 1]]
 }
 
-/// Columns and rows of tiles in which a splat may show: its box, wider by far than rounding needs.
+/// Columns and rows of tiles in which a splat may show: its box, much wider than rounding needs.
 fn reach(params: &Params, r: &Record) -> [std::ops::Range<u32>; 2] {
     let [l11, l21, l22] = r.conic.map(f64::from);
-    // Rounding makes a splat that is just at the cut show as far as its exponent's last bit does not change.
+    // A splat just at the cut shows as far as the last bit of its exponent does not change; the 0.1 covers that.
     let cut = 2.0 * std::f64::consts::LN_2 * f64::from(r.log_opacity - LOG_ALPHA_MIN) + 0.1;
     // The covariance is the inverse of L Lᵀ.
     let sigma_y = 1.0 / l22;
@@ -194,7 +194,7 @@ fn reach(params: &Params, r: &Record) -> [std::ops::Range<u32>; 2] {
     [range(r.mean[0], sigma_x, params.tiles_x), range(r.mean[1], sigma_y, params.tiles_y)]
 }
 
-/// A splat as a tile's middle sees it: `log₂ α` at an offset (x, y) is `level − u² − y² curve + 2 y v`.
+/// A splat relative to a tile's middle: `log₂ α` at an offset (x, y) is `level − u² − y² curve + 2 y v`.
 struct Seen {
     u: f32,
     l11: f32,

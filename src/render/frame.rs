@@ -9,7 +9,7 @@ use crate::vulkan::{Buffer, Device, Error, Memory};
 use super::levels::{Level, LevelBuffers};
 use super::light::{Correction, FlatField};
 
-/// A pose's code with what it is relative to, as stages `solve` and `decode_pose` share it.
+/// A pose's code, and the frame that it is relative to. Stages `solve` and `decode_pose` share it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct Coded {
@@ -91,7 +91,7 @@ impl FrameBuffers {
     }
 }
 
-/// A linear value as a byte: clamped, rounded to nearest; a NaN gives 0. What stage `quantize_rgb8` does.
+/// A linear value as a byte: clamped, rounded to nearest; a NaN gives 0. Stage `quantize_rgb8` does the same.
 pub fn to_byte(value: f32) -> u8 {
     crate::shared::to_byte(value) as u8
 }

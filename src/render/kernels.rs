@@ -1,14 +1,13 @@
-//! The compute pipelines of all stages, from the committed SPIR-V: built once per engine, and those that
-//! depend on the prior once per kind of prior.
+//! The compute pipelines of all stages, from the committed SPIR-V. They are built once per engine; those that depend on
+//! the prior, once per kind of prior.
 
 use nvsprior_kernels::modules;
 
 use crate::vulkan::{Code, Device, DeviceKind, Error, Kernel};
 
-/// Logarithm, base 2, of the number of workgroups that share a pass over so many splats; at least 2. A
-/// CPU needs a few for each core; every further one costs it a row of counters. A GPU is filled by
-/// many. No workgroup should have more than some thousand splats in any case: llvmpipe ends loops of
-/// 65,535 rounds.
+/// Logarithm, base 2, of the number of workgroups that share a pass over `splats` splats; at least 2. A CPU needs a few
+/// workgroups per core; each further one costs a row of counters. A GPU needs many. No workgroup should have more than
+/// some thousand splats: llvmpipe ends loops after 65,535 rounds.
 pub(crate) fn log_blocks(device: &Device, splats: u32) -> u32 {
     let least = if device.info().kind == DeviceKind::Cpu { 4 } else { 7 };
     (splats / 4096).max(1).ilog2().clamp(least, 8)
@@ -74,20 +73,20 @@ impl Kernels {
     }
 }
 
-/// What of a prior its pipelines are made for.
+/// The properties of a prior that its pipelines are made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PipelineKey {
     /// Degree of the spherical harmonics: code of higher ones is left out.
     pub sh_degree: u32,
-    /// Whether a splat is so opaque that the clamp of alpha may hold it; else the clamp is left out.
+    /// Whether any splat is so opaque that alpha may need the clamp. Else the clamp is left out.
     pub clamped: bool,
 }
 
 /// Specialisation constant: degree of the spherical harmonics.
 const SH_DEGREE: u32 = 0;
-/// Specialisation constant: 0 where no alpha needs the clamp.
+/// Specialisation constant: 0 if no alpha needs the clamp.
 const CLAMP: u32 = 1;
-/// Specialisation constant: 0 where depths are not wanted.
+/// Specialisation constant: 0 if depths are not wanted.
 const DEPTH: u32 = 2;
 
 kernels! {

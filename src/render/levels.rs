@@ -17,12 +17,12 @@ pub(crate) struct Level {
     pub camera: Camera,
     /// Side of the block of frame pixels that becomes one.
     pub factor: u32,
-    /// What the stages are told, but for the pose.
+    /// The stages' parameters, except the pose.
     pub params: Params,
 }
 
-/// Buffers of all levels, and how many workgroups share the splats; each buffer is as large as the largest level needs, but for `frame`, which holds
-/// all of them.
+/// Buffers of all levels, and how many workgroups share the splats. Each buffer is as large as the largest level needs,
+/// except `frame`, which holds all levels.
 pub(crate) struct LevelBuffers {
     pub sizes: Vec<Level>,
     /// Logarithm of the number of workgroups that share the sort of the splats.
@@ -30,7 +30,7 @@ pub(crate) struct LevelBuffers {
     pub binning: Binning,
     /// [`Level::params`] of each level, for stages that choose between them.
     pub prototypes: Buffer,
-    /// What the host asks for, copied to `params` and `groups` before its renders.
+    /// What the host asks for. It is copied to `params` and `groups` before the host's renders.
     pub params_asked: Buffer,
     pub groups_asked: Buffer,
     pub params: Buffer,
@@ -46,7 +46,7 @@ pub(crate) struct LevelBuffers {
     pub sums: Buffer,
 }
 
-/// Which of the two [`Groups`] say how much of a stage is run.
+/// Which of the two [`Groups`] says how many workgroups of a stage run.
 #[derive(Clone, Copy)]
 pub(crate) enum Pass {
     /// An evaluation of a search, or what the host asks for.
@@ -102,7 +102,7 @@ impl NormalEquations {
 }
 
 impl LevelBuffers {
-    /// The levels of `camera` at these reduction factors; those without a pixel are left out.
+    /// The levels of `camera` at these reduction factors. Levels without a pixel are left out.
     pub fn new(
         device: &Device,
         splats: &SplatBuffers,
@@ -129,7 +129,7 @@ impl LevelBuffers {
             params.bin_blocks = 1 << log_bin_blocks;
         }
         let image = pixels * PIXEL as usize;
-        // Of the buffers of a picture, the image is the largest, but for the frame's levels.
+        // The image is a picture's largest buffer, except for the frame's levels.
         let most = device.info().storage_range / (4 * u64::from(PIXEL));
         let room = Error::with_room_for(most, "pixels");
         let own =
@@ -159,7 +159,7 @@ impl LevelBuffers {
         tiles.max().unwrap_or(0)
     }
 
-    /// Shares the binning otherwise; how it was shared. What is recorded must be recorded anew.
+    /// Shares the binning in another way; returns the old way. All recordings must be made again.
     pub fn share_binning(&mut self, binning: Binning) -> Binning {
         for Level { params, .. } in &mut self.sizes {
             params.bin_blocks = 1 << binning.log_blocks;
@@ -167,7 +167,7 @@ impl LevelBuffers {
         std::mem::replace(&mut self.binning, binning)
     }
 
-    /// Asks for a level at a pose, with room for so many pairs.
+    /// Asks for a level at a pose, with room for `pair_capacity` pairs.
     pub fn ask(&mut self, scene: &Scene, level: usize, pair_capacity: u32, pose: &Pose) {
         let params =
             Params { pair_capacity, ..posed(&self.sizes[level].params, scene.centre(), pose) };
@@ -194,7 +194,7 @@ impl LevelBuffers {
     }
 }
 
-/// What the stages are told of a level, but for the pose and the room for pairs.
+/// The stages' parameters of a level, except the pose and the room for pairs.
 pub(super) fn prototype(
     options: &RenderOptions,
     splats: u32,

@@ -1,19 +1,19 @@
-//! What brings the light of a frame to the prior's before the two are compared, and which of the frame's pixels
-//! count: for searches alone. The difference that is sent is taken from the frame as it is.
+//! Brings the light of a frame to the prior's before the two are compared, and says which of the frame's pixels count.
+//! Only searches use it: the difference that is sent is taken from the frame as it is.
 
 use crate::shared::{CELL, LIGHT, MASKED};
 
 /// One light for the whole frame: `factor · value + summand`, by channel, of values in [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Correction {
-    /// Of R, G, B.
+    /// For R, G and B.
     pub factor: [f32; 3],
-    /// Of R, G, B.
+    /// For R, G and B.
     pub summand: [f32; 3],
 }
 
 impl Correction {
-    /// Changes nothing.
+    /// The one that changes nothing.
     pub const NONE: Correction = Correction { factor: [1.0; 3], summand: [0.0; 3] };
 
     /// A value of a channel, corrected.
@@ -34,19 +34,19 @@ impl Correction {
 pub struct Cell {
     /// At the cell's middle, after the [`Correction`]; between middles it is interpolated.
     pub factor: f32,
-    /// The same.
+    /// As `factor`.
     pub summand: f32,
     /// 1 if the cell's pixels count; 0 if they do not.
     pub counts: f32,
 }
 
 impl Cell {
-    /// Changes nothing.
+    /// The one that changes nothing.
     pub const NONE: Cell = Cell { factor: 1.0, summand: 0.0, counts: 1.0 };
 }
 
-/// Light that differs from place to place (a vignette, a lamp), and what of the frame does not count, such as
-/// an object that the prior does not know: a flat-field correction.
+/// A flat-field correction: for light that differs from place to place (a vignette, a lamp). It also masks what must
+/// not count, such as an object that the prior does not know.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FlatField {
     columns: usize,
@@ -56,13 +56,13 @@ pub struct FlatField {
 }
 
 impl FlatField {
-    /// For frames of a size in pixels. It is off.
+    /// Makes one for frames of a size in pixels. It is switched off.
     pub fn new(width: usize, height: usize) -> FlatField {
         let (columns, rows) = (width / CELL as usize, height / CELL as usize);
         FlatField { columns, rows, cells: vec![Cell::NONE; columns * rows], on: false }
     }
 
-    /// Cells in a row, and rows. What is left of the frame belongs to the last ones.
+    /// Cells per row, and rows. The rest of the frame belongs to the last cells.
     pub fn size(&self) -> [usize; 2] {
         [self.columns, self.rows]
     }
@@ -78,7 +78,7 @@ impl FlatField {
         &mut self.cells
     }
 
-    /// From here on it changes nothing.
+    /// Switches the correction off.
     pub fn switch_off(&mut self) {
         self.on = false;
     }
@@ -102,8 +102,8 @@ impl FlatField {
         LIGHT as usize + 3 * self.cells.len()
     }
 
-    /// A pixel whose middle lies at `(x, y)`, pixels of the frame: R, G and B corrected, or `None` if it does
-    /// not count. The twin of stage `pyramid`.
+    /// Corrects R, G and B of a pixel whose middle lies at `(x, y)`, pixels of the frame; `None` if it does not count.
+    /// The twin of stage `pyramid`.
     pub fn of(&self, rgb: [f32; 3], x: f32, y: f32) -> Option<[f32; 3]> {
         if !self.on {
             return Some(rgb);

@@ -1,4 +1,4 @@
-//! Single stages run on their own, and what they leave on the device: for tests and measurements.
+//! Runs single stages and reads what they leave on the device: for tests and measurements.
 
 use bytemuck::AnyBitPattern;
 
@@ -26,15 +26,15 @@ pub struct Probe<'a> {
 pub struct TileStarts {
     /// Pairs of the tiles.
     pub pairs: u32,
-    /// Where each block's pass of each tile's list begins, and, last, where the lists end.
+    /// Where each block's part of each tile's list begins. At the end: where the lists end.
     pub starts: Vec<u32>,
 }
 
-/// What every stage before the blending left, up to the pairs that there was room for.
+/// What each stage before the blending left, up to the pairs that there was room for.
 #[derive(Clone, Debug)]
 pub struct Stages {
-    /// What stage `project` wrote: twelve floats per splat, unset if the splat is culled. One more record stands at the
-    /// end, which shows nothing.
+    /// What stage `project` wrote: twelve floats per splat, unset if the splat is culled. One more record at the end
+    /// shows nothing.
     pub records: Vec<[f32; 4 * RECORD as usize]>,
     /// Stage `project`.
     pub keys: Vec<u32>,
@@ -46,13 +46,13 @@ pub struct Stages {
     pub pairs_needed: u32,
     /// Stage `bin_emit`: the splats of all tiles.
     pub pair_splats: Vec<u32>,
-    /// Stage `bin_emit`: where in them each tile's are.
+    /// Stage `bin_emit`: the range of each tile's pairs.
     pub ranges: Vec<[u32; 2]>,
 }
 
 impl Probe<'_> {
-    /// The places of the keys in the order of their values, equal ones by place; without those that are
-    /// [`CULLED`].
+    /// The places of the keys in the order of their values, equal keys in the order of their places. [`CULLED`] keys
+    /// are left out.
     pub fn sort(&self, keys: &[u32], sort_precision: SortPrecision) -> Result<Vec<u32>, Error> {
         let Probe { device, kernels } = *self;
         let count = keys.len() as u32;
@@ -84,7 +84,7 @@ impl Probe<'_> {
         read(device, &order, sorted as usize)
     }
 
-    /// Logarithm, base 2, of the number of workgroups that share a sort of so many keys.
+    /// Logarithm, base 2, of the number of workgroups that share a sort of `keys` keys.
     pub fn log_blocks(&self, keys: u32) -> u32 {
         super::kernels::log_blocks(self.device, keys)
     }
@@ -126,7 +126,7 @@ impl Probe<'_> {
         self.stages_at(scene, camera, 1, pose, pair_capacity, sort_precision)
     }
 
-    /// As [`Probe::stages`], of the level of the pyramid that is reduced by a factor.
+    /// As [`Probe::stages`], for the level of the pyramid that is reduced by `factor`.
     pub fn stages_at(
         &self,
         scene: &Scene,

@@ -14,13 +14,13 @@ use super::levels::Pass;
 pub enum SortPrecision {
     /// As they are: the picture's definition.
     Exact,
-    /// To about a pass in 8,000, of which all count as equal: two passes of three. For evaluations whose
-    /// picture nobody sees.
+    /// Coarse: depths closer than about 1 in 8,000 count as equal. Takes two passes in place of three. For evaluations
+    /// whose picture nobody sees.
     #[default]
     Coarse,
 }
 
-/// A sort of `count` keys, of which those that are not culled go into the order.
+/// A sort of `count` keys. Culled keys are left out of the order.
 pub(crate) struct Sort<'a> {
     pub sort_precision: SortPrecision,
     pub count: u32,
@@ -39,7 +39,7 @@ pub(crate) struct Sort<'a> {
 }
 
 impl Sort<'_> {
-    /// Records the sort. The number of keys sorted is left in the counters, which must hold the largest.
+    /// Records the sort. The counters must hold the largest key. The sort leaves the number of sorted keys in them.
     pub fn record(&self, r: &mut Recorder, kernels: &Kernels) -> Result<(), Error> {
         let Sort { sort_precision, count, log_blocks, counters, histogram, order, .. } = *self;
         let (groups, keys, between) = (self.groups, self.keys, self.between);
@@ -47,7 +47,7 @@ impl Sort<'_> {
         let one = self.pass.at(offset_of!(Groups, one));
         // The coarse order leaves out the lowest digit.
         let first = if sort_precision == SortPrecision::Exact { 0 } else { 1 };
-        // The first pass takes the place of a key for its value.
+        // In the first pass the place of a key is its value.
         let (mut keys, mut values) = (keys, &between[1][1]);
         for digit in first..DIGITS {
             let [keys_out, values_out] = &between[digit as usize % 2];

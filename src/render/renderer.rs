@@ -21,18 +21,18 @@ use super::{Kernels, Scene};
 /// Which pose Jacobian the normal equations are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Jacobian {
-    /// Optical flow of each pixel's own ray. A search takes as many renders and ends at the same error as with the
-    /// exact one.
+    /// Optical flow of each pixel's own ray. A search takes as many renders as with the exact Jacobian and ends at the
+    /// same error.
     Flow,
-    /// Of exactly what is drawn: means, covariances, colours.
+    /// Derivatives of exactly what is drawn: means, covariances, colours.
     Exact,
 }
 
 /// What a renderer is to be ready for; only that is allocated and recorded.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Reduction factors of the pyramid's levels, of which there are at most eight. Level 0 should
-    /// be 1, the full picture.
+    /// Reduction factors of the pyramid's levels, at most eight. Level 0 should be 1, the full
+    /// picture.
     pub factors: Vec<u32>,
     /// Jacobians that the host will ask for.
     pub jacobians: Vec<Jacobian>,
@@ -88,8 +88,8 @@ pub struct Searched<'a> {
     pub code: PoseCode,
     /// Submissions that it took.
     pub submissions: u32,
-    /// Milliseconds from the first submission to the end of each evaluation, in order, as far as the
-    /// device tells.
+    /// Milliseconds from the first submission to the end of each evaluation, in order. Holds only what the device
+    /// reports.
     pub times: &'a [f64],
 }
 
@@ -109,14 +109,14 @@ pub struct Renderer {
     times: Vec<f64>,
 }
 
-/// Room to make for so many pairs: a little to spare, but no more than a device holds that has storage
-/// buffers of so many bytes, unless the pairs themselves take more.
+/// How much room to make for `pairs` pairs: some to spare, but no more than storage buffers of `storage_range` bytes
+/// hold, unless the pairs themselves take more.
 fn room_for(pairs: u32, storage_range: u64) -> u32 {
     let most = (storage_range / size_of::<u32>() as u64).min(u32::MAX.into()) as u32;
     pairs.saturating_add(pairs / 4).min(most).max(pairs)
 }
 
-/// Submissions after which a search that still goes on is given up: its caps let none need as many.
+/// Submissions after which a search is given up. The search's own limits let none need as many.
 const MOST_SUBMISSIONS: u32 = 64;
 
 impl Renderer {
@@ -128,7 +128,7 @@ impl Renderer {
         camera: &Camera,
         plan: Plan,
     ) -> Result<Renderer, Error> {
-        // Room for a few tiles a splat; a picture that needs more makes it grow once.
+        // Room for a few tiles per splat. A picture that needs more makes it grow once.
         let pairs = (scene.splats.count.saturating_mul(8)).clamp(1 << 14, 1 << 22);
         let levels = LevelBuffers::new(device, &scene.splats, camera, &plan.factors)?;
         let framed = plan.search.is_some() || !plan.jacobians.is_empty();
@@ -222,7 +222,7 @@ impl Renderer {
     }
 
     /// Runs a job of a level. If the picture needs more pairs than there is room for, makes room
-    /// and runs again: nothing is left out of a result.
+    /// and runs again, so that a result is always complete.
     fn run(&mut self, level: usize, job: Job, pose: &Pose) -> Result<(), Error> {
         loop {
             self.levels.ask(&self.scene, level, self.work.pair_capacity, pose);
@@ -234,8 +234,8 @@ impl Renderer {
         }
     }
 
-    /// Makes room where the last run, or `needed`, was of more pairs than there is room for; whether
-    /// it did. If it fails, everything is as before.
+    /// Makes room if the last run, or `needed`, has more pairs than there is room for. Returns whether it did. If it
+    /// fails, nothing changes.
     fn grow(&mut self, needed: u32) -> Result<bool, Error> {
         let counters = self.work.counters_read.read::<Counters>(1)[0];
         let pairs = counters.pairs_needed.max(needed);
@@ -253,8 +253,8 @@ impl Renderer {
         Ok(true)
     }
 
-    /// Shares the binning among more workgroups, each of which goes through fewer pairs: some drivers end
-    /// long loops. If it fails, everything is as before.
+    /// Shares the binning among more workgroups, so that each goes through fewer pairs: some drivers end long loops. If
+    /// it fails, nothing changes.
     fn split_binning(&mut self) -> Result<bool, Error> {
         let before = self.levels.binning.log_blocks;
         let tiles = self.levels.most_tiles();
@@ -285,7 +285,7 @@ impl Renderer {
         &self.levels.sizes[level].camera
     }
 
-    /// Side of the block of the frame's pixels that is one of a level's.
+    /// Side of the block of the frame's pixels that one pixel of a level covers.
     pub fn factor(&self, level: usize) -> u32 {
         self.levels.sizes[level].factor
     }
@@ -314,15 +314,15 @@ impl Renderer {
         Ok(())
     }
 
-    /// Draws level 0 as 8-bit RGB where a packet says, to the same bytes as the search that found it.
+    /// Draws level 0 as 8-bit RGB at a packet's pose, to the same bytes as the search that found it.
     pub fn coded_picture(&mut self, code: &PoseCode, into: &mut Picture) -> Result<(), Error> {
         self.draw_coded(code)?;
         into.data.copy_from_slice(self.rendered());
         Ok(())
     }
 
-    /// [`coded_picture`](Self::coded_picture), to be read by [`rendered`](Self::rendered); also the
-    /// difference from the picture set, if the plan knows frames.
+    /// As [`coded_picture`](Self::coded_picture), but [`rendered`](Self::rendered) reads the
+    /// picture. If the plan knows frames, also takes the difference from the picture set.
     pub fn draw_coded(&mut self, code: &PoseCode) -> Result<(), Error> {
         self.bytes.coded_asked.write(&[Coded { anchor: anchor(&self.scene), code: *code }]);
         self.run(0, Job::Coded, &Pose::IDENTITY)
@@ -355,8 +355,8 @@ impl Renderer {
         self.frame.as_mut().expect("only planned frames are set").set(frame);
     }
 
-    /// Corrects the light of pictures in searches and evaluations from here on, and says what of them counts;
-    /// the difference is taken from the picture as it is.
+    /// Sets how searches and evaluations correct the light of pictures from here on, and which pixels count. The
+    /// difference is taken from the picture as it is.
     ///
     /// # Panics
     /// If the plan knows no frame, or the flat field is not of the size of level 0.
@@ -383,9 +383,9 @@ impl Renderer {
         levels.frame.write_at(level.params.frame_offset as usize, rgb);
     }
 
-    /// Has the device search for the pose of the picture set, draw it there as its packet will have
-    /// it, and take the difference. One submission, unless the search takes more evaluations than
-    /// one has room for, or the pictures more pairs.
+    /// Makes the device search for the pose of the picture set, draw the prior at the pose as its
+    /// packet holds it, and take the difference. Takes one submission, unless the search needs more
+    /// evaluations, or the pictures more pairs, than there is room for.
     ///
     /// # Panics
     /// If the plan has no search.
@@ -456,7 +456,7 @@ impl Renderer {
         &self.renders
     }
 
-    /// Device times of the stages of a job's last run; empty where the plan is not profiled.
+    /// Device times of the stages of a job's last run; empty if the plan is not profiled.
     pub fn stage_times(&self, job: Job) -> Result<Vec<StageTime>, Error> {
         let commands = self.recorded.iter().find(|(recorded, _)| *recorded == job);
         commands.map_or(Ok(Vec::new()), |(_, commands)| commands.stage_times())

@@ -33,7 +33,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Uploads what pictures of a prior need of it, to be drawn by pipelines made for its [`PipelineKey`].
+    /// Uploads what pictures of a prior need. They are drawn by pipelines made for its [`PipelineKey`].
     pub(crate) fn new(
         device: &Device,
         prior: &Prior,
@@ -73,7 +73,7 @@ impl Scene {
         self.id
     }
 
-    /// What the device's positions are relative to: f32 then tells points apart also where the
+    /// The point that the device's positions are relative to. So f32 tells points apart even if the
     /// prior lies far from its origin.
     pub(crate) fn centre(&self) -> DVec3 {
         DVec3::from(self.frame.centre.map(f64::from))
@@ -101,7 +101,7 @@ fn generic_tables() -> Arc<Tables> {
 }
 
 impl PipelineKey {
-    /// Of a prior, by its analysis.
+    /// The key of a prior with this analysis.
     pub fn of(analysis: &PriorAnalysis) -> PipelineKey {
         PipelineKey { sh_degree: analysis.sh_degree, clamped: analysis.clamps_alpha }
     }
@@ -126,7 +126,7 @@ fn check_workgroups(device: &Device, splats: usize) -> Result<(), Error> {
     Ok(())
 }
 
-/// A splat's scaled axes in the world, the columns of `R S`: the covariance is their `A Aᵀ`, which
+/// A splat's scaled axes in the world, the columns of `A = R S`. The covariance is `A Aᵀ`, which
 /// stays positive however thin the splat.
 pub(crate) fn scaled_axes(splats: &Splats, i: usize) -> DMat3 {
     let [w, x, y, z] = splats.unit_rotation(i).map(f64::from);
@@ -177,7 +177,7 @@ fn geometry(splats: &Splats, which: &[u32], centre: DVec3) -> Vec<f32> {
     })
 }
 
-/// Planes of the coefficients that are needed, RGB after RGB; two coefficients are three planes.
+/// Planes of the coefficients that are needed, RGB after RGB. Two coefficients take three planes.
 fn sh_planes(splats: &Splats, analysis: &PriorAnalysis) -> Vec<f32> {
     let stride = splats.sh_stride();
     let needed = 3 * shared::sh_coefficients(analysis.sh_degree) as usize;
@@ -186,7 +186,7 @@ fn sh_planes(splats: &Splats, analysis: &PriorAnalysis) -> Vec<f32> {
     pair_planes(&analysis.splats, planes, of)
 }
 
-/// Two values of every splat that `which` names to a plane; 0 where it has no more.
+/// Packs the values of every splat that `which` names, two per plane; 0 if a splat has no more values.
 fn pair_planes<I: Iterator<Item = f32>>(
     which: &[u32],
     planes: u32,

@@ -12,11 +12,11 @@ use super::scene::SplatBuffers;
 use super::workspace::Workspace;
 use super::{Jacobian, Kernels};
 
-/// Evaluations that one submission has room for. A frame that follows another takes six to eight. A search that is
-/// not done then goes on in a second submission. Those left over cost their empty dispatches.
+/// Evaluations that one submission has room for. A frame that follows another takes six to eight. A search that needs
+/// more goes on in a second submission. Unused evaluations cost their empty dispatches.
 pub(crate) const EVALUATIONS_PER_SUBMISSION: usize = 10;
 
-/// What of a picture is drawn.
+/// Which parts of a picture are drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Channels {
     /// Colours, depth and transmittance.
@@ -25,7 +25,7 @@ pub(crate) enum Channels {
     Colour,
 }
 
-/// What all stages are recorded with. A [`Pass`] says which workgroup counts a stage is dispatched by.
+/// What all stages are recorded with. A [`Pass`] says which workgroup counts a dispatch uses.
 #[derive(Clone, Copy)]
 pub(crate) struct Stages<'a> {
     pub kernels: &'a Kernels,
@@ -54,7 +54,7 @@ impl SearchStages<'_> {
         self.record_more(r)
     }
 
-    /// Further evaluations of a search under way, and the pictures once it is done.
+    /// Records further evaluations of a search under way, and its final pictures.
     pub fn record_more(&self, r: &mut Recorder) -> Result<(), Error> {
         for _ in 0..EVALUATIONS_PER_SUBMISSION {
             self.stages.equations(r, self.jacobian, self.sort_precision)?;
@@ -70,7 +70,7 @@ impl SearchStages<'_> {
         Ok(())
     }
 
-    /// The picture at the pose as its packet holds it, and the difference from the frame.
+    /// Records the picture at the pose as its packet holds it, and the difference from the frame.
     fn record_pictures(&self, r: &mut Recorder) -> Result<(), Error> {
         let (stages, pass) = (&self.stages, Pass::Picture);
         stages.decode_pose(r, pass)?;
@@ -79,7 +79,7 @@ impl SearchStages<'_> {
         stages.difference(r, self.frame, pass)
     }
 
-    /// The search's next step. It reduces the sums of the tiles itself. `first`: there are none yet.
+    /// Records the search's next step. It reduces the sums of the tiles itself. `first`: there are no sums yet.
     fn solve(&self, r: &mut Recorder, first: bool) -> Result<(), Error> {
         let Stages { kernels, levels, work, bytes, .. } = self.stages;
         let buffers = [
@@ -110,7 +110,7 @@ impl Stages<'_> {
             let push =
                 [frame_width, *factor, camera.width, pixels, params.frame_offset, scale.to_bits()];
             let buffers = [&frame.bytes, &self.levels.frame, &frame.light];
-            // Along the second axis too: 4096×4096 pixels take more workgroups than every device allows along one.
+            // Uses the second axis too: 4096×4096 pixels take more workgroups than some devices allow along one axis.
             let groups = pixels.div_ceil(GROUP);
             let down = groups.div_ceil(GROUP);
             let groups = [groups.div_ceil(down), down, 1];
@@ -151,7 +151,7 @@ impl Stages<'_> {
         }
     }
 
-    /// Each tile's splats in depth order: what every picture and every sum begins with.
+    /// Records the lists of each tile's splats in depth order. Every picture and every sum begins with them.
     pub fn tile_lists(
         &self,
         r: &mut Recorder,
@@ -238,8 +238,8 @@ impl Stages<'_> {
         r.dispatch_indirect(&splats.kernels.splat_flow, &buffers, &[], &levels.groups, tiles)
     }
 
-    /// Pose derivatives of every visible splat, for the exact Jacobian. Nothing if the workspace was made without
-    /// room for them.
+    /// Records the pose derivatives of every visible splat, for the exact Jacobian. Records nothing if the workspace
+    /// was made without room for them.
     pub fn pose_jacobian(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
         let Stages { splats, levels, work, .. } = *self;
         let Some(derivatives) = &work.derivatives else { return Ok(()) };
@@ -249,8 +249,8 @@ impl Stages<'_> {
         r.dispatch_indirect(&splats.kernels.pose_jacobian, &buffers, &[], &levels.groups, groups)
     }
 
-    /// Each tile's share of the normal equations, by the exact Jacobian. Nothing if the workspace was made without
-    /// room for derivatives.
+    /// Records each tile's share of the normal equations, by the exact Jacobian. Records nothing if the workspace was
+    /// made without room for derivatives.
     fn splat_exact(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
         let Stages { splats, levels, work, .. } = *self;
         let Some(derivatives) = &work.derivatives else { return Ok(()) };
@@ -262,8 +262,8 @@ impl Stages<'_> {
         r.dispatch_indirect(&splats.kernels.splat_exact, &buffers, &[], &levels.groups, tiles)
     }
 
-    /// The normal equations of the picture: the tiles' shares, summed in a fixed order. For the host; stage `solve`
-    /// sums them itself.
+    /// Records the sum of the tiles' shares of the normal equations, in a fixed order. For the host; stage `solve` sums
+    /// them itself.
     pub fn reduce(&self, r: &mut Recorder) -> Result<(), Error> {
         let levels = self.levels;
         let buffers = [&levels.params, &levels.partials, &levels.sums];

@@ -21,7 +21,7 @@ pub(crate) struct Workspace {
     pub pair_splats: Buffer,
     pub counters: Buffer,
     pub counters_read: Buffer,
-    /// Only where the exact Jacobian is wanted.
+    /// Only if the exact Jacobian is wanted.
     pub derivatives: Option<Buffer>,
     pub pair_capacity: u32,
 }

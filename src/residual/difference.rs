@@ -26,8 +26,8 @@ pub(super) fn difference_into(camera: &Picture, render: &Picture, into: &mut Pic
     }
 }
 
-/// `clamp(render + difference − 128, 0, 255)`, in place, byte by byte: undoes [`difference`] where
-/// it did not clamp.
+/// `clamp(render + difference − 128, 0, 255)`, in place, byte by byte. Undoes [`difference`],
+/// except for bytes that it clamped.
 pub fn add(difference: &[u8], render: &mut [u8]) {
     for (to, &d) in render.iter_mut().zip(difference) {
         *to = (i16::from(*to) + i16::from(d) - 128).clamp(0, 255) as u8;

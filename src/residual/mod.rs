@@ -1,6 +1,6 @@
 //! The residual: what the camera saw and the render did not, as a coded difference picture.
 //!
-//! It is always taken against the 8-bit picture that the decoder will render, and its quality is
+//! It is always the difference from the 8-bit picture that the decoder will render. Its quality is
 //! always measured on the 8-bit picture that the decoder will show.
 
 mod difference;
@@ -24,7 +24,7 @@ pub use webp::Webp;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ResidualError {
     /// A picture has not the size that it must have.
-    #[error("picture of {}×{} where {}×{} is due", found.0, found.1, expected.0, expected.1)]
+    #[error("picture of {}×{}, but {}×{} is due", found.0, found.1, expected.0, expected.1)]
     Size {
         /// Width and height due, pixels.
         expected: (u32, u32),
@@ -49,7 +49,7 @@ pub enum ResidualError {
     Encode(String),
     /// The payload can be read only beside the encoder's own render.
     #[error(
-        "residual payload: it needs the encoder's render, and one of the two devices is not portable"
+        "residual payload: it needs the encoder's render, but one of the two devices is not portable"
     )]
     OtherRender,
     /// The payload is no picture of the expected kind.
@@ -71,7 +71,7 @@ pub struct ResidualDecoder {
 }
 
 impl ResidualDecoder {
-    /// For pictures of a size, rendered from a prior with `tables`.
+    /// Makes one for pictures of a size, rendered from a prior with `tables`.
     pub fn new(width: u32, height: u32, tables: &Tables) -> ResidualDecoder {
         ResidualDecoder {
             wavelet: WaveletDecoder::new(width, height, tables),
@@ -80,11 +80,11 @@ impl ResidualDecoder {
         }
     }
 
-    /// Turns a render into the picture that a residual makes of it; nothing is changed on an error. `portable`: the
-    /// render is the encoder's, byte for byte.
+    /// Adds a residual to a render, which becomes the picture. Changes nothing on an error. `portable`: the render is
+    /// the encoder's, byte for byte.
     ///
     /// # Errors
-    /// If the payload is no picture of the render's size, or needs the encoder's render and has another.
+    /// If the payload is no picture of the render's size, or needs the encoder's render and this is another.
     pub fn add(
         &mut self,
         residual: &Residual,
@@ -103,8 +103,8 @@ impl ResidualDecoder {
         }
     }
 
-    /// As [`ResidualDecoder::add`], with what the start of a payload holds; the number of rows that it reaches. The
-    /// wavelet coder's payloads reach all rows, and grow finer.
+    /// As [`ResidualDecoder::add`], with the start of a payload. Returns the number of rows that it reaches. A wavelet
+    /// payload reaches all rows; the longer its start, the finer they are.
     pub fn add_start(
         &mut self,
         start: &ResidualStart,

@@ -1,4 +1,4 @@
-//! How many bytes a residual takes: by quality, by a budget, or by the picture wanted.
+//! The rate of a residual: by quality, by a byte budget, or by PSNR.
 
 use std::sync::Arc;
 
@@ -13,7 +13,8 @@ use super::{ResidualError, check_size};
 /// What decides how finely the difference picture is coded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
-    /// 0 to 100. Of the wavelet coder, even steps of a quantiser's logarithm, from 76 levels to 2; of WebP, libwebp's own.
+    /// 0 to 100. For the wavelet coder: the logarithm of its quantiser in even steps, from 76 levels to 2. For WebP:
+    /// libwebp's own quality.
     Quality(f32),
     /// As fine as fits the packet's bytes. The budget is hard.
     Bytes(usize),
@@ -44,8 +45,8 @@ pub struct CodedResidual<'a> {
     pub psnr: f64,
     /// How often the difference picture was coded.
     pub probes: u32,
-    /// Whether the rate asked for was kept. It is not if a budget holds no difference picture at all, or if the best
-    /// one falls short of a PSNR.
+    /// Whether the rate was kept. It is not if a budget holds no difference picture at all, or if the best one does not
+    /// reach a PSNR.
     pub reached: bool,
 }
 
@@ -70,7 +71,7 @@ pub enum ResidualCoder {
 /// Codes difference pictures of one size, in memory of its own.
 pub struct ResidualEncoder {
     coder: AnyEncoder,
-    /// Of the size that is coded.
+    /// A picture of the size that is coded.
     difference: Picture,
 }
 
@@ -95,13 +96,13 @@ pub struct ResidualSetup {
 }
 
 impl ResidualSetup {
-    /// A coder of pictures of a size, with the library's own tables, on a portable device.
+    /// A coder of pictures of a size, with the generic tables, on a portable device.
     pub fn new(width: u32, height: u32, coder: ResidualCoder) -> ResidualSetup {
         let tables = Arc::new(Tables::generic());
         ResidualSetup { width, height, coder, tables, portable: true }
     }
 
-    /// Whether an encoder made for the one does for the other. Tables are the same if they lie in the same place.
+    /// Whether an encoder made for one setup serves the other. Tables count as equal only if they are the same object.
     pub(crate) fn is_as(&self, other: &ResidualSetup) -> bool {
         (self.width, self.height) == (other.width, other.height)
             && (self.coder, self.portable) == (other.coder, other.portable)
@@ -123,12 +124,11 @@ impl ResidualEncoder {
         ResidualEncoder { coder, difference: Picture::new(width, height) }
     }
 
-    /// Codes what the camera saw and the render did not. `overhead` is the length of everything else
-    /// that counts against [`Rate::Bytes`]: the packet's latent and camera part, link headers. The
-    /// residual part's own length and check are counted here.
+    /// Codes what the camera saw and the render did not. `overhead`: the length of everything else that counts against
+    /// [`Rate::Bytes`], such as the packet's latent and camera part and link headers. The residual part's own length
+    /// and check are added here.
     ///
-    /// Under a budget or a target, if no difference picture makes the render any better, none is
-    /// coded.
+    /// With a budget or a target: if no difference picture improves the render, none is coded.
     pub fn encode<'a>(
         &'a mut self,
         camera: &Picture,
@@ -144,8 +144,8 @@ impl ResidualEncoder {
         self.encode_own(camera, render, rate, overhead)
     }
 
-    /// [`ResidualEncoder::encode`], with the bytes of [`super::difference`] already at hand. `difference` is swapped
-    /// for another picture of its size.
+    /// As [`ResidualEncoder::encode`], for the bytes of [`super::difference()`]. Swaps `difference` for another picture
+    /// of its size.
     pub fn encode_difference<'a>(
         &'a mut self,
         camera: &Picture,

@@ -34,7 +34,7 @@ pub struct Webp {
 }
 
 impl Webp {
-    /// For pictures of a size; larger ones do too, but cost allocations.
+    /// Makes one for pictures of a size. Larger pictures work too, but cost allocations.
     pub fn new(width: u32, height: u32) -> Webp {
         let file = || Vec::with_capacity(super::max_payload_len(width, height) + CONTAINER_LEN + 8);
         let arena = Arena::with_capacity(arena_len(width, height));
@@ -56,7 +56,7 @@ impl Webp {
         Ok(&self.file)
     }
 
-    /// Decodes a lossy WebP file of the size of `into`; refuses others before anything is decoded.
+    /// Decodes a lossy WebP file of the size of `into`. Refuses others before anything is decoded.
     pub fn decode_file(&mut self, file: &[u8], into: &mut Picture) -> Result<(), ResidualError> {
         check_shape(into)?;
         check_file(file, into)?;
@@ -71,9 +71,10 @@ impl Webp {
         quality: f32,
         payload: &mut Vec<u8>,
     ) -> Result<Coder, ResidualError> {
-        // Segments shift bits to where an eye would see errors, not to where the error is. On the
-        // reef's held-out frames one segment takes 12 to 14 % fewer bytes from 30.5 to 32 dB and
-        // 7 % fewer at 33 dB than libwebp's four; the smallest payload falls from 307 to 253 bytes.
+        // Segments spend bits on errors that an eye would see, not on the largest errors. On the
+        // reef's held-out frames one segment takes fewer bytes than libwebp's four: 12 to 14 %
+        // fewer from 30.5 to 32 dB, 7 % fewer at 33 dB. The smallest payload falls from 307 to 253
+        // bytes.
         self.encode_file(picture, quality, 1)?;
         payload.clear();
         let (width, height) = (picture.width, picture.height);
@@ -108,7 +109,7 @@ impl Webp {
         }
     }
 
-    /// Decodes the rows that the start of a payload holds; their number.
+    /// Decodes the rows that the start of a payload holds. Returns their number.
     pub(super) fn decode_start(
         &mut self,
         start: &ResidualStart,
@@ -135,8 +136,8 @@ const OTHER_CODER: ResidualError = ResidualError::Payload("not of a WebP coder")
 const NO_FRAME: ResidualError =
     ResidualError::Payload("shorter than a VP8 frame tag, or beyond a RIFF file");
 
-/// Bytes that libwebp takes at most to code or decode a picture, with room: measured on noise at
-/// quality 100, at which it takes up to 33 bytes per pixel and 180 KB beside (see the test).
+/// More bytes than libwebp takes to code or decode a picture. On noise at quality 100 it takes up
+/// to 33 bytes per pixel and another 180 KB (see the test).
 fn arena_len(width: u32, height: u32) -> usize {
     48 * (width as usize).next_multiple_of(16) * (height as usize).next_multiple_of(16) + (1 << 19)
 }
@@ -154,7 +155,7 @@ fn check_file(file: &[u8], into: &Picture) -> Result<(), ResidualError> {
     Ok(())
 }
 
-/// Writes what [`rebuild`] needs to make this very file again; `None` where it could not.
+/// Writes what [`rebuild`] needs to make this very file again; `None` if it could not.
 fn strip(
     file: &[u8],
     width: u32,
@@ -170,8 +171,8 @@ fn strip(
     (rebuilt == file).then_some(())
 }
 
-/// Writes the WebP file around a payload of `len` bytes, of which `payload` may be the start alone;
-/// `None` where the payload or the size cannot be in one.
+/// Writes the WebP file around a payload of `len` bytes. `payload` may be only its start. `None` if
+/// no such file can have this payload or this size.
 fn rebuild(payload: &[u8], len: usize, width: u32, height: u32, file: &mut Vec<u8>) -> Option<()> {
     let (tag, partitions) = payload.split_at_checked(TAG_LEN)?;
     let side = |v: u32| u16::try_from(v).ok().filter(|v| *v < 1 << 14).map(u16::to_le_bytes);

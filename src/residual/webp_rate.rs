@@ -28,7 +28,7 @@ struct Frame<'a> {
     difference: &'a Picture,
 }
 
-/// Whether a difference picture was coded, and if not, why; whether the rate was kept.
+/// Whether a difference picture was coded, and if not, why. Then whether the rate was kept.
 type Found = (Result<(), Residual<'static>>, bool);
 
 /// One coding of the difference picture.
@@ -58,7 +58,7 @@ impl Probe {
 }
 
 impl WebpEncoder {
-    /// For pictures of a size.
+    /// Makes one for pictures of a size.
     pub fn new(width: u32, height: u32) -> WebpEncoder {
         WebpEncoder {
             webp: Webp::new(width, height),
@@ -158,9 +158,9 @@ impl WebpEncoder {
         Ok((self.if_better(frame), reaches(&self.best)))
     }
 
-    /// Codes at qualities that close in on the one where `finer` turns from true to false; at the
-    /// end of the range too, if no such turn was met. The one that is `preferred` over all others
-    /// met ends in `best`.
+    /// Codes at qualities that close in on the one at which `finer` turns from true to false. If
+    /// there is no such turn, also codes at the end of the range. `best` receives the one that is
+    /// `preferred` over all others.
     fn bisect(
         &mut self,
         frame: &Frame,
@@ -197,9 +197,9 @@ impl WebpEncoder {
     }
 }
 
-/// The quality at which libwebp's quantiser, 127 to 0, lies at `1 − level` of its range: inverts
-/// `QualityToCompression` of its `quant_enc.c`. Evenly spaced qualities would not do, as the lowest
-/// hundredth of them spans a fifth of the quantisers: those that small packets need.
+/// The quality at which libwebp's quantiser, 127 to 0, is at `1 − level` of its range. Inverts
+/// `QualityToCompression` of its `quant_enc.c`. Evenly spaced qualities would be no good: the
+/// lowest hundredth of them spans a fifth of the quantisers, those that small packets need.
 fn quality_of(level: f64) -> f32 {
     let linear = level.powi(3);
     let quality = if linear < 0.5 { 1.5 * linear } else { 0.5 * (linear + 1.0) };

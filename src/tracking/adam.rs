@@ -1,5 +1,5 @@
-//! Adam (Kingma & Ba 2015) as in the paper: learning rate 1e-3, halved after three epochs without
-//! improvement. τ is taken in the frame of the current pose, its translation in the prior's own length.
+//! Adam (Kingma & Ba 2015) as in the paper: learning rate 1e-3, halved after three epochs without improvement. τ is
+//! relative to the current pose; its translation is measured in the prior's own length.
 
 use crate::Pose;
 use crate::render::Jacobian;
@@ -14,9 +14,9 @@ pub struct AdamOptions {
     pub rate: f64,
     /// Epochs without improvement after which the rate is halved (paper: 3).
     pub patience: u32,
-    /// Done where the gradient's largest component is below this.
+    /// Stop if the gradient's largest component is below this.
     pub gradient_tolerance: f64,
-    /// Done where the step's largest component is below this.
+    /// Stop if the step's largest component is below this.
     pub parameter_tolerance: f64,
     /// Most epochs.
     pub epochs: u32,

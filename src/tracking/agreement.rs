@@ -1,9 +1,9 @@
-//! Whether a frame shows what the prior shows at a pose: block by block, whatever the light.
+//! Tells whether a frame shows what the prior shows at a pose: block by block, whatever the light.
 //!
-//! Both pictures' luma, at half the size, is compared in blocks of 8×8 by normalised cross-correlation,
-//! which gain and offset do not change. Blocks count by the deviation of the render's luma: if the prior
-//! shows nothing, the frame cannot confirm it. At a wrong pose a part of the scene may agree all the same,
-//! such as a far wall behind what is near: the tracker looks for other poses unless nearly all agrees.
+//! The luma of both pictures, at half the size, is compared in blocks of 8×8 by normalised cross-correlation. Gain and
+//! offset do not change that. Each block is weighted by the deviation of the render's luma: if the prior shows nothing,
+//! the frame cannot confirm it. Even at a wrong pose a part of the scene may agree, such as a far wall. So the tracker
+//! looks for other poses unless nearly all agrees.
 
 use std::ops::Range;
 
@@ -13,48 +13,47 @@ use crate::render::{Cell, Correction, FlatField};
 const BLOCK: usize = 8;
 /// Blocks agree from this correlation on.
 const AGREES: f64 = 0.5;
-/// The share of what the prior shows, that must agree: half of the picture may be covered by something new.
+/// The share of what the prior shows that must agree. Something new may cover half of the picture.
 const CONFIRMED: f64 = 0.4;
-/// Variance of the noise of a pixel at half size: that of 8 bits and a little more, values in [0, 255].
+/// Variance of a pixel's noise at half size, values in [0, 255]: the rounding to 8 bits and a little more.
 const NOISE: f64 = 0.12;
-/// Fewest blocks by which a pose is judged.
+/// Fewest blocks that can judge a pose.
 const BLOCKS: f64 = 8.0;
-/// Least mean deviation of the render's luma in its blocks, values in [0, 255]: with less, there is nothing
-/// to be confirmed.
+/// Least mean deviation of the render's luma in its blocks, values in [0, 255]. With less, there is nothing to confirm.
 const PLAIN: f64 = 0.5;
-/// Least range, as deviations, of a channel from which its light can be told, values in [0, 255].
+/// Least deviation of a channel from which its light can be told, values in [0, 255].
 const RANGE: f64 = 3.0;
-/// The light is taken to be the prior's if its gain and offset differ by less.
+/// If gain and offset differ by less than this, the light counts as the prior's.
 const SAME_GAIN: f64 = 0.3;
 const SAME_OFFSET: f64 = 0.1;
 
-/// The channel by which sharpness is told: camera sensors see it best.
+/// The channel that sharpness is measured in: camera sensors see it best.
 const GREEN: usize = 1;
 
 /// Cells around each that tell its light, to each side.
 const AROUND: usize = 2;
-/// Agreeing cells by which the light of a place can be told.
+/// Agreeing cells that are needed to tell the light of a place.
 const TOLD: usize = 4;
 /// Below this share of agreement, what does not agree is masked.
 const NEARLY_ALL: f64 = 0.8;
-/// A block that agrees is masked too if its squared error is more than this many times their median: a part of it
-/// may be covered.
+/// A block that agrees is masked too if its squared error is more than this many times the median of such blocks:
+/// something may cover a part of it.
 const PARTLY_COVERED: f64 = 6.0;
-/// Light differs from place to place if the mean change by cells is larger, values in [0, 1].
+/// If the mean change by cells is larger than this, the light differs from place to place; values in [0, 1].
 const UNEVEN: f64 = 0.02;
 
 /// How a frame and a render agree.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Agreement {
-    /// Share of what the prior shows that the frame shows too, 0 to 1; 0 if the prior shows nothing.
+    /// The share of what the prior shows that the frame shows too, 0 to 1; 0 if the prior shows nothing.
     pub share: f64,
-    /// Mean correlation, 0 to 1, of what the prior shows: tells poses apart at which nearly the same agrees.
+    /// Mean correlation of what the prior shows, 0 to 1. Ranks poses at which the share is nearly the same.
     pub score: f64,
     /// Whether the prior shows enough, and the pictures are large enough, to confirm or refute a pose.
     pub tells: bool,
-    /// What brings the frame's light to the prior's, by the blocks that agree; `None` if it cannot be told.
+    /// Brings the frame's light to the prior's. Measured in the blocks that agree; `None` if it cannot be told.
     pub correction: Option<Correction>,
-    /// Fine detail of the frame as a share of the render's, by the blocks that agree: about 1, or less if the
+    /// Fine detail of the frame as a share of the render's, measured in the blocks that agree. About 1, or less if the
     /// frame is blurred. Not a number if it cannot be told.
     pub sharpness: f64,
 }
@@ -66,7 +65,7 @@ impl Agreement {
     }
 }
 
-/// Compares frames and renders of a size. All memory is taken when it is made.
+/// Compares frames and renders of one size. Takes all its memory when it is made.
 pub struct Comparison {
     width: usize,
     columns: usize,
@@ -78,7 +77,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Of pictures of a size in pixels.
+    /// Makes one for pictures of a size in pixels.
     pub fn new(width: usize, height: usize) -> Comparison {
         let (columns, rows) = (width / (2 * BLOCK), height / (2 * BLOCK));
         let count = columns * rows;
@@ -116,9 +115,8 @@ impl Comparison {
         Agreement { share: share(agreeing), score: share(score), tells, correction, sharpness }
     }
 
-    /// Whether a search must take account of more than one light for all: a part does not agree, or the light
-    /// differs from place to place. Of the pictures compared last, and what came of that. `most`: the share of the
-    /// squared error, 0 to 1, that what does not agree may make.
+    /// Whether a search must mask parts or correct the light from place to place, for the pictures compared last and
+    /// their `agreement`. `most`: the share of the squared error, 0 to 1, that parts that do not agree may make.
     pub fn is_uneven(&self, agreement: &Agreement, most: f64) -> bool {
         let (Some(all), Some(correction)) = (self.light(), agreement.correction) else {
             return false;
@@ -140,7 +138,7 @@ impl Comparison {
         agreement.share < NEARLY_ALL || other > most * error || change > UNEVEN * agreeing
     }
 
-    /// Masks the blocks that do not agree, and tells the light of each place, by the pictures compared last.
+    /// Masks the blocks that do not agree, and fills in the light of each place, from the pictures compared last.
     ///
     /// # Panics
     /// If the flat field is of another size.
@@ -173,7 +171,7 @@ impl Comparison {
         self.pooled(0..self.rows, 0..self.columns).0.light()
     }
 
-    /// The light of a block beside that of all, `(gain, offset)`.
+    /// The light of a block relative to that of the whole picture, `(gain, offset)`.
     fn cell(&self, index: usize, all: (f64, f64)) -> Cell {
         let (column, row) = (index % self.columns, index / self.columns);
         let around = |at: usize, end: usize| at.saturating_sub(AROUND)..(at + AROUND + 1).min(end);
@@ -264,7 +262,7 @@ impl Sums {
         self.product / self.count - self.frame / self.count * (self.render / self.count)
     }
 
-    /// Fine detail of the frame as a share of the render's, each beside its own variance: see
+    /// Fine detail of the frame as a share of the render's, each divided by its own variance: see
     /// [`Agreement::sharpness`].
     fn sharpness(&self) -> f64 {
         let fine = (self.frame_fine / self.count, self.render_fine / self.count);
@@ -280,7 +278,7 @@ impl Sums {
         (frame + self.count * summand * summand - 2.0 * both + self.render_square).max(0.0)
     }
 
-    /// Sum of the squared differences, the render's light `(gain, offset)` brought to the frame's.
+    /// Sum of the squared differences, after `(gain, offset)` has brought the render's light to the frame's.
     fn error_in(&self, (gain, offset): (f64, f64)) -> f64 {
         let offset = 255.0 * offset;
         let lit = self.frame_square - 2.0 * (gain * self.product + offset * self.frame);
@@ -293,8 +291,8 @@ impl Sums {
         self.covariance() / spread.sqrt()
     }
 
-    /// Gain and offset (values in [0, 1]) by which the render's light becomes the frame's: as far as both
-    /// spread (reduced major axis), so that what the prior shows otherwise does not count as darkness.
+    /// Gain and offset (values in [0, 1]) that turn the render's light into the frame's. The gain is the ratio of the
+    /// two deviations (reduced major axis), so that differences in content do not count as darkness.
     fn light(&self) -> Option<(f64, f64)> {
         let told = self.count > 0.0 && self.render_variance() > RANGE * RANGE;
         let gain = ((self.frame_variance() - NOISE).max(0.0) / self.render_variance()).sqrt();
@@ -415,7 +413,7 @@ mod tests {
         }
     }
 
-    /// What a search is told of two pictures of the size, if it must take account of that.
+    /// The flat field for a search of these two pictures, if they need one.
     fn described(frame: &[u8], render: &[u8]) -> Option<FlatField> {
         let mut comparison = Comparison::new(SIZE.0, SIZE.1);
         let agreement = comparison.compare(frame, render);

@@ -1,7 +1,7 @@
-//! BFGS as in the paper: pytorch-minimize's, strong Wolfe line search, identity as the first inverse
-//! Hessian, rescaled before its first update. τ is taken in the frame of the current pose, so a step
-//! along `d` is `Exp(t d) T` and its slope is the gradient's product with `d`, for every t. Translations
-//! are measured in the prior's own length, so that the identity does not depend on its unit.
+//! BFGS as in the paper: pytorch-minimize's, strong Wolfe line search, identity as the first inverse Hessian, rescaled
+//! before its first update. τ is relative to the current pose. So a step along `d` is `Exp(t d) T`, and its slope is
+//! the gradient's product with `d`, for every t. Translations are measured in the prior's own length, so that the first
+//! inverse Hessian does not depend on the prior's unit.
 
 use crate::Pose;
 use crate::render::Jacobian;
@@ -13,12 +13,12 @@ use super::{Objective, Outcome, Stop, dot, minus, moved_in, norm_max, scaled};
 /// Options of BFGS.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BfgsOptions {
-    /// Done where the gradient's largest component is below this (paper: 1e-5).
+    /// Stop if the gradient's largest component is below this (paper: 1e-5).
     pub gradient_tolerance: f64,
-    /// Done where the step's largest component is below this (paper: 1e-6).
+    /// Stop if the step's largest component is below this (paper: 1e-6).
     pub parameter_tolerance: f64,
-    /// Done where the error changes by less than this: pytorch-minimize's own default. (The paper's
-    /// 1e-6, if taken for this too, would end the search up to 2 dB early.)
+    /// Stop if the error changes by less than this: pytorch-minimize's own default. (With the
+    /// paper's 1e-6 here too, the search would end up to 2 dB early.)
     pub change_tolerance: f64,
     /// Most iterations; pytorch-minimize's default is 200 a parameter.
     pub iterations: u32,

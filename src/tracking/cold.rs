@@ -1,4 +1,4 @@
-//! Starts of a frame of which only a rough pose is known.
+//! Starts of a frame if only a rough pose is known.
 
 use crate::render::Correction;
 use crate::shared::PIXEL;
@@ -7,7 +7,7 @@ use crate::{Picture, Pose};
 
 use super::{Hypotheses, Objective, Pyramid};
 
-/// Level of the pyramid at which frame and render are compared as wholes.
+/// Level of the pyramid at which whole frame and whole render are compared.
 const LEVEL: usize = 2;
 
 /// Proposes starts near a rough one, from one render there.
@@ -32,7 +32,7 @@ impl ColdStart {
         }
     }
 
-    /// The best hypotheses, at most `most`; the start itself is among them where it ranks.
+    /// The best hypotheses, at most `most`. The start itself is ranked among them.
     pub fn starts(
         &mut self,
         objective: &mut Objective,
@@ -57,7 +57,8 @@ impl ColdStart {
     }
 }
 
-/// Mean squared error of a picture of five floats per pixel against one of three, whose light is corrected.
+/// Mean squared error of a render, five floats per pixel, against a frame, three floats per pixel, whose light is
+/// corrected.
 fn mse(render: &[f32], frame: &[f32], correction: &Correction) -> f64 {
     let pixels = render.chunks_exact(PIXEL as usize).zip(frame.chunks_exact(3));
     let square = |(r, f): (&[f32], &[f32])| -> f64 {

@@ -1,4 +1,4 @@
-//! What was found for a frame: one result from the device's search to the frame's statistics.
+//! What was found for a frame: one result that goes from the device's search to the frame's statistics.
 
 use crate::Pose;
 use crate::search::PoseCode;
@@ -12,12 +12,12 @@ pub struct Found {
     pub outcome: Outcome,
     /// Where the search started.
     pub start: StartKind,
-    /// The pose as a packet holds it, if the search has drawn the picture there already, and the
-    /// difference from the frame.
+    /// The pose as a packet holds it, if the search has already drawn its picture and taken the
+    /// difference.
     pub drawn: Option<PoseCode>,
-    /// Submissions to the device that the search took; 0 where the host led it.
+    /// Submissions to the device that the search took; 0 if the host led it.
     pub submissions: u32,
-    /// Error at the start, at the level where the search began; not a number where the host led it.
+    /// Error at the start, at the search's first level; not a number if the host led the search.
     pub first_mse: f64,
     /// What of the pose the picture determines.
     pub observability: Observability,
@@ -29,7 +29,7 @@ pub struct Found {
     pub agreement: Agreement,
     /// Whether what does not agree was left out of the search.
     pub masked: bool,
-    /// Corners of the frame that the candidate explained; 0 if the search did not begin at a candidate.
+    /// Corners of the frame that the candidate explained; 0 if the search did not start at a candidate.
     pub features: u32,
 }
 
@@ -65,8 +65,8 @@ impl Found {
         Found { first_mse: mse, certain: true, agreement, ..Found::from_start(&start, outcome) }
     }
 
-    /// The result of less error, of this and the last search. If it is this one, the last search has drawn over
-    /// its picture.
+    /// Returns the result with less error, this one or the last search's. If it is this one, the last search has drawn
+    /// over its picture.
     pub(super) fn or_last(self, last: Found) -> Found {
         let better =
             if last.outcome.mse <= self.outcome.mse { last } else { Found { drawn: None, ..self } };
@@ -81,8 +81,8 @@ impl Found {
         Found { start, begun, features, submissions, agreement, certain, ..last }
     }
 
-    /// The better of two judged results: if both are certain, the one that the frame agrees with more; else the
-    /// certain one; else the one of less error.
+    /// Returns the better of two judged results. If both are certain: the one that the frame agrees with more. If one
+    /// is certain: that one. Else: the one with less error.
     pub(super) fn or_judged(before: Option<Found>, last: Found) -> Found {
         let Some(before) = before else { return last };
         let both = before.certain && last.certain;

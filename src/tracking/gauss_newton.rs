@@ -1,4 +1,4 @@
-//! Gauss–Newton on the device (see [`crate::search`]): what it is asked, and what it found.
+//! Gauss–Newton on the device (see [`crate::search`]): its options, and what it found.
 
 use crate::Pose;
 use crate::render::NormalEquations;
@@ -12,38 +12,38 @@ use super::{Evaluation, Found, Objective, Observability, Outcome, Start, StartKi
 /// How a search goes through the pyramid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Schedule {
-    /// Level at which each start is first evaluated. Frames that follow others begin here where those
-    /// were followed easily, else above, up to `far_level`.
+    /// Level at which each start is first evaluated. A frame that follows another begins here if that one was followed
+    /// easily, else higher, up to `far_level`.
     pub first_level: usize,
-    /// Level down to which each start is followed for itself; the best goes on alone.
+    /// Level down to which each start is followed by itself. Below it only the best goes on.
     pub follow_level: usize,
-    /// Levels to be visited, a bit each; level 0 always is.
+    /// Levels to visit, one bit per level; level 0 is always visited.
     pub levels: u32,
-    /// Most renders of one start at one level while starts are compared; 1: they are only scored.
+    /// Most renders of one start at one level while starts are compared; 1: starts are only scored.
     pub follow_renders: u32,
     /// Most renders of a coarse level.
     pub coarse_renders: u32,
     /// Most renders at full resolution.
     pub renders: u32,
-    /// If the first step promises more than this share, the start is far off, and the search goes
-    /// on at `far_level`, if that is above the first.
+    /// If the first step promises to lower the error by more than this share, the start is far off.
+    /// The search then goes on at `far_level`, if that is above the first level.
     pub near: f32,
     /// See `near`.
     pub far_level: usize,
-    /// A coarse level's step that is expected to lower the error by less than this share is taken
-    /// unseen and ends the level; the next one sees what came of it.
+    /// If a coarse level's step is expected to lower the error by less than this share, it is taken
+    /// without an evaluation and ends the level. The next level evaluates it.
     pub coarse_leap: f32,
-    /// The same at full resolution; the final picture sees.
+    /// As `coarse_leap`, at full resolution: the final picture shows the outcome.
     pub leap: f32,
-    /// A level is done where the next step is expected to lower the error by less than this share.
+    /// A coarse level is done if the next step is expected to lower the error by less than this share.
     pub coarse_tolerance: f32,
-    /// The same at full resolution; 1e-3 is 0.004 dB.
+    /// As `coarse_tolerance`, at full resolution; 1e-3 is 0.004 dB.
     pub tolerance: f32,
 }
 
 impl Schedule {
-    /// The program that the device runs on a pyramid of so many levels, from `starts`, of which the first eight
-    /// count. `profile`: how the pose is coded, as of [`Tracker::set_profile`](super::Tracker::set_profile).
+    /// The program that the device runs on a pyramid of `levels` levels, from the first eight of `starts`. `profile`:
+    /// how the pose is coded, see [`Tracker::set_profile`](super::Tracker::set_profile).
     pub fn program(
         &self,
         levels: usize,
@@ -85,7 +85,7 @@ impl Schedule {
 pub struct GaussNewtonOptions {
     /// For a frame that follows another.
     pub warm: Schedule,
-    /// For a frame of which only a rough pose is known.
+    /// For a frame if only a rough pose is known.
     pub cold: Schedule,
     /// First damping, relative to the diagonal of JᵀJ.
     pub damping: f32,
@@ -127,8 +127,8 @@ impl Default for GaussNewtonOptions {
     }
 }
 
-/// Searches from `starts` (the first eight count), draws the outcome and takes the difference: see
-/// [`crate::render::Renderer::search`]. The result is not judged yet.
+/// Searches from `starts` (only the first eight count), draws the outcome and takes the difference:
+/// see [`crate::render::Renderer::search`]. The result is not judged yet.
 ///
 /// # Panics
 /// If there is no start.
@@ -166,7 +166,7 @@ const ROUNDING: f64 = 1.0 / (12.0 * 255.0 * 255.0);
 struct Path {
     /// Where it ended.
     found: Placement,
-    /// Share by which the last step, taken unseen, was to lower the error.
+    /// Share by which the last step, taken without an evaluation, promised to lower the error.
     promised: f64,
     /// Best place that was evaluated at full resolution.
     seen: Placement,
@@ -175,9 +175,9 @@ struct Path {
 }
 
 impl Path {
-    /// Whether what was drawn, of this error, is what the last step let expect: no worse than what was seen
-    /// before it, and, if much was promised, better by a good part of that. Near the optimum Gauss–Newton
-    /// keeps its promises; a search that does not had not arrived.
+    /// Whether the drawn picture's error is what the last step promised. It must not be worse than before the step; and
+    /// if the step promised much, it must be better by a good part of that. Near the optimum Gauss–Newton keeps its
+    /// promises. If it does not, the search has not arrived.
     fn kept_promise(&self, drawn_mse: f64) -> bool {
         let most = if self.promised > 0.03 { 1.0 - 0.8 * self.promised } else { 1.02 };
         self.promised == 0.0 || drawn_mse - ROUNDING <= most * self.seen_mse

@@ -1,16 +1,17 @@
-//! Start poses for a frame whose own start may be far off, from one render there.
+//! Start poses for a frame whose start may be far off, from one render at that start.
 //!
-//! The frame is rolled by each angle of a grid; phase correlation with the render then gives the
-//! shift of each such picture, and so a rotation of the camera. Each is warped by what was found and
-//! correlated once more: near the edge of a wide picture, a rotation is no shift. The results are
-//! judged by how the warped frame correlates with the render, pixel by pixel, where both show
-//! something. All of it sees luma up to gain and offset: dark frames do as well as bright ones.
+//! The frame is rolled by each angle of a grid. Phase correlation with the render gives the shift of each rolled frame,
+//! and so a rotation of the camera. Each is then warped by that rotation and correlated again: near the edge of a wide
+//! picture, a rotation is no shift. The results are ranked by how well the warped frame correlates with the render,
+//! over the pixels that both show. All of it compares luma up to gain and offset: dark frames work as well as bright
+//! ones.
 //!
-//! From ±10° an axis and ±0.3 units, the first proposal lies 2 px off in the median on the reef (25
-//! units away), 9 px in the demo's basin (3 m away), of pictures of 320 × 180: within reach of
-//! Gauss–Newton at a quarter of their size. Tried and left out: zooms beside the rolls (no better
-//! from ±0.3 units, and one start in 24 lost at ±16° for a false zoom), pictures of gradients (3.5
-//! px in place of 2.8), the shift alone (9 px, and one start in five above 16: it sees no roll).
+//! Measured on pictures of 320 × 180, from starts off by ±10° per axis and ±0.3 units: the median
+//! error of the first proposal is 2 px on the reef (25 units away) and 9 px in the demo's basin (3
+//! m away). Both are within reach of Gauss–Newton at a quarter of the size. Tried and left out:
+//! zooms as well as rolls (no better from ±0.3 units, and a false zoom lost one start in 24 at
+//! ±16°); pictures of gradients (3.5 px in place of 2.8); the shift alone (9 px, and above 16 px
+//! for one start in five, as it sees no roll).
 
 use glam::{Mat3, Quat, Vec3};
 
@@ -18,12 +19,12 @@ use super::phase_correlation::PhaseCorrelation;
 use crate::shared::PIXEL;
 use crate::{Camera, Pose};
 
-/// Turns about the optical axis that are tried, degrees. Phase correlation stands 2° of roll and
+/// Turns about the optical axis that are tried, degrees. Phase correlation tolerates 2° of roll and
 /// more.
 const ROLLS: [f32; 7] = [-12.0, -8.0, -4.0, 0.0, 4.0, 8.0, 12.0];
 /// Rounds of phase correlation.
 const ROUNDS: usize = 2;
-/// Least share of the picture that frame and render must both show to be judged.
+/// The least share of the picture that frame and render must both show; with less, they are not judged.
 const LEAST_OVERLAP: f32 = 0.25;
 
 /// A start pose.
@@ -31,8 +32,8 @@ const LEAST_OVERLAP: f32 = 0.25;
 pub struct Proposal {
     /// The pose.
     pub pose: Pose,
-    /// How the frame, brought there, and the render correlate: 1 where they are the same but for
-    /// gain and offset, −1 where they do not overlap enough to tell.
+    /// Correlation of the frame, warped to the pose, with the render: 1 if they are equal up to
+    /// gain and offset, −1 if they overlap too little to tell.
     pub score: f32,
 }
 
@@ -49,7 +50,7 @@ pub struct Hypotheses {
     correlation: PhaseCorrelation,
     frame: Vec<f32>,
     render: Vec<f32>,
-    /// The frame as two candidates have it, and where it shows anything.
+    /// The frame, warped by each of two candidates, and which pixels it covers.
     warped: [Vec<f32>; 2],
     seen: [Vec<bool>; 2],
     candidates: Vec<Candidate>,
@@ -57,7 +58,7 @@ pub struct Hypotheses {
 }
 
 impl Hypotheses {
-    /// Proposals of a call.
+    /// Most proposals of a call.
     pub const MOST: usize = 4;
 
     /// For a level's camera. About 80 pixels across are enough, and cheap: 1.2 ms per call.
@@ -76,9 +77,9 @@ impl Hypotheses {
         }
     }
 
-    /// Poses to start from, best first; the start itself is one of them where it ranks. `frame`:
-    /// height × width × 3 floats; `render`: the prior at `start`, height × width × 5, as a renderer
-    /// draws it. Nothing is allocated.
+    /// Poses to start from, best first. The start itself is ranked among them. `frame`: height ×
+    /// width × 3 floats; `render`: the prior at `start`, height × width × 5, as a renderer draws
+    /// it. Allocates nothing.
     ///
     /// # Panics
     /// If the number of floats is not the camera's.
@@ -110,7 +111,7 @@ impl Hypotheses {
         &self.proposals
     }
 
-    /// Turns each candidate by the shift that is left between the frame, warped by it, and the
+    /// Turns each candidate by the shift that remains between the frame, warped by it, and the
     /// render.
     fn shift(&mut self) {
         let camera = self.camera;
@@ -130,8 +131,8 @@ impl Hypotheses {
         }
     }
 
-    /// Scores each candidate by the correlation of the frame, warped by it, with the render; the
-    /// best first.
+    /// Scores each candidate by the correlation of the frame, warped by it, with the render. Sorts
+    /// the best first.
     fn judge(&mut self) {
         for at in 0..self.candidates.len() {
             self.warp(0, self.candidates[at]);
@@ -142,8 +143,8 @@ impl Hypotheses {
         self.candidates.sort_unstable_by(|a, b| b.score.total_cmp(&a.score));
     }
 
-    /// The frame as the render's camera would have it, were a candidate true: bilinear; its mean
-    /// where it shows nothing.
+    /// Warps the frame, bilinearly, into what the render's camera would see if the candidate were
+    /// right. Pixels outside the frame get its mean.
     fn warp(&mut self, slot: usize, candidate: Candidate) {
         let Camera { width, height, fx, fy, .. } = self.camera;
         // Samples lie at whole numbers.
@@ -195,8 +196,8 @@ fn sample(picture: &[f32], width: usize, x: f32, y: f32) -> Option<f32> {
     Some(upper + (lower - upper) * ay)
 }
 
-/// Correlation coefficient of two pictures where `seen`; 0 where one of them is flat, −1 where fewer
-/// than `least` pixels are seen or a value is no number.
+/// Correlation coefficient of two pictures over the pixels that are `seen`; 0 if one of them is flat, −1 if fewer than
+/// `least` pixels are seen or a value is no number.
 fn correlation(a: &[f32], b: &[f32], seen: &[bool], least: f32) -> f32 {
     let pixels = || {
         let seen = a.iter().zip(b).zip(seen).filter(|(_, seen)| **seen);
@@ -246,7 +247,7 @@ mod tests {
         0.5 + 0.2 * [0.2, 0.4, 0.8, 1.6].map(octave).iter().sum::<f32>()
     }
 
-    /// The wall from a pose, with `floats` a pixel: RGB, and what a renderer has beside it.
+    /// The wall from a pose, with `floats` floats per pixel: RGB, and what else a renderer gives.
     fn view(pose: &Pose, floats: usize) -> Vec<f32> {
         let rotation = pose.matrix().as_mat3().transpose();
         let centre = pose.centre().as_vec3();
@@ -262,7 +263,7 @@ mod tests {
         pixels.collect()
     }
 
-    /// Mean distance of where two poses see the wall, pixels.
+    /// Mean distance between the places at which two poses see the wall, pixels.
     fn apart(a: &Pose, b: &Pose) -> f64 {
         let points = (-2..=2).flat_map(|x| (-1..=1).map(move |y| (f64::from(x), f64::from(y))));
         let seen = |pose: &Pose, (x, y): (f64, f64)| {

@@ -5,8 +5,8 @@ use crate::{Error, Pose};
 /// Covariance of a left step `τ = (ρ, θ)`, row by row: ρ in the prior's unit, θ in radians.
 pub type Covariance = [[f64; 6]; 6];
 
-/// How far a covariance may be from symmetric and from positive semidefinite, as correlations:
-/// estimators that work in f32 round by less.
+/// How far a covariance, as correlations, may be from symmetric and from positive semidefinite.
+/// Estimators that work in f32 round by less.
 const ROUNDING: f64 = 1e-6;
 /// How far the length of a unit quaternion may be from 1.
 const UNIT: f64 = 1e-4;
@@ -16,8 +16,8 @@ const UNIT: f64 = 1e-4;
 pub struct Hint {
     /// The pose.
     pub pose: Pose,
-    /// How sure it is: the camera stands at `Exp(τ) ∘ pose`, `τ` of mean 0 and this covariance. `None`:
-    /// not stated.
+    /// How sure it is: the camera stands at `Exp(τ) ∘ pose`, and `τ` has mean 0 and this covariance. `None`: not
+    /// stated.
     pub covariance: Option<Covariance>,
     /// Seconds from when the pose was taken to when the frame was.
     pub age: f64,
@@ -35,8 +35,8 @@ impl Hint {
         is_covariance(covariance).then(|| Hint { covariance: Some(*covariance), ..Hint::of(pose) })
     }
 
-    /// A pose as old as the frame. `deviation`: standard deviations of `τ`, which do not depend on one
-    /// another. `None` unless they are finite and not negative.
+    /// A pose as old as the frame. `deviation`: standard deviations of the components of `τ`, which are independent of
+    /// each other. `None` unless they are finite and not negative.
     pub fn with_deviation(pose: Pose, deviation: &[f64; 6]) -> Option<Hint> {
         let square = |i: usize, j: usize| if i == j { deviation[i] * deviation[i] } else { 0.0 };
         let covariance = std::array::from_fn(|i| std::array::from_fn(|j| square(i, j)));
@@ -63,13 +63,13 @@ impl Hint {
     }
 }
 
-/// What is known of a frame beside its picture. Nothing, by default.
+/// What is known of a frame besides its picture. By default nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Known {
-    /// About where the camera stood.
+    /// The camera's rough pose.
     pub hint: Option<Hint>,
-    /// When the frame was taken, seconds on a clock of the caller's. May be left out, of some frames
-    /// too. It must not go back from a frame to a later one.
+    /// When the frame was taken, seconds on a clock of the caller's. Some or all frames may leave it out. A later frame
+    /// must not have an earlier time.
     pub time: Option<f64>,
 }
 
@@ -118,7 +118,7 @@ fn is_covariance(rows: &Covariance) -> bool {
     if !rows.as_flattened().iter().all(|v| v.is_finite()) || (0..6).any(|i| rows[i][i] < 0.0) {
         return false;
     }
-    // As correlations, as units of length and angle have nothing to do with each other.
+    // As correlations, since lengths and angles have different units.
     let mut scaled = [[0.0; 6]; 6];
     for (i, row) in rows.iter().enumerate() {
         for (j, value) in row.iter().enumerate() {
@@ -134,8 +134,8 @@ fn is_covariance(rows: &Covariance) -> bool {
     pairs.all(symmetric) && is_positive(&scaled)
 }
 
-/// Whether no eigenvalue of a symmetric matrix is below `-ROUNDING`: Cholesky's factorisation (Golub &
-/// Van Loan, Matrix Computations, 4.2) of the matrix with that added to its diagonal.
+/// Whether no eigenvalue of a symmetric matrix is below `-ROUNDING`. Adds `ROUNDING` to its diagonal and tries
+/// Cholesky's factorisation (Golub & Van Loan, Matrix Computations, 4.2).
 fn is_positive(matrix: &[[f64; 6]; 6]) -> bool {
     let mut factor = [[0.0; 6]; 6];
     for i in 0..6 {
@@ -208,7 +208,7 @@ mod tests {
     }
 
     proptest! {
-        /// Sums of squares of steps are covariances, in any units, of any rank, and rounded to f32.
+        /// Sums of outer products of steps are covariances: in any units, of any rank, and rounded to f32.
         #[test]
         fn sums_of_squares_are_sound(
             steps in prop::collection::vec(prop::array::uniform6(-1.0f64..1.0), 0..8),

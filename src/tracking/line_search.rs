@@ -9,7 +9,7 @@ const C1: f64 = 1e-4;
 /// Curvature.
 const C2: f64 = 0.9;
 const MAX_EVALUATIONS: usize = 25;
-/// A bracket narrower than this, in the direction's largest component, is not searched further.
+/// If a bracket is narrower than this, in the direction's largest component, the search ends.
 const BRACKET_TOLERANCE: f64 = 1e-9;
 
 /// A point on the line, with what the caller knows of it.
@@ -25,8 +25,8 @@ pub(super) struct Point<P> {
     pub payload: P,
 }
 
-/// Finds a step from `start` (t = 0) that meets the strong Wolfe conditions, first trying `t`; or the
-/// lowest point seen where none is found. `extent`: largest component of the direction.
+/// Finds a step from `start` (t = 0) that meets the strong Wolfe conditions; tries `t` first. If it finds none, returns
+/// the lowest point seen. `extent`: largest component of the direction.
 pub(super) fn strong_wolfe<P: Copy>(
     start: Point<P>,
     t: f64,
@@ -116,7 +116,7 @@ fn zoom<P: Copy>(
 }
 
 /// Minimum of the cubic through two points with slopes, limited to `[low, high]` (Nocedal & Wright,
-/// eq. 3.59); the middle where there is none.
+/// eq. 3.59); the middle if there is no minimum.
 fn cubic_minimum<P>(p: &Point<P>, q: &Point<P>, low: f64, high: f64) -> f64 {
     let (a, b) = if p.t <= q.t { (p, q) } else { (q, p) };
     let d1 = a.slope + b.slope - 3.0 * (a.f - b.f) / (a.t - b.t);

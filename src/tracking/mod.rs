@@ -1,9 +1,9 @@
 //! iNVS, inverse novel view synthesis: the pose at which the prior looks most like a frame.
 //!
-//! One [`Objective`], the mean squared error over pixels and channels (the paper's eq. mse, averaged
-//! over channels too), and four optimisers on it. Poses move by left perturbations
-//! `T' = Exp(τ) T`; all optimisers work on τ. Gauss–Newton runs on the device ([`crate::search`]);
-//! BFGS and Adam, the paper's choices, are led by the host, an evaluation per submission.
+//! There is one [`Objective`]: the mean squared error over pixels and channels (the paper's eq. mse, averaged over
+//! channels too). Four optimisers minimise it. Poses move by left perturbations `T' = Exp(τ) T`; all optimisers work on
+//! τ. Gauss–Newton runs on the device ([`crate::search`]). The host leads BFGS and Adam, the paper's choices, with one
+//! evaluation per submission.
 
 mod adam;
 mod agreement;
@@ -74,7 +74,7 @@ pub struct RefineOptions {
     pub optimizer: Optimizer,
     /// Jacobian of Gauss–Newton; the gradient methods always use the exact one.
     pub jacobian: Jacobian,
-    /// How finely Gauss–Newton's evaluations tell depths apart; final pictures always do so exactly.
+    /// How finely Gauss–Newton's evaluations tell depths apart. Final pictures are always exact.
     pub sort_precision: SortPrecision,
     /// Options of Gauss–Newton.
     pub gauss_newton: GaussNewtonOptions,
@@ -82,10 +82,10 @@ pub struct RefineOptions {
     pub bfgs: BfgsOptions,
     /// Options of Adam.
     pub adam: AdamOptions,
-    /// Renders, of any level, that a frame may take in looking afresh; what it does not find is looked for
-    /// again in the next frame. A search that has begun is ended.
+    /// Renders, of any level, that one frame may take to search afresh. A search that has begun is finished, even if it
+    /// takes more. If the frame finds no pose, the next frame searches again.
     pub lost_renders: u32,
-    /// Whether a frame that is looked for afresh is also searched for without what does not agree.
+    /// Whether a fresh search may also mask what does not agree.
     pub masks: bool,
 }
 
@@ -147,8 +147,8 @@ fn scaled(a: &[f64; 6], factor: f64) -> [f64; 6] {
     a.map(|v| v * factor)
 }
 
-/// A step whose translation is given in `length`s, in the prior's unit; or the gradient with respect to
-/// the former, from that with respect to the latter.
+/// Turns a step whose translation is in units of `length` into one in the prior's unit. Also turns a gradient with
+/// respect to the second into one with respect to the first.
 fn moved_in(length: f64, step: &[f64; 6]) -> [f64; 6] {
     std::array::from_fn(|i| if i < 3 { step[i] * length } else { step[i] })
 }

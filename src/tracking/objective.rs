@@ -23,7 +23,7 @@ pub struct Evaluation {
 /// Evaluations of a frame, in order.
 pub(super) struct Trace(Vec<Evaluation>);
 
-/// Evaluations that a trace has room for; the rest of a longer search is not traced.
+/// Evaluations that a trace has room for. Later ones are not traced.
 const TRACE: usize = 4096;
 
 impl Trace {
@@ -39,9 +39,9 @@ pub struct Objective {
     renderer: Renderer,
     trace: Trace,
     since: Instant,
-    /// Whether the device holds the frame at all levels: searches see to that themselves.
+    /// Whether the device holds the frame at all levels. A search on the device makes them itself.
     reduced: bool,
-    /// Of the last evaluation at full resolution that the host asked for.
+    /// Observability of the last evaluation at full resolution that the host asked for.
     observability: Observability,
     picture: Picture,
     correction: Correction,
@@ -92,7 +92,7 @@ impl Objective {
         }
     }
 
-    /// Changes what corrects the light from place to place, and what counts, of this frame and of those to come.
+    /// Changes the flat field of this frame and of those to come.
     pub fn set_field(&mut self, change: impl FnOnce(&mut FlatField)) {
         change(&mut self.field);
         self.light_changed();
@@ -113,8 +113,8 @@ impl Objective {
         &self.field
     }
 
-    /// Mean squared error of the 8-bit picture drawn last, values in [0, 1]: the frame's light corrected, and
-    /// nothing added by what does not count.
+    /// Mean squared error of the 8-bit picture drawn last, values in [0, 1]. The frame's light is corrected, and masked
+    /// pixels add nothing.
     pub(super) fn error(&self) -> f64 {
         if self.correction == Correction::NONE && !self.field.is_on() {
             return mse(self.renderer.difference());
@@ -132,8 +132,8 @@ impl Objective {
         pixels.enumerate().map(square).sum::<f64>() / self.picture.data.len() as f64
     }
 
-    /// The normal equations at a pose. If the pose is not finite, or the device returns something
-    /// that is not a number, the error is infinite: no optimiser steps there.
+    /// The normal equations at a pose. If the pose is not finite, or the device returns a value
+    /// that is no number, the error is infinite, so that no optimiser steps there.
     pub fn evaluate(
         &mut self,
         level: usize,
@@ -173,12 +173,12 @@ impl Objective {
         std::array::from_fn(|level| if level < self.levels() { count(level) } else { 1.0 })
     }
 
-    /// What the last evaluation at full resolution that the host asked for determines.
+    /// The observability of the last evaluation at full resolution that the host asked for.
     pub fn observability(&self) -> &Observability {
         &self.observability
     }
 
-    /// The length by which translations are measured against turns: the prior's own.
+    /// The length that makes translations comparable with turns: the prior's own.
     pub(super) fn length(&self) -> f64 {
         self.renderer.scene().frame().unit()
     }

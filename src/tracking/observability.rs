@@ -1,32 +1,33 @@
-//! What of a pose a picture determines: the spectrum of the normal equations.
+//! Which directions of a pose a picture determines: the spectrum of the normal equations.
 //!
-//! Translations and turns are made comparable by the scene's own length, the depth at which moving
-//! sideways and turning shift the picture alike: `L² = tr Hθθ / tr Hρρ` with `H = JᵀJ`. In
-//! `(ρ/L, θ)` nothing depends on the prior's unit. An eigenvector of `H` there is a direction of
-//! motion, and `√(MSE / eigenvalue)` how far along it the noise in the picture lets the pose wander
-//! (the Cramér–Rao bound for residuals that are independent of each other; neighbouring ones are
-//! not, so it is the least that is to be expected).
+//! The scene's own length makes translations and turns comparable. It is the depth at which moving
+//! sideways and turning shift the picture by the same amount: `L² = tr Hθθ / tr Hρρ` with `H =
+//! JᵀJ`. In `(ρ/L, θ)` nothing depends on the prior's unit. An eigenvector of `H` there is a
+//! direction of motion. `√(MSE / eigenvalue)` is how far the picture's noise lets the pose wander
+//! along it. This is the Cramér–Rao bound for independent residuals. Neighbouring residuals are not
+//! independent, so the true deviation is at least this.
 
 use crate::geometry::Step;
 use crate::render::NormalEquations;
 
-/// A direction along which the pose may wander by this much, in depths of the scene and radians, is
-/// not determined by the picture.
+/// If the pose may wander along a direction by this much, in depths of the scene and radians, the
+/// picture does not determine that direction.
 const LOOSE: f64 = 0.1;
-/// Nor is one whose eigenvalue is below this share of the largest: sums in f32 cannot tell it from 0.
+/// If a direction's eigenvalue is below this share of the largest, the picture does not determine it: sums in f32
+/// cannot tell it from 0.
 const NUMERICAL: f64 = 1e-6;
 
-/// What of a pose the last picture determines.
+/// Which directions of a pose the last picture determines, and how well.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observability {
-    /// The scene's length `L`, the prior's unit; 0 where the picture does not react to translations.
+    /// The scene's length `L`, in the prior's unit; 0 if the picture does not react to translations.
     pub length: f64,
-    /// Standard deviations along [`directions`](Self::directions), least determined first, in lengths
-    /// of the scene and radians; infinite where the picture does not react at all.
+    /// Standard deviations along [`directions`](Self::directions), least determined first, in lengths of the scene and
+    /// radians. Infinite if the picture does not react at all.
     pub deviations: [f64; 6],
     /// Orthonormal directions `(ρ/L, θ)` in camera axes.
     pub directions: [Step; 6],
-    /// Largest eigenvalue over the least; infinite where that is 0.
+    /// Largest eigenvalue divided by the least; infinite if the least is 0.
     pub condition: f64,
     loose: [bool; 6],
 }
@@ -65,8 +66,8 @@ impl Observability {
         Observability { length, deviations, directions, condition, loose }
     }
 
-    /// Standard deviations of ρ, the prior's unit, and θ, radians; infinite where a direction along which
-    /// the picture does not react has a part in it.
+    /// Standard deviations of ρ, in the prior's unit, and θ, radians. A component is infinite if it has a part in a
+    /// direction along which the picture does not react.
     pub fn pose_deviation(&self) -> Step {
         let along = |i: usize| {
             let parts = self.directions.iter().zip(self.deviations);
@@ -83,7 +84,7 @@ impl Observability {
         self.directions.iter().zip(self.loose).filter(|(_, loose)| *loose).map(|(d, _)| d)
     }
 
-    /// What remains of a motion, `(ρ, θ)`, without the directions that the picture does not determine.
+    /// Removes from a motion, `(ρ, θ)`, the directions that the picture does not determine.
     pub fn determined(&self, motion: &Step) -> Step {
         if !(self.length > 0.0) {
             return [0.0; 6];
@@ -103,8 +104,8 @@ fn identity() -> [[f64; 6]; 6] {
     std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))))
 }
 
-/// Eigenvalues of a symmetric matrix, ascending, and their eigenvectors, by Jacobi's rotations (Golub &
-/// Van Loan, Matrix Computations, §8.5): exact to rounding also where they lie far apart.
+/// Eigenvalues of a symmetric matrix, ascending, and their eigenvectors, by Jacobi's rotations (Golub & Van Loan,
+/// Matrix Computations, §8.5). Exact to rounding even if the eigenvalues lie far apart.
 fn eigen(mut a: [[f64; 6]; 6]) -> ([f64; 6], [[f64; 6]; 6]) {
     // Rows are the vectors.
     let mut v = identity();
@@ -120,7 +121,7 @@ fn eigen(mut a: [[f64; 6]; 6]) -> ([f64; 6], [[f64; 6]; 6]) {
     (order.map(|i| a[i][i]), order.map(|i| v[i]))
 }
 
-/// More than Jacobi's rotations, which converge quadratically, take for a 6×6 matrix.
+/// More sweeps than Jacobi's rotations take for a 6×6 matrix, as they converge quadratically.
 const SWEEPS: usize = 12;
 
 /// Makes `a[p][q]` zero.

@@ -1,12 +1,12 @@
-//! Phase correlation (Kuglin & Hines 1975): the shift between a frame and a render, however far, as
-//! long as both show much the same. It brings a start from outside into reach of Gauss–Newton.
+//! Phase correlation (Kuglin & Hines 1975): finds the shift between a frame and a render, however
+//! far, if both show much the same. It brings a start from outside into reach of Gauss–Newton.
 
 use std::sync::Arc;
 
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
-/// Width of the low-pass on the whitened spectrum, cycles a pixel.
+/// Width of the low-pass on the whitened spectrum, cycles per pixel.
 const BANDWIDTH: f32 = 0.12;
 
 /// Transforms and buffers for pictures of one size, and the spectrum of a reference.
@@ -68,12 +68,12 @@ impl PhaseCorrelation {
     }
 
     /// How far the content of each of two pictures lies to the right of and below the reference's,
-    /// to a fraction of a pixel. Two take one transform. Pictures as luma, row by row.
+    /// to a fraction of a pixel. One transform serves both pictures. Pictures are luma, row by row.
     pub fn shifts(&mut self, one: &[f32], other: &[f32]) -> [[f32; 2]; 2] {
         self.load(one, other);
         self.forward();
         let flip = Flip { width: self.width, height: self.height };
-        // A real picture's spectrum from a sum of two, and the two correlations as one again.
+        // Separates the spectra of the two real pictures, and packs the two correlations into one again.
         for i in 0..self.turned.len() {
             let j = flip.of(i);
             if j < i {
@@ -131,7 +131,7 @@ impl PhaseCorrelation {
     }
 }
 
-/// Where the parabola through three samples beside a highest one has its vertex, −½ to ½.
+/// The vertex of the parabola through a highest sample and its two neighbours, −½ to ½.
 fn vertex(before: f32, peak: f32, after: f32) -> f32 {
     let bend = before - 2.0 * peak + after;
     if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }

@@ -1,10 +1,9 @@
 //! Where a frame's refinement starts.
 //!
-//! As in the paper: the previous frame's pose where the prior, rendered there, is nearer to the frame
-//! than a threshold; else the pose supplied from outside. The pose that constant velocity predicts
-//! stands beside the previous one. Which of the two is better is told by a coarse level of the
-//! pyramid, at a fraction of a render; the threshold is then applied to the better one at full
-//! resolution.
+//! As in the paper: the previous frame's pose if the prior, rendered there, is nearer to the frame than a threshold;
+//! else the pose from outside. The pose that constant velocity predicts is a second candidate beside the previous pose.
+//! A coarse level of the pyramid tells which of the two is better, at a fraction of a render. The threshold is then
+//! applied to the better one at full resolution.
 
 use crate::Pose;
 use crate::geometry::Step;
@@ -23,7 +22,7 @@ pub enum StartKind {
     /// Supplied from outside.
     #[default]
     External,
-    /// Nothing passed the threshold and nothing came from outside: the best candidate, unsure.
+    /// No candidate passed the threshold and nothing came from outside: the best candidate, which is unsure.
     BestOfBad,
     /// Found by the prior's key frames.
     KeyFrame,
@@ -51,7 +50,7 @@ pub struct Start {
     pub kind: StartKind,
 }
 
-/// Longest time for which the last motion is taken to go on, in times of that motion.
+/// How long the last motion is assumed to go on at most, as a multiple of its own time.
 const LONGEST: f64 = 4.0;
 
 /// Poses of the frames before.
@@ -59,12 +58,12 @@ const LONGEST: f64 = 4.0;
 pub struct Starts {
     last: Option<Pose>,
     before_last: Option<Pose>,
-    /// When they were taken, if that was stated.
+    /// When the last frame was taken, if that was stated.
     last_time: Option<f64>,
     before_last_time: Option<f64>,
-    /// When the next one was.
+    /// When the next frame was taken, if that is stated.
     time: Option<f64>,
-    /// Of the frame before, if that is known.
+    /// Observability of the frame before, if it is known.
     observability: Option<Observability>,
 }
 
@@ -72,8 +71,9 @@ pub struct Starts {
 const NEAR_LEVEL: usize = 2;
 
 impl Starts {
-    /// Notes the pose found for a frame. One that did not start from the frames before says nothing
-    /// of the velocity; nor does what the picture did not determine.
+    /// Notes the pose found for a frame. If it did not start from the frames before, it says
+    /// nothing about the velocity. Directions that the picture did not determine say nothing
+    /// either.
     pub fn push(&mut self, pose: Pose, start: StartKind, observability: Option<&Observability>) {
         self.observability = observability.copied();
         self.before_last_time = std::mem::replace(&mut self.last_time, self.time);
@@ -82,8 +82,7 @@ impl Starts {
         self.before_last = before.filter(|_| follows);
     }
 
-    /// Says when the next frame was taken, seconds on any clock; `None`: as long after the last one as that
-    /// was after the one before.
+    /// Sets when the next frame was taken, seconds on any clock. `None`: frames follow each other at equal times.
     pub fn set_time(&mut self, time: Option<f64>) {
         self.time = time;
     }
@@ -99,7 +98,7 @@ impl Starts {
         if motions.is_finite() { motions.clamp(0.0, LONGEST) } else { 1.0 }
     }
 
-    /// The motion of so many seconds, as the last one was; `None` if its time is not known.
+    /// The motion in `seconds` at the last velocity; `None` if the time of the last motion is not known.
     pub(super) fn motion_of(&self, seconds: f64) -> Option<Step> {
         let (last, before) = (self.last?, self.before_last?);
         let share = seconds / (self.last_time? - self.before_last_time?);
@@ -112,9 +111,8 @@ impl Starts {
         self.last
     }
 
-    /// Where a search of the next frame starts: at the pose that constant velocity predicts, or else
-    /// the previous one. (To score both costs an evaluation, and the levels above the full picture
-    /// reach several frames' motion.)
+    /// Where the search for the next frame starts: at the pose that constant velocity predicts, or else at the previous
+    /// one. (Scoring both would cost an evaluation, and the coarse levels reach several frames' motion.)
     pub(super) fn near(&self) -> Option<(Pose, StartKind)> {
         let last = self.last?;
         Some(match &self.before_last {
@@ -123,8 +121,8 @@ impl Starts {
         })
     }
 
-    /// Where constant velocity leads. Along directions that the picture does not determine the camera
-    /// is taken to stay: nothing would ever end a drift that noise began there.
+    /// The pose that constant velocity predicts. In directions that the picture does not determine the camera is
+    /// assumed to stay: nothing would ever end a drift that noise began there.
     fn predicted(&self, last: &Pose, before: &Pose) -> Pose {
         let motions = self.motions();
         match &self.observability {
@@ -139,7 +137,7 @@ impl Starts {
         }
     }
 
-    /// Chooses the start of the next frame; `None` where there is neither a frame before nor a pose
+    /// Chooses the start of the next frame; `None` if there is neither a frame before nor a pose
     /// from outside. `threshold`: mean squared error, values in [0, 1].
     pub fn choose(
         &self,

@@ -18,7 +18,7 @@ pub struct StageTime {
     pub milliseconds: f64,
 }
 
-/// What of a recording the device times.
+/// Which parts of a recording the device times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Timing {
     /// Nothing.
@@ -29,7 +29,7 @@ pub enum Timing {
     Stages,
 }
 
-/// Descriptor sets that one pool of a recording holds; a fuller recording takes another pool.
+/// Descriptor sets that one pool of a recording holds. A longer recording takes more pools.
 const SETS_PER_POOL: u32 = 64;
 /// Most storage buffers of one kernel.
 const BUFFERS_PER_SET: u32 = 8;
@@ -49,7 +49,7 @@ pub struct Commands {
     fence: vk::Fence,
     descriptor_pools: Vec<vk::DescriptorPool>,
     queries: vk::QueryPool,
-    /// What each query after the first ends, and whether that is a stage (else a mark).
+    /// For each query after the first: what it ends, and whether that is a stage (else a mark).
     timed: Vec<(&'static str, bool)>,
     /// What the queries held after the last run.
     ticks: Mutex<Vec<u64>>,
@@ -112,8 +112,8 @@ impl Recorder {
         })
     }
 
-    /// As [`dispatch`](Self::dispatch), with the numbers of workgroups read from three words of
-    /// `groups` at byte `offset` when the device gets there.
+    /// As [`dispatch`](Self::dispatch), but the device reads the numbers of workgroups from three
+    /// words of `groups` at byte `offset` when it gets there.
     pub fn dispatch_indirect(
         &mut self,
         kernel: &Kernel,
@@ -365,7 +365,7 @@ impl Commands {
         }
     }
 
-    /// Device times of the last run's stages, in order; empty where the recording does not time them.
+    /// Device times of the last run's stages, in order; empty if the recording does not time them.
     pub fn stage_times(&self) -> Result<Vec<StageTime>, Error> {
         let ticks = self.read_ticks()?;
         let to_ms = f64::from(self.device.timestamp_period) * 1e-6;
@@ -377,7 +377,7 @@ impl Commands {
         Ok(times.collect())
     }
 
-    /// When the last run reached the marks of a name: milliseconds since its begin.
+    /// When the last run reached the marks of a name: milliseconds since its start.
     pub fn marks(&self, name: &'static str) -> Result<impl Iterator<Item = f64>, Error> {
         let ticks = self.read_ticks()?;
         let to_ms = f64::from(self.device.timestamp_period) * 1e-6;

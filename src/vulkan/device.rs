@@ -14,8 +14,8 @@ const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 /// How to choose and open a device.
 #[derive(Clone, Debug, Default)]
 pub struct DeviceOptions {
-    /// The device's index, or a part of its name or of its driver's. Default: a discrete GPU before an integrated one
-    /// before a CPU.
+    /// The device's index, or a part of its name or its driver's name. Default: the best device, first a discrete GPU,
+    /// then an integrated one, then a CPU.
     pub device: Option<String>,
     /// Run under the Khronos validation layer and keep its messages.
     pub validation: bool,
@@ -84,17 +84,17 @@ pub struct DeviceInfo {
     pub workgroups: u32,
     /// Whether host and device share one memory, so that nothing needs staging.
     pub unified: bool,
-    /// Whether stages can ask for rounding to nearest even; else it is what the device does unasked.
+    /// Whether stages can ask for rounding to nearest even. Else the device rounds as it does by default.
     pub(crate) rounding_control: bool,
-    /// Whether the device computes, bit for bit, what every device computes of the final picture: measured when an
-    /// engine is made of it.
+    /// Whether the device computes the operations of the final picture to the same bits as every other. Measured when
+    /// an engine is made with it.
     pub portable: bool,
 }
 
 impl DeviceInfo {
-    /// Whether the device runs a subgroup of eight invocations as one vector, as llvmpipe does. Some stages have a
-    /// form for such devices, `…_lockstep`: without barriers and shared copies, two words per access; lanes hand each
-    /// other what they have loaded.
+    /// Whether the device runs a subgroup of eight invocations as one vector, as llvmpipe does. Some stages have a form
+    /// for such devices, `…_lockstep`. It has no barriers and no shared copies, loads two words per access, and lanes
+    /// hand each other what they loaded.
     pub fn in_lockstep(&self) -> bool {
         self.kind == DeviceKind::Cpu && self.subgroup == 8 && self.int64 && self.shuffles
     }
@@ -178,7 +178,7 @@ impl Inner {
         }
     }
 
-    /// Takes note where a call found the device lost.
+    /// Takes note if a call found the device lost.
     pub fn note<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
         if let Err(Error::DeviceLost { .. }) = result {
             self.lost.store(true, Ordering::Relaxed);
@@ -246,7 +246,7 @@ impl Device {
         })
     }
 
-    /// Takes note of whether the device computes what every device does. Nothing may be left that was made on it.
+    /// Takes note of whether the device is portable. Nothing that was made on it may be left.
     pub(crate) fn set_portable(&mut self, portable: bool) {
         if let Some(inner) = Arc::get_mut(&mut self.inner) {
             inner.info.portable = portable;
@@ -269,7 +269,7 @@ impl Device {
         })
     }
 
-    /// Messages of the validation layer so far; empty where validation is off.
+    /// Messages of the validation layer so far; empty if validation is off.
     pub fn validation_messages(&self) -> Vec<String> {
         self.inner.instance.messages.lock().map(|m| m.clone()).unwrap_or_default()
     }
@@ -325,7 +325,7 @@ impl Instance {
         // SAFETY: `info` and what it points to live through the call.
         let made = unsafe { entry.create_instance(&info, None) };
         let instance = made.map_err(|result| match result {
-            // What the loader says where no driver is installed.
+            // What the loader says if no driver is installed.
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => Error::NoDevice {
                 wanted: String::new(),
                 found: "no Vulkan driver is installed".into(),
@@ -472,7 +472,7 @@ impl Instance {
     }
 }
 
-/// A kernel's entry point as Vulkan wants it; names come from the committed manifest, without NULs.
+/// A kernel's entry point as Vulkan wants it. Names come from the committed manifest and have no NULs.
 pub(super) fn c_name(name: &str) -> CString {
     CString::new(name.replace('\0', "")).unwrap_or_default()
 }

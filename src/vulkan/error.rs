@@ -20,7 +20,7 @@ pub enum Error {
     NoDevice {
         /// What was asked for, if anything.
         wanted: String,
-        /// Devices seen and why each was passed over.
+        /// Devices seen, and why each does not fit.
         found: String,
     },
     /// Validation was asked for and its layer is not installed.
@@ -61,7 +61,7 @@ pub enum Error {
         bytes: u64,
         /// `maxStorageBufferRange` of the device.
         limit: u64,
-        /// What would fit, as the end of the message; empty where that is not known.
+        /// What would fit, as the end of the message; empty if that is not known.
         advice: String,
     },
     /// More workgroups than the device runs at once.
@@ -76,9 +76,8 @@ pub enum Error {
         /// As in [`Error::BufferTooLarge`].
         advice: String,
     },
-    /// A picture needs more (tile, splat) pairs than 32 bits count, or has so many splats in one tile
-    /// or workgroup that the driver ended a shader's loop before all were seen: llvmpipe does so after
-    /// 65,535 rounds.
+    /// A picture needs more (tile, splat) pairs than 32 bits count. Or one tile or workgroup has so many splats that
+    /// the driver ended a shader's loop early: llvmpipe ends loops after 65,535 rounds.
     #[error(
         "too many (tile, splat) pairs: more than 32 bits count, or more in one tile than this \
          device's driver lets a shader go through"
@@ -102,7 +101,7 @@ impl Error {
         }
     }
 
-    /// For `map_err`: says of a limit that was passed how many of something the device has room for.
+    /// For `map_err`: adds to the error of a passed limit how many of something the device has room for.
     pub(crate) fn with_room_for(most: u64, of: &str) -> impl Fn(Error) -> Error {
         let text = format!("; {most} {of} would fit");
         move |mut error| {

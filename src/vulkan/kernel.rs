@@ -47,7 +47,7 @@ pub struct Code<'a> {
     pub bindings: u32,
     /// Words of push constants that it uses.
     pub push_words: u32,
-    /// Specialisation constants, by number; those that the module does not have are passed over.
+    /// Specialisation constants, by number. Constants that the module does not have are ignored.
     pub constants: &'a [(u32, u32)],
 }
 

@@ -1,6 +1,6 @@
-//! The only place that names Vulkan: device choice, memory, pipelines, commands. What it offers
-//! above is safe: buffers know their sizes, recorded commands keep alive what they use, and a
-//! submission returns when the device has finished.
+//! The only place that names Vulkan: device choice, memory, pipelines, commands. Its interface is
+//! safe: buffers know their sizes, recorded commands keep alive what they use, and a submission
+//! returns when the device has finished.
 
 mod buffer;
 mod commands;

@@ -10,8 +10,8 @@ const NO_CONTRACTION: u32 = 42;
 const CAPABILITY_ROUNDING_MODE_RTE: u32 = 4467;
 const ROUNDING_MODE_RTE: u32 = 4462;
 
-/// Asks for sums and products of 32 bits rounded to nearest even, in modules that must not be contracted: those of
-/// the final picture. Only for devices that can be asked: SPIR-V 1.4, "RoundingModeRTE".
+/// Asks for rounding to nearest even of 32-bit sums and products, in modules that must not be contracted: those of the
+/// final picture. Only for devices that support this: SPIR-V 1.4, "RoundingModeRTE".
 pub(super) fn round_to_nearest(words: &mut Vec<u32>) {
     let Some(Places { capability, entry_end, entry }) = Places::of(words) else { return };
     let mode = [4 << 16 | OP_EXECUTION_MODE, entry, ROUNDING_MODE_RTE, 32];

@@ -1,8 +1,7 @@
-// What encoding, splitting, reassembly and decoding take from the heap after the first frame: nothing
-// from within libnvsprior.so. What loader and driver take is printed.
+// After the first frame, encoding, splitting, reassembly and decoding take nothing from the heap within libnvsprior.so.
+// The test prints what loader and driver take.
 //
-// This program's malloc and its kin stand before the C library's; each counts for the library that its
-// caller lies in.
+// This program's own malloc, calloc and so on replace the C library's. They count a call for the library that makes it.
 
 #define _GNU_SOURCE
 
@@ -144,7 +143,7 @@ static nvsp_reassembler *reassembler;
 static uint8_t sent[8192], arrived[8192];
 static uint8_t *pixels;
 
-// A frame from the camera to the topside's screen; odd ones on the threads of encoder and decoder.
+// Takes a frame from the camera to the topside's screen. Odd frames use the threads of encoder and decoder.
 static void whole_way(int number) {
     const int turn = 2 * dive.frames - 2, at = number % turn;
     const nvsp_image image = scene_image(&dive, at < dive.frames ? at : turn - at);

@@ -8,11 +8,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-// Counts a check, and prints it where it fails. Both may be called by several threads.
+// Counts a check, and prints it if it fails. Several threads may call both.
 #define CHECK(condition) check((condition) ? 1 : 0, #condition, __FILE__, __LINE__)
 // The same for a call and the status that it must return.
 #define EXPECT(status, call) expect((status), (call), #call, __FILE__, __LINE__)
-// For what a test cannot go on without: ends the program where the call does not return NVSP_OK.
+// For a call that the rest of a test needs: ends the program if it does not return NVSP_OK.
 #define MUST(call) must((call), #call, __FILE__, __LINE__)
 
 int check(int sound, const char *text, const char *file, int line);
@@ -25,7 +25,7 @@ int report(const char *name);
 // Ends the program: the test cannot be run.
 void give_up(const char *what);
 
-// Whether to do less of what is done over and over, for a memory checker's sake: NVSP_TEST_FEW is set.
+// Whether NVSP_TEST_FEW is set: tests then repeat things less often, as a memory checker is slow.
 int few(void);
 
 #define MAX_FRAMES 8
@@ -43,7 +43,7 @@ typedef struct scene {
 void scene_read(scene *scene, const char *folder);
 void scene_free(scene *scene);
 
-// A frame as an image, where it lies.
+// A frame as an image, without a copy.
 nvsp_image scene_image(const scene *scene, int frame);
 
 // The scene's camera, scaled to another width.
@@ -77,11 +77,11 @@ void encode_all(rig *rig, const scene *scene, packet *packets);
 // The content of a file, from malloc.
 uint8_t *read_all(const char *path, size_t *size);
 
-// Even numbers, the same for a seed everywhere (SplitMix64).
+// Uniform random numbers, the same for a seed everywhere (SplitMix64).
 uint64_t random_bits(uint64_t *state);
 uint32_t random_below(uint64_t *state, uint32_t limit);
 
-// PSNR of two pictures, dB; 99 where they are equal.
+// PSNR of two pictures, dB; 99 if they are equal.
 double psnr(const uint8_t *a, const uint8_t *b, size_t size);
 
 // Whether all bytes are `value`.

@@ -114,7 +114,7 @@ static void papers_profile(void) {
     nvsp_encoder_destroy(encoder);
 }
 
-// A place of another format, with `padding` bytes behind each row, and a guard behind it all.
+// A place of another format, with `padding` bytes after each row and a guard at the end.
 static void place_with_padding(uint32_t format, size_t padding) {
     const size_t step = format == NVSP_FORMAT_RGBA8 ? 4 : 3, width = dive.camera.width;
     const size_t stride = width * step + padding, rows = dive.camera.height;
@@ -137,7 +137,7 @@ static void place_with_padding(uint32_t format, size_t padding) {
     free(pixels);
 }
 
-// Places that are not sound are refused before or after decoding; nothing is written in either case.
+// Unsound places are refused before or after decoding. Nothing is written in either case.
 static void unsound_places(void) {
     uint8_t *pixels = malloc(dive.size);
     memset(pixels, 0xa5, dive.size);
@@ -231,7 +231,7 @@ static void unknown_to_the_topside(void) {
     nvsp_decoder_destroy(decoder);
 }
 
-// A packet without its end: the render alone; or, known to be its true start, what came of the
+// A packet without its end gives the render alone. With NVSP_DECODE_START it gives what came of the
 // difference picture.
 static void starts_of_packets(void) {
     uint8_t *render = malloc(dive.size), *pixels = malloc(dive.size);
@@ -318,7 +318,7 @@ int main(int argc, char **argv) {
     rig_open(&both, &dive);
     nvsp_encoder_options options;
     MUST(NVSP_INIT(&options));
-    options.threshold = 1e-2f;  // The object that the prior does not know is no reason to doubt.
+    options.threshold = 1e-2f;  // So that the object that the prior does not know makes no frame uncertain.
     rig_add(&both, &dive.camera, &options);
     encode_dive();
 

@@ -1,4 +1,4 @@
-// Encoding: what comes when, into which memory, and what stays as it was after an error.
+// Encoding: what a call writes, into which memory, and what an error leaves unchanged.
 
 #include "common.h"
 
@@ -53,7 +53,7 @@ static void nothing_yet(void) {
     nvsp_encoder_destroy(encoder);
 }
 
-// A packet that does not fit stays, and nothing is written; its error says how much it takes.
+// A packet that does not fit is kept, and nothing is written. The error says how many bytes it takes.
 static void short_buffers(void) {
     nvsp_encoder *encoder = new_encoder(NULL);
     uint8_t bytes[4096];
@@ -81,7 +81,7 @@ static void short_buffers(void) {
     nvsp_encoder_destroy(encoder);
 }
 
-// While a frame is being encoded, the encoder is not to be had for anything else.
+// While a frame is being encoded, other calls on the encoder are refused.
 static void busy_with(nvsp_encoder *encoder, const nvsp_image *image) {
     uint8_t bytes[4096];
     size_t written = 77;
@@ -102,7 +102,7 @@ static void busy_with(nvsp_encoder *encoder, const nvsp_image *image) {
     CHECK(written == 77);
 }
 
-// Frames on the encoder's own thread are the same; the image is not needed after the beginning.
+// Frames on the encoder's own thread are the same. The image is not needed after nvsp_encode_begin.
 static void begun_and_finished(void) {
     nvsp_encoder *encoder = new_encoder(NULL);
     uint8_t *pixels = malloc(dive.size), bytes[4096];
@@ -131,7 +131,7 @@ static void begun_and_finished(void) {
     nvsp_encoder_destroy(encoder);
 }
 
-// The covariance of a pose that may be off by so much, in every direction alike.
+// The covariance of a pose that may be off by the same amount in every direction.
 static void covariance_of(double deviation, double *covariance) {
     for (int i = 0; i < 36; i++) {
         covariance[i] = i % 7 == 0 ? deviation * deviation : 0;
@@ -173,7 +173,7 @@ static void known_frames(int all) {
     nvsp_encoder_destroy(encoder);
 }
 
-// What is refused of a frame, by a text that names the field; the frame was none.
+// Checks that a frame is refused with a text that names the field, and that the frame does not count.
 static void refused(nvsp_encoder *encoder, const nvsp_frame_info *info, const char *field) {
     const nvsp_image image = scene_image(&dive, 1);
     uint8_t bytes[4096];
@@ -245,7 +245,7 @@ static void refused_times(nvsp_encoder *encoder, double last) {
     refused(encoder, &info, "nvsp_frame_info.reserved");
 }
 
-// What was refused changes no later packet; after a reset, the next frame is as a first one.
+// A refused frame changes no later packet. After a reset, the next frame is treated as a first one.
 static void refused_and_reset(void) {
     nvsp_encoder *encoder = new_encoder(NULL), *plain = new_encoder(NULL);
     uint8_t bytes[4096], expected[4096];
@@ -281,8 +281,8 @@ static void refused_and_reset(void) {
     nvsp_encoder_destroy(encoder);
 }
 
-// Four frames of silt, then clear water: lost at once, told so, and found again with the first clear frame,
-// with a hint at every frame and without.
+// Four frames of silt, then clear water. The encoder is lost at once, says so, and finds the pose again with the first
+// clear frame, with a hint for every frame and without.
 static void lost_frames(void) {
     static uint8_t grey[320 * 180 * 3];
     for (int hinted = 0; hinted < 2; hinted++) {
@@ -478,7 +478,7 @@ static void another_camera(void) {
     nvsp_encoder_destroy(encoder);
 }
 
-// Encoder and decoder live on when what they were made with is gone, and go on with the same prior.
+// Encoder and decoder stay usable when the handles that they were made with are gone.
 static void order_of_ends(void) {
     rig ends;
     rig_open(&ends, &dive);

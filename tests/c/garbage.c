@@ -1,5 +1,6 @@
-// Bytes that nobody meant: random ones, damaged ones, and ones whose checks are right all the same.
-// Every call must give a result or an error, within its memory; a memory checker sees the rest.
+// Garbage: random bytes, damaged packets, and damaged packets whose checks are made right. Every
+// call must give a result or an error, and must stay within its memory, which a memory checker
+// tests.
 
 #include "common.h"
 
@@ -111,7 +112,7 @@ static uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size) {
     return ~crc;
 }
 
-// Puts a sound check behind a damaged difference picture; packet 1 is of the short form.
+// Appends a matching check to a damaged difference picture. Packet 1 has the short form.
 static void sealed_residuals(void) {
     const packet one = packets[1];
     const size_t latent = 19, head = latent + 2;  // The length takes two bytes from 128 to 16383.
@@ -144,7 +145,7 @@ static void sealed_residuals(void) {
     offer(bytes, head + size + 2);
 }
 
-// A latent part with a sound check that says anything; the prior's identity, or the session, stays.
+// A latent part with random content and a matching check. The prior's identity, or the session, stays.
 static void sealed_latents(void) {
     uint8_t bytes[4096];
     const packet one = packets[random_below(&seed, (uint32_t)dive.frames)];
@@ -164,7 +165,7 @@ static void sealed_latents(void) {
     offer(bytes, one.size);
 }
 
-// Cameras of any intrinsics and size, with sound checks: what they ask for must be had or refused.
+// Cameras of any intrinsics and size, with matching checks. The decoder must render with them or refuse them.
 static void sealed_cameras(void) {
     uint8_t bytes[49];
     memcpy(bytes, packets[0].bytes, sizeof bytes);

@@ -22,7 +22,7 @@ static size_t encode(const nvsp_image *image, const nvsp_encoder_options *option
     return size;
 }
 
-// Frame 0 in another order of channels, with `padding` bytes of garbage behind each row but the last.
+// Frame 0 in another order of channels, with `padding` bytes of garbage after each row but the last.
 static nvsp_image reordered(uint32_t format, size_t padding, uint8_t **bytes) {
     const uint32_t width = dive.camera.width, height = dive.camera.height;
     const size_t step = format == NVSP_FORMAT_RGBA8 ? 4 : 3, row = width * step;
@@ -155,7 +155,7 @@ static void planes_of_yuv(void) {
     }
     for (uint32_t colour = 0; colour < count; colour++) {
         CHECK(closest[colour][colour] > 30);
-        for (uint32_t said = 0; said < count; said++) {  // Called by another name, it looks otherwise.
+        for (uint32_t said = 0; said < count; said++) {  // With another colour code the picture differs.
             CHECK(said == colour || closest[colour][said] < closest[colour][colour] - 0.5);
         }
     }
@@ -167,7 +167,7 @@ static void planes_of_yuv(void) {
     free(shown);
 }
 
-// Each is refused, by the function that waits and by the one that does not, and nothing is written.
+// Each is refused by nvsp_encode and by nvsp_encode_begin, and nothing is written.
 static void refuse(nvsp_status status, nvsp_image image) {
     uint8_t bytes[4096];
     size_t written = 77;

@@ -8,7 +8,7 @@
 static scene dive;
 static packet sound[MAX_FRAMES];  // As they would be without losses.
 
-// Of the calls of vkQueueSubmit from here on, the one with this number loses the device.
+// Counts the calls of vkQueueSubmit from here on: the one with this number loses the device.
 static void lose(int number) {
     char text[16];
     snprintf(text, sizeof text, "%d", number);
@@ -53,7 +53,7 @@ static void all_is_lost(rig *both, int frame) {
     CHECK(size == 77 && prior == NULL && encoder == NULL && all_are(bytes, 0xa5, sizeof bytes));
 }
 
-// As the header says: engine, prior, encoder and decoder, and away with the old prior.
+// As the header says: reopens engine, prior, encoder and decoder, then destroys the old prior.
 static void reopen(rig *both) {
     nvsp_prior *anew = NULL;
     EXPECT(NVSP_OK, nvsp_engine_reopen(both->engine));
@@ -116,7 +116,7 @@ int main(int argc, char **argv) {
     scene_read(&dive, argv[1]);
     lose_none();
     without_losses();
-    // The first frame is a submission for its start and one for its search; each later one is one.
+    // The first frame takes one submission for its start and one for its search. Each later frame takes one.
     lost_while_encoding(0, 1);
     lost_while_encoding(0, 2);
     lost_while_encoding(3, 1);

@@ -1,6 +1,6 @@
-// A Vulkan layer that loses the device: of the calls of vkQueueSubmit, the one that the variable
-// NVSP_LOSE_SUBMIT numbers returns VK_ERROR_DEVICE_LOST: 1 is the first call that finds the variable set,
-// and without it none is lost.
+// A Vulkan layer that loses the device. The variable NVSP_LOSE_SUBMIT holds a number; the call of vkQueueSubmit with
+// that number returns VK_ERROR_DEVICE_LOST. Call 1 is the first one that finds the variable set. Without the variable
+// no call fails.
 
 #include <stdlib.h>
 #include <string.h>
@@ -9,7 +9,7 @@
 
 #define EXPORT __attribute__((visibility("default")))
 
-// Of the one instance and the devices that a test opens, the functions that come next.
+// The next functions in the chain, for the one instance and the devices that a test opens.
 static PFN_vkGetInstanceProcAddr next_instance;
 static PFN_vkGetDeviceProcAddr next_device;
 static PFN_vkQueueSubmit next_submit;
@@ -26,7 +26,7 @@ static VKAPI_ATTR VkResult VKAPI_CALL submit(VkQueue queue, uint32_t count, cons
     return next_submit(queue, count, infos, fence);
 }
 
-// The loader's link to what comes next, in the chain of structures that it passes.
+// Finds the loader's link to the next layer in the chain of structures that the loader passes.
 static void *chain_link(const void *chain, VkStructureType type) {
     const VkBaseInStructure *at = chain;
     while (at != NULL

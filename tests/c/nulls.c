@@ -1,5 +1,5 @@
-// NULL for every pointer of every function in turn: NVSP_ERR_NULL where it must not be, and nothing
-// written through the others.
+// Passes NULL for every pointer of every function in turn. A pointer that must not be NULL gives
+// NVSP_ERR_NULL, and nothing is written through the others.
 
 #include "common.h"
 

@@ -1,4 +1,4 @@
-// Packets through modems of several MTUs, which lose, exchange, repeat, pad, cut and damage frames.
+// Packets through modems of several MTUs, which lose, swap, repeat, pad, cut and damage frames.
 
 #include "common.h"
 
@@ -110,7 +110,7 @@ static void any_order(const packet *packet, uint32_t mtu, int pad) {
     split_free(&frames);
 }
 
-// Some frames lost: the packet's start, up to the first of them; then those that are asked for again.
+// Some frames are lost: the packet's start up to the first lost one is there. Then the lost ones are sent again.
 static void losses(const packet *packet, uint32_t mtu, int pad) {
     split frames = split_packet(packet, mtu, pad);
     nvsp_reassembler *reassembler = new_reassembler(mtu, 1);
@@ -127,7 +127,7 @@ static void losses(const packet *packet, uint32_t mtu, int pad) {
         }
     }
     const nvsp_reassembly state = fetch_and_show(reassembler, packet);
-    // Until the packet's length has come, only what is without a gap is known to be the packet's.
+    // Until the packet's length has come, only frames without a gap are known to be the packet's.
     CHECK(state.frames == (state.expected == 0 ? first : frames.count - number));
     CHECK(state.expected == 0 || state.expected == frames.count);
     CHECK(first == frames.count ? state.complete : state.bytes == mtu + (size_t)(first - 1) * (mtu - 4));
@@ -147,8 +147,8 @@ static void losses(const packet *packet, uint32_t mtu, int pad) {
     split_free(&frames);
 }
 
-// Frames cut short and with bits turned over are refused or of no effect; the whole ones then complete
-// the packet.
+// Frames that are cut short or have flipped bits are refused or change nothing. The whole frames then complete the
+// packet.
 static void damage(const packet *packet, uint32_t mtu) {
     split frames = split_packet(packet, mtu, 0);
     nvsp_reassembler *reassembler = new_reassembler(mtu, 0);
@@ -183,7 +183,7 @@ static void damage(const packet *packet, uint32_t mtu) {
     split_free(&frames);
 }
 
-// Several packets, their frames mixed: the newest is given, and none has bytes of another.
+// The frames of several packets are mixed. The newest packet is given, and none has bytes of another.
 static void mixed(uint32_t mtu) {
     nvsp_reassembler *reassembler = new_reassembler(mtu, 0);
     split frames[3];
@@ -265,7 +265,7 @@ static void out_of_range(void) {
     EXPECT(NVSP_OK, nvsp_modem_frame_count(31 + 4095 * 27, 31, &count));
     CHECK(count == 4096);
 
-    // Of a packet that is too long, the start; room for the largest may be asked for.
+    // A packet that is too long gives its start. Room for the largest packet may be asked for.
     options.flags = 0;
     options.max_packet_bytes = 150;
     MUST(nvsp_reassembler_create(64, &options, &made));

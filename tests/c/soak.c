@@ -74,7 +74,7 @@ int main(int argc, char **argv) {
     }
     const held end = measure();
     print(frames, &end);
-    // The driver's own heap breathes; a leak of 500 bytes a frame would show.
+    // The driver's own heap breathes; a leak of 500 bytes per frame would show.
     CHECK(end.rss - start.rss < 1024);
     CHECK(end.device.memory_used == start.device.memory_used);
     CHECK(end.device.memory_reserved == start.device.memory_reserved);

@@ -7,7 +7,7 @@ static rig both;
 static packet first;
 static nvsp_reassembler *reassembler;
 
-// Calls a function with a structure; what else it would write must stay as it is where it fails.
+// Calls a function with a structure. If it fails, all else that it would write must stay as it is.
 typedef nvsp_status (*caller)(void *structure);
 
 static nvsp_status engine_options(void *structure) {
@@ -135,8 +135,8 @@ static const struct {
     {sizeof(nvsp_reassembler_statistics), statistics, 1, 0},
 };
 
-// Calls with a structure of `room` bytes that says it has `size`, filled with `fill` behind its head.
-// Where the call fails, the structure must be as it was.
+// Calls with a structure of `room` bytes that says it has `size`, filled with `fill` after its head. If the call fails,
+// the structure must be as it was.
 static nvsp_status call_with(caller call, size_t room, uint32_t size, uint32_t version, int fill,
                              uint8_t *after) {
     uint32_t *words = malloc(room);  // No larger: a memory checker sees what goes beyond.
@@ -192,7 +192,7 @@ static void newer(caller call, size_t size, int output) {
         CHECK(!all_are(after + 8, 0xa5, size - 8));
         return;
     }
-    // An option that this library does not know must not be passed over.
+    // An option that this library does not know must not be ignored.
     uint32_t *words = calloc(1, size + 24);
     words[0] = (uint32_t)size + 24;
     words[1] = NVSP_ABI_VERSION;

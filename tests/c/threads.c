@@ -12,7 +12,7 @@ static scene dive;
 static rig both;
 static packet packets[MAX_FRAMES];
 
-// Encodes and decodes the dive on handles of its own; others do so at the same time.
+// Encodes and decodes the dive on its own handles, while other threads do the same.
 static void *alone(void *unused) {
     (void)unused;
     rig own = {.engine = both.engine, .prior = both.prior};
@@ -45,7 +45,7 @@ static void side_by_side(void) {
 
 static atomic_int over, intrusions;
 
-// Calls what another thread is using: refused, or done where that thread is between two calls.
+// Calls on a handle that another thread uses. The call is refused, or done if that thread is between two calls.
 static void *intrude(void *unused) {
     (void)unused;
     const nvsp_image image = {0};
@@ -74,8 +74,8 @@ static void *intrude(void *unused) {
     return NULL;
 }
 
-// The owner's frames are as they would be without the other thread; a call that finds the handle in
-// use is made again.
+// The owner's frames are as they would be without the other thread. A call that finds the handle in
+// use is repeated.
 static void intruded_upon(void) {
     pthread_t thread;
     CHECK(pthread_create(&thread, NULL, intrude, NULL) == 0);

@@ -1,4 +1,4 @@
-//! The C library, by the programs in `tests/c`: each a test here. `scripts/c-test.sh` runs them against
+//! The C library, tested with the programs in `tests/c`: each is one test here. `scripts/c-test.sh` runs them against
 //! the installed library, and under memory checkers.
 
 #[path = "../common/mod.rs"]

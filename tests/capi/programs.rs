@@ -9,8 +9,7 @@ use crate::scene;
 const FLAGS: [&str; 8] =
     ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O1", "-g", "-pthread"];
 
-/// Builds and runs `tests/c/NAME.c` with the scene's folder and more arguments; says so where there is
-/// no C compiler.
+/// Builds and runs `tests/c/NAME.c` with the scene's folder and more arguments. Says so if there is no C compiler.
 pub fn run(name: &str, arguments: &[&str]) {
     if let Some(program) = build(name) {
         succeeds(Command::new(program).arg(scene::folder()).args(arguments));
@@ -53,7 +52,7 @@ fn compiler() -> Command {
     cc
 }
 
-/// The program's path; `None` where there is no C compiler.
+/// Builds a program and returns its path; `None` if there is no C compiler.
 fn build(name: &str) -> Option<PathBuf> {
     if compiler().arg("--version").output().is_err() {
         println!("skipped: {name}, as there is no C compiler");
@@ -68,7 +67,7 @@ fn build(name: &str) -> Option<PathBuf> {
     Some(program)
 }
 
-/// The folder of the shared library, built once; `cargo test` itself builds none.
+/// The folder of the shared library, which is built once here: `cargo test` itself builds none.
 fn library() -> &'static Path {
     static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
     LIBRARY.get_or_init(|| {
@@ -82,7 +81,7 @@ fn library() -> &'static Path {
     })
 }
 
-/// Runs a command, and shows what it printed where it fails.
+/// Runs a command. If it fails, shows what it printed.
 fn succeeds(command: &mut Command) {
     let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
     let (out, err) =

@@ -1,4 +1,4 @@
-//! What the C programs work on: a prior, another one, and pictures of a short dive, in files.
+//! The files that the C programs work on: a prior, another prior, and pictures of a short dive.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ const CAMERA: Camera = Camera { width: 96, height: 54, fx: 78.0, fy: 78.0, cx: 4
 /// Pictures of the dive.
 const FRAMES: usize = 8;
 
-/// Where the files lie, written when this is first called; `scripts/c-test.sh` knows it too.
+/// The folder of the files. The first call writes them. `scripts/c-test.sh` knows the folder too.
 pub fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
@@ -26,8 +26,8 @@ pub fn folder() -> &'static Path {
     })
 }
 
-/// Writes `prior.ply`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on, and `scene.txt`: a line with the camera
-/// (width,height,fx,fy,cx,cy), then a line per frame with its pose (qw,qx,qy,qz,tx,ty,tz).
+/// Writes `prior.ply`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on, and `scene.txt`: one line
+/// with the camera (width,height,fx,fy,cx,cy), then one line per frame with its pose (qw,qx,qy,qz,tx,ty,tz).
 fn write(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
     let prior = wall::wall(1);

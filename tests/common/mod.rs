@@ -9,7 +9,7 @@ pub use nvsprior::random::Random;
 use nvsprior::vulkan::{DeviceOptions, Error};
 use nvsprior::{Camera, Engine, Pose, Prior, RenderOptions, RenderOverrides};
 
-/// The engine of this process, under the validation layer where that is installed.
+/// The engine of this process, under the validation layer if that is installed.
 pub fn engine() -> Engine {
     static ENGINE: OnceLock<Engine> = OnceLock::new();
     ENGINE.get_or_init(open_engine).clone()
@@ -19,14 +19,14 @@ fn open_engine() -> Engine {
     let checked = DeviceOptions { validation: true, ..DeviceOptions::default() };
     match Engine::new(&checked) {
         Err(Error::NoValidationLayer) => {
-            println!("skipped: validation, whose layer is not installed");
+            println!("skipped: validation, as its layer is not installed");
             Engine::new(&DeviceOptions::default()).expect("a Vulkan device")
         }
         engine => engine.expect("a Vulkan device"),
     }
 }
 
-/// Fails where the validation layer had anything to say.
+/// Fails if the validation layer had anything to say.
 pub fn assert_silent(engine: &Engine) {
     assert_eq!(engine.validation_messages(), Vec::<String>::new(), "validation messages");
 }

@@ -1,5 +1,5 @@
-//! A small scene with texture at several scales and relief, and frames of it: what the tests of
-//! encoder, decoder and command line dive at.
+//! A small scene with relief and texture at several scales, and frames of it, for the tests of
+//! encoder, decoder and command line.
 #![allow(dead_code)] // Each test file uses its own part.
 
 use std::path::Path;
@@ -56,7 +56,7 @@ pub fn clean_frame(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture 
     picture
 }
 
-/// The same with a patch that the prior does not know. It pulls the best pose aside a little.
+/// As [`clean_frame`], with a patch that the prior does not know. It moves the best pose a little.
 pub fn frame(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
     let mut picture = clean_frame(engine, scene, pose);
     for (i, value) in picture.data.iter_mut().enumerate() {

@@ -1,5 +1,5 @@
-//! Builds the stages of `nvsprior-shaders` into `kernels/spv/`, one module per entry point, and writes the
-//! manifest that ties them to their sources. With `--check`: builds elsewhere and compares.
+//! Builds the stages of `nvsprior-shaders` into `kernels/spv/`, one module per entry point. Writes the manifest that
+//! ties the modules to their sources. With `--check` it builds in another folder and compares.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -21,8 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some("--check") => true,
         Some(other) => return Err(format!("unknown argument {other}; there is only --check").into()),
     };
-    // As `cargo run` has it now, not as it was when this was compiled: the target folder is shared by
-    // all checkouts of a user.
+    // The folder that `cargo run` names now, not the one at compile time: several checkouts may share a target folder.
     let package = std::env::var("CARGO_MANIFEST_DIR").map_err(|_| "run me by `cargo run`")?;
     let root = Path::new(&package).parent().ok_or("no parent folder")?;
     let modules = build(root)?;
@@ -39,7 +38,7 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
         .deny_warnings(false)
         .spirv_metadata(SpirvMetadata::None)
         .shader_panic_strategy(ShaderPanicStrategy::SilentExit)
-        // The optimiser makes products and sums `Fma`, unless they are decorated: it is run afterwards.
+        // The optimiser fuses products and sums into `Fma`, unless they are decorated. So it runs after the decoration.
         .extra_arg("--no-spirv-opt")
         .capability(Capability::VulkanMemoryModel)
         .capability(Capability::Int64)
@@ -67,8 +66,8 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
     Ok(modules)
 }
 
-/// Decorates every float operation `NoContraction`: a device may then neither fuse it with others nor exchange it
-/// for one that rounds otherwise. rust-gpu has no word for that.
+/// Decorates every float operation with `NoContraction`: a device may then neither fuse it with others nor replace it
+/// by one that rounds differently. rust-gpu cannot express that.
 fn uncontracted(spirv: &[u8]) -> Vec<u8> {
     const OP_DECORATE: u32 = 71;
     const OP_MEMBER_DECORATE: u32 = 72;
@@ -97,7 +96,7 @@ fn words(spirv: &[u8]) -> Vec<u32> {
     spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
 }
 
-/// The instructions behind the header.
+/// The instructions after the header.
 fn instructions(words: &[u32]) -> Vec<&[u32]> {
     let mut instructions = Vec::new();
     let mut at = HEADER;
@@ -109,8 +108,8 @@ fn instructions(words: &[u32]) -> Vec<&[u32]> {
     instructions
 }
 
-/// Leaves out the capabilities of subgroup operations and of 64-bit integers where a module has none: a
-/// device need not have them for the modules that do without.
+/// Removes the capabilities of subgroup operations and of 64-bit integers from modules that do not use them: a device
+/// need not have them then.
 fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
     const OP_CAPABILITY: u32 = 17;
     const OP_TYPE_INT: u32 = 21;
@@ -128,7 +127,7 @@ fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
     words[..HEADER].iter().chain(kept.flatten()).flat_map(|w| w.to_le_bytes()).collect()
 }
 
-/// Refuses structures that hold pointers, such as closures with a buffer in them: SwiftShader crashes on them.
+/// Refuses structures that hold pointers, such as closures that capture a buffer: SwiftShader crashes on them.
 fn check_structures(name: &str, spirv: &[u8]) -> Result<(), Box<dyn Error>> {
     const OP_TYPE_STRUCT: u32 = 30;
     const OP_TYPE_POINTER: u32 = 32;
@@ -159,8 +158,8 @@ fn validate(file: &Path, spirv: &[u8]) -> Result<(), Box<dyn Error>> {
     if status.success() { Ok(()) } else { Err(format!("spirv-val refuses {}", file.display()).into()) }
 }
 
-/// FNV-1a, 64 bits, of the shader sources in the order of their names, those of `kernels` first: enough to notice a
-/// change, and simple enough to be repeated by the test that compares it.
+/// FNV-1a, 64 bits, of the shader sources in the order of their names, those of `kernels` first. It is enough to notice
+/// a change, and simple enough for the test that repeats it.
 fn source_hash(root: &Path) -> Result<String, Box<dyn Error>> {
     let mut files: Vec<PathBuf> = Vec::new();
     for package in ["kernels", "stages"] {

@@ -1,8 +1,9 @@
-//! What the GPU stages of nvsprior share with the host: constants, buffer layouts and maths ([`shared`]), arithmetic with the same bits on every device ([`portable`]), the search
-//! for a pose ([`search`]), layouts of training ([`training`]), and the built SPIR-V ([`modules`]).
+//! What the GPU stages of nvsprior share with the host: constants, buffer layouts and maths ([`shared`]), arithmetic
+//! with the same bits on every device ([`portable`]), the search for a pose ([`search`]), layouts of training
+//! ([`training`]), and the built SPIR-V ([`modules`]).
 //!
-//! The stages are compiled against this crate for the device, the library `nvsprior` for the host. So both agree on
-//! every layout, and the library needs no shader compiler.
+//! The stages use this crate on the device, the library `nvsprior` uses it on the host. So both agree on every layout,
+//! and the library needs no shader compiler.
 
 #![no_std]
 

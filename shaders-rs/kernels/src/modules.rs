@@ -1,4 +1,4 @@
-//! The built SPIR-V: one module per entry point, each a constant of the entry point's name.
+//! The built SPIR-V: one module per entry point, as a constant with the entry point's name.
 
 /// A built entry point.
 #[derive(Clone, Copy, Debug)]

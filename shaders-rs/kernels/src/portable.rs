@@ -1,12 +1,12 @@
-//! Division, roots, logarithm and power from additions, multiplications and bits: Vulkan rounds those correctly on
-//! every device, and leaves the others open. Every device and the host compute the same bits here, if products and
-//! sums are not contracted (the builder decorates them) and rounded to nearest even.
+//! Division, roots, logarithm and power, made of additions, multiplications and bit operations. Vulkan rounds those
+//! correctly on every device, and leaves the others open. So every device and the host compute the same bits here, if
+//! products and sums are not contracted (the builder decorates them) and are rounded to nearest even.
 //!
 //! Arguments must be normal numbers within the stated range: devices may flush denormals.
 
 /// 1/x, within 1.5 units in the last place. |x| in [2⁻¹²⁵, 2¹²⁵].
 pub fn reciprocal(x: f32) -> f32 {
-    // The exponent negated, the mantissa mirrored: off by at most 12 %, which each step squares.
+    // Negates the exponent and mirrors the mantissa: off by at most 12 %. Each step squares the error.
     let y = f32::from_bits(0x7ef3_11c7_u32.wrapping_sub(x.to_bits()));
     let y = y * (2.0 - x * y);
     let y = y * (2.0 - x * y);
@@ -52,9 +52,9 @@ pub fn log2(x: f32) -> f32 {
     exponent as f32 + ln * core::f32::consts::LOG2_E
 }
 
-/// 2ˣ, within 2·10⁻⁷ of its size. x in [−125, 125]; beyond, any number. For decorated modules alone: in others the
-/// optimiser takes its rounding for nothing, and leaves it out.
-#[allow(clippy::approx_constant)] // Coefficients of least error, of which one is close to ln 2.
+/// 2ˣ, with a relative error of at most 2·10⁻⁷. x in [−125, 125]; outside, any number. For decorated modules only: in
+/// others the optimiser removes its rounding as useless.
+#[allow(clippy::approx_constant)] // Coefficients of least error; one is close to ln 2.
 pub fn exp2(x: f32) -> f32 {
     // The sum rounds x to an integer, which it has in its last bits.
     const SHIFT: f32 = 12_582_912.0;
@@ -73,7 +73,7 @@ pub fn exp2(x: f32) -> f32 {
 /// Results of [`sample`].
 pub const RESULTS: usize = 10;
 
-/// What stage `arithmetic` computes of three numbers: every operation that a portable picture is made of. `a` in
+/// What stage `arithmetic` computes from three numbers: every operation that a portable picture is made of. `a` in
 /// [2⁻¹²⁵, 2¹²⁵], `c` in [−125, 125].
 pub fn sample(a: f32, b: f32, c: f32) -> [f32; RESULTS] {
     [

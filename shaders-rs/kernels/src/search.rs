@@ -2,8 +2,8 @@
 //! damping's update after Nielsen 1999), from the pyramid's coarse levels to the full picture. Stage
 //! `solve` calls [`advance`] once per evaluation, on one invocation. The host uses the layouts and the pose code.
 //!
-//! Poses are held against the prior's own centre, so that f32 does where the prior lies far from
-//! its origin.
+//! Poses are relative to the prior's own centre, so that f32 is enough even if the prior lies far
+//! from its origin.
 
 use crate::portable;
 use crate::shared::{Params, SUMS, dot};
@@ -15,14 +15,14 @@ use spirv_std::num_traits::Float;
 pub const STARTS: usize = 8;
 /// Most levels of the pyramid.
 pub const LEVELS: usize = 8;
-/// Evaluations of which a search keeps a note.
+/// Evaluations that a search keeps a note of.
 pub const TRACE: usize = 128;
-/// Largest rotation of one step, radians: the series of [`stepped`] hold up to there.
+/// Largest rotation of one step, radians: the series of [`stepped`] hold up to this.
 const LARGEST_TURN: f32 = 1.0;
-/// Least damping: what keeps the system solvable in f32 where the picture leaves a direction open.
+/// Least damping. It keeps the system solvable in f32 if the picture does not determine a direction.
 const LEAST_DAMPING: f32 = 1e-5;
-/// Least entry of the damping's diagonal, in those of the other translations, or turns: an axis along
-/// which the picture hardly changes is not stepped along at random.
+/// Least entry of the damping's diagonal, as a share of those of the other translations, or turns. It prevents random
+/// steps along an axis that hardly changes the picture.
 const LEAST_DIAGONAL: f32 = 1e-4;
 
 /// [`Search::phase`]: evaluations go on.
@@ -59,9 +59,9 @@ pub struct Program {
     pub count: u32,
     /// Level at which each start is first evaluated.
     pub first_level: u32,
-    /// Level down to which each start is followed for itself; from there the best goes on alone.
+    /// Level down to which each start is followed by itself. From there only the best goes on.
     pub follow_level: u32,
-    /// Levels to be visited, a bit each; level 0 always is.
+    /// Levels to visit, one bit per level; level 0 is always visited.
     pub levels: u32,
     /// Most evaluations of one start at one level while starts are compared.
     pub follow_renders: u32,
@@ -69,19 +69,19 @@ pub struct Program {
     pub coarse_renders: u32,
     /// Most evaluations of level 0.
     pub renders: u32,
-    /// If the first step of the best start promises more than this share, the start is far off: the
-    /// search goes on at `far_level`.
+    /// If the best start's first step promises to lower the error by more than this share, the
+    /// start is far off: the search goes on at `far_level`.
     pub near: f32,
     /// See `near`.
     pub far_level: u32,
-    /// A coarse level's step that is expected to lower the error by less than this share is taken unseen
-    /// and ends the level: the next one sees what came of it.
+    /// If a coarse level's step is expected to lower the error by less than this share, it is taken without an
+    /// evaluation and ends the level. The next level evaluates it.
     pub coarse_leap: f32,
-    /// The same of level 0: the final picture sees.
+    /// As `coarse_leap`, for level 0: the final picture shows the outcome.
     pub leap: f32,
-    /// A coarse level is done where a step is expected to lower the error by less than this share.
+    /// A coarse level is done if a step is expected to lower the error by less than this share.
     pub coarse_tolerance: f32,
-    /// The same of level 0.
+    /// As `coarse_tolerance`, for level 0.
     pub tolerance: f32,
     /// First damping, relative to the diagonal of JᵀJ.
     pub damping: f32,
@@ -116,7 +116,7 @@ pub struct Search {
     pub by_level: [u32; LEVELS],
     /// Levenberg–Marquardt damping.
     pub damping: f32,
-    /// Factor of the damping where the next step fails.
+    /// Factor of the damping if the next step fails.
     pub growth: f32,
     /// Decrease of Σ r² that the step under way is expected to bring.
     pub expected: f32,
@@ -136,7 +136,8 @@ pub struct Search {
     pub best_start: u32,
     /// The outcome, not quantised.
     pub found: Placement,
-    /// Share of the error that its last step, where that was taken unseen, is expected to bring; else 0.
+    /// The share by which its last step is expected to lower the error, if that step was taken without an evaluation;
+    /// else 0.
     pub promised: f32,
     /// Σ r² of the last evaluations, in order.
     pub trace: [f32; TRACE],
@@ -156,7 +157,7 @@ pub fn begin(s: &mut Search) {
     s.fresh = 1;
 }
 
-/// Takes `sums`, what the evaluation under way gave, and goes to the next one, or to the end.
+/// Takes `sums`, the result of the evaluation under way. Goes to the next evaluation, or to the end.
 pub fn advance(s: &mut Search) {
     note(s);
     if s.fresh == 1 {
@@ -169,14 +170,14 @@ pub fn advance(s: &mut Search) {
     } else {
         judge(s);
     }
-    // A level that is done may leave the best start's place to go on from at once.
+    // After a level is done, the search may go on from the best start's place, which is already evaluated.
     let mut undecided = true;
     while undecided {
         undecided = if propose(s) { false } else { end_level(s) };
     }
 }
 
-/// Counts the evaluation; one that is not a number gets an infinite error, so that nothing steps there.
+/// Counts the evaluation. If its error is not a number, makes it infinite, so that nothing steps there.
 fn note(s: &mut Search) {
     let mut finite = true;
     let mut k = 0;
@@ -223,7 +224,7 @@ fn following(s: &Search) -> bool {
     s.start < s.program.count
 }
 
-/// Sets the next trial of this level; `false` where the level is done.
+/// Sets the next trial of this level; `false` if the level is done.
 fn propose(s: &mut Search) -> bool {
     let program = &s.program;
     let (mut most, mut tolerance, mut leap) = (program.renders, program.tolerance, program.leap);
@@ -276,8 +277,8 @@ fn propose(s: &mut Search) -> bool {
     true
 }
 
-/// Goes to the next level, start, or the end; `true` where the search goes on from a place that is
-/// already evaluated.
+/// Goes to the next level, the next start, or the end; `true` if the search goes on from a place
+/// that is already evaluated.
 fn end_level(s: &mut Search) -> bool {
     s.fresh = 1;
     if following(s) {
@@ -341,10 +342,10 @@ pub fn upper(i: usize, j: usize) -> usize {
     i * 6 - i * (i + 1) / 2 + j
 }
 
-/// The step of `(JᵀJ + λ D) δ = −Jᵀr`, where `D` is the diagonal of JᵀJ but for entries that are small
-/// against those of their kind ([`LEAST_DIAGONAL`]). The system is scaled by `D`, so it does not know the
-/// prior's unit of length; directions that the picture does not determine at all get no step. A turn
-/// beyond [`LARGEST_TURN`], or a translation that shifts the picture as much, shortens the step.
+/// The step of `(JᵀJ + λ D) δ = −Jᵀr`. `D` is the diagonal of JᵀJ; entries that are small against the others of their
+/// kind are raised (`LEAST_DIAGONAL`). The system is scaled by `D`, so it does not depend on the prior's unit of
+/// length. Directions that the picture does not determine at all get no step. A turn beyond `LARGEST_TURN`, or a
+/// translation that shifts the picture as much, shortens the step.
 pub fn damped_step(sums: &[f32; SUMS as usize], damping: f32) -> Step {
     let scale = scales(sums);
     let mut right = [0.0; 6];
@@ -376,7 +377,7 @@ pub fn damped_step(sums: &[f32; SUMS as usize], damping: f32) -> Step {
         out.tau[i] *= share;
         i += 1;
     }
-    // 2 δᵀ(−Jᵀr) − δᵀ JᵀJ δ, with JᵀJ δ taken from the system: all terms positive.
+    // 2 δᵀ(−Jᵀr) − δᵀ JᵀJ δ, with JᵀJ δ from the system, so that all terms are positive.
     out.expected = share * ((2.0 - share) * along + share * damping * own);
     out.downhill = finite & (out.expected > 0.0) & (out.expected < f32::MAX);
     out
@@ -407,7 +408,7 @@ fn diagonal(sums: &[f32; SUMS as usize], i: usize) -> f32 {
     sums[upper(i, i)]
 }
 
-/// Cholesky's factor of the scaled and damped system; `false` where there is none.
+/// Cholesky's factor of the scaled and damped system; `false` if there is none.
 fn factorise(
     sums: &[f32; SUMS as usize],
     scale: &[f32; 6],
@@ -444,8 +445,8 @@ fn factorise(
     definite
 }
 
-/// The share of a step that turns by no more than [`LARGEST_TURN`], and moves by no more than shifts the
-/// picture as that does: the scene's depth, in which `tr Hθθ = L² tr Hρρ`.
+/// The share of a step that turns by at most `LARGEST_TURN`, and moves by at most as many depths `L` of the scene;
+/// `tr Hθθ = L² tr Hρρ`. Both limits shift the picture by the same amount.
 fn within_reach(sums: &[f32; SUMS as usize], tau: &[f32; 6]) -> f32 {
     let moved = dot([tau[0], tau[1], tau[2]], [tau[0], tau[1], tau[2]]).sqrt();
     let turned = dot([tau[3], tau[4], tau[5]], [tau[3], tau[4], tau[5]]).sqrt();
@@ -489,8 +490,8 @@ fn substitute(l: &[[f32; 6]; 6], b: &[f32; 6]) -> [f32; 6] {
     x
 }
 
-/// `Exp(τ)` before a placement (Barfoot, State Estimation for Robotics, eq. 8.30–8.33). A turn beyond
-/// [`LARGEST_TURN`] shortens the whole step to it.
+/// `Exp(τ)` applied after a placement (Barfoot, State Estimation for Robotics, eq. 8.30–8.33). A turn beyond
+/// `LARGEST_TURN` shortens the whole step to it.
 pub fn stepped(from: &Placement, tau: &[f32; 6]) -> Placement {
     let mut rho = [tau[0], tau[1], tau[2]];
     let mut theta = [tau[3], tau[4], tau[5]];
@@ -561,7 +562,7 @@ fn transform_back(m: &[f32; 9], v: [f32; 3]) -> [f32; 3] {
     ]
 }
 
-/// Tells a render where the camera stands.
+/// Sets the camera's pose in the parameters of a render.
 pub fn set_pose(params: &mut Params, at: &Placement) {
     let rotation = rotation_matrix(&at.rotation);
     let centre = transform_back(&rotation, at.translation);
@@ -576,11 +577,11 @@ pub const COMPACT: u32 = 1;
 pub const PAPER: u32 = 2;
 /// [`Program::profile`]: the compact code on a coarser grid, near the prior. Its words are those of [`COMPACT`].
 pub const SHORT: u32 = 3;
-/// Steps of a compact centre that are one step of the short grid.
+/// Steps of a compact centre per step of the short grid.
 pub const SHORT_CENTRE_STEPS: i32 = 1 << 5;
 /// Largest coordinate of a centre on the short grid, in its own steps: 16 bits.
 pub const SHORT_CENTRE_MAX: i32 = (1 << 15) - 1;
-/// Steps of a small compact component that are one step of the short grid.
+/// Steps of a small compact component per step of the short grid.
 pub const SHORT_SMALL_STEPS: i32 = 1 << 3;
 /// Largest small component on the short grid, in its own steps: 15 bits.
 pub const SHORT_SMALL_MAX: i32 = (1 << 14) - 1;
@@ -623,14 +624,14 @@ fn all_below(v: &[f32; 3], limit: f32) -> bool {
     (v[0].abs() < limit) & (v[1].abs() < limit) & (v[2].abs() < limit)
 }
 
-/// To a multiple of a power of two, at most `most` times it.
+/// Rounds to a multiple of a power of two, at most `most` times it.
 fn round_to(v: f32, multiple: i32, most: i32) -> i32 {
     let code = round(v / multiple as f32);
     (if code > most { most } else { code }) * multiple
 }
 
-/// The code of a placement: compact, unless the paper's is wanted or the camera is out of reach. On the short grid, if
-/// that is wanted and within reach.
+/// The code of a placement: compact, unless the paper's code is wanted or the camera is out of reach. It lies on the
+/// short grid if that is wanted and within reach.
 pub fn quantised(at: &Placement, anchor: &Anchor, profile: u32) -> PoseCode {
     let rotation = rotation_matrix(&at.rotation);
     let c = transform_back(&rotation, at.translation);
@@ -685,8 +686,8 @@ pub fn quantised(at: &Placement, anchor: &Anchor, profile: u32) -> PoseCode {
     }
 }
 
-/// The placement of a code. Only stage `decode_pose` calls this on a device, for encoder and decoder alike:
-/// so both render at the same bits.
+/// The placement of a code. On a device only stage `decode_pose` calls this, for the encoder and the decoder: so both
+/// render at the same bits.
 pub fn placed(code: &PoseCode, anchor: &Anchor) -> Placement {
     let w = &code.words;
     if code.profile == COMPACT {

@@ -8,14 +8,14 @@ use spirv_std::num_traits::Float;
 pub const TILE: u32 = 8;
 /// Invocations of a splatting workgroup: one per column of [`ROWS`] pixels.
 pub const SPLAT_THREADS: u32 = TILE * TILE / ROWS;
-/// Pixels of one column that one invocation blends: a splat's record is loaded once for all.
+/// Pixels of one column that one invocation blends: a splat's record is loaded once for all of them.
 pub const ROWS: u32 = 4;
-/// Invocations of a one-splat-each or one-pair-each workgroup.
+/// Invocations of a workgroup with one splat or one pair per invocation.
 pub const GROUP: u32 = 256;
-/// Digits of a depth key; each takes a pass of the sort.
+/// Digits of a depth key. The sort takes one pass per digit.
 pub const DIGITS: u32 = 3;
-/// Counters that a workgroup of a counting stage has in shared memory: digits of the widest pass, or
-/// tiles of a band. 8 KiB, half of what every device has.
+/// Counters of a counting stage's workgroup in shared memory: one per digit of the widest pass, or one per tile of a
+/// band. They take 8 KiB, half of what every device has.
 pub const TABLE: u32 = 2048;
 /// Planes of the `geometry` buffer, of a pair of floats per splat: position, opacity, 3×3 axes, a spare.
 pub const GEOMETRY_PLANES: u32 = 7;
@@ -27,9 +27,9 @@ pub const DERIVATIVES: u32 = 12;
 pub const SUMS: u32 = 28;
 /// Side of a cell of a flat field, pixels of the frame.
 pub const CELL: u32 = 16;
-/// Floats before the cells in the buffer of a frame's light: factors, summands, columns, rows.
+/// Floats before the cells in the buffer of a frame's light: factors, summands, number of columns, number of rows.
 pub const LIGHT: u32 = 8;
-/// Value of pixels of a frame that do not count in the normal equations. Those that count are far above.
+/// Value of a frame's pixels that do not count in the normal equations. Pixels that count are far above.
 pub const MASKED: f32 = -1e9;
 /// Floats of a rendered pixel: linear R, G, B, depth Σ wᵢ zᵢ, transmittance.
 pub const PIXEL: u32 = 5;
@@ -49,25 +49,26 @@ pub const DILATION: f32 = 0.3;
 /// Least ratio of determinants that opacity compensates (gsplat).
 pub const RATIO_MIN: f32 = 2.5e-5;
 
-/// Low-pass of a picture reduced by `factor`, and how much of it opacity does not compensate, both
-/// in pixels² of that picture. The full picture's low-pass makes splats fatter, and anti-aliased
-/// priors make up for that in opacity (gsplat). At a reduced level only what the full picture's
-/// low-pass leaves there may fatten them, or the level would show another scene than the frame that
-/// is reduced by averaging: 17 dB instead of 25 at a quarter of the reef's size.
+/// Low-pass of a picture reduced by `factor`, and the part of it that opacity does not compensate,
+/// both in pixels² of that picture. The full picture's low-pass makes splats fatter; in
+/// anti-aliased priors a lower opacity compensates that (gsplat). At a reduced level, splats may be
+/// fatter only by the full picture's low-pass, which is smaller there. Else the level would not
+/// show the same as the frame, which is reduced by averaging: 17 dB in place of 25 at a quarter of
+/// the reef's size.
 pub fn low_pass(antialiased: bool, factor: u32) -> [f32; 2] {
     let kept = DILATION / (factor * factor) as f32;
     [DILATION, if antialiased { 0.0 } else { kept }]
 }
 /// Alpha below this is skipped.
 pub const ALPHA_MIN: f32 = 1.0 / 255.0;
-/// What blending multiplies the conic's factor by, `√(½ log₂ e)`: alpha's exponent, to base 2, is then a difference of
+/// Blending multiplies the conic's factor by this, `√(½ log₂ e)`. Alpha's exponent, to base 2, is then a difference of
 /// squares.
 pub const FACTOR: f32 = 0.849_321_8;
 /// log₂ of [`ALPHA_MIN`].
 pub const LOG_ALPHA_MIN: f32 = -7.994_353_4;
 /// log₂ of the opacity of a splat that shows nowhere.
 pub const NOWHERE: f32 = -1000.0;
-/// A pixel is finished before the splat that would bring its transmittance to this or below.
+/// A pixel is finished before a splat that would bring its transmittance to this or below.
 pub const TRANSMITTANCE_STOP: f32 = 1e-4;
 /// Largest extent of a splat, standard deviations.
 pub const EXTENT_MAX: f32 = 3.33;
@@ -121,7 +122,7 @@ pub struct Params {
     pub bin_blocks: u32,
 }
 
-/// Indirect dispatches of the stages at one level; zeros where nothing is to be run.
+/// Indirect dispatches of the stages at one level; zeros if nothing is to run.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(not(target_arch = "spirv"), derive(bytemuck::Pod, bytemuck::Zeroable))]
@@ -154,7 +155,7 @@ impl Groups {
         one: [0, 1, 1],
     };
 
-    /// Those of a level.
+    /// The dispatches of a level.
     pub fn of(params: &Params) -> Groups {
         // One more for the splat that shows nothing.
         let splats = params.splats + 1;
@@ -171,12 +172,12 @@ impl Groups {
     }
 }
 
-/// What the stages tell each other and, after the render, the host. Cleared before each render.
+/// Numbers that the stages give each other and, after the render, the host. Cleared before each render.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(not(target_arch = "spirv"), derive(bytemuck::Pod, bytemuck::Zeroable))]
 pub struct Counters {
-    /// Pairs that the picture needs; more than the capacity means that some were left out.
+    /// Pairs that the picture needs. If this is more than the capacity, some were left out.
     pub pairs_needed: u32,
     /// Splats whose bounding box touches a tile.
     pub visible: u32,
@@ -232,7 +233,7 @@ pub fn to_byte(value: f32) -> u32 {
     (high * 255.0 + 0.5) as u32
 }
 
-/// A colour's channel, finite and not negative. What is so dark that blending would make denormals of it is black.
+/// A colour's channel, finite and not negative. If it is so dark that blending would give denormals, it becomes black.
 pub fn shown(channel: f32) -> f32 {
     if channel > 1e-20 { min(channel, f32::MAX) } else { 0.0 }
 }
@@ -298,12 +299,11 @@ pub fn projected_axes(
     (m0, m1)
 }
 
-/// Longest component of a splat's projected axes, pixels, whose fourth power an f32 holds with room for
-/// its derivatives.
+/// Largest component of a splat's projected axes, pixels: an f32 holds its fourth power, with room for derivatives.
 pub const WIDE: f32 = 1e6;
 
-/// Least determinant of a covariance, in units of the fourth power of its splat's length: below are only
-/// needles longer than [`WIDE`], 1e15 times as long as wide, which are not drawn.
+/// Least determinant of a covariance, in units of the fourth power of its splat's length. Only needles longer than
+/// [`WIDE`] and 1e15 times as long as wide are below; they are not drawn.
 pub const THIN: f32 = 1e-30;
 
 /// Longest component of a splat's projected axes.
@@ -312,8 +312,8 @@ fn longest(m0: [f32; 3], m1: [f32; 3]) -> f32 {
     max(of(m0), of(m1))
 }
 
-/// What a splat's projected axes, and lengths in pixels with them, are multiplied by before anything
-/// of them is squared: 1 but for splats so wide that the covariance's determinant would overflow.
+/// Factor of a splat's projected axes, and of lengths in pixels with them, before any of them is squared. It is 1,
+/// except for splats so wide that the covariance's determinant would overflow.
 pub fn shrinkage(m0: [f32; 3], m1: [f32; 3]) -> f32 {
     let most = longest(m0, m1);
     if most > WIDE { portable::reciprocal(most) } else { 1.0 }
@@ -331,13 +331,13 @@ pub fn conic(b: f32, c: f32, det: f32) -> [f32; 3] {
     [l11, -l11 * b * l22 * l22, l22]
 }
 
-/// Determinant of a 2D covariance with a low-pass on its diagonal, from those without.
+/// Determinant of a 2D covariance with a low-pass on its diagonal, from determinant and trace without.
 pub fn dilated(det: f32, trace: f32, low_pass: f32) -> f32 {
     det + low_pass * trace + low_pass * low_pass
 }
 
-/// Depths, lengths of projected axes in pixels, and means in pixels beyond which a splat is culled: what follows from
-/// them stays within f32, and far from denormals.
+/// Depths, lengths of projected axes in pixels, and means in pixels. Beyond these a splat is culled, so that all
+/// results stay within f32, and far from denormals.
 const DEPTHS: [f32; 2] = [1e-18, 1e30];
 const LONGEST: f32 = 1e30;
 const FURTHEST: f32 = 1e15;
@@ -397,14 +397,14 @@ fn cut(log_opacity: f32) -> f32 {
     2.0 * core::f32::consts::LN_2 * (log_opacity - LOG_ALPHA_MIN)
 }
 
-/// Tiles `[x0, y0, x1, y1)` that the splat's bounding box touches; empty where it misses the
-/// picture. Every limit is applied in floating point, before the conversion to integers.
+/// Tiles `[x0, y0, x1, y1)` that the splat's bounding box touches; empty if it misses the picture.
+/// Every limit is applied in floating point, before the conversion to integers.
 pub fn tile_box(params: &Params, s: &Projected) -> [u32; 4] {
     // Rounding may not leave a tile out that has a pixel in it.
     let k = portable::sqrt(cut(s.log_opacity)) * 1.000_01;
     let tiles = [params.tiles_x as f32, params.tiles_y as f32];
     const SCALE: f32 = 1.0 / TILE as f32;
-    // A pixel's index lies half a pixel before its centre; and the mean may be far off.
+    // A pixel's index lies half a pixel before its centre, and a far mean is rounded.
     let ex = k * s.sigma[0] + 0.51 + 1e-6 * s.mean[0].abs();
     let ey = k * s.sigma[1] + 0.51 + 1e-6 * s.mean[1].abs();
     [
@@ -415,7 +415,7 @@ pub fn tile_box(params: &Params, s: &Projected) -> [u32; 4] {
     ]
 }
 
-/// Where a splat reaches [`ALPHA_MIN`]: the ellipse `q ≤ cut`, whose tiles are found row by row.
+/// The outline at which a splat reaches [`ALPHA_MIN`]: the ellipse `q ≤ cut`. Its tiles are found row by row.
 #[derive(Clone, Copy)]
 pub struct Outline {
     /// Mean, pixels.
@@ -433,8 +433,8 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// The cut has a margin for rounding, here and in blending: stage `splat` must not find a pixel inside that lies
-    /// in no tile of the list.
+    /// The cut has a margin for rounding, here and in blending: stage `splat` must not find a pixel inside whose tile
+    /// is not in the list.
     pub fn new(params: &Params, s: &Projected) -> Outline {
         let [l11, l21, l22] = s.conic;
         // The factor's two components are sums of products of this size.
@@ -449,15 +449,14 @@ impl Outline {
         Outline { mean: s.mean, slope, rise: l22, width, cut, tip: slope * yy * (cut / xx).sqrt() }
     }
 
-    /// Rows of tiles `[first, end)` of `count`, with a pixel centre at its height.
+    /// Rows of tiles `[first, end)` of `count` that have a pixel centre at the ellipse's height.
     pub fn rows(&self, count: u32) -> [u32; 2] {
         let height = self.cut.sqrt() / self.rise;
         let slack = 1e-6 * self.mean[1].abs();
         tiles_between(self.mean[1] - height - slack, self.mean[1] + height + slack, count)
     }
 
-    /// Tiles `[first, end)` of `count` in a row, with a point of the ellipse between their outermost
-    /// pixel centres.
+    /// Tiles `[first, end)` of `count` in a row that have a point of the ellipse between their outermost pixel centres.
     pub fn columns(&self, row: u32, count: u32) -> [u32; 2] {
         let low = (row * TILE) as i32 as f32 + 0.5 - self.mean[1];
         let high = low + (TILE - 1) as f32;
@@ -485,8 +484,8 @@ pub fn tiles_between(low: f32, high: f32, count: u32) -> [u32; 2] {
     [first as i32 as u32, end as i32 as u32]
 }
 
-/// Items `[first, end)` of workgroup `block`, of 2^`log_blocks` that share `count` items evenly, in
-/// multiples of `lanes`.
+/// Items `[first, end)` of workgroup `block`. 2^`log_blocks` workgroups share `count` items evenly,
+/// in multiples of `lanes`.
 pub fn block(count: u32, log_blocks: u32, block: u32, lanes: u32) -> [u32; 2] {
     let each = ((count >> (log_blocks & 31)) / lanes + 1) * lanes;
     let first = block * each;
@@ -506,8 +505,8 @@ pub fn band_rows(tiles_x: u32) -> u32 {
     TABLE / tiles_x
 }
 
-/// The sum, or the largest number where it would wrap: then the host hears of too many pairs, not
-/// of a few.
+/// The sum, or the largest number if it would wrap. So the host learns of too many pairs, not of a
+/// few.
 pub fn saturating(a: u32, b: u32) -> u32 {
     let sum = a.wrapping_add(b);
     if sum < a { u32::MAX } else { sum }
@@ -554,7 +553,7 @@ pub fn direction(params: &Params, position: [f32; 3]) -> ([f32; 3], f32) {
         position[1] - params.centre[1],
         position[2] - params.centre[2],
     ];
-    // The square of a distance beyond 1e18 is beyond f32.
+    // Beyond 1e18 the square of a distance is beyond f32.
     let s = if longest(v, v) < 1e18 { 1.0 } else { 1e-20 };
     let v = scaled(v, s);
     let inverse = portable::inverse_sqrt(max(dot(v, v), 1e-36));

@@ -94,7 +94,7 @@ const PORTABLE: [&str; 7] = [
     "splat_lockstep",
 ];
 
-/// Instructions of a module behind its header, each with its operands.
+/// Instructions of a module after its header, each with its operands.
 fn instructions(spirv: &[u8]) -> Vec<Vec<u32>> {
     let word = |w: &[u8]| u32::from_le_bytes([w[0], w[1], w[2], w[3]]);
     let words: Vec<u32> = spirv.chunks_exact(4).skip(5).map(word).collect();
@@ -108,7 +108,7 @@ fn instructions(spirv: &[u8]) -> Vec<Vec<u32>> {
     instructions
 }
 
-/// Float operations that may be there are those of `docs/portability.md`, and none may be contracted.
+/// Only the float operations of `docs/portability.md` may be there, and none may be contracted.
 #[test]
 fn the_final_picture_is_made_of_portable_operations() {
     const DECORATE: u32 = 71;

@@ -1,4 +1,4 @@
-//! Stage `arithmetic`: the operations that a portable picture is made of, for the host to compare with its own.
+//! Stage `arithmetic`: the operations that a portable picture is made of. The host compares them with its own.
 
 use crate::portable::{RESULTS, sample};
 use spirv_std::glam::UVec3;

@@ -1,10 +1,11 @@
-//! Stages `bin_count`, `bin_scan`, `bin_emit`: each tile's splats in depth order. The visible splats,
-//! sorted by depth, are split evenly over a fixed number of blocks. Each block counts its splats by
-//! tile; summed over the blocks before, that tells where in the tile's list its own begin; then it
-//! writes them there, in order. No pair is sorted or stored more than once.
+//! Stages `bin_count`, `bin_scan`, `bin_emit`: each tile's splats in depth order. The visible splats, sorted by depth,
+//! are split evenly over a fixed number of blocks. Each block counts its splats by tile. The sum over the blocks before
+//! it is the place in the tile's list at which its own begin. Then the block writes them there, in order. No pair is
+//! sorted or stored more than once.
 //!
-//! A workgroup walks the rows of tiles that its splats touch as one sequence, an invocation a row,
-//! and the tiles of those rows likewise, so that none waits for a neighbour's larger splat.
+//! A workgroup walks the rows of tiles that its splats touch as one sequence, one row per
+//! invocation. It walks the tiles of those rows in the same way. So no invocation waits for a
+//! neighbour's larger splat.
 
 use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table, Wide};
 use crate::memory::{Pairs, at, at_mut};
@@ -12,7 +13,7 @@ use crate::shared::{self, Counters, Outline, Params, Projected};
 use spirv_std::glam::{UVec2, UVec3};
 use spirv_std::spirv;
 
-/// What binning is told.
+/// The parameters of binning.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Split {
@@ -20,11 +21,11 @@ pub struct Split {
     pub log_blocks: u32,
 }
 
-// Indices below: places of splats lie below their number; splats at most at it, which is that of the
-// splat that shows nothing; tiles of a band below TABLE; rows of the table of starts at most at the
-// number of blocks; pairs below the room.
+// Limits of the indices below. Places of splats: below the number of splats. Splats: at most that number, which is the
+// index of the splat that shows nothing. Tiles of a band: below TABLE. Rows of the table of starts: at most the number
+// of blocks. Pairs: below the room.
 
-/// What `project` wrote of a splat that binning needs.
+/// Loads the part of a splat's record that binning needs.
 fn load<B: Pairs + ?Sized>(records: &B, splat: u32) -> Projected {
     let first = splat * shared::RECORD * 2;
     let [u, v] = records.pair(first);
@@ -33,8 +34,8 @@ fn load<B: Pairs + ?Sized>(records: &B, splat: u32) -> Projected {
     Projected { mean: [u, v], conic: [l11, l21, l22], log_opacity, ..Projected::CULLED }
 }
 
-/// The part of the picture and of the splats that a workgroup works on: tables in shared memory hold
-/// so many tiles only, so large pictures are cut into bands of whole rows.
+/// The part of the picture and of the splats that a workgroup works on. Tables in shared memory hold few tiles, so
+/// large pictures are cut into bands of whole rows.
 #[derive(Clone, Copy)]
 struct Share {
     /// Rows of tiles `[top, bottom)`.
@@ -60,7 +61,7 @@ impl Share {
     }
 }
 
-/// The items of all invocations in one sequence: this one's are `[start, end)` of `total`.
+/// The items of all invocations in one sequence. This invocation's are `[start, end)` of `total`.
 #[derive(Clone, Copy)]
 struct Sequence {
     start: u32,
@@ -74,8 +75,8 @@ impl Sequence {
         Sequence { start, end: start + count, total }
     }
 
-    /// Whose item is at a place: the first invocation whose items end behind it. The ends are
-    /// published in `slot`.
+    /// The invocation that owns the item at a place: the first one whose items end after it. The
+    /// ends are published in `slot`.
     fn owner<L: Lanes>(&self, place: u32, slot: u32, scratch: &Scratch) -> u32 {
         let mut owner = 0;
         let mut step = L::COUNT / 2;
@@ -212,9 +213,9 @@ impl Rows {
     }
 }
 
-/// Does the block with the pairs of a share in depth order, as many at once as there are invocations.
-/// (A closure would hold buffers, which shaders cannot.) Llvmpipe ends every loop of an invocation that
-/// has gone 65,535 rounds in all; the name before the block tells whether that happened.
+/// Runs the block for the pairs of a share, in depth order, one pair per invocation at once. (A closure would hold
+/// buffers, which shaders cannot do.) Llvmpipe ends all loops of an invocation after 65,535 rounds in all. The name
+/// before the block tells whether that happened.
 macro_rules! for_pairs {
     ($params:ident, $share:ident, $order:ident, $records:ident, $lane:ident, $scratch:ident,
         $cut:ident, |$pair:ident| $body:block) => {
@@ -224,7 +225,7 @@ macro_rules! for_pairs {
         while place - $lane < $share.end {
             let chunk =
                 Chunk::load::<L, _>($params, &$share, $order, $records, place, $lane, $scratch);
-            // At least once: a loop whose condition comes last runs no round in vain.
+            // Runs at least once: with the condition at the end no round is wasted.
             let mut row = $lane;
             loop {
                 let rows = chunk.row::<L>($params, first_tile, row, $lane, $scratch);
@@ -271,7 +272,7 @@ fn count<L: Lanes, B: Pairs + ?Sized>(
     let mut tile = lane;
     while tile < tiles {
         *at_mut(table, tile) = 0;
-        // What the driver's end of loops leaves uncounted is told as more than there can be room for.
+        // If the driver ends the loops early, this stays: more pairs than there can be room for.
         *at_mut(starts, row + tile) = u32::MAX;
         tile += L::COUNT;
     }
@@ -287,8 +288,9 @@ fn count<L: Lanes, B: Pairs + ?Sized>(
     }
 }
 
-/// Where each block's part of each tile's list begins, from the band's first on; a last row says where
-/// the lists end. One workgroup per band. Blocks are a multiple of four, taken four a round.
+/// Finds the place at which each block's part of each tile's list begins, counted from the band's first pair. The last
+/// row holds the ends of the lists. One workgroup per band. The number of blocks is a multiple of four; each round
+/// takes four.
 fn scan<L: Lanes>(
     band: u32,
     lane: u32,
@@ -332,8 +334,8 @@ fn scan<L: Lanes>(
     }
 }
 
-/// Puts the place of its first in place of each of four counts, `step` apart; returns the place behind
-/// the last. All four are loaded at once: one after the other a GPU would wait for each.
+/// Replaces each of four counts, `step` apart, by the place of its first item. Returns the place after the last item.
+/// Loads all four at once: one after the other, a GPU would wait for each.
 pub fn replace_four(counts: &mut [u32], first: u32, step: u32, place: u32) -> u32 {
     let cells = [first, first + step, first + 2 * step, first + 3 * step];
     let [a, b, c, d] =
@@ -443,8 +445,8 @@ pub fn bin_count(
     count::<Plain, _>(group, lane, table, scratch, split, &p, visible, order, records, starts);
 }
 
-/// Where each block's part of each tile's list begins, and the pairs of each band. Workgroups:
-/// bands.
+/// Finds the place at which each block's part of each tile's list begins, and counts the pairs of
+/// each band. One workgroup per band.
 #[spirv(compute(threads(256)))]
 pub fn bin_scan(
     #[spirv(workgroup_id)] group: UVec3,
@@ -459,8 +461,8 @@ pub fn bin_scan(
     scan::<Wide>(group.x, lane, scratch, split, &params, starts, bands);
 }
 
-/// Each block's part of each tile's list, each tile's range, and the pairs needed. Workgroups:
-/// blocks × bands.
+/// Writes each block's part of each tile's list, each tile's range, and the pairs needed.
+/// Workgroups: blocks × bands.
 #[spirv(compute(threads(32)))]
 pub fn bin_emit(
     #[spirv(workgroup_id)] group: UVec3,

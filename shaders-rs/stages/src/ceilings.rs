@@ -1,4 +1,4 @@
-//! Kernels that do one thing alone, as fast as a device can: what the stages are measured against.
+//! Kernels that do only one thing, as fast as a device can. The stages are measured against them.
 
 use crate::shared::{CEILING_CHAINS, CEILING_STEPS, CEILING_TURNS};
 use spirv_std::arch::IndexUnchecked;
@@ -7,16 +7,16 @@ use spirv_std::spirv;
 
 const _: () = assert!(CEILING_CHAINS == 16 && CEILING_STEPS == 8);
 
-/// Four chains of four; a step multiplies each by its neighbour, so that no chain can go ahead alone
-/// and wait for its own results.
+/// Four chains of four. A step multiplies each by its neighbour, so that no chain can run ahead and wait for its own
+/// results.
 type Chains = [Vec4; 4];
 
 fn step([a, b, c, d]: Chains, offset: Vec4) -> Chains {
     [a.mul_add(b, offset), b.mul_add(c, offset), c.mul_add(d, offset), d.mul_add(a, offset)]
 }
 
-/// Multiply-adds in registers, eight steps of sixteen chains to a turn of the loop. With an offset of
-/// 0.1 all tend to 0.11, whatever they began with below 0.8.
+/// Multiply-adds in registers: eight steps of sixteen chains per turn of the loop. With an offset of 0.1 all tend to
+/// 0.11, if they begin below 0.8.
 #[spirv(compute(threads(256)))]
 pub fn ceiling_arithmetic(
     #[spirv(global_invocation_id)] id: UVec3,

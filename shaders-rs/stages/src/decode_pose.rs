@@ -1,5 +1,5 @@
 //! Stage `decode_pose`: sets the camera of the full picture to the pose of a packet. Encoder and decoder both draw
-//! after this stage, so they draw at the same bits.
+//! after this stage, so they draw at the same pose, bit for bit.
 
 use crate::search;
 use crate::shared::Params;

@@ -1,7 +1,7 @@
-//! How the invocations of a workgroup hand values round, in two forms of the same meaning. Plain: by
-//! shared memory between barriers, right at any subgroup size. Lockstep: eight invocations that are
-//! one vector of a CPU driver (llvmpipe), which run each instruction together; there a shuffle is one
-//! instruction, while shared memory goes lane by lane and a barrier saves every register.
+//! How the invocations of a workgroup exchange values, in two forms of the same meaning. Plain: through shared memory
+//! between barriers; works with any subgroup size. Lockstep: eight invocations that are one vector of a CPU driver
+//! (llvmpipe) and run each instruction together. There a shuffle is one instruction, while shared memory goes lane by
+//! lane and a barrier saves every register.
 
 use crate::memory::at_mut;
 use crate::shared::{TABLE, saturating};
@@ -13,9 +13,9 @@ use spirv_std::memory::{Scope, Semantics};
 
 /// Words that each invocation can publish.
 pub const SLOTS: u32 = 16;
-/// Invocations of a plain workgroup: a subgroup of most GPUs, so that few wait at a barrier.
+/// Invocations of a plain workgroup: the subgroup size of most GPUs, so that few wait at a barrier.
 pub const PLAIN: u32 = 32;
-/// Invocations of a wide workgroup: as many loads are under way where there is only one workgroup.
+/// Invocations of a wide workgroup: so many loads are under way even if there is only one workgroup.
 pub const WIDE: u32 = 256;
 /// Invocations of a lockstep workgroup.
 pub const EIGHT: u32 = 8;
@@ -25,8 +25,8 @@ pub type Scratch = [u32; (SLOTS * PLAIN) as usize];
 /// Counters of a workgroup, in shared memory.
 pub type Table = [u32; TABLE as usize];
 
-/// How many invocations before this one hold the same value, and whether this one's store makes that
-/// of the last of them stand: it must be made where so, and nowhere else.
+/// How many invocations before this one hold the same value, and whether this one is the last of them. Only the last
+/// one may store.
 #[derive(Clone, Copy)]
 pub struct Rank {
     pub before: u32,
@@ -38,13 +38,13 @@ pub trait Lanes {
     /// Its invocations.
     const COUNT: u32;
 
-    /// Ends a phase: what was written to shared memory can be read, what was read can be written.
+    /// Ends a phase: afterwards what was written to shared memory can be read, and what was read can be written.
     fn sync();
 
     /// Publishes a value in a slot of the scratch memory, for [`get`](Self::get) in the next phase.
     fn put(value: u32, slot: u32, lane: u32, scratch: &mut Scratch);
 
-    /// The value that the invocation `from` published; `own` is what this one did.
+    /// The value that the invocation `from` published. `own` is the value that this one published.
     fn get(own: u32, slot: u32, from: u32, scratch: &Scratch) -> u32;
 
     /// Rank among equal values; uses slot 0.
@@ -123,11 +123,11 @@ impl<const COUNT: u32> Lanes for Shared<COUNT> {
     }
 }
 
-/// Eight invocations that are one subgroup and run in lockstep. Their stores go in their order, so the
-/// last one's stands by itself; to choose it would cost a branch a lane that no CPU can foresee.
+/// Eight invocations that are one subgroup and run in lockstep. Their stores happen in their order, so the last one's
+/// remains without a choice. A choice would cost one branch per lane, which no CPU can predict.
 pub struct Lockstep;
 
-/// 1 where an invocation before this one holds the same value.
+/// 1 if the other invocation is before this one and holds the same value.
 fn ahead(value: u32, lane: u32, other: u32, its: u32) -> u32 {
     ((its == value) & (other < lane)) as u32
 }
@@ -138,7 +138,7 @@ fn broadcast<const ID: u32>(value: u32) -> u32 {
     unsafe { subgroup_broadcast_const::<u32, ID>(value) }
 }
 
-/// Adds to a sum over the `reach` invocations up to this one that over the `reach` before those.
+/// Widens a sum over the `reach` invocations up to this one: adds the sum over the `reach` invocations before them.
 fn widen(sum: u32, lane: u32, reach: u32) -> u32 {
     let other = subgroup_shuffle(sum, (lane.wrapping_sub(reach)) & (EIGHT - 1));
     saturating(sum, if lane >= reach { other } else { 0 })
@@ -166,7 +166,7 @@ impl Lanes for Lockstep {
         Rank { before, last: true }
     }
 
-    // An atomic locks the bus for each invocation, which costs more than to rank them all.
+    // An atomic locks the bus for each invocation, which costs more than ranking all of them.
     fn tally(table: &mut Table, index: u32, counted: bool, lane: u32, scratch: &mut Scratch) {
         let rank = Self::rank(if counted { index } else { TABLE }, lane, scratch);
         if counted {

@@ -1,12 +1,12 @@
-//! The splats of a tile, front to back, as the blending stages read them: a record at a time, or
+//! The splats of a tile, front to back, as the blending stages read them: one record at a time, or
 //! eight at a time for subgroups of eight.
 //!
-//! Milliseconds on the reef at 320×180, llvmpipe, CPU time: stage `splat` took 45.5 where every
-//! invocation of sixteen loaded every record by components. Whole vectors, no test of each index and
-//! operations by four pixels: 31; records handed round: 17; eight splats to a turn of the loop, which
-//! masks all that it carries once a turn: 10.5; exponents as quadratics, alpha's cut taken before the
-//! power: 9.3. Stage `splat_flow`, likewise: 83; 46 plain; 23.0 handed round, of which a quarter is
-//! loads. A GPU that loads one address for a whole subgroup at once needs no handing round.
+//! CPU time in milliseconds on the reef at 320×180 with llvmpipe. Stage `splat` took 45.5 when each of sixteen
+//! invocations loaded every record by components. With whole vectors, no bounds tests and operations on four pixels:
+//! 31. With records that invocations hand to each other: 17. With eight splats per turn of the loop, which masks all
+//! that it carries once per turn: 10.5. With exponents as quadratics and alpha's cut before the power: 9.3. Stage
+//! `splat_flow` in the same way: 83; 46 plain; 23.0 with records handed over, a quarter of it for loads. A GPU loads
+//! one address for a whole subgroup at once, so it needs no handing over.
 
 use crate::shared::{self, Counters, FACTOR, NOWHERE, RECORD};
 use core::arch::asm;
@@ -14,21 +14,21 @@ use spirv_std::arch::{IndexUnchecked, atomic_u_max, subgroup_shuffle};
 use spirv_std::glam::Vec4;
 use spirv_std::memory::{Scope, Semantics};
 
-/// Invocations of a workgroup that hands records round; splats that it takes at a time.
+/// Invocations of a workgroup whose invocations hand records to each other; also the splats that it takes at a time.
 pub const LANES: u32 = 8;
 /// What a product of two scaled values must be multiplied by.
 pub const PRODUCT: f32 = 1.0 / (FACTOR * FACTOR);
 
 /// A splat as seen along the columns of a tile, from points at an offset `(x, y)` from the centre.
-/// The factor's rows are `u = u₀ − l₁₁ x − l₂₁ y` and `w = w₀ − l₂₂ y`, alpha's exponent
-/// `log₂ α − u² − w²`, which expands in `y`.
+/// The factor's rows are `u = u₀ − l₁₁ x − l₂₁ y` and `w = w₀ − l₂₂ y`. Alpha's exponent is `log₂ α
+/// − u² − w²`, expanded in `y`.
 #[derive(Clone, Copy)]
 pub struct Splat {
     /// `u₀`.
     pub u: f32,
     pub l11: f32,
     pub l21: f32,
-    /// The exponent's part that is the same for all columns, `log₂ α − w₀²`.
+    /// The part of the exponent that is the same for all columns, `log₂ α − w₀²`.
     pub level: f32,
     /// `l₂₂ w₀`.
     pub down: f32,
@@ -60,7 +60,7 @@ pub struct List<'a> {
 }
 
 impl List<'_> {
-    /// The splat of pair `at`; one that shows nowhere from the end on. There must be a pair.
+    /// The splat of pair `at`; from the end on, a splat that shows nowhere. There must be at least one pair.
     pub fn load(&self, at: u32) -> Splat {
         let inside = at < self.end;
         let place = if inside { at } else { self.end - 1 };
@@ -125,8 +125,8 @@ impl Column {
         Vec4::splat(self.exponent) - y * y * self.curve + y * 2.0 * self.v[1]
     }
 
-    /// `v = Q d`, of which alpha moves with the mean, at `y` and the three rows below; by [`PRODUCT`]
-    /// too small.
+    /// `v = Q d`, alpha's derivative with respect to the mean, at `y` and the three rows below. It is too small by the
+    /// factor [`PRODUCT`].
     pub fn pull(&self, y: f32) -> [Vec4; 2] {
         let y = rows(y);
         [Vec4::splat(self.v[0]) - y * self.turn, Vec4::splat(self.v[1]) - y * self.curve]
@@ -137,8 +137,8 @@ fn rows(y: f32) -> Vec4 {
     Vec4::new(y, y + 1.0, y + 2.0, y + 3.0)
 }
 
-/// Tells the host of a list that was not gone through: llvmpipe ends an invocation's loops after 65,535
-/// rounds. Told as more pairs than there can be room for.
+/// Tells the host that a list was not read to its end: llvmpipe ends an invocation's loops after 65,535 rounds. The
+/// sign is more pairs than there can be room for.
 pub fn tell_cut(counters: &mut Counters) {
     // SAFETY: an atomic on a word of a storage buffer.
     unsafe {
@@ -155,8 +155,8 @@ pub fn largest(value: f32, lane: u32) -> f32 {
     shared::max(of_four, subgroup_shuffle(of_four, lane ^ 4))
 }
 
-/// Loads a vector at once; the compiler loads its components one by one, and llvmpipe walks through
-/// the invocations for each.
+/// Loads a vector at once. The compiler would load its components one by one, and llvmpipe walks
+/// through the invocations for each.
 ///
 /// # Safety
 /// `at` must be inside.

@@ -1,6 +1,6 @@
-//! Buffers by index without a test of the bounds. A failed test ends the invocation, so a driver must
-//! carry a mask of those still running through all that follows; on llvmpipe that doubles the time of
-//! a stage. Every index here lies below a size that the host allocated by; each use says which.
+//! Access to buffers by index, without a test of the bounds. A failed test would end the invocation, so a driver would
+//! have to carry a mask of running invocations through all that follows. On llvmpipe that doubles the time of a stage.
+//! Every index here is below a size that the host allocated; each use says which.
 
 use spirv_std::arch::IndexUnchecked;
 
@@ -16,8 +16,8 @@ pub fn at_mut<T, B: IndexUnchecked<T> + ?Sized>(buffer: &mut B, i: u32) -> &mut 
     unsafe { buffer.index_unchecked_mut(i as usize) }
 }
 
-/// A buffer of pairs of floats. As words of 64 bits a pair is one access: llvmpipe's cost is by
-/// accesses, a GPU's by bytes.
+/// A buffer of pairs of floats. As words of 64 bits a pair is one access: llvmpipe pays by
+/// accesses, a GPU by bytes.
 pub trait Pairs {
     /// Pair `i`, which must exist.
     fn pair(&self, i: u32) -> [f32; 2];

@@ -1,10 +1,10 @@
 //! Stage `pose_jacobian`: how each splat's mean, covariance, opacity and colour change with the pose
 //! (exact Jacobian only). With `T' = Exp(τ) T`, `dp = ρ + θ × p` and `dV = θ × V`.
 //!
-//! A splat has twelve `Vec4`s: for ρ then θ the gradients (xyz) of u, v, K₀₀, K₀₁, K₁₁ and ln α; the
-//! w components of the first nine hold d(rgb)/dρ, row by row. `K = L dΣ Lᵀ` is the covariance's
-//! change as the conic's factor L sees it: of the splat's own size, where dΣ of a needle is as large as
-//! its length squared, and would cancel in blending.
+//! A splat has twelve `Vec4`s: for ρ then θ the gradients (xyz) of u, v, K₀₀, K₀₁, K₁₁ and ln α; the w components of
+//! the first nine hold d(rgb)/dρ, row by row. `K = L dΣ Lᵀ` is the covariance's change, scaled by the conic's factor L.
+//! Its size does not grow with the splat, while dΣ of a needle is as large as its length squared and would cancel in
+//! blending.
 
 use crate::project::{self, Splat};
 use crate::shared::{self, DERIVATIVES, Params, RATIO_MIN, cross, dilated, dot};
@@ -21,7 +21,7 @@ struct Linear {
     compensated: bool,
     ray: [f32; 2],
     inside: [bool; 2],
-    /// Rows of `M`, shrunk as [`shared::project`] does it; the splat's axes are, too.
+    /// Rows of `M`, shrunk as [`shared::project`] does it. The splat's axes are shrunk too.
     m0: [f32; 3],
     m1: [f32; 3],
     /// The low-pass, and what opacity does not compensate of it, at that scale.
@@ -46,7 +46,7 @@ impl Linear {
         let (a, c) = (dot(m0, m0), dot(m1, m1));
         let det = dilated(dot(minors, minors), a + c, low_pass);
         let l = shared::conic(dot(m0, m1), c + low_pass, det);
-        // `l11 m0 + l21 m1`, in which a needle's length would cancel, by the triple product.
+        // `l11 m0 + l21 m1` by the triple product: in the plain sum a needle's length would cancel.
         let across = cross(m1, minors);
         let scale = l[0] / (c + low_pass);
         let along = |k: usize| scale * (across[k] + low_pass * m0[k]);
@@ -157,8 +157,8 @@ fn sh_gradient(
     out
 }
 
-/// d(colour)/dρ of one channel: `(I − d̂d̂ᵀ) Rᵀ / ‖·‖`, turned into camera axes. The centre moves by
-/// −Rᵀρ, so the point moves by +Rᵀρ against it.
+/// d(colour)/dρ of one channel: `(I − d̂d̂ᵀ) Rᵀ / ‖·‖`, turned into camera axes. The centre moves by −Rᵀρ, so the point
+/// moves by +Rᵀρ relative to it.
 fn colour_derivative(params: &Params, d: [f32; 3], inverse: f32, gradient: [f32; 3]) -> [f32; 3] {
     let radial = dot(gradient, d);
     let tangent = [
@@ -213,7 +213,7 @@ pub fn pose_jacobian(
     let (d, inverse) = shared::direction(params, world);
     let gradient = sh_gradient(params, sh_degree, sh, id.x, d);
     let colour = records[i * shared::RECORD as usize + 2];
-    // A colour that the clamp at 0 holds does not change.
+    // A colour that is clamped at 0 does not change.
     let mut red = colour_derivative(params, d, inverse, gradient[0]);
     let mut green = colour_derivative(params, d, inverse, gradient[1]);
     let mut blue = colour_derivative(params, d, inverse, gradient[2]);

@@ -16,10 +16,10 @@ pub struct Splat {
     pub axes: [[f32; 3]; 3],
 }
 
-/// The pair of splat `i`, of `splats`, in a plane. (A closure in its place would hold the buffer in a structure, which
-/// crashes SwiftShader.)
+/// The pair of splat `i`, of `splats`, in a plane. (A closure would hold the buffer in a structure, which crashes
+/// SwiftShader.)
 fn of_plane<B: Pairs + ?Sized>(planes: &B, plane: u32, splats: u32, i: u32) -> [f32; 2] {
-    // The host allocated so many planes of so many splats.
+    // The host allocated these planes, with this many splats each.
     planes.pair(plane * splats + i)
 }
 
@@ -48,7 +48,7 @@ pub fn load<B: Pairs + ?Sized>(params: &Params, geometry: &B, i: u32) -> Splat {
     Splat { world, camera, opacity, axes }
 }
 
-/// Coefficients `2 two` and `2 two + 1` of splat `i`; behind the last is a 0.
+/// Coefficients `2 two` and `2 two + 1` of splat `i`; 0 after the last.
 pub fn coefficients<B: Pairs + ?Sized>(params: &Params, sh: &B, two: u32, i: u32) -> [[f32; 3]; 2] {
     let (n, first) = (params.splats, 3 * two);
     let [a, b] = of_plane(sh, first, n, i);
@@ -80,7 +80,7 @@ fn colour<B: Pairs + ?Sized>(
     [shared::shown(rgb[0]), shared::shown(rgb[1]), shared::shown(rgb[2])]
 }
 
-/// Takes note of a key. Most are not the largest so far, and cost a read alone.
+/// Takes note of a key. Most keys are not the largest so far and cost only a read.
 fn note(largest: &mut u32, key: u32) {
     // SAFETY: atomics on a word of a storage buffer; the largest of integers is the same in any
     // order.

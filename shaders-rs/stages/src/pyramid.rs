@@ -1,11 +1,11 @@
-//! Stage `pyramid`: one level of the camera's frame, reduced by area averaging, as floats in [0, 1], its light
-//! brought to the prior's, and what does not count masked.
+//! Stage `pyramid`: one level of the camera's frame, reduced by area averaging, as floats in [0, 1]. Its light is
+//! brought to the prior's, and pixels that do not count are masked.
 
 use crate::shared::{CELL, GROUP, LIGHT, MASKED, max};
 use spirv_std::glam::{UVec3, Vec3};
 use spirv_std::spirv;
 
-/// What to reduce, and where to.
+/// What to reduce, and the place of the result.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Reduction {
@@ -75,12 +75,12 @@ pub fn pyramid(
     frame[to + 2] = rgb.z;
 }
 
-/// Where the middle of a level's pixel lies, in cells.
+/// The place of the middle of a level's pixel, in cells.
 fn cells_across(pixel: u32, factor: u32) -> f32 {
     (pixel as f32 + 0.5) * factor as f32 / CELL as f32
 }
 
-/// The cells of a flat field: factor, summand and whether it counts, of each, row by row.
+/// The cells of a flat field, row by row: for each its factor, its summand and whether it counts.
 #[derive(Clone, Copy)]
 struct Cells {
     columns: u32,
@@ -108,7 +108,7 @@ impl Cells {
         rgb * factor + Vec3::splat(summand)
     }
 
-    /// Index of a cell's first float; beyond the last row or column, that of the last.
+    /// Index of a cell's first float. Beyond the last row or column the last one is used.
     fn at(self, row: u32, column: u32) -> usize {
         let row = if row < self.rows { row } else { self.rows - 1 };
         let column = if column < self.columns { column } else { self.columns - 1 };

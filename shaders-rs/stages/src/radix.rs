@@ -1,7 +1,7 @@
-//! Stages `radix_count`, `radix_scan`, `radix_scatter`: one stable pass of a least-significant-digit
-//! radix sort of the depth keys. The keys are split evenly over a fixed number of workgroups, so the
-//! host need not know how many there are. Digits are just as wide as the largest key needs to have
-//! [`shared::DIGITS`] of them. The first pass leaves culled splats behind.
+//! Stages `radix_count`, `radix_scan`, `radix_scatter`: one stable pass of a least-significant-digit radix sort of the
+//! depth keys. The keys are split evenly over a fixed number of workgroups, so the host need not know how many keys
+//! there are. Digits are as narrow as possible: [`shared::DIGITS`] of them just hold the largest key. The first pass
+//! leaves out culled splats.
 
 use crate::bin::replace_four;
 use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table, Wide};
@@ -16,7 +16,7 @@ use spirv_std::spirv;
 pub struct Pass {
     /// Which digit, from 0, the lowest.
     pub digit: u32,
-    /// 1: the first pass, whose values are the places of its keys, and which leaves out the culled.
+    /// 1: the first pass. Its values are the places of its keys, and it leaves out culled splats.
     pub first: u32,
     /// Logarithm, base 2, of the number of workgroups that share the keys.
     pub log_blocks: u32,
@@ -38,8 +38,8 @@ impl Pass {
     }
 }
 
-// Indices below: places of keys lie below their number; digits below TABLE, as keys have 32 bits;
-// rows of the histogram below the blocks.
+// Limits of the indices below. Places of keys: below the number of keys. Digits: below TABLE, as
+// keys have 32 bits. Rows of the histogram: below the number of blocks.
 
 fn count<L: Lanes>(
     group: u32,
@@ -76,8 +76,8 @@ fn count<L: Lanes>(
     }
 }
 
-/// Turns the histograms into first positions: by digit, then by block. One workgroup. Blocks are a
-/// multiple of four, taken four a round: llvmpipe grants an invocation 65,535 rounds.
+/// Turns the histograms into first positions: by digit, then by block. One workgroup. The number of
+/// blocks is a multiple of four; each round takes four, as llvmpipe ends loops after 65,535 rounds.
 fn scan<L: Lanes>(
     lane: u32,
     scratch: &mut Scratch,
@@ -219,8 +219,8 @@ pub fn radix_scan_lockstep(
     scan::<Lockstep>(lane, scratch, pass, counters, histogram);
 }
 
-/// Moves each key and value to its place: rank among equal digits of the workgroup's invocations,
-/// behind those placed before.
+/// Moves each key and value to its place: after those placed before, by its rank among the
+/// invocations with an equal digit.
 #[spirv(compute(threads(32)))]
 pub fn radix_scatter(
     #[spirv(workgroup_id)] group: UVec3,

@@ -96,7 +96,7 @@ const COLUMNS: u32 = 32;
 pub type Columns = [f32; (LANES * COLUMNS) as usize];
 
 /// Sums the tiles' rows; `scratch` then begins with the totals. For a whole workgroup of 256: eight
-/// invocations a sum, then one over the eight.
+/// invocations per sum, then one adds the eight.
 pub fn total(lane: u32, tiles: u32, partials: &[f32], scratch: &mut Columns) {
     let k = lane % COLUMNS;
     let mut sum = 0.0;

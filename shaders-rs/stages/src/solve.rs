@@ -1,6 +1,6 @@
-//! Stage `solve`: sums an evaluation's normal equations and takes the search for the pose one step
-//! further: what comes next, at which level, or that the pose is found. One workgroup; one invocation
-//! thinks.
+//! Stage `solve`: sums an evaluation's normal equations and takes the search for the pose one step further. It decides
+//! what comes next and at which level, or that the pose is found. One workgroup; after the sums one invocation does all
+//! the work.
 
 use crate::reduce::{self, Columns};
 use crate::search::{self, Anchor, FOUND, PoseCode, Search};
@@ -15,7 +15,7 @@ pub struct Turn {
     pub first: u32,
 }
 
-/// The pose that is drawn, as its packet holds it, and what that is relative to.
+/// The pose that is drawn, as its packet holds it, and the frame that it is relative to.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Coded {

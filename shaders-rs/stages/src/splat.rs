@@ -1,5 +1,6 @@
-//! Stage `splat`: front-to-back blending (Kerbl et al. 2023, eq. 3). A workgroup draws a tile; an
-//! invocation draws a column of pixels, so that a splat's record is loaded once for all of them.
+//! Stage `splat`: front-to-back blending (Kerbl et al. 2023, eq. 3). One workgroup draws one tile.
+//! One invocation draws a column of pixels, so that a splat's record is loaded once for all of
+//! them.
 
 use crate::list::{Column, LANES, List, Splat, largest, tell_cut};
 use crate::portable;
@@ -18,7 +19,7 @@ pub fn both(a: Vec4, b: Vec4, f: impl Fn(f32, f32) -> f32) -> Vec4 {
     Vec4::new(f(a.x, b.x), f(a.y, b.y), f(a.z, b.z), f(a.w, b.w))
 }
 
-/// The clamp of alpha. Pipelines of priors whose splats are all less opaque are made without.
+/// The clamp of alpha. If all splats of a prior are less opaque, its pipelines have no clamp.
 #[derive(Clone, Copy)]
 pub struct Clamp {
     alpha: f32,
@@ -26,7 +27,7 @@ pub struct Clamp {
 }
 
 impl Clamp {
-    /// As a specialisation constant has it: 0 for none.
+    /// From a specialisation constant: 0 for no clamp.
     pub fn new(params: &Params, there: u32) -> Clamp {
         Clamp { alpha: params.alpha_max, there: there != 0 }
     }
@@ -51,8 +52,8 @@ pub struct Hits {
 }
 
 impl Hits {
-    /// From log₂ of the alphas before the clamp, by a power to base 2: [`portable::exp2`], or the device's own in
-    /// stages that need not be portable.
+    /// From log₂ of the alphas before the clamp. `exp2` is [`portable::exp2`], or the device's own in stages that need
+    /// not be portable.
     pub fn new(exponents: Vec4, clamp: Clamp, exp2: impl Fn(f32) -> f32) -> Hits {
         let full = each(exponents, exp2);
         let held = each(full, |full| clamp.of(full));
@@ -63,14 +64,14 @@ impl Hits {
         Hits { full, alphas }
     }
 
-    /// `values`, 0 where the clamp holds alpha.
+    /// `values`, but 0 for pixels whose alpha is clamped.
     pub fn where_free(&self, values: Vec4, clamp: Clamp) -> Vec4 {
         both(self.full, values, |full, value| if clamp.holds(full) { 0.0 } else { value })
     }
 }
 
-/// What is left of the light of four pixels behind a splat: the weights that the splat gets, and
-/// the transmittances, made negative where the splat finishes a pixel.
+/// Blends a splat into four pixels: returns the weights that the splat gets, and the transmittances
+/// behind it. A transmittance becomes negative if the splat finishes the pixel.
 pub fn dim(transmittances: Vec4, alphas: Vec4) -> (Vec4, Vec4) {
     let weights = alphas * transmittances;
     let next = transmittances - weights;
@@ -102,8 +103,8 @@ struct Blending {
     depth: bool,
 }
 
-/// Four pixels, one below the other. Operations go by four, so that those next to each other do not
-/// wait for each other.
+/// Four pixels, one below the other. Operations take four pixels at once, so that neighbouring
+/// instructions do not wait for each other.
 #[derive(Clone, Copy)]
 struct Four {
     rgb: [Vec4; 3],
@@ -130,7 +131,7 @@ impl Four {
         }
     }
 
-    /// Negative where all are finished.
+    /// Negative if all pixels are finished.
     fn transmittance(&self) -> f32 {
         let t = self.transmittance;
         max(max(t.x, t.y), max(t.z, t.w))
@@ -214,7 +215,7 @@ pub fn middle_of_tile(group: UVec3) -> [f32; 2] {
     [(group.x * TILE) as f32 + half, (group.y * TILE) as f32 + half]
 }
 
-/// The same for subgroups of eight. One workgroup per tile.
+/// The form for subgroups of eight. One workgroup per tile.
 #[spirv(compute(threads(8)))]
 pub fn splat_lockstep(
     #[spirv(workgroup_id)] group: UVec3,

@@ -29,8 +29,8 @@ impl Record {
     }
 }
 
-/// A splat at one pixel: its alpha (0 below the cut), whether the clamp holds it, and the factor's
-/// two components of `d`, of which the conic's product `v = Q d` follows.
+/// A splat at one pixel: its alpha (0 below the cut), whether it is clamped, and the factor's two
+/// components of `d`, which give the conic's product `v = Q d`.
 #[derive(Clone, Copy)]
 struct Hit {
     alpha: f32,
@@ -153,7 +153,7 @@ fn blend(p: Pixel, s: &Record, d: &Derivatives, clamp: Clamp, dx: f32, dy: f32) 
     }
 }
 
-/// Adds one pixel to the normal equations; nothing if it is masked or outside of the picture.
+/// Adds one pixel to the normal equations, unless it is masked or outside of the picture.
 fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) -> Sums {
     if (x >= params.width) | (y >= params.height) {
         return sums;

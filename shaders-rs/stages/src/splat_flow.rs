@@ -1,7 +1,7 @@
-//! Stage `splat_flow`: blending with the optical-flow Jacobian. Splats are small, so a pixel's colour
-//! changes with the pose nearly as if all that it shows moved by the flow of the pixel's own ray:
-//! twelve sums a pixel (∂C/∂u, ∂C/∂v, and both weighted by 1/z) stand for the eighteen of the exact
-//! Jacobian, which follows from them after the loop.
+//! Stage `splat_flow`: blending with the optical-flow Jacobian. Splats are small. So a pixel's colour changes with the
+//! pose nearly as if all that it shows moved with the flow of the pixel's own ray. Twelve sums per pixel (∂C/∂u, ∂C/∂v,
+//! and both weighted by 1/z) replace the eighteen of the exact Jacobian. The derivatives follow from them after the
+//! loop.
 
 use crate::list::{Column, LANES, List, PRODUCT, Splat, largest, tell_cut};
 use crate::reduce::{Scratch, Sums};
@@ -14,7 +14,7 @@ use spirv_std::spirv;
 /// Derivatives along four motions: u, v, u/z, v/z.
 type Motion = Vec4;
 
-/// The same of four pixels.
+/// The motions of four pixels.
 type Motions = [Vec4; 4];
 
 /// Four pixels, one below the other.
@@ -42,7 +42,7 @@ impl Four {
         d_transmittance: NONE,
     };
 
-    /// Blends a splat that is seen from `y` above the first pixel, its depth inverted.
+    /// Blends a splat into the four pixels from `y` down. The splat's depth is inverted.
     fn blend(self, s: &Splat, column: &Column, y: f32, clamp: Clamp) -> Four {
         let hits = Hits::new(column.exponents(y), clamp, f32::exp2);
         let (weights, transmittance) = dim(self.transmittance, hits.alphas);
@@ -68,7 +68,7 @@ impl Four {
         }
     }
 
-    /// Negative where all are finished.
+    /// Negative if all pixels are finished.
     fn left(&self) -> f32 {
         let t = self.transmittance;
         max(max(t.x, t.y), max(t.z, t.w))
@@ -123,7 +123,7 @@ fn pose_derivative(params: &Params, ray: [f32; 2], d: Motion) -> (Vec3, Vec3) {
     (rho, theta)
 }
 
-/// Adds one pixel to the normal equations; nothing if it is masked or outside of the picture.
+/// Adds one pixel to the normal equations, unless it is masked or outside of the picture.
 fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) -> Sums {
     if (x >= params.width) | (y >= params.height) {
         return sums;
@@ -187,8 +187,9 @@ pub fn splat_flow(
     sums.store(lane, group.y * params.tiles_x + group.x, scratch, partials);
 }
 
-/// The same for subgroups of eight: two of them, each half of the tile, one workgroup per tile. All
-/// eight rows by one subgroup take 40 KB of instructions: 28.3 ms; 23.0 so, though loads are twice.
+/// The form for subgroups of eight: one workgroup per tile, with two subgroups for one half of the
+/// tile each. With one subgroup for all eight rows the instructions take 40 KB, and the time is
+/// 28.3 ms. With two it is 23.0 ms, although loads double.
 #[spirv(compute(threads(16)))]
 pub fn splat_flow_lockstep(
     #[spirv(workgroup_id)] group: UVec3,

@@ -40,7 +40,7 @@ fn those_beside_a_prior_are_read_with_it_and_name_another_one() {
     assert_eq!(with.coder_tables().map(|t| &**t), Some(&tables));
     assert_eq!(with.report().coder_tables, PartSource::Beside);
     assert!(with.id() != plain.id() && with.splats() == plain.splats());
-    // The same, handed over in memory; and taken away again.
+    // The same tables, given in memory, and removed again.
     let memory = plain.clone().with_coder_tables(Some(tables));
     assert_eq!((memory.id(), memory.report().coder_tables), (with.id(), PartSource::Memory));
     let none = memory.with_coder_tables(None);

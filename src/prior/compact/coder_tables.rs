@@ -14,8 +14,8 @@ pub fn to_bytes(tables: Option<&Tables>) -> Vec<u8> {
     [&(tables.len() as u32).to_le_bytes()[..], &tables].concat()
 }
 
-/// Reads the section at the start of `bytes`, which stand at byte `at` of the file; how many bytes it
-/// takes, too.
+/// Reads the section at the start of `bytes`, which begin at byte `at` of the file. Also returns how many bytes it
+/// takes.
 pub fn read(bytes: &[u8], at: usize) -> Result<(Tables, usize), PriorError> {
     let truncated = |size: usize| {
         let needed = at as u128 + size as u128;

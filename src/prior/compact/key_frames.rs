@@ -1,6 +1,6 @@
 //! Key frames in a compact prior: ten bytes each.
 //!
-//! As for splats, only additions, products, quotients and square roots take part: the poses are the
+//! As for splats, only additions, products, quotients and square roots are used: the poses are the
 //! same on every machine.
 
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -18,10 +18,10 @@ const EACH: usize = 10;
 /// Largest code of a coordinate.
 const MOST: f64 = u16::MAX as f64;
 
-/// The code of a quaternion's component that is zero; codes run to twice that.
+/// The code of a quaternion's component that is zero. The largest code is twice this.
 const ZERO: i32 = 511;
 
-/// Most that the squares of the three smaller components can add up to: 3/4, and what rounding does.
+/// The most that the squares of the three smaller components can add up to: 3/4, and a little for rounding.
 const MOST_SQUARES: f64 = 0.76;
 
 /// The section of at least one key frame; of none, nothing.
@@ -36,8 +36,8 @@ pub fn to_bytes(key_frames: &KeyFrames) -> Vec<u8> {
     bytes
 }
 
-/// Reads the section at the start of `bytes`, which stand at byte `at` of the file; how many bytes it
-/// takes, too.
+/// Reads the section at the start of `bytes`, which begin at byte `at` of the file. Also returns how many bytes it
+/// takes.
 pub fn read(bytes: &[u8], at: usize) -> Result<(KeyFrames, usize), PriorError> {
     let truncated = |needed| PriorError::Truncated { needed, found: at + bytes.len() };
     let start: &[u8; START] = bytes.first_chunk().ok_or_else(|| truncated((at + START) as u128))?;
@@ -72,7 +72,7 @@ struct Bounds {
 
 impl Bounds {
     fn of(key_frames: &KeyFrames) -> Option<Bounds> {
-        // Rounded to f32, which stays within its range: key frames are checked for that.
+        // Rounded to f32. It stays within the range of f32: key frames are checked for that.
         let [least, most] = key_frames.bounds()?.map(|v| v.to_array().map(|v| v as f32));
         Some(Bounds { least, most })
     }
@@ -82,7 +82,7 @@ impl Bounds {
         pairs().all(|(least, most)| least.is_finite() && most.is_finite() && least <= most)
     }
 
-    /// From where to where on an axis.
+    /// The least and greatest position on an axis.
     fn axis(&self, axis: usize) -> (f64, f64) {
         (self.least[axis].into(), self.most[axis].into())
     }
@@ -105,11 +105,11 @@ impl Bounds {
     }
 }
 
-/// The components of a unit quaternion, (w, x, y, z): two bits for the largest, which is taken as
-/// positive, then ten for each of the others, first to last.
+/// Packs a unit quaternion, (w, x, y, z): two bits name the largest component, which counts as
+/// positive; the others follow in order, ten bits each.
 fn pack(rotation: DQuat) -> u32 {
-    // What was read is written the same again, also where two components are alike or two words give
-    // one rotation: so it is the rotation that a reader gets whose first word is taken.
+    // A rotation that was read gets the same word again, even if two components are equal or two words give one
+    // rotation: the first word that a reader turns into this rotation is taken.
     word_of(rotation).unwrap_or_else(|| {
         let q = components(rotation);
         let mut largest = 0;
@@ -142,7 +142,7 @@ fn pack_without(q: [f64; 4], largest: usize) -> u32 {
     })
 }
 
-/// The unit quaternion of a word; `None` where the largest component would not be that.
+/// The unit quaternion of a word; `None` if the component named as largest would not be the largest.
 fn unpack(word: u32) -> Option<DQuat> {
     let mut q = [0.0; 4];
     let largest = (word >> 30) as usize;
@@ -243,7 +243,7 @@ mod tests {
             let error = error(&|b| b[at..at + 4].copy_from_slice(&value.to_le_bytes()));
             assert!(matches!(error, PriorError::Field { offset: 80, .. }), "{error}");
         }
-        // A code that is none, and three components too large for the fourth to be larger.
+        // An invalid code, and three components so large that the fourth cannot be larger.
         for word in [1023, u32::MAX >> 2, 1022 << 20 | 1022 << 10 | 1022] {
             let error = error(&|b| b[44..48].copy_from_slice(&word.to_le_bytes()));
             assert!(matches!(error, PriorError::Field { offset: 120, .. }), "{error}");

@@ -1,4 +1,4 @@
-//! The compact prior, `.nvsg`: a file of about twelve bytes a splat, for both sides of a link.
+//! The compact prior, `.nvsg`: a file of about twelve bytes per splat, for both sides of a link.
 //!
 //! | byte | type | content |
 //! |---|---|---|
@@ -8,7 +8,7 @@
 //! | 6 | u8 | 1: anti-aliased |
 //! | 7 | u8 | 1: there are key frames; 2: there are coder tables; 3: both |
 //! | 8 | u32 | number of splats, at least one |
-//! | 12 | u32 | [`PriorId`] of the splats as they come out of the reader, with the options below and the coder tables |
+//! | 12 | u32 | [`PriorId`] of the splats as the reader gives them, with the options below and the coder tables |
 //! | 16 | f32 × 5 | near plane, clamp of alpha, background |
 //! | 36 | f32 × 3 | origin of the positions |
 //! | 48 | i32 | step of the positions, as an exponent of two |
@@ -25,30 +25,28 @@
 //! | 0 | u32 | `n`, 1 to 65,536 |
 //! | 4 | f32 × 6 | bounds of the camera positions: least x, y, z, greatest x, y, z |
 //! | 28 + 10 i | u16 × 3 | position of camera `i`: 0 is the least, 65,535 the greatest |
-//! | 34 + 10 i | u32 | its rotation, world to camera, of w, x, y, z: bits 30 and 31 which is the largest, and positive; then ten bits for each of the others, first to last, 0 to 1022 for −√½ to √½ |
+//! | 34 + 10 i | u32 | its rotation, world to camera: bits 30 and 31 say which of w, x, y, z is the largest, which is positive; the others follow in order, ten bits each, 0 to 1022 for −√½ to √½ |
 //!
 //! Positions are off by up to half a step, and the bounds are rounded to f32; rotations are off by up
 //! to 0.28°. Key frames are no part of the identity; coder tables are. A reader that does not know a part
 //! refuses the file.
 //!
-//! The coded part is a raw LZMA stream (lc, lp and pb 0, no end mark, a window as
-//! large as what it holds, but 4 KiB to 64 MiB), filled up with zeros to a byte a splat where it is
-//! shorter. It holds numbers plane by plane: the lowest byte of a number for all splats, then the next
-//! byte. First, twelve bytes each, how far the splats lie apart on the Morton curve of their
-//! positions; then, four bytes each, 0, −1, 1, −2 … as 0, 1, 2, 3 …: three scales; x, y and z of the
-//! rotation; the opacity; and for each coefficient of the spherical harmonics green, red less green,
-//! blue less green.
+//! The coded part is a raw LZMA stream (lc, lp and pb 0, no end mark). Its window is as large as its content, but at
+//! least 4 KiB and at most 64 MiB. If the stream is shorter than one byte per splat, zeros fill it up. It holds numbers
+//! plane by plane: the lowest byte of a number for all splats, then the next byte. First come the distances of the
+//! splats along the Morton curve of their positions, twelve bytes each. Then come numbers of four bytes each, in which
+//! 0, −1, 1, −2 … are written as 0, 1, 2, 3 …: three scales; x, y and z of the rotation; the opacity; and for each
+//! coefficient of the spherical harmonics green, red less green, blue less green.
 //!
-//! **Order.** Splats stand in the order of the curve, which is part of the prior's identity: the
-//! identity is not that of the splats handed to [`write()`], but the one it returns. Splats close in
-//! space are then close in memory, too.
+//! **Order.** Splats are in the order of the curve. The order is part of the prior's identity: the identity is the one
+//! that [`write()`] returns, not that of the splats given to it. Splats close in space are also close in memory.
 //!
-//! **Same on every machine.** Reading takes additions, products and square roots alone, and ends with
-//! a check of the identity: who reads the file has the splats that its writer saw. Writing what was
-//! read, at the same quantisation, gives the same splats again.
+//! **Same on every machine.** Reading uses only additions, products and square roots, and ends with a check of the
+//! identity: a reader has the splats that the writer saw. Writing what was read, at the same quantisation, gives the
+//! same splats again.
 //!
-//! **What it costs.** The reef prior (39,713 splats of degree 1, 104 bytes each as PLY), the default
-//! quantisation, the same numbers in each; decoding on one core:
+//! **What it costs.** For the reef prior (39,713 splats of degree 1, 104 bytes each as PLY), with the default
+//! quantisation and the same numbers in each stream; decoding on one core:
 //!
 //! | coder | bytes per splat | decoding, ms |
 //! |---|---|---|
@@ -57,8 +55,8 @@
 //! | Brotli (quality 11) | 12.02 | 18 |
 //! | LZMA (lzma-rust2, preset 9) | 11.77 | 83 |
 //!
-//! Positions as x, y and z apart take 0.3 bytes more than steps along the curve. Steps that shrink
-//! with the size and opacity of a splat gave less at the same bytes than even ones.
+//! Separate x, y and z take 0.3 bytes more than distances along the curve. Steps that shrink with
+//! the size and opacity of a splat gave worse pictures at the same bytes than even steps.
 
 mod coder_tables;
 mod header;
@@ -85,11 +83,11 @@ const FORMAT: &str = "compact prior";
 /// Bytes of the check at the end.
 const CHECK: usize = 4;
 
-/// Writes splats and key frames; returns the identity of the prior that readers get, in which the key
-/// frames take no part. [`with_coder_tables`] adds coder tables.
+/// Writes splats and key frames. Returns the identity of the prior that readers get; key frames are no part of it.
+/// [`with_coder_tables`] adds coder tables.
 ///
-/// Fails if the quantisation is out of its range, if a splat is unsound or one of its values
-/// too large for its step, and where `writer` does.
+/// Fails if the quantisation is out of its range, if a splat is unsound or one of its values too
+/// large for its step, or if `writer` fails.
 pub fn write(
     splats: &Splats,
     options: &RenderOptions,
@@ -123,16 +121,16 @@ pub fn write(
     Ok(id)
 }
 
-/// The bytes of a compact prior with other key frames: the splats, as they are coded, the coder tables and
-/// the identity stay as they are. Fails where `bytes` are no compact prior.
+/// Replaces the key frames of a compact prior. The coded splats, the coder tables and the identity stay. Fails if
+/// `bytes` are no compact prior.
 pub fn with_key_frames(bytes: &[u8], key_frames: &KeyFrames) -> Result<Vec<u8>, PriorError> {
     let parts = Parts::of(bytes)?;
     let header = Header { key_frames: !key_frames.is_empty(), ..parts.header };
     Ok(assembled(&header, key_frames, parts.coder_tables.as_ref(), parts.stream))
 }
 
-/// The bytes of a compact prior with other coder tables, or without any: another prior, whose splats, as
-/// they are coded, and key frames stay as they are. Fails where `bytes` are no compact prior.
+/// Replaces or removes the coder tables of a compact prior. That makes it another prior. The coded splats and the key
+/// frames stay. Fails if `bytes` are no compact prior.
 pub fn with_coder_tables(bytes: &[u8], tables: Option<&Tables>) -> Result<Vec<u8>, PriorError> {
     let file = read(bytes)?;
     let parts = Parts::of(bytes)?;
@@ -156,8 +154,8 @@ fn assembled(
     bytes
 }
 
-/// Reads the content of a compact prior. Memory grows with the content's size, whatever the header
-/// says: at most 1000 bytes for each byte, and a window of 64 MiB at most.
+/// Reads the content of a compact prior. Memory depends on the content's size, whatever the header
+/// says: at most 1000 bytes per byte, and a window of 64 MiB.
 pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let Parts { header, key_frames, coder_tables, stream_at, stream } = Parts::of(bytes)?;
     let count = header.count as usize;
@@ -181,7 +179,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     Ok(PriorFile { splats, options, format, comments: Vec::new(), key_frames, coder_tables })
 }
 
-/// What a file consists of, but for the check.
+/// The parts of a file, except the check.
 struct Parts<'a> {
     header: Header,
     key_frames: KeyFrames,
@@ -265,7 +263,7 @@ impl Coded {
         Ok(coded)
     }
 
-    /// The coded part of a file: at least a byte a splat, so that a reader can trust the count.
+    /// The coded part of a file: at least one byte per splat, so that a reader can trust the count.
     fn stream(&self) -> Result<Vec<u8>, PriorError> {
         let mut bytes = stream::pack(&self.ranks, &self.columns).map_err(PriorError::Write)?;
         bytes.resize(bytes.len().max(self.ranks.len()), 0);

@@ -1,8 +1,8 @@
 //! One of the 24 rotations that stand for a splat.
 //!
-//! A Gaussian stays the same when its axes are named anew: turned by right angles, two scales
-//! exchanged. Of the 24 rotations that this gives, the smallest is written: its w is at least 0.85,
-//! so that x, y and z say all and lie within ±0.53, a part of 24 of all rotations.
+//! A Gaussian stays the same if its axes are renamed: it is turned by right angles, and its scales
+//! are swapped to match. This gives 24 rotations, and the smallest is written. Its w is at least
+//! 0.85, so x, y and z are enough and lie within ±0.53: one part in 24 of all rotations.
 
 use std::f64::consts::FRAC_1_SQRT_2 as H;
 
@@ -10,15 +10,15 @@ use glam::{DQuat, DVec3};
 
 use super::super::Splats;
 
-/// Scales of splat `index`, and x, y, z of its rotation in steps, the axes named so that the rotation
-/// is the smallest. It may stay above that by what rounding does to it, so that what was written
-/// once is written the same again.
+/// Scales of splat `index`, and x, y, z of its rotation in steps, with the axes renamed so that the rotation is the
+/// smallest. A rotation that is the smallest up to rounding stays, so that what was written once is written the same
+/// again.
 pub fn reduced(splats: &Splats, index: usize, scales: [i32; 3], step: f32) -> ([i32; 3], [i32; 3]) {
     let [w, x, y, z] = splats.unit_rotation(index).map(f64::from);
     let q = DQuat::from_xyzw(x, y, z, w);
     let [w, x, y, z] = quaternion(steps(q, step), step).map(f64::from);
     let rounded = DQuat::from_xyzw(x, y, z, w);
-    // Rounding turns a quaternion by up to a step, so that w of two of them comes two steps closer.
+    // Rounding turns a quaternion by up to a step, so the w of two quaternions may come two steps closer.
     if w >= (rounded * smallest(rounded)).w.abs() - 2.5 * f64::from(step) {
         return (scales, steps(q, step));
     }

@@ -1,7 +1,7 @@
 //! Splats as whole numbers, and back.
 //!
-//! Only additions, products, quotients and square roots of f64 take part, which every machine rounds
-//! alike: a file gives the same splats, and the same identity, everywhere.
+//! Only additions, products, quotients and square roots of f64 are used. Every machine rounds these in the same way: a
+//! file gives the same splats, and the same identity, everywhere.
 
 use super::super::check::{INFINITE_LOGIT, MAX_LOG_SCALE};
 use super::super::{PriorError, PriorFrame, Splats};
@@ -10,9 +10,8 @@ use super::orientation;
 /// How coarsely a prior is written: the steps of its parameters. Errors are up to half a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantisation {
-    /// Of positions, as a share of the prior's spread ([`PriorFrame::unit`]); rounded down to a step
-    /// that is a power of two of the prior's unit. Far from the centre steps are coarser, see
-    /// [`UNIFORM_BITS`].
+    /// Step of positions, as a share of the prior's spread ([`PriorFrame::unit`]), rounded down to a power of two of
+    /// the prior's unit. Far from the centre steps are coarser: see [`UNIFORM_BITS`].
     pub position: f32,
     /// Of the logarithms of the scales.
     pub log_scale: f32,
@@ -40,7 +39,7 @@ impl Default for Quantisation {
 }
 
 impl Quantisation {
-    /// The same with all steps times `factor`: above 1 for smaller files, below for better pictures.
+    /// Multiplies all steps by `factor`: above 1 for smaller files, below 1 for better pictures.
     pub fn scaled(&self, factor: f32) -> Quantisation {
         Quantisation {
             position: self.position * factor,
@@ -76,8 +75,8 @@ impl Quantisation {
     }
 }
 
-/// Up to 2²⁰ steps from the origin, steps of a position are even; from there on they double with each
-/// doubling of the distance, so that any f32 can be written, to 2⁻²¹ of its distance or better.
+/// Up to 2²⁰ steps from the origin, steps of a position are even. From there on they double with each doubling of the
+/// distance. So any f32 can be written, to 2⁻²¹ of its distance or better.
 pub const UNIFORM_BITS: u32 = 20;
 
 /// Where positions are counted from, and in which steps.
@@ -85,7 +84,7 @@ pub const UNIFORM_BITS: u32 = 20;
 pub struct Grid {
     /// The prior's unit.
     pub origin: [f32; 3],
-    /// The step is two to the power of this, the prior's unit; −149, where f32 ends, to 127.
+    /// The step is two to the power of this, in the prior's unit; −149 (the limit of f32) to 127.
     pub exponent: i16,
 }
 
@@ -94,15 +93,15 @@ impl Grid {
     pub const EXPONENTS: std::ops::RangeInclusive<i16> = -149..=127;
 
     /// The grid for splats at `positions`, at least one, with steps of about `share` of their
-    /// spread. Positions that lie on a grid near that one already are left there, so that writing a
+    /// spread. If the positions already lie on a grid near that one, it is taken, so that writing a
     /// second time changes nothing.
     pub fn of(positions: &[[f32; 3]], share: f32) -> Grid {
         let frame = PriorFrame::of(positions);
         let far = frame.centre.iter().fold(0.0, |far: f32, v| far.max(v.abs()));
         let step = (frame.unit() * f64::from(share)).max(f64::from(far) * 2_f64.powi(-20));
         let exponent = exponent_of(step).clamp(-148, 126);
-        // The median itself: it stays where it is, so that the next writing finds the same origin, and
-        // with that the same order.
+        // The origin is the median itself, which stays in place. So the next writing finds the same origin, and the
+        // same order.
         let grid = |exponent: i32| Grid { origin: frame.centre, exponent: exponent as i16 };
         let keeps = |grid: &Grid| positions.iter().all(|p| grid.position(grid.code(*p)) == *p);
         let near = [0, 1, -1].map(|more| grid(exponent + more));
@@ -126,7 +125,7 @@ impl Grid {
         })
     }
 
-    /// The position of a code: not finite where that lies beyond the range of f32.
+    /// The position of a code; not finite if it lies beyond the range of f32.
     pub fn position(&self, code: [i32; 3]) -> [f32; 3] {
         std::array::from_fn(|axis| {
             let magnitude = code[axis].unsigned_abs();
@@ -143,7 +142,7 @@ fn power_of_two(exponent: i32) -> f64 {
     f64::from_bits(((1023 + exponent.clamp(-1022, 1023)) as u64) << 52)
 }
 
-/// The exponent of a positive normal number: of the power of two at or below it.
+/// The exponent of the power of two at or below a positive normal number.
 fn exponent_of(value: f64) -> i32 {
     ((value.to_bits() >> 52) & 0x7ff) as i32 - 1023
 }
@@ -159,11 +158,11 @@ pub fn columns(sh_degree: u32) -> usize {
     COLOUR + 3 * (sh_degree as usize + 1).pow(2)
 }
 
-/// Largest magnitude of a value in steps: with its step it is told apart as f32.
+/// Largest magnitude of a value in steps: up to this an f32 tells neighbouring steps apart.
 const MAX_CODE: f64 = (1 << 22) as f64;
 
-/// Splat `index` in steps, column by column. It is sound; fails where a value is too large for
-/// its step.
+/// Splat `index` in steps, column by column. The splat must be sound. Fails if a value is too large
+/// for its step.
 pub fn quantise(splats: &Splats, index: usize, q: &Quantisation) -> Result<Vec<i32>, PriorError> {
     let steps = |value: f32, step: f32| (f64::from(value) / f64::from(step)).round();
     let whole = |column, value: f32, step| {

@@ -1,5 +1,5 @@
-//! The coded part of a compact prior: positions along the Morton curve, then the columns, byte by
-//! byte of their numbers, as one LZMA stream.
+//! The coded part of a compact prior as one LZMA stream: positions along the Morton curve, then the
+//! columns, one byte plane after another.
 
 use std::io::{Read, Write};
 
@@ -15,7 +15,7 @@ const BITS: u32 = 30;
 const RANK_BYTES: usize = 12;
 const NUMBER_BYTES: usize = 4;
 
-/// Largest window of the coder, bytes; smaller where there is less to code.
+/// Largest window of the coder, bytes; smaller if there is less to code.
 const WINDOW: usize = 1 << 26;
 
 /// Where a position lies on the Morton curve, from its codes of magnitude below 2²⁹.
@@ -29,7 +29,7 @@ pub fn rank(code: [i32; 3]) -> u128 {
     rank
 }
 
-/// The position of a rank. Bits above the curve's are passed over.
+/// The position of a rank. Bits above the curve's are ignored.
 pub fn unrank(rank: u128) -> [i32; 3] {
     std::array::from_fn(|axis| {
         let bit = |place: u32| (rank >> (3 * place + 2 - axis as u32) & 1) as i32;

@@ -17,7 +17,7 @@ fn sample(count: usize) -> (PriorId, Vec<u8>) {
     written(&sample_splats(count, 1), &RenderOptions::INRIA, &Quantisation::default())
 }
 
-/// The same with key frames.
+/// Writes a file with key frames.
 fn sample_with_key_frames(count: usize) -> (PriorId, Vec<u8>) {
     let (splats, key_frames) = (sample_splats(count, 1), sample_key_frames(5));
     let (options, q, mut bytes) = (RenderOptions::INRIA, Quantisation::default(), Vec::new());
@@ -43,7 +43,7 @@ fn any_splats(words: &[u32], sh_degree: u32) -> Splats {
     let stride = splats.sh_stride();
     for row in words.chunks_exact(11 + stride) {
         let unit = |i: usize| row[i] as f32 / u32::MAX as f32 * 2.0 - 1.0;
-        // Mostly near, some anywhere up to the limits of f32.
+        // Most are near, some lie anywhere up to the limits of f32.
         let size = if row[0] & 7 == 0 { 10_f32.powf(38.0 * unit(1)) } else { 5.0 };
         splats.positions.push([0, 1, 2].map(|i| unit(i) * size));
         splats.log_scales.push([3, 4, 5].map(|i| unit(i) * 40.0));
@@ -228,7 +228,7 @@ fn coder_tables_travel_with_the_splats_and_name_another_prior() {
     assert_eq!(prior.report().coder_tables, PartSource::InFile);
     assert!(plain.coder_tables().is_none() && plain.id() == id && prior.id() != id);
     assert_eq!(plain.clone().with_coder_tables(Some(tables.clone())).id(), prior.id());
-    // Replaced and taken out of a file, and left alone by what is done to the key frames.
+    // They can be replaced and removed, and a change of the key frames leaves them alone.
     let other = with_coder_tables(&with, Some(&sample_tables(2))).unwrap();
     assert!(open(&other).id() != id && open(&other).id() != prior.id());
     assert_eq!(with_coder_tables(&other, Some(&tables)).unwrap(), with);
@@ -300,7 +300,7 @@ fn another_prior_under_the_same_name_is_noticed() {
 #[test]
 fn forged_counts_are_refused() {
     let (_, bytes) = sample_with_key_frames(4);
-    // Of key frames: the rest of the file is not long enough for so many, or makes no splats.
+    // A wrong count of key frames: the rest of the file is too short for them, or makes no splats.
     for count in [0, 4, 6, 65_536, u32::MAX] {
         let mut content = bytes[..bytes.len() - CHECK].to_vec();
         content[76..80].copy_from_slice(&u32::to_le_bytes(count));

@@ -5,7 +5,7 @@ use glam::DVec3;
 /// How many: they lie about 13° apart.
 pub const DIRECTIONS: usize = 256;
 
-/// Angle to the axis of a view up to which what lies there counts as seen, radians: 25°.
+/// Half the angle of the cone that a view sees, radians: 25°.
 const CONE: f64 = 0.436;
 
 /// Angle within which matter looks as it did to a camera, radians: 60°.
@@ -66,7 +66,7 @@ fn spiral(i: usize) -> DVec3 {
     DVec3::new(r * cos, r * sin, z)
 }
 
-/// Which of 54 bins a direction is in: the side of a cube that it meets, and where on it.
+/// Which of 54 bins a direction is in: the side of a cube that it meets, and the place on that side.
 pub fn bin(direction: DVec3) -> u32 {
     let [x, y, z] = direction.to_array();
     let (axis, along, u, v) = match direction.abs().to_array() {

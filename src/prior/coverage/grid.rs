@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::super::{Splats, check};
 
-/// A splat is matter where its alpha, without those of others, is above this.
+/// A splat counts as matter in points at which its own alpha is above this.
 const SOLID: f64 = 0.3;
 
 /// Cells along the longest side of the box that holds most of the splats.
@@ -16,11 +16,11 @@ const MOST_CELLS: f64 = 96.0;
 /// Share of the splats left out at either end of an axis.
 const STRAYS: f64 = 0.01;
 
-/// How much larger than that box the grid is, at either end, in its longest side: walls lie in the
-/// share that is left out.
+/// How far the grid goes beyond that box at either end, as a share of the box's longest side: walls
+/// lie in the share that the box leaves out.
 const MARGIN: f64 = 0.1;
 
-/// Most points at which extents of splats are looked at. When they are spent, a splat is its centre.
+/// Most points at which extents of splats are tested. After that only the centre of a splat counts.
 const MOST_POINTS: usize = 30_000_000;
 
 /// Cells that hold matter or do not.
@@ -44,8 +44,8 @@ pub struct Hit {
 }
 
 impl Grid {
-    /// Of the sound splats, large enough for those of `cameras` that stand no farther from most splats
-    /// than these reach. `None` if the splats have no extent, or none is opaque enough.
+    /// Makes a grid of the sound splats. It is large enough for all `cameras` that are no farther from most of the
+    /// splats than the splats' own extent. `None` if the splats have no extent, or none is opaque enough.
     pub fn of(splats: &Splats, cameras: &[DVec3]) -> Option<Grid> {
         let solid = |i: &usize| check::fault_of(splats, *i).is_none() && splats.opacity(*i) > SOLID;
         let solid: Vec<usize> = (0..splats.len()).filter(solid).collect();
@@ -82,14 +82,14 @@ impl Grid {
         }
     }
 
-    /// Marks what is within a splat's ellipsoid of alpha above [`SOLID`], unless that takes more than
-    /// `most` points; says how many it took.
+    /// Marks the cells within a splat's ellipsoid of alpha above [`SOLID`], unless that takes more than `most` points.
+    /// Returns how many points it took.
     fn fill_extent(&mut self, splats: &Splats, i: usize, most: usize) -> usize {
         let radius = (2.0 * (splats.opacity(i) / SOLID).ln()).sqrt();
         let [w, x, y, z] = splats.unit_rotation(i).map(f64::from);
         let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
         let radii = splats.log_scales[i].map(|s| radius * f64::from(s).exp());
-        // Points less than a cell apart; a splat beyond the grid has its points all over it.
+        // Points are less than a cell apart. A splat larger than the grid has its points all over it.
         let steps = radii.map(|r| match r / self.cell {
             r if r < 0.5 => 0,
             r => r.min(MOST_CELLS).ceil() as i32,
@@ -175,7 +175,7 @@ impl Grid {
         near.iter().map(|near| !near).collect()
     }
 
-    /// Keeps of the cells marked in `kept` those of their largest connected part.
+    /// Leaves only the largest connected part of the cells marked in `kept`.
     pub fn keep_largest_part(&self, kept: &mut [bool]) {
         let mut part = vec![0_u32; self.len()];
         let (mut largest, mut count) = ((0, 0), 0);
@@ -208,8 +208,8 @@ impl Grid {
         kept.iter_mut().zip(part).for_each(|(kept, part)| *kept &= part == largest.1);
     }
 
-    /// The first matter on a ray, no farther than `reach`, and every cell before it to `passed`.
-    /// A ray that begins in matter leaves it first. `along` has the length 1.
+    /// Finds the first matter on a ray, no farther than `reach`, and gives every cell before it to
+    /// `passed`. A ray that begins in matter leaves it first. `along` has length 1.
     ///
     /// Visits every cell that the ray meets (Amanatides and Woo, A Fast Voxel Traversal Algorithm for
     /// Ray Tracing, 1987).
@@ -251,7 +251,7 @@ impl Grid {
     }
 }
 
-/// From where to where a ray is within the box from 0 to `size`; `None` if it misses it.
+/// The two distances at which a ray enters and leaves the box from 0 to `size`; `None` if it misses the box.
 fn within_box(origin: DVec3, along: DVec3, size: DVec3) -> Option<(f64, f64)> {
     let (mut begin, mut end) = (0.0_f64, f64::INFINITY);
     for k in 0..3 {
@@ -268,7 +268,7 @@ fn within_box(origin: DVec3, along: DVec3, size: DVec3) -> Option<(f64, f64)> {
     (begin < end && end.is_finite()).then_some((begin, end))
 }
 
-/// Least and greatest coordinates of the splats named, but for strays.
+/// Least and greatest coordinates of the named splats, without strays.
 fn bounds(splats: &Splats, named: &[usize]) -> Option<[DVec3; 2]> {
     let last = named.len().checked_sub(1)?;
     let strays = (STRAYS * last as f64) as usize;

@@ -1,4 +1,4 @@
-//! What the cameras of a mapping run saw of a prior, and what they saw through.
+//! What the cameras of a mapping run saw of a prior, and the free cells that they saw through.
 
 use glam::DVec3;
 
@@ -6,23 +6,23 @@ use super::directions::{Directions, bin};
 use super::grid::{Grid, Hit};
 use crate::Pose;
 
-/// Half the width and height of what a camera is taken to see, as tangents: ±35° and ±22°.
+/// Half the width and height of the view that cameras are assumed to have, as tangents: ±35° and ±22°.
 const FRUSTUM: [f64; 2] = [0.700, 0.404];
 
 /// Rays across and down that stand for a picture.
 const RAYS: [u32; 2] = [64, 40];
 
-/// Those that tell the depth of a picture alone.
+/// Fewer rays, for the depth of a picture only.
 const FEW_RAYS: [u32; 2] = [16, 10];
 
-/// Most cameras that are looked at, evenly spaced in their list.
+/// Most cameras that are used, evenly spaced in their list.
 const MOST_CAMERAS: usize = 1000;
 
-/// How near a camera free cells count although it looks elsewhere, in depths of what it sees.
+/// Free cells this near to a camera count even if it looks elsewhere; as a share of the depth of its picture.
 const NEIGHBOURHOOD: f64 = 0.35;
 
-/// How near to matter a view may stand, in distances from the nearest camera that saw it: the prior
-/// has no finer detail than that camera's picture.
+/// How near to matter a view may be, as a share of the distance of the nearest camera that saw the
+/// matter: the prior has no finer detail than that camera's picture.
 const NEARER: f64 = 0.4;
 
 /// What cameras saw, by cell.
@@ -33,7 +33,7 @@ pub struct Seen {
     directions: Vec<u64>,
     /// Least distance of a camera that saw the matter in the cell.
     nearest: Vec<f32>,
-    /// How many rays of cameras met the matter in the cell: the detail with which it was seen.
+    /// How many rays of cameras met the matter in the cell: the detail in which it was seen.
     rays: Vec<u32>,
 }
 
@@ -92,8 +92,8 @@ pub fn median(mut values: Vec<f64>) -> Option<f64> {
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// Where the rays of a camera's picture, so many across and down, meet matter, with their directions;
-/// the cells before it to `passed`.
+/// Finds where the rays of a camera's picture meet matter, with their directions. There are `width` by `height` rays.
+/// Gives the cells before the matter to `passed`.
 fn picture(
     grid: &Grid,
     pose: &Pose,

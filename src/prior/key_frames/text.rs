@@ -10,13 +10,13 @@ const HEADER: &str = "qw,qx,qy,qz,tx,ty,tz";
 /// Columns of a line.
 const COLUMNS: usize = 7;
 
-/// How far a quaternion may be from unit length to be taken as it stands, bit for bit.
+/// A quaternion whose length differs from 1 by less than this is kept bit for bit.
 const AS_IT_STANDS: f64 = 1e-12;
 
 impl KeyFrames {
-    /// Reads the content of a file of key frames: the line `qw,qx,qy,qz,tx,ty,tz`, then seven finite
-    /// numbers a line. Quaternions of any length but zero; blanks around numbers, line ends of either
-    /// kind, and a last line without one are allowed. Nothing else is: errors name the line.
+    /// Reads the content of a file of key frames: the line `qw,qx,qy,qz,tx,ty,tz`, then seven finite numbers per line.
+    /// Quaternions may have any length but zero. Allowed are blanks around numbers, line ends of either kind, and a
+    /// last line without one. All else is an error, which names the line.
     pub fn from_csv(text: &str) -> Result<KeyFrames, PriorError> {
         let wrong = |line: usize, reason: String| PriorError::Line { line, reason };
         let mut lines = text.lines();
@@ -54,7 +54,7 @@ pub fn words(pose: &Pose) -> [String; COLUMNS] {
     [w, x, y, z, t.x, t.y, t.z].map(|v| format!("{v:?}"))
 }
 
-/// Reads a pose of seven numbers, qw to tz; else says what is wrong with them.
+/// Reads a pose from seven numbers, qw to tz. An error says what is wrong with them.
 pub fn pose_from_words(words: &[&str]) -> Result<Pose, String> {
     if words.len() != COLUMNS {
         let found = if words.len() > COLUMNS { "more" } else { "fewer" };
@@ -66,7 +66,7 @@ pub fn pose_from_words(words: &[&str]) -> Result<Pose, String> {
     }
     let [w, x, y, z, t @ ..] = numbers;
     let pose = Pose::from_wxyz([w, x, y, z], t).ok_or("the numbers are no pose")?;
-    // To divide by a length that rounding made would change a pose with each reading.
+    // Such a length comes from rounding; dividing by it would change the pose with each reading.
     let rotation = glam::DQuat::from_xyzw(x, y, z, w);
     let stands = (rotation.length() - 1.0).abs() <= AS_IT_STANDS;
     Ok(if stands { Pose { rotation, ..pose } } else { pose })

@@ -141,7 +141,7 @@ fn key_frames_stand_in_comments() {
     assert_eq!(file.options, RenderOptions::GSPLAT);
     // The list of comments is for people.
     assert_eq!(file.comments.len(), 4);
-    // Without key frames a file is as it ever was.
+    // Without key frames a file does not change.
     let line =
         |text: &[u8]| text.split(|b| *b == b'\n').any(|l| l.starts_with(b"comment nvsprior key"));
     assert!(line(&bytes) && !line(&written(&splats, &RenderOptions::GSPLAT)));
@@ -221,7 +221,7 @@ fn errors_name_the_file_and_drops_are_reported() {
     assert_eq!((report.dropped[0].fault, report.dropped[0].first), (Fault::NonFinite, 1));
 }
 
-/// The reef prior lies outside the repository: where it is absent there is nothing to check.
+/// The reef prior lies outside the repository: if it is absent, there is nothing to check.
 #[test]
 fn reads_the_reef_prior() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/reef/prior.ply");

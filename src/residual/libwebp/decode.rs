@@ -22,7 +22,7 @@ pub struct Features {
 /// Format of a lossy picture in libwebp's features.
 const LOSSY: c_int = 1;
 
-/// Reads the header of a file; `None` where it is none of a WebP file.
+/// Reads the header of a file; `None` if it is no WebP file.
 pub fn features(file: &[u8]) -> Option<Features> {
     let mut found = MaybeUninit::zeroed();
     // SAFETY: pointer and length are those of a slice; the structure is plain numbers.
@@ -40,8 +40,8 @@ pub fn features(file: &[u8]) -> Option<Features> {
     })
 }
 
-/// Decodes a file of pixels of the given width into `rgb`, without padding; `None` where it is
-/// damaged, or its rows are not as many as `rgb` has room for.
+/// Decodes a file of pixels of the given width into `rgb`, without padding; `None` if it is
+/// damaged, or its rows do not fill `rgb` exactly.
 pub fn decode_rgb(file: &[u8], width: u32, rgb: &mut [u8], arena: &mut Arena) -> Option<()> {
     let stride = c_int::try_from(width).ok()?.checked_mul(3)?;
     // SAFETY: pointers and lengths are those of slices; libwebp refuses a picture that does not fit.
@@ -51,13 +51,13 @@ pub fn decode_rgb(file: &[u8], width: u32, rgb: &mut [u8], arena: &mut Arena) ->
     (!decoded.is_null()).then_some(())
 }
 
-/// Decodes the beginning of a file as [`decode_rgb`] does a whole one, as far as it goes; the number
-/// of rows written, or `None` where it is damaged.
+/// Decodes the beginning of a file, as far as it goes, as [`decode_rgb`] decodes a whole one. Returns the number of
+/// rows written, or `None` if it is damaged.
 pub fn decode_rows(start: &[u8], width: u32, rgb: &mut [u8], arena: &mut Arena) -> Option<usize> {
     let stride = c_int::try_from(width).ok()?.checked_mul(3)?;
     let mut rows = 0;
     // SAFETY: pointers and lengths are those of slices that outlive the decoder, which is deleted
-    // before the arena ends; null where no place is asked for.
+    // before the arena ends. Results that are not wanted have null pointers.
     let status = arena.lend(|| unsafe {
         let mode = sys::WEBP_CSP_MODE::MODE_RGB;
         let decoder = sys::WebPINewRGB(mode, rgb.as_mut_ptr(), rgb.len(), stride);

@@ -1,16 +1,16 @@
 //! The memory that libwebp works in.
 //!
-//! Libwebp takes and returns memory only through the few functions of its `src/utils/utils.c`. They
-//! are defined here in their place: a linker takes an archive's member only for a symbol that is
-//! still missing, and none of that file's is. (Were one, both would be linked and their symbols
-//! would clash: a build fails rather than allocate behind our back.)
+//! Libwebp takes and returns memory only through the few functions of its `src/utils/utils.c`. This
+//! file defines them instead. A linker takes an archive's member only for a symbol that is still
+//! missing, and no symbol of that file is missing. (If one were, both definitions would be linked
+//! and clash: the build would fail, and not allocate unseen.)
 
 use std::cell::Cell;
 use std::ffi::{c_int, c_void};
 use std::mem::MaybeUninit;
 use std::ptr::null_mut;
 
-// For this library alone: exported, they would take the place of those of the process's own libwebp.
+// Visible in this library only. If they were exported, they would replace those of the process's own libwebp.
 #[cfg(target_os = "linux")]
 std::arch::global_asm!(
     ".hidden WebPSafeMalloc",
@@ -30,7 +30,7 @@ const ALIGN: usize = 32;
 #[derive(Clone, Copy)]
 struct Unit(MaybeUninit<[u8; ALIGN]>);
 
-/// Memory for one call of libwebp at a time; blocks follow one another, and all go at the call's end.
+/// Memory for one call of libwebp at a time. Blocks follow one another, and all are freed at the end of the call.
 pub struct Arena {
     units: Vec<Unit>,
     /// Units in use.
@@ -49,7 +49,7 @@ thread_local! {
 }
 
 impl Arena {
-    /// Memory is taken from the system as it is first touched, so a generous capacity costs nothing.
+    /// The system gives memory when it is first touched, so a large capacity costs nothing.
     pub fn with_capacity(bytes: usize) -> Arena {
         let count = bytes.div_ceil(ALIGN);
         let mut units = Vec::with_capacity(count);
@@ -65,8 +65,8 @@ impl Arena {
         }
     }
 
-    /// Calls libwebp through `work`, with all of its blocks in here. They end with the call: `work`
-    /// must free or forget them all.
+    /// Calls libwebp through `work`, with all of its blocks in this arena. The blocks end with the
+    /// call: `work` must free or forget them all.
     pub fn lend<R>(&mut self, work: impl FnOnce() -> R) -> R {
         struct Return(*mut Arena);
         impl Drop for Return {
@@ -93,7 +93,7 @@ impl Arena {
 
     fn take(&mut self, bytes: usize) -> *mut c_void {
         let count = bytes.div_ceil(ALIGN);
-        // Fuzzers see an overrun of a block of the heap, not of one in here.
+        // Fuzzers see an overrun of a block of the heap, but not of a block in the arena.
         if cfg!(fuzzing) || count > self.units.len() - self.used {
             #[cfg(test)]
             {
@@ -122,7 +122,7 @@ fn lent<R>(with: impl FnOnce(&mut Arena) -> R) -> Option<R> {
     unsafe { LENT.get().as_mut() }.map(with)
 }
 
-/// Size of an array; `None` where it is absurd.
+/// Size of an array; `None` if it is absurd.
 fn size_of_array(count: u64, size: usize) -> Option<usize> {
     let bytes = usize::try_from(count).ok()?.checked_mul(size)?;
     (bytes <= isize::MAX as usize / 2).then_some(bytes)
@@ -145,7 +145,7 @@ unsafe extern "C" fn WebPSafeMalloc(count: u64, size: usize) -> *mut c_void {
 /// As [`WebPSafeMalloc`], zeroed.
 ///
 /// # Safety
-/// As there.
+/// As for [`WebPSafeMalloc`].
 #[unsafe(no_mangle)]
 unsafe extern "C" fn WebPSafeCalloc(count: u64, size: usize) -> *mut c_void {
     // SAFETY: any arguments do, and the block has as many bytes as are zeroed.
@@ -158,7 +158,7 @@ unsafe extern "C" fn WebPSafeCalloc(count: u64, size: usize) -> *mut c_void {
     }
 }
 
-/// Returns a block; one of the arena stays there until the call ends.
+/// Returns a block. A block of the arena stays there until the call ends.
 ///
 /// # Safety
 /// `block` is null or came from [`WebPSafeMalloc`] and was not freed since.
@@ -173,7 +173,7 @@ unsafe extern "C" fn WebPSafeFree(block: *mut c_void) {
 /// The public name of [`WebPSafeMalloc`].
 ///
 /// # Safety
-/// As there.
+/// As for [`WebPSafeMalloc`].
 #[unsafe(no_mangle)]
 unsafe extern "C" fn WebPMalloc(size: usize) -> *mut c_void {
     // SAFETY: as the caller promises.
@@ -183,14 +183,14 @@ unsafe extern "C" fn WebPMalloc(size: usize) -> *mut c_void {
 /// The public name of [`WebPSafeFree`].
 ///
 /// # Safety
-/// As there.
+/// As for [`WebPSafeFree`].
 #[unsafe(no_mangle)]
 unsafe extern "C" fn WebPFree(block: *mut c_void) {
     // SAFETY: as the caller promises.
     unsafe { WebPSafeFree(block) }
 }
 
-/// Copies a plane: stands in the same file of libwebp's, so it must stand here too.
+/// Copies a plane. It is here because libwebp's file of the memory functions has it too.
 ///
 /// # Safety
 /// Both planes hold `height` rows of `width` bytes, a stride apart, and do not overlap.

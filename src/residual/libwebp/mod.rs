@@ -1,4 +1,4 @@
-//! Libwebp, in memory that is lent to it: no call allocates once its arena is made.
+//! Libwebp, which works in memory lent to it: no call allocates once its arena is made.
 
 mod decode;
 mod encode;

@@ -1,11 +1,10 @@
-//! Descriptors of a picture's patches that hold for any roll, gain and offset: histograms of the gradient's
-//! directions around a point, turned with the patch, as in SIFT (Lowe, IJCV 2004); of the histograms only
-//! comparisons are kept, a bit each, as in BIG-OH (Baber et al., 2014). So two descriptors are compared by counting
-//! bits.
+//! Descriptors of a picture's patches that hold for any roll, gain and offset. They are histograms of the gradient's
+//! directions around a point, turned with the patch, as in SIFT (Lowe, IJCV 2004). Only comparisons of the histograms
+//! are kept, one bit each, as in BIG-OH (Baber et al., 2014). So two descriptors are compared by counting bits.
 
 use std::f32::consts::TAU;
 
-/// Comparisons of a patch's histograms, a bit each.
+/// Comparisons of a patch's histograms, one bit each.
 pub type Descriptor = [u64; 4];
 
 /// Number of bits in which two descriptors differ.
@@ -25,11 +24,12 @@ const STEP: f32 = 7.0;
 const SPREAD: f32 = 12.0;
 /// Directions that a patch's own is chosen among.
 const TURNS: usize = 36;
-/// Deviation of the pixels' weights in that choice, pixels; those within twice of it count.
+/// Deviation of the pixels' weights when the patch's direction is chosen, pixels. Pixels within twice this distance
+/// count.
 const TURN_SPREAD: f32 = 6.0;
 /// How often the histogram of that choice is smoothed.
 const SMOOTHED: usize = 4;
-/// The histogram that each is compared with: its neighbour clockwise around the patch's middle.
+/// For each histogram the one that it is compared with: its neighbour clockwise around the patch's middle.
 const NEIGHBOUR: [usize; SIDE * SIDE] = [1, 2, 3, 7, 0, 6, 10, 11, 4, 5, 9, 15, 8, 12, 13, 14];
 
 type Histogram = [f32; DIRECTIONS];
@@ -48,12 +48,12 @@ struct Place {
 pub struct Describer {
     places: Vec<Place>,
     width: usize,
-    /// Of each pixel the gradient's direction, in [`TURNS`], and its length.
+    /// For each pixel the gradient's direction, in [`TURNS`], and its length.
     polar: Vec<[f32; 2]>,
 }
 
 impl Describer {
-    /// For pictures of up to so many pixels.
+    /// Makes one for pictures of up to `pixels` pixels.
     pub fn new(pixels: usize) -> Describer {
         let radius = RADIUS as i32;
         let square = (-radius..=radius).flat_map(|dy| (-radius..=radius).map(move |dx| (dx, dy)));
@@ -89,7 +89,7 @@ impl Describer {
     pub fn describe(&self, at: usize) -> Descriptor {
         let direction = self.direction(at);
         let (sin, cos) = direction.sin_cos();
-        // Directions are counted from the patch's own; one more round keeps them positive.
+        // Directions are relative to the patch's own; one full turn is added to keep them positive.
         let turned = DIRECTIONS as f32 * (1.0 - (direction / TAU).rem_euclid(1.0));
         let mut histograms = [[0.0; DIRECTIONS]; (SIDE + 1) * (SIDE + 1)];
         for place in &self.places {
@@ -157,7 +157,7 @@ impl Describer {
     }
 }
 
-/// A positive number's whole part and the rest: `fract` is a call into the C library.
+/// A positive number's whole part and the rest. (`fract` would call into the C library.)
 fn split(value: f32) -> (usize, f32) {
     let whole = value as usize;
     (whole, value - whole as f32)
@@ -179,7 +179,7 @@ fn compared<'a>(histogram: impl Fn(usize) -> &'a Histogram) -> Descriptor {
     descriptor
 }
 
-/// The direction of a vector, in [0, [`TURNS`]); right to a tenth of a degree, by a polynomial.
+/// The direction of a vector, in [0, [`TURNS`]), by a polynomial; exact to a tenth of a degree.
 fn turns(x: f32, y: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
     let (least, most) = if ax < ay { (ax, ay) } else { (ay, ax) };

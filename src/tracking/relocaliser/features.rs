@@ -1,4 +1,5 @@
-//! Corners of a picture of even local contrast, at several sizes (Shi & Tomasi, CVPR 1994), with their descriptors.
+//! Corners of a picture at several sizes (Shi & Tomasi, CVPR 1994), with their descriptors. Local contrast is made even
+//! first.
 
 use super::descriptor::{Describer, Descriptor, RADIUS};
 
@@ -15,7 +16,7 @@ pub struct Feature {
 const LEVELS: usize = 8;
 /// Sizes of levels that follow each other.
 const RATIO: f32 = 1.2;
-/// Small pictures are enlarged: a patch of the finest level then covers 15 pixels.
+/// Pictures are enlarged by this, as they are small: a patch of the finest level then covers 15 pixels.
 const FINEST: f32 = 2.0;
 /// No level is wider than this, pixels.
 const WIDEST: f32 = 640.0;
@@ -39,7 +40,7 @@ struct Level {
     most: usize,
 }
 
-/// Buffers to take features with, of pictures of one size. Nothing is allocated after it is made.
+/// Takes features of pictures of one size. Allocates nothing after it is made.
 pub struct Extractor {
     width: usize,
     height: usize,
@@ -89,7 +90,7 @@ impl Extractor {
         }
     }
 
-    /// Takes the features of a picture's luma, values in [0, 1], row by row; strongest first at each level.
+    /// Takes the features of a picture's luma: values in [0, 1], row by row. The strongest come first at each level.
     ///
     /// # Panics
     /// If the number of pixels is not that of the size.
@@ -120,7 +121,7 @@ impl Extractor {
         }
     }
 
-    /// Brings the picture to a level's size, by interpolation; also smoothed for its descriptors.
+    /// Brings the picture to a level's size by interpolation, and makes a smoothed copy for descriptors.
     fn resize(&mut self, k: usize) {
         let Level { scale, width, height, .. } = self.levels[k];
         let (from_width, from_height) = (self.width, self.height);
@@ -145,8 +146,8 @@ impl Extractor {
         box_mean(&self.spread[..count], &mut self.sums, &mut self.smooth, width, height, 2);
     }
 
-    /// The strongest corners of a level: the least eigenvalue of the gradient's second moments, highest
-    /// within two pixels.
+    /// Finds the strongest corners of a level: maxima, within two pixels, of the least eigenvalue of the gradient's
+    /// second moments.
     fn find_corners(&mut self, k: usize) {
         let Level { width, height, most, .. } = self.levels[k];
         let count = width * height;
@@ -202,7 +203,7 @@ impl Extractor {
     }
 }
 
-/// Whether a value is the highest within two pixels; of equal ones the first counts.
+/// Whether a value is the highest within two pixels. Of equal values the first one counts.
 fn highest(values: &[f32], width: usize, x: usize, y: usize, value: f32) -> bool {
     let row = |v: usize| &values[v * width + x - 2..][..5];
     let own = row(y);
@@ -239,7 +240,8 @@ fn box_mean(
     }
 }
 
-/// Means along a row, cut off at its ends. In short sums many pixels go at once; a long one runs along.
+/// Means along a row, cut off at its ends. Short sums are taken for many pixels at once; a long sum is updated from
+/// pixel to pixel.
 fn along(from: &[f32], to: &mut [f32], radius: usize) {
     let width = from.len();
     let side = 2 * radius + 1;
@@ -296,7 +298,7 @@ mod tests {
         (0..200 * 120).map(at).collect()
     }
 
-    /// How many features of one picture have their like in the other, and how many of those lie right.
+    /// How many features of one picture match one of the other, and how many of those matches are right.
     fn matched(a: &[Feature], b: &[Feature], roll: f32, dx: f32) -> (usize, usize) {
         let (s, c) = roll.sin_cos();
         let (mut all, mut right) = (0, 0);

@@ -1,16 +1,16 @@
-//! Points of the prior as key frames see them, found again by their descriptors: locality-sensitive
-//! hashing (Indyk & Motwani 1998), each table by some bits of the descriptor.
+//! Points of the prior as key frames see them. They are found again by their descriptors, with
+//! locality-sensitive hashing (Indyk & Motwani 1998): each table uses some bits of the descriptor.
 
 use super::descriptor::{Descriptor, distance};
 use super::features::Feature;
 
-/// Tables; each right match is found in at least one of them with about four chances in five.
+/// Tables. The chance that at least one of them gives a right match is about four in five.
 const TABLES: usize = 8;
 /// Bits of a table's key.
 const BITS: u32 = 14;
 /// Two descriptors that differ in more bits are of two points.
 const ALIKE: u32 = 40;
-/// A longer chain is of patches that look all the same; its rest is passed over.
+/// A longer chain holds patches that all look the same; its rest is ignored.
 const LONGEST: usize = 256;
 /// No entry.
 const END: u32 = u32::MAX;
@@ -38,7 +38,7 @@ pub struct Landmarks {
 }
 
 impl Landmarks {
-    /// With room for so many groups of at most so many points.
+    /// Makes one with room for `groups` groups of at most `points` points.
     pub fn with_room(groups: usize, points: usize) -> Landmarks {
         let all = groups * points;
         Landmarks {
@@ -52,7 +52,7 @@ impl Landmarks {
         }
     }
 
-    /// Bytes that groups of so many points take in memory.
+    /// Bytes that `groups` groups of `points` points take in memory.
     pub fn bytes(groups: usize, points: usize) -> usize {
         let point = size_of::<[f32; 3]>() + size_of::<Descriptor>() + 4 + 4 * TABLES;
         groups * points * point + ((4 * TABLES) << BITS)
@@ -83,7 +83,7 @@ impl Landmarks {
         self.counted.push((END, 0));
     }
 
-    /// For each group how many of the features have their like in it: `votes`, most first.
+    /// Counts for each group how many of the features have a match in it: `votes`, most first.
     pub fn vote(&mut self, features: &[Feature], votes: &mut Vec<(u32, u32)>) {
         votes.clear();
         self.counted.fill((END, 0));
@@ -117,7 +117,7 @@ impl Landmarks {
     }
 }
 
-/// A table's key: bits that lie apart, other ones for each table.
+/// A table's key: bits from all over the descriptor, other ones for each table.
 fn key(descriptor: &Descriptor, table: usize) -> usize {
     (0..BITS as usize).fold(0, |key, i| {
         // 97 is prime to 256: no bit comes twice in a table, and tables share few.

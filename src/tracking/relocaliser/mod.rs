@@ -1,10 +1,10 @@
-//! Finding a lost camera again: where, among the prior's key frames, the frame was taken.
+//! Finds a lost camera again: where, among the prior's key frames, the frame was taken.
 //!
-//! The prior is rendered at its key frames; corners of these renders get descriptors ([`features`]) and,
-//! by the rendered depth, world points ([`landmarks`]). A frame's corners vote for key frames. Corners that
-//! match those of the key frames voted for give poses ([`resection`]). The prior, rendered at such a pose,
-//! is a key frame nearer to the frame than any other: its corners are matched again, and the pose follows.
-//! All of it holds for any roll, for gain and offset of the light, and where a part of the picture differs.
+//! The prior is rendered at its key frames. Corners of these renders get descriptors ([`features`]) and, from the
+//! rendered depth, world points ([`landmarks`]). A frame's corners vote for key frames. Matches with the corners of
+//! those key frames give poses ([`resection`]). The prior is rendered at such a pose. This render is nearer to the
+//! frame than any key frame: its corners are matched again and give a better pose. All of it works for any roll, for
+//! any gain and offset of the light, and if a part of the picture differs.
 
 mod descriptor;
 mod features;
@@ -25,31 +25,31 @@ use features::{Extractor, Feature};
 use landmarks::Landmarks;
 use resection::{Around, Match, Resection, TURNED, absolute, axis, relative};
 
-/// Corners of a frame.
+/// Most corners of a frame.
 const FEATURES: usize = 1000;
 /// Most corners of a key frame.
 const KEY_FEATURES: usize = 800;
 /// Fewest corners of a key frame, if there are very many key frames.
 const LEAST_KEY_FEATURES: usize = 120;
-/// Memory for the points of all key frames, bytes, as long as [`LEAST_KEY_FEATURES`] fit.
+/// Memory for the points of all key frames, bytes; more if [`LEAST_KEY_FEATURES`] per key frame need it.
 const MEMORY: usize = 48 << 20;
-/// Key frames whose corners are compared with the frame's, those with most votes.
+/// How many key frames, those with most votes, have their corners compared with the frame's.
 const VOTED: usize = 64;
 /// Poses that are proposed.
 const PROPOSALS: usize = 6;
-/// Key frames that stand nearer than this to another, in depths of the scene, propose together with it; a pose that
-/// one proposes by itself is as near to it.
+/// Key frames that stand nearer to another than this, in depths of the scene, propose poses together with it. A pose
+/// that one key frame proposes by itself must be as near to it.
 const TOGETHER: f64 = 0.8;
-/// The nearest descriptor counts if the second nearest differs from it by more than this.
+/// The nearest descriptor counts only if its distance is less than this share of the second nearest's.
 const DISTINCT: f32 = 0.85;
-/// The same for a render where the camera is thought to stand.
+/// As [`DISTINCT`], for a render at a pose proposed for the frame.
 const DISTINCT_NEAR: f32 = 0.9;
-/// Key frames whose matches are taken together at most, those of most matches.
+/// At most this many key frames, those with most matches, pool their matches.
 const POOLED: usize = 32;
-/// Descriptors of one point differ in no more bits: poses are proposed by the strict figure, and by the loose
-/// one, with which there are more right matches, but many more wrong ones.
+/// Descriptors of one point differ in at most this many bits. Poses are proposed with the strict number and with the
+/// loose one, which gives more right matches, but many more wrong ones.
 const ALIKE: [u32; 2] = [50, 66];
-/// The same for a render where the camera is thought to stand.
+/// As [`ALIKE`], for a render at a pose proposed for the frame.
 const ALIKE_NEAR: u32 = 64;
 /// Fewer corners are explained by wrong poses too.
 const CHANCE: u32 = 8;
@@ -65,18 +65,18 @@ const WIDTH: u32 = 320;
 pub struct Candidate {
     /// World-to-camera.
     pub pose: Pose,
-    /// Corners of the frame that the prior shows within three pixels of where the frame does.
+    /// Corners of the frame that the prior, at this pose, shows within three pixels of their place.
     pub features: u32,
 }
 
-/// Finds cameras by the key frames of a prior. All memory is taken when it is made.
+/// Finds cameras by the key frames of a prior. Takes all its memory when it is made.
 pub struct Relocaliser {
     level: usize,
     factor: usize,
     camera: Camera,
     origin: DVec3,
     key_frames: Vec<Pose>,
-    /// Median depth of the corners of each key frame that was rendered; 0 of none.
+    /// Median depth of the corners of each key frame that was rendered; 0 if it has no corners.
     depths: Vec<f64>,
     key_features: usize,
     landmarks: Landmarks,
@@ -85,7 +85,7 @@ pub struct Relocaliser {
     luma: Vec<f32>,
     frame: Vec<Feature>,
     render: Vec<Feature>,
-    /// Of the render's corners, relative to the origin; not a number where nothing is seen.
+    /// Points of the render's corners, relative to the origin. Not a number if nothing is seen there.
     points: Vec<[f32; 3]>,
     votes: Vec<(u32, u32)>,
     /// With the distances of their descriptors.
@@ -150,7 +150,7 @@ impl Relocaliser {
             self.sorted.extend(seen.map(|p| (pose.rotation * vector(p) + pose.translation).z));
             self.sorted.sort_unstable_by(f64::total_cmp);
             self.depths.push(self.sorted.get(self.sorted.len() / 2).copied().unwrap_or(0.0));
-            // Corners stand level by level: those beyond the room are passed over evenly.
+            // Corners are ordered by level. If there are too many for the room, they are left out evenly.
             let (seen, room) = (self.sorted.len().max(1), self.key_features);
             let sound = self.points.iter().zip(&self.render).filter(|(p, _)| p[0].is_finite());
             let kept = sound
@@ -204,8 +204,8 @@ impl Relocaliser {
         &self.candidates
     }
 
-    /// Poses that key frames propose each by itself, best first: for those that no vote leads to. Of all key frames
-    /// about `most` are compared with the frame, other ones in each `turn`, until all had one.
+    /// Poses that single key frames propose, best first: for frames that no vote leads to. Compares about `most` key
+    /// frames with the frame, other ones in each `turn`, until each had its turn.
     pub fn compare_some(&mut self, most: usize, turn: usize) -> &[Candidate] {
         self.candidates.clear();
         let parts = self.landmarks.groups().div_ceil(most.max(1)).max(1);
@@ -224,21 +224,21 @@ impl Relocaliser {
         &self.candidates
     }
 
-    /// The key frame that looks most like the frame, or any: the camera must be thought to stand somewhere.
+    /// The key frame that looks most like the frame, or any: a search needs some start.
     pub fn likeliest(&self) -> Option<Pose> {
         self.likely(0).or_else(|| Some(absolute(self.key_frames.first()?, self.origin)))
     }
 
-    /// Of the key frames that were compared with the frame, the `rank`-th by matches, the most from 0 on; after
-    /// the last one follows the first.
+    /// Of the key frames that were compared with the frame, the one of rank `rank` by matches; rank 0 has most. After
+    /// the last rank the first follows again.
     pub fn likely(&self, rank: usize) -> Option<Pose> {
         let (_, slot) = *self.ranked.get(rank.checked_rem(self.ranked.len())?)?;
         let key_frame = self.votes[slot].0 as usize;
         Some(absolute(&self.key_frames[key_frame], self.origin))
     }
 
-    /// Comes nearer from a pose, by renders there, as long as more of the frame's corners are explained.
-    /// `None` if there is nothing to go by.
+    /// Improves a pose with renders at it, as long as each explains more of the frame's corners. `None` if too few
+    /// corners match.
     pub fn approach(
         &mut self,
         objective: &mut Objective,
@@ -291,7 +291,7 @@ impl Relocaliser {
         Ok(())
     }
 
-    /// Matches the frame's corners with those of the key frame that is `slot`-th by votes.
+    /// Matches the frame's corners with those of the key frame of rank `slot` by votes.
     fn compare(&mut self, slot: usize) {
         let (points, descriptors) = self.landmarks.group(self.votes[slot].0 as usize);
         let pairs = self.pairs.between(&self.frame, descriptors.iter(), ALIKE[1], DISTINCT);
@@ -352,9 +352,9 @@ impl Relocaliser {
 /// Pairs of descriptors that are each other's nearest.
 #[derive(Default)]
 struct Pairs {
-    /// Of each descriptor of the one side, the nearest of the other, and its distance.
+    /// For each feature, the nearest descriptor if it counts.
     nearest: Vec<Option<u32>>,
-    /// The same the other way round.
+    /// For each descriptor, the distance of the nearest feature, and its index.
     back: Vec<(u32, u32)>,
 }
 
@@ -363,8 +363,8 @@ impl Pairs {
         Pairs { nearest: Vec::with_capacity(features), back: Vec::with_capacity(features) }
     }
 
-    /// Features and descriptors that are each other's nearest, differ in at most `alike` bits, and whose second
-    /// nearest differs in more: the first in less than `share` of the second's.
+    /// Pairs of a feature and a descriptor that are each other's nearest and differ in at most `alike` bits. The
+    /// difference must also be less than `share` of that of the feature's second nearest.
     fn between<'a>(
         &mut self,
         features: &[Feature],

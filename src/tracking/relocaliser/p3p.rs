@@ -7,8 +7,8 @@ use crate::Pose;
 /// Most poses of a call.
 pub const MOST: usize = 4;
 
-/// World-to-camera poses that see each of the three world `points` along its `ray` (camera axes, of any
-/// length but zero); none if the points lie on a line. At most four; the rest are `None`.
+/// World-to-camera poses that see each of the three world `points` along its ray (camera axes, of any length but zero).
+/// There are at most four, and none if the points lie on a line; the rest are `None`.
 pub fn poses(rays: [DVec3; 3], points: [DVec3; 3]) -> [Option<Pose>; MOST] {
     let mut found = [None; MOST];
     let mut count = 0;
@@ -94,8 +94,8 @@ fn cubic(a12: f64, a13: f64, a23: f64, b12: f64, b13: f64, b23: f64) -> Option<f
     g.is_finite().then_some(g)
 }
 
-/// The two eigenvalues that are not zero of a singular symmetric matrix, the larger magnitude's sign
-/// first, and their eigenvectors.
+/// The two nonzero eigenvalues of a singular symmetric matrix, the one of larger magnitude first, and their
+/// eigenvectors.
 fn eigen_known_zero(m: &[[f64; 3]; 3]) -> Option<([f64; 2], [DVec3; 2])> {
     let trace = m[0][0] + m[1][1] + m[2][2];
     let minors = m[0][0] * m[1][1] - m[0][1] * m[0][1] + m[0][0] * m[2][2] - m[0][2] * m[0][2]
@@ -108,8 +108,7 @@ fn eigen_known_zero(m: &[[f64; 3]; 3]) -> Option<([f64; 2], [DVec3; 2])> {
     Some(([e1, e2], [eigenvector(m, e1)?, eigenvector(m, e2)?]))
 }
 
-/// The direction that a symmetric matrix less `value` on its diagonal does not see: the largest of the
-/// products of its rows.
+/// The null direction of a symmetric matrix less `value` on its diagonal: the largest cross product of its rows.
 fn eigenvector(m: &[[f64; 3]; 3], value: f64) -> Option<DVec3> {
     let row = |i: usize| {
         let mut row = DVec3::from_array(m[i]);
@@ -136,7 +135,7 @@ fn quadratic_roots(b: f64, c: f64) -> Option<[f64; 2]> {
     Some([first, if first == 0.0 { 0.0 } else { c / first }])
 }
 
-/// The rigid motion from three points to three others that lie to each other as they do.
+/// The rigid motion from three points to three others with the same distances between them.
 fn motion(from: [DVec3; 3], to: [DVec3; 3]) -> Option<Pose> {
     let frame = |[a, b, c]: [DVec3; 3]| {
         let x = (b - a).try_normalize()?;

@@ -1,5 +1,5 @@
-//! The pose at which most of some world points are seen where a picture has them: RANSAC (Fischler &
-//! Bolles 1981) over [`p3p`](super::p3p), then Gauss–Newton on the distances in the picture.
+//! Resection: the pose that explains most matches of world points with points of a picture. RANSAC (Fischler & Bolles
+//! 1981) over [`super::p3p`], then Gauss–Newton on the distances in the picture.
 
 use glam::DVec3;
 
@@ -9,19 +9,19 @@ use crate::search::damped_step;
 use crate::shared::SUMS;
 use crate::{Camera, Pose};
 
-/// Draws of three points; fewer once a pose is found by which a further draw would hardly be better.
+/// Draws of three points. Fewer are taken once another draw would hardly give a better pose.
 const DRAWS: usize = 2000;
 /// The chance that the draws, if they end early, held no three right points.
 const MISSED: f64 = 1e-3;
-/// With no more matches than these, poses are compared by all of them at once; else only those that explain a
-/// fourth point, too. If few matches are right, a right fourth one is seldom drawn.
+/// With no more matches than this, each pose is compared by all matches at once. With more, a pose must first explain a
+/// fourth point. If few matches are right, a right fourth one is seldom drawn.
 const FEW: usize = 100;
-/// Cosine of the angle between directions in which the same looks alike.
+/// Cosine of the largest angle between two directions from which a corner still looks the same.
 pub const TURNED: f64 = 0.6;
 /// A point counts as seen within this many pixels while poses are compared.
 const WITHIN: f64 = 3.0;
-/// Steps of Gauss–Newton, and the distances, in pixels, at which points weigh half in them: Geman &
-/// McClure's weights, ever narrower.
+/// One step of Gauss–Newton each: the distance, in pixels, at which Geman & McClure's weight of a
+/// point is a half. The weights become narrower.
 const WIDTHS: [f64; 8] = [6.0, 4.0, 3.0, 2.0, 2.0, 1.5, 1.5, 1.5];
 /// Damping of Gauss–Newton, relative to the diagonal.
 const DAMPING: f32 = 1e-4;
@@ -46,7 +46,7 @@ pub struct Resected {
     pub features: u32,
 }
 
-/// Where a camera may stand: corners seen from far elsewhere do not look alike.
+/// Where a camera may stand: from far away corners look different.
 #[derive(Clone, Copy, Debug)]
 pub struct Around {
     /// World axes.
@@ -69,7 +69,7 @@ pub fn axis(pose: &Pose) -> DVec3 {
     pose.rotation.conjugate() * DVec3::Z
 }
 
-/// Buffers to resect with. Nothing is allocated for pictures of no more features than it was made for.
+/// Buffers for resection. Allocates nothing if a picture has no more features than they were made for.
 pub struct Resection {
     camera: Camera,
     /// The call in which a feature was last counted.
@@ -78,13 +78,14 @@ pub struct Resection {
 }
 
 impl Resection {
-    /// For pictures of a camera with at most so many features.
+    /// Makes one for pictures of a camera with at most `features` features.
     pub fn new(camera: &Camera, features: usize) -> Resection {
         Resection { camera: *camera, counted: vec![0; features], calls: 0 }
     }
 
-    /// The best pose of `matches`, starting from `guess` too, if there is one; `None` of fewer than four, or if there
-    /// is none where the camera may stand. Matches of one feature stand next to each other. The same input gives the same pose.
+    /// The best pose of `matches`; tries `guess` too, if there is one. `None` for fewer than four matches, or if no
+    /// pose lies where the camera may stand. Matches of one feature must be next to each other. The same input gives
+    /// the same pose.
     pub fn resect(
         &mut self,
         matches: &[Match],
@@ -102,7 +103,7 @@ impl Resection {
         let best = best?;
         let pose = self.refined(matches, best.pose);
         let features = self.count(matches, &pose);
-        // Three points are seen better by chance than all of them by their best pose.
+        // By chance a pose from three points may explain a few more points than the best pose of all.
         let as_good = features * 10 >= best.features * 9;
         Some(if as_good { Resected { pose, features } } else { best })
     }
@@ -164,8 +165,8 @@ impl Resection {
         DVec3::new(((of.place[0] - cx) / fx).into(), ((of.place[1] - cy) / fy).into(), 1.0)
     }
 
-    /// Where a pose sees a point, less where the picture has it, pixels; and the point in camera axes.
-    /// `None` of points behind the camera.
+    /// The place at which a pose sees a point, less its place in the picture, pixels; and the point in camera axes.
+    /// `None` for points behind the camera.
     fn residual(&self, pose: &Pose, of: &Match) -> Option<([f64; 2], DVec3)> {
         let Camera { fx, fy, cx, cy, .. } = self.camera;
         let p = pose.rotation * of.point + pose.translation;
@@ -225,7 +226,7 @@ impl Resection {
     }
 }
 
-/// Draws, of which each needs so many right matches, after which another is hardly better than `features` explained.
+/// How many draws are enough if the best explains `features` features and a draw needs `needed` right matches.
 fn enough(features: u32, matches: &[Match], needed: i32) -> usize {
     let right = f64::from(features) / matches.len() as f64;
     let draws = MISSED.ln() / (1.0 - right.min(0.99).powi(needed)).ln();

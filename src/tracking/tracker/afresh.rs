@@ -8,28 +8,28 @@ use super::super::{GaussNewtonOptions, Hint, StartKind};
 use super::judgement::PARTLY;
 use super::{Found, SURE, Tracker};
 
-/// Hypotheses that a cold start follows. The first alone reached the optimum from each of 200 starts
-/// off by up to 10° and 0.3 units; each further one costs a coarse render and more.
+/// Hypotheses that a cold start follows. One is enough: it reached the optimum from each of 200 starts off by up to 10°
+/// and 0.3 units. Each further one costs a coarse render and more.
 const HYPOTHESES: usize = 1;
-/// A pose that explains fewer of the frame's corners than this is most likely chance, and not worth a search.
-/// One that explains more may still be wrong: the picture decides.
+/// If a pose explains fewer of the frame's corners than this, it is most likely chance and not worth a search. If it
+/// explains more, it may still be wrong: the picture decides.
 const EXPLAINED: u32 = 13;
 /// Poses that key frames propose and that are looked at more closely.
 const PROPOSED: usize = 4;
-/// Key frames that are looked at more closely if none of those poses is right.
+/// Key frames that are tried one by one if none of the proposed poses is right.
 const LIKELY: usize = 6;
-/// Key frames that are compared with the frame one by one, for each of its renders: to compare so many takes less
-/// time than a render.
+/// Key frames that are compared with the frame one by one, per render that the frame may take. Comparing this many
+/// takes less time than a render.
 const COMPARISONS: usize = 4;
 /// Poses that come of that and are looked at more closely.
 const COMPARED: usize = 8;
-/// A hint disagrees with the track beyond so many standard deviations.
+/// A hint disagrees with the track beyond this many standard deviations.
 const DISAGREES: f64 = 3.0;
-/// Standard deviations of a hint that states none: share of the scene's depth, and radians.
+/// Standard deviations of a hint that states none: as a share of the scene's depth, and in radians.
 const HINT_DEVIATION: [f64; 2] = [0.1, 0.1];
 
 impl Tracker {
-    /// Searches from a hint's pose too, though the track is certain. The picture alone decides between the two.
+    /// Searches from a hint's pose too, although the track is certain. The picture alone decides between the two.
     pub(super) fn heard(
         &mut self,
         frame: &Picture,
@@ -43,8 +43,8 @@ impl Tracker {
         })
     }
 
-    /// Looks for a frame that the frames before do not lead to: from the hint, from the last good pose, and
-    /// by the key frames, until a pose is certain or the frame's renders are used up.
+    /// Searches afresh for a frame that the frames before do not lead to: from the hint, from the last good pose, and
+    /// by the key frames. Ends if a pose is certain or the frame has no renders left.
     pub(super) fn look_afresh(
         &mut self,
         frame: &Picture,
@@ -67,7 +67,7 @@ impl Tracker {
             return Ok(best);
         }
         self.relocaliser.set_frame(frame);
-        // Which comes first changes: neither is kept from its turn by the other.
+        // The order alternates, so that neither can use up the renders every time.
         let key_frames_first = self.lost_frames % 2 == 1;
         for turn in [0, 1, 2] {
             if best.is_some_and(|best| self.settles(&best)) || self.renders() >= end {
@@ -99,8 +99,8 @@ impl Tracker {
         pose.map_or(Ok(None), |pose| self.near(&pose, kind))
     }
 
-    /// Searches by the corners that the prior shows at a pose; `None` if they say nothing. If most corners are not
-    /// explained any more where the search ends, the pose is not certain, unless nearly all of the picture agrees.
+    /// Searches by the corners that the prior shows at a pose; `None` if too few match. If the search ends where most
+    /// corners are not explained any more, the pose is not certain, unless nearly all of the picture agrees.
     fn near(&mut self, pose: &Pose, kind: StartKind) -> Result<Option<Found>, Error> {
         let candidate = self.relocaliser.approach(&mut self.objective, pose)?;
         let Some(candidate) = candidate.filter(|c| c.features >= EXPLAINED) else {
@@ -112,8 +112,7 @@ impl Tracker {
         Ok(Some(Found { features: candidate.features, certain, ..found }))
     }
 
-    /// Searches by the prior's key frames; those not rendered yet are rendered first, as far as the frame's
-    /// renders go.
+    /// Searches by the prior's key frames. First renders those not rendered yet, as many as the frame's renders allow.
     fn by_key_frames(&mut self, end: u64) -> Result<Option<Found>, Error> {
         let room = end.saturating_sub(self.renders()) as usize;
         self.relocaliser.learn(&mut self.objective, room)?;
@@ -139,7 +138,7 @@ impl Tracker {
         self.near_any(best, &compared, end)
     }
 
-    /// Searches by the corners that the prior shows at some poses in turn, until one settles the frame.
+    /// Searches by the corners that the prior shows at each of some poses, until one settles the frame.
     fn near_any(
         &mut self,
         mut best: Option<Found>,
@@ -157,9 +156,9 @@ impl Tracker {
         Ok(best)
     }
 
-    /// Searches from the poses that phase correlation proposes for a start. It may be wrong of a picture
-    /// that is small, flat, or of another scene, and a coarse level's valley may lie elsewhere: the outcome
-    /// is never worse than the start.
+    /// Searches from the poses that phase correlation proposes for a start. They may be wrong if a picture is small,
+    /// flat, or of another scene, and the minimum of a coarse level may lie elsewhere. The outcome is never worse than
+    /// the start.
     fn search_cold(
         &mut self,
         frame: &Picture,
@@ -191,7 +190,7 @@ impl Tracker {
     }
 }
 
-/// Whether a hint lies further from what was found than its covariance lets expect.
+/// Whether a hint lies farther from the pose found than its covariance makes likely.
 pub(super) fn disagrees(hint: &Hint, found: &Found) -> bool {
     let off = found.outcome.pose.after(&hint.pose.inverse()).log();
     let depth = found.observability.length;

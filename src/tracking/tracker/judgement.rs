@@ -1,5 +1,5 @@
-//! How a frame agrees with the render at a pose, and searches that take account of it: of another light, and of
-//! what the prior does not know.
+//! Judges how a frame agrees with the render at a pose, and searches again with the right light and without what the
+//! prior does not know.
 
 use crate::Pose;
 use crate::render::Correction;
@@ -9,28 +9,29 @@ use super::super::gauss_newton::Schedule;
 use super::super::{Agreement, Outcome, StartKind};
 use super::{Found, Tracker};
 
-/// Light that differs by less is left as it is.
+/// If the light differs by less than this, it is not corrected again.
 const LIGHT: f32 = 0.03;
-/// How often what does not agree is masked anew at most. It is as long as that raises the score by more than
+/// How often the masks are made again, at most. They are made again as long as that raises the score by more than
 /// [`BETTER`].
 const MASKINGS: u32 = 6;
-/// What does not agree in a frame that others lead to is masked if it makes a larger share of the squared error.
+/// In a frame that follows another, what does not agree is masked only if it makes a larger share of the squared error
+/// than this.
 pub(super) const MOSTLY: f64 = 0.85;
-/// The same in a lost frame.
+/// As [`MOSTLY`], in a lost frame.
 pub(super) const PARTLY: f64 = 0.6;
-/// A frame with less of the render's fine detail is blurred. Sharp frames have 0.8 of it and more, those blurred by
-/// a Gaussian of 2 pixels 0.2 and less.
+/// If a frame has less of the render's fine detail than this, it is blurred. Sharp frames have 0.8 and more; frames
+/// blurred by a Gaussian of 2 pixels have 0.2 and less.
 const BLURRED: f64 = 0.4;
-/// The finest level at which blurred frames are searched for: of half the size.
+/// The finest level at which blurred frames are searched: half the size.
 const FINEST_BLURRED: usize = 1;
 /// A search counts as better than another if its score is higher by more.
 const BETTER: f64 = 0.01;
-/// With less agreement at a proposed pose, masks would leave only what agrees by chance.
+/// If less agrees at a proposed pose, masks would leave only what agrees by chance.
 const HINTED: f64 = 0.15;
 
 impl Tracker {
-    /// Draws what was found, unless that is drawn, and judges it. If the frame agrees in another light or at another
-    /// sharpness than was searched for, the search goes on with these.
+    /// Draws what was found, unless it is drawn, and judges it. If the frame agrees in another light or at another
+    /// sharpness than the search assumed, the search goes on with these.
     pub(super) fn judged(&mut self, mut found: Found) -> Result<Found, Error> {
         if found.drawn.is_none() {
             let (code, mse) = self.draw(&found.outcome.pose)?;
@@ -46,9 +47,9 @@ impl Tracker {
         Ok(found)
     }
 
-    /// Goes on from what was found and judged last: what does not agree is masked, and the light is corrected from
-    /// place to place. The plain search has the last word if nearly all agrees then, in one light. What was found stays
-    /// if it is not certain, or if what does not agree makes no more than the share `most` of the squared error.
+    /// Goes on from what was found and judged last: masks what does not agree, and corrects the light from place to
+    /// place. If nearly all agrees then, in one light, a plain search finishes. Changes nothing if the pose found is
+    /// not certain, or if what does not agree makes no more than the share `most` of the squared error.
     pub(super) fn with_masks(&mut self, found: Found, most: f64) -> Result<Found, Error> {
         if !(found.certain && self.is_uneven(&found.agreement, most)) {
             return Ok(found);
@@ -73,8 +74,8 @@ impl Tracker {
         Ok(Found { drawn: None, ..best })
     }
 
-    /// Searches from a pose that corners propose. If less agrees where the search ends, it was led astray, and the pose
-    /// stays where the corners have it.
+    /// Searches from a pose that corners propose. If less agrees at the end of the search, the search went wrong, and
+    /// the corners' pose is kept.
     pub(super) fn search_candidate(
         &mut self,
         pose: &Pose,
@@ -94,8 +95,8 @@ impl Tracker {
         Ok(Found { masked, ..found.gone_on(stayed, agreement) })
     }
 
-    /// Searches from a pose that corners propose. What does not agree there is masked first: a plain search would
-    /// be led astray by it.
+    /// Searches from a pose that corners propose. First masks what does not agree there: it would lead a plain search
+    /// astray.
     fn search_corners(
         &mut self,
         pose: &Pose,
@@ -118,8 +119,8 @@ impl Tracker {
         Ok(Found::or_judged(best, found))
     }
 
-    /// Predicts the pose, masks what does not agree with the render there, and searches. For frames that follow a
-    /// masked one. `None` if no certain pose is found.
+    /// For a frame that follows a masked one: predicts the pose, masks what does not agree with the render there, and
+    /// searches. `None` if no certain pose is found.
     pub(super) fn follow_masked(&mut self) -> Result<Option<Found>, Error> {
         let Some((pose, start)) = self.starts.near() else { return Ok(None) };
         self.draw(&pose)?;
@@ -132,8 +133,8 @@ impl Tracker {
         Ok(Some(found).filter(|found| found.certain))
     }
 
-    /// Searches near a pose at which the render was compared last, with what does not agree there masked. The
-    /// error is that of the whole picture.
+    /// Searches from the pose at which the render was compared last, and masks what does not agree there. The error is
+    /// that of the whole picture.
     fn masked_from(&mut self, pose: &Pose) -> Result<Found, Error> {
         let comparison = &mut self.comparison;
         self.objective.set_field(|field| comparison.describe(field));
@@ -147,7 +148,8 @@ impl Tracker {
         Ok(Found { outcome, agreement, certain: agreement.confirms(), masked, ..found })
     }
 
-    /// Searches in the light of a frame from here on, if it differs from the one searched in; whether it does.
+    /// Uses the frame's light in searches from here on, if it differs from the light used so far. Returns whether it
+    /// does.
     fn take_light(&mut self, agreement: &Agreement) -> bool {
         let Some(correction) = agreement.correction else { return false };
         let other = differs(&correction, self.objective.correction());
@@ -157,7 +159,7 @@ impl Tracker {
         other
     }
 
-    /// Searches for a blurred frame from here on, or for a sharp one; whether that is a change.
+    /// Searches for a blurred frame, or a sharp one, from here on. Returns whether that is a change.
     fn take_sharpness(&mut self, agreement: &Agreement) -> bool {
         let told = agreement.confirms() && !agreement.sharpness.is_nan();
         let changes = told && self.blurred != (agreement.sharpness < BLURRED);
@@ -165,8 +167,8 @@ impl Tracker {
         changes
     }
 
-    /// A schedule for the frame's sharpness. Detail that a blurred frame lacks would draw the camera away from the
-    /// scene, so the finest level only tells the error.
+    /// A schedule for the frame's sharpness. Detail that a blurred frame lacks would pull the camera away from the
+    /// scene. So the finest level only measures the error.
     pub(super) fn at_sharpness(&self, schedule: &Schedule) -> Schedule {
         let Schedule { first_level, follow_level, .. } = *schedule;
         if !self.blurred {
@@ -175,7 +177,7 @@ impl Tracker {
         let levels = schedule.levels & !1 | 1 << FINEST_BLURRED;
         let [first_level, follow_level] =
             [first_level, follow_level].map(|l| l.max(FINEST_BLURRED));
-        // The lack of detail makes most of the error: the steps that count lower it by little.
+        // Most of the error is the lack of detail, so even steps that matter lower it by little.
         let coarse_tolerance = 0.1 * schedule.tolerance;
         let (coarse_leap, leap) = (0.0, 0.0);
         let to_the_end = Schedule { coarse_tolerance, coarse_leap, leap, renders: 1, ..*schedule };

@@ -1,4 +1,4 @@
-//! The pose of frame after frame: where to start, how to search, and when to start afresh.
+//! Tracks the pose from frame to frame: where to start, how to search, and when to search afresh.
 
 mod afresh;
 mod judgement;
@@ -17,21 +17,21 @@ use super::{
     RefineOptions, Relocaliser, StartKind, Starts, adam, bfgs,
 };
 
-/// A search whose start has an error below this many times that of its outcome was close: the next one
-/// begins a level finer.
+/// If the error at a search's start is below this many times the error at its end, the start was close. The next search
+/// then begins one level finer.
 const CLOSE: f64 = 1.3;
-/// Above this, the next one begins a level coarser.
+/// If the ratio is above this, the next search begins one level coarser.
 const FAR: f64 = 2.0;
-/// A frame that comes out at more than this many times the error of the frame before is searched for
-/// again from the coarsest level: a start that is off by more than a fine level reaches looks like that.
+/// If a frame's error is more than this many times that of the frame before, it is searched again from the coarsest
+/// level: its start may have been too far off for a fine level.
 const WORSE: f64 = 1.15;
-/// If the picture cannot tell whether a pose is right, a frame whose error is above this many times that of
-/// the frame before is looked for afresh.
+/// If the picture cannot tell whether a pose is right, a frame is searched afresh if its error is above this many times
+/// that of the frame before.
 const LOST: f64 = 1.6;
-/// Going back along directions that the picture does not determine may add so much to the error.
+/// Going back along directions that the picture does not determine may multiply the error by this at most.
 const SETTLED: f64 = 1.01;
-/// A share of what the prior shows that is enough to look for no other pose; less is, if it is no less than
-/// this share of the frame before's.
+/// If this share of what the prior shows agrees, no other pose is looked for. Less is enough if it is at least this
+/// share of the frame before's.
 const SURE: f64 = 0.8;
 const AS_BEFORE: f64 = 0.85;
 /// So many corners are explained by no wrong pose.
@@ -48,7 +48,7 @@ pub struct Tracker {
     starts: Starts,
     /// Error of the frame before.
     error: Option<f64>,
-    /// Level of the pyramid at which the next frame's search begins, as far as its schedule lets it.
+    /// Level of the pyramid at which the next frame's search begins, if its schedule allows it.
     level: usize,
     relocaliser: Relocaliser,
     comparison: Comparison,
@@ -65,8 +65,8 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// `threshold`: mean squared error, values in [0, 1], below which a frame is never looked for
-    /// afresh; `profile`: how poses are coded, see [`Tracker::set_profile`].
+    /// `threshold`: mean squared error, values in [0, 1]; see `EncoderOptions::threshold`.
+    /// `profile`: how poses are coded, see [`Tracker::set_profile`].
     pub fn new(
         mut objective: Objective,
         options: RefineOptions,
@@ -95,13 +95,13 @@ impl Tracker {
         }
     }
 
-    /// How poses are coded from here on: [`crate::search::COMPACT`], [`crate::search::PAPER`] or
-    /// [`crate::search::SHORT`].
+    /// Sets how poses are coded from here on: [`crate::search::COMPACT`], [`crate::search::PAPER`]
+    /// or [`crate::search::SHORT`].
     pub fn set_profile(&mut self, profile: u32) {
         self.profile = profile;
     }
 
-    /// Goes on with another camera or device; poses carry over. Key frames are rendered anew.
+    /// Goes on with another camera or device. Poses carry over. Key frames are rendered again.
     pub fn replace(&mut self, mut objective: Objective) {
         self.cold = ColdStart::new(&objective);
         self.relocaliser = relocaliser(&mut objective, &self.options);
@@ -109,8 +109,8 @@ impl Tracker {
         self.objective = objective;
     }
 
-    /// Renders up to `most` of the prior's key frames that are not rendered yet, so that a lost frame need
-    /// not; how many are left.
+    /// Renders up to `most` of the prior's key frames that are not rendered yet, so that a lost frame need not. Returns
+    /// how many are left.
     pub fn prepare(&mut self, most: usize) -> Result<usize, Error> {
         self.relocaliser.learn(&mut self.objective, most)?;
         Ok(self.relocaliser.left())
@@ -131,8 +131,8 @@ impl Tracker {
         }
     }
 
-    /// Notes what was found for a frame, for the next one's start: the pose as it was found, not as its packet
-    /// holds it, which may be coarser. After a certain frame, those that are not lead nowhere.
+    /// Notes what was found for a frame, for the next one's start. It keeps the pose as found, not as the packet holds
+    /// it, which may be coarser. Once a frame was certain, uncertain frames are not used as starts.
     pub fn keep(&mut self, found: &Found) {
         if found.certain || !self.good {
             self.starts.push(found.outcome.pose, found.start, Some(&found.observability));
@@ -178,7 +178,7 @@ impl Tracker {
         found.map(|found| self.settled(found)).transpose()
     }
 
-    /// A hint where the camera has moved on since it was taken, as far as its motion is known.
+    /// Moves a hint on by the camera's motion since it was taken, if that motion is known.
     fn brought_up(&self, hint: Hint) -> Hint {
         match self.starts.motion_of(hint.age) {
             Some(motion) => Hint { pose: hint.pose.stepped(&motion), age: 0.0, ..hint },
@@ -186,16 +186,16 @@ impl Tracker {
         }
     }
 
-    /// Whether no other pose need be looked for: nearly all agrees, or nearly as much as in the frame before, or
-    /// very many corners were explained. At a wrong pose a part of the scene may agree, such as a far wall behind
-    /// what is near.
+    /// Whether no other pose need be looked for: nearly all agrees, or nearly as much as in the frame before, or very
+    /// many corners were explained. At a wrong pose a part of the scene may agree, such as a far wall.
     fn settles(&self, found: &Found) -> bool {
         let nearly_all = found.agreement.share >= SURE.min(AS_BEFORE * self.share);
         found.certain && (nearly_all || found.features >= MANY)
     }
 
-    /// Searches from the frames before, at a level that did for the last of them, the finest at
-    /// first; again from the coarsest where that comes out worse. `None` where there are none.
+    /// Searches from the frames before, beginning at the level that was enough for the last one. If
+    /// the error comes out worse, searches again from the coarsest level. `None` if there are no
+    /// frames before.
     fn follow(&mut self, schedule: &Schedule) -> Result<Option<Found>, Error> {
         let Some((pose, start)) = self.starts.near() else { return Ok(None) };
         let coarsest = schedule.first_level.max(schedule.far_level);
@@ -222,8 +222,8 @@ impl Tracker {
         Ok(Some(found))
     }
 
-    /// Takes back what the search moved along directions that the picture does not determine, as long as
-    /// that costs nothing: noise moved it, and over many frames it would wander off.
+    /// Takes back the motion along directions that the picture does not determine, if that costs nothing. Noise caused
+    /// that motion, and over many frames the pose would drift.
     fn settled(&mut self, found: Found) -> Result<Found, Error> {
         if found.observability.undetermined().next().is_none() {
             return Ok(found);
@@ -239,7 +239,7 @@ impl Tracker {
         Ok(Found { outcome, drawn: Some(code), ..found })
     }
 
-    /// Draws a pose as a packet about it will have it drawn; its code, and the mean squared error.
+    /// Draws a pose as its packet will hold it. Returns the pose's code and the mean squared error.
     fn draw(&mut self, pose: &Pose) -> Result<(PoseCode, f64), Error> {
         let renderer = self.objective.renderer();
         let scene = renderer.scene();
@@ -308,7 +308,7 @@ fn comparison(objective: &Objective) -> Comparison {
     Comparison::new(camera.width as usize, camera.height as usize)
 }
 
-/// For an objective, with the prior's key frames; the gradient methods search as the paper does, without.
+/// A relocaliser with the prior's key frames. The gradient methods get none, as the paper has none.
 fn relocaliser(objective: &mut Objective, options: &RefineOptions) -> Relocaliser {
     let scene = objective.renderer().scene().clone();
     let searches = options.optimizer == Optimizer::GaussNewton;

@@ -1,5 +1,5 @@
 // What c-examples/unet_link.c relies on of UnetStack's unet.h and fjage.h, to check that it compiles
-// where those are not installed.
+// if those are not installed.
 
 #ifndef MOCK_UNET_H
 #define MOCK_UNET_H

@@ -51,8 +51,8 @@ struct View {
 const CONVENTION: &str = "OpenCV camera (x right, y down, z forward); world-to-camera: \
     X_cam = R(q) X_world + t; q = w,x,y,z unit; pixel (0,0) covers [0,1)x[0,1)";
 
-/// Writes frames as `folder/split/NAME.png` and their poses as `folder/cameras.json`, and gives
-/// each frame to `written` when it lies there.
+/// Writes frames as `folder/split/NAME.png` and their poses as `folder/cameras.json`. Gives each
+/// frame to `written` once its file is there.
 pub fn write_run(
     folder: &Path,
     split: &str,

@@ -98,8 +98,8 @@ pub fn inspection_run(
     })
 }
 
-/// Views from anywhere in the free water, of the scene as mapped: the first `count` of a fixed sequence,
-/// each drawn when asked for.
+/// Views of the scene as mapped, from anywhere in the free water: the first `count` of a fixed sequence. Each is drawn
+/// when asked for.
 pub fn random_views(
     count: usize,
     conditions: Conditions,
@@ -125,7 +125,7 @@ fn draw(
     time: f64,
     run_tag: u32,
 ) -> DemoFrame {
-    // Runs lie hours apart: the water's surface is not at the same moment of its motion.
+    // Runs are hours apart: the water's surface is at another moment of its motion.
     let light =
         Light { time: time as f32 + 1000.0 * run_tag as f32, caustics: conditions.caustics };
     let radiance = trace::draw(scene, &CAMERA, &pose, &light);

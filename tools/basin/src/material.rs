@@ -1,18 +1,18 @@
-//! What the surfaces are painted with: albedo over the surface at several scales, never repeating.
+//! The paint of the surfaces: albedo at several scales, which never repeats.
 
 use glam::{IVec2, Vec2, Vec3};
 
 use super::noise::{fractal, hash, hash_cell, unit};
 use super::solid::{Material, Shape, Solid};
 
-/// A point of a surface, as its paint sees it.
+/// A point of a surface, in the paint's coordinates.
 pub struct Spot<'a> {
     pub solid: &'a Solid,
     /// World position.
     pub position: Vec3,
     /// Outward unit normal, world axes.
     pub normal: Vec3,
-    /// Width of a picture sample on the surface, metres: finer detail is left out.
+    /// Width of a picture sample on the surface, metres. Finer detail is left out.
     pub footprint: f32,
 }
 

@@ -1,4 +1,4 @@
-//! Seeded noise out of integer hashes: the same on every platform and in every run.
+//! Seeded noise from integer hashes: the same on every platform and in every run.
 
 use glam::{IVec3, Vec3};
 
@@ -72,9 +72,9 @@ pub fn value_noise(p: Vec3, seed: u32) -> f32 {
     2.0 * (a + (b - a) * s.z) - 1.0
 }
 
-/// Fractal noise of about [−1, 1]: octaves from `wavelength` metres down, each half the last in
-/// size and height. Octaves finer than two sample `footprint`s are left out, fading, so that
-/// nothing aliases.
+/// Fractal noise of about [−1, 1]: octaves from `wavelength` metres down, each with half the size
+/// and height of the last. Octaves fade out towards two sample `footprint`s, and finer ones are
+/// left out, so that nothing aliases.
 pub fn fractal(p: Vec3, wavelength: f32, octaves: u32, footprint: f32, seed: u32) -> f32 {
     let (mut sum, mut height, mut length) = (0.0, 0.6, wavelength);
     for octave in 0..octaves {

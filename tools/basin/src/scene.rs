@@ -91,7 +91,7 @@ impl Scene {
         near.any(|g| g.solids.iter().any(|s| s.hit(ray, f32::INFINITY).is_some()))
     }
 
-    /// Distance to the nearest surface as far as `reach`, negative inside a solid.
+    /// Distance to the nearest surface, at most `reach`; negative inside a solid.
     pub fn distance(&self, p: Vec3, reach: f32) -> f32 {
         let near = self.groups.iter().filter(|g| g.distance_to_bounds(p) < reach);
         near.flat_map(|g| &g.solids)

@@ -157,7 +157,7 @@ fn hit_cylinder(o: Vec3, d: Vec3, radius: f32, half_length: f32) -> Option<Solid
         .then_some(SolidHit { t, local_normal: Vec3::Z * side })
 }
 
-/// Solids behind one axis-aligned bounding box.
+/// Solids inside one axis-aligned bounding box.
 #[derive(Clone)]
 pub struct Group {
     pub solids: Vec<Solid>,

@@ -1,5 +1,5 @@
-//! Points all over the surfaces that the mapping run sees: what a mapping system would hand over
-//! as its cloud, here sampled from the scene itself. Positions only, no colours.
+//! Points all over the surfaces that the mapping run sees. A mapping system would give them as its
+//! point cloud; here they are sampled from the scene itself. Positions only, no colours.
 
 use glam::{Vec2, Vec3};
 use nvsprior::{Camera, Pose};
@@ -15,11 +15,11 @@ use super::trajectory::mapping_poses;
 const COARSEST: f32 = 0.6;
 /// Cells are never split below this, metres.
 const FINEST: f32 = 0.02;
-/// A point is seen where its line of sight ends within this of it, metres.
+/// A point is seen if its line of sight ends within this distance of it, metres.
 const CONTACT: f32 = 0.01;
 
-/// Points on the scene's surfaces, each seen by a camera of the mapping run, at most `pitch` pixels
-/// apart in the nearest view that may hold them.
+/// Points on the scene's surfaces. A camera of the mapping run sees each of them. They are at most
+/// `pitch` pixels apart in the nearest view that may hold them.
 pub fn surface_points(pitch: f32) -> Vec<SurfacePoint> {
     let scene = Scene::mapped();
     let views = mapping_poses();
@@ -88,7 +88,7 @@ impl Face {
     }
 }
 
-/// Centres of the cells into which a face is split until each is fine enough for its views.
+/// Splits a face into cells until each is fine enough for its views. Returns the cells' centres.
 fn sample_face(solid: &Solid, face: &Face, views: &[Pose], pitch: f32) -> Vec<SurfacePoint> {
     let size = 2.0 * face.half();
     let short = size.min_element().min(COARSEST);
@@ -128,7 +128,7 @@ fn quarters(centre: Vec2, cell: Vec2) -> [(Vec2, Vec2); 4] {
 }
 
 /// The spacing that is `pitch` pixels in the nearest view whose frustum may hold a cell of `size`.
-/// `None` where there is none, and outside the water.
+/// `None` if there is no such view, or outside the water.
 fn wanted_spacing(position: Vec3, size: f32, views: &[Pose], pitch: f32) -> Option<f32> {
     let (low, high) = BASIN;
     let beyond = (low - position).max(position - high).max_element();
@@ -142,7 +142,7 @@ fn wanted_spacing(position: Vec3, size: f32, views: &[Pose], pitch: f32) -> Opti
         .map(|depth| depth * pitch / CAMERA.fx)
 }
 
-/// Depth of a point whose surroundings of `size` metres reach into the view.
+/// Depth of a point, if its surroundings of `size` metres reach into the view.
 fn depth_in_view(view: &Pose, position: Vec3, size: f32) -> Option<f32> {
     let p = (view.rotation * position.as_dvec3() + view.translation).as_vec3();
     let Camera { fx, fy, cx, cy, .. } = CAMERA;
@@ -154,7 +154,7 @@ fn depth_in_view(view: &Pose, position: Vec3, size: f32) -> Option<f32> {
 fn seen(scene: &Scene, views: &[Pose], point: &SurfacePoint) -> bool {
     let position = Vec3::from(point.position);
     let normal = Vec3::from(point.normal);
-    // Not where another solid touches this one.
+    // No point if another solid touches this one here.
     let free = scene.distance(position + normal * CONTACT, CONTACT) > 0.0;
     let seen_from = |view: &Pose| {
         let origin = view.centre().as_vec3();

@@ -56,7 +56,7 @@ pub fn draw(scene: &Scene, camera: &Camera, pose: &Pose, light: &Light) -> Vec<V
 fn sample(scene: &Scene, eye: &Eye, light: &Light, lamp: usize, x: f32, y: f32) -> Vec3 {
     let ray = eye.ray(x, y);
     let Some(hit) = scene.hit(&ray) else { return VEIL };
-    // Samples lie half a pixel apart; a slanting surface stretches them, up to a limit.
+    // Samples are half a pixel apart. A slanting surface stretches them, up to a limit.
     let slant = hit.normal.dot(ray.direction).abs().max(0.3);
     let footprint = 0.5 * hit.t / (eye.camera.fx * slant);
     let spot = Spot { solid: hit.solid, position: hit.position, normal: hit.normal, footprint };

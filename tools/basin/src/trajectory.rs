@@ -1,4 +1,4 @@
-//! Where the vehicle goes: the mapping run around and over the structure, and two inspection runs.
+//! The vehicle's way: the mapping run around and over the structure, and two inspection runs.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -8,7 +8,7 @@ use nvsprior::Pose;
 use super::Run;
 use super::scene::{BASIN, HALF_PLAN, STRUCTURE_HEIGHT, Scene};
 
-/// Frames a second of the inspection runs.
+/// Frames per second of the inspection runs.
 pub const FRAME_RATE: f64 = 3.0;
 /// Speed of the inspection runs along the track, m/s.
 const SPEED: f64 = 0.25;
@@ -57,7 +57,7 @@ pub fn inspection_pose(run: Run, time: f64) -> Pose {
 const CLEARANCE: f32 = 0.5;
 const SIGHT: std::ops::RangeInclusive<f64> = 1.0..=5.0;
 
-/// The endless sequence of a seed: poses anywhere in the free water that look at the structure, level.
+/// The endless sequence of a seed: level poses anywhere in the free water that look at the structure.
 ///
 /// `even`: numbers in [−1, 1).
 pub fn random_poses(mut even: impl Iterator<Item = f64>) -> impl Iterator<Item = Pose> {
@@ -124,8 +124,8 @@ impl Loop {
     }
 }
 
-/// Distance along the leg and height above the first one after `distance` metres of a lawnmower
-/// track of `rows` legs, run up and down again without end.
+/// Distance along the leg, and height above the first leg, after `distance` metres of a lawnmower
+/// track of `rows` legs. The track goes up and down again without end.
 fn lawnmower(distance: f64, leg: f64, step: f64, rows: u32) -> (f64, f64) {
     let total = f64::from(rows) * leg + f64::from(rows - 1) * step;
     let folded = distance.rem_euclid(2.0 * total);

@@ -42,8 +42,8 @@ pub struct Light {
 }
 
 impl Light {
-    /// Irradiance of a surface point over π, linear RGB, with `lamp` standing for all lamps: their
-    /// mean over the samples of a pixel is the light of all of them.
+    /// Irradiance of a surface point divided by π, linear RGB. `lamp` stands for all lamps: the
+    /// mean over a pixel's samples is the light of all of them.
     pub fn on(&self, scene: &Scene, position: Vec3, normal: Vec3, lamp: usize) -> Vec3 {
         let outside = position + normal * 2e-3;
         let reach = 0.35;
@@ -56,7 +56,7 @@ impl Light {
         (-DOWNWELLING * (BASIN.1.z - position.z)).exp() * (diffuse + direct)
     }
 
-    /// Focusing of the lamps' light by waves: bright ridges that drift, about 1 in the mean.
+    /// Waves focus the lamps' light: bright ridges that drift, with a mean of about 1.
     fn caustic(&self, position: Vec3, direction: Vec3) -> f32 {
         if self.caustics == 0.0 {
             return 1.0;

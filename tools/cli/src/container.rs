@@ -26,7 +26,7 @@ impl Container {
         }
     }
 
-    /// The file's content. Coder tables are left out of a `.ply`: they stand beside it.
+    /// The file's content. Coder tables are left out of a `.ply`: they are in a file beside it.
     pub fn write(
         self,
         splats: &Splats,

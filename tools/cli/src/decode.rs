@@ -11,9 +11,9 @@ use nvsprior_inputs::frame_file;
 
 /// Decode packets to pictures, with the prior alone
 ///
-/// Writes NAME.png for every packet NAME.nvsp, in the order of their names. A packet that cannot be
-/// decoded is named and passed over, and the exit code says so; one whose difference picture is
-/// damaged gives the render alone.
+/// Writes NAME.png for every packet NAME.nvsp, in the order of their names. If a packet cannot be
+/// decoded, it is named and left out, and the exit code is 1. If its difference picture is damaged,
+/// it gives the render alone.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -21,7 +21,7 @@ pub struct Args {
     /// Folder with the packets, NAME.nvsp
     #[arg(long, value_name = "DIR")]
     packets: PathBuf,
-    /// Folder for the pictures; made where it is missing
+    /// Folder for the pictures; made if it is missing
     #[arg(long, value_name = "DIR")]
     frames: PathBuf,
     /// Cameras that may have been sent in packets that did not arrive

@@ -23,33 +23,33 @@ use table::{Table, TableRow};
 
 /// Run the whole job on a scene that the program draws itself
 ///
-/// Draws a basin with a yellow structure, seen through water; makes a prior from a mapping run;
-/// encodes two inspection runs (T1: the scene as mapped; T2: with a new object and a safety line),
-/// decodes their packets in another process, compares, and prints a table as the paper's.
+/// Draws a basin with a yellow structure, seen through water. Makes a prior from a mapping run.
+/// Encodes two inspection runs (T1: the scene as mapped; T2: with a new object and a safety line).
+/// Decodes their packets in another process, compares, and prints a table like the paper's.
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder for runs, prior, packets, pictures and the table
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
-    /// Frames of each inspection run, three a second
+    /// Frames of each inspection run, three per second
     #[arg(long, value_name = "N", default_value_t = 8)]
     frames: usize,
     /// Quality of the difference pictures, 0 to 100
     #[arg(long, value_name = "Q", default_value_t = 20.0)]
     quality: f32,
-    /// Also draws so many views from random places of the basin, to look for lost cameras in
-    /// (`nvsprior bench --lost`)
+    /// Also draws this many views from random places of the basin, to test the search for lost
+    /// cameras (`nvsprior bench --lost`)
     #[arg(long, value_name = "N", default_value_t = 0)]
     views: usize,
     #[command(flatten)]
     device: DeviceArgs,
 }
 
-/// Distance between surface points where the mapping run saw them closest, pixels.
+/// Distance between surface points in the mapping run's closest view of them, pixels.
 const PITCH: f32 = 7.0;
-/// A frame starts from the one before where the mean squared error there is below this.
+/// A frame starts from the one before if the mean squared error there is below this.
 const THRESHOLD: f64 = 1e-2;
-/// Where an estimator might put the first frame: off by this step (metres, radians).
+/// The error of a simulated estimator at the first frame: a step (metres, radians).
 const FIRST_OFFSET: [f64; 6] = [0.08, -0.06, 0.10, 0.035, -0.044, 0.026];
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)
 }
 
-/// Draws the mapping run into a folder and makes the prior from it, and from it alone.
+/// Draws the mapping run into a folder, and makes the prior from this run alone.
 fn map(path: &Path, folder: &Path) -> anyhow::Result<Prior> {
     let since = Instant::now();
     let run = nvsprior_basin::mapping_run(Conditions::BASIN);
@@ -218,7 +218,7 @@ impl Dive<'_> {
         Ok((row.mean(frames.len()), pictures))
     }
 
-    /// Runs `nvsprior decode` on the packets: nothing but prior and packets crosses over.
+    /// Runs `nvsprior decode` on the packets. It gets only the prior and the packets.
     fn decode(&self, packets: &Path, frames: &Path) -> anyhow::Result<()> {
         let program = std::env::current_exe().context("finding this program")?;
         let mut command = Command::new(program);
@@ -234,8 +234,8 @@ impl Dive<'_> {
     }
 }
 
-/// The smallest WebP of a picture that reaches a PSNR, by bisection of the quality; the best one
-/// where none does. Bytes and PSNR.
+/// The smallest WebP of a picture that reaches a PSNR, by bisection of the quality; the best one if
+/// none does. Returns bytes and PSNR.
 fn webp_at_psnr(picture: &Picture, psnr: f64) -> anyhow::Result<(usize, f64)> {
     /// Libwebp's default.
     const SEGMENTS: u8 = 4;

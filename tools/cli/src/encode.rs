@@ -17,10 +17,9 @@ use crate::summary::{self, Row};
 
 /// Encode the frames of a camera file to packets
 ///
-/// Frames are taken in time order. The first one starts from its pose in the camera file (or the CSV
-/// file), moved by --start-offset; each later one from where constant velocity leads, and, if that
-/// comes to nothing (--threshold), from a pose given for it with --starts. When a frame was taken is
-/// told by `time` in cameras.json, or by the CSV file.
+/// Frames are taken in time order. The first one starts from its pose in the camera file (or the CSV file), moved by
+/// --start-offset. Each later one starts from the pose that constant velocity predicts. If that fails (--threshold), it
+/// starts from a pose given for it with --starts. `time` in cameras.json, or the CSV file, says when a frame was taken.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -31,7 +30,7 @@ pub struct Args {
     refine: RefineArgs,
     #[command(flatten)]
     rate: RateArgs,
-    /// Folder for the packets, NAME.nvsp; made where it is missing
+    /// Folder for the packets, NAME.nvsp; made if it is missing
     #[arg(long, value_name = "DIR")]
     packets: PathBuf,
     /// Summary to write (JSON)
@@ -56,9 +55,9 @@ pub struct RefineArgs {
     /// Pose Jacobian of gauss-newton
     #[arg(long, value_enum, default_value = "flow")]
     pub jacobian: JacobianArg,
-    /// Mean squared error (values in [0, 1]): the gradient methods start from the frame before only if
-    /// the error there is below this (1e-2 suits real footage); gauss-newton asks for it only if the
-    /// prior shows too little to tell whether a pose is right
+    /// Mean squared error (values in [0, 1]): the gradient methods start from the frame before only if the error there
+    /// is below this (1e-2 suits real footage); gauss-newton uses it only if the prior shows too little to tell whether
+    /// a pose is right
     #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
     pub threshold: f64,
 }
@@ -84,15 +83,15 @@ struct RateArgs {
     /// PSNR to reach at the least bytes, dB
     #[arg(long, value_name = "DB", group = "rate")]
     psnr: Option<f64>,
-    /// Sends a check of the render with every so many frames (6 bytes), so that the topside knows
-    /// whether it renders the same; 0: never
+    /// Send a check of the render (6 bytes) every N frames, so that the topside knows whether its
+    /// render is the same; 0: never
     #[arg(long, value_name = "FRAMES", default_value_t = 0)]
     render_check: u32,
     /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
     #[arg(long, value_enum, default_value = "compact")]
     profile: ProfileArg,
-    /// Every packet names prior and camera in full, in a latent part of 31 bytes; else only the first
-    /// and those with the camera do, and the others take 19
+    /// Give every packet the full form, a latent part of 31 bytes; without this only the first packet and those with
+    /// the camera have it, and the others take 19
     #[arg(long)]
     full_latent: bool,
 }
@@ -141,7 +140,7 @@ impl RefineArgs {
     }
 }
 
-/// Fails where a frame's time lies before that of an earlier one.
+/// Fails if a frame's time lies before that of an earlier one.
 fn check_times(frames: &[Input]) -> anyhow::Result<()> {
     let times = frames.iter().filter_map(|frame| Some((&frame.file, frame.external.time?)));
     for ((before, earlier), (file, time)) in times.clone().zip(times.skip(1)) {
@@ -195,7 +194,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)
 }
 
-/// Renders all key frames: without any pose the first frame is found by them.
+/// Renders all key frames: if no pose is given, they find the first frame.
 fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
     /// Between two steps of the progress bar.
     const AT_ONCE: usize = 8;
@@ -210,7 +209,7 @@ fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Encodes one frame and writes what was asked for; its pictures where a sheet was.
+/// Encodes one frame and writes the files asked for. Returns its pictures if a sheet is wanted.
 fn encode(
     args: &Args,
     encoder: &mut Encoder,

@@ -1,4 +1,4 @@
-//! `nvsprior inspect`: what is in a prior, and what of it pictures do not need.
+//! `nvsprior inspect`: what is in a prior, and which parts of it pictures do not need.
 
 mod study;
 
@@ -12,25 +12,23 @@ use crate::key_frames;
 use crate::mission::{self, MissionArgs};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 
-/// Print what is in a prior, and what of it is left out because no picture shows it
+/// Print what is in a prior, and which parts are left out because no picture shows them
 ///
-/// With a camera file also what a mission's views do not show. `nvsprior trim` writes a prior without
-/// that.
+/// With a camera file, also print what a mission's views do not show. `nvsprior trim` writes a prior without it.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply, told by the content
+    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply; the content tells the format
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
     #[command(flatten)]
     overrides: OverrideArgs,
-    /// cameras.json, or nerfstudio's transforms.json: where the mission's cameras stand
+    /// cameras.json, or nerfstudio's transforms.json, with the poses of the mission's cameras
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     #[command(flatten)]
     mission: MissionArgs,
-    /// Also look for the share of splats whose absence, without any fitting, costs no more than this
-    /// against the camera's frames, or against frames as far from the prior's pictures as 27 dB where
-    /// there are none
+    /// Also look for the largest share of splats that can go, without any fitting, at no more than this loss against
+    /// the camera's frames; if there are no frames, frames at 27 dB from the prior's pictures are assumed
     #[arg(long, value_name = "DB", requires = "cameras", value_parser = mission::not_negative)]
     tolerance: Option<f64>,
     #[command(flatten)]
@@ -62,7 +60,7 @@ fn describe(args: &Args, prior: &Prior) {
         row("full opacity", format!("{} splats had an infinite logit", report.clamped_logits));
     }
     let coefficients = splats.sh_stride() / 3;
-    row("SH degree", format!("{} ({coefficients} coefficients a channel)", splats.sh_degree));
+    row("SH degree", format!("{} ({coefficients} coefficients per channel)", splats.sh_degree));
     row("near plane", options.near.to_string());
     row("alpha clamp", options.alpha_max.to_string());
     row("anti-aliased", if options.antialiased { "yes" } else { "no" }.into());
@@ -84,7 +82,7 @@ fn describe(args: &Args, prior: &Prior) {
     }
 }
 
-/// How many key frames, where they came from, and where their cameras stand.
+/// The number of key frames, their source, and the bounds of their cameras.
 fn key_frames(prior: &Prior) -> String {
     let source = prior.report().key_frames;
     match source {
@@ -93,7 +91,7 @@ fn key_frames(prior: &Prior) -> String {
     }
 }
 
-/// Whose coder tables are used, where they came from, and what they take.
+/// Which coder tables are used, their source, and their bytes.
 fn coder_tables(prior: &Prior) -> String {
     match prior.report().coder_tables {
         PartSource::None => "the library's own, for any scene".into(),

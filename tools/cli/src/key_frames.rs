@@ -1,5 +1,5 @@
-//! `nvsprior key-frames`: where to look for a lost camera, from the views of a mapping run and around
-//! them.
+//! `nvsprior key-frames`: makes key frames, the poses at which a lost camera is looked for, from the views of a mapping
+//! run and around them.
 
 mod range;
 
@@ -18,31 +18,31 @@ use range::Sample;
 
 /// Give a prior key frames: poses at which a lost camera is looked for
 ///
-/// Takes the views of a camera file that show the prior, best those of the mapping run, and thins them
-/// out: a view is left out if a kept one is nearer than --distance and looks in a direction less than
-/// --angle away. Then adds poses up to --cover, so that wherever a camera is lost in the volume that the
-/// views saw, a key frame is near. Without a camera file they stand anywhere in the free volume; give
-/// one if you can. The prior's splats and identity stay as they are, so only the side that encodes
-/// needs the key frames.
+/// Takes the views of a camera file that show the prior, best those of the mapping run, and thins them out: a view is
+/// left out if a kept one is nearer than --distance and looks in a direction less than --angle away. Then adds poses up
+/// to --cover, so that a key frame is near wherever a camera is lost in the volume that the views saw. Without a camera
+/// file the poses are anywhere in the free volume; give one if you can. The prior's splats and identity stay as they
+/// are, so only the side that encodes needs the key frames.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply, told by the content
+    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply; the content tells the format
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
-    /// cameras.json, or nerfstudio's transforms.json: where the mapping run's cameras stood
+    /// cameras.json, or nerfstudio's transforms.json, with the poses of the mapping run's cameras
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// Only the views of this split of the camera file
     #[arg(long, value_name = "NAME", requires = "cameras")]
     split: Option<String>,
-    /// How near a kept view stands, in the prior's unit [default: 5 % of the median distance from the
-    /// cameras to the splats that they show]
+    /// Leave out a view if a kept one is nearer than this, in the prior's unit [default: 5 % of the median distance
+    /// from the cameras to the splats that they show]
     #[arg(long, value_name = "LENGTH", requires = "cameras", value_parser = mission::not_negative)]
     distance: Option<f64>,
-    /// How near its direction is, degrees; roll does not count
+    /// Leave out a view only if its direction differs from the kept one's by less than this, degrees; roll does not
+    /// count
     #[arg(long, value_name = "DEGREES", default_value_t = ANGLE, value_parser = mission::not_negative)]
     angle: f64,
-    /// Add key frames up to so many in all, those of the views among them; 0 adds none
+    /// Add key frames up to this many in all, with those of the views; 0 adds none
     #[arg(long, value_name = "N", default_value_t = COVER,
         value_parser = clap::value_parser!(u32).range(..=KeyFrames::MAX as i64))]
     cover: u32,
@@ -53,17 +53,16 @@ pub struct Args {
     out: Option<PathBuf>,
 }
 
-/// Share of the median distance to the splats by which key frames lie apart. A step aside of 5 % of the
-/// distance moves a picture by about 4 % of its width; the searches for a pose hold from 10° off, which
-/// moves it by 15 %.
+/// Distance between key frames, as a share of the median distance to the splats. A step aside of 5 % of that distance
+/// moves a picture by about 4 % of its width. The searches for a pose work from 10° off, which moves it by 15 %.
 const SHARE: f64 = 0.05;
 
 /// Angle between the directions of key frames at one place, degrees.
 const ANGLE: f64 = 10.0;
 
-/// Key frames in all. Of 200 views from random places of the demo's basin, towards the structure, 40 %
-/// have one of the mapping run's 84 within 0.4 of their depth and 25°; 79.5 % one of 300, 89.5 % one of
-/// 500, 96.5 % one of 1000.
+/// Key frames in all. Measured with 200 views from random places of the demo's basin, towards the structure: how many
+/// have a key frame within 0.4 of their depth and 25°. With the mapping run's 84 it is 40 %, with 300 it is 79.5 %,
+/// with 500 89.5 %, with 1000 96.5 %.
 const COVER: u32 = 500;
 
 /// A kind of file that key frames are written to.
@@ -78,7 +77,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let name = args.prior.display().to_string();
     let out = args.out.clone().unwrap_or_else(|| KeyFrames::path_beside(&args.prior));
     let kind = Kind::of(&out)?;
-    // Not by its path: a broken file beside the prior is what this may be asked to replace.
+    // Reads the bytes, not by path: the user may want to replace a broken file beside the prior.
     let bytes = std::fs::read(&args.prior).with_context(|| name.clone())?;
     let prior = Prior::from_bytes(&bytes, &name, &Default::default())?;
     let tables = coder_tables::open_beside(&args.prior)?;
@@ -116,7 +115,7 @@ fn nothing(cover: u32) -> &'static str {
     }
 }
 
-/// How many key frames were added, and how much of the free volume all cover.
+/// How many key frames were added, and how much of the free volume all of them cover.
 fn describe_covering(covering: &Covering) -> String {
     let added = covering.added;
     match covering.share() {
@@ -171,7 +170,7 @@ struct Thinned {
 }
 
 impl Thinned {
-    /// `None` where no view shows any of the splats; `angle` in degrees.
+    /// `None` if no view shows any of the splats; `angle` in degrees.
     fn of(
         sample: &Sample,
         views: &[(Camera, Pose)],
@@ -186,7 +185,7 @@ impl Thinned {
     }
 }
 
-/// The key frames of a mapping run by default; none where it shows none of the splats.
+/// The default key frames of a mapping run; none if it shows none of the splats.
 pub fn of_run(
     splats: &Splats,
     near: f32,
@@ -205,7 +204,7 @@ fn posed_views(file: &Path, split: Option<&str>) -> anyhow::Result<Vec<(Camera, 
     Ok(posed)
 }
 
-/// How many key frames, and where their cameras stand.
+/// The number of key frames, and the bounds of their cameras.
 pub fn describe(key_frames: &KeyFrames) -> String {
     let Some([least, most]) = key_frames.bounds() else { return "0".into() };
     let axis = |name: &str, i: usize| format!("{name} {:.3} … {:.3}", least[i], most[i]);
@@ -224,8 +223,8 @@ impl Kind {
         }
     }
 
-    /// Refuses a copy in another format than the prior's, one whose key frames nobody would read, and one that
-    /// another prior's coder tables would be read with. `tables`: those beside the prior.
+    /// Refuses a copy in another format than the prior's. Refuses a copy if a file beside it would replace its key
+    /// frames, or give it other coder tables. `tables`: those beside the prior.
     fn check(self, out: &Path, prior: &Prior, tables: Option<&Tables>) -> anyhow::Result<()> {
         let format = prior.report().format;
         let plain = matches!(

@@ -22,9 +22,9 @@ use nvsprior_lab::{bench, stability, verify_device};
 
 /// Pictures through an acoustic modem: image compression against a 3D Gaussian Splatting prior.
 ///
-/// Vehicle and topside hold the same trained scene. For each frame, `encode` finds the pose at which
-/// the scene looks most like the frame, and writes it with a coded difference picture to a packet;
-/// `decode` renders the scene at that pose and adds the difference.
+/// Vehicle and topside hold the same trained scene. For each frame, `encode` finds the pose at which the scene looks
+/// most like the frame. It writes the pose with a coded difference picture to a packet. `decode` renders the scene at
+/// that pose and adds the difference.
 ///
 /// Exit codes: 0 done, 1 something failed (named on standard error), 2 wrong usage.
 #[derive(Parser)]
@@ -50,7 +50,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    // A reader that closes the pipe (`| head`) ends the program; it is no error to panic about.
+    // If a reader closes the pipe (`| head`), the program ends without a panic.
     sigpipe::reset();
     let result = match Cli::parse().command {
         Command::Encode(args) => encode::run(&args),

@@ -1,4 +1,4 @@
-//! A mission's views: where its cameras stand, and what they saw.
+//! A mission's views: the poses of its cameras, and their frames.
 
 use std::path::Path;
 
@@ -51,7 +51,7 @@ pub struct Mission {
 }
 
 impl MissionArgs {
-    /// Reads the views, with their frames where the files are there.
+    /// Reads the views, with their frames if the files are there.
     pub fn read(&self, cameras: &Path) -> anyhow::Result<Mission> {
         let file = CameraFile::open(cameras)?;
         let chosen = file.select(self.split.as_deref())?;
@@ -82,7 +82,7 @@ impl MissionArgs {
 const LEAST_NEAR: usize = 64;
 
 impl Mission {
-    /// Poses within the margin, of the turn `turn` of as many; none where there is no margin.
+    /// Poses within the margin; each `turn` gives other ones. None if there is no margin.
     pub fn near(&self, turn: u64) -> Vec<(Camera, Pose)> {
         if self.margin.is_none() {
             return Vec::new();
@@ -97,7 +97,7 @@ impl Mission {
     }
 }
 
-/// At most so many of some views, evenly spaced.
+/// At most `most` of some views, evenly spaced.
 pub fn spaced<T>(views: &[T], most: usize) -> impl Iterator<Item = &T> {
     views.iter().step_by(views.len().div_ceil(most).max(1))
 }

@@ -48,8 +48,8 @@ impl PictureRenderer {
     }
 }
 
-/// Milliseconds of a picture by each of two, medians over the views of renders turn by turn, and the
-/// median of their ratios.
+/// Milliseconds of a picture by each of two renderers, and the median of their ratios. The two render in turn; times
+/// are medians over the views.
 pub struct Times {
     pub first: f64,
     pub second: f64,
@@ -86,7 +86,7 @@ fn timed(renderer: &mut PictureRenderer, camera: &Camera, pose: &Pose) -> anyhow
     Ok(since.elapsed().as_secs_f64() * 1e3)
 }
 
-/// The upper median; NaN where there is no value.
+/// The upper median; NaN if there is no value.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)

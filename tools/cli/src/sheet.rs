@@ -1,4 +1,4 @@
-//! Contact sheets: camera | render | difference | reconstruction, a row per frame.
+//! Contact sheets: camera | render | difference | reconstruction, one row per frame.
 
 use std::path::Path;
 

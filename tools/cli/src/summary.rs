@@ -29,7 +29,7 @@ const FIGURES: [Figure; 7] = [
     ("certain", |s| f64::from(u8::from(s.certain))),
 ];
 
-/// Mean of a figure over rows; 0 of none.
+/// Mean of a figure over rows; 0 if there are none.
 pub fn mean(rows: &[Row], figure: impl Fn(&FrameStats) -> f64) -> f64 {
     let sum: f64 = rows.iter().map(|row| figure(&row.stats)).sum();
     sum / rows.len().max(1) as f64

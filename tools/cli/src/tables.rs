@@ -1,4 +1,4 @@
-//! `nvsprior tables`: coder tables of a scene's own, trained on the frames of its mapping run.
+//! `nvsprior tables`: scene coder tables, trained on the frames of the mapping run.
 
 mod gain;
 
@@ -12,11 +12,11 @@ use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_train::coder_tables::{Pair, TableOptions, train_tables};
 
-/// Give a prior coder tables of its own, trained on the frames of its mapping run
+/// Train coder tables for a prior's scene on the frames of its mapping run
 ///
-/// Finds the pose of each frame, from that in the camera file, and draws the prior there. The tables of the
-/// wavelet coder learn from frames and renders; frames whose pose is not certain are left out. Every eighth frame
-/// is held out, and what the tables save there is printed. The tables are part of the prior's identity: both sides
+/// Finds the pose of each frame, starting from the one in the camera file, and draws the prior there. The tables of the
+/// wavelet coder learn from frames and renders. Frames without a certain pose are left out. Every eighth frame is held
+/// out, and the program prints what the tables save on these. The tables are part of the prior's identity: both sides
 /// of a link need them.
 #[derive(clap::Args)]
 pub struct Args {
@@ -88,7 +88,7 @@ struct MappingRun {
 impl MappingRun {
     /// Finds the poses of the frames.
     fn of(args: &Args, prior: &Prior) -> anyhow::Result<MappingRun> {
-        /// One frame in so many is held out.
+        /// One frame in this many is held out.
         const HELD_OUT: usize = 8;
         let frames = inputs(args)?;
         let pairs = pairs(args, prior, &frames)?;
@@ -131,7 +131,7 @@ fn inputs(args: &Args) -> anyhow::Result<Vec<Input>> {
     input.frames()
 }
 
-/// The frames whose pose is certain, each with the prior's render there.
+/// The frames with a certain pose, each with the prior's render at it.
 fn pairs(args: &Args, prior: &Prior, frames: &[Input]) -> anyhow::Result<Vec<Pair>> {
     let engine = args.device.open()?;
     let scene = engine.upload(prior)?;
@@ -172,7 +172,7 @@ impl Kind {
         }
     }
 
-    /// Refuses a copy of what is no compact prior, and one whose tables nobody would read.
+    /// Refuses a copy if the prior is no compact one, or if a file beside the copy would replace its tables.
     fn check(self, out: &Path, prior: &Prior) -> anyhow::Result<()> {
         let Kind::Compact = self else { return Ok(()) };
         let format = prior.report().format;

@@ -20,10 +20,9 @@ use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 
 /// Write a prior reduced to what a mission's views need
 ///
-/// Leaves out the splats whose absence shows least, in rounds, and fits those that remain. The loss is
-/// measured at the views, at others within the margin, and at the camera file's other splits. The best
-/// so far is in the file after every round. The reduced prior has an identity of its own: both sides
-/// of a link must hold it.
+/// Works in rounds: leaves out the splats whose absence shows least, and fits those that remain. The loss is measured
+/// at the views, at others within the margin, and at the camera file's other splits. After every round the file holds
+/// the best prior so far. The reduced prior has another identity: both sides of a link must hold it.
 #[derive(clap::Args)]
 pub struct Args {
     /// The trained scene
@@ -31,7 +30,7 @@ pub struct Args {
     prior: PathBuf,
     #[command(flatten)]
     overrides: OverrideArgs,
-    /// cameras.json, or nerfstudio's transforms.json: where the mission's cameras stand
+    /// cameras.json, or nerfstudio's transforms.json, with the poses of the mission's cameras
     #[arg(long, value_name = "FILE")]
     cameras: PathBuf,
     #[command(flatten)]
@@ -39,31 +38,32 @@ pub struct Args {
     /// Greatest loss of PSNR against the camera's frames, mean over the views, dB
     #[arg(long, value_name = "DB", default_value_t = 0.1, value_parser = mission::not_negative)]
     tolerance: f64,
-    /// If frames are not there: least PSNR of pictures against the whole prior's, mean over the
+    /// If there are no frames: least PSNR of pictures against the whole prior's, mean over the
     /// views, dB
     #[arg(long, value_name = "DB", default_value_t = 42.0, value_parser = mission::not_negative)]
     floor: f64,
     /// Leave out splats farther than this from every camera, in the prior's unit
     #[arg(long, value_name = "LENGTH", value_parser = mission::not_negative)]
     range: Option<f64>,
-    /// What the rest is fitted to: the whole prior's renders, or the frames, if they are there. To
-    /// frames fewer splats do as well by PSNR, but less detail remains, and packets pay for it
+    /// What the remaining splats are fitted to: the whole prior's renders, or the frames, if there
+    /// are any. Fitted to frames, fewer splats reach the same PSNR, but less detail remains, and
+    /// packets become larger
     #[arg(long, value_enum, default_value = "renders")]
     fit: FitArg,
-    /// Gradient steps of a round
+    /// Gradient steps per round
     #[arg(long, value_name = "N", default_value_t = 60)]
     steps: u32,
     /// Share of the splats that a round leaves out at first
     #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = share)]
     share: f64,
-    /// The reduced prior: .nvsg (compact, quantised; what that costs counts as loss) or .ply
+    /// The reduced prior: .nvsg (compact, quantised; the cost of that counts as loss) or .ply
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Steps of a compact prior's quantisation, as multiples of the usual ones [default: the greatest
     /// of 1, 1/2, 1/4 and 1/8 that leaves most of the tolerance to the splats]
     #[arg(long, value_name = "FACTOR")]
     coarseness: Option<f32>,
-    /// Contact sheet to write (PNG): whole | reduced | difference | reduced, a row per view
+    /// Contact sheet to write (PNG): whole | reduced | difference | reduced, one row per view
     #[arg(long, value_name = "FILE")]
     sheet: Option<PathBuf>,
     #[command(flatten)]
@@ -123,8 +123,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)
 }
 
-/// Key frames beside the reduced prior, of an earlier run, would be read in place of those written to
-/// it: says so, and refuses broken ones before any work is done.
+/// An earlier run may have left key frames beside the reduced prior. They would be read in place of those written to
+/// it. Says so, and refuses broken ones before any work is done.
 fn check_beside(out: &Path) -> anyhow::Result<()> {
     let beside = KeyFrames::path_beside(out);
     if beside.exists() {
@@ -134,8 +134,8 @@ fn check_beside(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Puts a prior's coder tables beside the reduced one, if that cannot hold them. Those of an earlier run would
-/// be read with it: says so.
+/// Puts a prior's coder tables beside the reduced one, if that cannot hold them. If an earlier run left tables there,
+/// they would be read with it: says so.
 fn place_tables(prior: &Prior, container: Container, out: &Path) -> Result<(), PriorError> {
     let beside = coder_tables::path_beside(out);
     match (prior.coder_tables(), container) {
@@ -148,8 +148,8 @@ fn place_tables(prior: &Prior, container: Container, out: &Path) -> Result<(), P
     Ok(())
 }
 
-/// The views to fit to, and some within the margin: there, and wherever frames do not count, as the whole
-/// prior shows them.
+/// The views to fit to, with their frames if `fit` asks for frames, and some views within the margin. All other
+/// pictures are the whole prior's.
 fn fit_views(
     mission: &Mission,
     fit: FitArg,

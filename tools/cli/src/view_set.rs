@@ -8,9 +8,9 @@ use crate::picture_renderer::PictureRenderer;
 /// Equal pictures count as this, dB.
 const EQUAL: f64 = 100.0;
 
-/// What pictures lose against frames that are not there: had those differed from the whole prior's
-/// by `fidelity`, and the reduced prior's do by `psnr`, in ways that have nothing to do with each
-/// other. All in dB.
+/// Estimates the loss against frames that are not there. Assumes that they differ from the whole
+/// prior's pictures by `fidelity`, and that this is independent of the reduced prior's difference,
+/// `psnr`. All in dB.
 pub fn expected_loss(fidelity: f64, psnr: f64) -> f64 {
     10.0 * (1.0 + 10_f64.powf((fidelity - psnr) / 10.0)).log10()
 }
@@ -33,7 +33,7 @@ impl ViewSet {
         Ok(ViewSet { places, pictures, frames })
     }
 
-    /// At most so many of some views, evenly spaced.
+    /// A set of at most `most` views, evenly spaced.
     pub fn of(
         sights: &[PosedFrame],
         most: usize,
@@ -43,8 +43,8 @@ impl ViewSet {
         ViewSet::new(places(spaced(sights, most)), frames, whole)
     }
 
-    /// PSNR of a prior's pictures against the whole one's, and what they lose against the frames, as
-    /// means over the views; NaN where there are none.
+    /// PSNR of a prior's pictures against the whole one's, and their loss against the frames, as means over the views;
+    /// NaN if there are none.
     pub fn compare(&self, small: &mut PictureRenderer) -> anyhow::Result<(f64, f64)> {
         let (mut psnr, mut loss) = (0.0, 0.0);
         for (i, (camera, pose)) in self.places.iter().enumerate() {

@@ -14,7 +14,7 @@ use nvsprior::{Camera, Engine, Prior, RenderOverrides};
 /// The prior and how to render it.
 #[derive(clap::Args)]
 pub struct PriorArgs {
-    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply, told by the content
+    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply; the content tells the format
     #[arg(long, value_name = "FILE")]
     pub prior: PathBuf,
     #[command(flatten)]
@@ -25,7 +25,7 @@ pub struct PriorArgs {
 /// Render options that stand in for the file's own.
 #[derive(clap::Args)]
 pub struct OverrideArgs {
-    /// Near plane, in the prior's unit [default: as the file says, else by its trainer]
+    /// Near plane, in the prior's unit [default: the file's, else that of its trainer]
     #[arg(long, value_name = "Z")]
     near: Option<f32>,
     /// Clamp of alpha [default: as the file says, else 0.99]
@@ -51,11 +51,11 @@ impl OverrideArgs {
 /// The device to run on.
 #[derive(clap::Args)]
 pub struct DeviceArgs {
-    /// The Vulkan device's number, or a part of its name or its driver's [default: the fastest kind
-    /// there is]
+    /// The Vulkan device's number, or a part of its name or its driver's name [default: the best
+    /// device]
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
-    /// Run under the Vulkan validation layer and fail where it complains
+    /// Run under the Vulkan validation layer and fail if it complains
     #[arg(long)]
     validate: bool,
 }
@@ -69,7 +69,7 @@ impl DeviceArgs {
         Ok(engine)
     }
 
-    /// Fails where the validation layer complained.
+    /// Fails if the validation layer complained.
     pub fn check(&self, engine: &Engine) -> anyhow::Result<()> {
         let messages = engine.validation_messages();
         match messages.first() {
@@ -156,11 +156,11 @@ pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     match <[f64; N]>::try_from(values) {
         Ok(values) if values.iter().all(|v| v.is_finite()) => Ok(values),
         Ok(_) => Err("all numbers must be finite".into()),
-        Err(values) => Err(format!("{N} numbers are due, {} were given", values.len())),
+        Err(values) => Err(format!("{N} numbers are due, but {} were given", values.len())),
     }
 }
 
-/// A progress bar on standard error; silent where that is no terminal.
+/// A progress bar on standard error; silent if that is no terminal.
 pub fn progress(length: usize, what: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len} {eta}");
     let bar = ProgressBar::new(length as u64).with_message(what);

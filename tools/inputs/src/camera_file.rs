@@ -1,10 +1,10 @@
 //! Camera files: `cameras.json` and nerfstudio's `transforms.json`.
 //!
-//! `cameras.json` holds `width`, `height`, `fx`, `fy`, `cx`, `cy` and `images`, each with `file`,
-//! `index` (time order), `split`, `qvec` (w, x, y, z), `tvec` of the OpenCV world-to-camera pose,
-//! intrinsics of its own where they differ, and `time`, seconds, if it is known. `transforms.json` holds OpenGL camera-to-world
-//! matrices (nerfstudio's data conventions), which are turned into the former. They are taken as
-//! they stand: a prior exported after nerfstudio's own scaling and centring lies in another frame.
+//! `cameras.json` holds `width`, `height`, `fx`, `fy`, `cx`, `cy` and `images`, each with `file`, `index` (time order),
+//! `split`, `qvec` (w, x, y, z), `tvec` of the OpenCV world-to-camera pose, its own intrinsics if they differ, and
+//! `time`, seconds, if it is known. `transforms.json` holds OpenGL camera-to-world matrices (nerfstudio's data
+//! conventions); they are turned into OpenCV poses. They are not moved or scaled: a prior exported after nerfstudio's
+//! own scaling and centring lies in another frame.
 //!
 //! [`CameraFile`] is for pinhole pictures, and refuses distortion; [`crate::posed`] reads it.
 
@@ -65,11 +65,11 @@ pub enum CameraFileError {
 /// Distortion coefficients that nerfstudio may write; the renderer is a pinhole.
 const DISTORTION: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
 
-/// Its names of cameras that are pinholes but for the distortion.
+/// Nerfstudio's names of cameras that are pinholes if their distortion is zero.
 const PINHOLE_MODELS: [&str; 3] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE"];
 
 impl CameraFile {
-    /// Reads a camera file of either kind, told by its content.
+    /// Reads a camera file of either kind. The content tells the kind.
     pub fn open(path: &Path) -> Result<CameraFile, CameraFileError> {
         let own = path.to_path_buf();
         let text = std::fs::read_to_string(path)
@@ -77,7 +77,7 @@ impl CameraFile {
         CameraFile::parse(&text, path)
     }
 
-    /// Reads a camera file's content; `path` is where it stands.
+    /// Reads a camera file's content; `path` is its place.
     pub fn parse(text: &str, path: &Path) -> Result<CameraFile, CameraFileError> {
         let root = parse_root(text, path)?;
         let views = entries(&root, path, |entry| {
@@ -136,7 +136,7 @@ fn entries<T>(
     Ok(views.into_iter().map(|(_, view)| view).collect())
 }
 
-/// One entry of the file's list of pictures, with what stands for all of them.
+/// One entry of the file's list of pictures, with the fields that count for all of them.
 struct Entry<'a> {
     root: &'a Value,
     value: &'a Value,
@@ -154,7 +154,7 @@ impl Entry<'_> {
         number.ok_or_else(|| format!("\"{key}\" is missing or no finite number"))
     }
 
-    /// What to call it in an error: where it stands, and its name if it has one.
+    /// What to call it in an error: its place in the list, and its name if it has one.
     fn label(&self) -> String {
         let name = self.text("file").or_else(|_| self.text("file_path"));
         format!("view {} {}", self.order, name.unwrap_or_default()).trim_end().to_owned()
@@ -239,8 +239,8 @@ impl Entry<'_> {
         Ok((self.order as f64, View { file, name, split: None, camera, pose, time: None }))
     }
 
-    /// An OpenGL camera-to-world matrix as an OpenCV world-to-camera pose: y and z of the camera
-    /// turn round, then the motion is inverted.
+    /// An OpenGL camera-to-world matrix as an OpenCV world-to-camera pose: flips y and z of the
+    /// camera, then inverts the motion.
     fn opengl_pose(&self) -> Result<Pose, String> {
         let wrong = "\"transform_matrix\" is no rigid 4×4 matrix";
         let rows = self.value["transform_matrix"].as_array().ok_or(wrong)?;

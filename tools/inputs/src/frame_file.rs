@@ -20,16 +20,16 @@ pub enum FrameFileError {
     #[error("{}: column \"{column}\" is missing; the header must name {}",
         path.display(), COLUMNS.join(","))]
     Column { path: PathBuf, column: &'static str },
-    #[error("{}: of the columns {} either all or none are due", path.display(), DEVIATION.join(","))]
+    #[error("{}: the columns {} must be there all or not at all", path.display(), DEVIATION.join(","))]
     Deviation { path: PathBuf },
     #[error("{}: row {row}: {what}", path.display())]
     Row { path: PathBuf, row: usize, what: String },
 }
 
-/// How far the ratio of the sides may be off, for sizes that were rounded to whole pixels.
+/// How far the ratio of the sides may be off, since sizes are rounded to whole pixels.
 const SHAPE_TOLERANCE: f64 = 0.01;
 
-/// Reads a PNG, JPEG or WebP, resized (Lanczos, 3 lobes) where its size is another of the same
+/// Reads a PNG, JPEG or WebP. Resizes it (Lanczos, 3 lobes) if it has another size of the same
 /// shape. Alpha is dropped, grey becomes RGB, 16 bits become 8.
 pub fn read_frame(path: &Path, width: u32, height: u32) -> Result<Picture, FrameFileError> {
     let picture = open_image(path)?.to_rgb8();
@@ -67,10 +67,10 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FrameFileError> {
 }
 
 const COLUMNS: [&str; 8] = ["file", "qw", "qx", "qy", "qz", "tx", "ty", "tz"];
-/// Standard deviations of a pose, as of a left step: ρ in the prior's unit, θ in degrees.
+/// Standard deviations of a pose, those of a left step: ρ in the prior's unit, θ in degrees.
 const DEVIATION: [&str; 6] = ["srx", "sry", "srz", "sax", "say", "saz"];
 
-/// Where a CSV file has its columns.
+/// The places of a CSV file's columns.
 struct Columns {
     pose: [usize; 8],
     time: Option<usize>,
@@ -127,9 +127,9 @@ impl Columns {
     }
 }
 
-/// Reads what is known of frames from a CSV file with a header, by file name: poses
-/// (world-to-camera), and as optional columns, in which fields may be empty, the frame's time, the
-/// pose's age (seconds) and its standard deviations. Columns in any order.
+/// Reads what is known of frames, by file name, from a CSV file with a header: poses
+/// (world-to-camera) and optional columns for the frame's time, the pose's age (seconds) and its
+/// standard deviations. Fields of optional columns may be empty. Columns may have any order.
 pub fn read_known(path: &Path) -> Result<HashMap<String, Known>, FrameFileError> {
     let failed = |error| FrameFileError::Csv { path: path.to_path_buf(), error };
     let mut reader =

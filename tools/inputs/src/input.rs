@@ -1,4 +1,4 @@
-//! The frames of a run: which, and what is known of each before it is encoded.
+//! The frames of a run: which ones, and what is known of each before it is encoded.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use crate::args::{SizeArgs, StepArg};
 use crate::camera_file::{CameraFile, View};
 use crate::frame_file;
 
-/// Which frames, and where they start.
+/// Which frames, and their start poses.
 #[derive(clap::Args)]
 pub struct InputArgs {
     /// cameras.json, or nerfstudio's transforms.json
@@ -19,7 +19,7 @@ pub struct InputArgs {
     /// Only the frames of this split of the camera file
     #[arg(long, value_name = "NAME")]
     pub split: Option<String>,
-    /// Only the first so many frames
+    /// Only the first N frames
     #[arg(long, value_name = "N")]
     pub limit: Option<usize>,
     #[command(flatten)]
@@ -28,10 +28,10 @@ pub struct InputArgs {
     /// Moves the first frame's start: ρx,ρy,ρz,θx,θy,θz in the prior's unit and degrees
     #[arg(long, value_name = "STEP", allow_hyphen_values = true)]
     pub start_offset: Option<StepArg>,
-    /// Poses from outside: `none`, `first` (the camera file's, first frame only), `camera-file` (the
-    /// camera file's, every frame), or a CSV file: file,qw,qx,qy,qz,tx,ty,tz, and if they are known
-    /// `time` (seconds) of the frame, `age` (seconds) of the pose, and its standard deviations
-    /// srx,sry,srz (along the camera's axes, the prior's unit), sax,say,saz (about them, degrees)
+    /// Poses from outside: `none`, `first` (the camera file's, first frame only), `camera-file` (the camera file's,
+    /// every frame), or a CSV file with the columns file,qw,qx,qy,qz,tx,ty,tz, and, if they are known, `time` (seconds)
+    /// of the frame, `age` (seconds) of the pose, and its standard deviations srx,sry,srz (along the camera's axes, the
+    /// prior's unit), sax,say,saz (about them, degrees)
     #[arg(long, value_name = "FROM", default_value = "first")]
     pub starts: String,
 }

@@ -1,4 +1,4 @@
-//! What the programs read: camera files, pictures and poses on disk, and the command-line arguments that name them.
+//! The programs' inputs: camera files, pictures and poses on disk, and the command-line arguments that name them.
 
 pub mod args;
 pub mod camera_file;

@@ -1,6 +1,6 @@
-//! How near the stages come to what the device can do, and to the same stages written by hand in
-//! GLSL (`glsl/`): `cargo bench -p nvsprior-lab`, where the reef's data lies beside the
-//! project, else on the tests' wall.
+//! Measures how near the stages come to what the device can do, and to the same stages written by
+//! hand in GLSL (`glsl/`): `cargo bench -p nvsprior-lab`. Uses the reef if its data lies beside the
+//! project, else the tests' wall.
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;
@@ -24,10 +24,10 @@ use nvsprior_lab::cost::{
     Cost, Counts, FLOW_FLOPS, Machine, PICTURE_FLOPS, PICTURE_PASSES, SEARCH_PASSES, Sharing, Work,
 };
 
-/// Runs of each kernel, in turn with those that it is compared with; the fastest counts.
+/// Runs of each kernel, in turn with those that it is compared with. The fastest counts.
 const RUNS: usize = 60;
 
-/// A stage by hand in GLSL, built by `glsl/build.sh`.
+/// A stage written by hand in GLSL, built by `glsl/build.sh`.
 macro_rules! glsl {
     ($name:literal) => {
         Source {
@@ -58,7 +58,7 @@ impl Source {
     }
 }
 
-/// A prior, and where it is seen from.
+/// A prior, and the camera and pose that it is seen from.
 struct Seen {
     prior: Prior,
     scene: Arc<Scene>,
@@ -77,7 +77,7 @@ impl Seen {
     }
 }
 
-/// A prior seen from somewhere, with all that comes before the blending.
+/// A prior seen from a pose, with all that comes before the blending.
 struct LevelSeen {
     camera: Camera,
     params: Params,
@@ -128,8 +128,8 @@ impl Best<'_> {
     }
 }
 
-/// Fastest device times of each stage of recordings of the same work, run in turn, milliseconds. The
-/// ceilings are measured now and then in between, when the machine is as busy.
+/// Fastest device times of each stage, milliseconds, of recordings of the same work that run in turn. The ceilings are
+/// measured now and then in between, under the same load.
 fn times(best: &mut Best, commands: &mut [Commands]) -> Result<Vec<Vec<f64>>, Error> {
     let ceilings = best;
     let mut best = vec![Vec::new(); commands.len()];
@@ -149,7 +149,7 @@ fn times(best: &mut Best, commands: &mut [Commands]) -> Result<Vec<Vec<f64>>, Er
     Ok(best)
 }
 
-/// The blending stages against the arithmetic's ceiling, and against GLSL where that fits the device.
+/// The blending stages against the ceiling of arithmetic, and against GLSL if that fits the device.
 fn blending(seen: &Seen, view: &LevelSeen, best: &mut Best) -> Result<(), Error> {
     let device = best.engine.vulkan();
     let (stages, params) = (&view.stages, &view.params);
@@ -254,8 +254,8 @@ impl Sort<'_> {
     }
 }
 
-/// Bytes of keys and values that a pass reads and writes: the first reads each key twice, makes its
-/// values itself and writes those of the visible; the last writes no keys.
+/// Bytes of keys and values that a pass reads and writes. The first pass reads each key twice,
+/// makes the values itself, and writes only visible splats. The last pass writes no keys.
 fn pass_bytes(digit: u32, keys: usize, visible: usize) -> f64 {
     let words = match digit {
         0 => 2 * keys + 2 * visible,
@@ -391,7 +391,8 @@ fn work(part: &str, counts: &Counts, on: &Machine, passes: u32) -> Work {
     sum
 }
 
-/// A picture's stages, or an evaluation's, as the model has them here and on paper, and as measured.
+/// Prints a picture's stages, or an evaluation's: as the model predicts them here and for a Jetson Orin, and as
+/// measured here.
 fn compare(c: &Counts, here: &Machine, evaluation: bool, measured: &[StageTime]) {
     println!("  {}", if evaluation { "evaluation" } else { "picture" });
     let parts = if evaluation { EVALUATION.as_slice() } else { &PICTURE };
@@ -423,7 +424,7 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
         dispatch: dispatch_seconds(device)?,
         sharing: Sharing::of(engine, &seen.prior),
     };
-    println!("{}: {:.0} us a dispatch", here.name, here.dispatch * 1e6);
+    println!("{}: {:.0} us per dispatch", here.name, here.dispatch * 1e6);
     let factors = vec![1, 2, 4];
     let jacobians = vec![Jacobian::Flow];
     let plan = Plan {
@@ -459,7 +460,7 @@ fn main() -> Result<(), Error> {
     let keys = &view.stages.keys;
     sorting(device, keys, &mut best)?;
     sorting(device, &keys.repeat(16), &mut best)?;
-    // What passes cost whose digits are as many, without anything to sort.
+    // The cost of passes with as many digits, without anything to sort.
     let largest = keys.iter().copied().filter(|key| *key != CULLED).max();
     sorting(device, &[largest.unwrap_or(0)], &mut best)?;
     println!("multiply-adds: {:.1} GFLOP/s", best.ceilings.flops * 1e-9);

@@ -31,12 +31,12 @@ use nvsprior_inputs::input::InputArgs;
 pub use perturbed::even;
 use report::Report;
 
-/// Measure run time and error on a run of frames, in milliseconds and in forward renders
+/// Measure run time and error on a run of frames; times are in milliseconds and in forward renders
 ///
-/// Looks for the best pose of each frame, then measures a steady run, starts put off by up to 3°
+/// Looks for the best pose of each frame. Then measures a steady run, starts moved off by up to 3°
 /// and 10°, the gradient methods, the device's time by stage, and many settings. Writes
-/// report.json, tables (CSV) and plots (SVG), and prints it all. Failed is what stays more than 0.1
-/// dB below the render at the best known pose.
+/// report.json, tables (CSV) and plots (SVG), and prints it all. A search has failed if its render
+/// stays more than 0.1 dB below that at the best known pose.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -49,10 +49,10 @@ pub struct Args {
     /// Frames that gradient methods are measured on, after a first one; 0: none
     #[arg(long, value_name = "N", default_value_t = 3)]
     bfgs_frames: usize,
-    /// Starts put off by up to 3°, and as many by up to 10°
+    /// Starts moved off by up to 3°, and as many by up to 10°
     #[arg(long, value_name = "N", default_value_t = 100)]
     trials: usize,
-    /// Frames that each setting is measured on, after a first one; 0: none are compared
+    /// Frames that each setting is measured on, after a first one; 0: compare no settings
     #[arg(long, value_name = "N", default_value_t = 6)]
     configurations: usize,
     /// Also measure time against the number of splats (to 2 million) and pixels (to 1280×720)
@@ -67,7 +67,7 @@ pub struct Args {
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
     threshold: f64,
-    /// Folder for report.json, tables and plots; made where it is missing
+    /// Folder for report.json, tables and plots; made if it is missing
     #[arg(long, value_name = "DIR", default_value = "bench-out")]
     report: PathBuf,
     #[command(flatten)]
@@ -110,7 +110,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// Reads the frames and uploads the prior.
 fn open(args: &Args) -> anyhow::Result<Context> {
     let shots = args.input.frames()?.iter().map(Shot::read).collect::<anyhow::Result<Vec<_>>>()?;
-    anyhow::ensure!(shots.len() > 1, "one frame is no run: the first one does not count");
+    anyhow::ensure!(shots.len() > 1, "one frame is no run, as the first one does not count");
     let engine = args.device.open()?;
     let prior = args.prior.open()?;
     let scene = engine.upload(&prior)?;

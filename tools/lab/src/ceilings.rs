@@ -1,5 +1,5 @@
-//! What a device can do at best, measured: the rate of multiply-adds in registers and that of copying
-//! words. Stages are reported as shares of these.
+//! Measures what a device can do at best: the rate of multiply-adds in registers and the rate of copying words. Stages
+//! are reported as shares of these.
 
 use nvsprior_kernels::modules::{self, Module};
 
@@ -9,9 +9,9 @@ use nvsprior_kernels::shared::{CEILING_CHAINS, CEILING_STEPS, CEILING_TURNS};
 /// A device's best rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ceilings {
-    /// Floating-point operations a second; a multiply-add is two.
+    /// Floating-point operations per second; a multiply-add is two.
     pub flops: f64,
-    /// Bytes a second of a copy by 32-bit words, those read and those written.
+    /// Bytes per second of a copy by 32-bit words; bytes read and bytes written count.
     pub bytes: f64,
 }
 
@@ -21,7 +21,7 @@ const THREADS: usize = 256;
 const CHAINED: usize = 1 << 14;
 /// Words that the copy kernel copies: more than caches hold, 32 MiB.
 const WORDS: usize = 1 << 22;
-/// Runs, of which the fastest counts.
+/// Runs; the fastest counts.
 const RUNS: usize = 5;
 
 /// Measures a device. Takes a few tenths of a second on a CPU.

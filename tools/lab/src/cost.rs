@@ -1,10 +1,10 @@
-//! What each stage reads, writes and calculates, by formula, and how long that should take on a device of which little
-//! is known. `docs/latency.md` has the formulas as a table.
+//! Formulas for what each stage reads, writes and calculates, and for how long that should take on a little known
+//! device. `docs/latency.md` has the formulas as a table.
 //!
-//! Bytes are those of the algorithm: each word that an invocation asks for counts, whether a cache has it or not, but
-//! words that a workgroup shares count once. Operations are sums, products, divisions, roots, minima, comparisons that
-//! choose a value, and integer work of that kind; a power of 2 is 14. All is counted by hand from the sources: these
-//! are estimates, closest for the blending.
+//! Bytes are those of the algorithm. Each word that an invocation asks for counts, whether a cache has it or not; words
+//! that a workgroup shares count once. Operations are sums, products, divisions, roots, minima, comparisons that choose
+//! a value, and such integer work; a power of 2 counts as 14. All is counted by hand from the sources. These are
+//! estimates, best for the blending.
 
 mod counts;
 
@@ -18,16 +18,17 @@ pub const PICTURE_PASSES: u32 = DIGITS;
 /// See [`PICTURE_PASSES`].
 pub const SEARCH_PASSES: u32 = DIGITS - 1;
 
-/// Operations of a splat at a pixel of a picture: the exponent has 4, its power 14 (of 2: the multiply-adds and the
-/// scaling of a polynomial of degree 5), alpha 2, the weights 4, colour and depth 8.
+/// Operations per splat and pixel of a picture: 4 for the exponent, 14 for the power of 2 (the multiply-adds and the
+/// scaling of a polynomial of degree 5), 2 for alpha, 4 for the weights, 8 for colour and depth.
 pub const PICTURE_FLOPS: f64 = 4.0 + 14.0 + 2.0 + 4.0 + 8.0;
-/// The same of an evaluation with the flow Jacobian. Without depth; the pull has 4, the slopes 6, what finishes a pixel
-/// 1, the step of the weights 8, the twelve sums 24, the transmittance's 4.
+/// As [`PICTURE_FLOPS`], for an evaluation with the flow Jacobian: without depth, plus 4 for the pull, 6 for the
+/// slopes, 1 for the end of a pixel, 8 for the step of the weights, 24 for the twelve sums, 4 for those of the
+/// transmittance.
 pub const FLOW_FLOPS: f64 = PICTURE_FLOPS - 2.0 + 4.0 + 6.0 + 1.0 + 8.0 + 24.0 + 4.0;
-/// The same with the exact Jacobian. Without depth; `v` has 5, dα of six derivatives with six terms each 72, weights
-/// 18, three colours 54 with their own derivatives, the transmittance 18.
+/// As [`PICTURE_FLOPS`], with the exact Jacobian: without depth, plus 5 for `v`, 72 for dα (six derivatives with six
+/// terms each), 18 for weights, 54 for three colours with their own derivatives, 18 for the transmittance.
 const EXACT_FLOPS: f64 = PICTURE_FLOPS - 2.0 + 5.0 + 72.0 + 18.0 + 54.0 + 18.0;
-/// Operations of a splat that an invocation has loaded, before its column of pixels.
+/// Operations per splat that an invocation has loaded, before its column of pixels.
 const COLUMN: f64 = 24.0;
 /// Operations of a pixel's share of the normal equations: three channels.
 const SHARE: f64 = 3.0 * 90.0;
@@ -43,8 +44,7 @@ pub struct Sharing {
     pub blocks: f64,
     /// Invocations of the scans' workgroups.
     pub scan_lanes: f64,
-    /// Pixels that an invocation of the blending stages draws of a splat that it has loaded, in a picture and in an
-    /// evaluation, c.
+    /// Pixels that an invocation of the blending stages draws per loaded splat, in a picture and in an evaluation, c.
     pub column: [f64; 2],
 }
 
@@ -61,8 +61,8 @@ impl Sharing {
         }
     }
 
-    /// Loads of a scan that wait for each other: it goes down the blocks twice, four loads at a time, for each column
-    /// of its lanes.
+    /// Loads of a scan that wait for each other. For each column of its lanes it goes down the blocks twice, four loads
+    /// at a time.
     fn scan(&self, columns: f64) -> f64 {
         (columns / self.scan_lanes).ceil() * 2.0 * self.blocks / 4.0
     }
@@ -129,7 +129,7 @@ impl Cost<'_> {
         }
     }
 
-    /// Seven pairs of floats per splat; of those seen the harmonics; a record and a key.
+    /// Seven pairs of floats per splat; the harmonics of the visible ones; a record and a key.
     fn project(&self) -> Work {
         let c = self.counts;
         Work {
@@ -159,7 +159,7 @@ impl Cost<'_> {
         Work { bytes, flops, chain, dispatches: passes }
     }
 
-    /// A stage of the binning. Each band goes over all splats: place in the order, 24 bytes of a record.
+    /// A stage of the binning. Each band goes over all splats: their place in the order, and 24 bytes of the record.
     fn lists(&self, stage: &str) -> Work {
         let c = self.counts;
         let table = 4.0 * self.sharing.blocks * c.tiles;
@@ -169,7 +169,7 @@ impl Cost<'_> {
         let (bytes, flops, chain) = match stage {
             "bin_count" => (read + table, flops, share),
             "bin_scan" => (3.0 * table, 0.0, self.sharing.scan(c.tiles)),
-            // Asks for each place twice; writes the list, and where each tile's begins and ends.
+            // Reads each place twice. Writes the list, and the two ends of each tile's part.
             _ => (read + 2.0 * table + 8.0 * c.pairs + 8.0 * c.tiles, flops, share),
         };
         Work { bytes, flops, chain, dispatches: 1.0 }
@@ -187,7 +187,7 @@ impl Cost<'_> {
         }
     }
 
-    /// The same with derivatives, so many bytes of them beside a record: three floats per pixel of the frame, and a row
+    /// The blending with `derivatives` further bytes per record. Also three floats per pixel of the frame, and one row
     /// of sums per tile.
     fn evaluation(&self, flops: f64, derivatives: f64) -> Work {
         let (c, [_, column]) = (self.counts, self.sharing.column);
@@ -229,9 +229,9 @@ impl Cost<'_> {
 pub struct Machine {
     /// Its name.
     pub name: &'static str,
-    /// Operations a second; a multiply-add is two.
+    /// Operations per second; a multiply-add is two.
     pub flops: f64,
-    /// Bytes a second.
+    /// Bytes per second.
     pub bytes: f64,
     /// Seconds from a load to its value; 0 if loads do not overlap anyway.
     pub latency: f64,
@@ -242,7 +242,7 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Seconds of some work: whichever of bytes, operations and waiting takes longest, and the dispatches.
+    /// Seconds of some work: the longest of bytes, operations and waiting, plus the dispatches.
     pub fn seconds(&self, work: &Work) -> f64 {
         let bound = (work.bytes / self.bytes).max(work.flops / self.flops);
         bound.max(work.chain * self.latency) + work.dispatches * self.dispatch

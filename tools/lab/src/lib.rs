@@ -1,6 +1,6 @@
-//! Measuring the engine: run time and error ([`mod@bench`]), numbers at their extremes ([`stability`]), whether a
-//! device draws what every other one draws ([`verify_device`]), what a device can do at best ([`ceilings`]), and what
-//! each stage should take of that ([`cost`]).
+//! Measures the engine: run time and error ([`mod@bench`]), numbers at their extremes ([`stability`]), whether a device
+//! is portable ([`verify_device`]), what a device can do at best ([`ceilings`]), and how much of that each stage should
+//! take ([`cost`]).
 
 pub mod bench;
 pub mod ceilings;

@@ -1,7 +1,7 @@
-//! `nvsprior stability`: extreme priors, pictures and numbers, each against what is expected of it.
+//! `nvsprior stability`: runs extreme priors, pictures and numbers, and compares each with what is expected.
 //!
-//! A group of cases is a file here, named in `GROUPS`; a case says first what is expected, then
-//! measures, a row for each path that it is run on.
+//! A group of cases is a file here, named in `GROUPS`. A case first says what is expected. Then it
+//! measures, with one row for each path that it runs on.
 
 mod case;
 mod devices;
@@ -27,7 +27,7 @@ use anyhow::Context as _;
 use case::{Bench, Group, Row, Section};
 use nvsprior_inputs::args::{DeviceArgs, progress};
 
-/// All groups, in the order of the report. A further one is a file beside these and a line here.
+/// All groups, in the order of the report. To add one, add a file beside these and a line here.
 const GROUPS: &[Group] = &[
     poses::GROUP,
     units::GROUP,
@@ -41,12 +41,12 @@ const GROUPS: &[Group] = &[
 
 /// Run extreme priors, pictures and poses, and compare each with what is expected of it
 ///
-/// Every case is drawn and differentiated on the device and by the f64 twin on the CPU, and searched
-/// for from a start beside the true pose. Prints one line per expectation, and what is not as expected;
-/// --report writes all of it. Exit code 1 if a row is not as expected.
+/// Every case is drawn and differentiated on the device and by the f64 twin on the CPU. Its pose is searched for from a
+/// start near the true one. Prints one line per expectation, and what is not as expected; --report writes all of it.
+/// The exit code is 1 if a row is not as expected.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Folder for stability.md and stability.csv; made where it is missing
+    /// Folder for stability.md and stability.csv; made if it is missing
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Smaller scenes and fewer random cases

@@ -15,9 +15,9 @@ use scenes::{GOLDEN, Scene};
 
 /// Tell whether a device draws the same bytes as every other one
 ///
-/// Draws built-in random scenes, ordinary and extreme, and compares pictures, depths and transmittances with the host's
-/// own, bit for bit. The host's are compared with committed check sums. Prints "portable", or the first stage that
-/// differs with what went in and what came out.
+/// Draws built-in random scenes, ordinary and extreme. Compares pictures, depths and transmittances with the host's
+/// own, bit for bit. Compares the host's with committed check sums. Prints "portable", or the first stage that differs,
+/// with its input and output.
 ///
 /// Exit codes: 0 portable, 1 not portable or something failed, 2 wrong usage.
 #[derive(clap::Args)]
@@ -125,7 +125,7 @@ fn check_host() -> anyhow::Result<()> {
         let found = scenes::check_sum(seed as u64);
         anyhow::ensure!(
             found == *expected,
-            "this host computes otherwise: scene {seed} has check sum {found:08x}, not {expected:08x}. \
+            "this host computes other results: scene {seed} has check sum {found:08x}, not {expected:08x}. \
              Report it with the name of the processor and of the compiler",
         );
     }

@@ -1,6 +1,6 @@
-//! Random extreme priors, poses and cameras: always numbers, typed errors, the same picture on both
-//! sides, and never a word from the validation layer. `nvsprior stability --group random` runs
-//! thousands of them.
+//! Random extreme priors, poses and cameras: always finite numbers, typed errors, the same picture
+//! on both sides, and no message from the validation layer. `nvsprior stability --group random`
+//! runs thousands of them.
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;
@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use nvsprior_lab::stability::extremes::{Outcome, check};
 
-/// A scene that takes longer hangs.
+/// If a scene takes longer, it counts as hanging.
 const DEADLINE: Duration = Duration::from_secs(60);
 
 /// Checks the scenes of seeds, in order; returns how many were drawn.

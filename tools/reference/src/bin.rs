@@ -1,4 +1,4 @@
-//! Twin of the binning stages: which tiles a splat must be drawn in, and pairs in depth order.
+//! Twin of the binning stages: the tiles that a splat must be drawn in, and pairs in depth order.
 
 use std::collections::BTreeSet;
 
@@ -27,8 +27,8 @@ pub fn tiles(view: &Viewpoint, s: &Projected, margin: f64) -> BTreeSet<u32> {
     tiles
 }
 
-/// Where each block's part of each tile's list begins, from blocks of `tiles` counts; a last block
-/// says where the lists end.
+/// Where each block's part of each tile's list begins, from blocks of `tiles` counts. The last
+/// block holds the ends of the lists.
 pub fn starts(counts: &[u32], tiles: usize) -> Vec<u32> {
     let blocks = counts.len() / tiles;
     let mut starts = vec![0; counts.len() + tiles];

@@ -1,5 +1,6 @@
 //! Real spherical harmonics, degrees 0–3, as polynomials of the unit direction. Signs and constants
-//! as in Inria's trainer. Written as tables of monomials: the gradients follow mechanically.
+//! as in Inria's trainer. Written as tables of monomials, from which the gradients follow
+//! mechanically.
 
 use glam::DVec3;
 
@@ -44,7 +45,7 @@ fn power(x: f64, n: u8) -> (f64, f64) {
     }
 }
 
-/// Value of basis function `k` at `d`, and its gradient with `d` taken as free coordinates.
+/// Value of basis function `k` at `d`, and its gradient if `d` is not kept at unit length.
 fn basis(k: usize, d: DVec3) -> (f64, DVec3) {
     let mut sum = (0.0, DVec3::ZERO);
     for (coefficient, [a, b, c]) in BASIS[k] {

@@ -1,10 +1,10 @@
-//! An f64 CPU twin of every GPU stage, same names: the oracle of the tests. It follows the textbook
-//! formulas, not the reformulations that keep the shaders' f32 exact, so that it checks those too; only
-//! the determinant and the conic are the shaders' kind, where a needle is beyond f64.
+//! An f64 CPU twin of every GPU stage, with the same names: the oracle of the tests. It follows the textbook formulas,
+//! not the reformulations that keep the shaders' f32 exact, so that it checks those too. Only determinant and conic use
+//! the shaders' formulas, since needles are beyond f64 otherwise.
 //!
-//! A pixel has five channels: linear R, G, B before clamping, depth Σ wᵢ zᵢ, transmittance. All are
-//! `Σ wᵢ payloadᵢ + T · background`: the payload of depth is z over a background of 0, that of
-//! transmittance is 0 over a background of 1.
+//! A pixel has five channels: linear R, G, B before clamping, depth Σ wᵢ zᵢ, transmittance. Each is
+//! `Σ wᵢ payloadᵢ + T · background`. For depth the payload is z and the background 0; for
+//! transmittance the payload is 0 and the background 1.
 
 pub mod bin;
 pub mod harmonics;
@@ -28,8 +28,9 @@ use project::{Projected, Splat};
 use risk::WatchedPixel;
 use splat_exact::MovingPixel;
 
-/// Relative distance from alpha's cut within which it may fall either way. A mean 300 pixels out is
-/// held to 2e-5 pixels in f32, which at the rim of the smallest splat changes alpha by about 2e-4.
+/// Relative distance from alpha's cut within which the decision may fall either way. An f32 rounds
+/// a mean at 300 pixels by 2e-5 pixels. At the rim of the smallest splat that changes alpha by
+/// about 2e-4.
 const CUT_MARGIN: f64 = 1e-3;
 
 /// The five channels of a pixel.
@@ -43,7 +44,7 @@ pub(crate) fn plus(a: Twist, scale: f64, b: Twist) -> Twist {
     std::array::from_fn(|k| a[k] + scale * b[k])
 }
 
-/// What all splats of a picture are seen through.
+/// What is common to all splats of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Viewpoint<'a> {
     /// The camera.
@@ -61,8 +62,8 @@ pub struct Viewpoint<'a> {
 pub struct Rendered {
     /// R, G, B, depth, transmittance of each pixel.
     pub pixels: Vec<Channels>,
-    /// By how much each channel would change if the close decisions in the pixel (the cuts, the
-    /// order) fell the other way; see [`risk`].
+    /// How much each channel would change if the close decisions in the pixel (the cuts, the order)
+    /// fell the other way; see [`risk`].
     pub risk: Vec<Channels>,
 }
 
@@ -90,7 +91,7 @@ impl<'a> Twin<'a> {
         Twin { prior, splats, factor: 1 }
     }
 
-    /// As it is rendered at a level of the pyramid, for cameras reduced by `factor`.
+    /// The twin at a level of the pyramid, for cameras reduced by `factor`.
     pub fn reduced(self, factor: u32) -> Twin<'a> {
         Twin { factor, ..self }
     }

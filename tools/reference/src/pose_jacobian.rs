@@ -61,7 +61,7 @@ fn d_point(p: DVec3, along: Along) -> DVec3 {
     along.rho + along.theta.cross(p)
 }
 
-/// Of the mean: the clamp of the ray does not hold it.
+/// Derivative of the mean, without the clamp of the ray.
 fn d_mean(view: &Viewpoint, p: DVec3, along: Along) -> DVec2 {
     let dp = d_point(p, along);
     let (fx, fy) = (f64::from(view.camera.fx), f64::from(view.camera.fy));
@@ -101,7 +101,7 @@ fn d_covariance(
     DMat2::from_cols_array(&[entry(0, 0), entry(0, 1), entry(1, 0), entry(1, 1)])
 }
 
-/// Of `ln √(det Σ′ / det Σ⁺)`, where opacity compensates: low-passes are constant, so both
+/// The change of `ln √(det Σ′ / det Σ⁺)`, if opacity compensates. Low-passes are constant, so both
 /// covariances change by the same `d`.
 fn d_ln_alpha(view: &Viewpoint, sharp: &DMat2, smooth: &DMat2, d: &DMat2) -> f64 {
     let [added, kept] = view.low_pass;
@@ -118,8 +118,8 @@ fn d_ln_alpha(view: &Viewpoint, sharp: &DMat2, smooth: &DMat2, d: &DMat2) -> f64
     0.5 * (d_ln_det(&sharp) - d_ln_det(smooth))
 }
 
-/// d(rgb)/dρ, `R (I − d̂d̂ᵀ) / ‖·‖` times the harmonics' gradient; θ leaves the camera's centre
-/// where it is. A channel that the clamp at 0 holds does not change.
+/// d(rgb)/dρ, `R (I − d̂d̂ᵀ) / ‖·‖` times the harmonics' gradient; θ does not move the camera's
+/// centre. A channel that is clamped at 0 does not change.
 fn colour(view: &Viewpoint, splat: &Splat, s: &Projected) -> [DVec3; 3] {
     let (d, distance) = splat.direction(view);
     let (_, gradients) = harmonics::evaluate(splat.sh, d);

@@ -73,7 +73,7 @@ impl Linearisation {
         let focal = DVec2::new(c.fx.into(), c.fy.into());
         let principal = DVec2::new(c.cx.into(), c.cy.into());
         let size = DVec2::new(c.width.into(), c.height.into());
-        // The margin is 0.3 tan(fov/2), and tan(fov/2) half the picture over the focal length.
+        // The margin is 0.3 tan(fov/2), and tan(fov/2) is half the picture divided by the focal length.
         let margin = f64::from(FRUSTUM_MARGIN) * 0.5 * size / focal;
         let (low, high) = (-principal / focal - margin, (size - principal) / focal + margin);
         let free = DVec2::new(p.x, p.y) / p.z;
@@ -88,15 +88,15 @@ impl Linearisation {
         }
     }
 
-    /// Determinant of `J Σ Jᵀ + low_pass`, from the axes, `Σ = A Aᵀ` (Cauchy–Binet): that of a long
-    /// needle would drown in the rounding of its covariance.
+    /// Determinant of `J Σ Jᵀ + low_pass`, from the axes, `Σ = A Aᵀ` (Cauchy–Binet): for a long
+    /// needle it would be lost in the rounding of its covariance.
     pub fn determinant(&self, axes: &DMat3, low_pass: f64) -> f64 {
         let [m0, m1] = self.rows.map(|row| axes.transpose() * row);
         let trace = m0.length_squared() + m1.length_squared();
         m0.cross(m1).length_squared() + low_pass * (trace + low_pass)
     }
 
-    /// What the determinant of a splat that is drawn is above: see [`THIN`].
+    /// The least determinant of a splat that is drawn: see [`THIN`].
     fn least_determinant(&self, axes: &DMat3) -> f64 {
         let longest = |row: DVec3| (axes.transpose() * row).abs().max_element();
         let most = longest(self.rows[0]).max(longest(self.rows[1]));
@@ -126,18 +126,18 @@ pub struct Projected {
     pub covariance: DMat2,
     /// Its inverse.
     pub conic: DMat2,
-    /// Factor `(l11, l21, l22)` of that: `dᵀ Q d = (l11 dx + l21 dy)² + (l22 dy)²`.
+    /// Factor `(l11, l21, l22)` of the conic: `dᵀ Q d = (l11 dx + l21 dy)² + (l22 dy)²`.
     pub factor: [f64; 3],
-    /// Opacity, compensated for the low-pass where that is due.
+    /// Opacity, compensated for the low-pass if the prior is anti-aliased.
     pub opacity: f64,
     /// Colour, not below 0.
     pub rgb: [f64; 3],
     /// Half sides, pixels, of the box outside of which alpha is below the cut by more than
-    /// [`CUT_MARGIN`].
+    /// `CUT_MARGIN`.
     pub extent: DVec2,
 }
 
-/// Projects a splat; `None` where it is culled.
+/// Projects a splat; `None` if it is culled.
 pub fn project(view: &Viewpoint, index: u32, splat: &Splat) -> Option<Projected> {
     let rotated = view.pose.matrix() * splat.position;
     let p = rotated + view.pose.translation;
@@ -192,7 +192,7 @@ fn squared([l11, l21, l22]: [f64; 3]) -> DMat2 {
     DMat2::from_cols(DVec2::new(l11 * l11, xy), DVec2::new(xy, l21 * l21 + l22 * l22))
 }
 
-/// What opacity is scaled by, from the ratio of the determinants with what of the low-pass is kept
+/// The scale of opacity, from the ratio of two determinants: with the kept part of the low-pass,
 /// and with all of it.
 fn compensation(view: &Viewpoint, ratio: f64) -> f64 {
     let [added, kept] = view.low_pass;

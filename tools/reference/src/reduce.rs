@@ -4,7 +4,7 @@ use nvsprior::render::{NormalEquations, counts};
 
 use super::Sample;
 
-/// Sums over samples in order; `frame` has three floats per sample. Masked ones are only counted.
+/// Sums over samples in order; `frame` has three floats per sample. Masked samples are only counted.
 pub fn reduce(samples: &[Sample], frame: &[f32]) -> NormalEquations {
     let mut sums = NormalEquations { jtj: [[0.0; 6]; 6], jtr: [0.0; 6], square: 0.0, residuals: 0 };
     for (sample, target) in samples.iter().zip(frame.chunks_exact(3)) {

@@ -1,5 +1,5 @@
-//! Which pixels hang on a close decision. Alpha's cut at 1/255, the transmittance stop and the
-//! depth order make true jumps; where a value lies within rounding of one, f32 and f64 may land on
+//! Which pixels depend on a close decision. Alpha's cut at 1/255, the transmittance stop and the
+//! depth order make true jumps. If a value lies within rounding of a jump, f32 and f64 may fall on
 //! either side, and both are right.
 
 use glam::DVec2;
@@ -11,11 +11,11 @@ use super::project::Projected;
 use super::splat::{Hit, Pixel};
 use super::{CUT_MARGIN, Channels};
 
-/// Relative distance from the transmittance stop within which it may fall either way: errors of
-/// alpha count a hundredfold in `1 − α` where alpha is near 0.99.
+/// Relative distance from the transmittance stop within which the decision may fall either way: if
+/// alpha is near 0.99, its errors count a hundredfold in `1 − α`.
 pub const STOP_MARGIN: f64 = 1e-2;
 
-/// A decision that might have fallen the other way: the pixel before it, the splat, its alpha.
+/// A decision that might have fallen the other way: the pixel before it, the splat, and its alpha.
 #[derive(Clone, Copy, Debug)]
 struct Close {
     what: Decision,
@@ -87,7 +87,7 @@ impl WatchedPixel {
         self.pixel.value(background)
     }
 
-    /// By how much each channel would change, were the close decisions to fall the other way.
+    /// How much each channel would change if the close decisions fell the other way.
     pub fn risk(&self, background: &Channels) -> Channels {
         let value = self.value(background);
         let mut risk = [0.0; 5];
@@ -105,7 +105,7 @@ impl Close {
     fn jump(&self, k: usize, value: f64, background: f64) -> f64 {
         let t = self.before.transmittance;
         let (alpha, payload) = (self.alpha, self.payload[k]);
-        // What the pixel shows from this splat on, and what of that lies behind the splat.
+        // What the pixel shows from this splat on, and the part of it behind the splat.
         let rest = value - self.before.sum[k];
         let change = match self.what {
             Decision::Cut { kept: true } => {
@@ -113,7 +113,7 @@ impl Close {
             }
             Decision::Cut { kept: false } => alpha * (rest - t * payload),
             // Either the splat and all behind it, or the background. What is behind the stop is not
-            // known; it weighs 1e-4, and is taken to be like the splat itself.
+            // known. Its weight is 1e-4, and it is assumed to look like the splat.
             Decision::Stop => (rest - t * background).abs() + t * (payload - background).abs(),
             Decision::Order { payload: other, alpha: its } => {
                 t * alpha * its * (payload - other[k])

@@ -9,7 +9,7 @@ use nvsprior_kernels::shared::{ALPHA_MIN, TRANSMITTANCE_STOP};
 use super::Channels;
 use super::project::Projected;
 
-/// What stands behind everything, by channel.
+/// The background, by channel.
 pub fn background(options: &RenderOptions) -> Channels {
     let [r, g, b] = options.background.map(f64::from);
     [r, g, b, 0.0, 1.0]
@@ -27,7 +27,7 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// At a pixel centre; `None` where the exponent is positive.
+    /// The splat at a pixel centre; `None` if the exponent is positive.
     pub fn at(s: &Projected, options: &RenderOptions, centre: DVec2) -> Option<Hit> {
         let d = s.mean - centre;
         let [l11, l21, l22] = s.factor;
@@ -83,7 +83,7 @@ impl Pixel {
     }
 }
 
-/// Blends splats, in the order given, into every pixel of a picture that starts as `empty`. `blend`
+/// Blends splats, in the given order, into every pixel of a picture that starts as `empty`. `blend`
 /// gets the pixel, the splat's place in the order, and the pixel's centre.
 pub fn blend_rows<P: Clone + Send + Sync>(
     splats: &[Projected],

@@ -1,5 +1,5 @@
-//! Twin of stage `splat_flow`: as if all that a pixel shows moved by the flow of the pixel's own
-//! ray at the splat's depth. Here by the definition, a whole Jacobian through the blending.
+//! Twin of stage `splat_flow`: each splat in a pixel moves with the flow of the pixel's own ray at
+//! the splat's depth. It follows the definition: a whole Jacobian goes through the blending.
 
 use glam::DVec2;
 

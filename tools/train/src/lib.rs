@@ -1,5 +1,5 @@
-//! Making priors ([`mapper`], [`mapping`]), and reducing them to what a mission's views need, within a tolerance ([`trim`]). What no
-//! view at all needs, the library leaves out itself: [`nvsprior::prior::analysis`].
+//! Makes priors ([`mapper`], [`mapping`]), and reduces them, within a tolerance, to what a mission's views need ([`trim`]). The
+//! library itself leaves out what no view needs: [`nvsprior::prior::analysis`].
 
 pub mod coder_tables;
 pub mod mapper;

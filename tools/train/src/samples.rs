@@ -1,11 +1,11 @@
-//! Sample views of a mission: where its cameras stand, and places near them.
+//! Sample views of a mission: its cameras' poses, and poses near them.
 
 use glam::DVec3;
 
 use nvsprior::random::Random;
 use nvsprior::{Camera, Pose};
 
-/// How far a mission's cameras may stand and look from the poses that stand for them.
+/// How far a mission's cameras may be from the poses that stand for them, in place and direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Margin {
     /// Greatest distance, the prior's unit.
@@ -20,16 +20,15 @@ impl Margin {
         !(self.distance > 0.0 || self.angle > 0.0)
     }
 
-    /// A pose within the margin of `pose`; `draw` numbers the draws, of which each is another.
+    /// A pose within the margin of `pose`. Each number `draw` gives another.
     pub fn near(&self, pose: &Pose, draw: u64) -> Pose {
         let rho = in_ball(3 * draw) * self.distance;
         let theta = in_ball(!(3 * draw)) * self.angle;
-        // In the camera's place, not the world's origin: a turn there moves no camera.
+        // Turns about the camera's place, not the world's origin, so the turn moves no camera.
         pose.stepped(&[rho.x, rho.y, rho.z, theta.x, theta.y, theta.z])
     }
 
-    /// Poses near each of `views` in turn, `count` in all, of those draws that are numbered from
-    /// `first` on.
+    /// Poses near each of `views` in turn, `count` in all, with the draws from number `first` on.
     pub fn around(
         &self,
         views: &[(Camera, Pose)],
@@ -41,7 +40,7 @@ impl Margin {
     }
 }
 
-/// An even draw from the unit ball: the first point of a sequence in the cube that lies in it.
+/// A uniform draw from the unit ball: the first point of a sequence in the cube that lies in the ball.
 fn in_ball(seed: u64) -> DVec3 {
     let mut random = Random::new(seed.wrapping_mul(0xd134_2543_de82_ef95));
     loop {

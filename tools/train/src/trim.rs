@@ -1,14 +1,13 @@
-//! Reducing a prior to what a mission's views need: fewer splats, fitted to look like all of them.
+//! Reduces a prior to what a mission's views need: fewer splats, fitted to look like the whole prior.
 //!
-//! In rounds: the splats whose absence the views would show least are left out, and what remains is
-//! fitted to the views' pictures, everything by gradient steps, then colours by least squares. A round
-//! that costs more than the tolerance is taken back and tried with fewer splats, until there is nothing
-//! more to gain. What a splat's absence shows is the sum over pixels of `|T α (behind − colour)|²`,
-//! exact for one splat alone.
+//! It works in rounds. A round leaves out the splats whose absence shows least in the views. It fits the rest to the
+//! views' pictures: everything by gradient steps, then colours by least squares. If a round costs more than the
+//! tolerance, it is taken back and tried again with fewer splats left out, until there is nothing more to gain. How
+//! much a splat's absence shows is the sum over pixels of `|T α (behind − colour)|²`, exact for one splat alone.
 //!
-//! Ranked so, a fifth of the reef prior goes at 0.1 dB without any fit; divided by the pixels that a
-//! splat costs, as the time of a render might suggest, a tenth at 0.2 dB: time goes with the number of
-//! splats more than with their pixels.
+//! With this rank, a fifth of the reef prior can go at a loss of 0.1 dB without any fit. If the rank is divided by the
+//! pixels that a splat covers, only a tenth can go, at 0.2 dB. Time depends on the number of splats more than on their
+//! pixels.
 
 use crate::mapping::fit::{self, sum_over};
 use crate::mapping::project::Geometry;
@@ -33,7 +32,7 @@ pub struct TrimOptions {
     pub sweeps: u32,
     /// Gradient steps in a round; each rasterises two views.
     pub steps: u32,
-    /// Length of the gradient steps, as a share of those that make a prior from nothing.
+    /// Length of the gradient steps, as a share of that for a new prior.
     pub pace: f32,
     /// Splats farther than this from all cameras are left out, the prior's unit.
     pub range: Option<f64>,
@@ -89,15 +88,15 @@ pub trait Judge {
     /// What the splats lose against all of them.
     fn loss(&mut self, splats: &Splats) -> Result<f64, Self::Error>;
 
-    /// Hears of a round that is over, and what remained of the splats.
+    /// Is called after each round, with the splats that remained.
     fn told(&mut self, round: &Round, splats: &Splats) -> Result<(), Self::Error>;
 
-    /// Hears that so many steps of a fit are done.
+    /// Is called with the number of finished steps of a fit.
     fn fitted(&mut self, done: u32, all: u32);
 }
 
-/// Reduces `splats` as far as `judge` finds their loss within the tolerance; all of them where it
-/// never does. `views` hold the pictures to fit to. The result is the same for any number of
+/// Reduces `splats` as long as `judge` finds the loss within the tolerance. Returns all of them if
+/// it never does. `views` hold the pictures to fit to. The result is the same for any number of
 /// threads.
 ///
 /// # Errors
@@ -117,7 +116,7 @@ pub fn trim<J: Judge>(
     Ok(trimmer.best)
 }
 
-/// What leaving out each splat alone would do to the pictures at some places.
+/// For each splat, how the pictures at some places would change without it.
 pub fn removals(
     splats: &Splats,
     render: &RenderOptions,
@@ -131,11 +130,11 @@ pub fn removals(
     })
 }
 
-/// Whether each splat stays where a share of them goes: those that show least. One stays at least.
+/// Which splats stay if the share `share` of them goes, those that show least first. At least one stays.
 pub fn most_needed(removals: &[Removal], share: f64) -> Vec<bool> {
     let mut order: Vec<usize> = (0..removals.len()).collect();
     let error = |i: &usize| removals[*i].error;
-    // Of equals those go first that lie behind.
+    // Of equal splats the later ones go first.
     order.sort_by(|a, b| error(a).total_cmp(&error(b)).then(b.cmp(a)));
     let most = removals.len().saturating_sub(1);
     let gone = ((share * removals.len() as f64).ceil() as usize).min(most);
@@ -169,7 +168,7 @@ impl<J: Judge> Trimmer<'_, J> {
         self.try_without(Step::Unseen, &seen)
     }
 
-    /// Judges the best without some splats, as they are; kept where it is within the tolerance.
+    /// Judges the best prior without some of its splats, without a fit. Keeps the result if it is within the tolerance.
     fn try_without(&mut self, step: Step, kept: &[bool]) -> Result<(), J::Error> {
         if kept.iter().all(|kept| *kept) || !kept.iter().any(|kept| *kept) {
             return Ok(());
@@ -178,8 +177,8 @@ impl<J: Judge> Trimmer<'_, J> {
         self.judged(step, candidate, self.options.tolerance).map(|_| ())
     }
 
-    /// Takes away bands of spherical harmonics for as long as that is nearly free: a quarter of the
-    /// tolerance, since splats are worth more.
+    /// Removes bands of spherical harmonics as long as that costs at most a quarter of the
+    /// tolerance: splats are worth more.
     fn leave_out_bands(&mut self) -> Result<(), J::Error> {
         while self.best.sh_degree > 0 {
             let mut candidate = self.best.with_sh_degree(self.best.sh_degree - 1);
@@ -232,7 +231,8 @@ impl<J: Judge> Trimmer<'_, J> {
             self.judge.fitted(done, sweeps + steps);
         };
         train::train(splats, self.views, &options, pace, &mut step);
-        // Last, since it sees all views at once: it takes away what the last steps left of their own.
+        // Comes last, since it sees all views at once: it corrects what the gradient steps fitted to their last views
+        // only.
         fit::correct_colours(splats, self.views, &options, &mut step);
     }
 }

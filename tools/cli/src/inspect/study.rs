@@ -1,4 +1,4 @@
-//! What pictures of a prior do not need: exactly, and at a mission's views.
+//! Which parts of a prior pictures do not need: in all views, and in a mission's views.
 
 use nvsprior::prior::analysis::{PriorAnalysis, key_bits, splat_bytes};
 use nvsprior::{Camera, EncoderOptions, Engine, Pose, Prior};
@@ -84,7 +84,7 @@ fn print_pyramid(camera: &Camera) {
     row("pyramid", format!("{} of {}×{}", levels.join(", "), camera.width, camera.height));
 }
 
-/// Milliseconds of a render of what is uploaded and of all of the prior.
+/// Milliseconds of a render with the uploaded parts, and with the whole prior.
 fn print_times(
     engine: &Engine,
     prior: &Prior,
@@ -106,7 +106,7 @@ fn print_times(
     Ok(())
 }
 
-/// A camera of the usual size that has the middle of the prior three spreads before it.
+/// A camera of the usual size, three spreads in front of the middle of the prior.
 fn default_view(prior: &Prior) -> (Camera, Pose) {
     let (width, height) = (320, 180);
     let camera = Camera { width, height, fx: 274.0, fy: 274.0, cx: 160.0, cy: 90.0 };
@@ -183,7 +183,7 @@ impl<'a> Sampled<'a> {
             name,
             format!(
                 "{gone} splats ({share:.1} %, bounded at {} views), {bytes} bytes on the \
-             device: {psnr:.2} dB between renders, {} lost; {:.2} ms a render, {:.2} ms with them",
+             device: {psnr:.2} dB between renders, {} lost; {:.2} ms per render, {:.2} ms with them",
                 self.views.places.len(),
                 decibels(loss),
                 times.second,
@@ -206,7 +206,7 @@ impl<'a> Sampled<'a> {
         PictureRenderer::new(self.engine, &left)
     }
 
-    /// Those that stay where as many go as the tolerance allows, those first that show least.
+    /// Which splats stay if as many are left out as the tolerance allows, starting with those that show least.
     fn least_shown(&self, tolerance: f64) -> anyhow::Result<Vec<bool>> {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..HALVINGS {
@@ -223,5 +223,5 @@ impl<'a> Sampled<'a> {
 
 /// A loss against frames, if there are any.
 fn decibels(loss: f64) -> String {
-    if loss.is_nan() { "frames not there: nothing known".into() } else { format!("{loss:.3} dB") }
+    if loss.is_nan() { "no frames, so not known".into() } else { format!("{loss:.3} dB") }
 }

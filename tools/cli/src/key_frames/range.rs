@@ -1,4 +1,4 @@
-//! How far away what cameras show of a prior is.
+//! The distance from cameras to the splats that they show.
 
 use glam::DVec3;
 use nvsprior::prior::Splats;
@@ -6,7 +6,7 @@ use nvsprior::{Camera, Pose};
 
 use crate::mission::spaced;
 
-/// Most splats that stand for all of a prior's, evenly spaced in its list.
+/// Most splats of a sample, evenly spaced in the prior's list.
 const SPLATS: usize = 20_000;
 
 /// Splats that stand for a prior's.
@@ -16,15 +16,15 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Of splats that are culled up to the plane `near`.
+    /// Takes a sample of splats, which are culled up to the plane `near`.
     pub fn of(splats: &Splats, near: f32) -> Sample {
         let positions = spaced(&splats.positions, SPLATS);
         let positions = positions.map(|p| DVec3::from(p.map(f64::from))).collect();
         Sample { positions, near: near.into() }
     }
 
-    /// The poses of the views that show any of the splats, and the median over them of the median
-    /// distance to those.
+    /// The poses of the views that show any of the splats, and the median of their median distances
+    /// to the splats that they show.
     pub fn seen_by(&self, views: &[(Camera, Pose)]) -> (Vec<Pose>, Option<f64>) {
         let seen =
             views.iter().filter_map(|(camera, pose)| Some((*pose, self.distance(camera, pose)?)));

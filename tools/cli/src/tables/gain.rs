@@ -8,8 +8,8 @@ use super::row;
 /// Steps that are shown, from a fine picture to a coarse one.
 const STEPS: [u8; 3] = [24, 32, 40];
 
-/// Prints the mean bytes of difference pictures by the library's tables and by these, on frames that these have
-/// not seen.
+/// Prints the mean bytes of difference pictures with the generic tables and with these, on frames that these have not
+/// seen.
 pub fn print(held_out: &[Pair], tables: &Tables) {
     let generic = Tables::generic();
     let (mut all_before, mut all_after) = (0.0, 0.0);
@@ -20,7 +20,7 @@ pub fn print(held_out: &[Pair], tables: &Tables) {
         row(
             &format!("step {:.0}", step.value()),
             format!(
-                "{before:.1} → {after:.1} bytes a frame, {change:+.1} %; {psnr_before:.2} → {psnr_after:.2} dB"
+                "{before:.1} → {after:.1} bytes per frame, {change:+.1} %; {psnr_before:.2} → {psnr_after:.2} dB"
             ),
         );
         (all_before, all_after) = (all_before + before, all_after + after);

@@ -21,10 +21,10 @@ use nvsprior_inputs::args::progress;
 pub struct Loss {
     /// Against frames, dB.
     pub tolerance: f64,
-    /// PSNR against the whole prior's pictures where there are no frames, dB.
+    /// Least PSNR against the whole prior's pictures if there are no frames, dB.
     pub floor: f64,
-    /// Whether pictures are to be the whole prior's, so that other ones within the margin count as
-    /// loss.
+    /// Whether pictures should look like the whole prior's, so that a difference within the margin
+    /// counts as loss.
     pub distilled: bool,
 }
 
@@ -72,8 +72,8 @@ impl<'a> Bench<'a> {
         if self.views.frames.is_some() { self.limits.tolerance } else { 0.0 }
     }
 
-    /// Takes the coarsest steps for a compact prior, those of the usual ones, their half and so on to `finest` of
-    /// them, that alone cost a quarter of the tolerance at most, or stay 3 dB above the floor.
+    /// Chooses the coarsest steps for a compact prior that by themselves cost at most a quarter of the tolerance, or
+    /// stay 3 dB above the floor. Tries the usual steps, their half and so on, down to `finest` of them.
     pub fn coarsen(&mut self, finest: f32) -> anyhow::Result<()> {
         let Container::Compact(_) = self.container else { return Ok(()) };
         let room = if self.views.frames.is_some() { 0.25 * self.limits.tolerance } else { -3.0 };
@@ -93,9 +93,10 @@ impl<'a> Bench<'a> {
         PictureRenderer::new(self.engine, prior)
     }
 
-    /// The greater of the losses at the views and within their margin. With frames: against them;
-    /// within the margin, if there are none, as far as pictures differ from the whole prior's,
-    /// had the frames differed from those as they do at the views. Without: below the floor.
+    /// The greater of the losses at the views and within their margin. With frames, the loss at the
+    /// views is measured against them. Within the margin there are no frames: there it is
+    /// estimated, assuming that frames would differ from the whole prior's pictures as much as they
+    /// do at the views. Without any frames, the loss is how far the PSNR is below the floor.
     fn loss_of(&mut self, small: &mut PictureRenderer) -> anyhow::Result<f64> {
         let (psnr, loss) = self.views.compare(small)?;
         let near = self.near.compare(small)?.0;

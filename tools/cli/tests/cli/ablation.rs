@@ -78,7 +78,7 @@ fn ablation_writes_every_trial_summary_and_plots() {
     assert_eq!(starts.len(), 2 * 2 * (FRAMES - 1));
     for row in &starts {
         check(row);
-        // In pictures as small as these BFGS may stop in a hollow beside the best pose.
+        // In pictures as small as these BFGS may stop in a local minimum near the best pose.
         let most = if row["method"] == "gauss-newton" { 0.1 } else { 0.5 };
         assert!(number(row, "db_short") <= most, "{row:?}");
     }

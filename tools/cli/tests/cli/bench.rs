@@ -26,7 +26,7 @@ fn bench_writes_report_tables_and_plots() {
     let run = dive.run(&format!("bench {INPUT} {offset} {SMALL}")).ends_with(0);
     let report = dive.json("out/report.json");
 
-    // Dives have three frames, of which the first does not count.
+    // Dives have three frames; the first does not count.
     let forward = number(&report, "/forward_render_ms");
     for (kind, trials) in [("steady", 2), ("perturbed_3deg", 3), ("perturbed_10deg", 3)] {
         let at = |figure: &str| number(&report, &format!("/{kind}/{figure}"));
@@ -34,7 +34,7 @@ fn bench_writes_report_tables_and_plots() {
         assert!(at("failures") <= at("trials"));
         let (frame, ratio) = (at("frame_ms"), at("in_forward_renders"));
         assert!(frame > 0.0 && frame <= at("frame_ms_p95"), "{kind}: {frame}");
-        // One is a median of ratios, the other of times: they agree as far as the clock is steady.
+        // One is a median of ratios, the other a ratio of medians: they agree if the clock is steady.
         let expected = frame / forward;
         assert!(ratio > 0.25 * expected && ratio < 4.0 * expected, "{kind}: {ratio} {expected}");
         // Nothing is better than the best that is known.
@@ -98,7 +98,7 @@ fn stages(report: &Value, dive: &Dive) {
     }
 }
 
-/// The Pareto set is one, and the recommended setting the fastest that loses little.
+/// The Pareto set is correct, and the recommended setting is the fastest one that loses little.
 fn configurations(report: &Value, dive: &Dive, stdout: &str) {
     let rows = report["configurations"].as_array().unwrap();
     assert_eq!(table(dive, "configurations.csv").len(), 1 + rows.len());

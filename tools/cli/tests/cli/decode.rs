@@ -53,8 +53,8 @@ fn one_bad_packet_does_not_stop_the_others() {
     assert_eq!(dive.bytes("out/2.png"), dive.bytes("seen/2.png"));
 }
 
-/// Environments in which other devices draw: lavapipe takes the width of its vectors from a variable, which changes
-/// subgroups and the stages' forms; `scripts/portability.sh` names other drivers' ICD files in
+/// Environments in which other devices draw. Lavapipe reads the width of its vectors from a variable; that changes
+/// subgroups and the stages' forms. `scripts/portability.sh` names other drivers' ICD files in
 /// `NVSPRIOR_OTHER_DRIVERS`, with colons between them.
 fn other_devices() -> Vec<(&'static str, String)> {
     let widths = ["128", "256", "512"].map(|bits| ("LP_NATIVE_VECTOR_WIDTH", bits.to_owned()));

@@ -59,7 +59,7 @@ impl Dive {
         self.run_with(args, &[])
     }
 
-    /// The same with environment variables set.
+    /// As `run`, with environment variables set.
     pub fn run_with(&self, args: &str, environment: &[(&str, &str)]) -> Run {
         let output = Command::new(env!("CARGO_BIN_EXE_nvsprior"))
             .args(args.split_whitespace())
@@ -92,13 +92,13 @@ pub struct Run {
 }
 
 impl Run {
-    /// Fails where the exit code is another.
+    /// Fails if the exit code is another.
     pub fn ends_with(self, code: i32) -> Run {
         assert_eq!(self.code, Some(code), "nvsprior {}\n{}", self.args, self.stderr);
         self
     }
 
-    /// Fails where standard error does not have the text.
+    /// Fails if standard error does not have the text.
     pub fn says(self, text: &str) -> Run {
         assert!(
             self.stderr.contains(text),
@@ -125,7 +125,7 @@ pub fn pictures() -> &'static [Picture] {
     })
 }
 
-/// Writes a picture, its format told by the name.
+/// Writes a picture. The name tells the format.
 pub fn save(picture: &Picture, path: &Path) {
     let Picture { width, height, data } = picture;
     image::save_buffer(path, data, *width, *height, image::ColorType::Rgb8).unwrap();

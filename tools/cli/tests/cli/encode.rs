@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 use crate::dive::{Dive, FRAMES, INPUT, name, pictures};
 use crate::scene::{CAMERA, pose};
 
-/// Bytes of the latent part of the first packet, and of the others; and of the camera part that the first
-/// carries too.
+/// Bytes of the first packet's latent part, of the other packets' latent part, and of the camera part that the first
+/// packet carries too.
 const LATENT: u64 = 31;
 const SHORT_LATENT: u64 = 19;
 const CAMERA_PART: u64 = 18;
@@ -115,7 +115,7 @@ fn without_residual_a_packet_is_a_pose_and_the_first_one_a_camera_too() {
     assert_eq!(summary["mean"]["latent_bytes"], 43.0);
 }
 
-/// Kinds of the starts where no frame is near enough to the one before for the paper's optimiser.
+/// The kinds of starts if no frame is near enough to the one before for the paper's optimiser.
 fn starts(dive: &Dive, args: &str) -> Vec<Value> {
     let summary = dive.encode(&format!("--optimizer bfgs --residual none --threshold 0 {args}"));
     frames(&summary).iter().map(|row| row["start"].clone()).collect()

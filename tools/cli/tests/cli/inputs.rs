@@ -55,7 +55,7 @@ fn nerfstudio_scenes_are_reduced_to_the_width_asked_for() {
     }
     dive.run("decode --prior prior.ply --packets packets --frames out").ends_with(0);
     assert_eq!(dive.picture("out/large1.png"), dive.picture("seen/large1.png"));
-    // A topside that missed the camera takes it from the file, reduced alike.
+    // A topside that missed the camera takes it from the file, reduced in the same way.
     std::fs::remove_file(dive.path("packets/large0.nvsp")).unwrap();
     dive.run("decode --prior prior.ply --packets packets --frames late --cameras transforms.json")
         .ends_with(0);

@@ -40,13 +40,14 @@ fn written_beside_the_prior_and_read_with_it() {
     assert_near(prior.key_frames(), &poses(&[0.0, 1.0, 2.0, 3.0]), 1e-12, 1e-12);
     let text = dive.run("inspect prior.ply").ends_with(0).stdout;
     assert!(row(&text, "key frames").starts_with("in the file beside it: 4, cameras"), "{text}");
-    // By default those 5 % of the distance to the wall apart: the views lie 0.055 apart, the wall 4.
+    // By default key frames are 5 % of the distance to the wall apart. The views are 0.055 apart, and the wall is 4
+    // away.
     let text = dive.run(command).ends_with(0).stdout;
     let away: f64 = row(&text, "scene").split(' ').next().unwrap().parse().unwrap();
     assert!((3.6..5.0).contains(&away), "{text}");
     assert_eq!(row(&text, "thinned"), format!("to 1, by {:.4} and 10°", 0.05 * away));
     assert_near(open(&dive, "prior.ply").key_frames(), &poses(&[0.0]), 1e-12, 1e-12);
-    // Of a split, and by angle alone: two views are 0.0078 rad of pitch and yaw apart, 0.41°.
+    // From one split, and by angle alone: two views are 0.0078 rad of pitch and yaw apart, 0.41°.
     let narrow = format!("{command} --split dive --distance 100 --angle 0.5");
     dive.run(&narrow).ends_with(0);
     assert_near(open(&dive, "prior.ply").key_frames(), &poses(&[0.0, 2.0]), 1e-12, 1e-12);

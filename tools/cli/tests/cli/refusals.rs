@@ -30,7 +30,7 @@ fn wrong_usage_ends_with_2() {
         ("encode --prior prior.ply --packets p", "--cameras"),
         ("render --prior prior.ply --cameras cameras.json --frame images/0.png", "--out"),
         (&format!("{encode} --quality 10 --bytes 100"), "--bytes"),
-        (&format!("{encode} --start-offset 1,2,3"), "6 numbers are due, 3 were given"),
+        (&format!("{encode} --start-offset 1,2,3"), "6 numbers are due, but 3 were given"),
         (&format!("{encode} --start-offset 1,2,3,4,5,nan"), "finite"),
         (&format!("{encode} --bytes many"), "many"),
         (&format!("{encode} --optimizer newton"), "gauss-newton"),

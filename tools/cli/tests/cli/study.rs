@@ -12,7 +12,7 @@ pub fn row<'a>(text: &'a str, name: &str) -> &'a str {
     line.unwrap_or_else(|| panic!("no row \"{name}\" in:\n{text}"))[15..].trim()
 }
 
-/// The wall with a band of zeros, and every tenth splat once more, too faint to show.
+/// The wall with a band of zeros, and with every tenth splat a second time, too faint to show.
 fn padded() -> Prior {
     let wall = wall(1);
     let from = wall.splats();
@@ -49,7 +49,7 @@ fn inspect_says_what_is_left_out() {
     ] {
         assert!(text.contains(part), "no \"{part}\" in:\n{text}");
     }
-    // The same pictures, of which the packets are made.
+    // The pictures that packets are made of stay the same.
     let render = "render --cameras cameras.json --frame images/1.png";
     dive.run(&format!("{render} --prior prior.ply --raw a.npy")).ends_with(0);
     dive.run(&format!("{render} --prior padded.ply --raw b.npy")).ends_with(0);
@@ -68,7 +68,7 @@ fn inspect_of_a_mission_tells_what_its_views_do_not_show() {
     assert!(unseen > 1000 && hardly >= unseen, "{text}");
     assert!(row(&text, "unseen").contains("0.000 dB lost"), "{text}");
     assert!(text.contains("at 1 views of other splits"), "{text}");
-    // Cameras that may stand elsewhere see more.
+    // Cameras with a margin see more.
     let margin = format!("inspect prior.ply {mission} --margin-distance 0.5 --margin-angle 5");
     let text = dive.run(&margin).ends_with(0).stdout;
     let less: usize = row(&text, "unseen").split(' ').next().unwrap().parse().unwrap();
@@ -94,7 +94,7 @@ fn trim_writes_a_prior_that_shows_nearly_the_same() {
     assert!(lost <= 0.1, "{text}");
     assert!(row(&text, "other splits").starts_with("1 views, "), "{text}");
     assert_eq!(dive.picture("sheet.png").height, 3 * (90 + 4) + 4);
-    // The same again, and a link that holds it.
+    // Trims again with the same result. Then uses the reduced prior on a link.
     dive.run(&trim.replace("small.ply", "again.ply")).ends_with(0);
     assert_eq!(dive.bytes("small.ply"), dive.bytes("again.ply"));
     let encode = "encode --prior small.ply --cameras cameras.json --split dive --packets packets";
@@ -122,7 +122,7 @@ fn trim_without_frames_keeps_to_the_floor_within_the_margin() {
     assert!(row(&text, "identity").ends_with(&format!("→ {}", small.id())), "{text}");
     let bytes = |name: &str| dive.bytes(name).len();
     assert!(8 * bytes("small.nvsg") < bytes("prior.ply"), "{text}");
-    // Cameras that may stand elsewhere need more of it than those of the file.
+    // Cameras with a margin need more of the prior than those of the file.
     let narrow = "--cameras cameras.json --floor 40 --steps 2 --out narrow.nvsg";
     dive.run(&format!("trim prior.ply {narrow}")).ends_with(0);
     let narrow = Prior::open(&dive.path("narrow.nvsg"), &Default::default()).unwrap();

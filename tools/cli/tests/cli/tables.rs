@@ -32,7 +32,7 @@ fn trained_beside_the_prior_and_needed_on_both_sides() {
     assert_eq!(row(&text, "coder tables"), "the library's own, for any scene");
     let text = dive.run(&format!("{TABLES} prior.ply")).ends_with(0).stdout;
     assert_eq!(row(&text, "frames"), "4, 4 certain: 3 learned from, 1 held out");
-    assert!(row(&text, "step 32").contains(" bytes a frame, "), "{text}");
+    assert!(row(&text, "step 32").contains(" bytes per frame, "), "{text}");
     let size = Tables::encoded_len();
     assert_eq!(row(&text, "written"), format!("prior.ply.tables, {size} bytes"));
     let prior = open(&dive, "prior.ply");
@@ -42,7 +42,7 @@ fn trained_beside_the_prior_and_needed_on_both_sides() {
     let text = dive.run("inspect prior.ply").ends_with(0).stdout;
     let expected = format!("the scene's own, in the file beside it: {size} bytes");
     assert_eq!(row(&text, "coder tables"), expected);
-    // Both sides show the same with the tables; without them the packets are about another prior.
+    // With the tables both sides show the same. Without them the packets are about another prior.
     dive.encode("--quality 40 --frames-out seen");
     dive.run("decode --prior prior.ply --packets packets --frames topside").ends_with(0);
     for t in 0..FRAMES {
@@ -66,7 +66,7 @@ fn the_same_frames_give_the_same_bytes_in_any_container() {
     let with = open(&dive, "with.nvsg");
     assert_eq!(row(&text, "identity"), with.id().to_string());
     assert_eq!(with.report().coder_tables, PartSource::InFile);
-    // The same beside it: the same prior. A broken file there is replaced.
+    // The tables in a file beside it give the same prior. A broken file there is replaced.
     std::fs::write(dive.path("small.nvsg.tables"), "broken").unwrap();
     dive.run("inspect small.nvsg").ends_with(1).says("small.nvsg.tables: coder tables, byte 0");
     dive.run(&format!("{TABLES} small.nvsg")).ends_with(0);

@@ -28,7 +28,7 @@ uvec2 block(Counters counters, uint group) {
     return min(uvec2(group, group + 1) * each, uvec2(count));
 }
 
-// How many lanes before this one hold the same value. Lanes store in their order: the last one's stands.
+// How many lanes before this one hold the same value. Lanes store in their order: the last one's value remains.
 uint rank(uint value, uint lane) {
     uint before = 0;
     [[unroll]] for (uint other = 0; other < LANES - 1; other++)

@@ -10,7 +10,7 @@ layout(local_size_x = 8) in;
 layout(std430, binding = 0) buffer B0 { Counters counters; };
 layout(std430, binding = 1) buffer B1 { uint histogram[]; };
 
-// To the sum over `reach` lanes up to this one, that over those before.
+// Adds to the sum over the `reach` lanes up to this one the sum over the `reach` lanes before them.
 uint widen(uint sum, uint lane, uint reach) {
     uint other = subgroupShuffle(sum, (lane - reach) & (LANES - 1));
     return sum + (lane >= reach ? other : 0);

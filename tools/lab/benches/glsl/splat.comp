@@ -1,4 +1,4 @@
-// Stage `splat` for subgroups of eight, by hand: what shaders-rs/stages/src/splat.rs is measured against.
+// Stage `splat` for subgroups of eight, by hand: shaders-rs/stages/src/splat.rs is measured against it.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_control_flow_attributes : require

@@ -1,7 +1,7 @@
 //! `nvsprior bench --ablation`: the paper's ablations ("Ablation studies") on a run of frames.
 //!
-//! Losses and optimisers are compared from the same starts, put off from the best known poses along or
-//! about one axis; then sources of starts are compared.
+//! First it compares losses and optimisers from the same starts: the best known poses, moved off along or about one
+//! axis. Then it compares sources of starts.
 
 mod features;
 mod judge;
@@ -30,18 +30,18 @@ use start::StartTrial;
 /// Flags of the ablation.
 #[derive(clap::Args)]
 pub struct AblationArgs {
-    /// Measure the paper's ablations (losses, optimisers, starts) in place of all else
+    /// Measure only the paper's ablations (losses, optimisers, starts)
     ///
     /// Writes ablation.csv, ablation-starts.csv, ablation.json, losses.svg and optimizers.svg.
     #[arg(long)]
     pub ablation: bool,
-    /// Starts a kind of perturbation (rotation, translation), the same for every method
+    /// Starts per kind of perturbation (rotation, translation), the same for every method
     #[arg(long, value_name = "N", default_value = "40", requires = "ablation")]
     ablation_trials: NonZeroUsize,
-    /// Of them, those that Adam and Adam→BFGS are measured from: up to 1000 renders each
+    /// How many of these starts Adam and Adam→BFGS are measured from; each takes up to 1000 renders
     #[arg(long, value_name = "N", requires = "ablation")]
     ablation_adam_trials: Option<usize>,
-    /// Translations are put off by up to this, in the prior's unit (paper: 1.58 m)
+    /// Move translations off by up to this, in the prior's unit (paper: 1.58 m)
     #[arg(long, value_name = "U", default_value = "1.58", value_parser = positive, requires = "ablation")]
     ablation_units: f64,
 }
@@ -116,7 +116,7 @@ fn measure(
     searches: &mut Searches,
     judge: &mut Judge,
 ) -> anyhow::Result<Vec<Trial>> {
-    // All starts are off the poses known now: what is learnt on the way moves none.
+    // All starts refer to the poses known now: better poses found on the way move none.
     let poses: Vec<_> = context.best.iter().map(|best| best.pose).collect();
     let total: usize = Method::ALL.iter().map(|method| args.trials(*method)).sum();
     let bar = progress(Kind::ALL.len() * total, "trials");

@@ -26,12 +26,12 @@ use run::{Beside, Outcome, Run};
 /// `bench --codecs` and what it takes.
 #[derive(clap::Args)]
 pub struct CodecsArgs {
-    /// Measure the wavelet coder and others on the frames and on the difference pictures, in place of all else
+    /// Measure only the wavelet coder and others, on the frames and on the difference pictures
     ///
-    /// The wavelet coder and WebP are built in. JPEG XL needs `cjxl` and `djxl`, the video coders (x264, x265, libaom,
-    /// SVT-AV1, VVenC) `ffmpeg` with them; those that are not installed are named. Bytes are payloads without
-    /// containers; with those of a difference picture is counted what a steady packet adds: 19 bytes of latent part,
-    /// the payload's length, and a check of 2. Writes codecs.json, codecs.csv, codecs-rates.csv and codecs.svg.
+    /// The wavelet coder and WebP are built in. JPEG XL needs `cjxl` and `djxl`. The video coders (x264, x265, libaom,
+    /// SVT-AV1, VVenC) need `ffmpeg` with them. Coders that are not installed are named. Bytes are payloads without
+    /// containers. The bytes of a difference picture include what a steady packet adds: a latent part of 19 bytes, the
+    /// payload's length, and a check of 2. Writes codecs.json, codecs.csv, codecs-rates.csv and codecs.svg.
     #[arg(long, conflicts_with_all = ["ablation", "recovery"])]
     pub codecs: bool,
 }
@@ -103,7 +103,7 @@ impl Measured {
         Ok(())
     }
 
-    /// A coder that may not be there, or not as it is expected to be: the others are measured all the same.
+    /// Measures a coder that may not be installed, or may not work as expected. The others are measured in any case.
     fn external(&mut self, coder: &External, run: &Run, inputs: &[Input]) {
         let missing = |why| Missing { coder: coder.name(), why };
         if !coder.is_installed() {
@@ -138,8 +138,8 @@ fn found(context: &mut Context) -> anyhow::Result<Run> {
     Ok(Run::new(frames, renders, Beside::default()))
 }
 
-/// The same beside the renders at poses as an estimator would give them: the camera file's, put off by as much as
-/// the paper says of estimators. `None` if the file has not all poses.
+/// The run with renders at an estimator's poses: the camera file's, moved off by as much as the paper says of
+/// estimators. `None` if the file does not have all poses.
 fn estimated(context: &mut Context, run: &Run) -> anyhow::Result<Option<Run>> {
     let known: Option<Vec<_>> =
         context.shots.iter().map(|shot| Some((shot.camera, shot.known?))).collect();
@@ -157,7 +157,7 @@ fn timed<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<(T, f64)
     Ok((value?, ms))
 }
 
-/// The same of what cannot fail.
+/// As `coder`, for coders that cannot fail.
 fn timed_value<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let since = Instant::now();
     let value = work();

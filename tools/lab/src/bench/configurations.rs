@@ -62,7 +62,7 @@ struct Setting {
     kept: Kept,
 }
 
-/// One thing at a time is put otherwise than by default. Schedules are those of frames that follow
+/// Each setting changes one thing from the default. Schedules are those of frames that follow
 /// another.
 fn settings(context: &Context) -> Vec<Setting> {
     let mut settings = Vec::new();
@@ -178,7 +178,7 @@ fn plain(splats: &Splats) -> Splats {
     Splats { sh: first.copied().collect(), sh_degree: 0, ..splats.clone() }
 }
 
-/// The places of the splats of the largest opacity times area, in their order.
+/// The places of the splats with the largest opacity times area, in their order.
 fn largest(splats: &Splats, count: usize) -> Vec<usize> {
     let weight = |i: usize| {
         let opacity = 1.0 / (1.0 + (-splats.opacity_logits[i]).exp());

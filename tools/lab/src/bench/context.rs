@@ -59,7 +59,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// From the frame to pose, render and difference, milliseconds; coding is apart.
+    /// From the frame to pose, render and difference, milliseconds, without coding.
     pub fn frame_ms(&self) -> f64 {
         self.stats.refine_milliseconds
     }
@@ -85,7 +85,7 @@ pub struct Context {
     pub forward: Forward,
     /// See [`EncoderOptions::threshold`].
     pub threshold: f64,
-    /// Most device memory seen beside an encoder: of it, the forward renderer and the prior.
+    /// Most device memory in use together with an encoder: the encoder's, the forward renderer's and the prior's.
     pub device_memory: MemoryUse,
 }
 
@@ -121,7 +121,7 @@ impl Context {
         Ok(Sample { shot, forward_ms, stats: encoded.stats, pose: encoded.pose, trace })
     }
 
-    /// Keeps a pose as the best known one if it is better. only of the whole prior.
+    /// Keeps a pose as the best known one if it is better. Only for the whole prior.
     pub fn learn(&mut self, sample: &Sample) {
         let best = &mut self.best[sample.shot];
         if sample.stats.render_psnr > best.psnr {
@@ -134,7 +134,7 @@ impl Context {
         self.best[sample.shot].psnr - sample.stats.render_psnr
     }
 
-    /// Distance from the best known pose: of centres, the prior's unit, and the angle, degrees.
+    /// Distance from the best known pose: between the centres, in the prior's unit, and the angle, degrees.
     pub fn pose_error(&self, sample: &Sample) -> [f64; 2] {
         let best = &self.best[sample.shot].pose;
         let distance = (sample.pose.centre() - best.centre()).length();
@@ -142,7 +142,7 @@ impl Context {
     }
 }
 
-/// Most memory that this process has had, bytes; `None` where the system does not say so.
+/// Most memory that this process has had, bytes; `None` if the system does not say so.
 pub fn host_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

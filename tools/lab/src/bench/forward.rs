@@ -1,4 +1,4 @@
-//! The unit of run time: one forward render at full resolution, on the same device, just before.
+//! The unit of run time: one forward render at full resolution, on the same device, just before the measurement.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -8,7 +8,7 @@ use nvsprior::{Camera, Engine, Picture, Pose};
 
 use super::statistics::median;
 
-/// Renders of which the median counts.
+/// Renders; their median counts.
 const RENDERS: usize = 3;
 
 /// A renderer of 8-bit pictures at full resolution, and all its times.

@@ -23,10 +23,10 @@ const CAREFUL: Schedule = Schedule {
     tolerance: 1e-6,
 };
 
-/// The same at full resolution alone.
+/// The options for a search at full resolution alone.
 const LAST: Schedule = Schedule { first_level: 0, follow_level: 0, levels: 0b0001, ..CAREFUL };
 
-/// How far from the camera file's pose the best known one may lie: what the scene moves in the picture, radians.
+/// How far from the camera file's pose the best known one may lie: the scene's motion in the picture, radians.
 const FARTHEST: f64 = 0.1;
 
 /// A way to search.
@@ -68,8 +68,8 @@ impl Searches {
         Ok(Searches { first, last: [new(Jacobian::Flow, LAST)?, new(Jacobian::Exact, LAST)?] })
     }
 
-    /// The best pose of a frame: from each of some starts, then, with both Jacobians, from what was
-    /// found. Also the depth of the scene there.
+    /// The best pose of a frame: searches from each start, then, with both Jacobians, from the best
+    /// pose found. Also returns the depth of the scene there.
     fn best(&mut self, shot: &Shot, starts: &[Pose]) -> anyhow::Result<(Best, f64)> {
         let mut best: Option<(Best, f64)> = None;
         for start in starts {
@@ -85,9 +85,9 @@ impl Searches {
     }
 }
 
-/// Looks for the best pose of every frame: from the camera file's pose, if there is one, and from the
-/// best of the frame before. In another light than the prior's a wrong pose may look more like the frame: the
-/// camera file's own pose stands for what lies too far from it.
+/// Looks for the best pose of every frame: from the camera file's pose, if there is one, and from the best pose of the
+/// frame before. In another light than the prior's a wrong pose may look more like the frame. So if the pose found is
+/// too far from the camera file's, the camera file's is taken.
 pub fn find(context: &mut Context, done: impl Fn()) -> anyhow::Result<()> {
     let mut searches = Searches::new(context)?;
     for shot in &context.shots {
@@ -112,8 +112,8 @@ fn better(best: Option<(Best, f64)>, found: (Best, f64)) -> (Best, f64) {
     best.filter(|(best, _)| best.psnr >= found.0.psnr).unwrap_or(found)
 }
 
-/// Whether what is at a depth moves in the picture by more than [`FARTHEST`] from one pose to another; the depth is 0
-/// if the picture does not show translations.
+/// Whether things at a depth move in the picture by more than [`FARTHEST`] from one pose to another. The depth is 0 if
+/// the picture does not show translations.
 pub fn beyond(known: &Pose, found: &Pose, depth: f64) -> bool {
     let distance = (known.centre() - found.centre()).length();
     let shift = if depth > 0.0 { distance / depth } else { 0.0 };

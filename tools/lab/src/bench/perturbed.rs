@@ -1,9 +1,9 @@
-//! Starts put off at random: the same ones at every run.
+//! Starts moved off at random, the same in every run.
 
 use nvsprior::geometry::Step;
 use nvsprior::random::Random;
 
-/// How far starts are put off, along and about each axis, evenly in both directions.
+/// How far starts are moved off, along and about each axis: uniform in both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Magnitude {
     /// Along each axis, the prior's unit.
@@ -17,7 +17,7 @@ pub const NEAR: Magnitude = Magnitude { units: 0.11, degrees: 3.0 };
 /// Three times as far.
 pub const FAR: Magnitude = Magnitude { units: 0.3, degrees: 10.0 };
 
-/// A start has failed whose picture stays this much below that of the best known pose, dB.
+/// A start has failed if its picture stays this much below that of the best known pose, dB.
 pub const SHORT: f64 = 0.1;
 
 /// The endless sequence of steps of a seed, to apply to the best known poses.
@@ -34,7 +34,7 @@ pub fn steps(magnitude: Magnitude, seed: u64) -> impl Iterator<Item = Step> {
     })
 }
 
-/// The endless sequence of a seed, even in [−1, 1).
+/// The endless sequence of a seed, uniform in [−1, 1).
 pub fn even(seed: u64) -> impl Iterator<Item = f64> {
     let mut random = Random::new(seed);
     std::iter::repeat_with(move || random.even())

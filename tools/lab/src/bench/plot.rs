@@ -18,7 +18,7 @@ const POINTS: usize = 400;
 /// Losses below this are drawn here, dB: they are as good as none.
 const LEAST_LOSS: f64 = 1e-4;
 
-/// What a plot says beside its points, and where its legend is.
+/// A plot's texts, and the place of its legend.
 struct Words {
     caption: &'static str,
     x: &'static str,
@@ -34,9 +34,9 @@ struct Series {
     dots: bool,
 }
 
-/// The best full-resolution PSNR that each optimiser had reached by a time, median over frames (a
-/// mean would have to wait for the first frame, whose start is far off). A curve begins where half
-/// of the frames have had a full-resolution render.
+/// The best full-resolution PSNR that each optimiser had reached by a time, as a median over
+/// frames. (A mean would have to wait for the first frame, whose start is far off.) A curve begins
+/// at the time at which half of the frames have had a full-resolution render.
 pub fn trace(path: &Path, runs: &[OptimizerRun]) -> anyhow::Result<()> {
     let series = runs.iter().map(|run| {
         let name = run.optimizer.name().into();
@@ -120,14 +120,14 @@ pub fn roofline(path: &Path, stages: &Stages) -> anyhow::Result<()> {
     series.push(Series { name: "ceilings".into(), points, line: true, dots: false });
     let words = Words {
         caption: "Stages under the device's measured ceilings",
-        x: "operations a byte, as counted",
+        x: "operations per byte, as counted",
         y: "GFLOP/s",
         legend: SeriesLabelPosition::LowerRight,
     };
     draw(path, &words, true, &series, &labels)
 }
 
-/// Forward renders by number of splats, a curve a size.
+/// Forward renders by number of splats, one curve per size.
 pub fn scaling(path: &Path, rows: &[Scale]) -> anyhow::Result<()> {
     let mut series: Vec<Series> = Vec::new();
     for row in rows {
@@ -170,7 +170,7 @@ pub fn codecs(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> anyhow::Re
     draw(path, &words, false, &series.collect::<Vec<_>>(), &[])
 }
 
-/// Draws with a logarithmic x axis, and, where `log_y`, such a y axis.
+/// Draws with a logarithmic x axis; with `log_y` the y axis is logarithmic too.
 fn draw(
     path: &Path,
     words: &Words,

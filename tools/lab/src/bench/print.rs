@@ -19,21 +19,23 @@ pub fn print(context: &Context, report: &Report) {
     let steady = report.steady();
     let code = Spread::of(steady.iter().map(|s| s.stats.code_milliseconds));
     let bytes = Spread::of(steady.iter().map(|s| s.stats.bytes as f64));
-    println!("coding: {:.2} ms, {:.0} bytes a packet at quality 10", code.median, bytes.median);
+    println!("coding: {:.2} ms, {:.0} bytes per packet at quality 10", code.median, bytes.median);
     let (latency, pipelined) = (report.rates.latency, report.rates.pipelined);
-    println!("frames a second: {latency:.2} one by one, {pipelined:.2} pipelined");
+    println!("frames per second: {latency:.2} one by one, {pipelined:.2} pipelined");
     for run in &report.runs[1..] {
         let [mse, gauss_newton] = errors(run, steady);
         let name = run.optimizer.name();
-        println!("final error of {name}: {mse:.6}, of gauss-newton there: {gauss_newton:.6}");
+        println!(
+            "final error of {name}: {mse:.6}, of gauss-newton on the same frames: {gauss_newton:.6}"
+        );
     }
     let memory = context.device_memory;
     let [used, reserved] = [memory.used, memory.reserved].map(|bytes| bytes as f64 / MIB);
-    print!("memory: {used:.1} MiB on the device, of {reserved:.1} taken from the driver");
+    print!("memory: {used:.1} MiB in use on the device, {reserved:.1} taken from the driver");
     match (report.host_bytes_steady, host_bytes()) {
         (Some(steady), Some(all)) => {
             let (steady, all) = (steady as f64 / MIB, all as f64 / MIB);
-            println!(", {steady:.1} MiB on the host by the steady run's end, {all:.1} in all");
+            println!(", {steady:.1} MiB on the host at the end of the steady run, {all:.1} in all");
         }
         _ => println!(),
     }
@@ -98,7 +100,7 @@ fn stages(report: &Report) {
     }
 }
 
-/// Thousand millions a second.
+/// Thousand millions per second.
 fn rate(amount: f64, ms: f64) -> f64 {
     if ms > 0.0 { amount / ms * 1e-6 } else { 0.0 }
 }

@@ -1,9 +1,9 @@
 //! `nvsprior bench --recovery`: how a lost camera is found again, and whether the encoder knows that it
 //! is lost.
 //!
-//! *Found*: the prior's render at the encoder's pose is at most [`SHORT`] dB below that at the best known
-//! pose, both against the clean frame, and the two poses are near each other. *Wrong*: more than [`WRONG`] dB below
-//! it, or elsewhere. *False certain*: wrong, and the encoder is certain of it.
+//! *Found*: the prior's render at the encoder's pose is at most [`SHORT`] dB below that at the best known pose, both
+//! against the clean frame, and the two poses are near each other. *Wrong*: more than [`WRONG`] dB below it, or far
+//! from the best known pose. *False certain*: wrong, and the encoder is certain of it.
 
 mod capture;
 mod chart;
@@ -35,14 +35,13 @@ use probe::Run;
 /// Further below the best known pose's render than this, a pose is wrong, dB.
 pub const WRONG: f64 = 1.0;
 
-/// Frames given to an encoder that has not found its pose, the same each time: a lost encoder goes on
-/// looking.
+/// How often an encoder that has not found its pose gets the same frame: a lost encoder goes on searching.
 pub const TRIES: usize = 5;
 
 /// What is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Measurement {
-    /// Starts put off along or about one axis
+    /// Starts moved off along or about one axis
     Capture,
     /// No pose at all, under conditions
     Nothing,
@@ -71,17 +70,17 @@ impl Measurement {
 pub struct RecoveryArgs {
     /// Measure how a lost camera is found again, in place of all else
     ///
-    /// Every frame needs its pose in the camera file. Writes recovery.csv, recovery.json and
+    /// Every frame must have its pose in the camera file. Writes recovery.csv, recovery.json and
     /// recovery.svg.
     #[arg(long, conflicts_with = "ablation")]
     pub recovery: bool,
-    /// Starts put off by each figure; and rolled copies of the frames
+    /// Number of starts per figure, and of rolled copies of the frames
     #[arg(long, value_name = "N", default_value = "100", requires = "recovery")]
     recovery_trials: NonZeroUsize,
     /// Only these measurements [default: all, foreign if --foreign is given]
     #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', requires = "recovery")]
     recovery_only: Vec<Measurement>,
-    /// Only these conditions of frames of which nothing is known [default: all]
+    /// Only these conditions, for frames without any known pose [default: all]
     #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', requires = "recovery")]
     recovery_conditions: Vec<Condition>,
     /// The prior of another scene, which the frames must not be found in
@@ -104,7 +103,7 @@ pub struct RecoveryArgs {
         requires = "recovery"
     )]
     recovery_dropouts: Vec<NonZeroUsize>,
-    /// Frames a second of the run, if the frames' times are not known
+    /// Frames per second of the run, if the frames' times are not known
     #[arg(long, value_name = "FPS", default_value = "3", value_parser = rate, requires = "recovery")]
     recovery_rate: f64,
 }
@@ -138,7 +137,7 @@ pub fn run(args: &RecoveryArgs, context: &mut Context, folder: &Path) -> anyhow:
     for shot in &context.shots {
         anyhow::ensure!(
             shot.known.is_some(),
-            "{}: its pose is not in the camera file, and --recovery needs it of every frame",
+            "{}: its pose is not in the camera file, but --recovery needs the pose of every frame",
             shot.file
         );
     }

@@ -1,4 +1,4 @@
-//! `report.json`: names that other programs rely on, medians beside 95th percentiles.
+//! `report.json`: other programs rely on its names. It has medians and 95th percentiles.
 
 use std::path::Path;
 

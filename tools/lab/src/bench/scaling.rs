@@ -15,7 +15,7 @@ use super::statistics::median;
 const SPLATS: [usize; 5] = [5_000, 20_000, 80_000, 320_000, 2_000_000];
 /// Sizes of the pictures.
 const SIZES: [(u32, u32); 4] = [(160, 90), (320, 180), (640, 360), (1280, 720)];
-/// Runs of which the median counts.
+/// Runs; their median counts.
 const RUNS: usize = 3;
 
 /// A number of splats at a size.
@@ -80,7 +80,7 @@ fn time(context: &Context, prior: &Prior, camera: &Camera) -> anyhow::Result<Tim
     Ok(Times { forward_ms: counted(forward), evaluation_ms: counted(evaluation) })
 }
 
-/// The scene with another number of splats: every so manieth, or each several times, put aside by
+/// The scene with another number of splats: every n-th splat, or each splat several times, moved by
 /// up to its own extent. Each becomes larger or smaller, so that all together cover the same area.
 fn resized(splats: &Splats, count: usize) -> Splats {
     let len = splats.len();

@@ -1,5 +1,5 @@
-//! The device's time by stage, beside the bytes and operations that a model counts and the rates
-//! that the device reaches at best.
+//! The device's time by stage, with the bytes and operations that a model counts, and the best
+//! rates of the device.
 
 use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
@@ -13,7 +13,7 @@ use crate::cost::{Cost, Counts, PICTURE_PASSES, SEARCH_PASSES, Sharing, Work};
 
 /// Runs of each job whose stage times are averaged.
 const RUNS: u32 = 10;
-/// A stage that reaches this share of a ceiling is said to be bound by it.
+/// If a stage reaches this share of a ceiling, the ceiling bounds it.
 const BOUND: f64 = 0.35;
 
 /// A stage of a job.
@@ -22,15 +22,15 @@ pub struct Stage {
     pub name: &'static str,
     pub ms: f64,
     pub work: Work,
-    /// Bytes a second, of the copy's.
+    /// Bytes per second, as a share of the copy's.
     pub share_of_copy: f64,
-    /// Operations a second, of the multiply-adds'.
+    /// Operations per second, as a share of the multiply-adds'.
     pub share_of_fma: f64,
 }
 
 impl Stage {
-    /// What it is bound by: `copy`, `arithmetic`, or `neither` where it stays below a third of
-    /// both: then it waits, for other invocations, single words, divisions, or its own dispatch.
+    /// What bounds it: `copy`, `arithmetic`, or `neither` if it stays below a third of both. Then
+    /// it waits for other invocations, single words, divisions, or its own dispatch.
     pub fn bound(&self) -> &'static str {
         match (self.share_of_copy, self.share_of_fma) {
             (copy, fma) if copy.max(fma) < BOUND => "neither",
@@ -138,7 +138,7 @@ struct Search {
     levels: Vec<(Counts, f64)>,
 }
 
-/// The search of a frame after the two before it, or the one: always the same.
+/// The search of a frame after two earlier frames, or one; always the same.
 fn search(context: &Context) -> anyhow::Result<Search> {
     let EncoderOptions { refine, factors, threshold, .. } = context.options();
     let (refine, profile): (RefineOptions, _) = (refine, nvsprior_kernels::search::COMPACT);
@@ -177,7 +177,7 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     Ok(Search { times, levels })
 }
 
-/// Mean times over runs; the first run does not count: drivers finish their work at first use.
+/// Mean times over runs. The first run does not count: drivers finish their work at first use.
 fn mean(mut run: impl FnMut() -> anyhow::Result<Vec<StageTime>>) -> anyhow::Result<Vec<StageTime>> {
     let mut sums: Vec<StageTime> = Vec::new();
     run()?;

@@ -12,7 +12,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// All NaN where there is no value.
+    /// All NaN if there is no value.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Spread {
         let mut values: Vec<f64> = values.into_iter().collect();
         values.sort_by(f64::total_cmp);
@@ -33,7 +33,7 @@ pub struct Quartiles {
 }
 
 impl Quartiles {
-    /// All NaN where there is no value.
+    /// All NaN if there is no value.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Quartiles {
         let mut values: Vec<f64> = values.into_iter().collect();
         values.sort_by(f64::total_cmp);
@@ -41,8 +41,8 @@ impl Quartiles {
         Quartiles { first, median, third }
     }
 
-    /// Of values of which more is better: the lower of two in the middle counts, as the upper one does
-    /// of errors. So a PSNR's median is the trial's whose error is the median.
+    /// Quartiles of values of which more is better. The lower of two middle values counts, since the upper one counts
+    /// for errors. So the median PSNR belongs to the trial with the median error.
     pub fn of_gains(values: impl IntoIterator<Item = f64>) -> Quartiles {
         let Quartiles { first, median, third } = Quartiles::of(values.into_iter().map(|v| -v));
         Quartiles { first: -third, median: -median, third: -first }

@@ -1,4 +1,4 @@
-//! A steady run: the frames in order, as a dive has them, one after the other and pipelined.
+//! A steady run: the frames of a dive in order, one after the other and pipelined.
 
 use std::time::Instant;
 
@@ -7,8 +7,8 @@ use nvsprior::{Encoded, EncoderOptions, Pipeline};
 
 use super::context::{Context, OptimizerRun, Sample, Shot};
 
-/// Encodes the first `frames` with one encoder; the first one, which is looked for afresh, does not
-/// count.
+/// Encodes the first `frames` frames with one encoder. The first one, which is searched afresh,
+/// does not count.
 pub fn measure(
     context: &mut Context,
     options: EncoderOptions,
@@ -18,7 +18,8 @@ pub fn measure(
     let mut encoder = context.encoder(options)?;
     let mut samples = Vec::new();
     for shot in 0..frames.min(context.shots.len()) {
-        // If the first frame has no pose from outside, a run with poses would begin so too.
+        // If the first frame has no pose from outside, start from its best known pose, so that the run begins in the
+        // same way.
         let start = context.shots[shot].external.or((shot == 0).then_some(context.best[0].pose));
         let sample = context.sample(&mut encoder, shot, start)?;
         context.learn(&sample);
@@ -29,7 +30,7 @@ pub fn measure(
     Ok(samples)
 }
 
-/// The same with a gradient method.
+/// Measures a gradient method.
 pub fn descend(
     context: &mut Context,
     optimizer: Optimizer,
@@ -41,7 +42,7 @@ pub fn descend(
     Ok(OptimizerRun { optimizer, samples: measure(context, options, frames, done)? })
 }
 
-/// Frames a second, the first frame not counted.
+/// Frames per second, without the first frame.
 #[derive(Clone, Copy)]
 pub struct Rates {
     /// One frame after the other.

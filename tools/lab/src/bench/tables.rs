@@ -10,8 +10,8 @@ use super::report::Report;
 use super::stages::Stages;
 use super::{configurations, scaling};
 
-/// Writes trace.csv, frames.csv, trials.csv, stages.csv, and configurations.csv and scaling.csv
-/// where these were measured.
+/// Writes trace.csv, frames.csv, trials.csv, stages.csv, and configurations.csv and scaling.csv if
+/// these were measured.
 pub fn write(folder: &Path, context: &Context, report: &Report) -> anyhow::Result<()> {
     let write = |name: &str, rows: Vec<Vec<String>>| {
         let path = folder.join(name);

@@ -1,4 +1,4 @@
-//! Starts put off from the best known poses, each frame looked for as if nothing were known before.
+//! Starts moved off from the best known poses. Each frame is searched as if nothing were known before.
 
 use nvsprior::EncoderOptions;
 
@@ -16,7 +16,7 @@ pub fn measure(
     done: impl Fn(),
 ) -> anyhow::Result<Vec<Sample>> {
     let mut encoder = context.encoder(EncoderOptions { rate: None, ..context.options() })?;
-    // All steps are off the poses known now: what is learnt on the way moves none.
+    // All steps refer to the poses known now: better poses found on the way move none.
     let poses: Vec<_> = context.best.iter().map(|best| best.pose).collect();
     // Not counted: the first use of the commands.
     context.sample(&mut encoder, 0, Some(poses[0]))?;

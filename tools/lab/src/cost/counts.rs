@@ -1,4 +1,4 @@
-//! What a picture is made of: the amounts that the cost of its stages is counted from.
+//! Counts of a picture's work, from which the cost of its stages follows.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use nvsprior_kernels::shared::{
     sh_coefficients, sh_planes,
 };
 
-/// What a render at one pose comes to.
+/// The amounts of a render at one pose.
 #[derive(Clone, Copy, Debug)]
 pub struct Counts {
     /// Splats of the prior, N.
@@ -24,7 +24,7 @@ pub struct Counts {
     pub pairs: f64,
     /// Splats times the rows of tiles that they touch, R.
     pub rows: f64,
-    /// Splats times pixels that are blended, of a picture and of an evaluation, E.
+    /// Splats times pixels that are blended, in a picture and in an evaluation, E.
     pub blended: [f64; 2],
     /// Tiles, T.
     pub tiles: f64,
@@ -39,7 +39,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Of a prior's render that left `stages`. `camera` is the level's, `frame` that of the full picture.
+    /// Counts a prior's render that left `stages`. `camera` is the level's, `frame` that of the full picture.
     pub fn of(prior: &Prior, camera: &Camera, frame: &Camera, stages: &Stages) -> Counts {
         let view = Tiles::of(prior, camera, stages);
         let [across, down] = view.tiles;
@@ -91,8 +91,8 @@ impl Tiles<'_> {
         self.stages.order.iter().map(rows).sum()
     }
 
-    /// Splats times pixels that the blending goes through if it takes so many rows of a tile at a time, and
-    /// ends with the last pixel of them.
+    /// Splats times pixels that the blending goes through if it takes `rows` rows of a tile at a time, and stops when
+    /// all of their pixels are finished.
     fn blended(&self, rows: u32) -> f64 {
         let [across, down] = self.tiles;
         let corners = (0..down).flat_map(|y| (0..across).map(move |x| [x * TILE, y * TILE]));
@@ -119,7 +119,7 @@ impl Tiles<'_> {
     }
 }
 
-/// What a splat leaves of the transmittance of some pixels, each with its centre; 0: finished.
+/// Dims the transmittance of some pixels, each with its centre, by a splat; 0: finished.
 fn dim(left: &mut [([f32; 2], f32)], record: &[f32; 12], alpha_max: f32) {
     let [u, v, l11, l21, l22, log_opacity, ..] = *record;
     let opacity = log_opacity.exp2();

@@ -86,20 +86,20 @@ pub struct Row {
     pub picture: Option<PictureError>,
     /// Error of the gradient, relative to what Cauchy–Schwarz bounds it by.
     pub gradient: Option<f64>,
-    /// The same of JᵀJ.
+    /// As `gradient`, for JᵀJ.
     pub jtj: Option<f64>,
     pub descent: Option<Descent>,
     pub milliseconds: f64,
     pub note: String,
 }
 
-/// Difference of a picture from the twin's, all channels, relative to the channel's largest value
-/// where that is above 1.
+/// Difference of a picture from the twin's, over all channels. It is relative to the channel's
+/// largest value if that is above 1.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PictureError {
     pub max: f64,
     pub mean: f64,
-    /// Largest change that rounding the inputs to f32 brings in f64.
+    /// Largest change in f64 from rounding the inputs to f32.
     pub rounding: f64,
 }
 

@@ -1,5 +1,5 @@
-//! The same prior on every device there is: how far their pictures are apart, and what a topside makes of
-//! another device's packets.
+//! The same prior on every device of the machine: how far their pictures differ, and what a topside makes of another
+//! device's packets.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -18,12 +18,12 @@ pub const GROUP: Group = Group {
     name: "devices",
     about: "Every Vulkan device of the machine against the first: pictures of 320×180 from the same \
             poses, and packets of one decoded on the other. `scripts/second-driver.sh` sets a second \
-            driver beside the first where there is one device only.",
+            driver beside the first if there is only one device.",
     cases,
 };
 
-const SAME: &str = "alike but for rounding: fewer than a pixel in a hundred differs, the decoded frame \
-                    by less than 0.05 dB; the topside is told where a render differs";
+const SAME: &str = "equal but for rounding: fewer than one pixel in a hundred differs, the decoded frame \
+                    by less than 0.05 dB; the topside is told if a render differs";
 
 /// Poses that are drawn.
 const POSES: usize = 8;
@@ -121,7 +121,7 @@ fn compare(bench: &Bench, prior: &Prior, pose: &Pose) -> anyhow::Result<Done> {
         title: format!("Devices: {} splats", prior.len()),
         about: "Bytes of 8-bit pictures against those of the first device, and the packet's frame \
                 decoded there: PSNR against the camera's frame, less that of the vehicle's own picture.",
-        header: vec!["device", "greatest", "mean", "bytes that differ", "decoded, dB", "ms a picture"],
+        header: vec!["device", "greatest", "mean", "bytes that differ", "decoded, dB", "ms per picture"],
         rows: lines,
     });
     Ok(done)
@@ -165,7 +165,7 @@ fn against(
     Ok((row, line))
 }
 
-/// What frames lose where another device than the vehicle's decodes them, dB; whether the topside
+/// What frames lose if another device than the vehicle's decodes them, dB, and whether the topside
 /// knows.
 fn decoded_elsewhere(
     first: &Side,

@@ -1,11 +1,11 @@
-//! The twin's picture, with how far rounding and close decisions may move a picture in f32 from it.
+//! The twin's picture, and how far rounding and close decisions may move an f32 picture from it.
 
 use glam::DVec3;
 use nvsprior::prior::PriorError;
 use nvsprior::{Camera, Pose, Prior};
 use nvsprior_reference::{Channels, Rendered, Twin};
 
-/// How many times as far as by rounding its inputs a result may be off: several operations round.
+/// A result may be off by this many times the effect of rounding its inputs, since several operations round.
 pub const ROUNDINGS: f64 = 16.0;
 
 /// A picture of the twin.
@@ -51,7 +51,7 @@ impl Explained {
                 let (got, expected) = (f64::from(*value), self.picture.pixels[at][k]);
                 let off = (got - expected).abs() / self.scale[k];
                 let rounding = self.rounding[at][k] / self.scale[k];
-                // Several decisions may hang together: the sum of their jumps is a guide only.
+                // Several decisions may depend on each other, so the sum of their jumps is only a guide.
                 let risk = self.picture.risk[at][k] / self.scale[k];
                 let explained = 1.5 * risk + ROUNDINGS * rounding;
                 let excess = if off.is_nan() { f64::INFINITY } else { off - explained };
@@ -70,7 +70,7 @@ impl Explained {
     }
 }
 
-/// Whether f32 may tell otherwise than f64 which splats lie before the near plane.
+/// Whether f32 and f64 may disagree on which splats lie before the near plane.
 pub fn undecided(prior: &Prior, pose: &Pose) -> bool {
     let near = f64::from(prior.options().near);
     let centre = DVec3::from(prior.frame().centre.map(f64::from));
@@ -83,8 +83,8 @@ pub fn undecided(prior: &Prior, pose: &Pose) -> bool {
     })
 }
 
-/// The prior with every number moved by one unit in the last place, equal ones alike; positions by one
-/// of their distance from the prior's centre, from which the device holds them, where that is more.
+/// The prior with every number moved by one unit in the last place, equal numbers in the same way. Positions move by
+/// one unit of their distance from the prior's centre if that is more: the device holds them relative to it.
 pub fn rounded(prior: &Prior) -> Result<Prior, PriorError> {
     let mut splats = prior.splats().clone();
     let centre = prior.frame().centre;
@@ -120,7 +120,7 @@ fn nudge(value: &mut f32) {
     }
 }
 
-/// The pose as far off as f32 holds it, for points relative to the prior's centre.
+/// The pose, moved by the rounding of f32, for points relative to the prior's centre.
 pub fn nudged(prior: &Prior, pose: &Pose) -> Pose {
     let by = f64::from(f32::EPSILON);
     let mut pose = *pose;

@@ -35,7 +35,7 @@ pub struct Extreme {
     pub camera: Camera,
     /// Where it stands.
     pub pose: Pose,
-    /// From the pose to where a search starts.
+    /// The step from the pose to the start of a search.
     pub offset: [f64; 6],
 }
 
@@ -158,7 +158,7 @@ fn offset(r: &mut Random, unit: f32) -> [f64; 6] {
         .map(|k| f64::from(r.within(-1.0, 1.0) * far * if k < 3 { unit } else { 1.0 }))
 }
 
-/// What became of a case.
+/// The outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// Everything held.
@@ -179,17 +179,17 @@ impl fmt::Display for Fault {
 
 impl<E: std::error::Error> From<E> for Fault {
     fn from(error: E) -> Fault {
-        Fault(format!("an error where none is due: {error}"))
+        Fault(format!("an unexpected error: {error}"))
     }
 }
 
-/// Fails where something does not hold.
+/// Fails if something does not hold.
 fn ensure(holds: bool, otherwise: impl FnOnce() -> String) -> Result<(), Fault> {
     if holds { Ok(()) } else { Err(Fault(otherwise())) }
 }
 
-/// Draws the scene of a seed and differentiates it; searches and sends one in four, and holds one in
-/// eight against the twin.
+/// Draws the scene of a seed and differentiates it. Searches and sends one scene in four, and compares one in eight
+/// with the twin.
 pub fn check(engine: &Engine, seed: u64) -> Result<Outcome, Fault> {
     let scene = Extreme::new(seed);
     let prior = match Prior::from_splats(scene.splats.clone(), scene.options) {
@@ -226,7 +226,7 @@ fn draw(engine: &Engine, prior: &Prior, scene: &Extreme) -> Result<Vec<f32>, Fau
         let at = pose.stepped(offset);
         let e = renderer.normal_equations(0, jacobian, &at)?;
         if !sound_equations(&e) {
-            // Searches do not step to where sums are beyond f32; only there may they be no numbers.
+            // Searches do not step to poses with sums beyond f32. Only there the sums may be no numbers.
             let twin = Twin::new(prior).normal_equations(camera, &at, &frame, jacobian);
             let largest = twin.jtj.iter().flatten().chain([&twin.square]);
             let largest = largest.fold(0.0, |m: f64, v| m.max(v.abs()));
@@ -236,7 +236,7 @@ fn draw(engine: &Engine, prior: &Prior, scene: &Extreme) -> Result<Vec<f32>, Fau
     Ok(drawn)
 }
 
-/// Sums of which the twin makes this and more need not be numbers in f32.
+/// If the twin's sums reach this, those in f32 need not be numbers.
 const BEYOND: f64 = 1e36;
 
 fn sound_equations(e: &NormalEquations) -> bool {
@@ -244,7 +244,7 @@ fn sound_equations(e: &NormalEquations) -> bool {
     numbers && e.square.is_finite() && e.square >= 0.0 && (0..6).all(|k| e.jtj[k][k] >= 0.0)
 }
 
-/// Encodes the picture of the scene from a start beside its pose; the topside must show the same.
+/// Encodes the picture of the scene from a start near its pose. The topside must show the same.
 fn send(engine: &Engine, prior: &Prior, scene: &Extreme, seed: u64) -> Result<(), Fault> {
     let Extreme { camera, pose, offset, .. } = scene;
     let mut random = Random::new(seed);
@@ -264,7 +264,7 @@ fn send(engine: &Engine, prior: &Prior, scene: &Extreme, seed: u64) -> Result<()
     let options = EncoderOptions { refine, rate, ..EncoderOptions::default() };
     let mut encoder = Encoder::new(engine, &uploaded, camera, options)?;
     let encoded = match encoder.encode(&frame, Some(pose.stepped(offset))) {
-        // A pose that no packet holds is told so.
+        // If no packet can hold the pose, an error must say so.
         Err(Error::Packet(_)) => return Ok(()),
         encoded => encoded?,
     };
@@ -273,7 +273,7 @@ fn send(engine: &Engine, prior: &Prior, scene: &Extreme, seed: u64) -> Result<()
     ensure(decoded.picture == encoded.picture, || "the topside shows another picture".into())
 }
 
-/// Most that a channel may be off beyond what rounding and close decisions explain.
+/// Largest error of a channel beyond what rounding and close decisions explain.
 const PICTURE: f64 = 1e-3;
 
 fn as_twin(prior: &Prior, scene: &Extreme, drawn: &[f32]) -> Result<(), Fault> {

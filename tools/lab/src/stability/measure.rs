@@ -23,8 +23,8 @@ const UNSEEN: f64 = 1e-5;
 /// Share of an error that the rounding of a pose in its packet may add.
 const ROUNDED: f64 = 1e-3;
 
-/// Most that the coarse sort may change gradient and JᵀJ by: it draws splats of nearly the same depth
-/// in the order of the file.
+/// Largest change of gradient and JᵀJ by the coarse sort, which draws splats of nearly the same depth in the order of
+/// the file.
 const COARSE: f64 = 0.1;
 
 /// A scene to be drawn, differentiated and searched.
@@ -35,16 +35,16 @@ pub struct Scenario {
     /// Where the search starts, from the pose.
     pub offset: [f64; 6],
     pub limits: Limits,
-    /// The frame; the prior's own picture where there is none.
+    /// The frame; if `None`, the prior's own picture.
     pub frame: Option<Picture>,
 }
 
 /// What is expected of a scene.
 #[derive(Clone, Copy)]
 pub struct Limits {
-    /// Most that a channel may be off beyond what rounding and close decisions explain.
+    /// Largest error of a channel beyond what rounding and close decisions explain.
     pub picture: f64,
-    /// The same of gradient and JᵀJ.
+    /// Largest error of gradient and JᵀJ.
     pub equations: f64,
     /// Whether the twin searches too; slow for large scenes.
     pub twin_searches: bool,
@@ -149,7 +149,7 @@ impl Scenario {
             let stop = found.outcome.stop;
             row.descent = Some(Descent { start: before, end, stop, evaluations });
             row.expect(found.outcome.pose.is_finite(), || "the pose found is no number".into());
-            // By the sums that it minimises, or by what is seen: colours beyond white are one.
+            // Judged by the sums that it minimises, or by what is seen: colours beyond white look the same.
             let no_worse = end <= (1.0 + ROUNDED) * before.max(UNSEEN)
                 || seen(renderer, &found.outcome.pose, &twin.frame)? <= seen_before.max(UNSEEN);
             let fine = !self.limits.descends || no_worse;
@@ -209,7 +209,7 @@ fn pose_of(placement: &Placement, centre: glam::DVec3) -> Option<Pose> {
     Some(Pose { translation: pose.translation - pose.rotation * centre, ..pose })
 }
 
-/// What the twin makes of a scene, and how far rounding moves it.
+/// The twin's result for a scene, and how far rounding moves it.
 struct Reference {
     frame: Picture,
     picture: Explained,
@@ -348,8 +348,8 @@ pub fn psnr(got: &[f32], expected: &[f32]) -> f64 {
     psnr_of_mse(square / a.len() as f64)
 }
 
-/// Lengths of the columns of J. A motion that moves the picture less than a ten-thousandth of what another
-/// does (a roll about the only pixel) counts as so much.
+/// Lengths of the columns of J. They count as at least a ten-thousandth of the longest: some motions, such as a roll
+/// about the only pixel, hardly move the picture.
 fn lengths(e: &NormalEquations) -> [f64; 6] {
     let own = [0, 1, 2, 3, 4, 5].map(|k: usize| e.jtj[k][k].sqrt());
     let least = 1e-4 * own.iter().copied().fold(0.0, f64::max);
@@ -366,8 +366,8 @@ pub fn jtj_error(got: &NormalEquations, twin: &NormalEquations) -> f64 {
     }))
 }
 
-/// Largest error of a component of the gradient, by Cauchy–Schwarz. A render that fits to 8 bits has
-/// no residuals to speak of: those of half a step count as the least.
+/// Largest error of a component of the gradient, by Cauchy–Schwarz. Residuals count as at least half an 8-bit step,
+/// since a render that fits has nearly none.
 pub fn gradient_error(got: &NormalEquations, twin: &NormalEquations) -> f64 {
     let least = twin.residuals as f64 * (0.5_f64 / 255.0).powi(2);
     let residual = twin.square.max(least).sqrt();
@@ -375,7 +375,7 @@ pub fn gradient_error(got: &NormalEquations, twin: &NormalEquations) -> f64 {
     largest((0..6).map(|k| share((got.jtr[k] - twin.jtr[k]).abs(), length[k] * residual)))
 }
 
-/// An error as a share of its bound; nothing off is no error, whatever the bound.
+/// An error as a share of its bound; 0 if there is no error, whatever the bound.
 fn share(off: f64, bound: f64) -> f64 {
     if off == 0.0 { 0.0 } else { off / bound }
 }

@@ -14,7 +14,7 @@ use super::{poses, refined};
 pub const GROUP: Group = Group {
     name: "optimisers",
     about: "Every optimiser on flat, noisy and deceiving objectives, at 160×90; and runs of a thousand \
-            frames, whose last poses are held against the first.",
+            frames, whose last poses are compared with the first.",
     cases,
 };
 
@@ -83,8 +83,8 @@ fn ended(bench: &Bench, sought: &Sought, optimizer: Optimizer) -> anyhow::Result
     Ok(row)
 }
 
-/// A run of frames with a little noise, each of a path's poses, encoded one after another. Every
-/// twentieth frame shows the first place again.
+/// Encodes a run of frames with a little noise, along a path of poses. Every twentieth frame shows
+/// the first place again.
 fn run(
     name: &'static str,
     expected: &'static str,
@@ -107,7 +107,7 @@ fn run(
             .collect::<anyhow::Result<_>>()?;
         for t in 0..frames {
             let mut frame = shown[t % LAP].clone();
-            // The first place looks the same each time; the noise elsewhere is always another.
+            // The first place looks the same each time. At other places the noise differs.
             let seed = if t % LAP == 0 { 0 } else { t as u64 };
             let mut random = Random::new(seed);
             for v in &mut frame.data {

@@ -21,7 +21,7 @@ pub const GROUP: Group = Group {
 const NO_WORSE: &str = "equations as the twin's; the search ends no worse than it began, or above 50 dB; the topside shows what was encoded";
 const AS_TWIN: &str = "drawn and differentiated as by the twin; the search ends no worse than it began, or above 50 dB; the topside shows what was encoded";
 const TOO_LARGE: &str =
-    "drawn, encoded and decoded where the device holds it, else refused with what would fit";
+    "drawn, encoded and decoded if the device holds it, else refused with what would fit";
 
 fn cases(bench: &Bench) -> Vec<Case> {
     let mut all = frames();
@@ -173,8 +173,8 @@ fn sizes(quick: bool) -> Vec<Case> {
     all
 }
 
-/// A large picture, encoded and decoded; without the twin, which would take minutes. Its middle is held
-/// against the same middle drawn by a small camera.
+/// A large picture, encoded and decoded, without the twin, which would take minutes. Its middle is compared with the
+/// same middle drawn by a small camera.
 fn whole(bench: &Bench, width: u32, height: u32) -> anyhow::Result<Vec<Row>> {
     let since = Instant::now();
     let camera = scenes::camera(width, height);
@@ -207,7 +207,7 @@ fn whole(bench: &Bench, width: u32, height: u32) -> anyhow::Result<Vec<Row>> {
     Ok(vec![row])
 }
 
-/// Where the middle of a picture is not what a camera of the middle alone draws.
+/// Tells how the middle of a picture differs from what a camera of the middle alone draws.
 fn middle_differs(
     bench: &Bench,
     scene: &std::sync::Arc<nvsprior::render::Scene>,
@@ -215,7 +215,7 @@ fn middle_differs(
     drawn: &Picture,
 ) -> Result<Option<String>, Error> {
     let (width, height) = (camera.width.min(64), camera.height.min(64));
-    // Whole tiles, so that pixels lie alike in them.
+    // Whole tiles, so that pixels have the same places in them.
     let (x, y) = ((camera.width - width) / 16 * 8, (camera.height - height) / 16 * 8);
     let part =
         Camera { width, height, cx: camera.cx - x as f32, cy: camera.cy - y as f32, ..*camera };
@@ -231,7 +231,7 @@ fn middle_differs(
         .map(|(a, b)| a.abs_diff(b))
         .max()
         .unwrap_or(0);
-    // The frustum's clamp of covariances lies elsewhere for the part: splats beside it differ.
+    // The small camera clamps covariances at another frustum, so splats beside it differ.
     Ok((most > 8).then(|| format!("the middle differs by {most} of 255")))
 }
 

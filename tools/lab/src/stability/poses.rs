@@ -33,7 +33,7 @@ const EMPTY: &str = "all six directions open; the pose stays at the start exactl
 enum Holds {
     Found,
     Stiff,
-    /// As `Stiff`, where depths tie: the objective has a jump at the true pose.
+    /// As `Stiff`, but depths are equal: the objective has a jump at the true pose.
     Jumps,
     Open,
     Empty,
@@ -128,7 +128,7 @@ fn check(row: &mut Row, sought: &Sought, found: &Found, holds: Holds) {
     }
 }
 
-/// How far a search went along directions that the picture leaves open, in depths and radians.
+/// How far a search went along directions that the picture does not determine, in depths and radians.
 fn along_open(sought: &Sought, found: &Found) -> f64 {
     let length = found.observability.length.max(f64::MIN_POSITIVE);
     let motion = found.outcome.pose.after(&sought.start.inverse()).log();
@@ -139,9 +139,9 @@ fn along_open(sought: &Sought, found: &Found) -> f64 {
     found.observability.undetermined().map(|d| along(d).abs()).fold(0.0, f64::max)
 }
 
-/// Splats on a grid at depth `z`, of colours that vary from patch to patch and from splat to splat, with
-/// a relief of so much of it; to beyond the picture's edges at 60° across. Each lies a little before or
-/// behind its neighbours, so that a small turn does not change their order.
+/// Splats on a grid at depth `z`, beyond the picture's edges at 60° across. Colours vary from patch to patch and from
+/// splat to splat. The relief is a share of `z`. Each splat lies a little before or behind its neighbours, so that a
+/// small turn does not change their order.
 pub fn plane(z: f32, relief: f32) -> Splats {
     let (mut random, mut patches) = (Random::new(41), Random::new(43));
     let patches: Vec<f32> = (0..10 * 7 * 3).map(|_| patches.within(-1.0, 1.0)).collect();
@@ -160,8 +160,8 @@ pub fn plane(z: f32, relief: f32) -> Splats {
     splats
 }
 
-/// The plane with all its splats at the same depth: seen head on, their order is decided by index, and
-/// the smallest turn decides it otherwise.
+/// The plane with all its splats at the same depth. Seen head on, their index decides the order, and the smallest turn
+/// changes it.
 fn flat() -> Splats {
     let mut splats = plane(4.0, 0.0);
     splats.positions.iter_mut().for_each(|p| p[2] = 4.0);
@@ -208,7 +208,7 @@ pub fn tiles() -> Splats {
     splats
 }
 
-/// Round splats one behind the other on the optical axis, the widest last.
+/// Round splats, one behind the other on the optical axis, the widest last.
 fn round() -> Splats {
     scenes::only((0..10).map(|k| {
         let colour = [1.4 * (k % 3) as f32 - 1.4, 1.2 * (k % 2) as f32 - 0.5, 0.3];

@@ -1,4 +1,4 @@
-//! Where f32 loses what: by stage, by storage, by the width of keys, by the way of summing.
+//! What f32 loses, by stage, by storage, by the width of keys, by the way of summing.
 
 mod stages;
 mod storage;
@@ -63,8 +63,8 @@ impl Which {
             }
             (Which::Moved, _) => {
                 let mut splats = splats();
-                // To where an f32 tells sixteenths apart: the prior's own positions are rounded there, so
-                // the twin, too, sees them rounded.
+                // So far that an f32 tells only sixteenths apart. The prior's own positions are rounded there, so the
+                // twin sees them rounded too.
                 splats.positions.iter_mut().for_each(|p| p[0] += 1e6);
                 let pose = scenes::pose();
                 let away = pose.rotation * glam::DVec3::new(-1e6, 0.0, 0.0);

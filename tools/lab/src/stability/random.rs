@@ -12,13 +12,13 @@ pub const GROUP: Group = Group {
     name: "random",
     about: "Random priors of 1 to 200 splats, any of whose fields may be extreme, from random poses by \
             random cameras of 1×1 to 48×48. Each is drawn and differentiated with both Jacobians; one in \
-            four is searched for, encoded and decoded; one in eight is held against the twin.",
+            four is searched for, encoded and decoded; one in eight is compared with the twin.",
     cases,
 };
 
-/// A case that takes longer hangs.
+/// If a case takes longer, it counts as hanging.
 const DEADLINE: Duration = Duration::from_secs(60);
-/// Faults that are told; all are counted.
+/// Faults that are reported one by one; all are counted.
 const TOLD: usize = 20;
 
 fn cases(_: &Bench) -> Vec<Case> {

@@ -1,4 +1,4 @@
-//! A frame's pose, searched for by one of the optimisers, and what is always expected of that.
+//! Searches for a frame's pose with one of the optimisers, and checks what is always expected.
 
 use std::time::Instant;
 
@@ -13,7 +13,7 @@ use super::case::{Bench, Descent, Row};
 pub const OPTIMIZERS: [Optimizer; 4] =
     [Optimizer::GaussNewton, Optimizer::Bfgs, Optimizer::Adam, Optimizer::AdamBfgs];
 
-/// A frame of a prior, and where searches for its pose start.
+/// A frame of a prior, and the start of searches for its pose.
 pub struct Sought<'a> {
     pub prior: &'a Prior,
     pub camera: Camera,
@@ -35,8 +35,8 @@ pub fn picture(
 }
 
 impl Sought<'_> {
-    /// Searches, and checks what holds of every search: it ends no worse than it began, at numbers, and
-    /// no further off than the scene is deep.
+    /// Searches, and checks what every search must do: end no worse than it began, at finite numbers, and no farther
+    /// off than the scene is deep.
     pub fn refine(&self, bench: &Bench, optimizer: Optimizer) -> anyhow::Result<(Found, Row)> {
         let since = Instant::now();
         let refine = RefineOptions { optimizer, ..RefineOptions::default() };

@@ -23,21 +23,20 @@ const HEADER: [&str; 11] = [
 
 /// Words of the introduction.
 const ABOUT: &str = "\
-Extreme priors, pictures and numbers, each run on the device and by the f64 twin on the CPU, and held
-against what is expected of it. Made by `nvsprior stability --report DIR`.
+Extreme priors, pictures and numbers, each run on the device and by the f64 twin on the CPU, and compared
+with what is expected. Made by `nvsprior stability --report DIR`.
 
-- *Path*: how it was run. `flow` and `exact` are the two pose Jacobians; depths are sorted exactly but in
-  `coarse`, where those within a part in 8,000 count as equal in evaluations (as encoders do it). `twin` is
+- *Path*: how it was run. `flow` and `exact` are the two pose Jacobians; depths are sorted exactly, except
+  in `coarse`: there depths within a part in 8,000 count as equal in evaluations (as in encoders). `twin` is
   f64 throughout.
 - *Picture error*: against the twin, over all channels, depth and transmittance, in units of the channel's
-  largest value where that is above 1. *By rounding inputs*: how much the twin's own picture changes where
-  every input moves by one unit in the last place of an f32, as the device holds it. What close decisions
-  (alpha's cut, the transmittance stop, depth order) explain does not count as a fault, nor up to sixteen
-  times what rounding explains.
-- *Gradient* and *JᵀJ error*: largest entry's, relative to what Cauchy–Schwarz bounds it by.
-- *Optimiser*: the mean squared error, values not clamped, at a start beside the true pose, and at the
-  outcome. What is above 50 dB (MSE 1e-5) counts as found.
-- Times depend on what else the machine does.
+  largest value if that is above 1. *By rounding inputs*: how much the twin's own picture changes if every
+  input moves by one unit in the last place of an f32, as the device holds it. An error is no fault if close
+  decisions (alpha's cut, the transmittance stop, depth order) explain it, or sixteen times the rounding.
+- *Gradient* and *JᵀJ error*: that of the largest entry, relative to its bound by Cauchy–Schwarz.
+- *Optimiser*: the mean squared error, values not clamped, at a start near the true pose, and at the
+  outcome. An outcome above 50 dB (MSE 1e-5) counts as found.
+- Times depend on the machine's other work.
 ";
 
 /// Prints one line per expectation, and the rows that are not as expected.
@@ -92,7 +91,7 @@ fn capital(name: &str) -> String {
     letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }
 
-/// What was expected, a line for all cases of which the same is.
+/// Prints what was expected, one line for all cases with the same expectation.
 fn expectations(out: &mut String, section: &Section) {
     let mut kinds: Vec<(&str, Vec<&str>)> = Vec::new();
     for row in &section.rows {

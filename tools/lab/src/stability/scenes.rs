@@ -16,7 +16,7 @@ pub struct One {
 }
 
 impl One {
-    /// A round one of a size, half opaque.
+    /// A round splat of a size, half opaque.
     pub fn at(position: [f32; 3], log_scale: f32) -> One {
         let rotation = [1.0, 0.0, 0.0, 0.0];
         One { position, log_scale: [log_scale; 3], rotation, logit: 1.0, colour: [0.8, 0.2, -0.6] }
@@ -40,8 +40,8 @@ pub fn only(all: impl IntoIterator<Item = One>) -> Splats {
     splats
 }
 
-/// `count` splats before a camera at the origin, 2 to 8 units away, each of them visible or nearly
-/// so, of every opacity.
+/// `count` splats in front of a camera at the origin, 2 to 8 units away. Each is visible or nearly
+/// so. They have every opacity.
 pub fn cloud(seed: u64, count: usize, sh_degree: u32) -> Splats {
     let mut random = Random::new(seed);
     let mut splats = Splats { sh_degree, ..Splats::default() };
@@ -65,7 +65,7 @@ pub fn cloud(seed: u64, count: usize, sh_degree: u32) -> Splats {
     splats
 }
 
-/// A cloud's splats and these behind, among or before them.
+/// A cloud's splats, and others behind, among or before them.
 pub fn with(mut cloud: Splats, all: impl IntoIterator<Item = One>) -> Splats {
     all.into_iter().for_each(|one| push(&mut cloud, one));
     cloud
@@ -90,7 +90,7 @@ pub fn pose() -> Pose {
     Pose::exp(&[0.05, -0.08, 0.1, 0.03, -0.02, 0.04])
 }
 
-/// A picture of even noise.
+/// A picture of uniform noise.
 pub fn noise(seed: u64, camera: &Camera) -> Picture {
     let mut random = Random::new(seed);
     let data = (0..camera.pixels() * 3).map(|_| (random.bits() >> 56) as u8).collect();

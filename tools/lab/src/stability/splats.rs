@@ -21,9 +21,9 @@ pub const GROUP: Group = Group {
 };
 
 const AS_TWIN: &str = "drawn and differentiated as by the twin; the search ends no worse than it began, or above 50 dB";
-const NOTHING: &str = "nothing but the background, no derivative, and the search stays where it is";
+const NOTHING: &str = "nothing but the background, no derivative, and the search does not move";
 const REFUSED: &str = "left out at loading, counted, and named by kind";
-const TOO_LARGE: &str = "drawn where the device holds it, else refused with what would fit";
+const TOO_LARGE: &str = "drawn if the device holds it, else refused with what would fit";
 
 fn cases(bench: &Bench) -> Vec<Case> {
     let mut all = shapes();
@@ -34,7 +34,7 @@ fn cases(bench: &Bench) -> Vec<Case> {
     all
 }
 
-/// A case of a cloud with others.
+/// A case of a cloud with other splats among it.
 fn among(name: &str, others: fn(&mut Random) -> Vec<One>) -> Case {
     Case::new(name, AS_TWIN, move |bench| {
         let mut random = Random::new(name_seed(others(&mut Random::new(1)).len()));
@@ -84,7 +84,7 @@ fn shapes() -> Vec<Case> {
     all
 }
 
-/// Fifty of a logit.
+/// Fifty splats of one logit.
 fn of_logit(random: &mut Random, logit: f32) -> Vec<One> {
     fifty(random, [-1.5; 3]).into_iter().map(|one| One { logit, ..one }).collect()
 }
@@ -266,8 +266,8 @@ fn many(quick: bool) -> Vec<Case> {
     all
 }
 
-/// Most splats touch the first pixel of an 8×8 picture alone, so that the others, which show what lies
-/// behind them all, must go through the whole list.
+/// Most splats touch only the first pixel of an 8×8 picture. The other pixels, which show what lies behind them all,
+/// must go through the whole list.
 fn one_tile(bench: &Bench, count: usize, spread: f32) -> anyhow::Result<Vec<Row>> {
     let camera = nvsprior::Camera { width: 8, height: 8, fx: 8.0, fy: 8.0, cx: 4.0, cy: 4.0 };
     let mut random = Random::new(count as u64);
@@ -292,7 +292,7 @@ fn one_tile(bench: &Bench, count: usize, spread: f32) -> anyhow::Result<Vec<Row>
 fn large(bench: &Bench, count: usize, degree: u32) -> anyhow::Result<Vec<Row>> {
     let since = Instant::now();
     let mut splats = cloud(20, count, degree);
-    // As large as many are where they cover the picture a few times.
+    // As large as in a scene with many splats that cover the picture a few times.
     let shrunk = 0.5 * (count as f32 / 1000.0).ln();
     splats.log_scales.iter_mut().flatten().for_each(|s| *s -= shrunk);
     let prior = scenes::prior(splats)?;
@@ -313,7 +313,7 @@ fn large(bench: &Bench, count: usize, degree: u32) -> anyhow::Result<Vec<Row>> {
     Ok(vec![row])
 }
 
-/// Notes what a device that does not hold a scene said of it; any other error is a fault.
+/// Notes the error of a device that does not hold a scene. Any other error is a fault.
 fn drawn_or_refused(row: &mut Row, outcome: Result<(), Error>) {
     match outcome {
         Ok(()) => {}

@@ -28,7 +28,7 @@ const OFFSET: [f64; 6] = [0.03, -0.02, 0.04, 0.008, -0.01, 0.02];
 /// The scene's depth, in the first unit.
 const DEPTH: f64 = 4.0;
 
-/// A unit: what lengths are multiplied by, and how far the origin is moved in the first unit.
+/// A unit: the factor of lengths, and how far the origin is moved, in the first unit.
 #[derive(Clone, Copy)]
 struct Unit {
     factor: f64,
@@ -60,7 +60,7 @@ fn case(name: String, expected: &'static str, unit: Unit, tolerance: f64) -> Cas
     })
 }
 
-/// The row of an optimiser in a unit, compared with the same in the first one.
+/// The row of an optimiser in a unit, compared with the same optimiser in the first unit.
 fn compare(
     bench: &Bench,
     camera: &Camera,

@@ -118,7 +118,7 @@ fn stage_of(host: &Drawn, device: &Stages, image: &[f32], at: usize) -> Differen
     let unequal = std::iter::zip(&host.image, image).filter(|(a, b)| a.to_bits() != b.to_bits());
     let (pixel, channel) = (at / PIXEL as usize, at % PIXEL as usize);
     let input = format!("pixel {pixel}, channel {channel}");
-    // Stage `bin_emit` may have left a splat out, too: then the list of the pixel's tile is short.
+    // Or stage `bin_emit` has left a splat out: then the list of the pixel's tile is too short.
     Difference::new("splat (or bin)", unequal.count(), input, bits(host.image[at]), bits(image[at]))
 }
 

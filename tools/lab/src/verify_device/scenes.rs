@@ -29,7 +29,7 @@ pub const GOLDEN: [u32; 16] = [
     0xa75f_369e,
 ];
 
-/// A prior, and where it is seen from.
+/// A prior, and the camera and pose that it is seen from.
 pub struct Scene {
     pub prior: Prior,
     pub camera: Camera,

@@ -9,20 +9,20 @@ use nvsprior_reference::{Rendered, Twin};
 
 use crate::common;
 
-// On lavapipe colours agree to 2e-6 in random scenes where no decision is close, and to 5e-6 in the
-// reef prior, whose picture with all close decisions is at 97 dB. Other devices' exponentials may
-// be less exact than that.
+// On lavapipe colours agree to 2e-6 in random scenes without close decisions, and to 5e-6 in the
+// reef prior. The reef's picture, with all close decisions, is at 97 dB. Other devices'
+// exponentials may be less exact.
 /// Least PSNR of linear RGB, clamped to [0, 1], in dB.
 const LEAST_PSNR: f64 = 75.0;
-/// Most that a colour may be off, beyond what close decisions explain: an eighth of an 8-bit step.
+/// Largest error of a colour beyond what close decisions explain: an eighth of an 8-bit step.
 const COLOUR: f64 = 5e-4;
 /// Most that the transmittance may be off beyond that.
 const TRANSMITTANCE: f64 = 5e-4;
-/// Most that the depth may be off beyond that, as a share of it (of 1 where it is less).
+/// Largest error of the depth beyond what close decisions explain, as a share of the depth (of 1 if the depth is less).
 const DEPTH: f64 = 5e-4;
 
-/// Draws the prior on the device and by the twin, and fails where the pictures differ by more than
-/// the tolerances; then the difference picture lies in a file that the message names.
+/// Draws the prior on the device and with the twin. Fails if the pictures differ by more than the
+/// tolerances; the message then names a file with the difference picture.
 pub fn assert_same(name: &str, prior: &Prior, camera: &Camera, pose: &Pose) {
     let engine = common::engine();
     let scene = engine.upload(prior).unwrap();
@@ -47,7 +47,7 @@ fn fault(gpu: &[f32], twin: &Rendered) -> Option<String> {
         for (k, tolerance) in tolerances.into_iter().enumerate() {
             let (got, expected) = (f64::from(pixel[k]), twin.pixels[at][k]);
             let risk = twin.risk[at][k];
-            // Several decisions may hang together, so that the sum of their jumps is a guide only.
+            // Several decisions may depend on each other, so the sum of their jumps is only a guide.
             if !((got - expected).abs() <= tolerance + 1.5 * risk) {
                 return Some(format!(
                     "pixel {at}, channel {k}: {got}, twin {expected}, at risk {risk:e}"
@@ -73,7 +73,7 @@ fn write_difference(name: &str, camera: &Camera, gpu: &[f32], twin: &Rendered) -
     });
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.png"));
     image::RgbImage::from_raw(camera.width, camera.height, bytes.collect())
-        .expect("three bytes a pixel")
+        .expect("three bytes per pixel")
         .save(&path)
         .expect("a file in the target folder");
     path
@@ -90,7 +90,7 @@ fn a_difference_that_no_decision_explains_is_a_fault() {
     assert_eq!(fault(&gpu, &twin), None);
     gpu[2501] = f32::NAN;
     assert!(fault(&gpu, &twin).is_some());
-    // Everywhere a little: within each pixel's tolerance, but too much for the picture.
+    // A little everywhere: within each pixel's tolerance, but too much for the picture.
     let gpu: Vec<f32> = vec![0.5004; 5000];
     assert!(fault(&gpu, &twin).is_some_and(|f| f.contains("dB")));
 }

@@ -9,8 +9,8 @@ use crate::common::{self, camera, random_frame, random_pose, random_prior, rando
 
 const BOTH: [Jacobian; 2] = [Jacobian::Flow, Jacobian::Exact];
 
-/// Most that an entry may be off, relative to what Cauchy–Schwarz bounds it by. On lavapipe the
-/// worst is 9e-6, in the reef prior.
+/// Largest error of an entry, relative to its bound by Cauchy–Schwarz. On lavapipe the worst is
+/// 9e-6, in the reef prior.
 const TOLERANCE: f64 = 1e-4;
 
 fn renderer(prior: &Prior, camera: &Camera) -> Renderer {
@@ -97,8 +97,8 @@ fn options() {
     }
 }
 
-/// Long needles: a covariance's entries are then as large as their length squared, and what of them
-/// counts is a few pixels.
+/// Long needles: entries of a covariance are as large as the length squared, while only a few
+/// pixels of it matter.
 #[test]
 fn needles() {
     let mut splats = random_splats(89, 300, 1);

@@ -1,4 +1,4 @@
-//! What surrounds the renders of a frame, against the host: the pyramid, the search, the 8-bit pictures.
+//! The other work of a frame against the host: the pyramid, the search, the 8-bit pictures.
 
 use nvsprior::render::{Cell, Correction, FlatField, Jacobian, Plan, Renderer, to_byte};
 use nvsprior::tracking::{GaussNewtonOptions, Pyramid};
@@ -138,7 +138,7 @@ fn pose(placement: &Placement, centre: glam::DVec3) -> Pose {
     Pose { translation: pose.translation - pose.rotation * centre, ..pose }
 }
 
-/// The device's search against the same search led by the host, an evaluation per submission.
+/// The device's search against the same search led by the host, with one evaluation per submission.
 #[test]
 fn the_search_is_the_host_s() {
     let engine = common::engine();

@@ -170,13 +170,13 @@ fn more_pairs_than_the_device_holds_is_an_error_each_time() {
     common::assert_silent(&engine);
 }
 
-/// So many splats that each fill the picture that a workgroup of binning has more pairs than some drivers
-/// let it go through: it is shared among more.
+/// Many splats that each fill the picture: a workgroup of binning then has more pairs than some drivers let it go
+/// through. The work must be shared among more workgroups.
 #[test]
 fn many_wide_splats() {
     let positions: Vec<[f32; 3]> = (0..12_000).map(|i| [0.0, 0.0, 3.0 + 1e-4 * i as f32]).collect();
     let mut splats = splats_at(&positions, 1.0);
-    // Faint, so that none hides those behind.
+    // Faint, so that no splat hides those behind it.
     splats.opacity_logits.fill(-5.4);
     let prior = Prior::from_splats(splats, OPTIONS).unwrap();
     assert_same("many-wide-splats", &prior, &camera(320, 180), &Pose::IDENTITY);
@@ -201,7 +201,7 @@ fn too_many_splats_for_a_buffer_are_told_with_what_fits() {
 fn a_list_is_gone_through_or_refused() {
     let engine = common::engine();
     let camera = Camera { width: 8, height: 8, fx: 8.0, fy: 8.0, cx: 4.0, cy: 4.0 };
-    // In the first pixel's corner; one behind them all covers the tile.
+    // All in the first pixel's corner; one splat behind them covers the tile.
     let mut splats = splats_at(&vec![[-1.75, -1.75, 4.0]; 70_000], -8.0);
     splats.opacity_logits.fill(-5.0);
     let one = splats_at(&[[0.0, 0.0, 9.0]], 3.0);

@@ -1,5 +1,5 @@
-//! The twin's exact Jacobian against central differences of the twin's picture. Medians: the cuts
-//! make true jumps, which grow as the step shrinks.
+//! The twin's exact Jacobian against central differences of the twin's picture. Medians are
+//! compared, as the cuts make true jumps, which grow as the step shrinks.
 
 use nvsprior::geometry::Step;
 use nvsprior::render::Jacobian;

@@ -72,7 +72,7 @@ fn projection() {
     }
 }
 
-/// What stage `pose_jacobian` keeps of a covariance's change: as the conic's factor sees it, `L dΣ Lᵀ`.
+/// What stage `pose_jacobian` keeps of a covariance's change: `L dΣ Lᵀ`, with the conic's factor L.
 fn whitened(s: &Projected, [s00, s01, s11]: [Twist; 3]) -> [Twist; 3] {
     let [l11, l21, l22] = s.factor;
     let each =
@@ -172,8 +172,8 @@ fn tiles_of(stages: &Stages) -> Vec<Vec<u32>> {
     tiles
 }
 
-/// The tiles' lists: in depth order; of a splat's tiles none is missing that shows it, none is named
-/// twice, and few are in vain.
+/// Checks the tiles' lists: they are in depth order; every tile that shows a splat has it, no tile has it twice, and
+/// few have it without need.
 fn assert_bins(prior: &Prior, camera: &Camera, pose: &Pose) {
     let stages = run(prior, camera, pose, ROOM);
     assert!(stages.pairs_needed <= ROOM, "the room is enough");

@@ -1,5 +1,5 @@
-//! The same order and picture at other subgroup sizes: lavapipe takes its own from a variable,
-//! which it reads once a process.
+//! The same order and picture at other subgroup sizes. Lavapipe reads its subgroup size from a
+//! variable, once per process.
 
 use std::process::Command;
 

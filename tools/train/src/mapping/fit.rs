@@ -1,10 +1,10 @@
 //! Colours that fit the views: linear least squares by preconditioned conjugate gradients.
 //!
 //! With geometry and opacity fixed a picture is linear in the spherical-harmonic coefficients `x`:
-//! `A x`, whose entries are a splat's weight in a pixel times the basis functions in the splat's
-//! direction. Solved are the damped normal equations `(AᵀA + D) x = Aᵀ b` (Björck, "Numerical
-//! Methods for Least Squares Problems", 1996, §7.4), with Jacobi preconditioning. `A` is never
-//! stored: every sweep rasterises every view again.
+//! it is `A x`. The entries of `A` are a splat's weight in a pixel times the basis functions in the
+//! splat's direction. The solver takes the damped normal equations `(AᵀA + D) x = Aᵀ b` (Björck,
+//! "Numerical Methods for Least Squares Problems", 1996, §7.4), with Jacobi preconditioning. `A` is
+//! never stored: every sweep rasterises every view again.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -15,12 +15,12 @@ use super::raster::Projection;
 use super::{MappingOptions, PosedPicture};
 use nvsprior::prior::Splats;
 
-/// Views are summed in so many groups, each in its own order, and then group by group: the sum
-/// does not depend on how many threads there are.
+/// Views are summed in this many groups, each in its own order, and then group by group. So the sum
+/// does not depend on the number of threads.
 const GROUPS: usize = 8;
 
-/// Solves for the colours of splats, from those they have, in `options.sweeps` steps; `done` is
-/// told after each.
+/// Solves for the colours of splats, starting from their present ones, in `options.sweeps` steps.
+/// Calls `done` after each.
 pub fn fit_colours(
     splats: &mut Splats,
     views: &[PosedPicture],
@@ -34,8 +34,8 @@ pub fn fit_colours(
     splats.sh = x.iter().flat_map(Vec3::to_array).collect();
 }
 
-/// Solves for changes of colours that are nearly right: as [`fit_colours`], but what the views do
-/// not decide stays as it is.
+/// Corrects colours that are nearly right. As [`fit_colours`], but what the views do not determine
+/// stays as it is.
 pub fn correct_colours(
     splats: &mut Splats,
     views: &[PosedPicture],
@@ -82,7 +82,7 @@ impl<'a> System<'a> {
             let mut image = self.pulled(&direction, false);
             self.damp(&direction, &mut image, 1.0);
             let step = rz / dot(&direction, &image);
-            // Not where the residual is zero and the step 0/0.
+            // Not if the residual is zero, which makes the step 0/0.
             if step > 0.0 {
                 add_scaled(x, step, &direction);
                 add_scaled(&mut residual, -step, &image);
@@ -97,7 +97,7 @@ impl<'a> System<'a> {
         }
     }
 
-    /// `Aᵀ (b − A x)` where `against_pictures`, else `AᵀA x`.
+    /// `Aᵀ (b − A x)` if `against_pictures`, else `AᵀA x`.
     fn pulled(&self, x: &[Vec3], against_pictures: bool) -> Vec<Vec3> {
         let background = Vec3::from(self.options.render.background);
         self.summed(vec![Vec3::ZERO; x.len()], |view, projection, sum: &mut [Vec3]| {
@@ -186,8 +186,7 @@ impl<'a> System<'a> {
     }
 }
 
-/// Adds up, in an order that does not depend on the number of threads, what `add` makes of every
-/// view.
+/// Sums what `add` gives for every view, in an order that does not depend on the number of threads.
 pub fn sum_over<V, T>(views: &[V], zero: Vec<T>, add: impl Fn(&V, &mut [T]) + Sync) -> Vec<T>
 where
     V: Sync,

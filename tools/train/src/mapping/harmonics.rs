@@ -29,8 +29,8 @@ pub fn colours(splats: &Splats, centre: Vec3) -> Vec<Vec3> {
         .collect()
 }
 
-/// The derivative by a splat's position of `gradient · colour`, through the direction in which the
-/// splat is seen; `own` are its coefficients and `offset` goes from the camera to it.
+/// The derivative of `gradient · colour` by a splat's position, through the direction in which the
+/// splat is seen. `own` are its coefficients; `offset` goes from the camera to it.
 pub fn by_position(own: &[f32], gradient: Vec3, offset: Vec3) -> Vec3 {
     let direction = offset.normalize_or_zero();
     let slopes = shared::sh_basis_gradient(direction.to_array());

@@ -1,9 +1,9 @@
-//! Making a prior from posed pictures and the points of a surface.
+//! Makes a prior from posed pictures and the points of a surface.
 //!
 //! If another system has already found the surfaces (a reconstruction, a sonar, a drawing), the
-//! hard part of training is done: flat Gaussians are laid along the surfaces, their colours are
-//! solved for (a linear problem), and some gradient steps then move, shape and blend them. It runs
-//! on the CPU and takes well under a minute for a hundred small pictures. For a scene without
+//! hard part of training is done. Flat Gaussians are laid along the surfaces. Their colours are
+//! solved for, which is a linear problem. Some gradient steps then move, shape and blend them. It
+//! runs on the CPU and takes well under a minute for a hundred small pictures. For a scene without
 //! known surfaces use a full trainer, such as nerfstudio's Splatfacto.
 
 pub(crate) mod fit;
@@ -29,7 +29,7 @@ pub struct SurfacePoint {
     pub radius: f32,
 }
 
-/// A picture and where it was taken.
+/// A picture with its camera and pose.
 #[derive(Clone, Debug)]
 pub struct PosedPicture {
     /// The camera.
@@ -67,7 +67,7 @@ pub struct MappingOptions {
     pub steps: u32,
     /// The solver's pull of every colour towards grey, in squared weights of pixels.
     pub damping: f32,
-    /// The solver's pull of every colour towards one that is the same from all sides.
+    /// The solver's pull of every colour towards the same colour from all sides.
     pub view_damping: f32,
 }
 
@@ -138,8 +138,8 @@ pub enum MappingError {
     },
 }
 
-/// Makes a prior whose renderings resemble the views. `progress` is told (work done, all work)
-/// after every step; the result is the same for any number of threads.
+/// Makes a prior whose renders resemble the views. Calls `progress` with (work done, all work)
+/// after every step. The result is the same for any number of threads.
 pub fn make_prior(
     points: &[SurfacePoint],
     views: &[PosedPicture],
@@ -161,7 +161,7 @@ pub fn make_prior(
     Ok(splats)
 }
 
-/// Renders splats on the CPU, slowly: for a look at a prior in the making, and for tests.
+/// Renders splats on the CPU, slowly: for a look at an unfinished prior, and for tests.
 ///
 /// # Errors
 /// If the camera cannot be used.

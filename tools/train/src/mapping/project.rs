@@ -6,7 +6,7 @@ use nvsprior::prior::{RenderOptions, Splats};
 use nvsprior::{Camera, Pose};
 use nvsprior_kernels::shared::{DILATION, EXTENT_MAX};
 
-/// What decides the weights: where splats are, how they spread, how opaque they are.
+/// What determines the weights: place, shape and opacity of the splats.
 pub struct Geometry {
     pub positions: Vec<Vec3>,
     /// Columns: each splat's axes, as long as its standard deviations along them.
@@ -82,7 +82,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// The splat in the picture; `None` where it cannot touch a pixel.
+    /// The splat in the picture; `None` if it cannot touch a pixel.
     pub fn project(&self, geometry: &Geometry, index: usize) -> Option<Projected> {
         let p = self.to_camera(geometry.positions[index]);
         if !(p.z > self.options.near) {
@@ -119,7 +119,7 @@ impl<'a> Projector<'a> {
         self.rotation * position + self.translation
     }
 
-    /// From derivatives by mean and conic (xx, xy, yy; xy standing for both places) to those by
+    /// Turns derivatives by mean and conic (xx, xy, yy; xy stands for both places) into those by
     /// the splat's own place and shape. If the Jacobian is clamped, its change is left out.
     pub fn pull_back(
         &self,
@@ -154,7 +154,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// What the derivatives by the rows of `J R` say about the position, through `J`.
+    /// Turns the derivatives by the rows of `J R` into those by the position, through `J`.
     fn by_jacobian(&self, p: Vec3, by_rows: [Vec3; 2]) -> Vec3 {
         let Camera { fx, fy, .. } = *self.camera;
         let [x, y] = by_rows.map(|row| self.rotation * row);
@@ -174,7 +174,7 @@ impl<'a> Projector<'a> {
         [x.dot(x), x.dot(y), y.dot(y)]
     }
 
-    /// Rows of `J R`: how the picture's x and y follow a world point that is `p` in camera axes.
+    /// Rows of `J R`: how the picture's x and y change with a world point that is `p` in camera axes.
     fn rows(&self, p: Vec3) -> [Vec3; 2] {
         let Camera { fx, fy, .. } = *self.camera;
         let [across, down] = self.slopes;

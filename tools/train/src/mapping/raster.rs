@@ -1,10 +1,10 @@
 //! A small rasteriser that tells which splat has which weight in which pixel.
 //!
-//! The picture of splats with colours `c` is `Σ wᵢ cᵢ + T · background`, where the weights follow
-//! from geometry and opacity alone: `wᵢ = αᵢ Π (1 − αⱼ)` over the splats `j` before `i`. For a
-//! fixed geometry the picture is therefore linear in the colours, and this module offers that
-//! linear map and its transpose, tile by tile. Constants as in the GPU renderer: cut
-//! at 1/255, stop at a transmittance of 1e-4.
+//! The picture of splats with colours `c` is `Σ wᵢ cᵢ + T · background`. The weights follow from
+//! geometry and opacity alone: `wᵢ = αᵢ Π (1 − αⱼ)` over the splats `j` before `i`. So for a fixed
+//! geometry the picture is linear in the colours. This module offers that linear map and its
+//! transpose, tile by tile. Constants are those of the GPU renderer: cut at 1/255, stop at a
+//! transmittance of 1e-4.
 
 use glam::{Vec2, Vec3};
 
@@ -89,7 +89,7 @@ impl Projection {
         Projection { splats, tile_starts, tile_splats, width, height, alpha_max }
     }
 
-    /// Renders: tells `write` each pixel and its value, in the order of the tiles.
+    /// Renders: gives each pixel and its value to `write`, in the order of the tiles.
     pub fn render(&self, colours: &[Vec3], background: Vec3, mut write: impl FnMut(usize, Vec3)) {
         let mut tile = Tile::default();
         for index in 0..self.tiles() {
@@ -102,8 +102,8 @@ impl Projection {
         }
     }
 
-    /// The linear map and its transpose at once: asks `pull` for every pixel what to hand back for
-    /// its (place, value, transmittance), and adds that times each weight to `gradient`, one per
+    /// The linear map and its transpose at once. Calls `pull` for every pixel with its place, value
+    /// and transmittance. Adds the result times each weight to `gradient`, which has one entry per
     /// splat of the geometry.
     pub fn sweep(
         &self,
@@ -128,8 +128,8 @@ impl Projection {
         }
     }
 
-    /// Derivatives, by every splat in view, of a loss of the rendered picture; `pull` gives the
-    /// loss's derivative by a pixel's value (pixel, value with the background).
+    /// Derivatives of a loss of the rendered picture, by every splat in view. `pull` gets a pixel
+    /// and its value with the background, and gives the loss's derivative by that value.
     pub fn backward(
         &self,
         colours: &[Vec3],
@@ -145,7 +145,7 @@ impl Projection {
                 let pixel = self.pixel_of(index, inside);
                 *value = pixel.map_or(Vec3::ZERO, |pixel| pull(pixel, *value));
             }
-            // What each pixel shows of all that lies behind the splat at hand.
+            // What each pixel shows of everything behind the current splat.
             let mut behind: Vec<Vec3> =
                 tile.transmittance.iter().map(|t| *t * background).collect();
             for w in tile.weights.iter().rev() {
@@ -162,7 +162,7 @@ impl Projection {
         gradients
     }
 
-    /// From the derivative by alpha in one pixel to those by mean, conic and opacity.
+    /// Turns the derivative by alpha in one pixel into those by mean, conic and opacity.
     fn add_shape(&self, tile: usize, w: &Weight, by_alpha: f32, gradient: &mut ImageGradient) {
         if w.alpha >= self.alpha_max {
             return;
@@ -196,8 +196,8 @@ impl Projection {
         }
     }
 
-    /// Adds to every splat's sums what leaving it alone out would do to this picture: in each pixel
-    /// what lies behind then shows in its place, `T α (behind − colour)`.
+    /// Adds to every splat's sums how this picture would change without that one splat: in each
+    /// pixel what lies behind shows in its place, `T α (behind − colour)`.
     pub fn add_removals(&self, colours: &[Vec3], background: Vec3, sums: &mut [Removal]) {
         let mut tile = Tile::default();
         for index in 0..self.tiles() {
@@ -271,7 +271,7 @@ impl Projection {
         let range = |axis: usize| {
             splat.low[axis].max(corner[axis])..(splat.high[axis] + 1).min(corner[axis] + TILE)
         };
-        // Alpha is above the cut where `xx dx² + 2 xy dx dy + yy dy² ≤ 2 ln(255 opacity)`.
+        // Alpha is above the cut if `xx dx² + 2 xy dx dy + yy dy² ≤ 2 ln(255 opacity)`.
         let level = 2.0 * (255.0 * splat.opacity).ln();
         let columns = range(0);
         let mut closed = 0;

@@ -1,7 +1,8 @@
 //! Gradient steps on everything a splat has: place, shape, opacity and colours.
 //!
 //! Adam (Kingma and Ba, 2015) on the squared error of a few views at a time. The steps of a
-//! position are measured in the splat's own size, so that fine and coarse regions move alike.
+//! position are measured in the splat's own size, so that fine and coarse regions move in the same
+//! way.
 
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
@@ -18,12 +19,12 @@ const BATCH: usize = 2;
 /// spherical harmonics.
 const PARAMETERS: usize = 3 + 3 + 3 + 1 + 12;
 const DECAY: [f32; 2] = [0.9, 0.99];
-/// Keeps steps small where derivatives are in the noise.
+/// Keeps steps small if derivatives are only noise.
 const EPSILON: f32 = 1e-3;
 
 type Parameters = [f32; PARAMETERS];
 
-/// Rates at the first step: of position (shares of the splat's size), log-scales, turn (radians),
+/// Rates at the first step: position (shares of the splat's size), log-scales, turn (radians),
 /// opacity logit and colours.
 const RATES: [f32; 5] = [0.08, 0.09, 0.03, 0.15, 0.035];
 
@@ -40,8 +41,9 @@ struct Moments {
     steps: i32,
 }
 
-/// Improves splats by `options.steps` steps, `pace` times as long as for splats that know nothing;
-/// `done` is told after each. Bands of spherical harmonics above the first stay as they are.
+/// Improves splats by `options.steps` steps. `pace` is the length of the steps, as a share of that
+/// for a new prior. Calls `done` after each step. Bands of spherical harmonics above the first stay
+/// as they are.
 pub fn train(
     splats: &mut Splats,
     views: &[PosedPicture],
@@ -93,7 +95,7 @@ impl Moments {
     }
 }
 
-/// A splat's size: the mean of its two longest standard deviations, geometrically.
+/// A splat's size: the geometric mean of its two longest standard deviations.
 fn size(splats: &Splats, index: usize) -> f32 {
     let s = splats.log_scales[index];
     let shortest = s[0].min(s[1]).min(s[2]);
@@ -152,7 +154,7 @@ fn derivatives(
     all
 }
 
-/// A stride that visits all of `count` views before it comes back, far from its neighbours: near
+/// A stride that visits all of `count` views before it repeats, and jumps far from neighbours: near
 /// the golden section, with no common factor.
 fn coprime_stride(count: usize) -> usize {
     let gcd = |mut a: usize, mut b: usize| {

@@ -17,15 +17,15 @@ const BITS: usize = 256;
 const TURNS: usize = 30;
 /// Comparisons stay within this distance of the corner, pixels: patches are 31 wide.
 const REACH: f64 = 14.0;
-/// Comparisons lie about the corner with this standard deviation, pixels (ORB: a fifth of the patch).
+/// Comparisons are spread around the corner with this standard deviation, pixels (ORB: a fifth of the patch).
 const SPREAD: f64 = 6.2;
 /// The direction of a corner is that of its patch's centroid within this distance, pixels.
 const CENTROID: i32 = 15;
-/// Corners have this distance from the edge at least, pixels: descriptors end with an error nearer to it.
+/// Least distance of corners from the edge, pixels: nearer to it, descriptors fail with an error.
 const EDGE: u32 = 17;
-/// Contrast of corners at least, of 255. Pictures through water, and renders, are faint.
+/// Least contrast of corners, of 255. Pictures through water, and renders, are faint.
 const CONTRAST: u8 = 4;
-/// Corners of which only the best is kept, pixels.
+/// Of corners nearer to each other than this, pixels, only the best is kept.
 const CROWD: u32 = 3;
 /// Most corners of a level.
 const CORNERS: usize = 400;
@@ -36,7 +36,7 @@ const LEVELS: i32 = 5;
 const DIFFERENCE: u32 = 72;
 /// A match must be this much better than the second best (Lowe's ratio test).
 const RATIO: f64 = 0.85;
-/// What is nearer than this to the best is the same thing, perhaps at another level, pixels.
+/// A match nearer than this to the best one is the same thing, perhaps at another level, pixels.
 const SAME: f64 = 6.0;
 
 /// A keypoint.
@@ -54,7 +54,7 @@ pub struct Detector {
 impl Detector {
     pub fn new() -> Detector {
         let mut even = even(5);
-        // The sum of three even values is nearly normal, of variance 1.
+        // The sum of three uniform values is nearly normal, with variance 1.
         let mut normal = || (0..3).filter_map(|_| even.next()).sum::<f64>() * SPREAD;
         let mut offset = || {
             loop {
@@ -143,8 +143,8 @@ fn turn(picture: &GrayImage, corner: &Corner) -> usize {
     (share * TURNS as f64).round() as usize % TURNS
 }
 
-/// The best matches of two pictures' keypoints, at most so many, best first: each other's best, clearly
-/// better than the second best, and no two at the same place.
+/// The best matches of two pictures' keypoints, at most `most`, best first. The two are each other's best, clearly
+/// better than the second best, and no two matches are at the same place.
 pub fn matches(a: &[Feature], b: &[Feature], most: usize) -> Vec<(usize, usize)> {
     let back: Vec<_> = b.iter().map(|feature| best(feature, a)).collect();
     let mut found: Vec<(u32, usize, usize)> = Vec::new();

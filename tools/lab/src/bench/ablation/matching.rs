@@ -1,12 +1,11 @@
 //! The matching loss (the paper's eq. match, after iComMa): mean squared distance, in pixels, between
 //! the 20 best matched keypoints of camera and render.
 //!
-//! The paper takes matches from LoFTR, a network, and descends the loss's gradient through it and the
-//! renderer. Here keypoints are classical ([`super::features`]). Each keypoint of the render has a
-//! point in space, by the render's depth. The pose that brings these points onto the camera's
-//! keypoints is found at once ([`super::reprojection`]), by a robust loss, as classical matches are
-//! more often wrong. Then the prior is rendered and matched again. So a round is one evaluation of the
-//! loss and one render, and does the work of many of the paper's iterations.
+//! The paper takes matches from LoFTR, a network, and descends the loss's gradient through it and the renderer. Here
+//! keypoints are classical ([`super::features`]). The render's depth gives each of its keypoints a point in space. One
+//! fit ([`super::reprojection`]) finds the pose that brings these points onto the camera's keypoints. Its loss is
+//! robust, as classical matches are more often wrong. Then the prior is rendered and matched again. So a round is one
+//! evaluation of the loss and one render, and does the work of many of the paper's iterations.
 
 use std::time::Instant;
 
@@ -44,7 +43,7 @@ impl Matching {
         Matching { detector: Detector::new(), renderer: None }
     }
 
-    /// Searches from a start; what it gives is never worse than that, by its own loss.
+    /// Searches from a start. By its own loss the outcome is never worse than the start.
     pub fn minimise(
         &mut self,
         context: &mut Context,

@@ -1,4 +1,4 @@
-//! The methods that are compared, each a search from one start as if nothing were known before.
+//! The methods that are compared. Each is a search from one start, as if nothing were known before.
 
 use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoder, EncoderOptions, Pose};
@@ -78,7 +78,7 @@ impl Attempt {
         self.milliseconds / self.forward_ms
     }
 
-    /// This search, which went on where `first` had ended; the picture of `first` was not needed.
+    /// Adds up this search and `first`, which it went on from. The picture of `first` was not needed.
     fn after(self, first: &Attempt) -> Attempt {
         Attempt {
             iterations: first.iterations + self.iterations,
@@ -112,7 +112,7 @@ impl Searches {
         })
     }
 
-    /// The encoder that searches by a method; by BFGS if the method has none of its own.
+    /// The encoder for a method; that of BFGS if the method has none of its own.
     pub fn encoder(&mut self, method: Method) -> &mut Encoder {
         match method {
             Method::GAUSS_NEWTON => &mut self.gauss_newton,
@@ -121,8 +121,8 @@ impl Searches {
         }
     }
 
-    /// Searches from a start. `adam`: what Adam came to from the same start, if that is known;
-    /// Adam→BFGS goes on from there in place of doing the same again.
+    /// Searches from a start. `adam`: Adam's outcome from the same start, if it is known. Adam→BFGS
+    /// then goes on from it.
     pub fn search(
         &mut self,
         context: &mut Context,

@@ -1,16 +1,16 @@
-//! How starts are put off: along or about one axis of the camera, as in the paper's ablations.
+//! Perturbations of starts: along or about one axis of the camera, as in the paper's ablations.
 
 use nvsprior::geometry::Step;
 
 use super::super::perturbed::even;
 
-/// Rotations are put off by up to this, degrees (paper).
+/// Rotations are moved off by up to this, degrees (paper).
 pub const DEGREES: f64 = 40.0;
 
 /// Bins of equal width that the size of perturbations is summed up in.
 pub const BINS: usize = 4;
 
-/// Which part of the pose is put off.
+/// Which part of the pose is moved off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     Rotation,
@@ -83,7 +83,7 @@ pub struct Perturbation {
 }
 
 impl Perturbation {
-    /// The perturbation of this number: axis and value even at random, the same at every run.
+    /// The perturbation of this number: a random axis and a uniform random value, the same in every run.
     pub fn of(kind: Kind, limits: &Limits, number: usize) -> Perturbation {
         let mut drawn = even(kind.seed()).skip(2 * number);
         let mut next = || drawn.next().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! The motion that brings points of a render onto where the camera sees them.
+//! The motion that brings points of a render onto the places at which the camera sees them.
 
 use glam::DVec3;
 use nvsprior::geometry::Step;
@@ -15,7 +15,7 @@ pub struct Pair {
 
 /// Distance up to which a pair is taken to be right, pixels.
 const INLIER: f64 = 3.0;
-/// The robust loss is sharpened by this factor a step (Yang et al. 2020: 1.4).
+/// Each step sharpens the robust loss by this factor (Yang et al. 2020: 1.4).
 const SHARPEN: f64 = 1.4;
 /// Steps at the sharpest loss.
 const LAST_STEPS: usize = 8;
@@ -37,9 +37,10 @@ fn residual(camera: &Camera, motion: &Pose, pair: &Pair) -> Option<[f64; 2]> {
     Some([x - pair.seen[0], y - pair.seen[1]])
 }
 
-/// The motion, to apply to the render's pose, of least reprojection error. Pairs may be wrong: the
-/// Geman–McClure loss is sharpened step by step from nearly squares (graduated non-convexity: Yang,
-/// Antonante, Tzoumas & Carlone, RA-L 2020), each step a damped Gauss–Newton one.
+/// The motion of least reprojection error, to apply to the render's pose. Pairs may be wrong. So
+/// the Geman–McClure loss starts as nearly squares and is sharpened step by step (graduated
+/// non-convexity: Yang, Antonante, Tzoumas & Carlone, RA-L 2020). Each step is a damped
+/// Gauss–Newton step.
 pub fn fit(camera: &Camera, pairs: &[Pair]) -> Pose {
     let mut motion = Pose::IDENTITY;
     let squares = |motion: &Pose| -> Vec<f64> {
@@ -81,7 +82,7 @@ fn cost(camera: &Camera, pairs: &[Pair], weights: &[f64], motion: &Pose) -> f64 
     pairs.iter().zip(weights).map(of).sum()
 }
 
-/// The motion after a damped Gauss–Newton step; the same where none makes it better.
+/// The motion after a damped Gauss–Newton step; unchanged if no step makes it better.
 fn improved(camera: &Camera, pairs: &[Pair], weights: &[f64], motion: &Pose) -> Pose {
     let (hessian, gradient) = equations(camera, pairs, weights, motion);
     let before = cost(camera, pairs, weights, motion);

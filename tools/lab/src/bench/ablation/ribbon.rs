@@ -1,4 +1,4 @@
-//! Ribbon plots, as the paper has them: a solid line for the median, shade between the quartiles.
+//! Ribbon plots, as in the paper: a solid line for the median, shade between the quartiles.
 
 use std::path::Path;
 
@@ -49,7 +49,7 @@ const FIGURES: [Figure; 4] = [
     },
 ];
 
-/// A method's curve: where, and the quartiles there.
+/// A method's curve: places on the x axis, and the quartiles there.
 struct Curve {
     method: Method,
     points: Vec<(f64, Quartiles)>,
@@ -82,7 +82,7 @@ fn colour(method: Method) -> RGBColor {
     }
 }
 
-/// A row a kind of perturbation, a column a figure.
+/// One row per kind of perturbation, one column per figure.
 fn draw(
     path: &Path,
     caption: &str,

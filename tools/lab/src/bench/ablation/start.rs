@@ -1,5 +1,5 @@
-//! Sources of starts compared, as the paper's "Initialization": each frame after the first is looked
-//! for from each source.
+//! Compares sources of starts, as the paper's "Initialization": searches for each frame after the first from each
+//! source.
 
 use nvsprior::render::Plan;
 use nvsprior::tracking::{Objective, Relocaliser};
@@ -15,9 +15,9 @@ use super::method::{Attempt, Method, Searches};
 pub enum StartSource {
     /// What was found for the frame before.
     Previous,
-    /// A pose from outside, off by up to 0.11 units and 3° an axis (the paper's public data sets).
+    /// A pose from outside, off by up to 0.11 units and 3° per axis (the paper's public data sets).
     External,
-    /// The frame alone, by the prior's key frames, if it has any (in the place of the paper's PoseLSTM).
+    /// The frame alone, by the prior's key frames, if it has any (in place of the paper's PoseLSTM).
     Relocaliser,
 }
 
@@ -66,7 +66,7 @@ impl Estimator {
         Ok(Estimator { objective, relocaliser })
     }
 
-    /// The pose of a frame by which most of its corners are explained; the likeliest key frame's if there is none.
+    /// The pose that explains most of a frame's corners; the likeliest key frame's if there is none.
     fn pose(&mut self, frame: &Picture) -> anyhow::Result<Option<Pose>> {
         self.relocaliser.set_frame(frame);
         let proposed = self.relocaliser.propose().first().map(|candidate| candidate.pose);
@@ -133,7 +133,7 @@ pub fn measure(
     Ok(trials)
 }
 
-/// A frame from a pose from outside, or after the frame before alone, which is found from `before`.
+/// Measures a frame that starts from a pose from outside, or only from the frame before, which is found from `before`.
 fn sample(
     context: &mut Context,
     searches: &mut Searches,

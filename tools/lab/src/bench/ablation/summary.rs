@@ -160,7 +160,7 @@ fn heading(second: &str) {
     );
 }
 
-/// Medians of some results; nothing where there are none.
+/// Prints medians of some results; nothing if there are none.
 fn row(context: &Context, method: Method, second: &str, results: &[Result]) {
     if results.is_empty() {
         return;

@@ -14,7 +14,7 @@ pub const FOUND: &str = "found-affine-webp";
 const BYTES: f64 = 24.0;
 /// Unknowns.
 const N: usize = 6;
-/// The coarsest picture of the fit has at least so many pixels on a side.
+/// The coarsest picture of the fit has at least this many pixels on a side.
 const LEAST_SIDE: usize = 12;
 /// Most steps of a level.
 const MOST_STEPS: u32 = 30;
@@ -37,15 +37,15 @@ pub fn warped(run: &Run) -> Run {
     Run::new(run.frames.clone(), renders, beside)
 }
 
-/// Where a pixel of the warped picture comes from: `x' = a·x + b·y + c`, `y' = d·x + e·y + f`, from the picture's
-/// centre, in units of its width.
+/// The source of a pixel of the warped picture: `x' = a·x + b·y + c`, `y' = d·x + e·y + f`, from the picture's centre,
+/// in units of its width.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Warp([f64; N]);
 
 impl Warp {
     const IDENTITY: Warp = Warp([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
 
-    /// The warp that brings a render's luma nearest to a frame's, as it is sent; the identity if none is nearer.
+    /// The warp, as it is sent, that brings a render's luma nearest to a frame's; the identity if none is nearer.
     fn fit(render: &Picture, frame: &Picture) -> Warp {
         let (renders, frames) = (Plane::pyramid(render), Plane::pyramid(frame));
         let levels = || renders.iter().zip(&frames);
@@ -66,7 +66,7 @@ impl Warp {
         [a * x + b * y + c, d * x + e * y + f]
     }
 
-    /// A picture warped, by bilinear interpolation; what lies outside is as its border.
+    /// Warps a picture by bilinear interpolation. Outside it repeats its border.
     fn apply(&self, picture: &Picture) -> Picture {
         let planes: [Plane; 3] = std::array::from_fn(|channel| Plane::of(picture, |p| p[channel]));
         let mut warped = picture.clone();

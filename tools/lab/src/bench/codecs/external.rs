@@ -26,7 +26,7 @@ enum Kind {
     JpegXl,
 }
 
-/// An encoder of ffmpeg. All are told to aim at PSNR, which they are judged by.
+/// An encoder of ffmpeg. All encoders are set to aim at PSNR, the measure here.
 struct Ffmpeg {
     encoder: &'static str,
     stream: Stream,
@@ -42,7 +42,8 @@ struct Ffmpeg {
 struct Stream {
     /// Its format's name in ffmpeg.
     format: &'static str,
-    /// Types of the units that say nothing of a picture, or the same of all: parameter sets, delimiters, SEI.
+    /// Types of the units that say nothing about a picture, or the same about all pictures: parameter sets, delimiters,
+    /// SEI.
     headers: &'static str,
     /// Whether units begin with start codes.
     start_codes: bool,
@@ -152,7 +153,7 @@ impl External {
         self.name
     }
 
-    /// How many points it gives of a kind of input.
+    /// How many points it gives for a kind of input.
     pub fn settings(&self) -> usize {
         self.modes.len() * self.qualities.len()
     }
@@ -256,8 +257,8 @@ impl Ffmpeg {
 }
 
 impl Stream {
-    /// Bytes of a file that are about single pictures: a vehicle and a topside would agree on the rest beforehand.
-    /// `bare`: a file for them.
+    /// Bytes of a file that are about single pictures: a vehicle and a topside would agree on the rest in advance.
+    /// `bare`: a file for these bytes.
     fn payload(&self, coded: &str, bare: &str) -> anyhow::Result<usize> {
         let filter = format!("filter_units=remove_types={}", self.headers);
         let from = ["-f", self.format, "-i", coded, "-c", "copy", "-bsf:v", &filter];

@@ -51,7 +51,7 @@ impl Own {
         self.name
     }
 
-    /// How many points it gives of a kind of input.
+    /// How many points it gives for a kind of input.
     pub fn settings(&self) -> usize {
         self.rates.len()
     }

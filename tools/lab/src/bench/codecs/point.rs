@@ -53,8 +53,8 @@ pub struct Point {
     pub decode_ms: f64,
 }
 
-/// By how much more bytes one curve takes than another at the same PSNR, averaged over the PSNR that both reach
-/// (Bjøntegaard 2001, with straight lines between the points' logarithms); `None` if they share none.
+/// How many more bytes one curve takes than another at the same PSNR, as a share, averaged over the PSNRs that both
+/// reach (Bjøntegaard 2001, with straight lines between the points' logarithms); `None` if they share none.
 pub fn bd_rate(curve: &[&Point], anchor: &[&Point]) -> Option<f64> {
     let (curve, anchor) = (line(curve), line(anchor));
     let low = curve.first()?.0.max(anchor.first()?.0);

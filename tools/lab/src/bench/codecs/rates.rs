@@ -38,7 +38,7 @@ impl<'a> Curve<'a> {
         LEVELS.map(|psnr| bytes_at(&self.points, psnr))
     }
 
-    /// Whether it is what all others are held against: the wavelet coder on the difference picture.
+    /// Whether it is the reference for all others: the wavelet coder on the difference picture.
     fn is_reference(&self) -> bool {
         self.coder == "wavelet" && self.input == Input::Difference
     }
@@ -47,7 +47,8 @@ impl<'a> Curve<'a> {
 /// A curve, and how the reference compares with it.
 pub struct Row<'a> {
     pub curve: &'a Curve<'a>,
-    /// The reference's bytes beyond its own, as a share of its own; `None` of the reference, or without a common PSNR.
+    /// How many more bytes the reference takes, as a share of this coder's; `None` for the reference itself, or without
+    /// a common PSNR.
     pub bd_rate: Option<f64>,
     pub bytes: [Option<f64>; LEVELS.len()],
 }
@@ -71,7 +72,7 @@ pub struct Best<'a> {
     pub share: f64,
 }
 
-/// At each of [`LEVELS`] that the reference and another coder reach; of some modes only.
+/// The best other coder at each of [`LEVELS`] that the reference and another coder reach; only for some modes.
 pub fn best_others<'a>(rows: &[Row<'a>], modes: &[Mode]) -> Vec<Best<'a>> {
     let Some(reference) = rows.iter().find(|row| row.curve.is_reference()) else { return vec![] };
     let others = || {

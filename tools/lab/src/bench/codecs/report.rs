@@ -20,9 +20,7 @@ pub struct Missing {
 pub fn print(run: &Run, points: &[Point], missing: &[Missing]) {
     let curves = Curve::all(points);
     println!("bytes and PSNR are means per frame");
-    println!(
-        "with bytes of a difference picture is counted what a steady packet adds to the payload"
-    );
+    println!("bytes of a difference picture include what a steady packet adds to the payload");
     for curve in &curves {
         let points: Vec<String> =
             curve.points.iter().map(|p| format!("{:.0} at {:.2}", p.bytes, p.psnr)).collect();
@@ -117,7 +115,7 @@ fn table(path: &Path, points: &[Point]) -> anyhow::Result<()> {
     table.flush().with_context(writing)
 }
 
-/// Bytes at the same PSNR, and the wavelet coder's BD-rate beside each coder; empty where there is none.
+/// Bytes at the same PSNR, and the wavelet coder's BD-rate beside each coder; empty if there is none.
 fn rates_table(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
     let writing = || format!("writing {}", path.display());
     let mut table = csv::Writer::from_path(path).with_context(writing)?;

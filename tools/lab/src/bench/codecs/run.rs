@@ -108,7 +108,7 @@ impl Run {
     }
 }
 
-/// Bytes of a steady packet beside its payload: the latent part's short form, the payload's length and the check.
+/// Bytes of a steady packet without its payload: the latent part's short form, the payload's length and the check.
 fn packet_bytes(payload: f64) -> f64 {
     let payload = payload.round() as usize;
     // `residual_part_len` is the full form's; the short form's check has two bytes fewer.

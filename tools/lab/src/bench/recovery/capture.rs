@@ -9,10 +9,10 @@ use super::Measurement;
 use super::probe::{Phase, Probe, Run, Target};
 use nvsprior_inputs::args::progress;
 
-/// Starts are put off by at least this share of the figure.
+/// Starts are moved off by at least this share of the figure.
 const LEAST: f64 = 0.75;
 
-/// How far starts are put off, along or about one axis.
+/// How far starts are moved off, along or about one axis.
 #[derive(Clone, Copy, Debug)]
 enum Figure {
     Degrees(f64),
@@ -38,7 +38,7 @@ impl Figure {
         }
     }
 
-    /// A step by 75 to 100 % of the figure, either sign, along or about a random axis; and its name.
+    /// A step by 75 to 100 % of the figure, of either sign, along or about a random axis. Also returns its name.
     fn step(self, drawn: &mut impl Iterator<Item = f64>) -> (Step, String) {
         let mut next = || drawn.next().unwrap_or_default();
         let axis = (((next() + 1.0) * 1.5) as usize).min(2);

@@ -1,4 +1,4 @@
-//! A bar a column: the share of trials that were found, and of those certain of a wrong pose.
+//! One bar per column: the share of trials that were found, and the share that were false certain.
 
 use std::path::Path;
 

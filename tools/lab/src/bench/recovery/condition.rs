@@ -64,8 +64,8 @@ impl Condition {
         matches!(self, Rolled | RolledDark | RolledLowContrast)
     }
 
-    /// The frame as the encoder gets it; rolled copies have been rolled before. `other`: another frame of
-    /// the same size, of which objects are made.
+    /// The frame as the encoder gets it. Rolled copies are rolled before this. `other`: another frame of the same size,
+    /// from which objects are made.
     pub fn apply(self, clean: &Picture, other: &Picture, seed: u64) -> Picture {
         match self {
             Condition::Plain | Condition::Rolled => clean.clone(),

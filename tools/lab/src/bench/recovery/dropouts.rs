@@ -1,4 +1,4 @@
-//! Frames that show nothing, in the middle of a run: until when is the camera found again?
+//! Frames that show nothing, in the middle of a run. Measures when the camera is found again.
 
 use nvsprior::{Hint, Known, Picture};
 
@@ -13,7 +13,7 @@ use nvsprior_inputs::args::progress;
 const GOOD: usize = 4;
 /// Frames after it within which the camera must be found again.
 pub const CLEAR: usize = 30;
-/// Frames a second that the encoder gets.
+/// Frames per second that the encoder gets.
 const RATES: [f64; 2] = [3.0, 15.0];
 
 /// What the frames of a dropout show.
@@ -47,7 +47,7 @@ impl Outage {
 struct Case {
     outage: Outage,
     length: usize,
-    /// Frames a second that the encoder gets.
+    /// Frames per second that the encoder gets.
     rate: f64,
     /// Whether the camera file's pose goes with every frame. Else with the first one only.
     hints: bool,
@@ -82,21 +82,21 @@ impl Case {
     }
 }
 
-/// Which frame of a run of so many lies where the vehicle is that goes back and forth along it.
+/// Which frame of a run the vehicle is at if it goes back and forth along the run.
 fn folded(place: usize, frames: usize) -> usize {
     let round = place % (2 * (frames - 1)).max(1);
     round.min((2 * (frames - 1)).saturating_sub(round))
 }
 
-/// Frames a second of the run: by the median gap between frames, if their times are known.
+/// Frames per second of the run, from the median gap between frames, if their times are known.
 fn own_rate(shots: &[Shot], unknown: f64) -> f64 {
     let times: Option<Vec<f64>> = shots.iter().map(|shot| shot.time).collect();
     let gap = median(times.unwrap_or_default().windows(2).map(|pair| pair[1] - pair[0]));
     if gap > 0.0 { 1.0 / gap } else { unknown }
 }
 
-/// Each case from several places of the run. `unknown`: frames a second of the run, if their times are
-/// not known.
+/// Measures each case from several places of the run. `unknown`: frames per second of the run, if their times are not
+/// known.
 pub fn measure(
     context: &mut Context,
     lengths: &[usize],
@@ -123,7 +123,7 @@ pub fn measure(
     Ok(runs)
 }
 
-/// One dropout; `at`: where the vehicle is at a frame.
+/// Measures one dropout. `at`: the vehicle's place in the run at a frame.
 fn sequence(
     probe: &mut Probe,
     shots: &[Shot],

@@ -1,4 +1,4 @@
-//! Frames of which nothing is known, as after the vehicle's computer has restarted.
+//! Frames without any known pose, as after a restart of the vehicle's computer.
 
 use nvsprior::Picture;
 
@@ -77,7 +77,7 @@ fn rolled(context: &mut Context, trials: usize) -> anyhow::Result<Vec<Rolled>> {
             time: from.time,
         };
         let pose = roll::pose(&context.best[index].pose, angle);
-        // What comes in at the corners would draw the best pose to itself: the frame's own counts, rolled.
+        // The empty corners would change the best pose. So the frame's own best pose counts, rolled.
         let render = context.forward.picture(&shot.camera, &pose)?;
         let best = Best { pose, psnr: psnr_where(&shown, &shot.picture, render) };
         copies.push(Rolled { shot, best, degrees: angle.to_degrees(), shown });

@@ -1,4 +1,4 @@
-//! What water, light and dirt do to a picture. Random, the same for the same seed.
+//! Effects of water, light and dirt on a picture. Random, but the same for the same seed.
 
 use image::Rgb32FImage;
 use imageproc::filter::gaussian_blur_f32;
@@ -70,8 +70,8 @@ pub fn vignetted(picture: &Picture, fall: f64) -> Picture {
     })
 }
 
-/// Half of the picture covered by an upright block at a random place. It shows what a mirrored picture of
-/// the same size has there.
+/// Covers half of the picture with an upright block at a random place. The block shows a mirrored picture of the same
+/// size.
 pub fn covered(picture: &Picture, other: &Picture, seed: u64) -> Picture {
     let (width, height) = (picture.width as usize, picture.height as usize);
     let side = |length: usize| (length as f64 * 0.5f64.sqrt()).round() as usize;
@@ -90,8 +90,8 @@ pub fn covered(picture: &Picture, other: &Picture, seed: u64) -> Picture {
     covered
 }
 
-/// A picture that shows nothing: a grey value in [0, 1] and noise of this deviation, normal, every value
-/// by itself.
+/// A picture that shows nothing: a grey value in [0, 1], with independent normal noise of this deviation on every
+/// value.
 pub fn empty(camera: &Camera, grey: f64, deviation: f64, seed: u64) -> Picture {
     let mut picture = Picture::new(camera.width, camera.height);
     for (value, noise) in picture.data.iter_mut().zip(normal(seed)) {

@@ -6,7 +6,7 @@ use super::dropouts::CLEAR;
 use super::summary::{Column, EARLY};
 use super::{Measurement, TRIES};
 
-/// Prints a table a measurement.
+/// Prints one table per measurement.
 pub fn print(context: &Context, columns: &[Column]) {
     let (shots, prior) = (context.shots.len(), &context.prior);
     let (splats, key_frames) = (prior.splats().len(), prior.key_frames().len());
@@ -40,7 +40,7 @@ fn of(count: usize, all: usize) -> String {
 
 fn capture(columns: &[&Column]) {
     println!(
-        "\ncapture: starts put off by 75 to 100 % of the figure; renders: full ones; median, 95 %"
+        "\ncapture: starts moved off by 75 to 100 % of the figure; renders: full ones; median, 95 %"
     );
     let first = format!("first {EARLY}");
     println!(
@@ -121,7 +121,7 @@ fn dropouts(columns: &[&Column]) {
 
 fn foreign(columns: &[&Column]) {
     println!(
-        "\nforeign: frames of another scene; certain at the first frame, and within {TRIES}: 0 is due"
+        "\nforeign: frames of another scene; certain at the first frame, and within {TRIES}: should be 0"
     );
     println!(
         "{:14} {:>9} {:>9} {:>8} {:>14} {:>14}",

@@ -55,13 +55,13 @@ pub struct Frame {
     pub best_psnr: Option<f64>,
     /// `None`: the encoder had no pose to start from.
     pub answer: Option<Answer>,
-    /// To the frame's pose, render and difference; to the error, if there is none.
+    /// Time to the frame's pose, render and difference; time to the error, if it fails.
     pub milliseconds: f64,
     /// Of a forward render at the best known pose just before.
     pub forward_ms: f64,
 }
 
-/// What the encoder says of a frame, and what that is worth.
+/// What the encoder says about a frame, and whether it is right.
 pub struct Answer {
     /// PSNR of the clean frame and the render, dB.
     pub psnr: f64,
@@ -71,7 +71,7 @@ pub struct Answer {
     /// Of all levels.
     pub renders: u32,
     pub full_renders: u32,
-    /// Distance from the best known pose, the prior's unit, and the angle, degrees.
+    /// Distance from the best known pose, in the prior's unit, and the angle, degrees.
     pub pose_error: [f64; 2],
     /// Whether that is too far, whatever the render looks like.
     pub elsewhere: bool,
@@ -158,13 +158,13 @@ pub struct Probe<'a> {
 }
 
 impl<'a> Probe<'a> {
-    /// Of the context's prior. Gives the frames back, too: the context is borrowed.
+    /// A probe with the context's prior. Also returns the frames, as the context stays borrowed.
     pub fn new(context: &'a mut Context) -> anyhow::Result<(Probe<'a>, &'a [Shot], &'a [Best])> {
         let scene = context.scene.clone();
         Probe::of(context, &scene)
     }
 
-    /// Of another prior.
+    /// A probe with another prior.
     pub fn of(
         context: &'a mut Context,
         scene: &Arc<Scene>,
@@ -172,8 +172,8 @@ impl<'a> Probe<'a> {
         let options = EncoderOptions { rate: None, ..context.options() };
         let camera = &context.shots[0].camera;
         let mut encoder = Encoder::new(&context.engine, scene, camera, options)?;
-        // Not counted: the renders of the key frames, without which the first trials would be others than
-        // the last ones; and the first use of the commands.
+        // Renders the key frames and uses the commands once, before any trial. Else the first trials would differ from
+        // the last ones.
         encoder.prepare(usize::MAX)?;
         encoder.encode(&context.shots[0].picture, Some(context.best[0].pose))?;
         let probe = Probe { encoder, forward: &mut context.forward };

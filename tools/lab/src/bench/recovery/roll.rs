@@ -2,8 +2,8 @@
 
 use nvsprior::{Camera, Picture, Pose};
 
-/// The picture, rolled, and which pixels show what the clean one shows. What leaves it is lost; what comes in
-/// shows nothing and has the mean colour.
+/// Rolls the picture. Also returns which pixels show the clean picture: the others come in at the corners and have the
+/// mean colour.
 pub fn picture(camera: &Camera, clean: &Picture, angle: f64) -> (Picture, Vec<bool>) {
     let mean = mean(clean);
     let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(f64::from);
@@ -80,7 +80,7 @@ mod tests {
         assert_eq!(picture(&CAMERA, &clean, 0.0), (clean.clone(), vec![true; 16]));
         let (half, _) = picture(&CAMERA, &clean, PI);
         assert_eq!(at(&half, 0, 0), at(&clean, 3, 3));
-        // A point to the right of the camera's axis comes to lie below it, y being down.
+        // A point to the right of the camera's axis moves to below it, as y is down.
         let (quarter, _) = picture(&CAMERA, &clean, FRAC_PI_2);
         assert_eq!(at(&quarter, 2, 3), at(&clean, 3, 1));
         let rolled = pose(&Pose::IDENTITY, FRAC_PI_2);

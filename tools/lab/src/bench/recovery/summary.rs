@@ -12,7 +12,7 @@ use super::dropouts::CLEAR;
 use super::probe::{Answer, Frame, Phase, Run};
 use super::{Measurement, TRIES, WRONG};
 
-/// Trials whose outcome is told apart.
+/// Trials whose outcome is listed one by one.
 pub const EARLY: usize = 8;
 
 /// The figures of a column. Counts are of trials, unless they are of frames.
@@ -21,7 +21,7 @@ pub struct Column {
     pub measurement: Measurement,
     pub name: String,
     pub trials: usize,
-    /// Found at the first frame; after a dropout, at the first clear one, and certain.
+    /// Trials found at the first frame; after a dropout: found and certain at the first clear frame.
     pub found_first: usize,
     /// Found at the first frame, of the first [`EARLY`] trials.
     pub found_early: usize,
@@ -35,9 +35,9 @@ pub struct Column {
     pub false_certain: usize,
     /// At the first frame; after a dropout, at the first clear one.
     pub false_certain_first: usize,
-    /// Frames of which the encoder was certain, its pose being wrong.
+    /// Frames of which the encoder was certain, although its pose was wrong.
     pub false_certain_frames: usize,
-    /// Of them, those of a dropout.
+    /// The false certain frames of dropouts.
     pub false_certain_dropout: usize,
     /// Frames of a dropout of which it was certain.
     pub certain_dropout: usize,
@@ -48,13 +48,13 @@ pub struct Column {
     /// Frames found that are more than 0.1 dB better than the best known pose.
     pub better: usize,
     pub frames: usize,
-    /// Of all frames but those before a dropout, where the encoder had an answer.
+    /// Over all frames for which the encoder had an answer, except those before a dropout.
     pub renders: Spread,
     pub full_renders: Spread,
-    /// Of all frames but those before a dropout.
+    /// Over all frames except those before a dropout.
     pub milliseconds: Spread,
     pub in_forward_renders: Spread,
-    /// Frames until found, 1 being the first (after a dropout, the first clear one); infinite: never.
+    /// Frames until found; 1 is the first (after a dropout, the first clear one), infinite means never.
     pub until_found: Vec<f64>,
 }
 
@@ -75,7 +75,7 @@ fn found(frame: &Frame) -> bool {
 }
 
 impl Column {
-    /// Of runs of the same column; at least one.
+    /// Summarises runs of the same column; at least one.
     fn of(runs: &[Run]) -> Column {
         let count = |is: &dyn Fn(&Run) -> bool| runs.iter().filter(|run| is(run)).count();
         let first = |is: fn(&Frame) -> bool| count(&|run| sought(run).next().is_some_and(is));

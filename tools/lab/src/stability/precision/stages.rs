@@ -24,7 +24,7 @@ struct Errors {
     relative: Vec<f64>,
 }
 
-/// Bits that are right of a relative error; 24 and more is all that an f32 has.
+/// Correct bits, from a relative error; an f32 has 24.
 fn bits(relative: f64) -> f64 {
     -relative.max(2f64.powi(-30)).log2()
 }
@@ -82,7 +82,7 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
         title: format!("Bits right by stage: {}", which.name()),
         about: "Relative errors of the device's values against the twin's: of means against the \
                 picture's width, of colours against 1, of sums against what Cauchy–Schwarz bounds them \
-                by. An f32 has 24 bits. The picture's worst pixels hang on close decisions.",
+                by. An f32 has 24 bits. The picture's worst pixels depend on close decisions.",
         header,
         rows: all.iter().map(Errors::cells).collect(),
     };
@@ -113,7 +113,7 @@ fn projection(bench: &Bench, seen: &Seen) -> anyhow::Result<Vec<Errors>> {
         off(0).max(off(1)).max(off(2))
     });
     let depth = of(&|r, s| ratio(r[11], s.camera.z));
-    // By how much a splat lies behind one that is drawn after it.
+    // How far a splat lies behind one that is drawn after it.
     let mut depths = vec![f64::NAN; prior.len()];
     projected.iter().for_each(|s| depths[s.index as usize] = s.camera.z);
     let pairs = stages.order.windows(2).map(|o| (depths[o[0] as usize], depths[o[1] as usize]));

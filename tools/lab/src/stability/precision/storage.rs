@@ -87,9 +87,9 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
     }
     let table = Table {
         title: format!("Parameters in f16: {}", which.name()),
-        about: "PSNR against the picture of all parameters in f32, colours clamped; bytes saved a splat \
-                (of 24 + 36 and twelve a coefficient).",
-        header: vec!["what", "PSNR, dB", "bytes saved a splat"],
+        about: "PSNR against the picture of all parameters in f32, colours clamped; bytes saved per splat \
+                (of 24 + 36 and twelve per coefficient).",
+        header: vec!["what", "PSNR, dB", "bytes saved per splat"],
         rows,
     };
     row.path = "device";

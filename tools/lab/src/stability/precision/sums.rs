@@ -112,7 +112,7 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
         about: "The twin's tiles, rounded to f32 as the device has them, summed on the host. The step's \
                 change is relative to its largest component. The device's row holds all its errors, from \
                 projection on.",
-        header: vec!["way", "JᵀJ error", "change of the step", "ns a value"],
+        header: vec!["way", "JᵀJ error", "change of the step", "ns per value"],
         rows,
     };
     row.path = "host";
