@@ -172,7 +172,7 @@ impl Lens {
     /// Largest picture side, pixels.
     pub const MAX_SIDE: u32 = 65_535;
 
-    /// Checks the values. Brown-Conrady without any coefficient becomes [`Distortion::None`].
+    /// Checks the values. Brown-Conrady with all coefficients zero becomes [`Distortion::None`].
     pub fn new(intrinsics: Intrinsics, distortion: Distortion) -> Result<Lens, LensError> {
         check_intrinsics(&intrinsics)?;
         distortion.check()?;
@@ -222,7 +222,7 @@ impl Lens {
     /// The principal point stays. Both focal lengths are multiplied by one factor: the least with
     /// which no pixel shows anything outside of the distorted picture, so that as much as possible
     /// of it is kept, and none of the camera's corners looks more than 70° aside. Without
-    /// distortion it is the lens itself.
+    /// distortion it is the lens itself. It may be larger than [`Camera::MAX_SIDE`].
     pub fn pinhole(&self) -> Camera {
         self.pinhole
     }

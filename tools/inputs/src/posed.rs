@@ -46,7 +46,8 @@ pub struct PosedOptions {
     /// COLMAP model, the folder `images` in the given folder, or up to two folders above the model.
     pub pictures: Option<PathBuf>,
     /// Folder of masks, PNGs: `a/b.png` or `a/b.jpg.png` for the picture `a/b.jpg`, or `b.png` if no
-    /// two pictures are named `b`. All of a picture counts if it has none.
+    /// two pictures are named `b`. All of a picture counts if it has none. By default the files that
+    /// nerfstudio's `mask_path` names.
     pub masks: Option<PathBuf>,
     /// A point cloud (PLY). By default a COLMAP model's own, or that which nerfstudio's
     /// `ply_file_path` names.

@@ -84,8 +84,8 @@ impl Entry<'_> {
     }
 
     /// By nerfstudio's keys, which `cameras.json` does not have: k1, k2, p1, p2, k3 of a lens of
-    /// Brown and Conrady, or k1 to k4 of a fisheye. Coefficients beyond these are refused: the k4 to
-    /// k6 of nerfstudio's own formulas are not OpenCV's.
+    /// Brown and Conrady, or k1 to k4 of a fisheye. Others are refused: nerfstudio's k4 of r⁸ has no
+    /// place in OpenCV's formula, and it knows no k5 and k6.
     fn distortion(&self) -> Result<Distortion, String> {
         let [k1, k2, k3, k4] = [
             self.coefficient("k1")?,

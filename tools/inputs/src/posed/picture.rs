@@ -14,8 +14,8 @@ impl PosedInput {
     /// one step. Which camera is up to the caller; [`Lens::pinhole_at`] gives the natural one.
     ///
     /// A picture of another size than its lens, but of the same shape, is taken with intrinsics that
-    /// scale with its sides. Without distortion it is resized as
-    /// [`crate::frame_file::read_frame`] does it, to the bit.
+    /// scale with its sides. It is taken as it is stored: EXIF's rotation is not applied. Without
+    /// distortion it is resized as [`crate::frame_file::read_frame`] does it, to the bit.
     pub fn load(&self, to: &Camera) -> Result<Picture, PosedError> {
         self.undistorted(to).map(|(picture, _)| picture)
     }
