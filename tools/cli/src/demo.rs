@@ -200,7 +200,11 @@ impl Dive<'_> {
             let stats = &encoded.stats;
             row.add(stats.bytes, stats.psnr, stats.milliseconds, stats.full_renders);
             let (render, reconstruction) = (encoded.render, encoded.picture);
-            pictures.push(SheetRow { camera: frame.picture.clone(), render, reconstruction });
+            pictures.push(SheetRow {
+                camera: frame.picture.clone(),
+                render,
+                reconstruction: Some(reconstruction),
+            });
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -210,7 +214,7 @@ impl Dive<'_> {
             let path = decoded.join(&frame.name);
             let topside = frame_file::read_frame(&path, CAMERA.width, CAMERA.height)?;
             anyhow::ensure!(
-                topside == pictures.reconstruction,
+                Some(&topside) == pictures.reconstruction.as_ref(),
                 "{}: the topside shows another picture than the encoder predicted",
                 path.display()
             );

@@ -226,6 +226,10 @@ fn encode(
     let time = input.external.time;
     let row = Row { file: input.file.clone(), time, stats: encoded.stats };
     let (render, reconstruction) = (encoded.render, encoded.picture);
-    let sheet = args.sheet.is_some().then_some(SheetRow { camera: frame, render, reconstruction });
+    let sheet = args.sheet.is_some().then_some(SheetRow {
+        camera: frame,
+        render,
+        reconstruction: Some(reconstruction),
+    });
     Ok((row, sheet))
 }

@@ -6,6 +6,7 @@ mod demo;
 mod encode;
 mod inspect;
 mod key_frames;
+mod map;
 mod mission;
 mod picture_renderer;
 mod render;
@@ -40,6 +41,7 @@ enum Command {
     Decode(decode::Args),
     Render(render::Args),
     Inspect(inspect::Args),
+    Map(map::Args),
     Trim(trim::Args),
     KeyFrames(key_frames::Args),
     Tables(tables::Args),
@@ -57,6 +59,7 @@ fn main() -> ExitCode {
         Command::Decode(args) => decode::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Map(args) => map::run(&args),
         Command::Trim(args) => trim::run(&args),
         Command::KeyFrames(args) => key_frames::run(&args),
         Command::Tables(args) => tables::run(&args),

@@ -1,4 +1,4 @@
-//! Contact sheets: camera | render | difference | reconstruction, one row per frame.
+//! Contact sheets: camera | render | difference | reconstruction, if there is one; one row per frame.
 
 use std::path::Path;
 
@@ -13,19 +13,21 @@ const GAP: u32 = 4;
 pub struct SheetRow {
     pub camera: Picture,
     pub render: Picture,
-    pub reconstruction: Picture,
+    pub reconstruction: Option<Picture>,
 }
 
 /// Writes the rows as one PNG.
 pub fn write(path: &Path, rows: &[SheetRow]) -> anyhow::Result<()> {
     let cell =
         rows.iter().fold((0, 0), |(w, h), row| (row.camera.width.max(w), row.camera.height.max(h)));
-    let (width, height) = (4 * (cell.0 + GAP) + GAP, rows.len() as u32 * (cell.1 + GAP) + GAP);
+    let columns = if rows.iter().any(|row| row.reconstruction.is_some()) { 4 } else { 3 };
+    let (width, height) =
+        (columns * (cell.0 + GAP) + GAP, rows.len() as u32 * (cell.1 + GAP) + GAP);
     let mut sheet = image::RgbImage::from_pixel(width, height, image::Rgb([24, 24, 24]));
     for (y, row) in rows.iter().enumerate() {
         let shown = difference(&row.camera, &row.render);
-        let cells = [&row.camera, &row.render, &shown, &row.reconstruction];
-        for (x, picture) in cells.into_iter().enumerate() {
+        let cells = [&row.camera, &row.render, &shown];
+        for (x, picture) in cells.into_iter().chain(&row.reconstruction).enumerate() {
             let at = [GAP + x as u32 * (cell.0 + GAP), GAP + y as u32 * (cell.1 + GAP)];
             paste(&mut sheet, picture, at);
         }

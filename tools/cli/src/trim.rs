@@ -180,7 +180,7 @@ fn write_sheet(
     let row = |(camera, pose): &(Camera, Pose)| {
         let render = small.render(camera, pose)?.clone();
         let camera = bench.whole.render(camera, pose)?.clone();
-        Ok(SheetRow { camera, reconstruction: render.clone(), render })
+        Ok(SheetRow { camera, reconstruction: Some(render.clone()), render })
     };
     let rows: anyhow::Result<Vec<SheetRow>> =
         mission::spaced(places, SHEET_ROWS).map(row).collect();

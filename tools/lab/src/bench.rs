@@ -29,6 +29,7 @@ use forward::Forward;
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::input::InputArgs;
 pub use perturbed::even;
+pub use plot::training as plot_training;
 use report::Report;
 
 /// Measure run time and error on a run of frames; times are in milliseconds and in forward renders

@@ -170,6 +170,18 @@ pub fn codecs(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> anyhow::Re
     draw(path, &words, false, &series.collect::<Vec<_>>(), &[])
 }
 
+/// PSNR against training time, a curve per split; points as (seconds, dB).
+pub fn training(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> anyhow::Result<()> {
+    let curve = |(name, points)| Series { name, points, line: true, dots: true };
+    let words = Words {
+        caption: "PSNR of held-out pictures against training time",
+        x: "seconds",
+        y: "dB",
+        legend: SeriesLabelPosition::LowerRight,
+    };
+    draw(path, &words, false, &curves.into_iter().map(curve).collect::<Vec<_>>(), &[])
+}
+
 /// Draws with a logarithmic x axis; with `log_y` the y axis is logarithmic too.
 fn draw(
     path: &Path,

@@ -6,6 +6,7 @@
 //! also if training is interrupted and goes on.
 
 mod relocate;
+mod saved;
 mod schedule;
 mod splats;
 mod start;
@@ -21,6 +22,8 @@ use nvsprior_kernels::training::planes;
 
 use crate::mapping::PosedPicture;
 use relocate::relocate;
+pub use saved::{SavedError, read_state, write_state};
+use schedule::Progress;
 pub use schedule::Schedule;
 pub use start::ColouredPoint;
 use start::start;
@@ -34,8 +37,6 @@ pub struct MapOptions {
     pub splats: u32,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
-    /// Steps in all; each looks at one picture.
-    pub iterations: u32,
     /// Rates and their course.
     pub schedule: Schedule,
     /// Seed of all that is random.
@@ -50,7 +51,6 @@ impl Default for MapOptions {
             render: RenderOptions::INRIA,
             splats: 40_000,
             sh_degree: 1,
-            iterations: 8_000,
             schedule: Schedule::default(),
             seed: 1,
             profiled: false,
@@ -152,20 +152,17 @@ impl Mapper {
         Ok(Mapper { trainer, views, options: options.clone(), centre, extent, step: 0, alive })
     }
 
-    /// Takes one step, on the picture whose turn it is.
-    pub fn step(&mut self) -> Result<(), MapError> {
+    /// Takes one step, on the picture whose turn it is. `share`: of the training that is done, 0 to 1, by which rates
+    /// fall.
+    pub fn step(&mut self, share: f64) -> Result<(), MapError> {
         let view = &self.views[self.turn()];
-        let training = self.options.schedule.at(
-            self.step,
-            &self.options,
-            self.extent,
-            view.camera.pixels(),
-            self.alive,
-        );
+        let progress = Progress { step: self.step, share, alive: self.alive };
+        let scene = (self.extent, view.camera.pixels());
+        let training = self.options.schedule.at(&progress, self.options.sh_degree, scene);
         let view = TrainingView { camera: &view.camera, pose: &view.pose, frame: &view.picture };
         self.trainer.step(&view, &training)?;
         self.step += 1;
-        if self.options.schedule.relocates_after(self.step, self.options.iterations) {
+        if self.options.schedule.relocates_after(self.step, share) {
             self.relocate()?;
         }
         Ok(())
@@ -201,6 +198,11 @@ impl Mapper {
     /// Splats in use.
     pub fn alive(&self) -> u32 {
         self.alive
+    }
+
+    /// How it is trained.
+    pub fn options(&self) -> &MapOptions {
+        &self.options
     }
 
     /// The pictures it is trained on.
@@ -239,8 +241,8 @@ impl Mapper {
         if [parameters, first, second].into_iter().any(|planes| planes.len() != numbers) {
             return Err(MapError::State { what: "the number of splats or of their coefficients" });
         }
-        if state.alive > self.options.splats || state.step > self.options.iterations {
-            return Err(MapError::State { what: "the number of splats or of iterations" });
+        if state.alive > self.options.splats {
+            return Err(MapError::State { what: "the number of splats" });
         }
         self.trainer.set(&state.training)?;
         (self.step, self.alive) = (state.step, state.alive);
@@ -264,7 +266,6 @@ fn check(views: &[PosedPicture], options: &MapOptions) -> Result<(), MapError> {
     let in_range = [
         ("splats", f64::from(options.splats), 1.0..=16e6, "1 to 16,000,000"),
         ("sh-degree", f64::from(options.sh_degree), 0.0..=3.0, "0 to 3"),
-        ("iterations", f64::from(options.iterations), 1.0..=1e7, "1 to 10,000,000"),
     ];
     for (name, value, allowed, range) in in_range {
         if !allowed.contains(&value) {

@@ -3,8 +3,6 @@
 use nvsprior::render::training::{FADING, Training};
 use nvsprior_kernels::shared::sh_coefficients;
 
-use super::MapOptions;
-
 /// Rates and pulls, as gsplat's MCMC preset has them unless said otherwise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {
@@ -62,23 +60,27 @@ impl Default for Schedule {
 /// No relocation before this step: opacities say nothing yet.
 const RELOCATE_FROM: u32 = 500;
 
+/// How far a training is.
+pub struct Progress {
+    /// Steps done.
+    pub step: u32,
+    /// Share of the training that is done, 0 to 1.
+    pub share: f64,
+    /// Splats in use.
+    pub alive: u32,
+}
+
 impl Schedule {
-    /// What a step is told. `extent`: of the scene, the prior's unit; `alive`: splats in use.
-    pub fn at(
-        &self,
-        step: u32,
-        options: &MapOptions,
-        extent: f64,
-        pixels: usize,
-        alive: u32,
-    ) -> Training {
-        let share = f64::from(step) / f64::from(options.iterations);
-        let position = f64::from(self.position) * extent * f64::from(self.position_end).powf(share);
-        let degree = (step / self.degree_every.max(1)).min(options.sh_degree);
-        let unbias = FADING
-            .map(|fading| (1.0 / (1.0 - f64::from(fading).powf(f64::from(step) + 1.0))) as f32);
+    /// What a step is told. `scene`: its extent, the prior's unit, and the pixels of a picture.
+    pub fn at(&self, progress: &Progress, sh_degree: u32, scene: (f64, usize)) -> Training {
+        let Progress { step, share, alive } = *progress;
+        let (extent, pixels) = scene;
+        let fall = f64::from(self.position_end).powf(share.clamp(0.0, 1.0));
+        let position = f64::from(self.position) * extent * fall;
+        let degree = (step / self.degree_every.max(1)).min(sh_degree);
+        let unbias = |fading: f32| 1.0 / (1.0 - f64::from(fading).powf(f64::from(step) + 1.0));
         Training {
-            sh_coefficients: sh_coefficients(options.sh_degree),
+            sh_coefficients: sh_coefficients(sh_degree),
             sh_trained: sh_coefficients(degree),
             slot_capacity: 0,
             step,
@@ -90,7 +92,7 @@ impl Schedule {
                 self.sh_first,
                 self.sh_others,
             ],
-            unbias,
+            unbias: FADING.map(|fading| unbias(fading) as f32),
             opacity_pull: self.opacity_pull / alive as f32,
             scale_pull: self.scale_pull / (3.0 * alive as f32),
             noise: (position * f64::from(self.noise)) as f32,
@@ -100,9 +102,9 @@ impl Schedule {
         }
     }
 
-    /// Whether splats are relocated once so many steps are done.
-    pub fn relocates_after(&self, steps: u32, iterations: u32) -> bool {
-        let until = (f64::from(iterations) * f64::from(self.relocate_until)) as u32;
-        (RELOCATE_FROM..=until).contains(&steps) && steps.is_multiple_of(self.relocate_every.max(1))
+    /// Whether splats are relocated once so many steps, and this share of the training, are done.
+    pub fn relocates_after(&self, steps: u32, share: f64) -> bool {
+        let due = steps >= RELOCATE_FROM && steps.is_multiple_of(self.relocate_every.max(1));
+        due && share <= f64::from(self.relocate_until)
     }
 }

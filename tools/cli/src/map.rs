@@ -1,0 +1,199 @@
+//! `nvsprior map`: a prior trained on the device from the posed pictures of a mapping run.
+
+mod course;
+mod inputs;
+mod report;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context;
+use nvsprior::prior::compact::Quantisation;
+use nvsprior::{Camera, Engine, Prior};
+use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
+use nvsprior_train::mapper::{MapOptions, Mapper, read_state, write_state};
+
+use crate::container::Container;
+use crate::key_frames;
+use crate::picture_renderer::PictureRenderer;
+use course::{Budget, Course};
+use inputs::{InputArgs, MapInputs};
+use report::Report;
+
+/// Train a prior from posed pictures
+///
+/// 3D Gaussian Splatting on any Vulkan device, by the renderer that will draw the prior: the splats of a fixed budget
+/// move to where pictures need them (3DGS-MCMC). Progress shows PSNR on pictures that are held out. The state is saved
+/// every minute beside the prior (OUT.training): the same command with --resume goes on from there, to the same prior.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    inputs: InputArgs,
+    /// Most splats
+    #[arg(long, value_name = "N", default_value_t = 40_000,
+        value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
+    splats: u32,
+    /// Degree of the spherical harmonics: how much colours may depend on the direction
+    #[arg(long, value_name = "0-3", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=3))]
+    sh_degree: u32,
+    /// Steps, each towards one picture [default: 8000]
+    #[arg(long, value_name = "N", conflicts_with = "minutes",
+        value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    iterations: Option<u32>,
+    /// Train for so long instead
+    #[arg(long, value_name = "M", value_parser = minutes)]
+    minutes: Option<f64>,
+    /// Share of SSIM in the loss, beside the absolute error
+    #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = share)]
+    ssim: f32,
+    /// Seed of all that is random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    #[command(flatten)]
+    overrides: OverrideArgs,
+    /// The prior: .ply (as Splatfacto writes it) or .nvsg (compact)
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Go on from the state that an interrupted run left beside OUT
+    #[arg(long)]
+    resume: bool,
+    /// Folder for report.json, curve.csv, curve.svg and preview.png
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
+    match value > 0.0 && value <= 100_000.0 {
+        true => Ok(value),
+        false => Err("must lie between 0 and 100,000".into()),
+    }
+}
+
+fn share(text: &str) -> Result<f32, String> {
+    let value: f32 = text.parse().map_err(|e| format!("{e}"))?;
+    match (0.0..=1.0).contains(&value) {
+        true => Ok(value),
+        false => Err("must lie between 0 and 1".into()),
+    }
+}
+
+/// Steps if neither their number nor a time is given.
+const ITERATIONS: u32 = 8_000;
+
+impl Args {
+    fn options(&self) -> MapOptions {
+        let mut options = MapOptions {
+            render: self.overrides.overrides().over(MapOptions::default().render),
+            splats: self.splats,
+            sh_degree: self.sh_degree,
+            seed: self.seed,
+            ..MapOptions::default()
+        };
+        options.schedule.ssim = self.ssim;
+        options
+    }
+
+    fn budget(&self) -> Budget {
+        match self.minutes {
+            Some(minutes) => Budget::Seconds(60.0 * minutes),
+            None => Budget::Iterations(self.iterations.unwrap_or(ITERATIONS)),
+        }
+    }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let container = Container::of(&args.out, Quantisation::default())?;
+    let options = args.options();
+    options.render.check()?;
+    check_out(&args.out)?;
+    if let Some(folder) = &args.report {
+        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    }
+    let engine = args.device.open()?;
+    let MapInputs { train, held_out, points } = args.inputs.read()?;
+    let fingerprint = inputs::fingerprint(&train, &points, &options, &args.budget());
+    let mut mapper = Mapper::new(&engine, train, &points, &options)?;
+    let saved = saved_path(&args.out);
+    if args.resume {
+        resume(&mut mapper, &saved, fingerprint)?;
+    }
+    let save = |mapper: &Mapper| save(mapper, &saved, fingerprint);
+    let mut report = Report::new(args.report.as_deref(), held_out);
+    Course { budget: args.budget(), save: &save }.run(&mut mapper, &mut report)?;
+    let splats = mapper.splats()?;
+    let views: Vec<_> = mapper.views().iter().map(|view| (view.camera, view.pose)).collect();
+    let key_frames = key_frames::of_run(&splats, options.render.near, &views)?;
+    let bytes = container.write(&splats, &options.render, &key_frames, None)?;
+    write_whole(&args.out, &bytes)?;
+    let prior = Prior::open(&args.out, &Default::default())?;
+    let forward = forward_seconds(&engine, &prior, &mapper)?;
+    report.finish(&mut mapper, prior.len(), forward)?;
+    println!("{}: {} splats, {} bytes", args.out.display(), prior.len(), bytes.len());
+    // A prior is there: what was saved on the way to it is not needed any more.
+    if saved.exists() {
+        std::fs::remove_file(&saved).with_context(|| format!("removing {}", saved.display()))?;
+    }
+    args.device.check(&engine)
+}
+
+/// Finds out before hours of work whether the prior can be written.
+fn check_out(out: &Path) -> anyhow::Result<()> {
+    let probe = saved_path(out).with_extension("probe");
+    std::fs::write(&probe, b"")
+        .and_then(|()| std::fs::remove_file(&probe))
+        .with_context(|| format!("writing beside {}", out.display()))
+}
+
+/// Where a training's state is saved.
+fn saved_path(out: &Path) -> PathBuf {
+    let mut name = out.file_name().unwrap_or_default().to_owned();
+    name.push(".training");
+    out.with_file_name(name)
+}
+
+fn resume(mapper: &mut Mapper, saved: &Path, fingerprint: u32) -> anyhow::Result<()> {
+    if !saved.exists() {
+        eprintln!("{}: not there; training starts anew", saved.display());
+        return Ok(());
+    }
+    let named = || format!("{}", saved.display());
+    let bytes = std::fs::read(saved).with_context(named)?;
+    let state = read_state(&bytes, fingerprint)
+        .with_context(named)
+        .context("going on from it (without --resume training starts anew)")?;
+    mapper.resume(&state)?;
+    eprintln!("{}: goes on from step {}", saved.display(), mapper.steps());
+    Ok(())
+}
+
+fn save(mapper: &Mapper, to: &Path, fingerprint: u32) -> anyhow::Result<()> {
+    write_whole(to, &write_state(&mapper.state()?, fingerprint))
+}
+
+/// Writes a file beside the other, then puts it in its place: what was there stays until the new one is whole.
+fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".new");
+    let new = path.with_file_name(name);
+    std::fs::write(&new, bytes)
+        .and_then(|()| std::fs::rename(&new, path))
+        .with_context(|| format!("writing {}", path.display()))
+}
+
+/// Seconds of a forward render of the prior, the median of some.
+fn forward_seconds(engine: &Engine, prior: &Prior, mapper: &Mapper) -> anyhow::Result<f64> {
+    const RENDERS: usize = 30;
+    let mut renderer = PictureRenderer::new(engine, prior)?;
+    let camera: Camera = mapper.views()[0].camera;
+    let mut times = Vec::new();
+    for view in mapper.views().iter().cycle().take(RENDERS) {
+        let start = Instant::now();
+        renderer.render(&camera, &view.pose)?;
+        times.push(start.elapsed().as_secs_f64());
+    }
+    times.sort_by(f64::total_cmp);
+    Ok(times[times.len() / 2])
+}

@@ -1,0 +1,86 @@
+//! A training from its first step to its last.
+
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use nvsprior_train::mapper::Mapper;
+
+use super::report::Report;
+
+/// How long to train.
+#[derive(Clone, Copy, Debug)]
+pub enum Budget {
+    /// Steps.
+    Iterations(u32),
+    /// Seconds on the clock.
+    Seconds(f64),
+}
+
+/// How a training goes on.
+pub struct Course<'a> {
+    /// How long.
+    pub budget: Budget,
+    /// Saves the state.
+    pub save: &'a dyn Fn(&Mapper) -> anyhow::Result<()>,
+}
+
+/// Measurements of a training, evenly spread.
+const MEASUREMENTS: f64 = 20.0;
+/// Time between saved states.
+const SAVED_EVERY: Duration = Duration::from_secs(60);
+
+impl Course<'_> {
+    /// Trains until the budget is used up.
+    pub fn run(&self, mapper: &mut Mapper, report: &mut Report) -> anyhow::Result<()> {
+        let start = Instant::now();
+        let bar = bar();
+        let (mut saved, mut measured) = (Instant::now(), self.share(mapper, start));
+        loop {
+            let share = self.share(mapper, start);
+            if share >= 1.0 {
+                break;
+            }
+            let began = Instant::now();
+            mapper.step(share)?;
+            report.took(began.elapsed());
+            if self.share(mapper, start) >= (measured + 1.0 / MEASUREMENTS).min(1.0) {
+                measured = self.share(mapper, start);
+                report.measure(mapper, start.elapsed())?;
+            }
+            if saved.elapsed() > SAVED_EVERY {
+                (self.save)(mapper)?;
+                saved = Instant::now();
+            }
+            self.show(&bar, mapper, report, start);
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+
+    /// Share of the budget that is used.
+    fn share(&self, mapper: &Mapper, start: Instant) -> f64 {
+        match self.budget {
+            Budget::Iterations(all) => f64::from(mapper.steps()) / f64::from(all),
+            Budget::Seconds(all) => start.elapsed().as_secs_f64() / all,
+        }
+    }
+
+    fn show(&self, bar: &ProgressBar, mapper: &Mapper, report: &Report, start: Instant) {
+        bar.set_position((self.share(mapper, start) * BAR as f64) as u64);
+        let psnr = report.psnr().map_or(String::new(), |psnr| format!(", held out {psnr:.2} dB"));
+        let rate = report.steps_per_second();
+        let splats = mapper.alive();
+        bar.set_message(format!("step {}, {splats} splats, {rate:.1}/s{psnr}", mapper.steps()));
+    }
+}
+
+/// Parts of the progress bar.
+const BAR: u64 = 10_000;
+
+fn bar() -> ProgressBar {
+    let bar = ProgressBar::new(BAR);
+    match ProgressStyle::with_template("{bar:30} {percent}% {msg}, {eta} left") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}

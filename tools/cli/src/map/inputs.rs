@@ -1,0 +1,158 @@
+//! What a prior is trained on.
+
+use std::path::PathBuf;
+
+use nvsprior::Camera;
+use nvsprior_inputs::args::{SizeArgs, progress};
+use nvsprior_inputs::points::Point;
+use nvsprior_inputs::posed::{PosedInput, PosedOptions, posed_pictures};
+use nvsprior_train::mapper::{ColouredPoint, MapOptions};
+use nvsprior_train::mapping::PosedPicture;
+
+use super::course::Budget;
+
+/// Where the pictures, their poses and the scene's points are.
+#[derive(clap::Args)]
+pub struct InputArgs {
+    /// cameras.json, nerfstudio's transforms.json, or the folder of a COLMAP model
+    #[arg(long, value_name = "PATH")]
+    cameras: PathBuf,
+    /// Folder that the pictures' names start from [default: as the camera file lies, or COLMAP's images/]
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+    /// Train on this split alone; the camera file's other splits are held out
+    #[arg(long, value_name = "NAME")]
+    split: Option<String>,
+    /// If no other split is there to be held out: hold out every N-th picture; 0 holds out none
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    held_out: usize,
+    /// The points to start from (PLY) [default: those of the COLMAP model, else random ones]
+    #[arg(long, value_name = "FILE")]
+    points: Option<PathBuf>,
+    #[command(flatten)]
+    size: SizeArgs,
+}
+
+/// A held-out picture.
+pub struct HeldOut {
+    /// Its name in the camera file.
+    pub name: String,
+    /// Its split.
+    pub split: String,
+    /// The picture.
+    pub view: PosedPicture,
+}
+
+/// All that a prior is trained on, and measured by.
+pub struct MapInputs {
+    /// To train on.
+    pub train: Vec<PosedPicture>,
+    /// To measure by.
+    pub held_out: Vec<HeldOut>,
+    /// To start from; possibly none.
+    pub points: Vec<ColouredPoint>,
+}
+
+/// The split of pictures that are held out of a file without splits.
+const HELD_OUT: &str = "held-out";
+
+impl InputArgs {
+    /// Reads pictures and points.
+    pub fn read(&self) -> anyhow::Result<MapInputs> {
+        let options = PosedOptions {
+            pictures: self.pictures.clone(),
+            points: self.points.clone(),
+            ..PosedOptions::default()
+        };
+        let listed = posed_pictures(&self.cameras, &options)?;
+        let (train, held_out) = self.divide(listed.inputs)?;
+        let size = self.camera(&train[0]);
+        let bar = progress(train.len() + held_out.len(), "pictures");
+        let read = |input: &PosedInput| -> anyhow::Result<PosedPicture> {
+            let own = self.camera(input);
+            // Pictures of one lens share a size; others are brought to it.
+            let camera = own.resized(size.width, size.height);
+            let picture = input.load(&camera)?;
+            bar.inc(1);
+            Ok(PosedPicture { camera, pose: input.pose, picture })
+        };
+        let held_out = held_out.iter().map(|(split, input)| {
+            let (name, split) = (input.name.clone(), split.clone());
+            Ok(HeldOut { name, split, view: read(input)? })
+        });
+        let held_out = held_out.collect::<anyhow::Result<_>>()?;
+        let train = train.iter().map(read).collect::<anyhow::Result<_>>()?;
+        bar.finish_and_clear();
+        let points = listed.points.unwrap_or_default().iter().map(coloured).collect();
+        Ok(MapInputs { train, held_out, points })
+    }
+
+    /// The pinhole of a picture, at the size that it is trained at.
+    fn camera(&self, input: &PosedInput) -> Camera {
+        self.size.reduced(&input.lens.pinhole())
+    }
+
+    /// Pictures to train on, and those held out, with their splits.
+    #[allow(clippy::type_complexity)] // Named by what it stands beside.
+    fn divide(
+        &self,
+        inputs: Vec<PosedInput>,
+    ) -> anyhow::Result<(Vec<PosedInput>, Vec<(String, PosedInput)>)> {
+        let named = |input: &PosedInput| input.split.clone();
+        if let Some(split) = &self.split {
+            let of_split = |input: &PosedInput| named(input).as_ref() == Some(split);
+            let (train, others): (Vec<_>, Vec<_>) = inputs.into_iter().partition(of_split);
+            if train.is_empty() {
+                anyhow::bail!("{}: no picture of split \"{split}\"", self.cameras.display());
+            }
+            if !others.is_empty() {
+                let held_out = others.into_iter().filter_map(|input| Some((named(&input)?, input)));
+                return Ok((train, held_out.collect()));
+            }
+            return self.every(train);
+        }
+        self.every(inputs)
+    }
+
+    /// Holds out every N-th picture.
+    #[allow(clippy::type_complexity)]
+    fn every(
+        &self,
+        inputs: Vec<PosedInput>,
+    ) -> anyhow::Result<(Vec<PosedInput>, Vec<(String, PosedInput)>)> {
+        let every = self.held_out;
+        let (mut train, mut held_out) = (Vec::new(), Vec::new());
+        for (i, input) in inputs.into_iter().enumerate() {
+            if every > 1 && i % every == every / 2 {
+                held_out.push((HELD_OUT.to_owned(), input));
+            } else {
+                train.push(input);
+            }
+        }
+        Ok((train, held_out))
+    }
+}
+
+fn coloured(point: &Point) -> ColouredPoint {
+    let position = point.position.as_vec3().to_array();
+    ColouredPoint { position, rgb: point.rgb.unwrap_or([0.5; 3]) }
+}
+
+/// A number that other pictures, points or options change.
+pub fn fingerprint(
+    train: &[PosedPicture],
+    points: &[ColouredPoint],
+    options: &MapOptions,
+    budget: &Budget,
+) -> u32 {
+    let mut sum = crc32fast::Hasher::new();
+    sum.update(format!("{options:?} {budget:?}").as_bytes());
+    for PosedPicture { camera, pose, picture } in train {
+        sum.update(format!("{camera:?} {pose:?}").as_bytes());
+        sum.update(&picture.data);
+    }
+    for point in points {
+        point.position.iter().chain(&point.rgb).for_each(|v| sum.update(&v.to_le_bytes()));
+    }
+    sum.finalize()
+}

@@ -1,0 +1,176 @@
+//! What a training came to: a curve, figures, and pictures.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::Context;
+use nvsprior_lab::bench::plot_training;
+use nvsprior_train::mapper::Mapper;
+use serde_json::json;
+
+use super::inputs::HeldOut;
+use crate::sheet::{self, SheetRow};
+
+/// Steps whose time counts: the last ones, with all splats in use.
+const TIMED: usize = 200;
+/// Rows of the preview.
+const ROWS: usize = 8;
+
+/// A measurement under way.
+struct Point {
+    step: u32,
+    seconds: f64,
+    splats: u32,
+    /// PSNR of each held-out picture, dB.
+    psnr: Vec<f64>,
+}
+
+/// Collects what is measured.
+pub struct Report {
+    folder: Option<PathBuf>,
+    held_out: Vec<HeldOut>,
+    points: Vec<Point>,
+    /// Seconds of the last steps.
+    times: Vec<f64>,
+    next: usize,
+}
+
+fn mean(values: impl Iterator<Item = f64> + Clone) -> Option<f64> {
+    let count = values.clone().count();
+    (count > 0).then(|| values.sum::<f64>() / count as f64)
+}
+
+impl Report {
+    /// Into a folder, if there is one.
+    pub fn new(folder: Option<&Path>, held_out: Vec<HeldOut>) -> Report {
+        let folder = folder.map(Path::to_path_buf);
+        Report { folder, held_out, points: Vec::new(), times: Vec::new(), next: 0 }
+    }
+
+    /// Notes the time of a step.
+    pub fn took(&mut self, time: Duration) {
+        let seconds = time.as_secs_f64();
+        if self.times.len() < TIMED {
+            self.times.push(seconds);
+        } else {
+            self.times[self.next] = seconds;
+        }
+        self.next = (self.next + 1) % TIMED;
+    }
+
+    /// Of the last steps.
+    pub fn steps_per_second(&self) -> f64 {
+        mean(self.times.iter().copied()).map_or(0.0, |seconds| 1.0 / seconds)
+    }
+
+    /// Mean over the held-out pictures, at the last measurement, dB.
+    pub fn psnr(&self) -> Option<f64> {
+        self.points.last().and_then(|point| mean(point.psnr.iter().copied()))
+    }
+
+    /// Measures the held-out pictures, and writes what is known so far.
+    pub fn measure(&mut self, mapper: &mut Mapper, elapsed: Duration) -> anyhow::Result<()> {
+        let mut psnr = Vec::with_capacity(self.held_out.len());
+        for HeldOut { view, .. } in &self.held_out {
+            psnr.push(mapper.picture(&view.camera, &view.pose)?.psnr(&view.picture));
+        }
+        let (step, splats) = (mapper.steps(), mapper.alive());
+        let point = Point { step, seconds: elapsed.as_secs_f64(), splats, psnr };
+        let splits = self.by_split(&point);
+        let shown: Vec<_> =
+            splits.iter().map(|(split, psnr)| format!("{split} {psnr:.2} dB")).collect();
+        eprintln!("step {step}, {:.0} s, {splats} splats: {}", point.seconds, shown.join(", "));
+        self.points.push(point);
+        let Some(folder) = self.folder.clone() else { return Ok(()) };
+        self.write_curve(&folder)?;
+        self.write_preview(&folder.join("preview.png"), mapper)
+    }
+
+    /// Means over each split.
+    fn by_split(&self, point: &Point) -> Vec<(String, f64)> {
+        let mut splits: Vec<_> = self.held_out.iter().map(|held| held.split.clone()).collect();
+        splits.sort_unstable();
+        splits.dedup();
+        let of = |split: String| {
+            let own = self.held_out.iter().zip(&point.psnr).filter(|(held, _)| held.split == split);
+            mean(own.map(|(_, psnr)| *psnr)).map(|psnr| (split.clone(), psnr))
+        };
+        splits.into_iter().filter_map(of).collect()
+    }
+
+    fn write_curve(&self, folder: &Path) -> anyhow::Result<()> {
+        let mut csv = csv::Writer::from_path(folder.join("curve.csv"))?;
+        csv.write_record(["step", "seconds", "splats", "split", "psnr_db"])?;
+        let mut curves: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
+        for point in &self.points {
+            for (split, psnr) in self.by_split(point) {
+                let Point { step, seconds, splats, .. } = point;
+                csv.write_record([
+                    step.to_string(),
+                    format!("{seconds:.3}"),
+                    splats.to_string(),
+                    split.clone(),
+                    format!("{psnr:.4}"),
+                ])?;
+                match curves.iter_mut().find(|(name, _)| *name == split) {
+                    Some((_, points)) => points.push((*seconds, psnr)),
+                    None => curves.push((split, vec![(*seconds, psnr)])),
+                }
+            }
+        }
+        csv.flush()?;
+        plot_training(&folder.join("curve.svg"), curves)
+    }
+
+    /// The worst held-out pictures first: camera, render, difference.
+    fn write_preview(&self, path: &Path, mapper: &mut Mapper) -> anyhow::Result<()> {
+        let mut order: Vec<usize> = (0..self.held_out.len()).collect();
+        if let Some(point) = self.points.last() {
+            order.sort_by(|a, b| point.psnr[*a].total_cmp(&point.psnr[*b]));
+        }
+        let mut rows = Vec::new();
+        for i in order.into_iter().take(ROWS) {
+            let view = &self.held_out[i].view;
+            let render = mapper.picture(&view.camera, &view.pose)?;
+            rows.push(SheetRow { camera: view.picture.clone(), render, reconstruction: None });
+        }
+        if rows.is_empty() { Ok(()) } else { sheet::write(path, &rows) }
+    }
+
+    /// Writes the figures. `forward`: seconds of a forward render of the prior.
+    pub fn finish(
+        &mut self,
+        mapper: &mut Mapper,
+        splats: usize,
+        forward: f64,
+    ) -> anyhow::Result<()> {
+        let Some(folder) = &self.folder else { return Ok(()) };
+        let mut times = self.times.clone();
+        times.sort_by(f64::total_cmp);
+        let median = times.get(times.len() / 2).copied();
+        let last = self.points.last();
+        let pictures = last.into_iter().flat_map(|point| self.held_out.iter().zip(&point.psnr));
+        let pictures: Vec<_> = pictures
+            .map(|(held, psnr)| json!({ "name": held.name, "split": held.split, "psnr": psnr }))
+            .collect();
+        let splits: serde_json::Map<_, _> = last
+            .into_iter()
+            .flat_map(|point| self.by_split(point))
+            .map(|(split, psnr)| (split, json!(psnr)))
+            .collect();
+        let report = json!({
+            "held_out_psnr": self.psnr(),
+            "held_out_psnr_by_split": splits,
+            "iterations": mapper.steps(),
+            "seconds": last.map(|point| point.seconds),
+            "seconds_per_iteration": median,
+            "seconds_per_forward_render": forward,
+            "iteration_in_forward_renders": median.map(|seconds| seconds / forward),
+            "splats": splats,
+            "pictures": pictures,
+        });
+        let path = folder.join("report.json");
+        std::fs::write(&path, serde_json::to_string_pretty(&report)? + "\n")
+            .with_context(|| format!("writing {}", path.display()))
+    }
+}

@@ -1,0 +1,102 @@
+//! A training's state as bytes, so that it can go on after an interruption.
+//!
+//! All numbers are little-endian: the magic `NVSPMAP1`; the fingerprint of what is trained, the steps done, the splats in
+//! use, and the numbers of each of three sets of planes (u32 each); the planes; a CRC-32 over all before it.
+
+use nvsprior::render::training::TrainingState;
+
+use super::MapState;
+
+const MAGIC: &[u8; 8] = b"NVSPMAP1";
+const HEADER: usize = 8 + 4 * 4;
+
+/// Why a saved state cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SavedError {
+    /// It is something else.
+    #[error("not the state of a training")]
+    Foreign,
+    /// It was cut or changed.
+    #[error("cut off or changed since it was written")]
+    Damaged,
+    /// It is of other pictures, points or options.
+    #[error("of another training: other pictures, points or options")]
+    Other,
+}
+
+/// The bytes of a state. `fingerprint` names what is trained, and how.
+pub fn write_state(state: &MapState, fingerprint: u32) -> Vec<u8> {
+    let TrainingState { parameters, first, second } = &state.training;
+    let numbers = parameters.len() as u32;
+    let mut bytes = Vec::with_capacity(HEADER + 12 * parameters.len() + 4);
+    bytes.extend(MAGIC);
+    for word in [fingerprint, state.step, state.alive, numbers] {
+        bytes.extend(word.to_le_bytes());
+    }
+    for planes in [parameters, first, second] {
+        planes.iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+    }
+    let check = crc32fast::hash(&bytes);
+    bytes.extend(check.to_le_bytes());
+    bytes
+}
+
+/// The state of bytes, if it is that of `fingerprint`.
+pub fn read_state(bytes: &[u8], fingerprint: u32) -> Result<MapState, SavedError> {
+    if !bytes.starts_with(MAGIC) {
+        return Err(SavedError::Foreign);
+    }
+    let (content, check) = bytes.split_last_chunk::<4>().ok_or(SavedError::Damaged)?;
+    let body = content.get(HEADER..).ok_or(SavedError::Damaged)?;
+    let word = |i: usize| {
+        let at = 8 + 4 * i;
+        u32::from_le_bytes([content[at], content[at + 1], content[at + 2], content[at + 3]])
+    };
+    let numbers = word(3) as usize;
+    if numbers.checked_mul(12) != Some(body.len())
+        || crc32fast::hash(content) != u32::from_le_bytes(*check)
+    {
+        return Err(SavedError::Damaged);
+    }
+    if word(0) != fingerprint {
+        return Err(SavedError::Other);
+    }
+    let (values, _) = body.as_chunks::<4>();
+    let planes = |which: usize| {
+        let own = &values[which * numbers..(which + 1) * numbers];
+        own.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
+    };
+    let training = TrainingState { parameters: planes(0), first: planes(1), second: planes(2) };
+    Ok(MapState { step: word(1), alive: word(2), training })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state() -> MapState {
+        let planes = |by: f32| (0..28).map(|i| i as f32 * by).collect();
+        let training =
+            TrainingState { parameters: planes(1.5), first: planes(-2.0), second: planes(0.1) };
+        MapState { step: 700, alive: 2, training }
+    }
+
+    #[test]
+    fn a_state_comes_back() {
+        assert_eq!(read_state(&write_state(&state(), 9), 9), Ok(state()));
+    }
+
+    #[test]
+    fn what_is_cut_changed_or_foreign_is_refused() {
+        let bytes = write_state(&state(), 9);
+        assert_eq!(read_state(&bytes, 10), Err(SavedError::Other));
+        for length in 0..bytes.len() {
+            assert!(read_state(&bytes[..length], 9).is_err(), "{length}");
+        }
+        for place in 0..bytes.len() {
+            let mut bytes = bytes.clone();
+            bytes[place] ^= 4;
+            assert!(read_state(&bytes, 9).is_err(), "{place}");
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Training through the public API, on pictures that a random prior drew.
+
+#[path = "../../../tests/common/mod.rs"]
+mod common;
+
+use nvsprior::render::Plan;
+use nvsprior::{Camera, Engine, Picture, Pose};
+use nvsprior_train::mapper::{
+    ColouredPoint, MapError, MapOptions, Mapper, read_state, write_state,
+};
+use nvsprior_train::mapping::PosedPicture;
+
+const STEPS: u32 = 1200;
+
+/// Pictures of a random prior, and points near its splats.
+fn scene(engine: &Engine) -> (Vec<PosedPicture>, Vec<ColouredPoint>) {
+    let prior = common::random_prior(5, 300, 0);
+    let camera = common::camera(72, 52);
+    let uploaded = engine.upload(&prior).unwrap();
+    let mut renderer = engine.renderer(&uploaded, &camera, Plan::picture()).unwrap();
+    let view = |seed: u64| {
+        let pose = common::random_pose(seed);
+        let mut picture = Picture::new(camera.width, camera.height);
+        renderer.picture(&pose, &mut picture).unwrap();
+        PosedPicture { camera, pose, picture }
+    };
+    let views = (0..12).map(view).collect();
+    let positions = prior.splats().positions.iter();
+    let points = positions.map(|position| ColouredPoint { position: *position, rgb: [0.5; 3] });
+    (views, points.collect())
+}
+
+fn options() -> MapOptions {
+    MapOptions { splats: 500, sh_degree: 1, ..MapOptions::default() }
+}
+
+/// Steps up to `end`, of [`STEPS`].
+fn train(mapper: &mut Mapper, end: u32) {
+    while mapper.steps() < end {
+        mapper.step(f64::from(mapper.steps()) / f64::from(STEPS)).unwrap();
+    }
+}
+
+fn psnr(mapper: &mut Mapper) -> f64 {
+    let views: Vec<(Camera, Pose, Picture)> =
+        mapper.views().iter().map(|v| (v.camera, v.pose, v.picture.clone())).collect();
+    let count = views.len() as f64;
+    let of = |(camera, pose, picture): (Camera, Pose, Picture)| {
+        mapper.picture(&camera, &pose).unwrap().psnr(&picture)
+    };
+    views.into_iter().map(of).sum::<f64>() / count
+}
+
+#[test]
+fn training_fits_the_pictures_and_is_the_same_again_also_if_interrupted() {
+    let engine = common::engine();
+    let (views, points) = scene(&engine);
+    let new = || Mapper::new(&engine, views.clone(), &points, &options()).unwrap();
+    let mut whole = new();
+    let before = psnr(&mut whole);
+    train(&mut whole, STEPS);
+    let after = psnr(&mut whole);
+    assert!(after > before + 5.0, "{before} dB before, {after} dB after");
+    assert!(whole.alive() > 300, "{} splats", whole.alive());
+
+    let mut half = new();
+    train(&mut half, 617);
+    let saved = write_state(&half.state().unwrap(), 7);
+    drop(half);
+    let mut rest = new();
+    rest.resume(&read_state(&saved, 7).unwrap()).unwrap();
+    train(&mut rest, STEPS);
+    assert!(rest.state().unwrap() == whole.state().unwrap(), "another result");
+    common::assert_silent(&engine);
+}
+
+#[test]
+fn without_points_random_ones_do() {
+    let engine = common::engine();
+    let (views, _) = scene(&engine);
+    let mut mapper = Mapper::new(&engine, views, &[], &options()).unwrap();
+    let before = psnr(&mut mapper);
+    train(&mut mapper, 400);
+    assert!(psnr(&mut mapper) > before);
+}
+
+#[test]
+fn what_cannot_be_trained_is_refused() {
+    let engine = common::engine();
+    let (views, points) = scene(&engine);
+    let new = |views: Vec<PosedPicture>, options: MapOptions| {
+        Mapper::new(&engine, views, &points, &options).map(|_| ())
+    };
+    assert!(matches!(new(Vec::new(), options()), Err(MapError::NoPictures)));
+    let mut other = views.clone();
+    other[3].picture = Picture::new(10, 10);
+    assert!(matches!(new(other, options()), Err(MapError::Size { index: 3, .. })));
+    let mut other = views.clone();
+    other[2].pose.translation.x = f64::NAN;
+    assert!(matches!(new(other, options()), Err(MapError::Pose { index: 2 })));
+    for bad in [MapOptions { splats: 0, ..options() }, MapOptions { sh_degree: 4, ..options() }] {
+        assert!(matches!(new(views.clone(), bad), Err(MapError::Option { .. })));
+    }
+}
+
+/// One picture, or black ones, or points in one place: a prior comes out, finite throughout.
+#[test]
+fn poor_pictures_give_a_finite_prior() {
+    let engine = common::engine();
+    let (views, points) = scene(&engine);
+    let mut black = views.clone();
+    black.iter_mut().for_each(|view| view.picture.data.fill(0));
+    let one_place = vec![points[0]; 40];
+    for (views, points) in
+        [(views[..1].to_vec(), points.clone()), (black, points.clone()), (views, one_place)]
+    {
+        let mut mapper = Mapper::new(&engine, views, &points, &options()).unwrap();
+        train(&mut mapper, 700);
+        let state = mapper.state().unwrap();
+        assert!(state.training.parameters.iter().all(|v| v.is_finite()));
+        assert!(!mapper.splats().unwrap().positions.is_empty());
+    }
+}
