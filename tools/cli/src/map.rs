@@ -5,7 +5,7 @@ mod inputs;
 mod report;
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use nvsprior::prior::compact::Quantisation;
@@ -24,7 +24,7 @@ use report::Report;
 ///
 /// 3D Gaussian Splatting on any Vulkan device, by the renderer that will draw the prior: the splats of a fixed budget
 /// move to where pictures need them (3DGS-MCMC). Progress shows PSNR on pictures that are held out. The state is saved
-/// every minute beside the prior (OUT.training): the same command with --resume goes on from there, to the same prior.
+/// now and then beside the prior (OUT.training): the same command with --resume goes on from there, to the same prior.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -57,6 +57,9 @@ pub struct Args {
     /// Go on from the state that an interrupted run left beside OUT
     #[arg(long)]
     resume: bool,
+    /// Seconds between saved states
+    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u32).range(0..=86_400))]
+    save_every: u32,
     /// Folder for report.json, curve.csv, curve.svg and preview.png
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
@@ -122,7 +125,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let save = |mapper: &Mapper| save(mapper, &saved, fingerprint);
     let mut report = Report::new(args.report.as_deref(), held_out);
-    Course { budget: args.budget(), save: &save }.run(&mut mapper, &mut report)?;
+    let save_every = Duration::from_secs(args.save_every.into());
+    Course { budget: args.budget(), save: &save, save_every }.run(&mut mapper, &mut report)?;
     let splats = mapper.splats()?;
     let views: Vec<_> = mapper.views().iter().map(|view| (view.camera, view.pose)).collect();
     let key_frames = key_frames::of_run(&splats, options.render.near, &views)?;

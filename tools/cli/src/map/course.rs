@@ -22,12 +22,12 @@ pub struct Course<'a> {
     pub budget: Budget,
     /// Saves the state.
     pub save: &'a dyn Fn(&Mapper) -> anyhow::Result<()>,
+    /// How often.
+    pub save_every: Duration,
 }
 
 /// Measurements of a training, evenly spread.
 const MEASUREMENTS: f64 = 20.0;
-/// Time between saved states.
-const SAVED_EVERY: Duration = Duration::from_secs(60);
 
 impl Course<'_> {
     /// Trains until the budget is used up.
@@ -47,7 +47,7 @@ impl Course<'_> {
                 measured = self.share(mapper, start);
                 report.measure(mapper, start.elapsed())?;
             }
-            if saved.elapsed() > SAVED_EVERY {
+            if saved.elapsed() >= self.save_every {
                 (self.save)(mapper)?;
                 saved = Instant::now();
             }

@@ -10,6 +10,7 @@ mod dive;
 mod encode;
 mod inputs;
 mod key_frames;
+mod map;
 mod recovery;
 mod refusals;
 mod render;

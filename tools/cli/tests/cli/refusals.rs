@@ -9,7 +9,8 @@ fn help_of_every_subcommand() {
     let dive = Dive::new();
     let usage = |args: &str| dive.run(&format!("{args} --help")).ends_with(0).stdout;
     let all = usage("");
-    for command in ["encode", "decode", "render", "inspect", "trim", "key-frames", "bench", "demo"]
+    for command in
+        ["encode", "decode", "render", "inspect", "trim", "map", "key-frames", "bench", "demo"]
     {
         assert!(all.contains(&format!("\n  {command} ")), "{all}");
         let text = usage(command);

@@ -25,6 +25,10 @@ pub const UNUSED: f32 = -20.0;
 const SPREAD: f32 = 0.5;
 /// Share of random points among the first ones if there are no points.
 const RANDOM_SHARE: f64 = 0.5;
+/// Depth of the nearest random points, in extents of the scene.
+const NEAREST: f64 = 0.3;
+/// Depth of the farthest ones, in depths of the nearest.
+const FARTHEST: f32 = 50.0;
 /// The first coefficient's basis function.
 const SH_0: f32 = 0.282_094_8;
 
@@ -40,7 +44,8 @@ pub fn start(
     let mut random = Random::new(options.seed ^ 0x0073_7461_7274);
     let made;
     let points = if points.is_empty() {
-        made = in_front(views, (n as f64 * RANDOM_SHARE).ceil() as usize, extent, &mut random);
+        let count = (n as f64 * RANDOM_SHARE).ceil() as usize;
+        made = in_front(views, count, extent, options.render.near.into(), &mut random);
         &made
     } else {
         points
@@ -189,13 +194,16 @@ fn in_front(
     views: &[PosedPicture],
     count: usize,
     extent: f64,
+    near: f64,
     random: &mut Random,
 ) -> Vec<ColouredPoint> {
+    let nearest = (NEAREST * extent).max(2.0 * near);
     let point = |_| {
         let view = &views[(random.bits() % views.len() as u64) as usize];
         let camera = &view.camera;
         let (u, v) = (f64::from(random.within(0.0, 1.0)), f64::from(random.within(0.0, 1.0)));
-        let depth = extent * f64::from(random.within(0.1, 3.0));
+        // Even in one over the depth: how deep the scene is nobody has said.
+        let depth = nearest / f64::from(random.within(1.0 / FARTHEST, 1.0));
         let x = (u * f64::from(camera.width) - f64::from(camera.cx)) / f64::from(camera.fx);
         let y = (v * f64::from(camera.height) - f64::from(camera.cy)) / f64::from(camera.fy);
         let back = view.pose.inverse();

@@ -1,0 +1,87 @@
+//! `nvsprior map`: a prior from posed pictures.
+
+use std::process::{Command, Stdio};
+
+use nvsprior::Prior;
+use serde_json::json;
+
+use crate::dive::Dive;
+
+const MAP: &str = "map --cameras cameras.json --split dive --splats 400 --iterations 60";
+
+#[test]
+fn a_prior_is_trained_and_encodes_the_dive() {
+    let dive = Dive::new();
+    dive.run(&format!("{MAP} --out a.ply --report report")).ends_with(0).says("survey");
+    let report = dive.json("report/report.json");
+    assert_eq!(report["iterations"], 60);
+    assert_eq!(report["pictures"][0]["name"], "images/3.png");
+    for key in ["held_out_psnr", "seconds", "iteration_in_forward_renders", "splats"] {
+        assert!(report[key].as_f64().is_some_and(|v| v > 0.0), "{key} of {report}");
+    }
+    for file in ["curve.csv", "curve.svg", "preview.png"] {
+        assert!(!dive.bytes(&format!("report/{file}")).is_empty(), "{file}");
+    }
+    let prior = Prior::open(&dive.path("a.ply"), &Default::default()).unwrap();
+    assert_eq!(report["splats"], prior.len());
+    assert!(!prior.key_frames().is_empty());
+    let encode = "encode --prior a.ply --cameras cameras.json --split dive --packets packets";
+    dive.run(encode).ends_with(0);
+    assert!(!dive.path("a.ply.training").exists());
+    // The same input, the same bytes.
+    dive.run(&format!("{MAP} --out b.ply")).ends_with(0);
+    assert_eq!(dive.bytes("a.ply"), dive.bytes("b.ply"));
+    dive.run(&format!("{MAP} --out b.nvsg --minutes 0.01").replace("--iterations 60", ""))
+        .ends_with(0);
+    assert!(dive.bytes("b.nvsg").len() < dive.bytes("b.ply").len());
+}
+
+#[test]
+fn a_killed_training_goes_on_to_the_same_prior() {
+    let dive = Dive::new();
+    dive.run(&format!("{MAP} --out whole.ply")).ends_with(0);
+    let saved = dive.path("cut.ply.training");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_nvsprior"))
+        .args(format!("{MAP} --out cut.ply --save-every 0").split_whitespace())
+        .current_dir(dive.path(""))
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    while !saved.exists() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    if !dive.path("cut.ply").exists() {
+        dive.run(&format!("{MAP} --out cut.ply --resume")).ends_with(0).says("goes on from step");
+    }
+    assert_eq!(dive.bytes("cut.ply"), dive.bytes("whole.ply"));
+    assert!(!saved.exists());
+}
+
+#[test]
+fn wrong_arguments_and_files_are_named_before_any_work() {
+    let dive = Dive::new();
+    for (args, code, named) in [
+        (format!("{MAP} --out a.txt"), 1, "a.txt"),
+        (format!("{MAP} --out none/a.ply"), 1, "none/a.ply"),
+        (format!("{MAP} --out a.ply --minutes 1"), 2, "--minutes"),
+        (format!("{MAP} --out a.ply --sh-degree 4"), 2, "--sh-degree"),
+        (MAP.replace("dive", "other") + " --out a.ply", 1, "other"),
+        (MAP.replace("cameras.json", "none.json") + " --out a.ply", 1, "none.json"),
+        (format!("{MAP} --out a.ply --points none.ply"), 1, "none.ply"),
+    ] {
+        dive.run(&args).ends_with(code).says(named);
+    }
+    std::fs::write(dive.path("a.ply.training"), b"something else").unwrap();
+    dive.run(&format!("{MAP} --out a.ply --resume")).ends_with(1).says("a.ply.training");
+    std::fs::write(dive.path("images/1.png"), b"no picture").unwrap();
+    dive.run(&format!("{MAP} --out a.ply")).ends_with(1).says("images/1.png");
+    std::fs::remove_file(dive.path("images/1.png")).unwrap();
+    dive.run(&format!("{MAP} --out a.ply")).ends_with(1).says("images/1.png");
+    let mut cameras = dive.json("cameras.json");
+    cameras["images"][2]["tvec"] = json!(["nan", 0.0, 0.0]);
+    dive.write_json("cameras.json", &cameras);
+    dive.run(&format!("{MAP} --out a.ply")).ends_with(1).says("cameras.json");
+    assert!(!dive.path("a.ply").exists());
+}
