@@ -46,6 +46,9 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
         .capability(Capability::GroupNonUniformBallot)
         .capability(Capability::GroupNonUniformShuffle);
     builder.toolchain_overwrite = Some(TOOLCHAIN.into());
+    // All checkouts of a user share the target folder, and the modules of all have the same names there.
+    let checkout = fnv1a64(root.as_os_str().as_encoded_bytes());
+    builder.target_dir_path = Some(format!("spirv-builder-{checkout:016x}").into());
     let result = builder.build()?;
     let ModuleResult::MultiModule(files) = result.module else {
         return Err("the builder returned one module for all entry points".into());
@@ -158,8 +161,14 @@ fn validate(file: &Path, spirv: &[u8]) -> Result<(), Box<dyn Error>> {
     if status.success() { Ok(()) } else { Err(format!("spirv-val refuses {}", file.display()).into()) }
 }
 
-/// FNV-1a, 64 bits, of the shader sources in the order of their names, those of `kernels` first. It is enough to notice
-/// a change, and simple enough for the test that repeats it.
+/// FNV-1a, 64 bits.
+fn fnv1a64(bytes: &[u8]) -> u64 {
+    let add = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, add)
+}
+
+/// The hash of the shader sources in the order of their names, those of `kernels` first: enough to notice a change, and
+/// simple enough to be repeated by the test that compares it.
 fn source_hash(root: &Path) -> Result<String, Box<dyn Error>> {
     let mut files: Vec<PathBuf> = Vec::new();
     for package in ["kernels", "stages"] {
@@ -168,13 +177,11 @@ fn source_hash(root: &Path) -> Result<String, Box<dyn Error>> {
         }
     }
     files.sort();
-    let mut hash = 0xcbf2_9ce4_8422_2325u64;
+    let mut all = Vec::new();
     for file in files {
-        for byte in fs::read(&file)? {
-            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-        }
+        all.extend(fs::read(&file)?);
     }
-    Ok(format!("{hash:016x}"))
+    Ok(format!("{:016x}", fnv1a64(&all)))
 }
 
 fn manifest(root: &Path, modules: &BTreeMap<String, Vec<u8>>) -> Result<String, Box<dyn Error>> {

@@ -185,7 +185,8 @@ impl Mapper {
         let mut state = self.trainer.state()?;
         let seed = self.options.seed.wrapping_mul(0x2545_f491_4f6c_dd1d) ^ u64::from(self.step);
         let n = self.options.splats;
-        self.alive = relocate(&mut state, n, self.alive, &mut Random::new(seed));
+        let growth = self.options.schedule.growth;
+        self.alive = relocate(&mut state, n, self.alive, growth, &mut Random::new(seed));
         self.trainer.set(&state)?;
         Ok(())
     }

@@ -9,19 +9,23 @@ use super::splats::Planes;
 
 /// Splats of less opacity move.
 const FAINT: f64 = 0.005;
-/// Splats are added by this share at a time.
-const GROWTH: f64 = 0.05;
 /// Most splats that one is divided into.
 const MOST: usize = 51;
 
-/// Moves faint splats of the first `alive` of `n`, and adds some; how many are alive then.
-pub fn relocate(state: &mut TrainingState, n: u32, alive: u32, random: &mut Random) -> u32 {
+/// Moves faint splats of the first `alive` of `n`, and adds a share of them; how many are alive then.
+pub fn relocate(
+    state: &mut TrainingState,
+    n: u32,
+    alive: u32,
+    growth: f64,
+    random: &mut Random,
+) -> u32 {
     let splats = n as usize;
     let opacities: Vec<f64> = {
         let logits = &state.parameters[OPACITY as usize * splats..][..alive as usize];
         logits.iter().map(|logit| 1.0 / (1.0 + (-f64::from(*logit)).exp())).collect()
     };
-    let grown = (f64::from(alive) * (1.0 + GROWTH)) as u32;
+    let grown = (f64::from(alive) * (1.0 + growth)) as u32;
     let faint = (0..alive as usize).filter(|i| opacities[*i] <= FAINT);
     let free: Vec<usize> = faint.chain(alive as usize..grown.min(n) as usize).collect();
     let Some(choice) = Choice::new(&opacities) else { return alive };
@@ -130,7 +134,7 @@ mod tests {
         for i in 40..50 {
             state.parameters[OPACITY as usize * n + i] = -9.0;
         }
-        let alive = relocate(&mut state, n as u32, 60, &mut Random::new(1));
+        let alive = relocate(&mut state, n as u32, 60, 0.05, &mut Random::new(1));
         assert_eq!(alive, 63);
         let logits = &state.parameters[OPACITY as usize * n..][..63];
         assert!(logits.iter().all(|logit| *logit > -5.4), "{logits:?}");

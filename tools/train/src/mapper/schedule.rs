@@ -3,13 +3,18 @@
 use nvsprior::render::training::{FADING, Training};
 use nvsprior_kernels::shared::sh_coefficients;
 
-/// Rates and pulls, as gsplat's MCMC preset has them unless said otherwise.
+/// Rates and pulls. The defaults are those of gsplat's MCMC preset, but for trainings of some thousand steps: splats are
+/// added faster, positions and the higher coefficients move faster, pulls are weaker, and all rates fall in the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {
     /// Rate of positions at the start, in extents of the scene.
     pub position: f32,
     /// Share of it at the end; it falls geometrically.
     pub position_end: f32,
+    /// Share of the other rates at the end; they fall geometrically in the last part of the training.
+    pub others_end: f32,
+    /// Share of the training before that part.
+    pub others_until: f32,
     /// Rate of log scales.
     pub log_scale: f32,
     /// Rate of quaternions.
@@ -32,6 +37,8 @@ pub struct Schedule {
     pub degree_every: u32,
     /// Steps between relocations.
     pub relocate_every: u32,
+    /// Share of the splats in use that a relocation adds, as long as there is room.
+    pub growth: f64,
     /// Share of the steps after which no splat is relocated.
     pub relocate_until: f32,
 }
@@ -39,19 +46,22 @@ pub struct Schedule {
 impl Default for Schedule {
     fn default() -> Schedule {
         Schedule {
-            position: 1.6e-4,
+            position: 3e-4,
             position_end: 0.01,
+            others_end: 0.2,
+            others_until: 0.6,
             log_scale: 5e-3,
             rotation: 1e-3,
             opacity: 5e-2,
             sh_first: 2.5e-3,
-            sh_others: 2.5e-3 / 20.0,
+            sh_others: 5e-4,
             ssim: 0.2,
-            opacity_pull: 0.01,
-            scale_pull: 0.01,
+            opacity_pull: 0.004,
+            scale_pull: 0.004,
             noise: 5e5,
-            degree_every: 1000,
+            degree_every: 300,
             relocate_every: 100,
+            growth: 0.12,
             relocate_until: 0.8,
         }
     }
@@ -77,6 +87,9 @@ impl Schedule {
         let (extent, pixels) = scene;
         let fall = f64::from(self.position_end).powf(share.clamp(0.0, 1.0));
         let position = f64::from(self.position) * extent * fall;
+        let until = f64::from(self.others_until);
+        let last = ((share - until) / (1.0 - until).max(1e-6)).clamp(0.0, 1.0);
+        let others = f64::from(self.others_end).powf(last) as f32;
         let degree = (step / self.degree_every.max(1)).min(sh_degree);
         let unbias = |fading: f32| 1.0 / (1.0 - f64::from(fading).powf(f64::from(step) + 1.0));
         Training {
@@ -86,11 +99,11 @@ impl Schedule {
             step,
             rates: [
                 position as f32,
-                self.log_scale,
-                self.rotation,
-                self.opacity,
-                self.sh_first,
-                self.sh_others,
+                others * self.log_scale,
+                others * self.rotation,
+                others * self.opacity,
+                others * self.sh_first,
+                others * self.sh_others,
             ],
             unbias: FADING.map(|fading| unbias(fading) as f32),
             opacity_pull: self.opacity_pull / alive as f32,
