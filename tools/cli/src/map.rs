@@ -118,7 +118,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let MapInputs { train, held_out, points } = args.inputs.read()?;
     let fingerprint = inputs::fingerprint(&train, &points, &options, &args.budget());
+    let held = held_out.len();
     let mut mapper = Mapper::new(&engine, train, &points, &options)?;
+    describe(&engine, &mapper, held, points.len());
     let saved = saved_path(&args.out);
     if args.resume {
         resume(&mut mapper, &saved, fingerprint)?;
@@ -141,6 +143,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         std::fs::remove_file(&saved).with_context(|| format!("removing {}", saved.display()))?;
     }
     args.device.check(&engine)
+}
+
+/// Says what is trained, and in how much memory.
+fn describe(engine: &Engine, mapper: &Mapper, held_out: usize, points: usize) {
+    let Camera { width, height, .. } = mapper.views()[0].camera;
+    let (views, used) = (mapper.views().len(), engine.memory().used / 1_000_000);
+    eprintln!(
+        "{views} pictures of {width}×{height}, {held_out} held out, {points} points; {used} MB of device memory, more if \
+         the pictures need it"
+    );
 }
 
 /// Finds out before hours of work whether the prior can be written.

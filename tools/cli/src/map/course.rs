@@ -29,12 +29,17 @@ pub struct Course<'a> {
 /// Measurements of a training, evenly spread.
 const MEASUREMENTS: f64 = 20.0;
 
+/// How many are due by a share of the training.
+fn measurements(share: f64) -> u32 {
+    (share.min(1.0) * MEASUREMENTS + 1e-6) as u32
+}
+
 impl Course<'_> {
     /// Trains until the budget is used up.
     pub fn run(&self, mapper: &mut Mapper, report: &mut Report) -> anyhow::Result<()> {
         let start = Instant::now();
         let bar = bar();
-        let (mut saved, mut measured) = (Instant::now(), self.share(mapper, start));
+        let (mut saved, mut measured) = (Instant::now(), measurements(self.share(mapper, start)));
         loop {
             let share = self.share(mapper, start);
             if share >= 1.0 {
@@ -43,8 +48,9 @@ impl Course<'_> {
             let began = Instant::now();
             mapper.step(share)?;
             report.took(began.elapsed());
-            if self.share(mapper, start) >= (measured + 1.0 / MEASUREMENTS).min(1.0) {
-                measured = self.share(mapper, start);
+            let due = measurements(self.share(mapper, start));
+            if due > measured {
+                measured = due;
                 report.measure(mapper, start.elapsed())?;
             }
             if saved.elapsed() >= self.save_every {
