@@ -243,11 +243,17 @@ impl Trainer {
     }
 
     /// One step towards a picture. `training`: rates and shares; the room for slots is filled in.
+    ///
+    /// # Panics
+    /// If the picture or its camera is not of the plan's size.
     pub fn step(&mut self, view: &TrainingView, training: &Training) -> Result<(), Error> {
         self.run(Job::Step, view.camera, view.pose, Some(view.frame), training)
     }
 
     /// The loss's gradient by all parameters: planes as those of the parameters.
+    ///
+    /// # Panics
+    /// As [`step`](Self::step).
     pub fn gradients(
         &mut self,
         view: &TrainingView,
@@ -258,6 +264,9 @@ impl Trainer {
     }
 
     /// Draws the splats as they are.
+    ///
+    /// # Panics
+    /// If the camera or the picture is not of the plan's size.
     pub fn picture(
         &mut self,
         camera: &Camera,
@@ -346,7 +355,8 @@ impl Trainer {
 
     fn record(&self, grown: &Grown, job: Job) -> Result<Commands, Error> {
         let timing = if self.plan.profiled { Timing::Stages } else { Timing::None };
-        let r = &mut Recorder::new(&self.device, timing)?;
+        let mut recorder = Recorder::new(&self.device, timing)?;
+        let r = &mut recorder;
         let Trainer { kernels, splats, levels, bytes, fixed, .. } = self;
         let stages = Stages { kernels, splats, levels, work: &grown.work, bytes };
         r.copy(&levels.params_asked, &levels.params)?;
@@ -366,7 +376,7 @@ impl Trainer {
         }
         r.copy(&fixed.slot_counters, &fixed.slot_counters_read)?;
         r.copy(&grown.work.counters, &grown.work.counters_read)?;
-        std::mem::replace(r, Recorder::new(&self.device, Timing::None)?).finish()
+        recorder.finish()
     }
 
     /// Workgroups of one invocation per splat.

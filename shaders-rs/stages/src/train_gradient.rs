@@ -50,36 +50,37 @@ fn gather(
 ) -> Seen {
     let record = train_slots::load(records, i);
     let [x0, y0, x1, y1] = slot_box(params, &Outline::new(params, &record));
-    let mut slot: u32 = at(starts, i);
+    let first_slot: u32 = at(starts, i);
     let mut colour = [0.0; 3];
     let (mut h, mut hd, mut hdd) = (0.0, [0.0; 2], [0.0; 3]);
-    let mut y = y0;
-    while y < y1 {
-        let mut x = x0;
-        while x < x1 {
-            let pair: u32 = at(slots, slot);
-            if pair != NO_PAIR {
-                let first = pair * PAIR_SUMS;
-                let by_colour = sums_of(pairs, first);
-                colour = [colour[0] + by_colour[0], colour[1] + by_colour[1], colour[2] + by_colour[2]];
-                // From the tile's middle to the mean.
-                let half = (TILE / 2) as f32;
-                let mx = record.mean[0] - ((x * TILE) as f32 + half);
-                let my = record.mean[1] - ((y * TILE) as f32 + half);
-                let [own, hx, hy] = sums_of(pairs, first + 3);
-                let [hxx, hxy, hyy] = sums_of(pairs, first + 6);
-                h += own;
-                hd = [hd[0] + (hx - mx * own), hd[1] + (hy - my * own)];
-                hdd = [
-                    hdd[0] + (hxx - mx * (2.0 * hx - mx * own)),
-                    hdd[1] + (hxy - mx * hy - my * (hx - mx * own)),
-                    hdd[2] + (hyy - my * (2.0 * hy - my * own)),
-                ];
-            }
-            slot += 1;
-            x += 1;
+    // One loop over all tiles: two, one within the other, would wait for the widest and the tallest of neighbours.
+    let (count, mut k) = ((x1 - x0) * (y1 - y0), 0);
+    let (mut x, mut y) = (x0, y0);
+    while k < count {
+        let pair: u32 = at(slots, first_slot + k);
+        if pair != NO_PAIR {
+            let first = pair * PAIR_SUMS;
+            let by_colour = sums_of(pairs, first);
+            colour = [colour[0] + by_colour[0], colour[1] + by_colour[1], colour[2] + by_colour[2]];
+            // From the tile's middle to the mean.
+            let half = (TILE / 2) as f32;
+            let mx = record.mean[0] - ((x * TILE) as f32 + half);
+            let my = record.mean[1] - ((y * TILE) as f32 + half);
+            let [own, hx, hy] = sums_of(pairs, first + 3);
+            let [hxx, hxy, hyy] = sums_of(pairs, first + 6);
+            h += own;
+            hd = [hd[0] + (hx - mx * own), hd[1] + (hy - my * own)];
+            hdd = [
+                hdd[0] + (hxx - mx * (2.0 * hx - mx * own)),
+                hdd[1] + (hxy - mx * hy - my * (hx - mx * own)),
+                hdd[2] + (hyy - my * (2.0 * hy - my * own)),
+            ];
         }
-        y += 1;
+        k += 1;
+        x += 1;
+        let ended = x == x1;
+        x = if ended { x0 } else { x };
+        y += ended as u32;
     }
     let q = record.conic;
     let (left, right) = (times_q(q, [hdd[0], hdd[1]]), times_q(q, [hdd[1], hdd[2]]));

@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context;
 use nvsprior::Camera;
 use nvsprior_inputs::args::{SizeArgs, progress};
 use nvsprior_inputs::points::Point;
 use nvsprior_inputs::posed::{PosedInput, PosedOptions, posed_pictures};
 use nvsprior_train::mapper::{ColouredPoint, MapOptions};
 use nvsprior_train::mapping::PosedPicture;
+use rayon::prelude::*;
 
 use super::course::Budget;
 
@@ -53,6 +55,13 @@ pub struct MapInputs {
     pub points: Vec<ColouredPoint>,
 }
 
+/// The pictures of a camera file.
+struct Divided {
+    train: Vec<PosedInput>,
+    /// Each with the name of its split.
+    held_out: Vec<(String, PosedInput)>,
+}
+
 /// The split of pictures that are held out of a file without splits.
 const HELD_OUT: &str = "held-out";
 
@@ -65,8 +74,9 @@ impl InputArgs {
             ..PosedOptions::default()
         };
         let listed = posed_pictures(&self.cameras, &options)?;
-        let (train, held_out) = self.divide(listed.inputs)?;
-        let size = self.camera(&train[0]);
+        let Divided { train, held_out } = self.divide(listed.inputs)?;
+        let size =
+            train.first().map(|input| self.camera(input)).context("no picture to train on")?;
         let bar = progress(train.len() + held_out.len(), "pictures");
         let read = |input: &PosedInput| -> anyhow::Result<PosedPicture> {
             let own = self.camera(input);
@@ -76,12 +86,12 @@ impl InputArgs {
             bar.inc(1);
             Ok(PosedPicture { camera, pose: input.pose, picture })
         };
-        let held_out = held_out.iter().map(|(split, input)| {
+        let held_out = held_out.par_iter().map(|(split, input)| {
             let (name, split) = (input.name.clone(), split.clone());
             Ok(HeldOut { name, split, view: read(input)? })
         });
         let held_out = held_out.collect::<anyhow::Result<_>>()?;
-        let train = train.iter().map(read).collect::<anyhow::Result<_>>()?;
+        let train = train.par_iter().map(read).collect::<anyhow::Result<_>>()?;
         bar.finish_and_clear();
         let points = listed.points.unwrap_or_default().iter().map(coloured).collect();
         Ok(MapInputs { train, held_out, points })
@@ -92,34 +102,23 @@ impl InputArgs {
         self.size.reduced(&input.lens.pinhole())
     }
 
-    /// Pictures to train on, and those held out, with their splits.
-    #[allow(clippy::type_complexity)] // Named by what it stands beside.
-    fn divide(
-        &self,
-        inputs: Vec<PosedInput>,
-    ) -> anyhow::Result<(Vec<PosedInput>, Vec<(String, PosedInput)>)> {
-        let named = |input: &PosedInput| input.split.clone();
-        if let Some(split) = &self.split {
-            let of_split = |input: &PosedInput| named(input).as_ref() == Some(split);
-            let (train, others): (Vec<_>, Vec<_>) = inputs.into_iter().partition(of_split);
-            if train.is_empty() {
-                anyhow::bail!("{}: no picture of split \"{split}\"", self.cameras.display());
-            }
-            if !others.is_empty() {
-                let held_out = others.into_iter().filter_map(|input| Some((named(&input)?, input)));
-                return Ok((train, held_out.collect()));
-            }
-            return self.every(train);
+    /// Divides the pictures by their splits; without splits, as [`every`](Self::every).
+    fn divide(&self, inputs: Vec<PosedInput>) -> anyhow::Result<Divided> {
+        let Some(split) = &self.split else { return Ok(self.every(inputs)) };
+        let of_split = |input: &PosedInput| input.split.as_ref() == Some(split);
+        let (train, others): (Vec<_>, Vec<_>) = inputs.into_iter().partition(of_split);
+        if train.is_empty() {
+            anyhow::bail!("{}: no picture of split \"{split}\"", self.cameras.display());
         }
-        self.every(inputs)
+        if others.is_empty() {
+            return Ok(self.every(train));
+        }
+        let named = |input: PosedInput| Some((input.split.clone()?, input));
+        Ok(Divided { train, held_out: others.into_iter().filter_map(named).collect() })
     }
 
     /// Holds out every N-th picture.
-    #[allow(clippy::type_complexity)]
-    fn every(
-        &self,
-        inputs: Vec<PosedInput>,
-    ) -> anyhow::Result<(Vec<PosedInput>, Vec<(String, PosedInput)>)> {
+    fn every(&self, inputs: Vec<PosedInput>) -> Divided {
         let every = self.held_out;
         let (mut train, mut held_out) = (Vec::new(), Vec::new());
         for (i, input) in inputs.into_iter().enumerate() {
@@ -129,7 +128,7 @@ impl InputArgs {
                 train.push(input);
             }
         }
-        Ok((train, held_out))
+        Divided { train, held_out }
     }
 }
 
