@@ -125,8 +125,7 @@ fn errors(
 /// Medians, since cuts and stops make jumps that no gradient sees.
 fn agree(kind: Kind, sh_degree: u32, options: RenderOptions) {
     let engine = common::engine();
-    // A degree of 3 has 59 numbers per splat.
-    let splats = cloud(if sh_degree > 1 { 10 } else { 20 }, sh_degree, kind);
+    let splats = cloud(20, sh_degree, kind);
     let pose = Pose {
         rotation: glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.05, -0.08, 0.1),
         translation: DVec3::new(0.05, -0.1, 0.2),
