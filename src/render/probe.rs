@@ -1,7 +1,5 @@
 //! Runs single stages and reads what they leave on the device: for tests and measurements.
 
-use bytemuck::AnyBitPattern;
-
 use crate::shared::{CULLED, Counters, DERIVATIVES, Groups, Params, RECORD, TABLE};
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder, Timing};
 use crate::{Camera, Pose};
@@ -80,8 +78,8 @@ impl Probe<'_> {
         let mut recorder = Recorder::new(device, Timing::None)?;
         sort.record(&mut recorder, kernels)?;
         recorder.finish()?.run()?;
-        let sorted = read::<Counters>(device, &counters, 1)?[0].visible;
-        read(device, &order, sorted as usize)
+        let sorted = counters.fetch::<Counters>(device, 1)?[0].visible;
+        order.fetch(device, sorted as usize)
     }
 
     /// Logarithm, base 2, of the number of workgroups that share a sort of `keys` keys.
@@ -109,8 +107,8 @@ impl Probe<'_> {
         recorder.dispatch(&kernels.bin_scan, &buffers, &[log_blocks], [1, 1, 1])?;
         recorder.finish()?.run()?;
         Ok(TileStarts {
-            pairs: read::<u32>(device, &bands, 1)?[0],
-            starts: read(device, &starts, counts.len() + tiles as usize)?,
+            pairs: bands.fetch::<u32>(device, 1)?[0],
+            starts: starts.fetch(device, counts.len() + tiles as usize)?,
         })
     }
 
@@ -150,29 +148,20 @@ impl Probe<'_> {
         stages.tile_lists(&mut recorder, sort_precision, Pass::Evaluation)?;
         stages.pose_jacobian(&mut recorder, Pass::Evaluation)?;
         recorder.finish()?.run()?;
-        let counters = read::<Counters>(device, &work.counters, 1)?[0];
+        let counters = work.counters.fetch::<Counters>(device, 1)?[0];
         let splats = scene.splats.count as usize;
         let pairs = counters.pairs_needed.min(pair_capacity) as usize;
         let Params { tiles_x, tiles_y, .. } = levels.sizes[0].params;
         let tiles = tiles_x * tiles_y;
-        let derivatives = work.derivatives.as_ref().map(|d| read(device, d, splats + 1));
+        let derivatives = work.derivatives.as_ref().map(|d| d.fetch(device, splats + 1));
         Ok(Stages {
-            records: read(device, &work.records, splats + 1)?,
-            keys: read(device, &work.keys, splats)?,
+            records: work.records.fetch(device, splats + 1)?,
+            keys: work.keys.fetch(device, splats)?,
             derivatives: derivatives.transpose()?.unwrap_or_default(),
-            order: read(device, &work.order, counters.visible as usize)?,
+            order: work.order.fetch(device, counters.visible as usize)?,
             pairs_needed: counters.pairs_needed,
-            pair_splats: read(device, &work.pair_splats, pairs)?,
-            ranges: read(device, &levels.ranges, tiles as usize)?,
+            pair_splats: work.pair_splats.fetch(device, pairs)?,
+            ranges: levels.ranges.fetch(device, tiles as usize)?,
         })
     }
-}
-
-/// The first `count` values of a buffer that only the device sees.
-fn read<T: AnyBitPattern>(device: &Device, from: &Buffer, count: usize) -> Result<Vec<T>, Error> {
-    let to = Buffer::new::<T>(device, "probe", count, Memory::Readback)?;
-    let mut recorder = Recorder::new(device, Timing::None)?;
-    recorder.copy(from, &to)?;
-    recorder.finish()?.run()?;
-    Ok(to.read(count).to_vec())
 }

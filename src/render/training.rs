@@ -44,6 +44,13 @@ pub struct TrainingPlan {
     pub profiled: bool,
 }
 
+impl TrainingPlan {
+    /// Numbers of all splats: those of a set of planes.
+    fn numbers(&self) -> usize {
+        self.splats as usize * planes(self.sh_degree) as usize
+    }
+}
+
 /// A camera's picture with its pose.
 #[derive(Clone, Copy, Debug)]
 pub struct TrainingView<'a> {
@@ -119,7 +126,7 @@ impl Fixed {
     fn new(device: &Device, plan: &TrainingPlan) -> Result<Fixed, Error> {
         let splats = plan.splats as usize;
         let pixels = plan.size[0] as usize * plan.size[1] as usize;
-        let numbers = splats * planes(plan.sh_degree) as usize;
+        let numbers = plan.numbers();
         let own = |name, count| Buffer::new::<f32>(device, name, count, Memory::Device);
         let counters = |memory| Buffer::new::<SlotCounters>(device, "slot counters", 1, memory);
         Ok(Fixed {
@@ -210,7 +217,7 @@ impl Trainer {
     /// # Panics
     /// If the planes are not those of the plan.
     pub fn set(&mut self, state: &TrainingState) -> Result<(), Error> {
-        let numbers = (self.plan.splats * planes(self.plan.sh_degree)) as usize;
+        let numbers = self.plan.numbers();
         let Fixed { parameters, first, second, .. } = &self.fixed;
         for (from, to) in
             [(&state.parameters, parameters), (&state.first, first), (&state.second, second)]
@@ -234,12 +241,7 @@ impl Trainer {
     }
 
     fn read(&self, from: &Buffer) -> Result<Vec<f32>, Error> {
-        let numbers = (self.plan.splats * planes(self.plan.sh_degree)) as usize;
-        let to = Buffer::new::<f32>(&self.device, "state read back", numbers, Memory::Readback)?;
-        let mut recorder = Recorder::new(&self.device, Timing::None)?;
-        recorder.copy(from, &to)?;
-        recorder.finish()?.run()?;
-        Ok(to.read(numbers).to_vec())
+        from.fetch(&self.device, self.plan.numbers())
     }
 
     /// One step towards a picture. `training`: rates and shares; the room for slots is filled in.

@@ -165,6 +165,15 @@ impl Buffer {
         }
     }
 
+    /// Copies the first `count` values to the host, of a buffer that only the device sees.
+    pub fn fetch<T: AnyBitPattern>(&self, device: &Device, count: usize) -> Result<Vec<T>, Error> {
+        let to = Buffer::new::<T>(device, "read back", count, Memory::Readback)?;
+        let mut recorder = Recorder::new(device, Timing::None)?;
+        recorder.copy(self, &to)?;
+        recorder.finish()?.run()?;
+        Ok(to.read(count).to_vec())
+    }
+
     /// The values the device left, `count` of them.
     ///
     /// # Panics

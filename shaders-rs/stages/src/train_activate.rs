@@ -7,7 +7,7 @@ use spirv_std::glam::UVec3;
 use spirv_std::num_traits::Float;
 use spirv_std::spirv;
 
-/// A splat's parameters but for the spherical harmonics.
+/// A splat's parameters, without the spherical harmonics.
 pub struct Shape {
     pub position: [f32; 3],
     /// Standard deviations.

@@ -35,7 +35,7 @@ impl Source for Chooser<'_> {
         let Predictor { chances, offsets, .. } = self.predictor;
         let first = First::of(self.predictor, context, &inputs);
         let zero = size * size + self.lambda * chances.cost(first.logit, false);
-        // Without an error, and but for its first bit, another value would be no better.
+        // Another value has this first bit at least: it would be no better even if all else cost nothing.
         if zero <= self.lambda * chances.cost(first.logit, true) {
             return Some(0);
         }

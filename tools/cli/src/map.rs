@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use nvsprior::prior::compact::Quantisation;
+use nvsprior::prior::replace_file;
 use nvsprior::{Camera, Engine, Prior};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_train::mapper::{MapOptions, Mapper, read_state, write_state};
@@ -133,7 +134,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let views: Vec<_> = mapper.views().iter().map(|view| (view.camera, view.pose)).collect();
     let key_frames = key_frames::of_run(&splats, options.render.near, &views)?;
     let bytes = container.write(&splats, &options.render, &key_frames, None)?;
-    write_whole(&args.out, &bytes)?;
+    replace_file(&args.out, &bytes)?;
     let prior = Prior::open(&args.out, &Default::default())?;
     let forward = forward_seconds(&engine, &prior, &mapper)?;
     report.finish(&mut mapper, prior.len(), forward)?;
@@ -186,17 +187,7 @@ fn resume(mapper: &mut Mapper, saved: &Path, fingerprint: u32) -> anyhow::Result
 }
 
 fn save(mapper: &Mapper, to: &Path, fingerprint: u32) -> anyhow::Result<()> {
-    write_whole(to, &write_state(&mapper.state()?, fingerprint))
-}
-
-/// Writes a file beside the other, then puts it in its place: what was there stays until the new one is whole.
-fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".new");
-    let new = path.with_file_name(name);
-    std::fs::write(&new, bytes)
-        .and_then(|()| std::fs::rename(&new, path))
-        .with_context(|| format!("writing {}", path.display()))
+    Ok(replace_file(to, &write_state(&mapper.state()?, fingerprint))?)
 }
 
 /// Seconds of a forward render of the prior, the median of some.

@@ -52,7 +52,7 @@ pub(crate) fn open_image(path: &Path) -> Result<image::DynamicImage, FrameFileEr
     reader.decode().map_err(failed)
 }
 
-/// Whether sizes are of the same shape, but for rounding.
+/// Whether sizes have the same shape. Rounding to whole pixels does not count.
 pub(crate) fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
     let ratio = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
     (ratio(a) / ratio(b) - 1.0).abs() <= SHAPE_TOLERANCE

@@ -25,7 +25,7 @@ impl PosedFile {
         PosedFile::parse(&std::fs::read_to_string(path).map_err(failed)?, path)
     }
 
-    /// Reads a camera file's content; `path` is where it stands.
+    /// Reads a camera file's content. `path` is for messages, and its folder is where pictures are looked for.
     pub fn parse(text: &str, path: &Path) -> Result<PosedFile, CameraFileError> {
         let root = parse_root(text, path)?;
         let mut last = None;

@@ -201,11 +201,6 @@ impl Mapper {
         self.alive
     }
 
-    /// How it is trained.
-    pub fn options(&self) -> &MapOptions {
-        &self.options
-    }
-
     /// The pictures it is trained on.
     pub fn views(&self) -> &[PosedPicture] {
         &self.views
