@@ -10,7 +10,8 @@ use glam::DVec3;
 use crate::prior::RenderOptions;
 use crate::shared::{Counters, GEOMETRY_PLANES, GROUP, Groups, Params, sh_planes};
 use crate::training::{
-    GRADIENT_PIXEL, NO_PAIR, PAIR_SUMS, RUN, RUNS, SSIM_MAPS, SSIM_PARTIALS, SlotCounters, planes,
+    FRAME_BITS, FRAME_COUNTS, FRAME_MASK, FRAME_ONE, GRADIENT_PIXEL, NO_PAIR, PAIR_SUMS, RUN, RUNS,
+    SSIM_MAPS, SSIM_PARTIALS, SlotCounters, planes,
 };
 use crate::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
@@ -51,7 +52,40 @@ impl TrainingPlan {
     }
 }
 
-/// A camera's picture with its pose.
+/// What a camera saw, as the loss reads it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainingFrame {
+    /// Pixels, row-major: see [`FRAME_BITS`].
+    words: Vec<u32>,
+}
+
+impl TrainingFrame {
+    /// All of a picture.
+    pub fn new(picture: &Picture) -> TrainingFrame {
+        let (pixels, _) = picture.data.as_chunks::<3>();
+        let rgb = |pixel: usize| Some(pixels[pixel].map(|byte| f32::from(byte) / 255.0));
+        TrainingFrame::from_fn(pixels.len(), rgb)
+    }
+
+    /// The colour of each pixel, row-major: RGB from 0 to 1, held to 1/1020; `None` if it does not count.
+    pub fn from_fn(pixels: usize, rgb: impl Fn(usize) -> Option<[f32; 3]>) -> TrainingFrame {
+        let bits = |value: f32| ((value * FRAME_ONE as f32).round() as u32).min(FRAME_MASK);
+        let word = |pixel| match rgb(pixel).map(|rgb| rgb.map(bits)) {
+            Some([r, g, b]) => r | g << FRAME_BITS | b << (2 * FRAME_BITS) | FRAME_COUNTS,
+            None => 0,
+        };
+        TrainingFrame { words: (0..pixels).map(word).collect() }
+    }
+
+    /// A pixel's colour; `None` if it does not count.
+    pub fn colour(&self, pixel: usize) -> Option<[f32; 3]> {
+        let word = self.words[pixel];
+        let channel = |c: u32| (word >> (FRAME_BITS * c) & FRAME_MASK) as f32 / FRAME_ONE as f32;
+        (word & FRAME_COUNTS != 0).then(|| [0, 1, 2].map(channel))
+    }
+}
+
+/// A camera's frame with its pose.
 #[derive(Clone, Copy, Debug)]
 pub struct TrainingView<'a> {
     /// The camera, of the plan's size.
@@ -59,7 +93,7 @@ pub struct TrainingView<'a> {
     /// Its pose.
     pub pose: &'a Pose,
     /// What it saw.
-    pub frame: &'a Picture,
+    pub frame: &'a TrainingFrame,
 }
 
 /// The splats and what Adam knows of them: planes of one float per splat, in the order of `nvsprior_kernels::training`.
@@ -131,7 +165,7 @@ impl Fixed {
         let counters = |memory| Buffer::new::<SlotCounters>(device, "slot counters", 1, memory);
         Ok(Fixed {
             training: Buffer::new::<Training>(device, "training", 1, Memory::Upload)?,
-            frame: Buffer::new::<u32>(device, "frame", words(pixels), Memory::Upload)?,
+            frame: Buffer::new::<u32>(device, "frame", pixels, Memory::Upload)?,
             parameters: own("parameters", numbers)?,
             first: own("means of gradients", numbers)?,
             second: own("means of squares", numbers)?,
@@ -162,11 +196,6 @@ impl Grown {
             pairs: own("sums of pairs", sums)?,
         })
     }
-}
-
-/// Words of a picture's bytes.
-fn words(pixels: usize) -> usize {
-    (3 * pixels).div_ceil(4)
 }
 
 /// A little to spare.
@@ -295,13 +324,13 @@ impl Trainer {
         job: Job,
         camera: &Camera,
         pose: &Pose,
-        frame: Option<&Picture>,
+        frame: Option<&TrainingFrame>,
         training: &Training,
     ) -> Result<(), Error> {
         assert_eq!([camera.width, camera.height], self.plan.size, "pictures of the plan's size");
         if let Some(frame) = frame {
-            assert_eq!([frame.width, frame.height], self.plan.size, "pictures of the plan's size");
-            self.fixed.frame.write(&frame.data);
+            assert_eq!(frame.words.len(), camera.pixels(), "pictures of the plan's size");
+            self.fixed.frame.write(&frame.words);
         }
         loop {
             let slot_capacity = self.grown.slot_capacity;

@@ -28,6 +28,14 @@ pub const PAIR_SUMS: u32 = 9;
 pub const NO_PAIR: u32 = u32::MAX;
 /// Floats of a pixel of the loss's gradient: by R, G and B, and their product with the render's colour.
 pub const GRADIENT_PIXEL: u32 = 4;
+/// A pixel of a frame is a word: red, green and blue, of so many bits each from the lowest on.
+pub const FRAME_BITS: u32 = 10;
+/// The bits of a channel.
+pub const FRAME_MASK: u32 = (1 << FRAME_BITS) - 1;
+/// What stands for 1: four times 255, so that 8-bit values are held as they are.
+pub const FRAME_ONE: u32 = 4 * 255;
+/// Set if the pixel counts. The bits of one that does not are all 0.
+pub const FRAME_COUNTS: u32 = 1 << (3 * FRAME_BITS);
 /// Half the window of SSIM, pixels.
 pub const SSIM_REACH: u32 = 5;
 /// Weights of the window of SSIM from its middle on: a Gaussian of 1.5 pixels (Wang et al. 2004).

@@ -1,13 +1,16 @@
 //! Stages `ssim_rows`, `ssim_columns`, `ssim_back`, `ssim_gradient`, `loss_gradient`: the gradient of the training loss by each pixel of
 //! the render, `(1 − s) |render − frame| + s (1 − SSIM)`, means over pixels and channels (Kerbl et al. 2023, eq. 7; SSIM of
-//! Wang et al. 2004). The window is separable: rows, then columns. Beyond the picture all is zero.
+//! Wang et al. 2004). The window is separable: rows, then columns. Beyond the picture all is zero, as are pixels that do not
+//! count, in render and frame.
 //!
 //! An invocation blurs [`RUN`] pixels in a row or column, so that each value is loaded 2.25 times, not 11 times. Llvmpipe's
 //! cost is by loads: 90 ms for a picture of 320×180 with one pixel per invocation.
 
 use crate::memory::{at, at_mut};
 use crate::shared::{PIXEL, Params};
-use crate::training::{GRADIENT_PIXEL, RUN, SSIM_REACH, SSIM_WEIGHTS, Training};
+use crate::training::{
+    FRAME_BITS, FRAME_COUNTS, FRAME_MASK, FRAME_ONE, GRADIENT_PIXEL, RUN, SSIM_REACH, SSIM_WEIGHTS, Training,
+};
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::spirv;
 
@@ -82,15 +85,15 @@ fn blurred(line: &Line) -> Blurred {
     Tap::<17>::add(sums, line)
 }
 
-/// A channel of the frame's pixel, in [0, 1].
-fn frame_at(frame: &[u32], pixel: u32, channel: u32) -> f32 {
-    let byte = 3 * pixel + channel;
-    let word: u32 = at(frame, byte / 4);
-    (word >> (byte % 4 * 8) & 255) as f32 * (1.0 / 255.0)
+/// A channel of the frame's pixel.
+fn frame_at(pixel: u32, channel: u32) -> f32 {
+    (pixel >> (FRAME_BITS * channel) & FRAME_MASK) as f32 * (1.0 / FRAME_ONE as f32)
 }
 
-fn render_at(image: &[f32], pixel: u32, channel: u32) -> f32 {
-    at(image, pixel * PIXEL + channel)
+/// A channel of the render's pixel; 0 if the frame's does not count.
+fn render_at(image: &[f32], pixel: u32, channel: u32, of_frame: u32) -> f32 {
+    let value = at(image, pixel * PIXEL + channel);
+    if of_frame & FRAME_COUNTS != 0 { value } else { 0.0 }
 }
 
 /// A run of pixels of one channel: along a row for invocations by rows, else along a column.
@@ -186,16 +189,13 @@ pub fn ssim_rows(
     if !run.is_there() {
         return;
     }
-    let x = line!(k => {
+    let pixels = line!(k => {
         let (pixel, inside) = run.tap(k);
-        let value = render_at(image, pixel, run.channel);
-        if inside { value } else { 0.0 }
+        let value: u32 = at(frame, pixel);
+        if inside { value } else { 0 }
     });
-    let y = line!(k => {
-        let (pixel, inside) = run.tap(k);
-        let value = frame_at(frame, pixel, run.channel);
-        if inside { value } else { 0.0 }
-    });
+    let x = line!(k => render_at(image, run.tap(k).0, run.channel, pixels[k as usize]));
+    let y = line!(k => frame_at(pixels[k as usize], run.channel));
     run.store(maps, 0, blurred(&x));
     run.store(maps, 1, blurred(&y));
     run.store(maps, 2, blurred(&line!(k => x[k as usize] * x[k as usize])));
@@ -302,11 +302,13 @@ pub fn ssim_gradient(
                 2 => v.z,
                 _ => v.w,
             };
-            let x = render_at(image, pixel, run.channel);
-            let y = frame_at(frame, pixel, run.channel);
+            let of_frame: u32 = at(frame, pixel);
+            let x = render_at(image, pixel, run.channel, of_frame);
+            let y = frame_at(of_frame, run.channel);
             if inside {
                 let ssim = of(a) + 2.0 * x * of(b) + y * of(c);
                 let by = by_value(training, x, y, ssim);
+                let by = if of_frame & FRAME_COUNTS != 0 { by } else { 0.0 };
                 *at_mut(gradient, pixel * GRADIENT_PIXEL + run.channel) = by;
             }
             row += 1;
@@ -329,14 +331,15 @@ pub fn loss_gradient(
     if pixel >= params.width * params.height {
         return;
     }
+    let of_frame: u32 = at(frame, pixel);
     let mut along = 0.0;
     let mut channel = 0;
     while channel < 3 {
-        let x = render_at(image, pixel, channel);
+        let x = render_at(image, pixel, channel, of_frame);
         let place = pixel * GRADIENT_PIXEL + channel;
         let mut by: f32 = at(gradient, place);
         if training.ssim == 0.0 {
-            by = by_value(training, x, frame_at(frame, pixel, channel), 0.0);
+            by = by_value(training, x, frame_at(of_frame, channel), 0.0);
             *at_mut(gradient, place) = by;
         }
         along += by * x;

@@ -12,7 +12,8 @@ use nvsprior::render::Scene;
 use nvsprior::residual::{ResidualCoder, Webp};
 use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
-use nvsprior_train::mapping::{MappingOptions, PosedPicture, make_prior};
+use nvsprior_train::PosedPicture;
+use nvsprior_train::mapping::{MappingOptions, make_prior};
 
 use crate::key_frames;
 use crate::sheet::{self, SheetRow};
@@ -86,11 +87,7 @@ fn map(path: &Path, folder: &Path) -> anyhow::Result<Prior> {
     let bar = progress(run.len(), "drawing the mapping run M1");
     let mut views: Vec<PosedPicture> = Vec::new();
     nvsprior_basin::write_run(folder, "M1", run, |frame| {
-        views.push(PosedPicture {
-            camera: CAMERA,
-            pose: frame.pose,
-            picture: frame.picture.clone(),
-        });
+        views.push(PosedPicture::new(CAMERA, frame.pose, frame.picture.clone()));
         bar.inc(1);
     })?;
     bar.finish_and_clear();

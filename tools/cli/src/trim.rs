@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::{KeyFrames, PriorError, coder_tables};
 use nvsprior::{Camera, Pose, Prior};
-use nvsprior_train::mapping::PosedPicture;
+use nvsprior_train::PosedPicture;
 use nvsprior_train::trim::{TrimOptions, trim};
 
 use crate::container::Container;
@@ -162,10 +162,10 @@ fn fit_views(
             Some(frame) if fit == Frames => frame.clone(),
             _ => whole.render(&camera, &pose)?.clone(),
         };
-        views.push(PosedPicture { camera, pose, picture });
+        views.push(PosedPicture::new(camera, pose, picture));
     }
     for (camera, pose) in mission.near(0) {
-        views.push(PosedPicture { camera, pose, picture: whole.render(&camera, &pose)?.clone() });
+        views.push(PosedPicture::new(camera, pose, whole.render(&camera, &pose)?.clone()));
     }
     Ok(views)
 }

@@ -56,12 +56,19 @@ fn ssim(render: &Plane, frame: &Plane) -> f64 {
 }
 
 /// `(1 − share) |render − frame| + share (1 − SSIM)`, means over pixels and channels; values in [0, 1]
-/// (Kerbl et al. 2023, eq. 7).
-pub fn loss(render: &[[f64; 3]], frame: &Picture, share: f64) -> f64 {
+/// (Kerbl et al. 2023, eq. 7). Pixels that do not count are 0 in both.
+pub fn loss(
+    render: &[[f64; 3]],
+    frame: &Picture,
+    counts: impl Fn(usize) -> bool,
+    share: f64,
+) -> f64 {
+    let counted = |(i, value): (usize, f64)| if counts(i) { value } else { 0.0 };
     let channel = |c: usize| {
-        let x = Plane::of(frame.width, render.iter().map(|pixel| pixel[c]));
-        let bytes = frame.data.iter().skip(c).step_by(3);
-        let y = Plane::of(frame.width, bytes.map(|byte| f64::from(*byte) / 255.0));
+        let x = render.iter().map(|pixel| pixel[c]);
+        let x = Plane::of(frame.width, x.enumerate().map(counted));
+        let y = frame.data.iter().skip(c).step_by(3).map(|byte| f64::from(*byte) / 255.0);
+        let y = Plane::of(frame.width, y.enumerate().map(counted));
         let differences = x.values.iter().zip(&y.values).map(|(x, y)| (x - y).abs());
         let absolute = differences.sum::<f64>() / x.values.len() as f64;
         (1.0 - share) * absolute + share * (1.0 - ssim(&x, &y))

@@ -7,7 +7,9 @@ use glam::DVec3;
 
 use nvsprior::prior::Splats;
 use nvsprior::random::Random;
-use nvsprior::render::training::{Training, TrainingPlan, TrainingState, TrainingView};
+use nvsprior::render::training::{
+    Training, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
+};
 use nvsprior::{Camera, Picture, Pose, Prior, RenderOptions};
 use nvsprior_kernels::shared::sh_coefficients;
 use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
@@ -87,11 +89,17 @@ fn frame() -> Picture {
     frame
 }
 
+/// Which pixels count: not those of a rectangle in the middle, nor some single ones.
+fn counts(pixel: usize) -> bool {
+    let (x, y) = (pixel % CAMERA.width as usize, pixel / CAMERA.width as usize);
+    !((12..20).contains(&x) && (8..22).contains(&y)) && !pixel.is_multiple_of(97)
+}
+
 fn twin_loss(splats: &Splats, options: &RenderOptions, pose: &Pose, frame: &Picture) -> f64 {
     let prior = Prior::from_splats(splats.clone(), *options).unwrap();
     let rendered = Twin::new(&prior).render(&CAMERA, pose);
     let rgb: Vec<_> = rendered.pixels.iter().map(|[r, g, b, ..]| [*r, *g, *b]).collect();
-    loss(&rgb, frame, SHARE.into())
+    loss(&rgb, frame, counts, SHARE.into())
 }
 
 /// Relative errors of a plane's gradients, sorted.
@@ -152,7 +160,12 @@ fn agree(kind: Kind, sh_degree: u32, options: RenderOptions) {
         per_value: 1.0 / (3 * CAMERA.pixels()) as f32,
         ..Training::default()
     };
-    let view = TrainingView { camera: &CAMERA, pose: &pose, frame: &frame };
+    let rgb = |pixel: usize| {
+        let own = &frame.data[3 * pixel..3 * pixel + 3];
+        counts(pixel).then(|| [0, 1, 2].map(|c| f32::from(own[c]) / 255.0))
+    };
+    let counted = TrainingFrame::from_fn(CAMERA.pixels(), rgb);
+    let view = TrainingView { camera: &CAMERA, pose: &pose, frame: &counted };
     let gradients = trainer.gradients(&view, &training).unwrap();
     let n = splats.positions.len();
     for (plane, gradients) in gradients.chunks_exact(n).enumerate() {

@@ -4,5 +4,8 @@
 pub mod coder_tables;
 pub mod mapper;
 pub mod mapping;
+mod posed_picture;
 pub mod samples;
 pub mod trim;
+
+pub use posed_picture::PosedPicture;

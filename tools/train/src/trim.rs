@@ -9,11 +9,12 @@
 //! pixels that a splat covers, only a tenth can go, at 0.2 dB. Time depends on the number of splats more than on their
 //! pixels.
 
+use crate::PosedPicture;
 use crate::mapping::fit::{self, sum_over};
 use crate::mapping::project::Geometry;
 use crate::mapping::raster::Projection;
 pub use crate::mapping::raster::Removal;
-use crate::mapping::{self, MappingError, MappingOptions, PosedPicture, harmonics, train};
+use crate::mapping::{self, MappingError, MappingOptions, harmonics, train};
 use nvsprior::prior::{RenderOptions, Splats};
 use nvsprior::{Camera, Pose};
 
@@ -273,7 +274,7 @@ mod tests {
 
     fn views(splats: &Splats) -> Vec<PosedPicture> {
         let all = std::iter::zip(poses(), pictures(splats));
-        all.map(|(pose, picture)| PosedPicture { camera: CAMERA, pose, picture }).collect()
+        all.map(|(pose, picture)| PosedPicture::new(CAMERA, pose, picture)).collect()
     }
 
     /// Finds how far pictures are below a PSNR.

@@ -5,10 +5,10 @@ mod common;
 
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Engine, Picture, Pose};
+use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{
     ColouredPoint, MapError, MapOptions, Mapper, read_state, write_state,
 };
-use nvsprior_train::mapping::PosedPicture;
 
 const STEPS: u32 = 1200;
 
@@ -22,7 +22,7 @@ fn scene(engine: &Engine) -> (Vec<PosedPicture>, Vec<ColouredPoint>) {
         let pose = common::random_pose(seed);
         let mut picture = Picture::new(camera.width, camera.height);
         renderer.picture(&pose, &mut picture).unwrap();
-        PosedPicture { camera, pose, picture }
+        PosedPicture::new(camera, pose, picture)
     };
     let views = (0..12).map(view).collect();
     let positions = prior.splats().positions.iter();

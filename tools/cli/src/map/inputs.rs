@@ -7,8 +7,8 @@ use nvsprior::Camera;
 use nvsprior_inputs::args::{SizeArgs, progress};
 use nvsprior_inputs::points::Point;
 use nvsprior_inputs::posed::{PosedInput, PosedOptions, posed_pictures};
+use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{ColouredPoint, MapOptions};
-use nvsprior_train::mapping::PosedPicture;
 use rayon::prelude::*;
 
 use super::course::Budget;
@@ -82,9 +82,10 @@ impl InputArgs {
             let own = self.camera(input);
             // Pictures of one lens share a size; others are brought to it.
             let camera = own.resized(size.width, size.height);
-            let picture = input.load(&camera)?;
+            let (picture, mask) = input.load_masked(&camera)?;
             bar.inc(1);
-            Ok(PosedPicture { camera, pose: input.pose, picture })
+            let mask = mask.data.contains(&false).then_some(mask.data);
+            Ok(PosedPicture { camera, pose: input.pose, picture, mask })
         };
         let held_out = held_out.par_iter().map(|(split, input)| {
             let (name, split) = (input.name.clone(), split.clone());
@@ -146,9 +147,11 @@ pub fn fingerprint(
 ) -> u32 {
     let mut sum = crc32fast::Hasher::new();
     sum.update(format!("{options:?} {budget:?}").as_bytes());
-    for PosedPicture { camera, pose, picture } in train {
+    for PosedPicture { camera, pose, picture, mask } in train {
         sum.update(format!("{camera:?} {pose:?}").as_bytes());
         sum.update(&picture.data);
+        let mask = mask.iter().flatten().map(|counts| u8::from(*counts));
+        sum.update(&mask.collect::<Vec<_>>());
     }
     for point in points {
         point.position.iter().chain(&point.rgb).for_each(|v| sum.update(&v.to_le_bytes()));

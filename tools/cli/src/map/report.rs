@@ -72,7 +72,7 @@ impl Report {
     pub fn measure(&mut self, mapper: &mut Mapper, elapsed: Duration) -> anyhow::Result<()> {
         let mut psnr = Vec::with_capacity(self.held_out.len());
         for HeldOut { view, .. } in &self.held_out {
-            psnr.push(mapper.picture(&view.camera, &view.pose)?.psnr(&view.picture));
+            psnr.push(view.psnr(&mapper.picture(&view.camera, &view.pose)?));
         }
         let (step, splats) = (mapper.steps(), mapper.alive());
         let point = Point { step, seconds: elapsed.as_secs_f64(), splats, psnr };

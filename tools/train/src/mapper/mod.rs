@@ -5,6 +5,8 @@
 //! follows from the seed and the number of the step: the same input gives the same prior on one device, byte for byte,
 //! also if training is interrupted and goes on.
 
+mod exposure;
+mod order;
 mod relocate;
 mod saved;
 mod schedule;
@@ -12,15 +14,20 @@ mod splats;
 mod start;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use nvsprior::prior::{RenderOptions, Splats};
 use nvsprior::random::Random;
-use nvsprior::render::training::{Trainer, TrainingPlan, TrainingState, TrainingView};
+use nvsprior::render::training::{
+    Trainer, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
+};
 use nvsprior::vulkan::{Error as DeviceError, StageTime};
 use nvsprior::{Camera, Engine, Picture, Pose};
 use nvsprior_kernels::training::planes;
 
-use crate::mapping::PosedPicture;
+use crate::PosedPicture;
+pub use exposure::Exposure;
+use order::Order;
 use relocate::relocate;
 pub use saved::{SavedError, read_state, write_state};
 use schedule::Progress;
@@ -39,6 +46,8 @@ pub struct MapOptions {
     pub sh_degree: u32,
     /// Rates and their course.
     pub schedule: Schedule,
+    /// Fit each picture's light, and train on the pictures without it: see [`Exposure`].
+    pub exposure: bool,
     /// Seed of all that is random.
     pub seed: u64,
     /// Have the device time its stages.
@@ -52,6 +61,7 @@ impl Default for MapOptions {
             splats: 40_000,
             sh_degree: 1,
             schedule: Schedule::default(),
+            exposure: true,
             seed: 1,
             profiled: false,
         }
@@ -110,12 +120,23 @@ pub struct MapState {
     pub alive: u32,
     /// Parameters, and what Adam knows of them.
     pub training: TrainingState,
+    /// The light of each picture.
+    pub exposures: Vec<Exposure>,
 }
+
+/// The pictures' light is fitted after so many rounds through all pictures.
+const EXPOSURE_ROUNDS: usize = 8;
 
 /// A training under way.
 pub struct Mapper {
     trainer: Trainer,
     views: Vec<PosedPicture>,
+    /// The light of each picture.
+    exposures: Vec<Exposure>,
+    /// The pictures without it.
+    frames: Vec<TrainingFrame>,
+    /// Which picture's turn it is: all in turn, in an order that is another one in each round.
+    order: Order,
     options: MapOptions,
     /// What positions are relative to.
     centre: DVec3,
@@ -149,17 +170,37 @@ impl Mapper {
         let (parameters, alive) = start(&views, points, options, centre, extent);
         let zero = vec![0.0; parameters.len()];
         trainer.set(&TrainingState { parameters, first: zero.clone(), second: zero })?;
-        Ok(Mapper { trainer, views, options: options.clone(), centre, extent, step: 0, alive })
+        let exposures = vec![Exposure::NONE; views.len()];
+        let mut mapper = Mapper {
+            trainer,
+            exposures,
+            frames: Vec::new(),
+            order: Order::new(options.seed, views.len()),
+            views,
+            options: options.clone(),
+            centre,
+            extent,
+            step: 0,
+            alive,
+        };
+        mapper.undo_exposures();
+        Ok(mapper)
     }
 
     /// Takes one step, on the picture whose turn it is. `share`: of the training that is done, 0 to 1, by which rates
     /// fall.
     pub fn step(&mut self, share: f64) -> Result<(), MapError> {
-        let view = &self.views[self.turn()];
+        let (round, place) = self.order.at(self.step);
+        if self.options.exposure && place == 0 && round > 0 && round.is_multiple_of(EXPOSURE_ROUNDS)
+        {
+            self.fit_exposures()?;
+        }
+        let turn = self.order.picture(round, place);
+        let PosedPicture { camera, pose, .. } = &self.views[turn];
         let progress = Progress { step: self.step, share, alive: self.alive };
-        let scene = (self.extent, view.camera.pixels());
+        let scene = (self.extent, camera.pixels());
         let training = self.options.schedule.at(&progress, self.options.sh_degree, scene);
-        let view = TrainingView { camera: &view.camera, pose: &view.pose, frame: &view.picture };
+        let view = TrainingView { camera, pose, frame: &self.frames[turn] };
         self.trainer.step(&view, &training)?;
         self.step += 1;
         if self.options.schedule.relocates_after(self.step, share) {
@@ -168,16 +209,21 @@ impl Mapper {
         Ok(())
     }
 
-    /// Which picture the next step looks at: all in turn, in an order that is another one in each round.
-    fn turn(&self) -> usize {
-        let count = self.views.len();
-        let (round, place) = (self.step as usize / count, self.step as usize % count);
-        let mut random = Random::new(self.options.seed ^ (round as u64) << 32);
-        let mut order: Vec<usize> = (0..count).collect();
-        for i in (1..count).rev() {
-            order.swap(i, (random.bits() % (i as u64 + 1)) as usize);
+    /// Fits the light of all pictures to the splats as they are.
+    fn fit_exposures(&mut self) -> Result<(), MapError> {
+        for (view, exposure) in self.views.iter().zip(&mut self.exposures) {
+            let mut render = Picture::new(view.camera.width, view.camera.height);
+            self.trainer.picture(&view.camera, &view.pose, &mut render)?;
+            *exposure = Exposure::fit(&render, view);
         }
-        order[place]
+        exposure::centre(&mut self.exposures);
+        self.undo_exposures();
+        Ok(())
+    }
+
+    fn undo_exposures(&mut self) {
+        let all = self.views.par_iter().zip(&self.exposures);
+        self.frames = all.map(|(view, exposure)| exposure.undone(view)).collect();
     }
 
     /// Moves splats that show nothing to where others show much, and adds some.
@@ -227,7 +273,9 @@ impl Mapper {
 
     /// All that it takes to go on later.
     pub fn state(&self) -> Result<MapState, MapError> {
-        Ok(MapState { step: self.step, alive: self.alive, training: self.trainer.state()? })
+        let training = self.trainer.state()?;
+        let exposures = self.exposures.clone();
+        Ok(MapState { step: self.step, alive: self.alive, training, exposures })
     }
 
     /// Goes on from a state of the same training.
@@ -240,8 +288,13 @@ impl Mapper {
         if state.alive > self.options.splats {
             return Err(MapError::State { what: "the number of splats" });
         }
+        if state.exposures.len() != self.views.len() {
+            return Err(MapError::State { what: "the number of pictures" });
+        }
         self.trainer.set(&state.training)?;
         (self.step, self.alive) = (state.step, state.alive);
+        self.exposures.clone_from(&state.exposures);
+        self.undo_exposures();
         Ok(())
     }
 }

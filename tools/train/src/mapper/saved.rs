@@ -1,14 +1,18 @@
 //! A training's state as bytes, so that it can go on after an interruption.
 //!
-//! All numbers are little-endian: the magic `NVSPMAP1`; the fingerprint of what is trained, the steps done, the splats in
-//! use, and the numbers of each of three sets of planes (u32 each); the planes; a CRC-32 over all before it.
+//! All numbers are little-endian: the magic `NVSPMAP2`; the fingerprint of what is trained, the steps done, the splats in
+//! use, the numbers of each of three sets of planes, and the number of pictures (u32 each); the planes (f32); the light of
+//! each picture (12 f64: the columns of the gain, the offset); a CRC-32 over all before it.
 
+use glam::{DMat3, DVec3};
 use nvsprior::render::training::TrainingState;
 
-use super::MapState;
+use super::{Exposure, MapState};
 
-const MAGIC: &[u8; 8] = b"NVSPMAP1";
-const HEADER: usize = 8 + 4 * 4;
+const MAGIC: &[u8; 8] = b"NVSPMAP2";
+const HEADER: usize = 8 + 5 * 4;
+/// Numbers of a picture's light.
+const LIGHT: usize = 12;
 
 /// Why a saved state cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -30,11 +34,16 @@ pub fn write_state(state: &MapState, fingerprint: u32) -> Vec<u8> {
     let numbers = parameters.len() as u32;
     let mut bytes = Vec::with_capacity(HEADER + 12 * parameters.len() + 4);
     bytes.extend(MAGIC);
-    for word in [fingerprint, state.step, state.alive, numbers] {
+    let pictures = state.exposures.len() as u32;
+    for word in [fingerprint, state.step, state.alive, numbers, pictures] {
         bytes.extend(word.to_le_bytes());
     }
     for planes in [parameters, first, second] {
         planes.iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+    }
+    for Exposure { gain, offset } in &state.exposures {
+        let numbers = gain.to_cols_array().into_iter().chain(offset.to_array());
+        numbers.for_each(|number| bytes.extend(number.to_le_bytes()));
     }
     let check = crc32fast::hash(&bytes);
     bytes.extend(check.to_le_bytes());
@@ -52,22 +61,31 @@ pub fn read_state(bytes: &[u8], fingerprint: u32) -> Result<MapState, SavedError
         let at = 8 + 4 * i;
         u32::from_le_bytes([content[at], content[at + 1], content[at + 2], content[at + 3]])
     };
-    let numbers = word(3) as usize;
-    if numbers.checked_mul(12) != Some(body.len())
-        || crc32fast::hash(content) != u32::from_le_bytes(*check)
-    {
+    let (numbers, pictures) = (word(3) as usize, word(4) as usize);
+    let planes = numbers.checked_mul(12).ok_or(SavedError::Damaged)?;
+    let expected = pictures.checked_mul(8 * LIGHT).and_then(|light| planes.checked_add(light));
+    if expected != Some(body.len()) || crc32fast::hash(content) != u32::from_le_bytes(*check) {
         return Err(SavedError::Damaged);
     }
     if word(0) != fingerprint {
         return Err(SavedError::Other);
     }
+    let (body, light) = body.split_at(planes);
     let (values, _) = body.as_chunks::<4>();
     let planes = |which: usize| {
         let own = &values[which * numbers..(which + 1) * numbers];
         own.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
     };
     let training = TrainingState { parameters: planes(0), first: planes(1), second: planes(2) };
-    Ok(MapState { step: word(1), alive: word(2), training })
+    let exposures = light.as_chunks::<{ 8 * LIGHT }>().0.iter().map(exposure).collect();
+    Ok(MapState { step: word(1), alive: word(2), training, exposures })
+}
+
+fn exposure(bytes: &[u8; 8 * LIGHT]) -> Exposure {
+    let (numbers, _) = bytes.as_chunks::<8>();
+    let triple =
+        |first: usize| DVec3::from([0, 1, 2].map(|k| f64::from_le_bytes(numbers[first + k])));
+    Exposure { gain: DMat3::from_cols(triple(0), triple(3), triple(6)), offset: triple(9) }
 }
 
 #[cfg(test)]
@@ -78,7 +96,9 @@ mod tests {
         let planes = |by: f32| (0..28).map(|i| i as f32 * by).collect();
         let training =
             TrainingState { parameters: planes(1.5), first: planes(-2.0), second: planes(0.1) };
-        MapState { step: 700, alive: 2, training }
+        let gain = DMat3::from_cols_array(&[1.1, 0.2, 0.0, -0.1, 0.9, 0.3, 0.05, 0.0, 1.0]);
+        let light = Exposure { gain, offset: DVec3::new(0.1, -0.2, 0.3) };
+        MapState { step: 700, alive: 2, training, exposures: vec![Exposure::NONE, light] }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, pla
 
 use super::MapOptions;
 use super::splats::Planes;
-use crate::mapping::PosedPicture;
+use crate::PosedPicture;
 
 /// A point of the scene, as structure from motion gives it.
 #[derive(Clone, Copy, Debug, PartialEq)]

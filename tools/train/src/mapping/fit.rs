@@ -9,10 +9,11 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::MappingOptions;
 use super::harmonics;
 use super::project::Geometry;
 use super::raster::Projection;
-use super::{MappingOptions, PosedPicture};
+use crate::PosedPicture;
 use nvsprior::prior::Splats;
 
 /// Views are summed in this many groups, each in its own order, and then group by group. So the sum
@@ -110,7 +111,7 @@ impl<'a> System<'a> {
             let mut gradient = vec![Vec3::ZERO; colours.len()];
             projection.sweep(&colours, &mut gradient, |pixel, value, transmittance| {
                 if against_pictures {
-                    view.colour(pixel) - value - transmittance * background
+                    Vec3::from(view.colour(pixel)) - value - transmittance * background
                 } else {
                     value
                 }

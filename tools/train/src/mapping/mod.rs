@@ -18,6 +18,8 @@ use nvsprior::geometry::CameraError;
 use nvsprior::prior::{RenderOptions, Splats};
 use nvsprior::{Camera, Picture, Pose};
 
+use crate::PosedPicture;
+
 /// A point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
@@ -27,25 +29,6 @@ pub struct SurfacePoint {
     pub normal: [f32; 3],
     /// Half the distance to the neighbouring points, the prior's unit.
     pub radius: f32,
-}
-
-/// A picture with its camera and pose.
-#[derive(Clone, Debug)]
-pub struct PosedPicture {
-    /// The camera.
-    pub camera: Camera,
-    /// Its pose.
-    pub pose: Pose,
-    /// What it saw, of the camera's size.
-    pub picture: Picture,
-}
-
-impl PosedPicture {
-    /// A pixel's colour, values in [0, 1].
-    fn colour(&self, pixel: usize) -> Vec3 {
-        let rgb = &self.picture.data[3 * pixel..3 * pixel + 3];
-        Vec3::new(rgb[0].into(), rgb[1].into(), rgb[2].into()) / 255.0
-    }
 }
 
 /// How a prior is made.
@@ -242,7 +225,7 @@ pub(crate) fn check_views(views: &[PosedPicture]) -> Result<(), MappingError> {
     if views.is_empty() {
         return Err(MappingError::NoViews);
     }
-    for (index, PosedPicture { camera, pose, picture }) in views.iter().enumerate() {
+    for (index, PosedPicture { camera, pose, picture, .. }) in views.iter().enumerate() {
         camera.check().map_err(|source| MappingError::Camera { index, source })?;
         if !pose.is_finite() {
             return Err(MappingError::Pose { index });
@@ -280,7 +263,7 @@ mod tests {
         for (i, pixel) in picture.data.chunks_exact_mut(3).enumerate() {
             pixel.copy_from_slice(&paint(i % 64, i / 64));
         }
-        vec![PosedPicture { camera: CAMERA, pose: Pose::IDENTITY, picture }]
+        vec![PosedPicture::new(CAMERA, Pose::IDENTITY, picture)]
     }
 
     #[test]

@@ -7,10 +7,11 @@
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
+use super::MappingOptions;
 use super::harmonics;
 use super::project::{Geometry, Projector};
 use super::raster::Projection;
-use super::{MappingOptions, PosedPicture};
+use crate::PosedPicture;
 use nvsprior::prior::Splats;
 
 /// Views per step.
@@ -131,7 +132,7 @@ fn derivatives(
     let colours = harmonics::colours(splats, view.pose.centre().as_vec3());
     let projection = Projection::new(geometry, &view.camera, &view.pose, render);
     let projector = Projector::new(&view.camera, &view.pose, render);
-    let pull = |pixel, value| 2.0 * (value - view.colour(pixel));
+    let pull = |pixel, value| 2.0 * (value - Vec3::from(view.colour(pixel)));
     let by_image = projection.backward(&colours, Vec3::from(render.background), pull);
     let terms = harmonics::count(splats.sh_degree);
     let mut all = vec![[0.0; PARAMETERS]; geometry.positions.len()];
@@ -193,7 +194,7 @@ mod tests {
         let projection = Projection::new(&geometry, &view.camera, &view.pose, &options.render);
         let mut sum = 0.0;
         projection.render(&colours, Vec3::from(options.render.background), |pixel, value| {
-            sum += (value - view.colour(pixel)).as_dvec3().length_squared();
+            sum += (value - Vec3::from(view.colour(pixel))).as_dvec3().length_squared();
         });
         sum
     }
@@ -204,7 +205,7 @@ mod tests {
         let splats = cloud(24);
         let mut picture = Picture::new(CAMERA.width, CAMERA.height);
         picture.data.iter_mut().enumerate().for_each(|(i, byte)| *byte = (i * 7 % 251) as u8);
-        let view = PosedPicture { camera: CAMERA, pose: Pose::IDENTITY, picture };
+        let view = PosedPicture::new(CAMERA, Pose::IDENTITY, picture);
         let options = MappingOptions::default();
         let analytic = derivatives(&splats, &Geometry::of(&splats), &view, &options);
         for k in 0..PARAMETERS {
