@@ -197,7 +197,9 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
 fn of_vulkan(error: &vulkan::Error) -> nvsp_status {
     use vulkan::Error as E;
     match error {
-        E::NoLoader(_) | E::NoDevice { .. } | E::NoValidationLayer => NVSP_ERR_NO_DEVICE,
+        E::NoLoader(_) | E::NoDevice { .. } | E::UnknownDevice { .. } | E::NoValidationLayer => {
+            NVSP_ERR_NO_DEVICE
+        }
         E::DeviceLost { .. } => NVSP_ERR_DEVICE_LOST,
         error if error.is_out_of_memory() => NVSP_ERR_MEMORY,
         _ => NVSP_ERR_VULKAN,

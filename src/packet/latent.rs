@@ -244,10 +244,10 @@ impl Latent {
 
 /// Checks the first two bytes, on which the part's length depends.
 pub(super) fn check_start(bytes: &[u8]) -> Result<Form, PacketError> {
-    let [first, flags] = Reader::new(bytes, Part::Latent, SHORT_LATENT_LEN)?.take();
-    if first >> 4 != MAGIC {
-        return Err(PacketError::Magic(first));
+    if let Some(first) = bytes.first().filter(|first| **first >> 4 != MAGIC) {
+        return Err(PacketError::Magic(*first));
     }
+    let [first, flags] = Reader::new(bytes, Part::Latent, SHORT_LATENT_LEN)?.take();
     let code = flags & 0b11;
     match first & 0xF {
         VERSION | VERSION_NOT_PORTABLE => {

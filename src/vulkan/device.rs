@@ -116,6 +116,25 @@ impl std::fmt::Display for DeviceInfo {
     }
 }
 
+/// A device that the driver knows, whether or not it can run the engine.
+#[derive(Clone, Debug)]
+pub struct ListedDevice {
+    /// What it says of itself. Whether it is portable is not measured.
+    pub info: DeviceInfo,
+    /// Its own memory, bytes: the largest heap.
+    pub memory: u64,
+    /// Why it cannot run the engine; `None` if it can.
+    pub unfit: Option<&'static str>,
+}
+
+/// All devices of the installed drivers, in the order of the numbers that [`DeviceOptions::device`] takes.
+pub fn devices() -> Result<Vec<ListedDevice>, Error> {
+    // SAFETY: the library loaded is the system's Vulkan loader.
+    let entry = unsafe { Entry::load() }.map_err(|e| Error::NoLoader(e.to_string()))?;
+    let instance = Instance::new(entry, false)?;
+    Ok(instance.devices()?.into_iter().map(|device| instance.listed(device)).collect())
+}
+
 /// Device memory in use by all that was made on a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryUse {
@@ -326,10 +345,9 @@ impl Instance {
         let made = unsafe { entry.create_instance(&info, None) };
         let instance = made.map_err(|result| match result {
             // What the loader says if no driver is installed.
-            vk::Result::ERROR_INCOMPATIBLE_DRIVER => Error::NoDevice {
-                wanted: String::new(),
-                found: "no Vulkan driver is installed".into(),
-            },
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
+                Error::NoDevice { found: "no Vulkan driver is installed".into() }
+            }
             result => Error::of("vkCreateInstance")(result),
         })?;
         let mut this =
@@ -361,15 +379,12 @@ impl Instance {
 
     /// The device asked for, or the one of the best kind.
     fn choose(&self, wanted: Option<&str>) -> Result<(vk::PhysicalDevice, u32, DeviceInfo), Error> {
-        // SAFETY: a plain query.
-        let devices = unsafe { self.instance.enumerate_physical_devices() }
-            .map_err(Error::of("vkEnumeratePhysicalDevices"))?;
         let mut best: Option<(vk::PhysicalDevice, u32, DeviceInfo)> = None;
-        let mut passed_over = Vec::new();
-        for (index, device) in devices.into_iter().enumerate() {
+        let (mut passed_over, mut others) = (Vec::new(), Vec::new());
+        for (index, device) in self.devices()?.into_iter().enumerate() {
             let info = self.describe(device);
             if wanted.is_some_and(|wanted| !is_the_one(wanted, index, &info)) {
-                passed_over.push(format!("{} is not the one", info.name));
+                others.push(format!("{index}: {}", info.name));
                 continue;
             }
             match self.queue_family(device) {
@@ -380,14 +395,30 @@ impl Instance {
                 Ok(_) => {}
             }
         }
-        best.ok_or_else(|| Error::NoDevice {
-            wanted: wanted.map(|w| format!(" \"{w}\"")).unwrap_or_default(),
-            found: if passed_over.is_empty() {
-                "none found".into()
-            } else {
-                passed_over.join(", ")
-            },
+        best.ok_or_else(|| match wanted {
+            Some(wanted) if passed_over.is_empty() && !others.is_empty() => {
+                Error::UnknownDevice { wanted: wanted.to_owned(), found: others.join(", ") }
+            }
+            _ if passed_over.is_empty() => Error::NoDevice { found: "none found".into() },
+            _ => Error::NoDevice { found: passed_over.join(", ") },
         })
+    }
+
+    fn devices(&self) -> Result<Vec<vk::PhysicalDevice>, Error> {
+        // SAFETY: a plain query.
+        unsafe { self.instance.enumerate_physical_devices() }
+            .map_err(Error::of("vkEnumeratePhysicalDevices"))
+    }
+
+    fn listed(&self, device: vk::PhysicalDevice) -> ListedDevice {
+        // SAFETY: a plain query on a device of this instance.
+        let memory = unsafe { self.instance.get_physical_device_memory_properties(device) };
+        let heaps = memory.memory_heaps_as_slice().iter();
+        ListedDevice {
+            info: self.describe(device),
+            memory: heaps.map(|heap| heap.size).max().unwrap_or(0),
+            unfit: self.queue_family(device).err(),
+        }
     }
 
     fn describe(&self, device: vk::PhysicalDevice) -> DeviceInfo {

@@ -13,14 +13,22 @@ pub enum Error {
     NoLoader(String),
     /// No device that can run the engine.
     #[error(
-        "no Vulkan device fits{wanted}: {found}. nvsprior needs Vulkan 1.2 with the \
+        "no Vulkan device fits: {found}. nvsprior needs Vulkan 1.2 with the \
          vulkanMemoryModel feature; on Debian or Ubuntu `apt-get install mesa-vulkan-drivers` \
          brings a CPU driver that works everywhere"
     )]
     NoDevice {
-        /// What was asked for, if anything.
-        wanted: String,
         /// Devices seen, and why each does not fit.
+        found: String,
+    },
+    /// None of the devices is the one asked for.
+    #[error(
+        "no Vulkan device \"{wanted}\"; there are: {found}. Give a number, or a part of a name"
+    )]
+    UnknownDevice {
+        /// What was asked for.
+        wanted: String,
+        /// Numbers and names of the devices.
         found: String,
     },
     /// Validation was asked for and its layer is not installed.

@@ -11,6 +11,6 @@ mod spirv;
 
 pub use buffer::{Buffer, Memory};
 pub use commands::{Commands, Recorder, StageTime, Timing};
-pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions, MemoryUse};
+pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions, ListedDevice, MemoryUse, devices};
 pub use error::Error;
 pub use kernel::{Code, Kernel};

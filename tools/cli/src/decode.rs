@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::{Decoded, Decoder};
+use nvsprior::packet::PacketError;
+use nvsprior::render::Scene;
+use nvsprior::{Decoded, Decoder, Error};
 
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::camera_file::CameraFile;
-use nvsprior_inputs::frame_file;
+use nvsprior_inputs::{frame_file, values};
 
 /// Decode packets to pictures, with the prior alone
 ///
@@ -27,40 +29,50 @@ pub struct Args {
     /// Cameras that may have been sent in packets that did not arrive
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    #[command(flatten)]
-    size: SizeArgs,
+    /// Those cameras' frames were reduced to this width by `encode` [default: 320]
+    #[arg(long, value_name = "PIXELS", requires = "cameras")]
+    width: Option<u32>,
     #[command(flatten)]
     device: DeviceArgs,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let packets = packet_files(&args.packets)?;
+    values::make_folder("--frames", &args.frames)?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let mut decoder = Decoder::new(&engine, &scene);
     if let Some(path) = &args.cameras {
+        let size = args.width.map_or_else(SizeArgs::default, SizeArgs::of);
         for view in &CameraFile::open(path)?.views {
-            let camera = args.size.reduced(&view.camera);
+            let camera = size.reduced(&view.camera);
             decoder
                 .add_camera(&camera)
                 .with_context(|| format!("{}: {}", path.display(), view.name))?;
         }
     }
-    std::fs::create_dir_all(&args.frames)
-        .with_context(|| format!("making {}", args.frames.display()))?;
     let bar = progress(packets.len(), "decoding");
-    let (mut failed, mut other) = (0, 0);
+    let (mut failed, mut foreign, mut other) = (0, 0, 0);
     for path in &packets {
         match decode(&mut decoder, path, &args.frames) {
             Ok(decoded) => other += usize::from(decoded.same_render == Some(false)),
             Err(error) => {
-                bar.suspend(|| eprintln!("{}: {error:#}", path.display()));
+                if failed < NAMED {
+                    bar.suspend(|| eprintln!("{}: {error:#}", path.display()));
+                }
                 failed += 1;
+                foreign += usize::from(is_foreign(&error));
             }
         }
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if failed > NAMED {
+        eprintln!("and {} more", failed - NAMED);
+    }
+    if foreign > 0 {
+        eprintln!("{}", if_foreign(&scene));
+    }
     println!("{} of {} packets decoded", packets.len() - failed, packets.len());
     if other > 0 {
         println!("{other} renders are not the vehicle's: its device or driver rounds differently");
@@ -68,6 +80,28 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)?;
     anyhow::ensure!(failed == 0, "{failed} of {} packets could not be decoded", packets.len());
     Ok(())
+}
+
+/// Packets that are named if they cannot be decoded.
+const NAMED: usize = 5;
+
+/// Whether a packet seems to be about another prior.
+fn is_foreign(error: &anyhow::Error) -> bool {
+    let prior = |error: &PacketError| matches!(error, PacketError::Prior { .. });
+    match error.downcast_ref() {
+        Some(Error::SessionUnknown { .. }) => true,
+        Some(Error::Packet(error)) => prior(error),
+        _ => false,
+    }
+}
+
+/// What to look at then.
+fn if_foreign(scene: &Scene) -> String {
+    format!(
+        "the prior at hand is {}. It must be the file that `encode` had. Render options are part of a prior's identity: \
+         --near, --alpha-max and --antialiased must be as with `encode`",
+        scene.id()
+    )
 }
 
 /// Packets of a folder in the order of their names.

@@ -11,6 +11,7 @@ use nvsprior::{Encoder, EncoderOptions, Rate};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
+use nvsprior_inputs::values::{self, OutputError};
 
 use crate::sheet::{self, SheetRow};
 use crate::summary::{self, Row};
@@ -34,13 +35,13 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     packets: PathBuf,
     /// Summary to write (JSON)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = values::json)]
     summary: Option<PathBuf>,
     /// Folder for the reconstructed pictures (PNG), as the topside will see them
     #[arg(long, value_name = "DIR")]
     frames_out: Option<PathBuf>,
     /// Contact sheet to write (PNG): camera | render | difference | reconstruction
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = values::png)]
     sheet: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
@@ -58,7 +59,7 @@ pub struct RefineArgs {
     /// Mean squared error (values in [0, 1]): the gradient methods start from the frame before only if the error there
     /// is below this (1e-2 suits real footage); gauss-newton uses it only if the prior shows too little to tell whether
     /// a pose is right
-    #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
+    #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
     pub threshold: f64,
 }
 
@@ -75,13 +76,13 @@ struct RateArgs {
     #[arg(long, value_enum, default_value = "wavelet")]
     residual: ResidualArg,
     /// Quality of the difference picture, 0 to 100 [default: 10]
-    #[arg(long, value_name = "Q", group = "rate")]
+    #[arg(long, value_name = "Q", group = "rate", value_parser = values::quality, allow_hyphen_values = true)]
     quality: Option<f32>,
     /// Bytes of the whole packet, never exceeded
     #[arg(long, value_name = "N", group = "rate")]
     bytes: Option<usize>,
     /// PSNR to reach at the least bytes, dB
-    #[arg(long, value_name = "DB", group = "rate")]
+    #[arg(long, value_name = "DB", group = "rate", value_parser = values::psnr, allow_hyphen_values = true)]
     psnr: Option<f64>,
     /// Send a check of the render (6 bytes) every N frames, so that the topside knows whether its
     /// render is the same; 0: never
@@ -153,9 +154,25 @@ fn check_times(frames: &[Input]) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Makes the folders, and finds out before any work whether the files can be written.
+fn check_outputs(args: &Args) -> Result<(), OutputError> {
+    values::make_folder("--packets", &args.packets)?;
+    if let Some(folder) = &args.frames_out {
+        values::make_folder("--frames-out", folder)?;
+    }
+    if let Some(file) = &args.summary {
+        values::check_file("--summary", file)?;
+    }
+    if let Some(file) = &args.sheet {
+        values::check_file("--sheet", file)?;
+    }
+    Ok(())
+}
+
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let frames = args.input.frames()?;
     check_times(&frames)?;
+    check_outputs(args)?;
     let first = &frames[0];
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
@@ -171,9 +188,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut encoder = Encoder::new(&engine, &scene, &first.camera, options)?;
     if args.input.starts == "none" {
         render_key_frames(&mut encoder)?;
-    }
-    for folder in [Some(&args.packets), args.frames_out.as_ref()].into_iter().flatten() {
-        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
     let bar = progress(frames.len(), "encoding");
     let (mut rows, mut pictures) = (Vec::new(), Vec::new());

@@ -11,6 +11,7 @@ use nvsprior::residual::wavelet::Tables;
 use crate::key_frames;
 use crate::mission::{self, MissionArgs};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
+use nvsprior_inputs::values;
 
 /// Print what is in a prior, and which parts are left out because no picture shows them
 ///
@@ -29,7 +30,7 @@ pub struct Args {
     mission: MissionArgs,
     /// Also look for the largest share of splats that can go, without any fitting, at no more than this loss against
     /// the camera's frames; if there are no frames, frames at 27 dB from the prior's pictures are assumed
-    #[arg(long, value_name = "DB", requires = "cameras", value_parser = mission::not_negative)]
+    #[arg(long, value_name = "DB", requires = "cameras", value_parser = values::not_negative)]
     tolerance: Option<f64>,
     #[command(flatten)]
     device: DeviceArgs,

@@ -14,6 +14,7 @@ use nvsprior::{Camera, Pose, Prior};
 
 use crate::mission;
 use nvsprior_inputs::camera_file::CameraFile;
+use nvsprior_inputs::values;
 use range::Sample;
 
 /// Give a prior key frames: poses at which a lost camera is looked for
@@ -36,11 +37,11 @@ pub struct Args {
     split: Option<String>,
     /// Leave out a view if a kept one is nearer than this, in the prior's unit [default: 5 % of the median distance
     /// from the cameras to the splats that they show]
-    #[arg(long, value_name = "LENGTH", requires = "cameras", value_parser = mission::not_negative)]
+    #[arg(long, value_name = "LENGTH", requires = "cameras", value_parser = values::not_negative)]
     distance: Option<f64>,
     /// Leave out a view only if its direction differs from the kept one's by less than this, degrees; roll does not
     /// count
-    #[arg(long, value_name = "DEGREES", default_value_t = ANGLE, value_parser = mission::not_negative)]
+    #[arg(long, value_name = "DEGREES", default_value_t = ANGLE, value_parser = values::not_negative)]
     angle: f64,
     /// Add key frames up to this many in all, with those of the views; 0 adds none
     #[arg(long, value_name = "N", default_value_t = COVER,

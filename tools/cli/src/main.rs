@@ -3,14 +3,17 @@
 mod container;
 mod decode;
 mod demo;
+mod devices;
 mod encode;
 mod inspect;
+mod join;
 mod key_frames;
 mod map;
 mod mission;
 mod picture_renderer;
 mod render;
 mod sheet;
+mod split;
 mod summary;
 mod tables;
 mod trim;
@@ -19,6 +22,7 @@ mod view_set;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use nvsprior_inputs::values::WrongUsage;
 use nvsprior_lab::{bench, stability, verify_device};
 
 /// Pictures through an acoustic modem: image compression against a 3D Gaussian Splatting prior.
@@ -39,6 +43,8 @@ struct Cli {
 enum Command {
     Encode(encode::Args),
     Decode(decode::Args),
+    Split(split::Args),
+    Join(join::Args),
     Render(render::Args),
     Inspect(inspect::Args),
     Map(map::Args),
@@ -47,6 +53,7 @@ enum Command {
     Tables(tables::Args),
     Bench(bench::Args),
     Demo(demo::Args),
+    Devices(devices::Args),
     Stability(stability::Args),
     VerifyDevice(verify_device::Args),
 }
@@ -57,6 +64,8 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Encode(args) => encode::run(&args),
         Command::Decode(args) => decode::run(&args),
+        Command::Split(args) => split::run(&args),
+        Command::Join(args) => join::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Map(args) => map::run(&args),
@@ -65,6 +74,7 @@ fn main() -> ExitCode {
         Command::Tables(args) => tables::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
+        Command::Devices(args) => devices::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::VerifyDevice(args) => return report(verify_device::run(&args)),
     };
@@ -75,6 +85,6 @@ fn main() -> ExitCode {
 fn report(result: anyhow::Result<ExitCode>) -> ExitCode {
     result.unwrap_or_else(|error| {
         eprintln!("nvsprior: {error:#}");
-        ExitCode::FAILURE
+        if error.is::<WrongUsage>() { ExitCode::from(2) } else { ExitCode::FAILURE }
     })
 }

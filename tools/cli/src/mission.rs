@@ -8,7 +8,7 @@ use nvsprior_train::samples::Margin;
 
 use nvsprior_inputs::args::SizeArgs;
 use nvsprior_inputs::camera_file::{CameraFile, View};
-use nvsprior_inputs::frame_file;
+use nvsprior_inputs::{frame_file, values};
 
 /// Where a mission's cameras stand.
 #[derive(clap::Args)]
@@ -19,19 +19,11 @@ pub struct MissionArgs {
     #[command(flatten)]
     size: SizeArgs,
     /// How far cameras may stand from the camera file's, in the prior's unit
-    #[arg(long, value_name = "LENGTH", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "LENGTH", default_value_t = 0.0, value_parser = values::not_negative, allow_hyphen_values = true)]
     margin_distance: f64,
     /// How far they may be turned from them, degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = values::not_negative, allow_hyphen_values = true)]
     margin_angle: f64,
-}
-
-pub fn not_negative(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
-    match value.is_finite() && value >= 0.0 {
-        true => Ok(value),
-        false => Err("must be a finite number, not negative".into()),
-    }
 }
 
 /// One view and, if its file is there, what the camera saw.

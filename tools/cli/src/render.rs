@@ -11,7 +11,7 @@ use nvsprior::{Camera, Picture, Pose};
 
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, numbers};
 use nvsprior_inputs::camera_file::CameraFile;
-use nvsprior_inputs::frame_file;
+use nvsprior_inputs::{frame_file, values};
 
 /// Render the prior at a pose
 #[derive(clap::Args)]
@@ -28,7 +28,7 @@ pub struct Args {
     #[arg(long, value_name = "POSE", value_parser = parse_pose, allow_hyphen_values = true)]
     pose: Option<Pose>,
     /// Picture to write (PNG)
-    #[arg(long, value_name = "FILE", required_unless_present = "raw")]
+    #[arg(long, value_name = "FILE", required_unless_present = "raw", value_parser = values::png)]
     out: Option<PathBuf>,
     /// float32 NumPy file to write, height × width × 5: linear R, G, B as blended before clamping,
     /// depth (Σ wᵢ zᵢ), transmittance
@@ -51,6 +51,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     })?;
     let camera = view.camera;
     camera.check().with_context(|| format!("{}: {}", args.cameras.display(), args.frame))?;
+    for (option, path) in [("--out", &args.out), ("--raw", &args.raw)] {
+        if let Some(path) = path {
+            values::check_file(option, path)?;
+        }
+    }
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let mut renderer = engine.renderer(&scene, &camera, Plan::picture())?;

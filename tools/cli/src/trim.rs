@@ -17,6 +17,7 @@ use crate::picture_renderer::PictureRenderer;
 use crate::sheet::{self, SheetRow};
 use judge::{Bench, Loss};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
+use nvsprior_inputs::values;
 
 /// Write a prior reduced to what a mission's views need
 ///
@@ -36,14 +37,14 @@ pub struct Args {
     #[command(flatten)]
     mission: MissionArgs,
     /// Greatest loss of PSNR against the camera's frames, mean over the views, dB
-    #[arg(long, value_name = "DB", default_value_t = 0.1, value_parser = mission::not_negative)]
+    #[arg(long, value_name = "DB", default_value_t = 0.1, value_parser = values::not_negative)]
     tolerance: f64,
     /// If there are no frames: least PSNR of pictures against the whole prior's, mean over the
     /// views, dB
-    #[arg(long, value_name = "DB", default_value_t = 42.0, value_parser = mission::not_negative)]
+    #[arg(long, value_name = "DB", default_value_t = 42.0, value_parser = values::not_negative)]
     floor: f64,
     /// Leave out splats farther than this from every camera, in the prior's unit
-    #[arg(long, value_name = "LENGTH", value_parser = mission::not_negative)]
+    #[arg(long, value_name = "LENGTH", value_parser = values::not_negative)]
     range: Option<f64>,
     /// What the remaining splats are fitted to: the whole prior's renders, or the frames, if there
     /// are any. Fitted to frames, fewer splats reach the same PSNR, but less detail remains, and
@@ -64,7 +65,7 @@ pub struct Args {
     #[arg(long, value_name = "FACTOR")]
     coarseness: Option<f32>,
     /// Contact sheet to write (PNG): whole | reduced | difference | reduced, one row per view
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = values::png)]
     sheet: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
@@ -78,7 +79,7 @@ enum FitArg {
 use FitArg::{Frames, Renders};
 
 fn share(text: &str) -> Result<f64, String> {
-    let value = mission::not_negative(text)?;
+    let value = values::not_negative(text)?;
     match value > 0.0 && value < 1.0 {
         true => Ok(value),
         false => Err("must lie between 0 and 1".into()),
@@ -93,6 +94,10 @@ const SHEET_ROWS: usize = 8;
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let finest = Quantisation::default().scaled(args.coarseness.unwrap_or(FINEST));
     let container = Container::of(&args.out, finest)?;
+    values::check_file("--out", &args.out)?;
+    if let Some(sheet) = &args.sheet {
+        values::check_file("--sheet", sheet)?;
+    }
     check_beside(&args.out)?;
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
     place_tables(&prior, container, &args.out)?;

@@ -11,6 +11,8 @@ use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Prior, RenderOverrides};
 
+use crate::values;
+
 /// The prior and how to render it.
 #[derive(clap::Args)]
 pub struct PriorArgs {
@@ -26,10 +28,10 @@ pub struct PriorArgs {
 #[derive(clap::Args)]
 pub struct OverrideArgs {
     /// Near plane, in the prior's unit [default: the file's, else that of its trainer]
-    #[arg(long, value_name = "Z")]
+    #[arg(long, value_name = "Z", value_parser = values::near, allow_hyphen_values = true)]
     near: Option<f32>,
     /// Clamp of alpha [default: as the file says, else 0.99]
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", value_parser = values::alpha_max, allow_hyphen_values = true)]
     alpha_max: Option<f32>,
     /// The prior was trained with anti-aliased opacity (gsplat's mode)
     #[arg(long)]
@@ -100,11 +102,26 @@ impl PriorArgs {
 #[derive(Clone, clap::Args)]
 pub struct SizeArgs {
     /// Frames wider than this are reduced to it, as in the paper; 0 keeps every size
-    #[arg(long, value_name = "PIXELS", default_value_t = 320)]
+    #[arg(long, value_name = "PIXELS", default_value_t = WIDTH,
+        value_parser = clap::value_parser!(u32).range(0..=i64::from(Camera::MAX_SIDE)))]
     width: u32,
 }
 
+impl Default for SizeArgs {
+    fn default() -> SizeArgs {
+        SizeArgs { width: WIDTH }
+    }
+}
+
+/// The width of the paper's frames, pixels.
+const WIDTH: u32 = 320;
+
 impl SizeArgs {
+    /// Frames of at most this width.
+    pub fn of(width: u32) -> SizeArgs {
+        SizeArgs { width }
+    }
+
     /// The camera at the size that its frames are encoded at.
     pub fn reduced(&self, camera: &Camera) -> Camera {
         if self.width == 0 || camera.width <= self.width {

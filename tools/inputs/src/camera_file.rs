@@ -49,6 +49,8 @@ pub struct CameraFile {
 pub enum CameraFileError {
     #[error("{}: {error}", path.display())]
     Read { path: PathBuf, error: std::io::Error },
+    #[error("{}: not text; a camera file is JSON: cameras.json or transforms.json", path.display())]
+    Text { path: PathBuf },
     #[error("{}: not JSON: {error}", path.display())]
     Json { path: PathBuf, error: serde_json::Error },
     #[error("{}: neither \"images\" (cameras.json) nor \"frames\" (transforms.json) in it",
@@ -71,9 +73,7 @@ const PINHOLE_MODELS: [&str; 3] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE"];
 impl CameraFile {
     /// Reads a camera file of either kind. The content tells the kind.
     pub fn open(path: &Path) -> Result<CameraFile, CameraFileError> {
-        let own = path.to_path_buf();
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| CameraFileError::Read { path: own.clone(), error })?;
+        let text = read_text(path)?;
         CameraFile::parse(&text, path)
     }
 
@@ -106,6 +106,12 @@ impl CameraFile {
         let missing = || CameraFileError::Name { path: self.path.clone(), name: name.to_owned() };
         self.views.iter().find(|view| view.name == name).ok_or_else(missing)
     }
+}
+
+pub(crate) fn read_text(path: &Path) -> Result<String, CameraFileError> {
+    let bytes = std::fs::read(path)
+        .map_err(|error| CameraFileError::Read { path: path.to_path_buf(), error })?;
+    String::from_utf8(bytes).map_err(|_| CameraFileError::Text { path: path.to_path_buf() })
 }
 
 fn parse_root(text: &str, path: &Path) -> Result<Value, CameraFileError> {

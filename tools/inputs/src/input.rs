@@ -9,6 +9,7 @@ use nvsprior::{Camera, Encoded, Encoder, Known, Picture, Pose};
 use crate::args::{SizeArgs, StepArg};
 use crate::camera_file::{CameraFile, View};
 use crate::frame_file;
+use crate::values::{self, WrongUsage};
 
 /// Which frames, and their start poses.
 #[derive(clap::Args)]
@@ -20,7 +21,7 @@ pub struct InputArgs {
     #[arg(long, value_name = "NAME")]
     pub split: Option<String>,
     /// Only the first N frames
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = values::count, allow_hyphen_values = true)]
     pub limit: Option<usize>,
     #[command(flatten)]
     #[allow(missing_docs)] // A comment would show in the help.
@@ -73,7 +74,7 @@ impl InputArgs {
         anyhow::ensure!(!views.is_empty(), "{}: no frames to encode", self.cameras.display());
         let csv = match self.starts.as_str() {
             "none" | "first" | "camera-file" => None,
-            path => Some(frame_file::read_known(Path::new(path))?),
+            path => Some(self.read_starts(Path::new(path))?),
         };
         let mut names = HashSet::new();
         let distinct = views.iter().all(|view| names.insert(stem(&view.file)));
@@ -90,6 +91,14 @@ impl InputArgs {
             })
         };
         views.iter().enumerate().map(input).collect()
+    }
+
+    fn read_starts(&self, path: &Path) -> anyhow::Result<HashMap<String, Known>> {
+        if !path.exists() {
+            let what = "neither `none`, `first` or `camera-file`, nor a file that is there";
+            return Err(WrongUsage(format!("--starts {}: {what}", path.display())).into());
+        }
+        Ok(frame_file::read_known(path)?)
     }
 
     fn external(&self, index: usize, view: &View, csv: Option<&HashMap<String, Known>>) -> Known {

@@ -28,6 +28,7 @@ use context::{Context, OptimizerRun, Shot, host_bytes};
 use forward::Forward;
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::input::InputArgs;
+use nvsprior_inputs::values;
 pub use perturbed::even;
 pub use plot::training as plot_training;
 use report::Report;
@@ -48,13 +49,13 @@ pub struct Args {
     #[arg(long, value_enum, value_delimiter = ',', default_value = "bfgs")]
     optimizers: Vec<OptimizerArg>,
     /// Frames that gradient methods are measured on, after a first one; 0: none
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = values::count)]
     bfgs_frames: usize,
     /// Starts moved off by up to 3°, and as many by up to 10°
-    #[arg(long, value_name = "N", default_value_t = 100)]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = values::count)]
     trials: usize,
     /// Frames that each setting is measured on, after a first one; 0: compare no settings
-    #[arg(long, value_name = "N", default_value_t = 6)]
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = values::count)]
     configurations: usize,
     /// Also measure time against the number of splats (to 2 million) and pixels (to 1280×720)
     #[arg(long)]
@@ -66,7 +67,7 @@ pub struct Args {
     #[command(flatten)]
     codecs: codecs::CodecsArgs,
     /// See `nvsprior encode`
-    #[arg(long, value_name = "MSE", default_value_t = 1e-3)]
+    #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
     threshold: f64,
     /// Folder for report.json, tables and plots; made if it is missing
     #[arg(long, value_name = "DIR", default_value = "bench-out")]
@@ -77,8 +78,9 @@ pub struct Args {
 
 /// Measures, prints, and writes the report.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let mut context = open(args)?;
     let folder = &args.report;
+    values::make_folder("--report", folder)?;
+    let mut context = open(args)?;
     if args.ablation.ablation {
         ablation::run(&args.ablation, &mut context, folder)?;
         return args.device.check(&context.engine);
@@ -91,7 +93,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         codecs::run(&mut context, folder)?;
         return args.device.check(&context.engine);
     }
-    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     let report = measure(args, &mut context)?;
     print::print(&context, &report);
     report::write(&folder.join("report.json"), &context, &report)?;

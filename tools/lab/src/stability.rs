@@ -56,8 +56,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     group: Vec<String>,
     /// Random cases [default: 10000, 50 with --quick]
-    #[arg(long, value_name = "N")]
-    cases: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=10_000_000))]
+    cases: Option<u32>,
     /// Seed of the first random case; those after count on from it
     #[arg(long, value_name = "SEED", default_value_t = 0)]
     seed: u64,
@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let bench = Bench {
         engine: args.device.open()?,
         quick: args.quick,
-        random_cases: args.cases.unwrap_or(if args.quick { 50 } else { 10_000 }),
+        random_cases: args.cases.unwrap_or(if args.quick { 50 } else { 10_000 }) as usize,
         first_seed: args.seed,
         prior: args.prior.clone(),
     };

@@ -21,8 +21,7 @@ const FISHEYE_MODEL: &str = "OPENCV_FISHEYE";
 impl PosedFile {
     /// Reads a camera file of either kind, told by its content.
     pub fn open(path: &Path) -> Result<PosedFile, CameraFileError> {
-        let failed = |error| CameraFileError::Read { path: path.to_path_buf(), error };
-        PosedFile::parse(&std::fs::read_to_string(path).map_err(failed)?, path)
+        PosedFile::parse(&read_text(path)?, path)
     }
 
     /// Reads a camera file's content. `path` is for messages, and its folder is where pictures are looked for.

@@ -24,6 +24,7 @@ use super::optimum;
 use judge::{Judge, Verdict};
 use method::{Attempt, Method, Searches};
 use nvsprior_inputs::args::progress;
+use nvsprior_inputs::values;
 use perturbation::{Kind, Limits, Perturbation};
 use start::StartTrial;
 
@@ -39,7 +40,7 @@ pub struct AblationArgs {
     #[arg(long, value_name = "N", default_value = "40", requires = "ablation")]
     ablation_trials: NonZeroUsize,
     /// How many of these starts Adam and Adam→BFGS are measured from; each takes up to 1000 renders
-    #[arg(long, value_name = "N", requires = "ablation")]
+    #[arg(long, value_name = "N", requires = "ablation", value_parser = values::count)]
     ablation_adam_trials: Option<usize>,
     /// Move translations off by up to this, in the prior's unit (paper: 1.58 m)
     #[arg(long, value_name = "U", default_value = "1.58", value_parser = positive, requires = "ablation")]

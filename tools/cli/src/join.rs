@@ -1,0 +1,141 @@
+//! `nvsprior join`: modem frames to packets.
+
+use std::collections::BTreeMap;
+use std::net::UdpSocket;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::Context;
+use nvsprior::modem::{Reassembler, ReassemblerOptions};
+use nvsprior::prior::replace_file;
+use nvsprior_inputs::values;
+
+/// Put packets together from the frames of a modem
+///
+/// Takes frames as `nvsprior split` makes them, in the order of their files' names, or as they come over UDP. Frames may
+/// be missing, repeated, swapped or padded. Writes NUMBER.nvsp for every frame number: the whole packet, or as much of it
+/// as has come without a gap, which `nvsprior decode` makes the best possible picture of.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Folder with the frames, *.frame
+    #[arg(value_name = "DIR", required_unless_present = "udp", conflicts_with = "udp")]
+    frames: Option<PathBuf>,
+    /// Receive frames at this address, such as 0.0.0.0:5600
+    #[arg(long, value_name = "ADDRESS", requires = "mtu")]
+    udp: Option<String>,
+    /// The MTU that the packets were split for [default: the length of the longest frame]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(31..))]
+    mtu: Option<u16>,
+    /// End if no frame came for so many seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 10, requires = "udp",
+        value_parser = clap::value_parser!(u32).range(1..=86_400))]
+    idle: u32,
+    /// Folder for the packets; made if it is missing
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// The least MTU.
+const LEAST_MTU: usize = 31;
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let joined = match (&args.frames, &args.udp) {
+        (Some(folder), _) => from_folder(args, folder)?,
+        (None, address) => from_udp(args, address.as_deref().unwrap_or_default())?,
+    };
+    let Joined { packets, reassembler, .. } = &joined;
+    let complete = packets.values().filter(|(_, complete)| *complete).count();
+    println!(
+        "{} packets, {complete} of them complete; {} frames were refused",
+        packets.len(),
+        reassembler.statistics().rejected
+    );
+    anyhow::ensure!(!packets.is_empty(), "no packet: no first frame of one has come");
+    Ok(())
+}
+
+fn from_folder(args: &Args, folder: &Path) -> anyhow::Result<Joined> {
+    let mut frames = Vec::new();
+    for path in frame_files(folder)? {
+        frames.push(std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
+    }
+    let longest = frames.iter().map(Vec::len).max().unwrap_or(0);
+    let mtu = args.mtu.map_or(longest.max(LEAST_MTU), usize::from);
+    let mut joined = Joined::new(mtu, &args.out)?;
+    frames.iter().try_for_each(|frame| joined.push(frame))?;
+    Ok(joined)
+}
+
+/// Frames of a folder in the order of their names.
+fn frame_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let reading = || format!("reading {}", folder.display());
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).with_context(reading)? {
+        let path = entry.with_context(reading)?.path();
+        if path.extension().is_some_and(|ending| ending == "frame") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    anyhow::ensure!(!files.is_empty(), "{}: no frames (*.frame)", folder.display());
+    Ok(files)
+}
+
+fn from_udp(args: &Args, address: &str) -> anyhow::Result<Joined> {
+    let mut joined = Joined::new(args.mtu.map_or(LEAST_MTU, usize::from), &args.out)?;
+    let socket = UdpSocket::bind(address).with_context(|| format!("--udp {address}"))?;
+    socket.set_read_timeout(Some(Duration::from_secs(args.idle.into())))?;
+    eprintln!("waiting for frames at {}", socket.local_addr()?);
+    let mut frame = vec![0; 1 << 16];
+    loop {
+        match socket.recv(&mut frame) {
+            Ok(length) => joined.push(&frame[..length])?,
+            Err(error) if is_timeout(&error) => return Ok(joined),
+            Err(error) => return Err(error).with_context(|| format!("--udp {address}")),
+        }
+    }
+}
+
+fn is_timeout(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{TimedOut, WouldBlock};
+    matches!(error.kind(), TimedOut | WouldBlock)
+}
+
+/// Packets that frames were joined to.
+struct Joined {
+    reassembler: Reassembler,
+    folder: PathBuf,
+    /// By frame number: bytes written, and whether they are all.
+    packets: BTreeMap<u32, (usize, bool)>,
+}
+
+/// Packets that a reassembler holds.
+const HELD: u32 = 4;
+
+impl Joined {
+    fn new(mtu: usize, folder: &Path) -> anyhow::Result<Joined> {
+        let reassembler = Reassembler::new(ReassemblerOptions::new(mtu))?;
+        values::make_folder("--out", folder)?;
+        Ok(Joined { reassembler, folder: folder.to_path_buf(), packets: BTreeMap::new() })
+    }
+
+    /// Takes a frame, and writes each packet that it adds to. What is no frame is counted, and left out.
+    fn push(&mut self, frame: &[u8]) -> anyhow::Result<()> {
+        if self.reassembler.push(frame).is_err() {
+            return Ok(());
+        }
+        let newest = self.reassembler.newest().map(|packet| packet.frame);
+        let held =
+            newest.into_iter().flat_map(|newest| (0..HELD).map(move |k| newest.wrapping_sub(k)));
+        for number in held {
+            let Some(packet) = self.reassembler.packet(number) else { continue };
+            let known = (packet.bytes.len(), packet.complete);
+            if packet.bytes.is_empty() || self.packets.get(&packet.frame) == Some(&known) {
+                continue;
+            }
+            replace_file(&self.folder.join(format!("{:08}.nvsp", packet.frame)), packet.bytes)?;
+            self.packets.insert(packet.frame, known);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,95 @@
+//! `nvsprior split`: packets to modem frames, as files or as datagrams.
+
+use std::net::{ToSocketAddrs, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::Context;
+use nvsprior::modem::Splitter;
+use nvsprior_inputs::values;
+
+/// Split packets into the frames of a modem
+///
+/// Writes NAME-0000.frame, NAME-0001.frame, … for every packet NAME.nvsp, or sends each frame as a UDP datagram.
+/// `nvsprior join` puts packets together again, from all of the frames or from some.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The packets
+    #[arg(value_name = "PACKET", required = true)]
+    packets: Vec<PathBuf>,
+    /// Most bytes of a modem frame
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(31..))]
+    mtu: u16,
+    /// Folder for the frames; made if it is missing
+    #[arg(long, value_name = "DIR", required_unless_present = "udp", conflicts_with = "udp")]
+    out: Option<PathBuf>,
+    /// Send the frames to HOST:PORT instead
+    #[arg(long, value_name = "ADDRESS")]
+    udp: Option<String>,
+    /// Send no faster than this, bits per second
+    #[arg(long, value_name = "BPS", requires = "udp", value_parser = clap::value_parser!(u32).range(1..))]
+    bit_rate: Option<u32>,
+}
+
+/// Where frames go.
+enum Sink {
+    Folder(PathBuf),
+    Udp { socket: UdpSocket, bit_rate: Option<u32> },
+}
+
+impl Sink {
+    fn new(args: &Args) -> anyhow::Result<Sink> {
+        if let Some(folder) = &args.out {
+            values::make_folder("--out", folder)?;
+            return Ok(Sink::Folder(folder.clone()));
+        }
+        let to = args.udp.as_deref().unwrap_or_default();
+        let address = to.to_socket_addrs().with_context(|| format!("--udp {to}"))?.next();
+        let address = address.with_context(|| format!("--udp {to}: no such host"))?;
+        let own = if address.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
+        let socket = UdpSocket::bind(own).context("opening a UDP socket")?;
+        socket.connect(address).with_context(|| format!("--udp {to}"))?;
+        Ok(Sink::Udp { socket, bit_rate: args.bit_rate })
+    }
+
+    fn put(&self, packet: &Path, index: usize, frame: &[u8]) -> anyhow::Result<()> {
+        match self {
+            Sink::Folder(folder) => {
+                let stem = packet.file_stem().unwrap_or_default().to_string_lossy();
+                let path = folder.join(format!("{stem}-{index:04}.frame"));
+                std::fs::write(&path, frame).with_context(|| format!("writing {}", path.display()))
+            }
+            Sink::Udp { socket, bit_rate } => {
+                socket.send(frame).context("sending a frame")?;
+                if let Some(rate) = bit_rate {
+                    let seconds = frame.len() as f64 * 8.0 / f64::from(*rate);
+                    std::thread::sleep(Duration::from_secs_f64(seconds));
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let mtu = usize::from(args.mtu);
+    let read = |path: &PathBuf| {
+        let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
+        // All packets are looked at before the first one is sent.
+        Splitter::new(&bytes, mtu).with_context(|| path.display().to_string())?;
+        Ok((path, bytes))
+    };
+    let packets = args.packets.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
+    let sink = Sink::new(args)?;
+    let (mut frame, mut frames) = (vec![0; mtu], 0);
+    for (path, bytes) in &packets {
+        let splitter = Splitter::new(bytes, mtu)?;
+        for index in 0..splitter.count() {
+            let length = splitter.write(index, &mut frame)?;
+            sink.put(path, index, &frame[..length])?;
+        }
+        frames += splitter.count();
+    }
+    println!("{} packets in {frames} frames of at most {mtu} bytes", packets.len());
+    Ok(())
+}

@@ -1,0 +1,148 @@
+//! Values of arguments, checked before work begins.
+
+use std::path::{Path, PathBuf};
+
+/// Wrong usage that shows only after the arguments were parsed. The program exits with 2.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct WrongUsage(pub String);
+
+fn number(text: &str) -> Result<f64, String> {
+    text.parse().map_err(|_| "not a number".to_owned())
+}
+
+fn within(text: &str, low: f64, high: f64, range: &str) -> Result<f64, String> {
+    let value = number(text)?;
+    // So that NaN fails.
+    if value >= low && value <= high { Ok(value) } else { Err(format!("must lie {range}")) }
+}
+
+/// A quality: 0 to 100.
+pub fn quality(text: &str) -> Result<f32, String> {
+    Ok(within(text, 0.0, 100.0, "between 0 and 100")? as f32)
+}
+
+/// A PSNR to reach, dB.
+pub fn psnr(text: &str) -> Result<f64, String> {
+    within(text, 1.0, 100.0, "between 1 and 100 dB")
+}
+
+/// A mean squared error of values in [0, 1].
+pub fn mse(text: &str) -> Result<f64, String> {
+    within(text, 0.0, 1.0, "between 0 and 1")
+}
+
+/// A near plane: nothing of a scene lies beyond the upper end.
+pub fn near(text: &str) -> Result<f32, String> {
+    Ok(within(text, 1e-6, 1e6, "between 1e-6 and 1e6")? as f32)
+}
+
+/// A clamp of alpha.
+pub fn alpha_max(text: &str) -> Result<f32, String> {
+    Ok(within(text, 0.01, 0.9999, "between 0.01 and 0.9999")? as f32)
+}
+
+/// A finite number, not negative.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    within(text, 0.0, f64::MAX, "between 0 and the largest number")
+}
+
+/// A number of things: at most 100,000.
+pub fn count(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count) if count <= 100_000 => Ok(count),
+        _ => Err("must be a whole number from 0 to 100,000".into()),
+    }
+}
+
+/// A picture to write.
+pub fn png(text: &str) -> Result<PathBuf, String> {
+    ends_with(text, "png")
+}
+
+/// A JSON file to write.
+pub fn json(text: &str) -> Result<PathBuf, String> {
+    ends_with(text, "json")
+}
+
+fn ends_with(text: &str, ending: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let fits = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
+    if fits { Ok(path) } else { Err(format!("the file's name must end in .{ending}")) }
+}
+
+/// Why nothing can be written to a place.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
+pub enum OutputError {
+    #[error("{option} {}: this is a file; give a folder", path.display())]
+    File { option: &'static str, path: PathBuf },
+    #[error("{option} {}: this is a folder; give a file", path.display())]
+    Folder { option: &'static str, path: PathBuf },
+    #[error("{option} {}: cannot be written: {error}", path.display())]
+    Write { option: &'static str, path: PathBuf, error: std::io::Error },
+}
+
+/// Makes a folder to write to, with those above it.
+pub fn make_folder(option: &'static str, path: &Path) -> Result<(), OutputError> {
+    let path = path.to_path_buf();
+    if path.exists() && !path.is_dir() {
+        return Err(OutputError::File { option, path });
+    }
+    std::fs::create_dir_all(&path).map_err(|error| OutputError::Write { option, path, error })
+}
+
+/// Finds out whether a file can be written, and leaves what is there as it is.
+pub fn check_file(option: &'static str, path: &Path) -> Result<(), OutputError> {
+    if path.is_dir() {
+        return Err(OutputError::Folder { option, path: path.to_path_buf() });
+    }
+    let there = path.exists();
+    let opened = std::fs::OpenOptions::new().create(true).append(true).open(path).map(drop);
+    let tried = opened.and_then(|()| if there { Ok(()) } else { std::fs::remove_file(path) });
+    tried.map_err(|error| OutputError::Write { option, path: path.to_path_buf(), error })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_out_of_range_or_none_are_refused() {
+        for text in ["nan", "-1", "inf", "1e30", "many", ""] {
+            assert!(quality(text).is_err(), "{text}");
+            assert!(psnr(text).is_err(), "{text}");
+            assert!(mse(text).is_err(), "{text}");
+            assert!(near(text).is_err(), "{text}");
+            assert!(alpha_max(text).is_err(), "{text}");
+            assert!(count(text).is_err(), "{text}");
+        }
+        assert!(not_negative("-0.1").is_err() && not_negative("nan").is_err());
+        assert!(not_negative("inf").is_err());
+        assert_eq!(quality("12.5"), Ok(12.5));
+        assert_eq!(count("100000"), Ok(100_000));
+        assert!(count("999999999999").is_err());
+    }
+
+    #[test]
+    fn endings_tell_the_format() {
+        assert!(png("a/b.PNG").is_ok() && png("a.jpg").is_err() && png("png").is_err());
+        assert!(json("a.json").is_ok() && json("a").is_err());
+    }
+
+    #[test]
+    fn outputs_are_tried_and_left_as_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.json");
+        check_file("--summary", &file).unwrap();
+        assert!(!file.exists());
+        std::fs::write(&file, "kept").unwrap();
+        check_file("--summary", &file).unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"kept");
+        assert!(matches!(check_file("--summary", folder.path()), Err(OutputError::Folder { .. })));
+        let none = folder.path().join("none/a.json");
+        assert!(matches!(check_file("--summary", &none), Err(OutputError::Write { .. })));
+        assert!(matches!(make_folder("--packets", &file), Err(OutputError::File { .. })));
+        make_folder("--packets", &folder.path().join("b/c")).unwrap();
+    }
+}
