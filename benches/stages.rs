@@ -123,8 +123,14 @@ fn load(criterion: &mut Criterion) {
     group.sample_size(20);
     for Seen { name, prior, .. } in scenes() {
         let mut bytes = Vec::new();
-        write_ply(prior.splats(), prior.options(), prior.key_frames(), &mut bytes)
-            .expect("a file in memory");
+        write_ply(
+            prior.splats(),
+            prior.options(),
+            prior.key_frames(),
+            prior.preprocessing(),
+            &mut bytes,
+        )
+        .expect("a file in memory");
         group.bench_function(name, |b| {
             b.iter(|| {
                 Prior::from_bytes(black_box(&bytes), name, &Default::default()).expect("a prior")

@@ -13,7 +13,7 @@ fn written(splats: &Splats, options: &RenderOptions) -> Vec<u8> {
 
 fn with_key_frames(splats: &Splats, options: &RenderOptions, key_frames: &KeyFrames) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_ply(splats, options, key_frames, &mut bytes).unwrap();
+    write_ply(splats, options, key_frames, &Preprocessing::NONE, &mut bytes).unwrap();
     bytes
 }
 

@@ -7,6 +7,7 @@ use std::process::Command;
 use std::time::Instant;
 
 use anyhow::Context;
+use nvsprior::image::Preprocessing;
 use nvsprior::prior::ply::write_ply;
 use nvsprior::render::Scene;
 use nvsprior::residual::{ResidualCoder, Webp};
@@ -103,7 +104,7 @@ fn map(path: &Path, folder: &Path) -> anyhow::Result<Prior> {
     let mut bytes = Vec::new();
     let posed: Vec<_> = views.iter().map(|view| (view.camera, view.pose)).collect();
     let key_frames = key_frames::of_run(&splats, options.render.near, &posed)?;
-    write_ply(&splats, &options.render, &key_frames, &mut bytes)?;
+    write_ply(&splats, &options.render, &key_frames, &Preprocessing::NONE, &mut bytes)?;
     std::fs::write(path, bytes).with_context(|| format!("writing {}", path.display()))?;
     let prior = Prior::open(path, &Default::default())?;
     println!(
