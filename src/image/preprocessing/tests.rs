@@ -201,7 +201,7 @@ fn dark_scenes_become_bright_and_keep_their_chroma() {
 
 #[test]
 fn the_bytes_are_the_same_everywhere() {
-    // What this gives on x86-64; other CPUs must give the same.
+    // As an implementation in Python gave them, too.
     let mut random = Random::new(1);
     let mut picture = Picture::new(320, 180);
     for (at, rgb) in picture.data.chunks_exact_mut(3).enumerate() {
@@ -212,7 +212,7 @@ fn the_bytes_are_the_same_everywhere() {
     }
     let sum = |preprocessing| crc32fast::hash(&treated(&picture, preprocessing).data);
     let found = [sum(&BOTH), sum(&clahe(3.3, 5)), sum(&Preprocessing::NONE)];
-    assert_eq!(found.map(|sum| format!("{sum:08x}")), ["", "", ""]);
+    assert_eq!(found.map(|sum| format!("{sum:08x}")), ["a17bafcf", "e4817b36", "f38418b9"]);
 }
 
 #[test]
