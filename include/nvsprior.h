@@ -976,7 +976,8 @@ nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
 // - `width`, `height`: the camera's size, pixels.
 size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 
-// Encodes a frame into `packet`. Waits for a lock of the device's queue, and for the device. Uses the hint if the
+// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
+// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device. Uses the hint if the
 // frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
 // from the second frame on, unless a view of the prior needs more room on the device than any before it.
 //

@@ -204,7 +204,8 @@ impl Encoder {
         done
     }
 
-    /// The last frame that was encoded, or that failed, as it was treated. Empty before the first.
+    /// The last frame that [`encode`](Self::encode) searched a pose for, as it was treated. Empty before the first. It is
+    /// not kept in a [`Pipeline`](crate::Pipeline).
     pub fn treated_frame(&self) -> &Picture {
         &self.tracked.frame
     }

@@ -481,7 +481,8 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
     if sides.contains(&width) && sides.contains(&height) { packet_bound(width, height) } else { 0 }
 }
 
-/// Encodes a frame into `packet`. Waits for a lock of the device's queue, and for the device. Uses the hint if the
+/// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
+/// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device. Uses the hint if the
 /// frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
 /// from the second frame on, unless a view of the prior needs more room on the device than any before it.
 ///
