@@ -97,7 +97,13 @@ fn write_prior(path: &Path) -> anyhow::Result<Prior> {
     let shipped =
         Prior::from_bytes(nvsprior_basin::PRIOR, "the demo's prior", &Default::default())?;
     let mut bytes = Vec::new();
-    write_ply(shipped.splats(), shipped.options(), shipped.key_frames(), &mut bytes)?;
+    write_ply(
+        shipped.splats(),
+        shipped.options(),
+        shipped.key_frames(),
+        shipped.preprocessing(),
+        &mut bytes,
+    )?;
     replace_file(path, &bytes)?;
     let prior = Prior::open(path, &Default::default())?;
     println!("prior: {} splats and {} key frames", prior.len(), prior.key_frames().len());

@@ -125,6 +125,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
     let engine = args.device.open()?;
+    let preprocessing = args.inputs.preprocessing();
     let MapInputs { train, held_out, points } = args.inputs.read()?;
     let fingerprint = inputs::fingerprint(&train, &points, &options, &args.budget());
     let held = held_out.len();
@@ -142,7 +143,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let cameras = mapper.views().iter().map(|view| view.camera);
     let views: Vec<_> = cameras.zip(mapper.poses().iter().copied()).collect();
     let key_frames = key_frames::of_run(&splats, options.render.near, &views)?;
-    let bytes = container.write(&splats, &options.render, &key_frames, None)?;
+    let bytes = container.write(&splats, &options.render, &key_frames, None, &preprocessing)?;
     replace_file(&args.out, &bytes)?;
     let prior = Prior::open(&args.out, &Default::default())?;
     let forward = forward_seconds(&engine, &prior, &mapper)?;

@@ -11,6 +11,7 @@ mod encode;
 mod inputs;
 mod key_frames;
 mod map;
+mod preprocessing;
 mod recovery;
 mod refusals;
 mod render;
