@@ -4,11 +4,12 @@
 SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo test c-test lint lib install package portability package-test firmware cross-aarch64 shaders \
+.PHONY: help demo demo-prior test c-test lint lib install package portability package-test firmware cross-aarch64 shaders \
 	shaders-check shader-toolchain clean
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
+	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
 	@echo "make test           all tests"
 	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
 	@echo "make lint           formatting and clippy"
@@ -26,6 +27,12 @@ help:
 demo:
 	@scripts/setup.sh run
 	cargo run --release --bin nvsprior -- demo --out demo-out
+
+demo-prior:
+	@scripts/setup.sh run
+	cargo run --release --bin nvsprior -- demo --mapping-run --out target/demo-prior
+	cargo run --release --bin nvsprior -- map --cameras target/demo-prior/M1/cameras.json --held-out 0 \
+		--splats 60000 --out tools/basin/prior.nvsg --report target/demo-prior/report
 
 test:
 	@scripts/setup.sh run test

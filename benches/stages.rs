@@ -10,6 +10,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
 use nvsprior::packet::{Latent, PoseProfile, QuantisedPose};
 use nvsprior::prior::ply::write_ply;
 use nvsprior::render::{Jacobian, Plan, Scene};
@@ -117,14 +118,44 @@ fn code(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// White balance and CLAHE of a frame of 320×180.
+fn preprocess(criterion: &mut Criterion) {
+    let mut random = nvsprior::random::Random::new(1);
+    let mut frame = Picture::new(320, 180);
+    frame.data.fill_with(|| random.within(5.0, 60.0) as u8);
+    let mut treated = frame.clone();
+    let mut group = criterion.benchmark_group("preprocessing 320×180");
+    let (balance, clahe) = (WhiteBalance::GrayWorld, Some(Clahe::default()));
+    for (name, white_balance, clahe) in [
+        ("white balance", balance, None),
+        ("CLAHE", WhiteBalance::None, clahe),
+        ("both", balance, clahe),
+    ] {
+        let mut preprocessor = Preprocessor::new(&Preprocessing { white_balance, clahe });
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                treated.clone_from(black_box(&frame));
+                preprocessor.apply(&mut treated);
+            })
+        });
+    }
+    group.finish();
+}
+
 /// Reading a prior's file, checks and identity included.
 fn load(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("load");
     group.sample_size(20);
     for Seen { name, prior, .. } in scenes() {
         let mut bytes = Vec::new();
-        write_ply(prior.splats(), prior.options(), prior.key_frames(), &mut bytes)
-            .expect("a file in memory");
+        write_ply(
+            prior.splats(),
+            prior.options(),
+            prior.key_frames(),
+            prior.preprocessing(),
+            &mut bytes,
+        )
+        .expect("a file in memory");
         group.bench_function(name, |b| {
             b.iter(|| {
                 Prior::from_bytes(black_box(&bytes), name, &Default::default()).expect("a prior")
@@ -134,5 +165,5 @@ fn load(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, render, code, load);
+criterion_group!(benches, render, code, preprocess, load);
 criterion_main!(benches);

@@ -70,6 +70,12 @@
 // `background` is given.
 #define NVSP_PRIOR_BACKGROUND 8
 
+// Colours were left as they were.
+#define NVSP_WHITE_BALANCE_NONE 0
+
+// The means of red, green and blue were brought together, by gains up to 4.
+#define NVSP_WHITE_BALANCE_GRAY_WORLD 1
+
 // Three bytes per pixel: red, green, blue.
 #define NVSP_FORMAT_RGB8 1
 
@@ -355,6 +361,14 @@ typedef struct nvsp_prior_info {
   float spread;
   // Key frames: poses at which a lost camera is looked for.
   uint32_t key_frames;
+  // NVSP_WHITE_BALANCE_*: how the colours of the pictures that it was trained on were balanced. Encoders do the same
+  // with their frames: see nvsp_encoder_options.frames_treated.
+  uint32_t white_balance;
+  // Tiles along a side for CLAHE, by which the contrast of those pictures was equalised, after the white balance; 0:
+  // it was not.
+  uint32_t clahe_tiles;
+  // Its clip limit, 1 to 256; 0: none.
+  float clahe_clip_limit;
 } nvsp_prior_info;
 
 // A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers
@@ -407,6 +421,9 @@ typedef struct nvsp_encoder_options {
   uint32_t form;
   // NVSP_RESIDUAL_*: the coder of the difference picture.
   uint32_t residual;
+  // Not 0: images come already treated as nvsp_prior_info.white_balance and clahe_tiles say, so they are encoded as
+  // they are. 0: the encoder treats them, whatever their format, after it has brought them to the camera's size.
+  uint32_t frames_treated;
 } nvsp_encoder_options;
 
 // A camera's image; read during the call only. If its size is not the camera's, it is scaled to
@@ -458,9 +475,10 @@ typedef struct nvsp_frame_stats {
   uint32_t flags;
   // NVSP_STATE_*.
   uint32_t state;
-  // PSNR of the prior's render against the frame, dB.
+  // PSNR of the prior's render against the frame, dB. If the prior has a preprocessing, the frame is the treated one,
+  // here and below: figures of priors of different preprocessing cannot be compared.
   double render_psnr;
-  // PSNR of what the topside will show, dB.
+  // PSNR of what the topside will show against the frame, dB.
   double psnr;
   // Time that the frame took, milliseconds, without scaling and conversion.
   double milliseconds;
@@ -801,6 +819,10 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes
 // them.
 //
+// A prior may state a preprocessing: how the pictures that it was trained on were treated. Its encoders treat their
+// frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
+// treated picture.
+//
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
 // is the engine's.
@@ -954,7 +976,8 @@ nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
 // - `width`, `height`: the camera's size, pixels.
 size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 
-// Encodes a frame into `packet`. Waits for a lock of the device's queue, and for the device. Uses the hint if the
+// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
+// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device. Uses the hint if the
 // frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
 // from the second frame on, unless a view of the prior needs more room on the device than any before it.
 //

@@ -14,15 +14,18 @@ pub struct FrameStats {
     pub bytes: usize,
     /// Bytes of its latent part.
     pub latent_bytes: usize,
-    /// PSNR of the render at the quantised pose, dB.
+    /// PSNR of the render at the quantised pose against the treated frame, dB.
+    ///
+    /// The frame is treated as the prior's [`preprocessing`](crate::Prior::preprocessing) says, if it has one. Do not
+    /// compare this figure with that of a prior of another preprocessing: both the picture and its contrast differ.
     pub render_psnr: f64,
-    /// PSNR of what the topside will show, dB.
+    /// PSNR of what the topside will show against the treated frame, dB.
     pub psnr: f64,
     /// Renders at full resolution, all of them: judging the start, refining, the final picture.
     pub full_renders: u32,
     /// Renders by level, finest first.
     pub renders: Vec<u32>,
-    /// Time from the frame to its pose, its render and the difference, milliseconds.
+    /// Time from the frame to its pose, its render and the difference, milliseconds. Its treatment is part of it.
     pub refine_milliseconds: f64,
     /// Time of coding the difference and writing the packet, milliseconds.
     pub code_milliseconds: f64,

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::image::{Preprocessing, Preprocessor};
 use crate::packet::{Latent, PoseProfile, QuantisedPose};
 use crate::render::{Plan, Scene};
 use crate::residual::{ResidualCoder, ResidualEncoder, ResidualSetup};
@@ -41,6 +42,9 @@ pub struct EncoderOptions {
     pub first_frame: u32,
     /// Reduction factors of the pyramid, finest first, beginning with 1.
     pub factors: Vec<u32>,
+    /// Frames come already treated as the prior's [`preprocessing`](crate::Prior::preprocessing) says. The encoder then
+    /// leaves them as they are; else it treats them.
+    pub frames_treated: bool,
 }
 
 impl Default for EncoderOptions {
@@ -56,6 +60,7 @@ impl Default for EncoderOptions {
             check_interval: 0,
             first_frame: 0,
             factors: vec![1, 2, 4, 8],
+            frames_treated: false,
         }
     }
 }
@@ -67,6 +72,8 @@ pub struct Encoder {
     camera: Camera,
     options: EncoderOptions,
     tracker: Tracker,
+    /// Treats frames as the prior's pictures were.
+    preprocessor: Preprocessor,
     residual: ResidualEncoder,
     tracked: TrackedFrame,
     /// Renders by level before the frame.
@@ -97,6 +104,7 @@ impl Encoder {
             camera: *camera,
             frame: options.first_frame,
             tracker,
+            preprocessor: preprocessor(scene, &options),
             residual: ResidualEncoder::new(&residual_setup(
                 engine,
                 scene,
@@ -147,6 +155,7 @@ impl Encoder {
         }
         self.tracker.replace(objective(engine, scene, &self.camera, &self.options)?);
         (self.engine, self.scene) = (engine.clone(), scene.clone());
+        self.preprocessor = preprocessor(scene, &self.options);
         self.residual = ResidualEncoder::new(&self.residual_setup());
         Ok(())
     }
@@ -161,7 +170,9 @@ impl Encoder {
         &self.camera
     }
 
-    /// Encodes a frame. `known`: when the frame was taken, and a pose from sensors or an estimator, used if the frame
+    /// Encodes a frame. First it is treated as the prior's pictures were, unless
+    /// [`EncoderOptions::frames_treated`] says that it is. All that follows is about the treated frame: the search, the
+    /// difference picture, and the PSNR in [`FrameStats`](crate::FrameStats). `known`: when the frame was taken, and a pose from sensors or an estimator, used if the frame
     /// before gives no good start. It may be a [`Pose`](crate::Pose), an `Option` of one, a [`Hint`](crate::Hint), or a
     /// [`Known`].
     ///
@@ -185,12 +196,18 @@ impl Encoder {
         let known = known.into();
         let mut tracked = std::mem::take(&mut self.tracked);
         let done = self.track(frame, &known, &mut tracked).and_then(|found| {
-            tracked.encode(frame, &mut self.residual, encoded)?;
+            tracked.encode(&mut self.residual, encoded)?;
             self.keep(&tracked, &found, &known);
             Ok(())
         });
         self.tracked = tracked;
         done
+    }
+
+    /// The last frame that [`encode`](Self::encode) searched a pose for, as it was treated. Empty before the first. It is
+    /// not kept in a [`Pipeline`](crate::Pipeline).
+    pub fn treated_frame(&self) -> &Picture {
+        &self.tracked.frame
     }
 
     /// The first half of a frame: finds its pose and draws it. The next frame goes on from there.
@@ -205,7 +222,7 @@ impl Encoder {
         Ok(())
     }
 
-    /// Finds a frame's pose and draws it. Changes nothing that the next frame goes on from.
+    /// Treats a frame, finds its pose and draws it. Changes nothing that the next frame goes on from.
     fn track(
         &mut self,
         frame: &Picture,
@@ -220,7 +237,9 @@ impl Encoder {
         let short = self.short_next();
         let profile = if short { PoseProfile::Short } else { self.options.profile };
         self.tracker.set_profile(profile.word());
-        let found = self.tracker.track(frame, known)?;
+        tracked.frame.clone_from(frame);
+        self.preprocessor.apply(&mut tracked.frame);
+        let found = self.tracker.track(&tracked.frame, known)?;
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
         let lost_frames = self.lost_frames_with(&found);
@@ -334,6 +353,12 @@ impl Encoder {
     pub fn trace(&self) -> &[Evaluation] {
         self.tracker.trace()
     }
+}
+
+/// What treats frames; as it says, possibly nothing does.
+fn preprocessor(scene: &Scene, options: &EncoderOptions) -> Preprocessor {
+    let none = Preprocessing::NONE;
+    Preprocessor::new(if options.frames_treated { &none } else { scene.preprocessing() })
 }
 
 fn residual_setup(

@@ -11,7 +11,6 @@ use crate::{Encoded, Encoder, Error, Known, Picture};
 /// A frame on its way through the coding thread, and back.
 #[derive(Default)]
 struct Parcel {
-    frame: Picture,
     tracked: TrackedFrame,
     encoded: Encoded,
     failure: Option<Error>,
@@ -69,7 +68,6 @@ impl Pipeline {
             self.spare.push(parcel);
             return Err(error);
         }
-        parcel.frame.clone_from(frame);
         let before = self.take(encoded);
         let sent = self.to_coder.as_ref().is_some_and(|to| to.send(parcel).is_ok());
         if !sent {
@@ -124,7 +122,7 @@ impl Drop for Pipeline {
 fn code(parcels: &Receiver<Parcel>, back: &SyncSender<Parcel>) {
     let mut kept: Option<(ResidualSetup, ResidualEncoder)> = None;
     while let Ok(mut parcel) = parcels.recv() {
-        let Parcel { frame, tracked, encoded, failure } = &mut parcel;
+        let Parcel { tracked, encoded, failure } = &mut parcel;
         // A frame that was tracked has it.
         let Some(setup) = tracked.residual.take() else { return };
         let (_, coder) = match kept.take() {
@@ -134,7 +132,7 @@ fn code(parcels: &Receiver<Parcel>, back: &SyncSender<Parcel>) {
                 kept.insert((setup, coder))
             }
         };
-        *failure = tracked.encode(frame, coder, encoded).err();
+        *failure = tracked.encode(coder, encoded).err();
         if back.send(parcel).is_err() {
             return;
         }

@@ -9,6 +9,8 @@ use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
 /// What a frame's packet is made of. Buffers are kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct TrackedFrame {
+    /// The frame, as the prior's preprocessing left it.
+    pub frame: Picture,
     pub render: Picture,
     /// See [`crate::residual::difference`].
     pub difference: Picture,
@@ -29,26 +31,25 @@ impl TrackedFrame {
     /// the render to `encoded`.
     pub fn encode(
         &mut self,
-        frame: &Picture,
         residual: &mut ResidualEncoder,
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
         let since = Instant::now();
         let latent = self.latent.ok_or(Error::NoStart { frame: self.stats.frame })?;
-        let rate_kept = self.write_packet(frame, latent, residual, encoded)?;
+        let rate_kept = self.write_packet(latent, residual, encoded)?;
         encoded.pose = self.pose;
         std::mem::swap(&mut encoded.stats, &mut self.stats);
         let stats = &mut encoded.stats;
         stats.bytes = encoded.packet.len();
         stats.latent_bytes = latent.encoded_len();
-        stats.render_psnr = self.render.psnr(frame);
-        stats.psnr = encoded.picture.psnr(frame);
+        stats.render_psnr = self.render.psnr(&self.frame);
+        stats.psnr = encoded.picture.psnr(&self.frame);
         stats.rate_kept = rate_kept;
         stats.code_milliseconds = since.elapsed().as_secs_f64() * 1e3;
         stats.milliseconds = stats.refine_milliseconds + stats.code_milliseconds;
         std::mem::swap(&mut encoded.render, &mut self.render);
         // The picture that was swapped in has room for the next frame, so that nothing is allocated.
-        self.render.resize(frame.width, frame.height);
+        self.render.resize(self.frame.width, self.frame.height);
         self.stats.renders.clear();
         self.stats.renders.reserve(stats.renders.len());
         Ok(())
@@ -57,7 +58,6 @@ impl TrackedFrame {
     /// Returns whether the rate was kept.
     fn write_packet(
         &mut self,
-        frame: &Picture,
         latent: Latent,
         residual: &mut ResidualEncoder,
         encoded: &mut Encoded,
@@ -75,7 +75,7 @@ impl TrackedFrame {
         {
             return Err(Error::Budget { budget, needed });
         }
-        let (render, difference) = (&self.render, &mut self.difference);
+        let (frame, render, difference) = (&self.frame, &self.render, &mut self.difference);
         // The coder counts the check of the full form.
         let others = needed - packet.latent.spared_check();
         let coded = residual.encode_difference(frame, render, difference, rate, others)?;

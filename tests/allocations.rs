@@ -5,6 +5,7 @@ mod scene;
 
 use std::alloc::System;
 
+use nvsprior::image::{Clahe, Preprocessing, WhiteBalance};
 use nvsprior::prior::KeyFrames;
 use nvsprior::tracking::Optimizer;
 use nvsprior::{Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Picture, Rate, Trust};
@@ -22,8 +23,19 @@ fn calls(region: &Region<System>) -> usize {
 
 /// Encodes and decodes the frames; heap calls of all but the first.
 fn heap_calls(engine: &Engine, frames: &[Picture], options: EncoderOptions) -> usize {
+    heap_calls_with(engine, frames, options, Preprocessing::NONE)
+}
+
+/// The same with a prior that states a preprocessing.
+fn heap_calls_with(
+    engine: &Engine,
+    frames: &[Picture],
+    options: EncoderOptions,
+    preprocessing: Preprocessing,
+) -> usize {
     let key_frames = KeyFrames::new((10..30).map(|t| pose(t.into())).collect()).unwrap();
-    let scene = engine.upload(&wall(1).with_key_frames(key_frames)).unwrap();
+    let prior = wall(1).with_key_frames(key_frames).with_preprocessing(preprocessing);
+    let scene = engine.upload(&prior).unwrap();
     let mut encoder = Encoder::new(engine, &scene, &CAMERA, options).unwrap();
     encoder.prepare(usize::MAX).unwrap();
     let mut decoder = Decoder::new(engine, &scene);
@@ -57,6 +69,10 @@ fn frames_after_the_first_take_nothing_from_the_heap() {
         let options = EncoderOptions { rate, camera_interval: 2, ..EncoderOptions::default() };
         assert_eq!(heap_calls(&engine, &frames, options), 0, "{rate:?}");
     }
+    let (white_balance, clahe) = (WhiteBalance::GrayWorld, Some(Clahe::default()));
+    let treated = Preprocessing { white_balance, clahe };
+    let options = EncoderOptions::default();
+    assert_eq!(heap_calls_with(&engine, &frames, options, treated), 0, "treated frames");
     // A frame of another scene: the encoder looks for it by key frames.
     let foreign = clean_frame(&engine, &engine.upload(&wall(2)).unwrap(), &pose(0.0));
     let lost = [&frames[0], &foreign, &foreign, &frames[1]].map(Picture::clone);

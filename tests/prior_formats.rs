@@ -121,7 +121,8 @@ fn key_frames_go_from_container_to_container() {
     let open = |bytes: &[u8]| Prior::from_bytes(bytes, "prior", &Default::default()).unwrap();
     // As text, bit for bit.
     let mut bytes = Vec::new();
-    ply::write_ply(prior.splats(), prior.options(), prior.key_frames(), &mut bytes).unwrap();
+    let (splats, options, none) = (prior.splats(), prior.options(), prior.preprocessing());
+    ply::write_ply(splats, options, prior.key_frames(), none, &mut bytes).unwrap();
     let plain = open(&bytes);
     assert_eq!((plain.id(), plain.key_frames()), (id, &key_frames));
     // In ten bytes each: within half a step of the poses' bounds, and 0.28°.

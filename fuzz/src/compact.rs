@@ -1,5 +1,6 @@
 //! A compact prior: must give an error or a sound prior. The check at the end is made to match first, else no input
 //! would get past it.
+use nvsprior::image::Preprocessing;
 use nvsprior::prior::KeyFrames;
 use nvsprior::prior::compact::{self, Quantisation};
 use nvsprior::residual::wavelet::Tables;
@@ -32,4 +33,11 @@ pub fn run(bytes: &[u8]) {
     assert!(tables == Some(&generic) || open(&with).id() != prior.id());
     let back = compact::with_coder_tables(&with, tables).expect("what was written");
     assert_eq!(open(&back).id(), prior.id());
+    // The preprocessing stays with all of that, and can be taken out.
+    for changed in [&without, &with, &back] {
+        assert_eq!(open(changed).preprocessing(), prior.preprocessing());
+    }
+    let none = compact::with_preprocessing(&file, &Preprocessing::NONE).expect("what was written");
+    assert!(open(&none).preprocessing().is_none());
+    assert_eq!(open(&none).id(), prior.id());
 }

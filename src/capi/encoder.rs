@@ -117,8 +117,11 @@ pub struct nvsp_encoder_options {
     pub form: u32,
     /// NVSP_RESIDUAL_*: the coder of the difference picture.
     pub residual: u32,
+    /// Not 0: images come already treated as nvsp_prior_info.white_balance and clahe_tiles say, so they are encoded as
+    /// they are. 0: the encoder treats them, whatever their format, after it has brought them to the camera's size.
+    pub frames_treated: u32,
 }
-versioned!(nvsp_encoder_options, 48, 56);
+versioned!(nvsp_encoder_options, 48, 60);
 
 /// The picture does not confirm the pose.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -184,9 +187,10 @@ pub struct nvsp_frame_stats {
     pub flags: u32,
     /// NVSP_STATE_*.
     pub state: u32,
-    /// PSNR of the prior's render against the frame, dB.
+    /// PSNR of the prior's render against the frame, dB. If the prior has a preprocessing, the frame is the treated one,
+    /// here and below: figures of priors of different preprocessing cannot be compared.
     pub render_psnr: f64,
-    /// PSNR of what the topside will show, dB.
+    /// PSNR of what the topside will show against the frame, dB.
     pub psnr: f64,
     /// Time that the frame took, milliseconds, without scaling and conversion.
     pub milliseconds: f64,
@@ -293,6 +297,7 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         interval => made.camera_interval = interval,
     }
     made.check_interval = options.check_interval;
+    made.frames_treated = options.frames_treated != 0;
     if options.lost_renders > 0 {
         made.refine.lost_renders = options.lost_renders;
     }
@@ -476,7 +481,8 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
     if sides.contains(&width) && sides.contains(&height) { packet_bound(width, height) } else { 0 }
 }
 
-/// Encodes a frame into `packet`. Waits for a lock of the device's queue, and for the device. Uses the hint if the
+/// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
+/// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device. Uses the hint if the
 /// frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
 /// from the second frame on, unless a view of the prior needs more room on the device than any before it.
 ///

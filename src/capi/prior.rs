@@ -5,6 +5,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::image::{Preprocessing, WhiteBalance};
 use crate::render::Scene;
 use crate::{Prior, RenderOverrides};
 
@@ -63,6 +64,11 @@ pub struct nvsp_prior_options {
 }
 versioned!(nvsp_prior_options, 36);
 
+/// Colours were left as they were.
+pub const NVSP_WHITE_BALANCE_NONE: u32 = 0;
+/// The means of red, green and blue were brought together, by gains up to 4.
+pub const NVSP_WHITE_BALANCE_GRAY_WORLD: u32 = 1;
+
 /// What a prior is.
 #[allow(non_camel_case_types)]
 #[repr(C)]
@@ -94,8 +100,16 @@ pub struct nvsp_prior_info {
     pub spread: f32,
     /// Key frames: poses at which a lost camera is looked for.
     pub key_frames: u32,
+    /// NVSP_WHITE_BALANCE_*: how the colours of the pictures that it was trained on were balanced. Encoders do the same
+    /// with their frames: see nvsp_encoder_options.frames_treated.
+    pub white_balance: u32,
+    /// Tiles along a side for CLAHE, by which the contrast of those pictures was equalised, after the white balance; 0:
+    /// it was not.
+    pub clahe_tiles: u32,
+    /// Its clip limit, 1 to 256; 0: none.
+    pub clahe_clip_limit: f32,
 }
-versioned!(nvsp_prior_info, 68);
+versioned!(nvsp_prior_info, 68, 80);
 
 /// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
 /// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
@@ -111,6 +125,10 @@ versioned!(nvsp_prior_info, 68);
 /// Scene coder tables are read in the same way, from PATH.tables or the prior's own file. With them difference pictures
 /// take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes
 /// them.
+///
+/// A prior may state a preprocessing: how the pictures that it was trained on were treated. Its encoders treat their
+/// frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
+/// treated picture.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
@@ -225,6 +243,7 @@ fn log_load(handle: &Handle<EngineContent>, prior: &Prior) {
 
 fn info_of(prior: &Prior) -> nvsp_prior_info {
     let (options, frame, report) = (prior.options(), prior.frame(), prior.report());
+    let Preprocessing { white_balance, clahe } = *prior.preprocessing();
     nvsp_prior_info {
         struct_size: 0,
         abi_version: 0,
@@ -239,6 +258,12 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
         centre: frame.centre,
         spread: frame.spread,
         key_frames: prior.key_frames().len() as u32,
+        white_balance: match white_balance {
+            WhiteBalance::None => NVSP_WHITE_BALANCE_NONE,
+            WhiteBalance::GrayWorld => NVSP_WHITE_BALANCE_GRAY_WORLD,
+        },
+        clahe_tiles: clahe.map_or(0, |clahe| clahe.tiles().into()),
+        clahe_clip_limit: clahe.map_or(0.0, |clahe| clahe.clip_limit()),
     }
 }
 

@@ -69,9 +69,8 @@ pub fn read(bytes: &[u8], header: PlyHeader, body: usize) -> Result<PriorFile, P
         push(&mut splats, &bounds, at.map(|at| vertices.word(bytes, index, at)));
         sh.push(&mut splats, bytes, index);
     }
-    let Comments { options, key_frames, others } = Comments::of(header.comments)?;
-    let format = PriorFormat::PlyCompressed;
-    Ok(PriorFile { splats, options, format, comments: others, key_frames, coder_tables: None })
+    let comments = Comments::of(header.comments)?;
+    Ok(comments.file(splats, PriorFormat::PlyCompressed))
 }
 
 /// Appends a splat, up to the constant coefficients.

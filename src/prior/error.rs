@@ -61,7 +61,9 @@ pub enum PriorError {
     },
     /// A comment in the header that is meant for this program cannot be understood. It is not ignored: if the two sides
     /// read different options, they render different pictures.
-    #[error("\"comment {comment}\" is no render option and no key frame that is known here")]
+    #[error(
+        "\"comment {comment}\" is no render option, no preprocessing and no key frame that is known here"
+    )]
     Comment {
         /// The comment.
         comment: String,

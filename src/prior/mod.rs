@@ -36,6 +36,7 @@ pub use key_frames::KeyFrames;
 pub use part_source::PartSource;
 pub use replace::replace_file;
 
+use crate::image::Preprocessing;
 use crate::residual::wavelet::Tables;
 
 /// How a prior was trained to be rendered; stored with it, and part of its identity.
@@ -277,6 +278,7 @@ pub struct Prior {
     frame: PriorFrame,
     key_frames: KeyFrames,
     coder_tables: Option<Arc<Tables>>,
+    preprocessing: Preprocessing,
     report: LoadReport,
 }
 
@@ -323,11 +325,20 @@ impl Prior {
             comments: Vec::new(),
             key_frames: KeyFrames::NONE,
             coder_tables: None,
+            preprocessing: Preprocessing::NONE,
         })
     }
 
     fn build(file: PriorFile) -> Result<Prior, PriorError> {
-        let PriorFile { mut splats, options, format, comments, key_frames, coder_tables } = file;
+        let PriorFile {
+            mut splats,
+            options,
+            format,
+            comments,
+            key_frames,
+            coder_tables,
+            preprocessing,
+        } = file;
         options.check()?;
         splats.check_shape()?;
         let read = splats.len();
@@ -356,7 +367,7 @@ impl Prior {
         let id = PriorId::of(&splats, &options, coder_tables.as_ref());
         let frame = PriorFrame::of(&splats.positions);
         let coder_tables = coder_tables.map(Arc::new);
-        Ok(Prior { splats, options, id, frame, key_frames, coder_tables, report })
+        Ok(Prior { splats, options, id, frame, key_frames, coder_tables, preprocessing, report })
     }
 
     /// The same prior with other key frames; they are no part of its identity.
@@ -368,6 +379,12 @@ impl Prior {
     /// The same splats with other coder tables, or none. If the tables differ, it is another prior.
     pub fn with_coder_tables(mut self, tables: Option<Tables>) -> Prior {
         self.set_coder_tables(tables, PartSource::Memory);
+        self
+    }
+
+    /// The same prior with another preprocessing; it is no part of its identity.
+    pub fn with_preprocessing(mut self, preprocessing: Preprocessing) -> Prior {
+        self.preprocessing = preprocessing;
         self
     }
 
@@ -418,6 +435,11 @@ impl Prior {
         self.coder_tables.as_ref()
     }
 
+    /// How the pictures that it was trained on were treated. Encoders treat their frames in the same way.
+    pub fn preprocessing(&self) -> &Preprocessing {
+        &self.preprocessing
+    }
+
     /// What loading found.
     pub fn report(&self) -> &LoadReport {
         &self.report
@@ -439,6 +461,8 @@ pub struct PriorFile {
     pub key_frames: KeyFrames,
     /// The coder tables in it.
     pub coder_tables: Option<Tables>,
+    /// How the pictures that it was trained on were treated; if it does not say so, not at all.
+    pub preprocessing: Preprocessing,
 }
 
 impl PriorFile {

@@ -15,7 +15,9 @@
 //!    `nvsprior background 0 0 0`, as [`write_ply`] leaves them, replace single options.
 //!
 //! **Key frames** are comments too, one key frame per comment: `nvsprior key_frame qw qx qy qz tx
-//! ty tz`, a world-to-camera pose. Any other comment that starts with `nvsprior` is refused.
+//! ty tz`, a world-to-camera pose. **Preprocessing** as well: `nvsprior white_balance gray_world`, and
+//! `nvsprior clahe 2 8`, clip limit and tiles along a side. Any other comment that starts with
+//! `nvsprior` is refused.
 
 use std::io::{BufRead, Cursor, Read, Write};
 
@@ -24,10 +26,12 @@ use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType};
 
 use super::key_frames::words;
 use super::ply_header::{
-    COMMENT_PREFIX, Comments, KEY_FRAME, check_length, read_header, rest_properties,
+    CLAHE, COMMENT_PREFIX, Comments, GRAY_WORLD, KEY_FRAME, WHITE_BALANCE, check_length,
+    read_header, rest_properties,
 };
 use super::{KeyFrames, Prior, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 use crate::Pose;
+use crate::image::{Preprocessing, WhiteBalance};
 
 /// How a PLY file starts.
 pub const MAGIC: &[u8] = b"ply";
@@ -61,14 +65,14 @@ pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     }
     let layout = Layout::of(&header)?;
     check_length(&header, layout.element, body, bytes.len())?;
-    let Comments { options, key_frames, others } = Comments::of(header.comments)?;
+    let comments = Comments::of(header.comments)?;
     let splats = read_splats(bytes, header.format, &layout)?;
     let format = match header.format {
         PlyFormat::Ascii => PriorFormat::PlyAscii,
         PlyFormat::BinaryLittleEndian => PriorFormat::PlyLittleEndian,
         PlyFormat::BinaryBigEndian => PriorFormat::PlyBigEndian,
     };
-    Ok(PriorFile { splats, options, format, comments: others, key_frames, coder_tables: None })
+    Ok(comments.file(splats, format))
 }
 
 /// Where the splats lie in a file.
@@ -309,16 +313,17 @@ impl Visitor<'_> for PropertyIndex {
     }
 }
 
-/// Writes splats as a binary PLY file with Inria's list of properties (normals zero), and options and key frames as
-/// comments. [`read_ply`] gives all of them back unchanged.
+/// Writes splats as a binary PLY file with Inria's list of properties (normals zero), and options, preprocessing and key
+/// frames as comments. [`read_ply`] gives all of them back unchanged.
 pub fn write_ply(
     splats: &Splats,
     options: &RenderOptions,
     key_frames: &KeyFrames,
+    preprocessing: &Preprocessing,
     mut writer: impl Write,
 ) -> Result<(), PriorError> {
     splats.check_shape()?;
-    let mut bytes = header_text(splats, options, key_frames).into_bytes();
+    let mut bytes = header_text(splats, options, key_frames, preprocessing).into_bytes();
     let stride = splats.sh_stride();
     for (i, position) in splats.positions.iter().enumerate() {
         let sh = &splats.sh[i * stride..(i + 1) * stride];
@@ -339,7 +344,24 @@ pub fn write_ply(
     writer.write_all(&bytes).and_then(|()| writer.flush()).map_err(PriorError::Write)
 }
 
-fn header_text(splats: &Splats, options: &RenderOptions, key_frames: &KeyFrames) -> String {
+/// The words of the comments that state a preprocessing; none if there is none.
+fn preprocessing_comments(preprocessing: &Preprocessing) -> impl Iterator<Item = String> {
+    let balance = match preprocessing.white_balance {
+        WhiteBalance::None => None,
+        WhiteBalance::GrayWorld => Some(format!("{WHITE_BALANCE} {GRAY_WORLD}")),
+    };
+    let clahe = preprocessing
+        .clahe
+        .map(|clahe| format!("{CLAHE} {} {}", clahe.clip_limit(), clahe.tiles()));
+    balance.into_iter().chain(clahe)
+}
+
+fn header_text(
+    splats: &Splats,
+    options: &RenderOptions,
+    key_frames: &KeyFrames,
+    preprocessing: &Preprocessing,
+) -> String {
     let RenderOptions { near, alpha_max, antialiased, background: [r, g, b] } = options;
     let options = [
         format!("near {near}"),
@@ -351,6 +373,7 @@ fn header_text(splats: &Splats, options: &RenderOptions, key_frames: &KeyFrames)
     let key_frames = key_frames.poses().iter().map(key_frame);
     let comments: String = options
         .into_iter()
+        .chain(preprocessing_comments(preprocessing))
         .chain(key_frames)
         .map(|c| format!("comment {COMMENT_PREFIX} {c}\n"))
         .collect();

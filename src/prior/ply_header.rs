@@ -1,4 +1,4 @@
-//! What PLY files of splats have in common: header, comments with render options and key frames, lengths.
+//! What PLY files of splats have in common: header, lengths, comments with render options, preprocessing and key frames.
 
 use std::io::Cursor;
 use std::str::FromStr;
@@ -6,13 +6,19 @@ use std::str::FromStr;
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
 
 use super::key_frames::pose_from_words;
-use super::{KeyFrames, PriorError, RenderOptions};
+use super::{KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use crate::image::{Clahe, Preprocessing, WhiteBalance};
 
-/// First word of the comments that hold render options and key frames.
+/// First word of the comments that hold render options, preprocessing and key frames.
 pub const COMMENT_PREFIX: &str = "nvsprior";
 
 /// Second word of those that hold key frames.
 pub const KEY_FRAME: &str = "key_frame";
+
+/// Second words of those that hold the preprocessing, and the one white balance.
+pub const WHITE_BALANCE: &str = "white_balance";
+pub const GRAY_WORLD: &str = "gray_world";
+pub const CLAHE: &str = "clahe";
 
 /// The header, and how many bytes it takes.
 pub fn read_header(bytes: &[u8]) -> Result<(PlyHeader, usize), PriorError> {
@@ -70,6 +76,7 @@ fn least_row_bytes(element: &ElementDef, format: PlyFormat) -> u128 {
 /// What a header's comments say.
 pub struct Comments {
     pub options: RenderOptions,
+    pub preprocessing: Preprocessing,
     pub key_frames: KeyFrames,
     /// Those that are no key frames.
     pub others: Vec<String>,
@@ -79,6 +86,7 @@ impl Comments {
     pub fn of(comments: Vec<String>) -> Result<Comments, PriorError> {
         let gsplat = comments.iter().any(|c| c.to_ascii_lowercase().contains("nerfstudio"));
         let mut options = if gsplat { RenderOptions::GSPLAT } else { RenderOptions::INRIA };
+        let mut preprocessing = Preprocessing::NONE;
         let (mut poses, mut others) = (Vec::new(), Vec::new());
         for comment in comments {
             let words: Vec<&str> = comment.split_whitespace().collect();
@@ -90,7 +98,8 @@ impl Comments {
                     }
                     Err(_) => None,
                 },
-                [COMMENT_PREFIX, rest @ ..] => set_option(&mut options, rest),
+                [COMMENT_PREFIX, rest @ ..] => set_option(&mut options, rest)
+                    .or_else(|| set_preprocessing(&mut preprocessing, rest)),
                 _ => Some(()),
             };
             match understood {
@@ -98,7 +107,14 @@ impl Comments {
                 None => return Err(PriorError::Comment { comment }),
             }
         }
-        Ok(Comments { options, key_frames: KeyFrames::new(poses)?, others })
+        Ok(Comments { options, preprocessing, key_frames: KeyFrames::new(poses)?, others })
+    }
+
+    /// The file of these comments and splats.
+    pub fn file(self, splats: Splats, format: PriorFormat) -> PriorFile {
+        let Comments { options, preprocessing, key_frames, others: comments } = self;
+        let coder_tables = None;
+        PriorFile { splats, options, format, comments, key_frames, coder_tables, preprocessing }
     }
 }
 
@@ -111,6 +127,19 @@ fn set_option(options: &mut RenderOptions, words: &[&str]) -> Option<()> {
         ["antialiased", "0"] => options.antialiased = false,
         ["antialiased", "1"] => options.antialiased = true,
         ["background", r, g, b] => options.background = [number(r)?, number(g)?, number(b)?],
+        _ => return None,
+    }
+    Some(())
+}
+
+/// Sets the part of the preprocessing that the words state; `None` if they state none.
+fn set_preprocessing(preprocessing: &mut Preprocessing, words: &[&str]) -> Option<()> {
+    match words {
+        [WHITE_BALANCE, GRAY_WORLD] => preprocessing.white_balance = WhiteBalance::GrayWorld,
+        [CLAHE, clip_limit, tiles] => {
+            let clahe = Clahe::new(clip_limit.parse().ok()?, tiles.parse().ok()?);
+            preprocessing.clahe = Some(clahe.ok()?);
+        }
         _ => return None,
     }
     Some(())

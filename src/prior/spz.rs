@@ -15,6 +15,7 @@ use flate2::read::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
 use super::{KeyFrames, Prior, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use crate::image::Preprocessing;
 
 /// How SPZ files start: as gzip up to version 3, with the format's own mark in version 4.
 pub const MAGICS: [&[u8]; 2] = [&[0x1f, 0x8b], b"NGSP"];
@@ -61,6 +62,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         comments,
         key_frames: KeyFrames::NONE,
         coder_tables: None,
+        preprocessing: Preprocessing::NONE,
     })
 }
 

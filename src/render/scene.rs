@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
 
+use crate::image::Preprocessing;
 use crate::prior::analysis::PriorAnalysis;
 use crate::prior::{KeyFrames, PriorFrame, Splats};
 use crate::residual::wavelet::Tables;
@@ -30,6 +31,7 @@ pub struct Scene {
     frame: PriorFrame,
     key_frames: KeyFrames,
     coder_tables: Arc<Tables>,
+    preprocessing: Preprocessing,
 }
 
 impl Scene {
@@ -60,6 +62,7 @@ impl Scene {
             frame: prior.frame(),
             key_frames: prior.key_frames().clone(),
             coder_tables: prior.coder_tables().cloned().unwrap_or_else(generic_tables),
+            preprocessing: *prior.preprocessing(),
         })
     }
 
@@ -87,6 +90,11 @@ impl Scene {
     /// The wavelet coder's tables for pictures of this prior: its own, or the library's.
     pub fn coder_tables(&self) -> &Arc<Tables> {
         &self.coder_tables
+    }
+
+    /// How the pictures that the prior was trained on were treated.
+    pub fn preprocessing(&self) -> &Preprocessing {
+        &self.preprocessing
     }
 
     /// Where to look for a lost camera; possibly none.

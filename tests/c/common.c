@@ -60,24 +60,24 @@ void give_up(const char *what) {
 
 int few(void) { return getenv("NVSP_TEST_FEW") != NULL; }
 
-static void read_picture(scene *scene, const char *folder, int frame) {
-    char path[600];
-    snprintf(path, sizeof path, "%s/frame-%d.ppm", folder, frame);
+static uint8_t *read_picture(const scene *scene, const char *path) {
     size_t size = 0;
     uint8_t *bytes = read_all(path, &size);
     // The pixels are the end of the file.
-    scene->pixels[frame] = malloc(scene->size);
-    if (scene->pixels[frame] == NULL || size < scene->size) {
+    uint8_t *pixels = malloc(scene->size);
+    if (pixels == NULL || size < scene->size) {
         give_up(path);
     }
-    memcpy(scene->pixels[frame], bytes + size - scene->size, scene->size);
+    memcpy(pixels, bytes + size - scene->size, scene->size);
     free(bytes);
+    return pixels;
 }
 
 void scene_read(scene *scene, const char *folder) {
     memset(scene, 0, sizeof *scene);
     snprintf(scene->prior, sizeof scene->prior, "%s/prior.ply", folder);
     snprintf(scene->other_prior, sizeof scene->other_prior, "%s/other.ply", folder);
+    snprintf(scene->preprocessed_prior, sizeof scene->preprocessed_prior, "%s/preprocessed.ply", folder);
     char path[600];
     snprintf(path, sizeof path, "%s/scene.txt", folder);
     FILE *file = fopen(path, "r");
@@ -94,9 +94,12 @@ void scene_read(scene *scene, const char *folder) {
             != 7) {
             break;
         }
-        read_picture(scene, folder, scene->frames++);
+        snprintf(path, sizeof path, "%s/frame-%d.ppm", folder, scene->frames);
+        scene->pixels[scene->frames++] = read_picture(scene, path);
     }
     fclose(file);
+    snprintf(path, sizeof path, "%s/treated-0.ppm", folder);
+    scene->treated = read_picture(scene, path);
     if (scene->frames < 4) {
         give_up("the scene has too few frames");
     }
@@ -106,6 +109,7 @@ void scene_free(scene *scene) {
     for (int i = 0; i < scene->frames; i++) {
         free(scene->pixels[i]);
     }
+    free(scene->treated);
 }
 
 nvsp_image scene_image(const scene *scene, int frame) {

@@ -32,11 +32,12 @@ int few(void);
 
 // The folder that tests/capi writes.
 typedef struct scene {
-    char prior[512], other_prior[512];  // Paths.
+    char prior[512], other_prior[512], preprocessed_prior[512];  // Paths.
     nvsp_camera camera;
     int frames;
     nvsp_pose poses[MAX_FRAMES];
     uint8_t *pixels[MAX_FRAMES];  // RGB, of the camera's size.
+    uint8_t *treated;             // The first, as the preprocessed prior wants it.
     size_t size;                  // Bytes of each.
 } scene;
 

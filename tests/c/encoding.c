@@ -414,6 +414,65 @@ static void webp(void) {
     nvsp_encoder_destroy(encoder);
 }
 
+// The size of the packet of an image, with its pose as the hint.
+static size_t packet_of(nvsp_prior *prior, const nvsp_encoder_options *options, const nvsp_image *image,
+                        uint8_t *bytes, size_t room) {
+    nvsp_encoder *encoder = NULL;
+    size_t size = 0;
+    MUST(nvsp_encoder_create(both.engine, prior, &dive.camera, options, &encoder));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, image, &dive.poses[0], bytes, room, &size, NULL));
+    nvsp_encoder_destroy(encoder);
+    return size;
+}
+
+// The prior says how its frames are treated, whatever their format. Frames may come treated already.
+static void preprocessing(void) {
+    nvsp_prior *prior = NULL;
+    nvsp_prior_info info, plain;
+    MUST(NVSP_INIT(&info));
+    MUST(NVSP_INIT(&plain));
+    MUST(nvsp_prior_open(both.engine, dive.preprocessed_prior, NULL, &prior));
+    EXPECT(NVSP_OK, nvsp_prior_get_info(prior, &info));
+    EXPECT(NVSP_OK, nvsp_prior_get_info(both.prior, &plain));
+    CHECK(info.id == plain.id);
+    CHECK(info.white_balance == NVSP_WHITE_BALANCE_GRAY_WORLD && info.clahe_tiles == 8);
+    CHECK(info.clahe_clip_limit == 2.5f);
+    CHECK(plain.white_balance == NVSP_WHITE_BALANCE_NONE && plain.clahe_tiles == 0);
+    CHECK(plain.clahe_clip_limit == 0);
+
+    uint8_t expected[4096], bytes[4096], *swapped = malloc(dive.size);
+    nvsp_image image = scene_image(&dive, 0);
+    image.planes[0] = dive.treated;
+    const size_t wanted = packet_of(both.prior, NULL, &image, expected, sizeof expected);
+    CHECK(!is_packet(0, expected, wanted));
+    nvsp_encoder_options options;
+    MUST(NVSP_INIT(&options));
+    options.frames_treated = 1;
+    size_t size = packet_of(prior, &options, &image, bytes, sizeof bytes);
+    CHECK(size == wanted && memcmp(bytes, expected, size) == 0);
+
+    image.planes[0] = dive.pixels[0];
+    size = packet_of(prior, NULL, &image, bytes, sizeof bytes);
+    CHECK(size == wanted && memcmp(bytes, expected, size) == 0);
+    for (size_t i = 0; i < dive.size; i += 3) {
+        swapped[i] = dive.pixels[0][i + 2];
+        swapped[i + 1] = dive.pixels[0][i + 1];
+        swapped[i + 2] = dive.pixels[0][i];
+    }
+    image.planes[0] = swapped;
+    image.format = NVSP_FORMAT_BGR8;
+    size = packet_of(prior, NULL, &image, bytes, sizeof bytes);
+    CHECK(size == wanted && memcmp(bytes, expected, size) == 0);
+    // The decoder needs no preprocessing, and shows the treated picture.
+    uint8_t *shown = malloc(dive.size);
+    const nvsp_picture place = place_of(shown, dive.camera.width, dive.camera.height);
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, &place, NULL));
+    CHECK(psnr(shown, dive.treated, dive.size) > psnr(shown, dive.pixels[0], dive.size));
+    free(shown);
+    free(swapped);
+    nvsp_prior_destroy(prior);
+}
+
 static void options_and_cameras(void) {
     nvsp_encoder *encoder = NULL;
     nvsp_encoder_options options;
@@ -531,6 +590,7 @@ int main(int argc, char **argv) {
     rates();
     bound_of_noise();
     webp();
+    preprocessing();
     options_and_cameras();
     another_camera();
     order_of_ends();

@@ -122,7 +122,7 @@ static const struct {
     {sizeof(nvsp_engine_options), engine_options, 0, 0},
     {sizeof(nvsp_engine_info), engine_info, 1, 0},
     {sizeof(nvsp_prior_options), prior_options, 0, 0},
-    {sizeof(nvsp_prior_info), prior_info, 1, 0},
+    {sizeof(nvsp_prior_info), prior_info, 1, 68},
     {sizeof(nvsp_encoder_options), encoder_options, 0, 48},
     {sizeof(nvsp_frame_info), frame_info, 0, 0},
     {sizeof(nvsp_frame_info), begun_info, 0, 0},

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
 use nvsprior::prior::KeyFrames;
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Engine, Picture};
@@ -26,7 +27,8 @@ pub fn folder() -> &'static Path {
     })
 }
 
-/// Writes `prior.ply`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on, and `scene.txt`: one line
+/// Writes `prior.ply`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on; `preprocessed.ply`, the
+/// same prior with a preprocessing, and `treated-0.ppm`, the first frame as that leaves it; and `scene.txt`: one line
 /// with the camera (width,height,fx,fy,cx,cy), then one line per frame with its pose (qw,qx,qy,qz,tx,ty,tz).
 fn write(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
@@ -38,6 +40,10 @@ fn write(folder: &Path) {
     let key_frames = KeyFrames::new(key_frames).unwrap();
     key_frames.save(&KeyFrames::path_beside(&other)).unwrap();
 
+    let white_balance = WhiteBalance::GrayWorld;
+    let preprocessing = Preprocessing { white_balance, clahe: Clahe::new(2.5, 8).ok() };
+    let preprocessed = prior.clone().with_preprocessing(preprocessing);
+    wall::write_prior(&folder.join("preprocessed.ply"), &preprocessed);
     let engine = Engine::new(&Default::default()).expect("a Vulkan device");
     let scene = engine.upload(&prior).unwrap();
     let mut renderer = engine.renderer(&scene, &CAMERA, Plan::picture()).unwrap();
@@ -49,6 +55,10 @@ fn write(folder: &Path) {
         renderer.picture(&pose, &mut picture).unwrap();
         add_object(&mut picture);
         write_ppm(&folder.join(format!("frame-{t}.ppm")), &picture);
+        if t == 0 {
+            Preprocessor::new(&preprocessing).apply(&mut picture);
+            write_ppm(&folder.join("treated-0.ppm"), &picture);
+        }
         let numbers = pose.wxyz().into_iter().chain(<[f64; 3]>::from(pose.translation));
         let numbers: Vec<_> = numbers.map(|v| v.to_string()).collect();
         writeln!(text, "{}", numbers.join(",")).unwrap();

@@ -72,6 +72,8 @@ pub fn frame(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
 pub fn write_prior(path: &Path, prior: &Prior) {
     let mut bytes = Vec::new();
     let (splats, options, key_frames) = (prior.splats(), prior.options(), prior.key_frames());
-    nvsprior::prior::ply::write_ply(splats, options, key_frames, &mut bytes).unwrap();
+    let preprocessing = prior.preprocessing();
+    nvsprior::prior::ply::write_ply(splats, options, key_frames, preprocessing, &mut bytes)
+        .unwrap();
     std::fs::write(path, bytes).unwrap();
 }

@@ -3,6 +3,7 @@ use proptest::prelude::*;
 use super::super::tests::sample_splats;
 use super::super::{KeyFrames, PartSource, Prior, RenderOptions, RenderOverrides};
 use super::*;
+use crate::image::Preprocessing;
 use crate::random::Random;
 
 /// Tables of any numbers.
@@ -19,7 +20,14 @@ fn folder() -> (tempfile::TempDir, PathBuf) {
     let path = folder.path().join("p.ply");
     let mut bytes = Vec::new();
     let (splats, options) = (sample_splats(2, 0), RenderOptions::INRIA);
-    super::super::ply::write_ply(&splats, &options, &KeyFrames::NONE, &mut bytes).unwrap();
+    super::super::ply::write_ply(
+        &splats,
+        &options,
+        &KeyFrames::NONE,
+        &Preprocessing::NONE,
+        &mut bytes,
+    )
+    .unwrap();
     std::fs::write(&path, bytes).unwrap();
     (folder, path)
 }

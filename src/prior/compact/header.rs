@@ -13,6 +13,8 @@ pub struct Header {
     pub key_frames: bool,
     /// Whether coder tables follow.
     pub coder_tables: bool,
+    /// Whether a preprocessing follows.
+    pub preprocessing: bool,
     pub count: u32,
     pub id: PriorId,
     pub options: RenderOptions,
@@ -28,7 +30,9 @@ impl Header {
     pub fn to_bytes(&self) -> Vec<u8> {
         let options = &self.options;
         let mut bytes = MAGIC.to_vec();
-        let parts = u8::from(self.key_frames) | u8::from(self.coder_tables) << 1;
+        let parts = u8::from(self.key_frames)
+            | u8::from(self.coder_tables) << 1
+            | u8::from(self.preprocessing) << 2;
         let flags = [u8::from(options.antialiased), parts];
         bytes.extend([VERSION, self.sh_degree as u8].into_iter().chain(flags));
         bytes.extend(self.count.to_le_bytes());
@@ -52,7 +56,7 @@ impl Header {
         if sh_degree > Splats::MAX_SH_DEGREE {
             return Err(PriorError::ShDegree { degree: sh_degree });
         }
-        if bytes[6] > 1 || bytes[7] > 3 {
+        if bytes[6] > 1 || bytes[7] > 7 {
             return Err(refusal(6, "unknown flags".into()));
         }
         let count = u32::from_le_bytes(word(8));
@@ -80,8 +84,17 @@ impl Header {
         };
         quantisation.check()?;
         let id = PriorId::from_bytes(word(12));
-        let (key_frames, coder_tables) = (bytes[7] & 1 != 0, bytes[7] & 2 != 0);
-        Ok(Header { sh_degree, key_frames, coder_tables, count, id, options, grid, quantisation })
+        Ok(Header {
+            sh_degree,
+            key_frames: bytes[7] & 1 != 0,
+            coder_tables: bytes[7] & 2 != 0,
+            preprocessing: bytes[7] & 4 != 0,
+            count,
+            id,
+            options,
+            grid,
+            quantisation,
+        })
     }
 }
 

@@ -6,19 +6,28 @@
 //! | 4 | u8 | version of the format: 1 |
 //! | 5 | u8 | degree of the spherical harmonics, 0 to 3 |
 //! | 6 | u8 | 1: anti-aliased |
-//! | 7 | u8 | 1: there are key frames; 2: there are coder tables; 3: both |
+//! | 7 | u8 | what follows the header: the sum of 1 for key frames, 2 for coder tables, 4 for the preprocessing |
 //! | 8 | u32 | number of splats, at least one |
 //! | 12 | u32 | [`PriorId`] of the splats as the reader gives them, with the options below and the coder tables |
 //! | 16 | f32 × 5 | near plane, clamp of alpha, background |
 //! | 36 | f32 × 3 | origin of the positions |
 //! | 48 | i32 | step of the positions, as an exponent of two |
 //! | 52 | f32 × 6 | [`Quantisation`] in the order of its fields |
-//! | 76 | | the key frames, if there are any |
+//! | 76 | | the preprocessing, if there is any |
+//! | | | the key frames, if there are any |
 //! | | | the coder tables, if there are any: their length (u32), then [`Tables::write`] |
 //! | | | the splats, coded |
 //! | end − 4 | u32 | CRC-32 of all bytes before |
 //!
-//! All little endian. The key frames, `n` of them:
+//! All little endian. The preprocessing of the pictures that the prior was trained on:
+//!
+//! | byte | type | content |
+//! |---|---|---|
+//! | 0 | u8 | white balance: 0 none, 1 gray world |
+//! | 1 | u8 | tiles of CLAHE along a side, 1 to 32; 0: no CLAHE |
+//! | 2 | f32 | its clip limit, 1 to 256; 0: no CLAHE |
+//!
+//! The key frames, `n` of them:
 //!
 //! | byte | type | content |
 //! |---|---|---|
@@ -28,8 +37,8 @@
 //! | 34 + 10 i | u32 | its rotation, world to camera: bits 30 and 31 say which of w, x, y, z is the largest, which is positive; the others follow in order, ten bits each, 0 to 1022 for −√½ to √½ |
 //!
 //! Positions are off by up to half a step, and the bounds are rounded to f32; rotations are off by up
-//! to 0.28°. Key frames are no part of the identity; coder tables are. A reader that does not know a part
-//! refuses the file.
+//! to 0.28°. Key frames and preprocessing are no part of the identity; coder tables are. A reader that does not
+//! know a part refuses the file.
 //!
 //! The coded part is a raw LZMA stream (lc, lp and pb 0, no end mark). Its window is as large as its content, but at
 //! least 4 KiB and at most 64 MiB. If the stream is shorter than one byte per splat, zeros fill it up. It holds numbers
@@ -62,6 +71,7 @@ mod coder_tables;
 mod header;
 mod key_frames;
 mod orientation;
+mod preprocessing;
 mod quantise;
 mod stream;
 
@@ -69,6 +79,7 @@ use std::io::Write;
 
 use super::check::fault_of;
 use super::{KeyFrames, PriorError, PriorFile, PriorFormat, PriorId, RenderOptions, Splats};
+use crate::image::Preprocessing;
 use crate::residual::wavelet::Tables;
 use header::Header;
 use quantise::{Grid, dequantise, quantise};
@@ -84,7 +95,7 @@ const FORMAT: &str = "compact prior";
 const CHECK: usize = 4;
 
 /// Writes splats and key frames. Returns the identity of the prior that readers get; key frames are no part of it.
-/// [`with_coder_tables`] adds coder tables.
+/// [`with_coder_tables`] adds coder tables, [`with_preprocessing`] a preprocessing.
 ///
 /// Fails if the quantisation is out of its range, if a splat is unsound or one of its values too
 /// large for its step, or if `writer` fails.
@@ -110,43 +121,58 @@ pub fn write(
         sh_degree: splats.sh_degree,
         key_frames: !key_frames.is_empty(),
         coder_tables: false,
+        preprocessing: false,
         count,
         id,
         options: *options,
         grid: coded.grid,
         quantisation: *quantisation,
     };
-    let bytes = assembled(&header, key_frames, None, &coded.stream()?);
+    let bytes = assembled(&header, &Preprocessing::NONE, key_frames, None, &coded.stream()?);
     writer.write_all(&bytes).and_then(|()| writer.flush()).map_err(PriorError::Write)?;
     Ok(id)
 }
 
-/// Replaces the key frames of a compact prior. The coded splats, the coder tables and the identity stay. Fails if
-/// `bytes` are no compact prior.
+/// Replaces the key frames of a compact prior. All else stays, the identity too. Fails if `bytes` are no compact prior.
 pub fn with_key_frames(bytes: &[u8], key_frames: &KeyFrames) -> Result<Vec<u8>, PriorError> {
     let parts = Parts::of(bytes)?;
     let header = Header { key_frames: !key_frames.is_empty(), ..parts.header };
-    Ok(assembled(&header, key_frames, parts.coder_tables.as_ref(), parts.stream))
+    let (preprocessing, tables) = (&parts.preprocessing, parts.coder_tables.as_ref());
+    Ok(assembled(&header, preprocessing, key_frames, tables, parts.stream))
 }
 
-/// Replaces or removes the coder tables of a compact prior. That makes it another prior. The coded splats and the key
-/// frames stay. Fails if `bytes` are no compact prior.
+/// Replaces or removes the coder tables of a compact prior. That makes it another prior. All else stays.
+/// Fails if `bytes` are no compact prior.
 pub fn with_coder_tables(bytes: &[u8], tables: Option<&Tables>) -> Result<Vec<u8>, PriorError> {
     let file = read(bytes)?;
     let parts = Parts::of(bytes)?;
     let id = PriorId::of(&file.splats, &file.options, tables);
     let header = Header { coder_tables: tables.is_some(), id, ..parts.header };
-    Ok(assembled(&header, &parts.key_frames, tables, parts.stream))
+    Ok(assembled(&header, &parts.preprocessing, &parts.key_frames, tables, parts.stream))
+}
+
+/// States another preprocessing in a compact prior, or none. All else stays, the identity too. Fails if `bytes` are no
+/// compact prior.
+pub fn with_preprocessing(
+    bytes: &[u8],
+    preprocessing: &Preprocessing,
+) -> Result<Vec<u8>, PriorError> {
+    let parts = Parts::of(bytes)?;
+    let header = Header { preprocessing: !preprocessing.is_none(), ..parts.header };
+    let tables = parts.coder_tables.as_ref();
+    Ok(assembled(&header, preprocessing, &parts.key_frames, tables, parts.stream))
 }
 
 /// A whole file.
 fn assembled(
     header: &Header,
+    preprocessing: &Preprocessing,
     key_frames: &KeyFrames,
     tables: Option<&Tables>,
     stream: &[u8],
 ) -> Vec<u8> {
     let mut bytes = header.to_bytes();
+    bytes.extend(preprocessing::to_bytes(preprocessing));
     bytes.extend(key_frames::to_bytes(key_frames));
     bytes.extend(coder_tables::to_bytes(tables));
     bytes.extend(stream);
@@ -157,7 +183,8 @@ fn assembled(
 /// Reads the content of a compact prior. Memory depends on the content's size, whatever the header
 /// says: at most 1000 bytes per byte, and a window of 64 MiB.
 pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
-    let Parts { header, key_frames, coder_tables, stream_at, stream } = Parts::of(bytes)?;
+    let Parts { header, preprocessing, key_frames, coder_tables, stream_at, stream } =
+        Parts::of(bytes)?;
     let count = header.count as usize;
     if count > stream.len() {
         let needed = (bytes.len() - stream.len()) as u128 + count as u128;
@@ -175,13 +202,21 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     if found != header.id {
         return Err(PriorError::Identity { stated: header.id, found });
     }
-    let (options, format) = (header.options, PriorFormat::Compact);
-    Ok(PriorFile { splats, options, format, comments: Vec::new(), key_frames, coder_tables })
+    Ok(PriorFile {
+        splats,
+        options: header.options,
+        format: PriorFormat::Compact,
+        comments: Vec::new(),
+        key_frames,
+        coder_tables,
+        preprocessing,
+    })
 }
 
 /// The parts of a file, except the check.
 struct Parts<'a> {
     header: Header,
+    preprocessing: Preprocessing,
     key_frames: KeyFrames,
     coder_tables: Option<Tables>,
     /// Byte at which the coded part begins.
@@ -204,18 +239,26 @@ impl Parts<'_> {
             return Err(PriorError::Damaged { stated, found });
         }
         let header = Header::read(content)?;
-        let (key_frames, size) = match header.key_frames {
-            true => key_frames::read(rest, Header::BYTES)?,
-            false => (KeyFrames::NONE, 0),
-        };
-        let (mut stream_at, mut stream) = (Header::BYTES + size, &rest[size..]);
+        let (mut stream_at, mut stream) = (Header::BYTES, rest);
+        let mut preprocessing = Preprocessing::NONE;
+        if header.preprocessing {
+            preprocessing = preprocessing::read(stream, stream_at)?;
+            let size = preprocessing::BYTES;
+            (stream_at, stream) = (stream_at + size, &stream[size..]);
+        }
+        let mut key_frames = KeyFrames::NONE;
+        if header.key_frames {
+            let (frames, size) = key_frames::read(stream, stream_at)?;
+            key_frames = frames;
+            (stream_at, stream) = (stream_at + size, &stream[size..]);
+        }
         let mut coder_tables = None;
         if header.coder_tables {
             let (tables, size) = coder_tables::read(stream, stream_at)?;
             coder_tables = Some(tables);
             (stream_at, stream) = (stream_at + size, &stream[size..]);
         }
-        Ok(Parts { header, key_frames, coder_tables, stream_at, stream })
+        Ok(Parts { header, preprocessing, key_frames, coder_tables, stream_at, stream })
     }
 }
 

@@ -5,6 +5,7 @@ use super::super::key_frames::tests::sample_key_frames;
 use super::super::tests::sample_splats;
 use super::super::{Fault, INFINITE_LOGIT, PartSource, Prior, PriorFrame, RenderOverrides};
 use super::*;
+use crate::image::Clahe;
 
 fn written(splats: &Splats, options: &RenderOptions, q: &Quantisation) -> (PriorId, Vec<u8>) {
     let mut bytes = Vec::new();
@@ -259,7 +260,7 @@ fn coder_tables_that_are_none_are_named_by_their_place() {
 #[test]
 fn unknown_flags_are_refused() {
     let mut content = sample(4).1[..70].to_vec();
-    content[7] = 4;
+    content[7] = 8;
     content.resize(200, 0);
     let error = read(&checked(&content)).unwrap_err();
     assert!(matches!(error, PriorError::Field { offset: 6, .. }), "{error}");
@@ -269,6 +270,8 @@ fn unknown_flags_are_refused() {
 fn every_flipped_bit_and_every_cut_is_noticed() {
     every_damage_is_noticed(&sample(4).1);
     every_damage_is_noticed(&sample_with_key_frames(4).1);
+    let preprocessing = Preprocessing { clahe: Some(Clahe::default()), ..Preprocessing::NONE };
+    every_damage_is_noticed(&with_preprocessing(&sample(4).1, &preprocessing).unwrap());
 }
 
 #[test]

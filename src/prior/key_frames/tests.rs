@@ -118,7 +118,8 @@ fn folder() -> (tempfile::TempDir, PathBuf) {
     let mut bytes = Vec::new();
     let splats = sample_splats(2, 0);
     let write = super::super::ply::write_ply;
-    write(&splats, &RenderOptions::INRIA, &sample_key_frames(2), &mut bytes).unwrap();
+    let (options, none) = (RenderOptions::INRIA, crate::image::Preprocessing::NONE);
+    write(&splats, &options, &sample_key_frames(2), &none, &mut bytes).unwrap();
     std::fs::write(&path, bytes).unwrap();
     (folder, path)
 }

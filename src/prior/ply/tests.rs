@@ -6,6 +6,7 @@ use super::super::key_frames::tests::sample_key_frames;
 use super::super::tests::sample_splats;
 use super::super::{Fault, RenderOverrides};
 use super::*;
+use crate::image::Clahe;
 
 fn written(splats: &Splats, options: &RenderOptions) -> Vec<u8> {
     with_key_frames(splats, options, &KeyFrames::NONE)
@@ -13,7 +14,7 @@ fn written(splats: &Splats, options: &RenderOptions) -> Vec<u8> {
 
 fn with_key_frames(splats: &Splats, options: &RenderOptions, key_frames: &KeyFrames) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_ply(splats, options, key_frames, &mut bytes).unwrap();
+    write_ply(splats, options, key_frames, &Preprocessing::NONE, &mut bytes).unwrap();
     bytes
 }
 
@@ -128,6 +129,43 @@ fn options_come_from_comments_then_from_the_user() {
     assert_eq!(prior.report().comments, ["nvsprior near 0.5"]);
     for bad in ["nvsprior", "nvsprior near", "nvsprior near x", "nvsprior gamma 2"] {
         let refused = read_ply(lines(&format!("comment {bad}\n")).as_bytes());
+        assert!(matches!(refused, Err(PriorError::Comment { .. })), "{bad}");
+    }
+}
+
+#[test]
+fn a_preprocessing_stands_in_comments() {
+    let splats = sample_splats(3, 0);
+    let written = |preprocessing: &Preprocessing| {
+        let mut bytes = Vec::new();
+        let (options, none) = (RenderOptions::INRIA, KeyFrames::NONE);
+        write_ply(&splats, &options, &none, preprocessing, &mut bytes).unwrap();
+        bytes
+    };
+    for white_balance in [WhiteBalance::None, WhiteBalance::GrayWorld] {
+        for clahe in [None, Some(Clahe::default()), Clahe::new(3.3, 5).ok()] {
+            let preprocessing = Preprocessing { white_balance, clahe };
+            let file = read_ply(&written(&preprocessing)).unwrap();
+            assert_eq!((file.preprocessing, &file.splats), (preprocessing, &splats));
+            assert_eq!(file.options, RenderOptions::INRIA);
+        }
+    }
+    // A file without one says nothing about it.
+    let none = String::from_utf8_lossy(&written(&Preprocessing::NONE)).into_owned();
+    assert!(!none.contains("clahe") && !none.contains("balance"), "{none}");
+    for bad in [
+        "white_balance",
+        "white_balance none",
+        "clahe 2",
+        "clahe 0.5 8",
+        "clahe 2 33",
+        "clahe x 8",
+        "clahe 2 8 8",
+        "clahe 2 8.5",
+    ] {
+        let text = header("ascii", 1, &SHUFFLED)
+            .replace("element", &format!("comment nvsprior {bad}\nelement"));
+        let refused = read_ply((text + "1 2 3 4 5 6 7 8 9 10 11 12 13 14").as_bytes());
         assert!(matches!(refused, Err(PriorError::Comment { .. })), "{bad}");
     }
 }

@@ -8,7 +8,6 @@ mod safety_line;
 mod scene;
 mod sensor;
 mod solid;
-mod surface;
 mod trace;
 mod trajectory;
 mod water;
@@ -16,7 +15,6 @@ mod water;
 use nvsprior::{Camera, Picture, Pose};
 
 pub use export::write_run;
-pub use surface::surface_points;
 
 use nvsprior::random::Random;
 use scene::Scene;
@@ -27,6 +25,9 @@ use water::Light;
 /// The camera of all runs: 320 × 180 pixels, 70° wide (`fx = 160 / tan 35°`).
 pub const CAMERA: Camera =
     Camera { width: 320, height: 180, fx: 228.503_7, fy: 228.503_7, cx: 160.0, cy: 90.0 };
+
+/// The prior: trained from the pictures of the mapping run M1 by `nvsprior map` (`make demo-prior`), .nvsg.
+pub const PRIOR: &[u8] = include_bytes!("../prior.nvsg");
 
 /// The inspection runs, some time after the mapping run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -57,6 +57,7 @@ impl Scene {
     }
 
     /// All solids, the basin's floor, walls and water surface last.
+    #[cfg(test)]
     pub fn solids(&self) -> impl Iterator<Item = &Solid> {
         self.groups.iter().flat_map(|g| &g.solids).chain(&self.basin.solids)
     }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use nvsprior::RenderOptions;
+use nvsprior::image::Preprocessing;
 use nvsprior::prior::compact::{self, Quantisation};
 use nvsprior::prior::{KeyFrames, PriorError, Splats, ply};
 use nvsprior::residual::wavelet::Tables;
@@ -33,6 +34,7 @@ impl Container {
         options: &RenderOptions,
         key_frames: &KeyFrames,
         coder_tables: Option<&Tables>,
+        preprocessing: &Preprocessing,
     ) -> Result<Vec<u8>, PriorError> {
         let mut bytes = Vec::new();
         match self {
@@ -41,8 +43,13 @@ impl Container {
                 if coder_tables.is_some() {
                     bytes = compact::with_coder_tables(&bytes, coder_tables)?;
                 }
+                if !preprocessing.is_none() {
+                    bytes = compact::with_preprocessing(&bytes, preprocessing)?;
+                }
             }
-            Container::Ply => ply::write_ply(splats, options, key_frames, &mut bytes)?,
+            Container::Ply => {
+                ply::write_ply(splats, options, key_frames, preprocessing, &mut bytes)?
+            }
         }
         Ok(bytes)
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use nvsprior::packet::PacketError;
 use nvsprior::render::Scene;
-use nvsprior::{Decoded, Decoder, Error};
+use nvsprior::{Decoded, Decoder, Error, Trust};
 
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::camera_file::CameraFile;
@@ -26,6 +26,9 @@ pub struct Args {
     /// Folder for the pictures; made if it is missing
     #[arg(long, value_name = "DIR")]
     frames: PathBuf,
+    /// The packets come from `nvsprior join`: of those that are not complete, show what came
+    #[arg(long)]
+    joined: bool,
     /// Cameras that may have been sent in packets that did not arrive
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
@@ -54,7 +57,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let bar = progress(packets.len(), "decoding");
     let (mut failed, mut foreign, mut other) = (0, 0, 0);
     for path in &packets {
-        match decode(&mut decoder, path, &args.frames) {
+        match decode(&mut decoder, path, args) {
             Ok(decoded) => other += usize::from(decoded.same_render == Some(false)),
             Err(error) => {
                 if failed < NAMED {
@@ -119,13 +122,15 @@ fn packet_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn decode(decoder: &mut Decoder, path: &Path, frames: &Path) -> anyhow::Result<Decoded> {
-    let decoded = decoder.decode(&std::fs::read(path)?)?;
+fn decode(decoder: &mut Decoder, path: &Path, args: &Args) -> anyhow::Result<Decoded> {
+    let trust = if args.joined { Trust::Start } else { Trust::Whole };
+    let mut decoded = Decoded::default();
+    decoder.decode_into(&std::fs::read(path)?, trust, &mut decoded)?;
     if let Some(damage) = &decoded.damage {
         eprintln!("{}: {damage}; the render alone is written", path.display());
     }
     let name = path.with_extension("png");
     let name = name.file_name().context("a packet without a name")?;
-    frame_file::write_png(&frames.join(name), &decoded.picture)?;
+    frame_file::write_png(&args.frames.join(name), &decoded.picture)?;
     Ok(decoded)
 }

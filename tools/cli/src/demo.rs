@@ -8,14 +8,12 @@ use std::time::Instant;
 
 use anyhow::Context;
 use nvsprior::prior::ply::write_ply;
+use nvsprior::prior::replace_file;
 use nvsprior::render::Scene;
 use nvsprior::residual::{ResidualCoder, Webp};
 use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
-use nvsprior_train::PosedPicture;
-use nvsprior_train::mapping::{MappingOptions, make_prior};
 
-use crate::key_frames;
 use crate::sheet::{self, SheetRow};
 use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Run};
 use nvsprior_inputs::args::{DeviceArgs, progress};
@@ -24,8 +22,8 @@ use table::{Table, TableRow};
 
 /// Run the whole job on a scene that the program draws itself
 ///
-/// Draws a basin with a yellow structure, seen through water. Makes a prior from a mapping run.
-/// Encodes two inspection runs (T1: the scene as mapped; T2: with a new object and a safety line).
+/// Draws a basin with a yellow structure, seen through water. Its prior was trained from the mapping
+/// run M1 by `nvsprior map`, and comes with the program. Encodes two inspection runs (T1: the scene as mapped; T2: with a new object and a safety line).
 /// Decodes their packets in another process, compares, and prints a table like the paper's.
 #[derive(clap::Args)]
 pub struct Args {
@@ -42,12 +40,13 @@ pub struct Args {
     /// cameras (`nvsprior bench --lost`)
     #[arg(long, value_name = "N", default_value_t = 0)]
     views: usize,
+    /// Only draws the mapping run M1, that the prior was trained from
+    #[arg(long)]
+    mapping_run: bool,
     #[command(flatten)]
     device: DeviceArgs,
 }
 
-/// Distance between surface points in the mapping run's closest view of them, pixels.
-const PITCH: f32 = 7.0;
 /// A frame starts from the one before if the mean squared error there is below this.
 const THRESHOLD: f64 = 1e-2;
 /// The error of a simulated estimator at the first frame: a step (metres, radians).
@@ -55,10 +54,13 @@ const FIRST_OFFSET: [f64; 6] = [0.08, -0.06, 0.10, 0.035, -0.044, 0.026];
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     anyhow::ensure!(args.frames > 0, "--frames must be at least 1");
-    let engine = args.device.open()?;
     std::fs::create_dir_all(&args.out).with_context(|| format!("making {}", args.out.display()))?;
+    if args.mapping_run {
+        return draw_mapping_run(&args.out.join("M1"));
+    }
+    let engine = args.device.open()?;
     let prior_file = args.out.join("prior.ply");
-    let prior = map(&prior_file, &args.out.join("M1"))?;
+    let prior = write_prior(&prior_file)?;
     let scene = engine.upload(&prior)?;
     let mut tables = String::new();
     for (run, name) in [(Run::T1, "T1"), (Run::T2, "T2")] {
@@ -80,36 +82,31 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)
 }
 
-/// Draws the mapping run into a folder, and makes the prior from this run alone.
-fn map(path: &Path, folder: &Path) -> anyhow::Result<Prior> {
-    let since = Instant::now();
+/// Draws the mapping run into a folder.
+fn draw_mapping_run(folder: &Path) -> anyhow::Result<()> {
     let run = nvsprior_basin::mapping_run(Conditions::BASIN);
     let bar = progress(run.len(), "drawing the mapping run M1");
-    let mut views: Vec<PosedPicture> = Vec::new();
-    nvsprior_basin::write_run(folder, "M1", run, |frame| {
-        views.push(PosedPicture::new(CAMERA, frame.pose, frame.picture.clone()));
-        bar.inc(1);
-    })?;
+    nvsprior_basin::write_run(folder, "M1", run, |_| bar.inc(1))?;
     bar.finish_and_clear();
-    let points = nvsprior_basin::surface_points(PITCH);
-    let options = MappingOptions::default();
-    let bar = progress((options.sweeps + options.steps) as usize, "making the prior");
-    let splats =
-        make_prior(&points, &views, &options, &mut |done, _| bar.set_position(done.into()))?;
-    bar.finish_and_clear();
+    println!("the mapping run is in {}", folder.display());
+    Ok(())
+}
+
+/// Writes the prior as a file that viewers read, too.
+fn write_prior(path: &Path) -> anyhow::Result<Prior> {
+    let shipped =
+        Prior::from_bytes(nvsprior_basin::PRIOR, "the demo's prior", &Default::default())?;
     let mut bytes = Vec::new();
-    let posed: Vec<_> = views.iter().map(|view| (view.camera, view.pose)).collect();
-    let key_frames = key_frames::of_run(&splats, options.render.near, &posed)?;
-    write_ply(&splats, &options.render, &key_frames, &mut bytes)?;
-    std::fs::write(path, bytes).with_context(|| format!("writing {}", path.display()))?;
+    write_ply(
+        shipped.splats(),
+        shipped.options(),
+        shipped.key_frames(),
+        shipped.preprocessing(),
+        &mut bytes,
+    )?;
+    replace_file(path, &bytes)?;
     let prior = Prior::open(path, &Default::default())?;
-    println!(
-        "prior: {} splats and {} key frames from {} pictures of M1 in {:.0} s",
-        prior.len(),
-        prior.key_frames().len(),
-        views.len(),
-        since.elapsed().as_secs_f64()
-    );
+    println!("prior: {} splats and {} key frames", prior.len(), prior.key_frames().len());
     Ok(prior)
 }
 

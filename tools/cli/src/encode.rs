@@ -29,6 +29,9 @@ pub struct Args {
     input: InputArgs,
     #[command(flatten)]
     refine: RefineArgs,
+    /// The frames are already treated as the prior's preprocessing says (white balance, CLAHE): do not treat them again
+    #[arg(long)]
+    frames_treated: bool,
     #[command(flatten)]
     rate: RateArgs,
     /// Folder for the packets, NAME.nvsp; made if it is missing
@@ -181,6 +184,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     options.residual = args.rate.coder();
     options.check_interval = args.rate.render_check;
     options.short = !args.rate.full_latent;
+    options.frames_treated = args.frames_treated;
     options.profile = match args.rate.profile {
         ProfileArg::Compact => PoseProfile::Compact,
         ProfileArg::Paper => PoseProfile::Paper,

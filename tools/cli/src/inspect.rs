@@ -9,7 +9,7 @@ use nvsprior::prior::PartSource;
 use nvsprior::residual::wavelet::Tables;
 
 use crate::key_frames;
-use crate::mission::{self, MissionArgs};
+use crate::mission::MissionArgs;
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::values;
 
@@ -38,7 +38,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
-    let mission = args.cameras.as_ref().map(|path| args.mission.read(path)).transpose()?;
+    let mission = args.cameras.as_ref().map(|path| args.mission.read(path, &prior)).transpose()?;
     describe(args, &prior);
     study::print(&prior, mission.as_ref(), args.tolerance, &args.device)
 }
@@ -78,6 +78,7 @@ fn describe(args: &Args, prior: &Prior) {
     row("frame", format!("centre {:?}, spread {}", frame.centre, frame.spread));
     row("key frames", key_frames(prior));
     row("coder tables", coder_tables(prior));
+    row("preprocessing", prior.preprocessing().to_string());
     for comment in &report.comments {
         row("comment", comment.clone());
     }

@@ -12,7 +12,6 @@ use nvsprior::prior::{
 use nvsprior::residual::wavelet::Tables;
 use nvsprior::{Camera, Pose, Prior};
 
-use crate::mission;
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::values;
 use range::Sample;
@@ -269,7 +268,8 @@ impl Kind {
             Kind::Ply => {
                 let file = ply::read_ply(bytes)?;
                 let mut content = Vec::new();
-                ply::write_ply(&file.splats, &file.options, key_frames, &mut content)?;
+                let (options, preprocessing) = (&file.options, &file.preprocessing);
+                ply::write_ply(&file.splats, options, key_frames, preprocessing, &mut content)?;
                 content
             }
         };

@@ -47,6 +47,12 @@ pub struct Args {
     /// Share of SSIM in the loss, beside the absolute error
     #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = share)]
     ssim: f32,
+    /// Fit each picture's light, and train on the pictures without it: for lamps and daylight that change
+    #[arg(long)]
+    exposure: bool,
+    /// Correct the pictures' poses by the prior, now and then
+    #[arg(long)]
+    correct_poses: bool,
     /// Seed of all that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -93,6 +99,8 @@ impl Args {
             render: self.overrides.overrides().over(MapOptions::default().render),
             splats: self.splats,
             sh_degree: self.sh_degree,
+            exposure: self.exposure,
+            correct_poses: self.correct_poses,
             seed: self.seed,
             ..MapOptions::default()
         };
@@ -117,6 +125,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
     let engine = args.device.open()?;
+    let preprocessing = args.inputs.preprocessing();
     let MapInputs { train, held_out, points } = args.inputs.read()?;
     let fingerprint = inputs::fingerprint(&train, &points, &options, &args.budget());
     let held = held_out.len();
@@ -131,9 +140,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let save_every = Duration::from_secs(args.save_every.into());
     Course { budget: args.budget(), save: &save, save_every }.run(&mut mapper, &mut report)?;
     let splats = mapper.splats()?;
-    let views: Vec<_> = mapper.views().iter().map(|view| (view.camera, view.pose)).collect();
+    let cameras = mapper.views().iter().map(|view| view.camera);
+    let views: Vec<_> = cameras.zip(mapper.poses().iter().copied()).collect();
     let key_frames = key_frames::of_run(&splats, options.render.near, &views)?;
-    let bytes = container.write(&splats, &options.render, &key_frames, None)?;
+    let bytes = container.write(&splats, &options.render, &key_frames, None, &preprocessing)?;
     replace_file(&args.out, &bytes)?;
     let prior = Prior::open(&args.out, &Default::default())?;
     let forward = forward_seconds(&engine, &prior, &mapper)?;

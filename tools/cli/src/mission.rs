@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use nvsprior::{Camera, Picture, Pose};
+use nvsprior::image::Preprocessor;
+use nvsprior::{Camera, Picture, Pose, Prior};
 use nvsprior_train::samples::Margin;
 
 use nvsprior_inputs::args::SizeArgs;
@@ -26,7 +27,7 @@ pub struct MissionArgs {
     margin_angle: f64,
 }
 
-/// One view and, if its file is there, what the camera saw.
+/// One view and, if its file is there, what the camera saw, treated.
 pub struct PosedFrame {
     pub camera: Camera,
     pub pose: Pose,
@@ -43,29 +44,44 @@ pub struct Mission {
 }
 
 impl MissionArgs {
-    /// Reads the views, with their frames if the files are there.
-    pub fn read(&self, cameras: &Path) -> anyhow::Result<Mission> {
+    /// Reads the views of a mission, with their frames if the files are there. Frames are treated as the prior's
+    /// pictures were.
+    pub fn read(&self, cameras: &Path, prior: &Prior) -> anyhow::Result<Mission> {
+        let mut preprocessor = Preprocessor::new(prior.preprocessing());
         let file = CameraFile::open(cameras)?;
         let chosen = file.select(self.split.as_deref())?;
-        let views = self.posed_frames(&chosen)?;
+        let views = self.posed_frames(&chosen, &mut preprocessor)?;
         anyhow::ensure!(!views.is_empty(), "{}: no view has a pose", cameras.display());
         let apart = |view: &&View| self.split.is_some() && view.split != self.split;
         let others: Vec<View> = file.views.iter().filter(apart).cloned().collect();
         let angle = self.margin_angle.to_radians();
         let margin = Margin { distance: self.margin_distance, angle };
-        Ok(Mission { margin, views, others: self.posed_frames(&others)? })
+        let others = self.posed_frames(&others, &mut preprocessor)?;
+        Ok(Mission { margin, views, others })
     }
 
-    fn posed_frames(&self, views: &[View]) -> anyhow::Result<Vec<PosedFrame>> {
+    fn posed_frames(
+        &self,
+        views: &[View],
+        preprocessor: &mut Preprocessor,
+    ) -> anyhow::Result<Vec<PosedFrame>> {
         let posed = views.iter().filter_map(|view| Some((view, view.pose?)));
-        posed.map(|(view, pose)| self.posed(view, pose)).collect()
+        posed.map(|(view, pose)| self.posed(view, pose, preprocessor)).collect()
     }
 
-    fn posed(&self, view: &View, pose: Pose) -> anyhow::Result<PosedFrame> {
+    fn posed(
+        &self,
+        view: &View,
+        pose: Pose,
+        preprocessor: &mut Preprocessor,
+    ) -> anyhow::Result<PosedFrame> {
         let camera = self.size.reduced(&view.camera);
         camera.check().with_context(|| view.name.clone())?;
         let read = || frame_file::read_frame(&view.file, camera.width, camera.height);
-        let frame = view.file.exists().then(read).transpose()?;
+        let mut frame = view.file.exists().then(read).transpose()?;
+        if let Some(frame) = &mut frame {
+            preprocessor.apply(frame);
+        }
         Ok(PosedFrame { camera, pose, frame })
     }
 }

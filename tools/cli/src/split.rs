@@ -73,13 +73,13 @@ impl Sink {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let mtu = usize::from(args.mtu);
-    let read = |path: &PathBuf| {
+    let mut packets = Vec::new();
+    for path in &args.packets {
         let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
         // All packets are looked at before the first one is sent.
         Splitter::new(&bytes, mtu).with_context(|| path.display().to_string())?;
-        Ok((path, bytes))
-    };
-    let packets = args.packets.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
+        packets.push((path, bytes));
+    }
     let sink = Sink::new(args)?;
     let (mut frame, mut frames) = (vec![0; mtu], 0);
     for (path, bytes) in &packets {

@@ -101,7 +101,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     check_beside(&args.out)?;
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
     place_tables(&prior, container, &args.out)?;
-    let mission = args.mission.read(&args.cameras)?;
+    let mission = args.mission.read(&args.cameras, &prior)?;
     let engine = args.device.open()?;
     let mut whole = PictureRenderer::new(&engine, &prior)?;
     let fit = args.fit;

@@ -54,14 +54,15 @@ pub struct Input {
 }
 
 impl Input {
-    /// Reads the frame and encodes it as its camera's next one; gives back both.
+    /// Reads the frame and encodes it as its camera's next one. Gives back both; the frame as the prior's preprocessing
+    /// left it.
     pub fn encode(&self, encoder: &mut Encoder) -> anyhow::Result<(Picture, Encoded)> {
         let encoding = || format!("encoding {}", self.path.display());
         encoder.set_camera(&self.camera).with_context(encoding)?;
         let Camera { width, height, .. } = self.camera;
         let frame = frame_file::read_frame(&self.path, width, height).with_context(encoding)?;
         let encoded = encoder.encode(&frame, self.external).with_context(encoding)?;
-        Ok((frame, encoded))
+        Ok((encoder.treated_frame().clone(), encoded))
     }
 }
 

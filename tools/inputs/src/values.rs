@@ -44,7 +44,10 @@ pub fn alpha_max(text: &str) -> Result<f32, String> {
 
 /// A finite number, not negative.
 pub fn not_negative(text: &str) -> Result<f64, String> {
-    within(text, 0.0, f64::MAX, "between 0 and the largest number")
+    match number(text)? {
+        value if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("must be a finite number, not negative".into()),
+    }
 }
 
 /// A number of things: at most 100,000.

@@ -20,7 +20,7 @@ mod trials;
 
 use std::path::PathBuf;
 
-use anyhow::Context as _;
+use nvsprior::image::Preprocessor;
 use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::MemoryUse;
 
@@ -111,10 +111,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Reads the frames and uploads the prior.
 fn open(args: &Args) -> anyhow::Result<Context> {
-    let shots = args.input.frames()?.iter().map(Shot::read).collect::<anyhow::Result<Vec<_>>>()?;
+    let prior = args.prior.open()?;
+    let mut preprocessor = Preprocessor::new(prior.preprocessing());
+    let read = |input| Shot::read(input, &mut preprocessor);
+    let shots = args.input.frames()?.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
     anyhow::ensure!(shots.len() > 1, "one frame is no run, as the first one does not count");
     let engine = args.device.open()?;
-    let prior = args.prior.open()?;
     let scene = engine.upload(&prior)?;
     let forward = Forward::new(&engine, &scene);
     let (best, threshold, device_memory) = (Vec::new(), args.threshold, MemoryUse::default());

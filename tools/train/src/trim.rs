@@ -10,11 +10,12 @@
 //! pixels.
 
 use crate::PosedPicture;
-use crate::mapping::fit::{self, sum_over};
-use crate::mapping::project::Geometry;
-use crate::mapping::raster::Projection;
-pub use crate::mapping::raster::Removal;
-use crate::mapping::{self, MappingError, MappingOptions, harmonics, train};
+pub use crate::refit::ViewError;
+use crate::refit::fit::sum_over;
+use crate::refit::project::Geometry;
+use crate::refit::raster::Projection;
+pub use crate::refit::raster::Removal;
+use crate::refit::{RefitOptions, check_views, harmonics, refit};
 use nvsprior::prior::{RenderOptions, Splats};
 use nvsprior::{Camera, Pose};
 
@@ -84,7 +85,7 @@ pub enum Step {
 /// Who says what a reduced prior loses, and hears how it goes.
 pub trait Judge {
     /// What judging fails with.
-    type Error: From<MappingError>;
+    type Error: From<ViewError>;
 
     /// What the splats lose against all of them.
     fn loss(&mut self, splats: &Splats) -> Result<f64, Self::Error>;
@@ -108,7 +109,7 @@ pub fn trim<J: Judge>(
     options: &TrimOptions,
     judge: &mut J,
 ) -> Result<Splats, J::Error> {
-    mapping::check_views(views)?;
+    check_views(views)?;
     let mut trimmer = Trimmer { best: splats.clone(), views, options, judge };
     trimmer.leave_out_of_range()?;
     trimmer.leave_out_unseen()?;
@@ -225,23 +226,20 @@ impl<J: Judge> Trimmer<'_, J> {
     /// Fits splats to the views.
     fn fit(&mut self, splats: &mut Splats) {
         let TrimOptions { render, sweeps, steps, pace, .. } = *self.options;
-        let options = MappingOptions { render, sweeps, steps, ..MappingOptions::default() };
+        let options = RefitOptions { render, sweeps, steps, pace };
         let mut done = 0;
         let mut step = || {
             done += 1;
             self.judge.fitted(done, sweeps + steps);
         };
-        train::train(splats, self.views, &options, pace, &mut step);
-        // Comes last, since it sees all views at once: it corrects what the gradient steps fitted to their last views
-        // only.
-        fit::correct_colours(splats, self.views, &options, &mut step);
+        refit(splats, self.views, &options, &mut step);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mapping::preview;
+    use crate::refit::tests::preview;
     use nvsprior::Picture;
 
     const CAMERA: Camera = Camera { width: 48, height: 40, fx: 40.0, fy: 40.0, cx: 24.0, cy: 20.0 };
@@ -269,7 +267,7 @@ mod tests {
     }
 
     fn pictures(splats: &Splats) -> Vec<Picture> {
-        poses().iter().map(|pose| preview(splats, &RENDER, &CAMERA, pose).unwrap()).collect()
+        poses().iter().map(|pose| preview(splats, &RENDER, &CAMERA, pose)).collect()
     }
 
     fn views(splats: &Splats) -> Vec<PosedPicture> {
@@ -285,14 +283,14 @@ mod tests {
     }
 
     impl Judge for Floor {
-        type Error = MappingError;
+        type Error = ViewError;
 
-        fn loss(&mut self, splats: &Splats) -> Result<f64, MappingError> {
+        fn loss(&mut self, splats: &Splats) -> Result<f64, ViewError> {
             let all = std::iter::zip(pictures(splats), &self.whole);
             Ok(self.psnr - all.map(|(a, b)| a.psnr(b)).fold(f64::INFINITY, f64::min))
         }
 
-        fn told(&mut self, round: &Round, splats: &Splats) -> Result<(), MappingError> {
+        fn told(&mut self, round: &Round, splats: &Splats) -> Result<(), ViewError> {
             assert_eq!(round.splats, splats.len());
             self.rounds.push(*round);
             Ok(())

@@ -4,7 +4,7 @@
 mod common;
 
 use nvsprior::render::Plan;
-use nvsprior::{Camera, Engine, Picture, Pose};
+use nvsprior::{Engine, Picture, Pose};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{
     ColouredPoint, MapError, MapOptions, Mapper, read_state, write_state,
@@ -34,6 +34,11 @@ fn options() -> MapOptions {
     MapOptions { splats: 500, sh_degree: 1, ..MapOptions::default() }
 }
 
+/// All that a training can be asked for.
+fn all_options() -> MapOptions {
+    MapOptions { exposure: true, correct_poses: true, ..options() }
+}
+
 /// Steps up to `end`, of [`STEPS`].
 fn train(mapper: &mut Mapper, end: u32) {
     while mapper.steps() < end {
@@ -42,20 +47,15 @@ fn train(mapper: &mut Mapper, end: u32) {
 }
 
 fn psnr(mapper: &mut Mapper) -> f64 {
-    let views: Vec<(Camera, Pose, Picture)> =
-        mapper.views().iter().map(|v| (v.camera, v.pose, v.picture.clone())).collect();
-    let count = views.len() as f64;
-    let of = |(camera, pose, picture): (Camera, Pose, Picture)| {
-        mapper.picture(&camera, &pose).unwrap().psnr(&picture)
-    };
-    views.into_iter().map(of).sum::<f64>() / count
+    let views = mapper.views().to_vec();
+    psnr_of(mapper, &views)
 }
 
 #[test]
 fn training_fits_the_pictures_and_is_the_same_again_also_if_interrupted() {
     let engine = common::engine();
     let (views, points) = scene(&engine);
-    let new = || Mapper::new(&engine, views.clone(), &points, &options()).unwrap();
+    let new = || Mapper::new(&engine, views.clone(), &points, &all_options()).unwrap();
     let mut whole = new();
     let before = psnr(&mut whole);
     train(&mut whole, STEPS);
@@ -72,6 +72,86 @@ fn training_fits_the_pictures_and_is_the_same_again_also_if_interrupted() {
     train(&mut rest, STEPS);
     assert!(rest.state().unwrap() == whole.state().unwrap(), "another result");
     common::assert_silent(&engine);
+}
+
+/// How well views are drawn, dB.
+fn psnr_of(mapper: &mut Mapper, views: &[PosedPicture]) -> f64 {
+    let of =
+        |view: &PosedPicture| mapper.picture(&view.camera, &view.pose).unwrap().psnr(&view.picture);
+    views.iter().map(of).sum::<f64>() / views.len() as f64
+}
+
+#[test]
+fn light_that_changes_from_picture_to_picture_is_undone() {
+    let engine = common::engine();
+    let (mut clean, points) = scene(&engine);
+    // So dark that nothing is clipped in brighter light.
+    let bytes = clean.iter_mut().flat_map(|view| &mut view.picture.data);
+    bytes.for_each(|byte| *byte = (f32::from(*byte) * 0.7) as u8);
+    let mut seen = clean.clone();
+    for (i, view) in seen.iter_mut().enumerate() {
+        // The mean over all is no change.
+        let gain = if i % 2 == 0 { 0.75 } else { 1.25 };
+        let lit = |byte: &mut u8| *byte = (f32::from(*byte) * gain).min(255.0) as u8;
+        view.picture.data.iter_mut().for_each(lit);
+    }
+    let trained = |exposure| {
+        let options = MapOptions { exposure, ..options() };
+        let mut mapper = Mapper::new(&engine, seen.clone(), &points, &options).unwrap();
+        train(&mut mapper, STEPS);
+        let psnr = psnr_of(&mut mapper, &clean);
+        (psnr, mapper.state().unwrap().exposures)
+    };
+    let ((without, _), (with, exposures)) = (trained(false), trained(true));
+    assert!(with > without + 0.2, "{without} dB without, {with} dB with exposure");
+    for (i, exposure) in exposures.iter().enumerate() {
+        let green = exposure.gain.y_axis.y;
+        assert!(if i % 2 == 0 { green < 0.9 } else { green > 1.0 }, "{i}: {exposure:?}");
+    }
+}
+
+#[test]
+fn poses_are_corrected() {
+    let engine = common::engine();
+    let (clean, points) = scene(&engine);
+    let mut seen = clean.clone();
+    for (i, view) in seen.iter_mut().enumerate() {
+        let off = |k: usize| 0.012 * ((i * 6 + k) as f64 * 2.4).sin();
+        view.pose = view.pose.stepped(&[off(0), off(1), off(2), off(3), off(4), off(5)]);
+    }
+    let angles = |poses: &[Pose]| -> f64 {
+        poses.iter().zip(&clean).map(|(pose, view)| pose.angle_to(&view.pose)).sum()
+    };
+    let before = angles(&seen.iter().map(|view| view.pose).collect::<Vec<_>>());
+    let options = MapOptions { correct_poses: true, ..options() };
+    let mut mapper = Mapper::new(&engine, seen, &points, &options).unwrap();
+    train(&mut mapper, STEPS);
+    let after = angles(mapper.poses());
+    assert!(after < 0.75 * before, "{before} rad before, {after} rad after");
+}
+
+#[test]
+fn what_the_masks_hide_does_not_show() {
+    let engine = common::engine();
+    let (clean, points) = scene(&engine);
+    let mut seen = clean.clone();
+    for view in &mut seen {
+        // The vehicle's own frame: a white bar at the left.
+        let hidden = |pixel: usize| pixel % 72 < 14;
+        for pixel in (0..view.camera.pixels()).filter(|pixel| hidden(*pixel)) {
+            view.picture.data[3 * pixel..3 * pixel + 3].fill(255);
+        }
+        view.mask = Some((0..view.camera.pixels()).map(|pixel| !hidden(pixel)).collect());
+    }
+    let unmasked: Vec<_> =
+        seen.iter().map(|view| PosedPicture { mask: None, ..view.clone() }).collect();
+    let trained = |views: Vec<PosedPicture>| {
+        let mut mapper = Mapper::new(&engine, views, &points, &options()).unwrap();
+        train(&mut mapper, STEPS);
+        psnr_of(&mut mapper, &clean)
+    };
+    let (with, without) = (trained(seen), trained(unmasked));
+    assert!(with > without + 3.0, "{without} dB without, {with} dB with masks");
 }
 
 #[test]

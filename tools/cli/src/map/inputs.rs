@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use nvsprior::Camera;
+use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
 use nvsprior_inputs::args::{SizeArgs, progress};
 use nvsprior_inputs::points::Point;
 use nvsprior_inputs::posed::{PosedInput, PosedOptions, posed_pictures};
@@ -33,6 +34,19 @@ pub struct InputArgs {
     points: Option<PathBuf>,
     #[command(flatten)]
     size: SizeArgs,
+    /// Bring the means of red, green and blue of each picture together (gray world). The prior says so, and the encoder
+    /// does the same with its frames
+    #[arg(long)]
+    white_balance: bool,
+    /// Equalise the contrast of each picture (CLAHE, 8×8 tiles), by at most this factor; after the white balance. The
+    /// prior says so, and the encoder does the same with its frames [LIMIT: 2 if it is left out]
+    #[arg(long, value_name = "LIMIT", num_args = 0..=1, default_missing_value = "2", value_parser = clahe)]
+    clahe: Option<Clahe>,
+}
+
+fn clahe(text: &str) -> Result<Clahe, String> {
+    let clip_limit = text.parse().map_err(|e| format!("{e}"))?;
+    Clahe::new(clip_limit, Clahe::TILES).map_err(|e| e.to_string())
 }
 
 /// A held-out picture.
@@ -66,7 +80,16 @@ struct Divided {
 const HELD_OUT: &str = "held-out";
 
 impl InputArgs {
-    /// Reads pictures and points.
+    /// How pictures are treated.
+    pub fn preprocessing(&self) -> Preprocessing {
+        let white_balance = match self.white_balance {
+            true => WhiteBalance::GrayWorld,
+            false => WhiteBalance::None,
+        };
+        Preprocessing { white_balance, clahe: self.clahe }
+    }
+
+    /// Reads pictures and points, and treats the pictures.
     pub fn read(&self) -> anyhow::Result<MapInputs> {
         let options = PosedOptions {
             pictures: self.pictures.clone(),
@@ -78,11 +101,13 @@ impl InputArgs {
         let size =
             train.first().map(|input| self.camera(input)).context("no picture to train on")?;
         let bar = progress(train.len() + held_out.len(), "pictures");
+        let preprocessing = self.preprocessing();
         let read = |input: &PosedInput| -> anyhow::Result<PosedPicture> {
             let own = self.camera(input);
             // Pictures of one lens share a size; others are brought to it.
             let camera = own.resized(size.width, size.height);
-            let (picture, mask) = input.load_masked(&camera)?;
+            let (mut picture, mask) = input.load_masked(&camera)?;
+            Preprocessor::new(&preprocessing).apply(&mut picture);
             bar.inc(1);
             let mask = mask.data.contains(&false).then_some(mask.data);
             Ok(PosedPicture { camera, pose: input.pose, picture, mask })

@@ -109,11 +109,11 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// The file of a reduced prior, with the whole one's key frames and coder tables.
+    /// The file of a reduced prior, with the whole one's key frames, coder tables and preprocessing.
     fn content(&self, splats: &Splats) -> Result<Vec<u8>, PriorError> {
         let (options, key_frames) = (self.prior.options(), self.prior.key_frames());
         let tables = self.prior.coder_tables().map(AsRef::as_ref);
-        self.container.write(splats, options, key_frames, tables)
+        self.container.write(splats, options, key_frames, tables, self.prior.preprocessing())
     }
 
     /// Writes a prior to the file asked for; its bytes.

@@ -13,6 +13,7 @@ fn packets_about_another_prior_are_refused_by_name() {
     dive.run("decode --prior other.ply --packets packets --frames out")
         .ends_with(1)
         .says("packets/0.nvsp")
+        .says("Render options are part of a prior's identity")
         .says("1 of 1 packets could not be decoded");
     assert!(!dive.path("out/0.png").exists());
 }
@@ -48,7 +49,7 @@ fn one_bad_packet_does_not_stop_the_others() {
     let dive = Dive::new();
     dive.encode("--frames-out seen");
     std::fs::write(dive.path("packets/1.nvsp"), b"no packet").unwrap();
-    dive.run(DECODE).ends_with(1).says("packets/1.nvsp").says("1 of 3 packets");
+    dive.run(DECODE).ends_with(1).says("packets/1.nvsp: not a packet").says("1 of 3 packets");
     assert!(!dive.path("out/1.png").exists());
     assert_eq!(dive.bytes("out/2.png"), dive.bytes("seen/2.png"));
 }

@@ -9,9 +9,20 @@ fn help_of_every_subcommand() {
     let dive = Dive::new();
     let usage = |args: &str| dive.run(&format!("{args} --help")).ends_with(0).stdout;
     let all = usage("");
-    for command in
-        ["encode", "decode", "render", "inspect", "trim", "map", "key-frames", "bench", "demo"]
-    {
+    for command in [
+        "encode",
+        "decode",
+        "split",
+        "join",
+        "render",
+        "inspect",
+        "trim",
+        "map",
+        "key-frames",
+        "bench",
+        "demo",
+        "devices",
+    ] {
         assert!(all.contains(&format!("\n  {command} ")), "{all}");
         let text = usage(command);
         assert!(text.contains(&format!("Usage: nvsprior {command}")), "{text}");
@@ -35,6 +46,28 @@ fn wrong_usage_ends_with_2() {
         (&format!("{encode} --start-offset 1,2,3,4,5,nan"), "finite"),
         (&format!("{encode} --bytes many"), "many"),
         (&format!("{encode} --optimizer newton"), "gauss-newton"),
+        (&format!("{encode} --quality 101"), "between 0 and 100"),
+        (&format!("{encode} --quality -1"), "between 0 and 100"),
+        (&format!("{encode} --quality 1e30"), "between 0 and 100"),
+        (&format!("{encode} --quality nan"), "between 0 and 100"),
+        (&format!("{encode} --psnr nan"), "between 1 and 100 dB"),
+        (&format!("{encode} --near nan"), "between 1e-6 and 1e6"),
+        (&format!("{encode} --near 1e30"), "between 1e-6 and 1e6"),
+        (&format!("{encode} --alpha-max 1"), "between 0.01 and 0.9999"),
+        (&format!("{encode} --threshold nan"), "between 0 and 1"),
+        (&format!("{encode} --limit 999999999999"), "from 0 to 100,000"),
+        (&format!("{encode} --starts last"), "neither `none`, `first` or `camera-file`"),
+        (&format!("{encode} --summary summary.txt"), "must end in .json"),
+        (&format!("{encode} --sheet sheet.jpg"), "must end in .png"),
+        (
+            "render --prior prior.ply --cameras cameras.json --frame images/0.png --out v.jpg",
+            ".png",
+        ),
+        (&format!("bench {INPUT} --trials 999999999999"), "from 0 to 100,000"),
+        ("decode --prior prior.ply --packets p --frames out --width 160", "--cameras"),
+        ("split a.nvsp --mtu 30 --out frames", "31"),
+        ("split a.nvsp --mtu 64", "--out"),
+        ("join --out packets", "<DIR>"),
     ] {
         dive.run(args).ends_with(2).says(named);
     }
@@ -60,9 +93,15 @@ fn missing_things_are_named() {
         ("decode --prior prior.ply --packets images --frames out", "images: no packets"),
         (&format!("{encode} none.json"), "none.json"),
         (&format!("{encode} cameras.json --split night"), "\"night\"; there are: dive, survey"),
-        (&format!("{encode} cameras.json --starts none.csv"), "none.csv"),
         (&format!("{encode} cameras.json --limit 0"), "cameras.json"),
-        (&format!("{render} --device nothing-like-it"), "nothing-like-it"),
+        (
+            &format!("{render} --device nothing-like-it"),
+            "no Vulkan device \"nothing-like-it\"; there are: 0: ",
+        ),
+        (&format!("{render} --device 37"), "no Vulkan device \"37\"; there are: 0: "),
+        ("join images --out packets", "images: no frames"),
+        ("split none.nvsp --mtu 64 --out frames", "none.nvsp"),
+        ("split prior.ply --mtu 64 --out frames", "prior.ply"),
         ("render --prior prior.ply --cameras cameras.json --out a.png --frame x.png", "\"x.png\""),
     ] {
         dive.run(args).ends_with(1).says(named);
@@ -74,17 +113,21 @@ fn missing_things_are_named() {
 #[test]
 fn wrong_figures_and_files_are_named() {
     let dive = Dive::new();
+    std::fs::create_dir(dive.path("folder.json")).unwrap();
     let encode = format!("encode {INPUT} --packets p");
     for (args, named) in [
-        ("--quality 101", "quality must lie in 0..=100"),
-        ("--quality nan", "quality must lie in 0..=100"),
-        ("--psnr nan", "PSNR"),
         ("--bytes 20", "a budget of 20 bytes"),
-        ("--near nan", "near"),
-        ("--summary none/s.json", "none/s.json"),
+        ("--summary none/s.json", "--summary none/s.json: cannot be written"),
+        ("--sheet none/s.png", "--sheet none/s.png: cannot be written"),
+        ("--summary folder.json", "this is a folder; give a file"),
+        ("--frames-out prior.ply", "--frames-out prior.ply: this is a file; give a folder"),
     ] {
         dive.run(&format!("{encode} {args}")).ends_with(1).says(named);
     }
+    let onto_file = format!("encode {INPUT} --packets cameras.json");
+    dive.run(&onto_file).ends_with(1).says("--packets cameras.json: this is a file; give a folder");
+    let not_text = "encode --prior prior.ply --packets p --cameras prior.ply";
+    dive.run(not_text).ends_with(1).says("prior.ply: not text; a camera file is JSON");
     let encode = "encode --prior prior.ply --packets p --cameras bad.json";
     for (key, value, named) in [
         ("fx", json!(-1), "fx = -1"),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::{CameraFileError, Entry, PINHOLE_MODELS, entries, parse_root, with_ending};
+use super::{CameraFileError, Entry, PINHOLE_MODELS, entries, parse_root, read_text, with_ending};
 use crate::colmap::unit_pose;
 use crate::lens::{Distortion, Intrinsics, Lens};
 use crate::posed::PosedInput;

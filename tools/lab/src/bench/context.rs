@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Context as _;
+use nvsprior::image::Preprocessor;
 use nvsprior::render::Scene;
 use nvsprior::tracking::{Evaluation, Optimizer};
 use nvsprior::vulkan::MemoryUse;
@@ -16,6 +17,7 @@ use nvsprior_inputs::input::Input;
 pub struct Shot {
     pub file: String,
     pub camera: Camera,
+    /// As the prior's preprocessing left it.
     pub picture: Picture,
     /// Its pose from outside, as `encode` would have it.
     pub external: Option<Pose>,
@@ -26,12 +28,14 @@ pub struct Shot {
 }
 
 impl Shot {
-    pub fn read(input: &Input) -> anyhow::Result<Shot> {
+    pub fn read(input: &Input, preprocessor: &mut Preprocessor) -> anyhow::Result<Shot> {
         let Camera { width, height, .. } = input.camera;
+        let mut picture = frame_file::read_frame(&input.path, width, height)?;
+        preprocessor.apply(&mut picture);
         Ok(Shot {
             file: input.file.clone(),
             camera: input.camera,
-            picture: frame_file::read_frame(&input.path, width, height)?,
+            picture,
             external: input.external.hint.map(|hint| hint.pose),
             known: input.known,
             time: input.external.time,
@@ -90,9 +94,9 @@ pub struct Context {
 }
 
 impl Context {
-    /// Encoder options of this run, the rest at their defaults.
+    /// Encoder options of this run, the rest at their defaults. The shots were treated when they were read.
     pub fn options(&self) -> EncoderOptions {
-        EncoderOptions { threshold: self.threshold, ..Default::default() }
+        EncoderOptions { threshold: self.threshold, frames_treated: true, ..Default::default() }
     }
 
     /// An encoder of the first frame's camera.

@@ -76,7 +76,21 @@ impl Exposure {
         Exposure { gain, offset: -(gain * self.offset) }
     }
 
-    /// A picture in the scene's light.
+    /// A picture in the scene's light, 8 bits.
+    pub fn undone_picture(&self, view: &PosedPicture) -> Picture {
+        let back = self.inverse();
+        let mut picture = view.picture.clone();
+        if *self != Exposure::NONE {
+            for rgb in picture.data.as_chunks_mut::<3>().0 {
+                let own = DVec3::from(rgb.map(f64::from)) / 255.0;
+                let scene = (back.gain * own + back.offset) * 255.0;
+                *rgb = scene.round().to_array().map(|value| value as u8);
+            }
+        }
+        picture
+    }
+
+    /// A picture in the scene's light, for training.
     pub fn undone(&self, view: &PosedPicture) -> TrainingFrame {
         let back = self.inverse();
         TrainingFrame::from_fn(view.camera.pixels(), |pixel| {

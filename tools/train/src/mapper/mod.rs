@@ -7,6 +7,7 @@
 
 mod exposure;
 mod order;
+mod poses;
 mod relocate;
 mod saved;
 mod schedule;
@@ -16,19 +17,20 @@ mod start;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use nvsprior::prior::{RenderOptions, Splats};
+use nvsprior::prior::{PriorError, RenderOptions, Splats};
 use nvsprior::random::Random;
 use nvsprior::render::training::{
     Trainer, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
 };
 use nvsprior::vulkan::{Error as DeviceError, StageTime};
-use nvsprior::{Camera, Engine, Picture, Pose};
+use nvsprior::{Camera, Engine, Picture, Pose, Prior};
 use nvsprior_kernels::training::planes;
 
 use crate::PosedPicture;
 pub use exposure::Exposure;
 use order::Order;
-use relocate::relocate;
+use poses::PoseSteps;
+use relocate::{relocate, sort_by_size};
 pub use saved::{SavedError, read_state, write_state};
 use schedule::Progress;
 pub use schedule::Schedule;
@@ -48,6 +50,8 @@ pub struct MapOptions {
     pub schedule: Schedule,
     /// Fit each picture's light, and train on the pictures without it: see [`Exposure`].
     pub exposure: bool,
+    /// Correct the poses: see [`Mapper::poses`].
+    pub correct_poses: bool,
     /// Seed of all that is random.
     pub seed: u64,
     /// Have the device time its stages.
@@ -61,7 +65,8 @@ impl Default for MapOptions {
             splats: 40_000,
             sh_degree: 1,
             schedule: Schedule::default(),
-            exposure: true,
+            exposure: false,
+            correct_poses: false,
             seed: 1,
             profiled: false,
         }
@@ -106,6 +111,9 @@ pub enum MapError {
         /// What differs.
         what: &'static str,
     },
+    /// The splats are none that can be drawn.
+    #[error(transparent)]
+    Splats(#[from] PriorError),
     /// The device failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
@@ -122,15 +130,22 @@ pub struct MapState {
     pub training: TrainingState,
     /// The light of each picture.
     pub exposures: Vec<Exposure>,
+    /// The pose of each picture.
+    pub poses: Vec<Pose>,
 }
 
-/// The pictures' light is fitted after so many rounds through all pictures.
-const EXPOSURE_ROUNDS: usize = 8;
+/// The pictures' light and poses are fitted after so many rounds through all pictures.
+const FITTED_ROUNDS: usize = 8;
+/// Poses are not corrected before: the splats are too coarse.
+const POSES_FROM: usize = 16;
 
 /// A training under way.
 pub struct Mapper {
+    engine: Engine,
     trainer: Trainer,
     views: Vec<PosedPicture>,
+    /// Their poses, as far as they are corrected.
+    poses: Vec<Pose>,
     /// The light of each picture.
     exposures: Vec<Exposure>,
     /// The pictures without it.
@@ -172,7 +187,9 @@ impl Mapper {
         trainer.set(&TrainingState { parameters, first: zero.clone(), second: zero })?;
         let exposures = vec![Exposure::NONE; views.len()];
         let mut mapper = Mapper {
+            engine: engine.clone(),
             trainer,
+            poses: views.iter().map(|view| view.pose).collect(),
             exposures,
             frames: Vec::new(),
             order: Order::new(options.seed, views.len()),
@@ -191,12 +208,11 @@ impl Mapper {
     /// fall.
     pub fn step(&mut self, share: f64) -> Result<(), MapError> {
         let (round, place) = self.order.at(self.step);
-        if self.options.exposure && place == 0 && round > 0 && round.is_multiple_of(EXPOSURE_ROUNDS)
-        {
-            self.fit_exposures()?;
+        if place == 0 && round > 0 && round.is_multiple_of(FITTED_ROUNDS) {
+            self.fit_views(round)?;
         }
         let turn = self.order.picture(round, place);
-        let PosedPicture { camera, pose, .. } = &self.views[turn];
+        let (camera, pose) = (&self.views[turn].camera, &self.poses[turn]);
         let progress = Progress { step: self.step, share, alive: self.alive };
         let scene = (self.extent, camera.pixels());
         let training = self.options.schedule.at(&progress, self.options.sh_degree, scene);
@@ -209,15 +225,36 @@ impl Mapper {
         Ok(())
     }
 
-    /// Fits the light of all pictures to the splats as they are.
+    /// Fits what is not known of the pictures to the splats as they are.
+    fn fit_views(&mut self, round: usize) -> Result<(), MapError> {
+        if self.options.exposure {
+            self.fit_exposures()?;
+        }
+        if self.options.correct_poses && round >= POSES_FROM {
+            self.correct_poses()?;
+        }
+        Ok(())
+    }
+
     fn fit_exposures(&mut self) -> Result<(), MapError> {
-        for (view, exposure) in self.views.iter().zip(&mut self.exposures) {
+        let views = self.views.iter().zip(&self.poses);
+        for ((view, pose), exposure) in views.zip(&mut self.exposures) {
             let mut render = Picture::new(view.camera.width, view.camera.height);
-            self.trainer.picture(&view.camera, &view.pose, &mut render)?;
+            self.trainer.picture(&view.camera, pose, &mut render)?;
             *exposure = Exposure::fit(&render, view);
         }
         exposure::centre(&mut self.exposures);
         self.undo_exposures();
+        Ok(())
+    }
+
+    fn correct_poses(&mut self) -> Result<(), MapError> {
+        let prior = Prior::from_splats(self.splats()?, self.options.render)?;
+        let mut steps = PoseSteps::new(&self.engine, &prior)?;
+        let views = self.views.iter().zip(&self.exposures);
+        for ((view, exposure), pose) in views.zip(&mut self.poses) {
+            *pose = steps.step(view, &exposure.undone_picture(view), pose)?;
+        }
         Ok(())
     }
 
@@ -233,6 +270,7 @@ impl Mapper {
         let n = self.options.splats;
         let growth = self.options.schedule.growth;
         self.alive = relocate(&mut state, n, self.alive, growth, &mut Random::new(seed));
+        sort_by_size(&mut state, n as usize, self.alive as usize, self.extent as f32);
         self.trainer.set(&state)?;
         Ok(())
     }
@@ -250,6 +288,11 @@ impl Mapper {
     /// The pictures it is trained on.
     pub fn views(&self) -> &[PosedPicture] {
         &self.views
+    }
+
+    /// The pictures' poses, corrected if the options say so.
+    pub fn poses(&self) -> &[Pose] {
+        &self.poses
     }
 
     /// The splats as they are, in world axes.
@@ -274,8 +317,8 @@ impl Mapper {
     /// All that it takes to go on later.
     pub fn state(&self) -> Result<MapState, MapError> {
         let training = self.trainer.state()?;
-        let exposures = self.exposures.clone();
-        Ok(MapState { step: self.step, alive: self.alive, training, exposures })
+        let (exposures, poses) = (self.exposures.clone(), self.poses.clone());
+        Ok(MapState { step: self.step, alive: self.alive, training, exposures, poses })
     }
 
     /// Goes on from a state of the same training.
@@ -288,12 +331,14 @@ impl Mapper {
         if state.alive > self.options.splats {
             return Err(MapError::State { what: "the number of splats" });
         }
-        if state.exposures.len() != self.views.len() {
+        let pictures = [state.exposures.len(), state.poses.len()];
+        if pictures != [self.views.len(); 2] {
             return Err(MapError::State { what: "the number of pictures" });
         }
         self.trainer.set(&state.training)?;
         (self.step, self.alive) = (state.step, state.alive);
         self.exposures.clone_from(&state.exposures);
+        self.poses.clone_from(&state.poses);
         self.undo_exposures();
         Ok(())
     }

@@ -3,7 +3,8 @@
 
 use nvsprior::random::Random;
 use nvsprior::render::training::TrainingState;
-use nvsprior_kernels::training::{LOG_SCALE, OPACITY};
+use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION};
+use rayon::prelude::*;
 
 use super::splats::Planes;
 
@@ -38,6 +39,28 @@ pub fn relocate(
         divide(state, splats, from, into, opacities[from]);
     }
     grown.min(n).max(alive)
+}
+
+/// Sorts the first `alive` splats by how large the cameras see them, the largest first. A stage of the device waits for
+/// the largest of neighbouring splats, so neighbours should be alike. `extent`: that of the cameras, around the origin.
+pub fn sort_by_size(state: &mut TrainingState, splats: usize, alive: usize, extent: f32) {
+    let parameters = &state.parameters;
+    let at = |plane: u32, i: usize| parameters[plane as usize * splats + i];
+    let size = |i: usize| {
+        let log_scale = (0..3).map(|k| at(LOG_SCALE + k, i)).fold(f32::NEG_INFINITY, f32::max);
+        let distance = (0..3).map(|k| at(POSITION + k, i).powi(2)).sum::<f32>().sqrt();
+        log_scale - (distance + extent).ln()
+    };
+    let sizes: Vec<f32> = (0..alive).map(size).collect();
+    let mut order: Vec<usize> = (0..alive).collect();
+    order.sort_by(|a, b| sizes[*b].total_cmp(&sizes[*a]));
+    let TrainingState { parameters, first, second } = state;
+    for numbers in [parameters, first, second] {
+        numbers.par_chunks_exact_mut(splats).for_each(|plane| {
+            let sorted: Vec<f32> = order.iter().map(|i| plane[*i]).collect();
+            plane[..alive].copy_from_slice(&sorted);
+        });
+    }
 }
 
 /// A splat chosen by its opacity.
@@ -139,5 +162,24 @@ mod tests {
         let logits = &state.parameters[OPACITY as usize * n..][..63];
         assert!(logits.iter().all(|logit| *logit > -5.4), "{logits:?}");
         assert_eq!(state.first[OPACITY as usize * n + 45], 0.0);
+    }
+
+    #[test]
+    fn the_largest_come_first_with_all_their_numbers() {
+        let n = 9;
+        let plane = |p: usize| (0..n).map(move |i| (100 * p + i) as f32);
+        let mut state = TrainingState {
+            parameters: (0..14).flat_map(plane).collect(),
+            first: (20..34).flat_map(plane).collect(),
+            second: (40..54).flat_map(plane).collect(),
+        };
+        // All in one place; sizes rise with the number.
+        state.parameters[..3 * n].fill(0.0);
+        sort_by_size(&mut state, n, 6, 1.0);
+        for (numbers, first) in [(&state.parameters, 0), (&state.first, 20), (&state.second, 40)] {
+            let own: Vec<f32> = numbers[6 * n..7 * n].to_vec();
+            let expected = [5, 4, 3, 2, 1, 0, 6, 7, 8].map(|i| (100 * (first + 6) + i) as f32);
+            assert_eq!(own, expected);
+        }
     }
 }

@@ -2,17 +2,19 @@
 //!
 //! All numbers are little-endian: the magic `NVSPMAP2`; the fingerprint of what is trained, the steps done, the splats in
 //! use, the numbers of each of three sets of planes, and the number of pictures (u32 each); the planes (f32); the light of
-//! each picture (12 f64: the columns of the gain, the offset); a CRC-32 over all before it.
+//! each picture (12 f64: the columns of the gain, the offset) with its pose (7 f64: x, y, z, w, translation); a CRC-32
+//! over all before it.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
+use nvsprior::Pose;
 use nvsprior::render::training::TrainingState;
 
 use super::{Exposure, MapState};
 
 const MAGIC: &[u8; 8] = b"NVSPMAP2";
 const HEADER: usize = 8 + 5 * 4;
-/// Numbers of a picture's light.
-const LIGHT: usize = 12;
+/// Numbers of a picture's light and pose.
+const PICTURE: usize = 12 + 7;
 
 /// Why a saved state cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -41,8 +43,10 @@ pub fn write_state(state: &MapState, fingerprint: u32) -> Vec<u8> {
     for planes in [parameters, first, second] {
         planes.iter().for_each(|number| bytes.extend(number.to_le_bytes()));
     }
-    for Exposure { gain, offset } in &state.exposures {
-        let numbers = gain.to_cols_array().into_iter().chain(offset.to_array());
+    for (Exposure { gain, offset }, pose) in state.exposures.iter().zip(&state.poses) {
+        let light = gain.to_cols_array().into_iter().chain(offset.to_array());
+        let Pose { rotation, translation } = pose;
+        let numbers = light.chain(rotation.to_array()).chain(translation.to_array());
         numbers.for_each(|number| bytes.extend(number.to_le_bytes()));
     }
     let check = crc32fast::hash(&bytes);
@@ -63,29 +67,32 @@ pub fn read_state(bytes: &[u8], fingerprint: u32) -> Result<MapState, SavedError
     };
     let (numbers, pictures) = (word(3) as usize, word(4) as usize);
     let planes = numbers.checked_mul(12).ok_or(SavedError::Damaged)?;
-    let expected = pictures.checked_mul(8 * LIGHT).and_then(|light| planes.checked_add(light));
+    let expected = pictures.checked_mul(8 * PICTURE).and_then(|own| planes.checked_add(own));
     if expected != Some(body.len()) || crc32fast::hash(content) != u32::from_le_bytes(*check) {
         return Err(SavedError::Damaged);
     }
     if word(0) != fingerprint {
         return Err(SavedError::Other);
     }
-    let (body, light) = body.split_at(planes);
+    let (body, pictures) = body.split_at(planes);
     let (values, _) = body.as_chunks::<4>();
     let planes = |which: usize| {
         let own = &values[which * numbers..(which + 1) * numbers];
         own.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
     };
     let training = TrainingState { parameters: planes(0), first: planes(1), second: planes(2) };
-    let exposures = light.as_chunks::<{ 8 * LIGHT }>().0.iter().map(exposure).collect();
-    Ok(MapState { step: word(1), alive: word(2), training, exposures })
+    let pictures = pictures.as_chunks::<{ 8 * PICTURE }>().0.iter().map(light_and_pose);
+    let (exposures, poses) = pictures.unzip();
+    Ok(MapState { step: word(1), alive: word(2), training, exposures, poses })
 }
 
-fn exposure(bytes: &[u8; 8 * LIGHT]) -> Exposure {
+fn light_and_pose(bytes: &[u8; 8 * PICTURE]) -> (Exposure, Pose) {
     let (numbers, _) = bytes.as_chunks::<8>();
-    let triple =
-        |first: usize| DVec3::from([0, 1, 2].map(|k| f64::from_le_bytes(numbers[first + k])));
-    Exposure { gain: DMat3::from_cols(triple(0), triple(3), triple(6)), offset: triple(9) }
+    let number = |i: usize| f64::from_le_bytes(numbers[i]);
+    let triple = |first: usize| DVec3::from([0, 1, 2].map(|k| number(first + k)));
+    let gain = DMat3::from_cols(triple(0), triple(3), triple(6));
+    let rotation = DQuat::from_array([12, 13, 14, 15].map(number));
+    (Exposure { gain, offset: triple(9) }, Pose { rotation, translation: triple(16) })
 }
 
 #[cfg(test)]
@@ -98,7 +105,8 @@ mod tests {
             TrainingState { parameters: planes(1.5), first: planes(-2.0), second: planes(0.1) };
         let gain = DMat3::from_cols_array(&[1.1, 0.2, 0.0, -0.1, 0.9, 0.3, 0.05, 0.0, 1.0]);
         let light = Exposure { gain, offset: DVec3::new(0.1, -0.2, 0.3) };
-        MapState { step: 700, alive: 2, training, exposures: vec![Exposure::NONE, light] }
+        let poses = vec![Pose::IDENTITY, Pose::exp(&[0.1, 0.2, 0.3, 0.4, 0.5, 0.6])];
+        MapState { step: 700, alive: 2, training, exposures: vec![Exposure::NONE, light], poses }
     }
 
     #[test]

@@ -90,6 +90,7 @@ impl Projection {
     }
 
     /// Renders: gives each pixel and its value to `write`, in the order of the tiles.
+    #[cfg(test)]
     pub fn render(&self, colours: &[Vec3], background: Vec3, mut write: impl FnMut(usize, Vec3)) {
         let mut tile = Tile::default();
         for index in 0..self.tiles() {

@@ -9,7 +9,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::MappingOptions;
+use super::RefitOptions;
 use super::harmonics;
 use super::project::Geometry;
 use super::raster::Projection;
@@ -20,27 +20,17 @@ use nvsprior::prior::Splats;
 /// does not depend on the number of threads.
 const GROUPS: usize = 8;
 
-/// Solves for the colours of splats, starting from their present ones, in `options.sweeps` steps.
-/// Calls `done` after each.
-pub fn fit_colours(
-    splats: &mut Splats,
-    views: &[PosedPicture],
-    options: &MappingOptions,
-    done: &mut dyn FnMut(),
-) {
-    let (system, mut x) = System::of(splats, views, options);
-    let mut residual = system.pulled(&x, true);
-    system.damp(&x, &mut residual, -1.0);
-    system.solve(&mut x, residual, done);
-    splats.sh = x.iter().flat_map(Vec3::to_array).collect();
-}
+/// The pull of a splat's first coefficient towards what it is, in squared weights of pixels.
+const DAMPING: f32 = 0.02;
+/// The pull of the other coefficients.
+const VIEW_DAMPING: f32 = 1.0;
 
-/// Corrects colours that are nearly right. As [`fit_colours`], but what the views do not determine
-/// stays as it is.
+/// Corrects the colours of splats in `options.sweeps` steps, and calls `done` after each. What the views do not
+/// determine stays as it is.
 pub fn correct_colours(
     splats: &mut Splats,
     views: &[PosedPicture],
-    options: &MappingOptions,
+    options: &RefitOptions,
     done: &mut dyn FnMut(),
 ) {
     let (system, x) = System::of(splats, views, options);
@@ -53,7 +43,7 @@ pub fn correct_colours(
 struct System<'a> {
     geometry: Geometry,
     views: &'a [PosedPicture],
-    options: &'a MappingOptions,
+    options: &'a RefitOptions,
     /// Coefficients per splat.
     terms: usize,
 }
@@ -63,7 +53,7 @@ impl<'a> System<'a> {
     fn of(
         splats: &Splats,
         views: &'a [PosedPicture],
-        options: &'a MappingOptions,
+        options: &'a RefitOptions,
     ) -> (System<'a>, Vec<Vec3>) {
         let terms = harmonics::count(splats.sh_degree);
         let system = System { geometry: Geometry::of(splats), views, options, terms };
@@ -176,7 +166,7 @@ impl<'a> System<'a> {
 
     /// The entry of `D` for a coefficient.
     fn damping(&self, k: usize) -> f32 {
-        if k.is_multiple_of(self.terms) { self.options.damping } else { self.options.view_damping }
+        if k.is_multiple_of(self.terms) { DAMPING } else { VIEW_DAMPING }
     }
 
     /// `sum += sign · D x`.

@@ -7,7 +7,7 @@
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
-use super::MappingOptions;
+use super::RefitOptions;
 use super::harmonics;
 use super::project::{Geometry, Projector};
 use super::raster::Projection;
@@ -42,14 +42,12 @@ struct Moments {
     steps: i32,
 }
 
-/// Improves splats by `options.steps` steps. `pace` is the length of the steps, as a share of that
-/// for a new prior. Calls `done` after each step. Bands of spherical harmonics above the first stay
+/// Improves splats by `options.steps` steps. Calls `done` after each. Bands of spherical harmonics above the first stay
 /// as they are.
 pub fn train(
     splats: &mut Splats,
     views: &[PosedPicture],
-    options: &MappingOptions,
-    pace: f32,
+    options: &RefitOptions,
     done: &mut dyn FnMut(),
 ) {
     let count = splats.positions.len();
@@ -66,7 +64,7 @@ pub fn train(
             .map(|view| derivatives(splats, &geometry, view, options))
             .collect();
         // From the full rate to a tenth of it, geometrically.
-        let rate = pace * 0.1f32.powf(step as f32 / options.steps as f32);
+        let rate = options.pace * 0.1f32.powf(step as f32 / options.steps as f32);
         for (index, moments) in moments.iter_mut().enumerate() {
             let mut sum = [0.0; PARAMETERS];
             for view in &derivatives {
@@ -126,7 +124,7 @@ fn derivatives(
     splats: &Splats,
     geometry: &Geometry,
     view: &PosedPicture,
-    options: &MappingOptions,
+    options: &RefitOptions,
 ) -> Vec<Parameters> {
     let render = &options.render;
     let colours = harmonics::colours(splats, view.pose.centre().as_vec3());
@@ -171,7 +169,7 @@ fn coprime_stride(count: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nvsprior::{Camera, Picture, Pose};
+    use nvsprior::{Camera, Picture, Pose, RenderOptions};
 
     const CAMERA: Camera = Camera { width: 80, height: 64, fx: 80.0, fy: 80.0, cx: 40.0, cy: 32.0 };
 
@@ -188,7 +186,7 @@ mod tests {
         }
     }
 
-    fn loss(splats: &Splats, view: &PosedPicture, options: &MappingOptions) -> f64 {
+    fn loss(splats: &Splats, view: &PosedPicture, options: &RefitOptions) -> f64 {
         let geometry = Geometry::of(splats);
         let colours = harmonics::colours(splats, view.pose.centre().as_vec3());
         let projection = Projection::new(&geometry, &view.camera, &view.pose, &options.render);
@@ -206,7 +204,7 @@ mod tests {
         let mut picture = Picture::new(CAMERA.width, CAMERA.height);
         picture.data.iter_mut().enumerate().for_each(|(i, byte)| *byte = (i * 7 % 251) as u8);
         let view = PosedPicture::new(CAMERA, Pose::IDENTITY, picture);
-        let options = MappingOptions::default();
+        let options = RefitOptions { render: RenderOptions::INRIA, steps: 1, pace: 1.0, sweeps: 0 };
         let analytic = derivatives(&splats, &Geometry::of(&splats), &view, &options);
         for k in 0..PARAMETERS {
             let step = 1e-3;

@@ -1,0 +1,198 @@
+//! Contrast-limited adaptive histogram equalisation of the luma.
+
+use super::Clahe;
+use crate::Picture;
+
+/// Levels of luma, and bins of a histogram.
+const LEVELS: usize = 256;
+
+/// Fractional bits of the luma's weights, and of a tile's weight at a pixel.
+const LUMA_BITS: u32 = 16;
+const WEIGHT_BITS: u32 = 12;
+const ONE: u32 = 1 << WEIGHT_BITS;
+
+/// Weights of red, green and blue in the luma, ITU-R BT.601-7; they sum to one.
+const LUMA: [u32; 3] = [19_595, 38_470, 7_471];
+
+/// What a tile makes of each level.
+type Curve = [u8; LEVELS];
+
+/// Equalises pictures. Keeps what that takes.
+pub(super) struct Equaliser {
+    clahe: Clahe,
+    /// Down and across the picture.
+    sides: [Side; 2],
+    luma: Vec<u8>,
+    /// Of the tiles, row by row.
+    curves: Vec<Curve>,
+}
+
+impl Equaliser {
+    pub fn new(clahe: Clahe) -> Equaliser {
+        let most = usize::from(clahe.tiles);
+        let curves = Vec::with_capacity(most * most);
+        Equaliser { clahe, sides: Default::default(), luma: Vec::new(), curves }
+    }
+
+    /// Equalises a picture of at least one pixel.
+    pub fn apply(&mut self, picture: &mut Picture) {
+        let sides = [picture.height, picture.width];
+        for (side, pixels) in self.sides.iter_mut().zip(sides) {
+            side.fit(pixels, self.clahe.tiles.into());
+        }
+        self.luma.clear();
+        self.luma.extend(picture.data.chunks_exact(3).map(luma));
+        self.fit_curves();
+        self.map(picture);
+    }
+
+    /// Makes the tiles' curves.
+    fn fit_curves(&mut self) {
+        let [down, across] = &self.sides;
+        let clip_limit = (self.clahe.clip_limit * 256.0) as u64;
+        self.curves.clear();
+        for rows in 0..down.tiles() {
+            for columns in 0..across.tiles() {
+                let mut histogram = [0u32; LEVELS];
+                for y in down.span(rows) {
+                    let row = &self.luma[y * across.pixels()..(y + 1) * across.pixels()];
+                    for level in &row[across.span(columns)] {
+                        histogram[usize::from(*level)] += 1;
+                    }
+                }
+                let area = down.span(rows).len() * across.span(columns).len();
+                self.curves.push(curve(&histogram, area as u64, clip_limit));
+            }
+        }
+    }
+
+    /// Maps each pixel by the curves of the four tiles around it.
+    fn map(&self, picture: &mut Picture) {
+        let [down, across] = &self.sides;
+        let rows = picture.data.chunks_exact_mut(3 * across.pixels());
+        let lumas = self.luma.chunks_exact(across.pixels());
+        for ((row, lumas), v) in rows.zip(lumas).zip(&down.places) {
+            let curves = |tile: u16| &self.curves[usize::from(tile) * across.tiles()..];
+            let (above, below) = (curves(v.first), curves(v.second));
+            for ((rgb, luma), u) in row.chunks_exact_mut(3).zip(lumas).zip(&across.places) {
+                let (left, right) = (usize::from(u.first), usize::from(u.second));
+                let level = usize::from(*luma);
+                let along = |tiles: &[Curve]| {
+                    u.blend(tiles[left][level].into(), tiles[right][level].into())
+                };
+                let mapped = v.blend(along(above), along(below));
+                let mapped = (mapped + (1 << (2 * WEIGHT_BITS - 1))) >> (2 * WEIGHT_BITS);
+                let change = mapped as i32 - i32::from(*luma);
+                for value in rgb {
+                    *value = (i32::from(*value) + change).clamp(0, 255) as u8;
+                }
+            }
+        }
+    }
+
+    /// Where the buffers lie, and their capacities.
+    #[cfg(test)]
+    pub fn buffers(&self) -> Vec<(usize, usize)> {
+        let places =
+            self.sides.iter().map(|side| (side.places.as_ptr() as usize, side.places.capacity()));
+        let own = [
+            (self.luma.as_ptr() as usize, self.luma.capacity()),
+            (self.curves.as_ptr() as usize, self.curves.capacity()),
+        ];
+        places.chain(own).collect()
+    }
+}
+
+/// The luma of a pixel, rounded.
+fn luma(rgb: &[u8]) -> u8 {
+    let sum: u32 = rgb.iter().zip(LUMA).map(|(value, weight)| u32::from(*value) * weight).sum();
+    ((sum + (1 << (LUMA_BITS - 1))) >> LUMA_BITS) as u8
+}
+
+/// A tile's curve: the sums of its histogram, clipped and brought to 0..=255. What is clipped is spread evenly over all
+/// bins. `clip_limit` in 1/256 of the mean bin.
+fn curve(histogram: &[u32; LEVELS], area: u64, clip_limit: u64) -> Curve {
+    // In 2⁻¹⁶ pixels the limit is a whole number. An area is below 2³², so that all products stay below 2⁶⁴.
+    let clipped = histogram.map(|count| (u64::from(count) << 16).min(clip_limit * area));
+    let excess = (area << 16) - clipped.iter().sum::<u64>();
+    let (all, mut sum) = (area << 24, 0);
+    let mut level = 0;
+    clipped.map(|count| {
+        (sum, level) = (sum + count, level + 1);
+        let share = (sum << 8) + excess * level;
+        ((255 * share + all / 2) / all) as u8
+    })
+}
+
+/// A side of a picture, divided into tiles.
+#[derive(Default)]
+struct Side {
+    tiles: usize,
+    /// For each pixel.
+    places: Vec<Place>,
+}
+
+/// Where a pixel lies between two tiles' middles.
+struct Place {
+    first: u16,
+    second: u16,
+    /// The weight of the second.
+    weight: u32,
+}
+
+impl Place {
+    /// Between the values of the first tile and the second; adds [`WEIGHT_BITS`].
+    fn blend(&self, first: u32, second: u32) -> u32 {
+        first * (ONE - self.weight) + second * self.weight
+    }
+}
+
+impl Side {
+    /// Divides a side into so many tiles, or one per pixel if it has fewer.
+    fn fit(&mut self, pixels: u32, tiles: usize) {
+        if self.places.len() == pixels as usize {
+            return;
+        }
+        self.places.clear();
+        self.tiles = tiles.min(pixels as usize);
+        for pixel in 0..pixels as usize {
+            let place = self.place(pixel, pixels as usize);
+            self.places.push(place);
+        }
+    }
+
+    fn place(&self, pixel: usize, pixels: usize) -> Place {
+        // In half pixels.
+        let at = 2 * pixel + 1;
+        let middle = |tile: usize| {
+            let span = self.bounds(tile, pixels);
+            span.start + span.end
+        };
+        let second = (0..self.tiles).find(|tile| middle(*tile) > at).unwrap_or(self.tiles);
+        let (first, last) = (second.saturating_sub(1), self.tiles - 1);
+        if second == 0 || second == self.tiles {
+            let tile = if second == 0 { 0 } else { last } as u16;
+            return Place { first: tile, second: tile, weight: 0 };
+        }
+        let (from, to) = (middle(first), middle(second));
+        let weight = ((at - from) * ONE as usize + (to - from) / 2) / (to - from);
+        Place { first: first as u16, second: second as u16, weight: weight as u32 }
+    }
+
+    fn bounds(&self, tile: usize, pixels: usize) -> std::ops::Range<usize> {
+        tile * pixels / self.tiles..(tile + 1) * pixels / self.tiles
+    }
+
+    /// The pixels of a tile; at least one.
+    fn span(&self, tile: usize) -> std::ops::Range<usize> {
+        self.bounds(tile, self.pixels())
+    }
+
+    fn pixels(&self) -> usize {
+        self.places.len()
+    }
+
+    fn tiles(&self) -> usize {
+        self.tiles
+    }
+}

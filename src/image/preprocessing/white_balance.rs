@@ -1,0 +1,39 @@
+//! Gray-world white balance.
+
+use super::WhiteBalance;
+
+/// Fractional bits of gains.
+const GAIN_BITS: u32 = 12;
+
+/// Brings the means of red, green and blue to their common mean.
+pub(super) fn gray_world(rgb: &mut [u8]) {
+    let tables = gains(rgb).map(table);
+    for pixel in rgb.chunks_exact_mut(3) {
+        for (value, table) in pixel.iter_mut().zip(&tables) {
+            *value = table[usize::from(*value)];
+        }
+    }
+}
+
+/// The gain of each channel.
+fn gains(rgb: &[u8]) -> [u32; 3] {
+    let mut sums = [0u64; 3];
+    for pixel in rgb.chunks_exact(3) {
+        for (sum, value) in sums.iter_mut().zip(pixel) {
+            *sum += u64::from(*value);
+        }
+    }
+    let all: u64 = sums.iter().sum();
+    let most = WhiteBalance::MAX_GAIN << GAIN_BITS;
+    sums.map(|sum| match sum {
+        // A channel without any light has no use for a gain.
+        0 => 1 << GAIN_BITS,
+        sum => (((all << GAIN_BITS) + 3 * sum / 2) / (3 * sum)).min(most.into()) as u32,
+    })
+}
+
+/// What a gain makes of each value.
+fn table(gain: u32) -> [u8; 256] {
+    let half = 1 << (GAIN_BITS - 1);
+    std::array::from_fn(|value| ((value as u32 * gain + half) >> GAIN_BITS).min(255) as u8)
+}
