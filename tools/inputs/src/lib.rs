@@ -8,3 +8,4 @@ pub mod input;
 pub mod lens;
 pub mod points;
 pub mod posed;
+pub mod structure;
