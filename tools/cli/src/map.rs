@@ -123,6 +123,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(folder) = &args.report {
         saved::check_report(folder)?;
     }
+    args.inputs.check()?;
     let engine = args.device.open()?;
     let found = args.structure.find(&args.out, args.inputs.masks())?;
     let listed = args.inputs.list(found)?;

@@ -100,6 +100,15 @@ impl InputArgs {
         self.masks.as_deref()
     }
 
+    /// Finds out before hours of work whether points and masks that were given are there.
+    pub fn check(&self) -> anyhow::Result<()> {
+        if let Some(masks) = self.masks.as_deref().filter(|masks| !masks.is_dir()) {
+            anyhow::bail!("{}: no folder of masks", masks.display());
+        }
+        self.points.as_deref().map(read_points).transpose()?;
+        Ok(())
+    }
+
     /// Finds pictures and poses, unless they were found already, and reads points.
     pub fn list(&self, found: Option<PosedPictures>) -> anyhow::Result<Listed> {
         let listed = match (found, &self.cameras) {

@@ -22,7 +22,7 @@ const POINT: u64 = 120;
     size[0], size[1], needed.div_ceil(1_000_000), total / 1_000_000
 )]
 pub struct NoHostRoom {
-    pictures: usize,
+    pictures: u64,
     size: [u32; 2],
     splats: u32,
     needed: u64,
@@ -32,13 +32,17 @@ pub struct NoHostRoom {
     fits: String,
 }
 
-/// Bytes on the host.
+/// What of the host's memory a training takes, bytes.
 #[derive(Clone, Copy, Debug)]
 struct HostMemory {
-    /// Of the pictures.
-    pictures: u64,
+    /// Number of pictures.
+    count: u64,
+    size: [u32; 2],
+    splats: u32,
+    /// What grows with the pictures.
+    by_pictures: u64,
     /// What grows with the splats.
-    splats: u64,
+    by_splats: u64,
     /// The rest.
     rest: u64,
 }
@@ -49,14 +53,40 @@ impl HostMemory {
         let numbers = 4 * u64::from(options.splats) * u64::from(planes(options.sh_degree));
         let at_once = rayon::current_num_threads() as u64;
         HostMemory {
-            pictures: count * 3 * listed.size.pixels() as u64,
-            splats: SETS * numbers,
+            count,
+            size: [listed.size.width, listed.size.height],
+            splats: options.splats,
+            by_pictures: count * 3 * listed.size.pixels() as u64,
+            by_splats: SETS * numbers,
             rest: at_once * DECODED * listed.largest() + POINT * listed.points.len() as u64,
         }
     }
 
     fn sum(&self) -> u64 {
-        self.pictures + self.splats + self.rest
+        self.by_pictures + self.by_splats + self.rest
+    }
+
+    /// Refuses what is more than a host has. `shared`: memory of a device that has none of its own.
+    fn check(&self, shared: Option<u64>, total: u64) -> Result<(), NoHostRoom> {
+        let HostMemory { count, size, splats, .. } = *self;
+        let by_splats = self.by_splats + shared.unwrap_or(0);
+        let needed = self.by_pictures + by_splats + self.rest;
+        if needed <= total {
+            return Ok(());
+        }
+        let room = |others: u64| total.saturating_sub(others) as f64;
+        let fewer = f64::from(splats) * room(self.by_pictures + self.rest) / by_splats as f64;
+        let smaller = room(by_splats + self.rest) / self.by_pictures as f64;
+        let narrower = f64::from(size[0]) * smaller.sqrt();
+        let fits = if fewer >= 1.0 {
+            format!("about {} splats would fit", fewer as u32)
+        } else if narrower >= 1.0 {
+            format!("pictures {} pixels wide would fit", narrower as u32)
+        } else {
+            "take fewer pictures".to_owned()
+        };
+        let shared = if shared.is_some() { ", which the device shares" } else { "" };
+        Err(NoHostRoom { pictures: count, size, splats, needed, shared, total, fits })
     }
 }
 
@@ -66,21 +96,11 @@ pub fn check(engine: &Engine, listed: &Listed, options: &MapOptions) -> anyhow::
     let device = options.plan(size, Default::default()).memory(engine.device())?;
     let host = HostMemory::of(listed, options);
     describe(listed, &host, &device);
-    let unified = engine.device().unified;
-    let needed = host.sum() + if unified { device.peak } else { 0 };
-    let Some(total) = total().filter(|total| needed > *total) else { return Ok(()) };
-    let by_splats = needed - host.pictures - host.rest;
-    let room = |others: u64| total.saturating_sub(others);
-    let splats = scaled(options.splats, room(host.pictures + host.rest), by_splats);
-    let pixels = room(host.rest + by_splats) as f64 / host.pictures as f64;
-    let fits = match (splats, f64::from(size[0]) * pixels.sqrt()) {
-        (1.., _) => format!("about {splats} splats would fit"),
-        (_, width) if width >= 1.0 => format!("pictures {} pixels wide would fit", width as u32),
-        _ => "take fewer pictures".to_owned(),
-    };
-    let shared = if unified { ", which the device shares" } else { "" };
-    let pictures = listed.train.len() + listed.held_out.len();
-    Err(NoHostRoom { pictures, size, splats: options.splats, needed, shared, total, fits }.into())
+    let shared = engine.device().unified.then_some(device.peak);
+    match total() {
+        Some(total) => Ok(host.check(shared, total)?),
+        None => Ok(()),
+    }
 }
 
 /// What is trained, and in how much memory.
@@ -102,11 +122,6 @@ fn describe(listed: &Listed, host: &HostMemory, device: &TrainingMemory) {
     );
 }
 
-/// `count` in the ratio of two sizes, rounded down.
-fn scaled(count: u32, room: u64, taken: u64) -> u32 {
-    (u128::from(count) * u128::from(room) / u128::from(taken.max(1))) as u32
-}
-
 /// The host's memory, if it is known: that of the machine, or of the container.
 fn total() -> Option<u64> {
     let memory = MemoryRefreshKind::nothing().with_ram();
@@ -114,4 +129,43 @@ fn total() -> Option<u64> {
     let container = system.cgroup_limits().map(|limits| limits.total_memory);
     let machine = Some(system.total_memory());
     [container, machine].into_iter().flatten().filter(|total| *total > 0).min()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HOST: HostMemory = HostMemory {
+        count: 1_000,
+        size: [400, 200],
+        splats: 50_000,
+        by_pictures: 4_000_000,
+        by_splats: 5_000_000,
+        rest: 1_000_000,
+    };
+
+    #[test]
+    fn what_the_host_has_no_room_for_is_refused_with_what_would_fit() {
+        assert!(HOST.check(None, 10_000_000).is_ok());
+        for (shared, total, named) in [
+            (None, 9_999_999, "about 49999 splats would fit"),
+            (None, 7_000_000, "about 20000 splats would fit"),
+            (
+                Some(5_000_000),
+                10_000_000,
+                "which the device shares, and it has 10 MB; about 25000 splats",
+            ),
+            (None, 4_000_000, "take fewer pictures"),
+        ] {
+            let error = HOST.check(shared, total).unwrap_err().to_string();
+            assert!(error.contains(named), "{error}");
+            assert!(error.starts_with("1000 pictures of 400×200 and 50000 splats take"), "{error}");
+        }
+        let many = HostMemory { by_pictures: 400_000_000, ..HOST };
+        let error = many.check(None, 106_000_000).unwrap_err().to_string();
+        assert!(
+            error.contains("take 406 MB") && error.contains("pictures 200 pixels wide"),
+            "{error}"
+        );
+    }
 }

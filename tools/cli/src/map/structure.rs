@@ -53,11 +53,6 @@ enum MatchingArg {
 }
 
 impl StructureArgs {
-    /// The folder of pictures, if one was given.
-    pub fn folder(&self) -> Option<&Path> {
-        self.unposed.as_deref()
-    }
-
     /// Finds the poses, if a folder of pictures was given. COLMAP works beside `out`.
     pub fn find(&self, out: &Path, masks: Option<&Path>) -> anyhow::Result<Option<PosedPictures>> {
         let Some(pictures) = &self.unposed else { return Ok(None) };

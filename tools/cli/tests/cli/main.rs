@@ -11,6 +11,9 @@ mod encode;
 mod inputs;
 mod key_frames;
 mod map;
+mod map_hard;
+#[cfg(unix)]
+mod map_structure;
 mod recovery;
 mod refusals;
 mod render;
