@@ -20,17 +20,17 @@ pub struct StructureArgs {
     #[arg(value_name = "PICTURES", id = "unposed")]
     unposed: Option<PathBuf>,
     /// COLMAP's camera model [default: OPENCV]
-    #[arg(long, value_name = "MODEL", requires = "unposed", value_parser = MODELS)]
+    #[arg(long, value_name = "MODEL", conflicts_with = "cameras", value_parser = MODELS)]
     camera_model: Option<String>,
     /// Which pictures share intrinsics [default: one, that is, all]
-    #[arg(long, value_name = "WHICH", requires = "unposed")]
+    #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
     lenses: Option<LensesArg>,
     /// Which pairs of pictures are compared: all, those near each other by name (the order of time), or `auto`: all of
     /// up to 250 pictures, else those near each other [default: auto]
-    #[arg(long, value_name = "WHICH", requires = "unposed")]
+    #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
     matching: Option<MatchingArg>,
     /// A vocabulary tree of COLMAP's: with it, sequential matching also finds places seen before
-    #[arg(long, value_name = "FILE", requires = "unposed")]
+    #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
     vocabulary: Option<PathBuf>,
 }
 

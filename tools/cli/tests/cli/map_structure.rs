@@ -229,7 +229,7 @@ fn wrong_pictures_are_named_before_colmap_runs() {
         (format!("{MAP} --cameras cameras.json"), 2, "--cameras"),
         (MAP.replace("images ", ""), 2, "--cameras"),
         (format!("{MAP} --split dive"), 2, "--split"),
-        ("map --cameras cameras.json --out a.ply --lenses one".to_owned(), 2, "PICTURES"),
+        ("map --cameras cameras.json --out a.ply --lenses one".to_owned(), 2, "--lenses"),
         (format!("{MAP} --camera-model FOV"), 2, "FOV"),
         (format!("{MAP} --vocabulary none.bin"), 1, "none.bin"),
         (MAP.replace("images", "none"), 1, "none"),
