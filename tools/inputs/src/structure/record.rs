@@ -8,6 +8,9 @@ use nvsprior::prior::replace_file;
 
 use super::StructureError;
 
+/// The locked file of a work folder.
+pub const LOCK: &str = "lock";
+
 /// A step that was begun.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Begun {
@@ -40,16 +43,16 @@ pub enum Standing {
 }
 
 impl Record {
-    /// Reads the record of a folder; an empty one if the folder is empty.
+    /// Reads the record of a folder; an empty one if the folder holds nothing but a lock.
     pub fn open(folder: &Path) -> Result<Record, StructureError> {
         let path = place(folder);
         let foreign = || StructureError::Foreign { path: folder.to_path_buf() };
         match std::fs::read(&path) {
             Ok(bytes) => serde_json::from_slice(&bytes).map_err(|_| foreign()),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                let mut entries =
-                    std::fs::read_dir(folder).map_err(StructureError::file(folder))?;
-                if entries.next().is_some() { Err(foreign()) } else { Ok(Record::default()) }
+                let entries = std::fs::read_dir(folder).map_err(StructureError::file(folder))?;
+                let only_lock = entries.flatten().all(|entry| entry.file_name() == LOCK);
+                if only_lock { Ok(Record::default()) } else { Err(foreign()) }
             }
             Err(error) => Err(StructureError::File { path, error }),
         }
@@ -115,6 +118,8 @@ mod tests {
     #[test]
     fn records_come_back_and_foreign_folders_are_refused() {
         let folder = tempfile::tempdir().unwrap();
+        assert_eq!(Record::open(folder.path()).unwrap(), Record::default());
+        std::fs::write(folder.path().join(LOCK), "").unwrap();
         assert_eq!(Record::open(folder.path()).unwrap(), Record::default());
         let mut record = Record { pictures: "3 pictures".into(), ..Record::default() };
         record.begin(0, &["a".into()]);

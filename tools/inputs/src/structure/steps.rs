@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::pictures::Listed;
 use super::program::{Place, Program, registered, share};
-use super::record::{Record, Standing};
+use super::record::{LOCK, Record, Standing};
 use super::{Lenses, MOST_EXHAUSTIVE, Matching, Progress, Step, StructureError, StructureOptions};
 
 // Names in the work folder.
@@ -41,11 +41,9 @@ impl Workplace {
     pub fn open(folder: &Path) -> Result<Workplace, StructureError> {
         std::fs::create_dir_all(folder).map_err(StructureError::file(folder))?;
         let folder = std::path::absolute(folder).map_err(StructureError::file(folder))?;
-        let mut record = Record::open(&folder)?;
-        let path = folder.join("lock");
+        Record::open(&folder)?;
+        let path = folder.join(LOCK);
         let failed = StructureError::file(&path);
-        // From here on the folder is known as one of this program.
-        record.write(&folder)?;
         let lock = File::options().create(true).append(true).open(&path).map_err(&failed)?;
         match lock.try_lock() {
             Ok(()) => {}
@@ -53,7 +51,7 @@ impl Workplace {
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }
         // It may have changed before the lock was had.
-        record = Record::open(&folder)?;
+        let record = Record::open(&folder)?;
         Ok(Workplace { folder, lock, record })
     }
 
@@ -101,7 +99,7 @@ impl Workplace {
         Ok(())
     }
 
-    /// Runs a step unless it is done. One that was cut off goes on if COLMAP can, else begins again.
+    /// Runs a step unless it is done. Matching that was cut off goes on; other steps begin again.
     fn step(
         &mut self,
         index: usize,
@@ -139,8 +137,8 @@ impl Workplace {
         Ok(())
     }
 
-    /// Removes what would get in a step's way. COLMAP's database keeps the features and matches that it has, whatever
-    /// cut the step off; its mapper writes its models at the end.
+    /// Removes what would get in a step's way. COLMAP's database keeps the matches that it has, whatever cut the step
+    /// off. Its extractor would give the pictures that are left a camera of their own, and its mapper writes at the end.
     fn prepare(
         &self,
         step: Step,
@@ -150,7 +148,7 @@ impl Workplace {
         self.remove(SPARSE)?;
         self.remove(SPARSE_PART)?;
         match (step, standing) {
-            (Step::Features, Standing::New | Standing::Other) => {
+            (Step::Features, _) => {
                 for ending in ["", "-journal", "-wal", "-shm"] {
                     self.remove(&format!("{DATABASE}{ending}"))?;
                 }
