@@ -22,6 +22,11 @@ pub struct StructureArgs {
     /// COLMAP's camera model [default: OPENCV]
     #[arg(long, value_name = "MODEL", conflicts_with = "cameras", value_parser = MODELS)]
     camera_model: Option<String>,
+    /// The camera model's parameters with commas between, in COLMAP's order (of OPENCV fx,fy,cx,cy,k1,k2,p1,p2), if the
+    /// camera was calibrated; they are kept as they are
+    #[arg(long, value_name = "NUMBERS", conflicts_with = "cameras", requires = "camera_model",
+        value_parser = camera_params)]
+    camera_params: Option<String>,
     /// Which pictures share intrinsics [default: one, that is, all]
     #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
     lenses: Option<LensesArg>,
@@ -37,6 +42,16 @@ pub struct StructureArgs {
 /// Camera models of which pictures can be undistorted.
 const MODELS: [&str; 6] =
     ["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"];
+
+/// Finite numbers with commas between, as COLMAP wants them. It checks that they are as many as the model has.
+fn camera_params(text: &str) -> Result<String, String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|v| v.trim().parse()).collect();
+    let numbers = numbers.map_err(|e| format!("{e}"))?;
+    match numbers.iter().all(|v| v.is_finite()) {
+        true => Ok(numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(",")),
+        false => Err("all numbers must be finite".into()),
+    }
+}
 
 #[derive(Clone, Copy, ValueEnum)]
 enum LensesArg {
@@ -71,6 +86,7 @@ impl StructureArgs {
     fn options(&self, masks: Option<&Path>) -> StructureOptions {
         StructureOptions {
             camera_model: self.camera_model.clone().unwrap_or_else(|| "OPENCV".into()),
+            camera_params: self.camera_params.clone(),
             lenses: match self.lenses {
                 None | Some(LensesArg::One) => Lenses::One,
                 Some(LensesArg::Folder) => Lenses::Folder,

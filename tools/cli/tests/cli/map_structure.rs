@@ -131,10 +131,16 @@ fn what_changes_is_done_again_with_all_that_follows() {
     run(&dive, &format!("{MAP} --matching sequential")).ends_with(0);
     assert_eq!(commands(&dive), ["database_cleaner", "sequential_matcher", "mapper"]);
     std::fs::write(dive.path("bin/options"), NEW_OPTIONS).unwrap();
-    let other = format!("{MAP} --camera-model SIMPLE_RADIAL --lenses picture");
+    let model = "--camera-model SIMPLE_RADIAL --camera-params 130,80,45,0.01";
+    let other = format!("{MAP} {model} --lenses picture");
     run(&dive, &other).ends_with(0);
     let made = calls(&dive);
-    assert!(made[0].contains("SIMPLE_RADIAL --ImageReader.single_camera_per_image 1"), "{made:?}");
+    assert!(
+        made[0].contains("SIMPLE_RADIAL --ImageReader.camera_params 130,80,45,0.01"),
+        "{made:?}"
+    );
+    assert!(made[0].contains("--ImageReader.single_camera_per_image 1"), "{made:?}");
+    assert!(made[2].contains("--Mapper.ba_refine_focal_length 0"), "{made:?}");
     assert!(made[0].contains("--FeatureExtraction.use_gpu 0"), "{made:?}");
     assert!(made[1].contains("--FeatureMatching.use_gpu 0"), "{made:?}");
     std::fs::remove_file(dive.path("images/3.png")).unwrap();
@@ -231,6 +237,8 @@ fn wrong_pictures_are_named_before_colmap_runs() {
         (format!("{MAP} --split dive"), 2, "--split"),
         ("map --cameras cameras.json --out a.ply --lenses one".to_owned(), 2, "--lenses"),
         (format!("{MAP} --camera-model FOV"), 2, "FOV"),
+        (format!("{MAP} --camera-params 1,2,3,4"), 2, "--camera-model"),
+        (format!("{MAP} --camera-model PINHOLE --camera-params 1,x,3,4"), 2, "--camera-params"),
         (format!("{MAP} --vocabulary none.bin"), 1, "none.bin"),
         (MAP.replace("images", "none"), 1, "none"),
         (MAP.replace("images", "bin"), 1, "no pictures"),
@@ -276,6 +284,7 @@ fn colmap_finds_the_poses_of_the_demos_mapping_run() {
     assert!(Prior::open(&dive.path("m1.ply"), &Default::default()).is_ok());
     let options = StructureOptions {
         camera_model: "OPENCV".into(),
+        camera_params: None,
         lenses: Lenses::One,
         matching: Matching::Auto,
         vocabulary: None,

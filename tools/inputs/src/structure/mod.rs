@@ -48,6 +48,8 @@ pub const MOST_EXHAUSTIVE: usize = 250;
 pub struct StructureOptions {
     /// COLMAP's name of the camera model.
     pub camera_model: String,
+    /// The model's parameters in COLMAP's order, if the camera was calibrated; they are kept.
+    pub camera_params: Option<String>,
     /// Which pictures share intrinsics.
     pub lenses: Lenses,
     /// Which pairs of pictures are compared.

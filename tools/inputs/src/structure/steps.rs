@@ -8,6 +8,10 @@ use super::program::{Place, Program, registered, share};
 use super::record::{LOCK, Record, Standing};
 use super::{Lenses, MOST_EXHAUSTIVE, Matching, Progress, Step, StructureError, StructureOptions};
 
+// What keeps the mapper from changing a lens that is known.
+const KEPT_LENS: [&str; 4] =
+    ["--Mapper.ba_refine_focal_length", "0", "--Mapper.ba_refine_extra_params", "0"];
+
 // Names in the work folder.
 const DATABASE: &str = "database.db";
 const LIST: &str = "pictures.txt";
@@ -84,7 +88,7 @@ impl Workplace {
         self.step(0, Step::Features, program, &features, watch)?;
         let matches = matches(program, listed, options)?;
         self.step(1, Step::Matches, program, &matches, watch)?;
-        let mapper = mapper(listed);
+        let mapper = mapper(listed, options);
         self.step(2, Step::Mapper, program, &mapper, watch)
     }
 
@@ -228,6 +232,9 @@ fn features(
     let mut arguments = words(&[COMMAND, "--database_path", DATABASE, "--image_path", &folder]);
     arguments.extend(words(&["--image_list_path", LIST]));
     arguments.extend(words(&["--ImageReader.camera_model", &options.camera_model]));
+    if let Some(params) = &options.camera_params {
+        arguments.extend(words(&["--ImageReader.camera_params", params]));
+    }
     let sharing = match options.lenses {
         Lenses::One => "--ImageReader.single_camera",
         Lenses::Folder => "--ImageReader.single_camera_per_folder",
@@ -274,12 +281,15 @@ fn matches(
     Ok(arguments)
 }
 
-fn mapper(listed: &Listed) -> Vec<String> {
+fn mapper(listed: &Listed, options: &StructureOptions) -> Vec<String> {
     let folder = listed.folder.to_string_lossy();
     let mut arguments = words(&["mapper", "--database_path", DATABASE, "--image_path", &folder]);
     arguments.extend(words(&["--output_path", SPARSE_PART]));
     if listed.width <= SMALL {
         arguments.extend(words(&SMALL_MAPPER));
+    }
+    if options.camera_params.is_some() {
+        arguments.extend(words(&KEPT_LENS));
     }
     arguments
 }
