@@ -3,13 +3,13 @@
 
 use nvsprior_kernels::modules;
 
-use crate::vulkan::{Code, Device, DeviceKind, Error, Kernel};
+use crate::vulkan::{Code, Device, DeviceInfo, DeviceKind, Error, Kernel};
 
 /// Logarithm, base 2, of the number of workgroups that share a pass over `splats` splats; at least 2. A CPU needs a few
 /// workgroups per core; each further one costs a row of counters. A GPU needs many. No workgroup should have more than
 /// some thousand splats: llvmpipe ends loops after 65,535 rounds.
-pub(crate) fn log_blocks(device: &Device, splats: u32) -> u32 {
-    let least = if device.info().kind == DeviceKind::Cpu { 4 } else { 7 };
+pub(crate) fn log_blocks(device: &DeviceInfo, splats: u32) -> u32 {
+    let least = if device.kind == DeviceKind::Cpu { 4 } else { 7 };
     (splats / 4096).max(1).ilog2().clamp(least, 8)
 }
 

@@ -122,7 +122,7 @@ impl LevelBuffers {
         let most = |count: fn(&Level) -> usize| levels.iter().map(count).max().unwrap_or(0);
         let pixels = most(|level| level.camera.pixels());
         let tiles = most(|level| (level.params.tiles_x * level.params.tiles_y) as usize);
-        let log_sort_blocks = kernels::log_blocks(device, splats.count);
+        let log_sort_blocks = kernels::log_blocks(device.info(), splats.count);
         let log_bin_blocks = binning::log_blocks(log_sort_blocks, tiles as u32);
         for Level { params, .. } in &mut levels {
             params.sort_blocks = 1 << log_sort_blocks;

@@ -60,7 +60,7 @@ impl Probe<'_> {
         let counters = Counters { largest_key: largest.unwrap_or(0), ..Counters::default() };
         let counters = Buffer::from_slice(device, "counters", &[counters])?;
         let order = own("order", keys.len())?;
-        let log_blocks = super::kernels::log_blocks(device, count);
+        let log_blocks = super::kernels::log_blocks(device.info(), count);
         let groups =
             Groups { sort_blocks: [1 << log_blocks, 1, 1], one: [1, 1, 1], ..Groups::NONE };
         let sort = Sort {
@@ -84,7 +84,7 @@ impl Probe<'_> {
 
     /// Logarithm, base 2, of the number of workgroups that share a sort of `keys` keys.
     pub fn log_blocks(&self, keys: u32) -> u32 {
-        super::kernels::log_blocks(self.device, keys)
+        super::kernels::log_blocks(self.device.info(), keys)
     }
 
     /// Stage `bin_scan` alone, on blocks × tiles counts of one band.

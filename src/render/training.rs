@@ -3,6 +3,8 @@
 //! What to train on, how fast, and when splats move elsewhere is the caller's: see `nvsprior map`. Sums run in a
 //! fixed order, so the same input gives the same splats on one device, byte for byte.
 
+mod memory;
+
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -25,6 +27,10 @@ use super::stages::{Channels, Stages};
 use super::workspace::Workspace;
 
 pub use crate::training::{FADING, Training};
+pub use memory::{Fits, NoRoom, Shortage, TrainingMemory};
+
+/// Tiles that a splat shows in, on average: there is room for so many from the start, if they are not very many.
+const PAIRS_PER_SPLAT: u32 = 8;
 
 /// What is trained.
 #[derive(Clone, Debug)]
@@ -198,6 +204,11 @@ impl Grown {
     }
 }
 
+/// Pairs that there is room for from the start.
+fn first_pairs(splats: u32) -> u32 {
+    splats.saturating_mul(PAIRS_PER_SPLAT).clamp(1 << 14, 1 << 21)
+}
+
 /// A little to spare.
 fn with_room(count: u32) -> u32 {
     count.saturating_add(count / 4)
@@ -224,7 +235,7 @@ impl Trainer {
         let [width, height] = plan.size;
         let camera = Camera { width, height, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 };
         let levels = LevelBuffers::new(device, &splats, &camera, &[1])?;
-        let pairs = plan.splats.saturating_mul(8).clamp(1 << 14, 1 << 21);
+        let pairs = first_pairs(plan.splats);
         let mut trainer = Trainer {
             device: device.clone(),
             kernels: kernels.clone(),

@@ -39,7 +39,7 @@ impl Workspace {
         let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
         let limit = device.info().storage_range;
         let room_for = |of, each: u64| Error::with_room_for(limit / each - 1, of);
-        let log_blocks = kernels::log_blocks(device, count);
+        let log_blocks = kernels::log_blocks(device.info(), count);
         let between = || {
             let keys = own("keys half sorted", splats)?;
             Ok::<_, Error>([keys, own("splats half sorted", splats)?])

@@ -80,6 +80,10 @@ pub struct DeviceInfo {
     pub shared_memory: u32,
     /// Largest storage buffer, bytes.
     pub storage_range: u64,
+    /// Largest piece of memory that the device gives at once, bytes.
+    pub allocation: u64,
+    /// Its largest heap of device memory, bytes.
+    pub heap: u64,
     /// `maxComputeWorkGroupCount`, first component.
     pub workgroups: u32,
     /// Whether host and device share one memory, so that nothing needs staging.
@@ -425,14 +429,20 @@ impl Instance {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
+        let mut allocation = vk::PhysicalDeviceMaintenance3Properties::default();
         let mut properties = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut subgroup)
+            .push_next(&mut allocation)
             .push_next(&mut floats)
             .push_next(&mut driver);
         // SAFETY: the chained structures live through the call.
         unsafe { self.instance.get_physical_device_properties2(device, &mut properties) };
         // SAFETY: a plain query.
         let features = unsafe { self.instance.get_physical_device_features(device) };
+        // SAFETY: as above.
+        let memory = unsafe { self.instance.get_physical_device_memory_properties(device) };
+        let local = |heap: &&vk::MemoryHeap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
+        let heaps = memory.memory_heaps_as_slice().iter().filter(local).map(|heap| heap.size);
         let p = properties.properties;
         let kind = DeviceKind::of(p.device_type);
         let text = |s: Result<&CStr, _>| s.unwrap_or(c"?").to_string_lossy().into_owned();
@@ -450,6 +460,8 @@ impl Instance {
             int64: features.shader_int64 == vk::TRUE,
             shared_memory: p.limits.max_compute_shared_memory_size,
             storage_range: u64::from(p.limits.max_storage_buffer_range),
+            allocation: allocation.max_memory_allocation_size,
+            heap: heaps.max().unwrap_or(0),
             workgroups: p.limits.max_compute_work_group_count[0],
             unified: matches!(kind, DeviceKind::IntegratedGpu | DeviceKind::Cpu),
             rounding_control: floats.shader_rounding_mode_rte_float32 == vk::TRUE,

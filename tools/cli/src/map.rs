@@ -2,17 +2,19 @@
 
 mod course;
 mod inputs;
+mod memory;
 mod report;
+mod saved;
+mod structure;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
 use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::replace_file;
 use nvsprior::{Camera, Engine, Prior};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
-use nvsprior_train::mapper::{MapOptions, Mapper, read_state, write_state};
+use nvsprior_train::mapper::{MapOptions, Mapper};
 
 use crate::container::Container;
 use crate::key_frames;
@@ -20,14 +22,19 @@ use crate::picture_renderer::PictureRenderer;
 use course::{Budget, Course};
 use inputs::{InputArgs, MapInputs};
 use report::Report;
+use saved::Saved;
+use structure::StructureArgs;
 
 /// Train a prior from posed pictures
 ///
 /// 3D Gaussian Splatting on any Vulkan device, by the renderer that will draw the prior: the splats of a fixed budget
 /// move to where pictures need them (3DGS-MCMC). Progress shows PSNR on pictures that are held out. The state is saved
 /// now and then beside the prior (OUT.training): the same command with --resume goes on from there, to the same prior.
+/// For pictures without poses (PICTURES in place of --cameras), COLMAP is run first.
 #[derive(clap::Args)]
 pub struct Args {
+    #[command(flatten)]
+    structure: StructureArgs,
     #[command(flatten)]
     inputs: InputArgs,
     /// Most splats
@@ -120,22 +127,24 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let container = Container::of(&args.out, Quantisation::default())?;
     let options = args.options();
     options.render.check()?;
-    check_out(&args.out)?;
+    saved::check_out(&args.out)?;
     if let Some(folder) = &args.report {
-        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+        saved::check_report(folder)?;
     }
+    args.inputs.check()?;
     let engine = args.device.open()?;
     let preprocessing = args.inputs.preprocessing();
-    let MapInputs { train, held_out, points } = args.inputs.read()?;
+    let found = args.structure.find(&args.out, args.inputs.masks())?;
+    let listed = args.inputs.list(found)?;
+    memory::check(&engine, &listed, &options)?;
+    let MapInputs { train, held_out, points } = args.inputs.read(listed)?;
     let fingerprint = inputs::fingerprint(&train, &points, &options, &args.budget());
-    let held = held_out.len();
     let mut mapper = Mapper::new(&engine, train, &points, &options)?;
-    describe(&engine, &mapper, held, points.len());
-    let saved = saved_path(&args.out);
+    let saved = Saved::beside(&args.out, fingerprint);
     if args.resume {
-        resume(&mut mapper, &saved, fingerprint)?;
+        saved.resume(&mut mapper)?;
     }
-    let save = |mapper: &Mapper| save(mapper, &saved, fingerprint);
+    let save = |mapper: &Mapper| saved.save(mapper);
     let mut report = Report::new(args.report.as_deref(), held_out);
     let save_every = Duration::from_secs(args.save_every.into());
     Course { budget: args.budget(), save: &save, save_every }.run(&mut mapper, &mut report)?;
@@ -145,59 +154,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let key_frames = key_frames::of_run(&splats, options.render.near, &views)?;
     let bytes = container.write(&splats, &options.render, &key_frames, None, &preprocessing)?;
     replace_file(&args.out, &bytes)?;
+    // A prior is there: what was saved on the way to it is not needed any more.
+    saved.remove()?;
     let prior = Prior::open(&args.out, &Default::default())?;
     let forward = forward_seconds(&engine, &prior, &mapper)?;
     report.finish(&mut mapper, prior.len(), forward)?;
     println!("{}: {} splats, {} bytes", args.out.display(), prior.len(), bytes.len());
-    // A prior is there: what was saved on the way to it is not needed any more.
-    if saved.exists() {
-        std::fs::remove_file(&saved).with_context(|| format!("removing {}", saved.display()))?;
-    }
     args.device.check(&engine)
-}
-
-/// Says what is trained, and in how much memory.
-fn describe(engine: &Engine, mapper: &Mapper, held_out: usize, points: usize) {
-    let Camera { width, height, .. } = mapper.views()[0].camera;
-    let (views, used) = (mapper.views().len(), engine.memory().used / 1_000_000);
-    eprintln!(
-        "{views} pictures of {width}×{height}, {held_out} held out, {points} points; {used} MB of device memory, more if \
-         the pictures need it"
-    );
-}
-
-/// Finds out before hours of work whether the prior can be written.
-fn check_out(out: &Path) -> anyhow::Result<()> {
-    let probe = saved_path(out).with_extension("probe");
-    std::fs::write(&probe, b"")
-        .and_then(|()| std::fs::remove_file(&probe))
-        .with_context(|| format!("writing beside {}", out.display()))
-}
-
-/// Where a training's state is saved.
-fn saved_path(out: &Path) -> PathBuf {
-    let mut name = out.file_name().unwrap_or_default().to_owned();
-    name.push(".training");
-    out.with_file_name(name)
-}
-
-fn resume(mapper: &mut Mapper, saved: &Path, fingerprint: u32) -> anyhow::Result<()> {
-    if !saved.exists() {
-        eprintln!("{}: not there; training starts anew", saved.display());
-        return Ok(());
-    }
-    let named = || format!("{}", saved.display());
-    let bytes = std::fs::read(saved).with_context(named)?;
-    let state = read_state(&bytes, fingerprint)
-        .with_context(named)
-        .context("going on from it (without --resume training starts anew)")?;
-    mapper.resume(&state)?;
-    eprintln!("{}: goes on from step {}", saved.display(), mapper.steps());
-    Ok(())
-}
-
-fn save(mapper: &Mapper, to: &Path, fingerprint: u32) -> anyhow::Result<()> {
-    Ok(replace_file(to, &write_state(&mapper.state()?, fingerprint))?)
 }
 
 /// Seconds of a forward render of the prior, the median of some.

@@ -8,4 +8,5 @@ pub mod input;
 pub mod lens;
 pub mod points;
 pub mod posed;
+pub mod structure;
 pub mod values;

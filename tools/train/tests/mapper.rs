@@ -4,6 +4,8 @@
 mod common;
 
 use nvsprior::render::Plan;
+use nvsprior::render::training::{Fits, Shortage};
+use nvsprior::vulkan::DeviceInfo;
 use nvsprior::{Engine, Picture, Pose};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{
@@ -199,5 +201,79 @@ fn poor_pictures_give_a_finite_prior() {
         let state = mapper.state().unwrap();
         assert!(state.training.parameters.iter().all(|v| v.is_finite()));
         assert!(!mapper.splats().unwrap().positions.is_empty());
+    }
+}
+
+/// What is stated beforehand is what the device then holds.
+#[test]
+fn memory_is_known_before_it_is_taken() {
+    // An engine of its own: nothing else takes memory of it.
+    let engine = Engine::new(&Default::default()).unwrap();
+    let (views, points) = scene(&engine);
+    for splats in [500, 30_000] {
+        let options = MapOptions { splats, ..options() };
+        let plan = options.plan([72, 52], Default::default());
+        let stated = plan.memory(engine.device()).unwrap();
+        let before = engine.memory().used;
+        let mut mapper = Mapper::new(&engine, views.clone(), &points, &options).unwrap();
+        // The copy of a state is there only while it is copied.
+        let copy = 4 * u64::from(splats) * u64::from(nvsprior_kernels::training::planes(1));
+        let taken = engine.memory().used - before + copy;
+        let off = taken.abs_diff(stated.start) as f64 / taken as f64;
+        assert!(off < 0.05, "{splats} splats: stated {}, taken {taken}", stated.start);
+        train(&mut mapper, 30);
+        let most = engine.memory().used - before + copy;
+        assert!(
+            most <= stated.peak + stated.peak / 20,
+            "{splats} splats: {stated:?}, taken {most}"
+        );
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused_with_what_would() {
+    let engine = common::engine();
+    let (views, points) = scene(&engine);
+    let large = MapOptions { splats: 16_000_000, sh_degree: 3, ..options() };
+    let [small, wide] = [[72, 52], [4096, 4096]];
+    let plan = |splats, size| MapOptions { splats, ..large.clone() }.plan(size, Default::default());
+    let own = engine.device();
+    let refused = |splats, size, device: &DeviceInfo| {
+        plan(splats, size).memory(device).map(|_| ()).unwrap_err()
+    };
+    let fitting = |device: &DeviceInfo| {
+        let error = refused(large.splats, small, device);
+        let Fits::Splats(most) = error.fits else { panic!("{error}") };
+        assert!(plan(most, small).memory(device).is_ok(), "{error}");
+        assert_eq!(refused(most + 1, small, device).fits, Fits::Splats(most));
+        assert!(error.to_string().contains(&format!("{most} splats")), "{error}");
+        error.shortage
+    };
+    // A device that has room for all, with one limit.
+    let limited = |limit: &dyn Fn(&mut DeviceInfo)| {
+        let mut device = own.clone();
+        (device.storage_range, device.allocation, device.heap) = (u64::MAX, u64::MAX, u64::MAX);
+        limit(&mut device);
+        device
+    };
+    assert!(plan(large.splats, small).memory(&limited(&|_| ())).is_ok());
+    let device = limited(&|device| device.storage_range = 1 << 27);
+    assert!(matches!(fitting(&device), Shortage::Buffer { limit: 0x800_0000, .. }));
+    let device = limited(&|device| device.allocation = 1 << 30);
+    assert!(matches!(fitting(&device), Shortage::Buffer { limit: 0x4000_0000, .. }));
+    let device = limited(&|device| device.heap = 2_000_000_000);
+    assert!(matches!(fitting(&device), Shortage::Heap { heap: 2_000_000_000, .. }));
+    let device = limited(&|device| device.workgroups = 32_767);
+    assert!(matches!(fitting(&device), Shortage::Workgroups { limit: 32_767, .. }));
+    // Fewer splats do not help if pictures are too large.
+    let device = limited(&|device| device.storage_range = 1 << 20);
+    let error = refused(500, wide, &device);
+    let Fits::Width(width) = error.fits else { panic!("{error}") };
+    assert!(plan(500, [width; 2]).memory(&device).is_ok());
+    assert!(plan(500, [width + 1; 2]).memory(&device).is_err());
+    // The mapper refuses it before it takes memory.
+    if plan(large.splats, small).memory(own).is_err() {
+        let error = Mapper::new(&engine, views, &points, &large).map(|_| ()).unwrap_err();
+        assert!(matches!(error, MapError::NoRoom(_)), "{error}");
     }
 }

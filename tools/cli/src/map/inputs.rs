@@ -1,13 +1,13 @@
 //! What a prior is trained on.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use nvsprior::Camera;
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
 use nvsprior_inputs::args::{SizeArgs, progress};
-use nvsprior_inputs::points::Point;
-use nvsprior_inputs::posed::{PosedInput, PosedOptions, posed_pictures};
+use nvsprior_inputs::points::{Point, read_points};
+use nvsprior_inputs::posed::{PosedInput, PosedOptions, PosedPictures, posed_pictures};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{ColouredPoint, MapOptions};
 use rayon::prelude::*;
@@ -18,13 +18,21 @@ use super::course::Budget;
 #[derive(clap::Args)]
 pub struct InputArgs {
     /// cameras.json, nerfstudio's transforms.json, or the folder of a COLMAP model
-    #[arg(long, value_name = "PATH")]
-    cameras: PathBuf,
+    #[arg(
+        long,
+        value_name = "PATH",
+        required_unless_present = "unposed",
+        conflicts_with = "unposed"
+    )]
+    cameras: Option<PathBuf>,
     /// Folder that the pictures' names start from [default: as the camera file lies, or COLMAP's images/]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "unposed")]
     pictures: Option<PathBuf>,
+    /// Folder of masks, PNGs named as the pictures are: white is what counts [default: those that the camera file names]
+    #[arg(long, value_name = "DIR")]
+    masks: Option<PathBuf>,
     /// Train on this split alone; the camera file's other splits are held out
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", conflicts_with = "unposed")]
     split: Option<String>,
     /// If no other split is there to be held out: hold out every N-th picture; 0 holds out none
     #[arg(long, value_name = "N", default_value_t = 8)]
@@ -69,6 +77,27 @@ pub struct MapInputs {
     pub points: Vec<ColouredPoint>,
 }
 
+/// What is there to train on, before its pictures are read.
+pub struct Listed {
+    /// To train on; at least one.
+    pub train: Vec<PosedInput>,
+    /// To measure by, each with the name of its split.
+    pub held_out: Vec<(String, PosedInput)>,
+    /// To start from; possibly none.
+    pub points: Vec<ColouredPoint>,
+    /// The camera of the first picture, of the size that all are brought to.
+    pub size: Camera,
+}
+
+impl Listed {
+    /// Pixels of the largest picture as it was taken.
+    pub fn largest(&self) -> u64 {
+        let held_out = self.held_out.iter().map(|(_, input)| input);
+        let all = self.train.iter().chain(held_out).map(|input| input.lens.intrinsics());
+        all.map(|lens| u64::from(lens.width) * u64::from(lens.height)).max().unwrap_or(0)
+    }
+}
+
 /// The pictures of a camera file.
 struct Divided {
     train: Vec<PosedInput>,
@@ -89,17 +118,49 @@ impl InputArgs {
         Preprocessing { white_balance, clahe: self.clahe }
     }
 
-    /// Reads pictures and points, and treats the pictures.
-    pub fn read(&self) -> anyhow::Result<MapInputs> {
-        let options = PosedOptions {
-            pictures: self.pictures.clone(),
-            points: self.points.clone(),
-            ..PosedOptions::default()
+    /// The folder of masks, if one was given.
+    pub fn masks(&self) -> Option<&Path> {
+        self.masks.as_deref()
+    }
+
+    /// Finds out before hours of work whether points and masks that were given are there.
+    pub fn check(&self) -> anyhow::Result<()> {
+        if let Some(masks) = self.masks.as_deref().filter(|masks| !masks.is_dir()) {
+            anyhow::bail!("{}: no folder of masks", masks.display());
+        }
+        self.points.as_deref().map(read_points).transpose()?;
+        Ok(())
+    }
+
+    /// Finds pictures and poses, unless they were found already, and reads points.
+    pub fn list(&self, found: Option<PosedPictures>) -> anyhow::Result<Listed> {
+        let listed = match (found, &self.cameras) {
+            (Some(found), _) => {
+                let given = self.points.as_deref().map(read_points).transpose()?;
+                PosedPictures { points: given.or(found.points), ..found }
+            }
+            (None, Some(cameras)) => posed_pictures(cameras, &self.posed_options())?,
+            (None, None) => anyhow::bail!("neither pictures nor --cameras"),
         };
-        let listed = posed_pictures(&self.cameras, &options)?;
+        let points = listed.points.unwrap_or_default();
         let Divided { train, held_out } = self.divide(listed.inputs)?;
         let size =
             train.first().map(|input| self.camera(input)).context("no picture to train on")?;
+        Ok(Listed { train, held_out, points: points.iter().map(coloured).collect(), size })
+    }
+
+    fn posed_options(&self) -> PosedOptions {
+        PosedOptions {
+            pictures: self.pictures.clone(),
+            points: self.points.clone(),
+            masks: self.masks.clone(),
+            ..PosedOptions::default()
+        }
+    }
+
+    /// Reads the pictures.
+    pub fn read(&self, listed: Listed) -> anyhow::Result<MapInputs> {
+        let Listed { train, held_out, points, size } = listed;
         let bar = progress(train.len() + held_out.len(), "pictures");
         let preprocessing = self.preprocessing();
         let read = |input: &PosedInput| -> anyhow::Result<PosedPicture> {
@@ -119,7 +180,6 @@ impl InputArgs {
         let held_out = held_out.collect::<anyhow::Result<_>>()?;
         let train = train.par_iter().map(read).collect::<anyhow::Result<_>>()?;
         bar.finish_and_clear();
-        let points = listed.points.unwrap_or_default().iter().map(coloured).collect();
         Ok(MapInputs { train, held_out, points })
     }
 
@@ -134,7 +194,8 @@ impl InputArgs {
         let of_split = |input: &PosedInput| input.split.as_ref() == Some(split);
         let (train, others): (Vec<_>, Vec<_>) = inputs.into_iter().partition(of_split);
         if train.is_empty() {
-            anyhow::bail!("{}: no picture of split \"{split}\"", self.cameras.display());
+            let cameras = self.cameras.as_deref().unwrap_or(Path::new("")).display();
+            anyhow::bail!("{cameras}: no picture of split \"{split}\"");
         }
         if others.is_empty() {
             return Ok(self.every(train));

@@ -82,8 +82,15 @@ impl Report {
         eprintln!("step {step}, {:.0} s, {splats} splats: {}", point.seconds, shown.join(", "));
         self.points.push(point);
         let Some(folder) = self.folder.clone() else { return Ok(()) };
-        self.write_curve(&folder)?;
-        self.write_preview(&folder.join("preview.png"), mapper)
+        let written = self
+            .write_curve(&folder)
+            .and_then(|()| self.write_preview(&folder.join("preview.png"), mapper));
+        if let Err(error) = written {
+            // Hours of training are not given up for a full disk.
+            let place = folder.display();
+            eprintln!("warning: {place}: {error:#}; the report of step {step} is not written");
+        }
+        Ok(())
     }
 
     /// Means over each split.

@@ -12,6 +12,9 @@ mod inputs;
 mod key_frames;
 mod link;
 mod map;
+mod map_hard;
+#[cfg(unix)]
+mod map_structure;
 mod preprocessing;
 mod recovery;
 mod refusals;

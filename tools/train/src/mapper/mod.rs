@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use nvsprior::prior::{PriorError, RenderOptions, Splats};
 use nvsprior::random::Random;
 use nvsprior::render::training::{
-    Trainer, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
+    NoRoom, Trainer, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
 };
 use nvsprior::vulkan::{Error as DeviceError, StageTime};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior};
@@ -73,6 +73,21 @@ impl Default for MapOptions {
     }
 }
 
+impl MapOptions {
+    /// What the device trains, on pictures of this size. Positions are relative to `centre`.
+    pub fn plan(&self, size: [u32; 2], centre: DVec3) -> TrainingPlan {
+        TrainingPlan {
+            size,
+            options: self.render,
+            sh_degree: self.sh_degree,
+            splats: self.splats,
+            centre,
+            ssim: self.schedule.ssim > 0.0,
+            profiled: self.profiled,
+        }
+    }
+}
+
 /// Why no prior was made.
 #[derive(Debug, thiserror::Error)]
 pub enum MapError {
@@ -114,6 +129,9 @@ pub enum MapError {
     /// The splats are none that can be drawn.
     #[error(transparent)]
     Splats(#[from] PriorError),
+    /// The device has no room for it.
+    #[error(transparent)]
+    NoRoom(#[from] NoRoom),
     /// The device failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
@@ -172,15 +190,8 @@ impl Mapper {
         check(&views, options)?;
         let (centre, extent) = volume(&views);
         let camera = views[0].camera;
-        let plan = TrainingPlan {
-            size: [camera.width, camera.height],
-            options: options.render,
-            sh_degree: options.sh_degree,
-            splats: options.splats,
-            centre,
-            ssim: options.schedule.ssim > 0.0,
-            profiled: options.profiled,
-        };
+        let plan = options.plan([camera.width, camera.height], centre);
+        plan.memory(engine.device())?;
         let mut trainer = engine.trainer(&plan)?;
         let (parameters, alive) = start(&views, points, options, centre, extent);
         let zero = vec![0.0; parameters.len()];

@@ -1,0 +1,338 @@
+//! `nvsprior map PICTURES`: a stand-in for COLMAP, and COLMAP itself if it is asked for.
+
+use std::collections::HashMap;
+use std::os::unix::fs::PermissionsExt;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use glam::{DQuat, DVec3};
+use nvsprior::{Pose, Prior};
+use nvsprior_basin::{Conditions, mapping_run};
+use nvsprior_inputs::structure::{DEPTH, Lenses, Matching, Progress, StructureOptions, find_poses};
+
+use crate::dive::{Dive, Run, save};
+use crate::scene::pose;
+
+const MAP: &str = "map images --out a.ply --splats 300 --iterations 20 --held-out 0";
+
+/// Stands for `colmap`, in the folder `bin` of the dive. It notes each call in `calls`, writes the model of the folder
+/// `model`, and fails, waits or makes nothing if a file says so.
+const STAND_IN: &str = r#"#!/bin/sh
+case "$1 $2" in
+  "help ") echo "COLMAP 9.9 -- a stand-in"; exit 0;;
+  *" -h") cat "$(dirname "$0")/options"; exit 0;;
+esac
+echo "$*" >> ../calls
+echo "Processed file [1/4]"
+echo "  Name: 0.png"
+if [ -f ../wait-$1 ]; then echo $$ > ../pid; exec sleep 100; fi
+if [ -f ../fail-$1 ]; then echo "E0101 something broke" >&2; exit 3; fi
+case "$1" in
+  feature_extractor) cat pictures.txt > database.db;;
+  mapper)
+    [ -f ../nothing ] && exit 1
+    mkdir -p sparse.part/0 sparse.part/1
+    cp ../model/* sparse.part/1/
+    cp ../model/cameras.txt ../model/points3D.txt sparse.part/0/
+    head -n 2 ../model/images.txt > sparse.part/0/images.txt;;
+esac
+"#;
+
+const OLD_OPTIONS: &str = "--SiftExtraction.use_gpu arg (=1)\n--SiftMatching.use_gpu arg (=1)\n";
+const NEW_OPTIONS: &str = "--FeatureExtraction.use_gpu arg\n--FeatureMatching.use_gpu arg\n";
+
+/// A dive with the stand-in. Its model has three of the four pictures, in a unit of its own.
+fn dive() -> Dive {
+    let dive = Dive::new();
+    for folder in ["bin", "model"] {
+        std::fs::create_dir(dive.path(folder)).unwrap();
+    }
+    let program = dive.path("bin/colmap");
+    std::fs::write(&program, STAND_IN).unwrap();
+    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+    std::fs::write(dive.path("bin/options"), OLD_OPTIONS).unwrap();
+    let images: String = (0..3).map(|t| image(t, &pose(t as f64))).collect();
+    let points: String = (0..40).map(point).collect();
+    std::fs::write(dive.path("model/cameras.txt"), "1 PINHOLE 160 90 130 130 80 45\n").unwrap();
+    std::fs::write(dive.path("model/images.txt"), images).unwrap();
+    std::fs::write(dive.path("model/points3D.txt"), points).unwrap();
+    dive
+}
+
+/// The unit of the stand-in's model, in those of the dive.
+const UNIT: f64 = 0.01;
+
+fn image(t: usize, pose: &Pose) -> String {
+    let ([w, x, y, z], t3) = (pose.wxyz(), pose.translation * UNIT);
+    format!("{} {w} {x} {y} {z} {} {} {} 1 {t}.png\n\n", t + 1, t3.x, t3.y, t3.z)
+}
+
+fn point(i: usize) -> String {
+    let (x, y) = ((i % 8) as f64 * 0.3 - 1.0, (i / 8) as f64 * 0.3 - 0.6);
+    format!("{i} {} {} {} 90 120 150 0.5 1 0 2 0\n", x * UNIT, y * UNIT, 4.0 * UNIT)
+}
+
+fn run(dive: &Dive, args: &str) -> Run {
+    let path = format!("{}:/usr/bin:/bin", dive.path("bin").display());
+    dive.run_with(args, &[("PATH", &path)])
+}
+
+/// The commands that were called since the last look.
+fn calls(dive: &Dive) -> Vec<String> {
+    let path = dive.path("calls");
+    let text = std::fs::read_to_string(&path).unwrap_or_default();
+    let _ = std::fs::remove_file(path);
+    text.lines().map(str::to_owned).collect()
+}
+
+fn commands(dive: &Dive) -> Vec<String> {
+    let first = |call: String| call.split(' ').next().unwrap_or_default().to_owned();
+    calls(dive).into_iter().map(first).collect()
+}
+
+#[test]
+fn poses_are_found_once_and_a_prior_is_trained() {
+    let dive = dive();
+    let found = run(&dive, MAP).ends_with(0).says("poses of 3 of 4 pictures");
+    found.says("no pose was found of 3.png").says("warning: many pictures have no pose");
+    let made = calls(&dive);
+    let options = [
+        ("feature_extractor", "--SiftExtraction.use_gpu 0"),
+        ("feature_extractor", "--ImageReader.camera_model OPENCV --ImageReader.single_camera 1"),
+        ("exhaustive_matcher", "--SiftMatching.use_gpu 0"),
+        ("mapper", "--output_path sparse.part"),
+    ];
+    assert_eq!(made.len(), 3, "{made:?}");
+    for (command, options) in options {
+        let own = made.iter().find(|call| call.starts_with(command)).unwrap();
+        assert!(own.contains(options), "{own}");
+    }
+    let list = std::fs::read_to_string(dive.path("a.ply.colmap/database.db")).unwrap();
+    assert_eq!(list, "0.png\n1.png\n2.png\n3.png\n");
+    let log = std::fs::read_to_string(dive.path("a.ply.colmap/colmap.log")).unwrap();
+    assert!(log.contains("$ colmap mapper") && log.contains("  Name: 0.png"), "{log}");
+    // The prior is in the unit by which the scene's median depth is fixed.
+    let prior = Prior::open(&dive.path("a.ply"), &Default::default()).unwrap();
+    let mut depths: Vec<f32> = prior.splats().positions.iter().map(|p| p[2]).collect();
+    depths.sort_by(f32::total_cmp);
+    let depth = f64::from(depths[depths.len() / 2]);
+    assert!((depth - DEPTH).abs() < 0.2 * DEPTH, "{depth}");
+    // The same again.
+    let first = dive.bytes("a.ply");
+    run(&dive, MAP).ends_with(0).says("finding poses: done before");
+    assert_eq!((dive.bytes("a.ply"), commands(&dive)), (first, Vec::new()));
+}
+
+#[test]
+fn what_changes_is_done_again_with_all_that_follows() {
+    let dive = dive();
+    run(&dive, MAP).ends_with(0);
+    calls(&dive);
+    run(&dive, &format!("{MAP} --matching sequential")).ends_with(0);
+    assert_eq!(commands(&dive), ["database_cleaner", "sequential_matcher", "mapper"]);
+    std::fs::write(dive.path("bin/options"), NEW_OPTIONS).unwrap();
+    let model = "--camera-model SIMPLE_RADIAL --camera-params 130,80,45,0.01";
+    let other = format!("{MAP} {model} --lenses picture");
+    run(&dive, &other).ends_with(0);
+    let made = calls(&dive);
+    assert!(
+        made[0].contains("SIMPLE_RADIAL --ImageReader.camera_params 130,80,45,0.01"),
+        "{made:?}"
+    );
+    assert!(made[0].contains("--ImageReader.single_camera_per_image 1"), "{made:?}");
+    assert!(made[2].contains("--Mapper.ba_refine_focal_length 0"), "{made:?}");
+    assert!(made[0].contains("--FeatureExtraction.use_gpu 0"), "{made:?}");
+    assert!(made[1].contains("--FeatureMatching.use_gpu 0"), "{made:?}");
+    std::fs::remove_file(dive.path("images/3.png")).unwrap();
+    run(&dive, &other).ends_with(0).says("poses of 3 of 3 pictures");
+    assert_eq!(commands(&dive), ["feature_extractor", "exhaustive_matcher", "mapper"]);
+}
+
+#[test]
+fn a_step_that_fails_is_named_and_goes_on_later() {
+    let dive = dive();
+    let steps = ["feature_extractor", "exhaustive_matcher", "mapper"];
+    for step in steps {
+        let fails = dive.path(&format!("fail-{step}"));
+        std::fs::write(&fails, "").unwrap();
+        let failed = run(&dive, MAP).ends_with(1).says(&format!("colmap {step} failed"));
+        failed.says("status: 3").says("something broke").says("a.ply.colmap/colmap.log");
+        assert_eq!(commands(&dive).last().map(String::as_str), Some(step));
+        std::fs::remove_file(fails).unwrap();
+    }
+    std::fs::write(dive.path("nothing"), "").unwrap();
+    run(&dive, MAP).ends_with(1).says("no two pictures to begin with").says("colmap.log");
+    assert_eq!(commands(&dive), ["mapper"]);
+    std::fs::remove_file(dive.path("nothing")).unwrap();
+    run(&dive, MAP).ends_with(0);
+    assert_eq!(commands(&dive), ["mapper"]);
+}
+
+/// A killed run leaves a step half done, and perhaps its COLMAP at work.
+#[test]
+fn a_step_that_was_cut_off_is_not_taken_for_done() {
+    let dive = dive();
+    for step in ["feature_extractor", "exhaustive_matcher", "mapper"] {
+        let waits = dive.path(&format!("wait-{step}"));
+        std::fs::write(&waits, "").unwrap();
+        let mut child = start(&dive);
+        let pid = pid(&dive);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        run(&dive, MAP).ends_with(1).says("a.ply.colmap").says("at work in it");
+        assert!(Command::new("kill").arg(pid).status().unwrap().success());
+        std::fs::remove_file(waits).unwrap();
+        assert_eq!(commands(&dive).last().map(String::as_str), Some(step));
+    }
+    retry(&dive).ends_with(0);
+    assert_eq!(commands(&dive), ["mapper"]);
+}
+
+fn start(dive: &Dive) -> Child {
+    let path = format!("{}:/usr/bin:/bin", dive.path("bin").display());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_nvsprior"));
+    command.args(MAP.split(' ')).env("PATH", path).current_dir(dive.path(""));
+    // The lock of a COLMAP that was killed before goes with it, which may take a moment.
+    command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+/// Runs until the lock of a killed COLMAP is gone.
+fn retry(dive: &Dive) -> Run {
+    loop {
+        let run = run(dive, MAP);
+        if !run.stderr.contains("at work in it") {
+            return run;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// The process that waits in place of a step.
+fn pid(dive: &Dive) -> String {
+    let path = dive.path("pid");
+    loop {
+        let pid = std::fs::read_to_string(&path).unwrap_or_default();
+        if pid.ends_with('\n') {
+            std::fs::remove_file(&path).unwrap();
+            return pid.trim().to_owned();
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn without_colmap_it_says_what_to_install() {
+    let dive = dive();
+    let absent = dive.run_with(MAP, &[("PATH", "")]).ends_with(1);
+    absent.says("apt-get install colmap").says("--cameras");
+    assert!(!dive.path("a.ply.colmap").exists());
+}
+
+#[test]
+fn wrong_pictures_are_named_before_colmap_runs() {
+    let dive = dive();
+    for (args, code, named) in [
+        (format!("{MAP} --cameras cameras.json"), 2, "--cameras"),
+        (MAP.replace("images ", ""), 2, "--cameras"),
+        (format!("{MAP} --split dive"), 2, "--split"),
+        ("map --cameras cameras.json --out a.ply --lenses one".to_owned(), 2, "--lenses"),
+        (format!("{MAP} --camera-model FOV"), 2, "FOV"),
+        (format!("{MAP} --camera-params 1,2,3,4"), 2, "--camera-model"),
+        (format!("{MAP} --camera-model PINHOLE --camera-params 1,x,3,4"), 2, "--camera-params"),
+        (format!("{MAP} --vocabulary none.bin"), 1, "none.bin"),
+        (MAP.replace("images", "none"), 1, "none"),
+        (MAP.replace("images", "bin"), 1, "no pictures"),
+    ] {
+        run(&dive, &args).ends_with(code).says(named);
+    }
+    let whole = dive.bytes("images/2.png");
+    std::fs::write(dive.path("images/2.png"), &whole[..whole.len() / 2]).unwrap();
+    run(&dive, MAP).ends_with(1).says("images/2.png");
+    let small = image::RgbImage::new(80, 45);
+    small.save(dive.path("images/2.png")).unwrap();
+    run(&dive, MAP).ends_with(1).says("2.png: 80×45").says("--lenses folder");
+    std::fs::create_dir(dive.path("one")).unwrap();
+    std::fs::write(dive.path("one/0.png"), dive.bytes("images/0.png")).unwrap();
+    run(&dive, &MAP.replace("images", "one")).ends_with(1).says("one/0.png: the only picture");
+    std::fs::remove_dir_all(dive.path("a.ply.colmap")).unwrap();
+    std::fs::create_dir(dive.path("a.ply.colmap")).unwrap();
+    std::fs::write(dive.path("a.ply.colmap/notes.txt"), "mine").unwrap();
+    small.save(dive.path("one/1.png")).unwrap();
+    run(&dive, MAP).ends_with(1);
+    assert_eq!(commands(&dive), Vec::<String>::new());
+    assert_eq!(dive.bytes("a.ply.colmap/notes.txt"), b"mine");
+    std::fs::remove_file(dive.path("images/2.png")).unwrap();
+    run(&dive, MAP).ends_with(1).says("a.ply.colmap: holds other things");
+    assert_eq!(dive.bytes("a.ply.colmap/notes.txt"), b"mine");
+}
+
+/// COLMAP on the pictures of the demo's mapping run, 84 of 320×180, whose poses are known.
+#[test]
+#[ignore = "needs COLMAP, and takes minutes: cargo test -p nvsprior-cli --test cli -- --ignored --nocapture colmap"]
+fn colmap_finds_the_poses_of_the_demos_mapping_run() {
+    let dive = Dive::new();
+    let pictures = dive.path("m1");
+    std::fs::create_dir(&pictures).unwrap();
+    let mut known = HashMap::new();
+    for frame in mapping_run(Conditions::BASIN) {
+        save(&frame.picture, &pictures.join(&frame.name));
+        known.insert(frame.name, frame.pose);
+    }
+    let map = "map m1 --out m1.ply --splats 4000 --iterations 300";
+    let said = dive.run(map).ends_with(0).stderr;
+    println!("{said}");
+    assert!(Prior::open(&dive.path("m1.ply"), &Default::default()).is_ok());
+    let options = StructureOptions {
+        camera_model: "OPENCV".into(),
+        camera_params: None,
+        lenses: Lenses::One,
+        matching: Matching::Auto,
+        vocabulary: None,
+        masks: None,
+    };
+    let found = find_poses(&pictures, &dive.path("m1.ply.colmap"), &options, &mut |progress| {
+        assert!(matches!(progress, Progress::WasDone(_)), "{progress:?}");
+    });
+    let inputs = found.unwrap().posed.inputs;
+    let pairs = inputs.iter().map(|input| (input.pose, known[&input.name]));
+    let pairs: Vec<(Pose, Pose)> = pairs.collect();
+    let mut errors = errors(&pairs);
+    errors.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (place, _) = errors[errors.len() / 2];
+    errors.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let (_, angle) = errors[errors.len() / 2];
+    let worst = errors.iter().map(|error| error.0).fold(0.0, f64::max);
+    println!(
+        "{} of 84 pictures; median error {place:.4} units and {angle:.3}°, at most {worst:.4} units",
+        pairs.len()
+    );
+    assert!(pairs.len() >= 50, "{} pictures", pairs.len());
+    assert!(place < 0.05 && angle < 0.5, "{place} units, {angle}°");
+}
+
+/// Distance (in the known unit) and angle (degrees) of found poses from known ones, after the similarity that brings the
+/// found ones nearest.
+fn errors(pairs: &[(Pose, Pose)]) -> Vec<(f64, f64)> {
+    let count = pairs.len() as f64;
+    // World of the found poses to that of the known ones: the mean of what each camera says.
+    let turns = pairs.iter().map(|(found, known)| known.rotation.conjugate() * found.rotation);
+    let first = pairs[0].1.rotation.conjugate() * pairs[0].0.rotation;
+    let sum = turns.fold(DQuat::from_array([0.0; 4]), |sum, turn| {
+        if turn.dot(first) < 0.0 { sum - turn } else { sum + turn }
+    });
+    let turn = sum.normalize();
+    let mean = |centre: fn(&(Pose, Pose)) -> DVec3| pairs.iter().map(centre).sum::<DVec3>() / count;
+    let means = [mean(|pair| pair.0.centre()), mean(|pair| pair.1.centre())];
+    let moved = |pair: &(Pose, Pose)| turn * (pair.0.centre() - means[0]);
+    let aside = |pair: &(Pose, Pose)| pair.1.centre() - means[1];
+    let [along, square] = pairs.iter().fold([0.0; 2], |[a, s], pair| {
+        [a + moved(pair).dot(aside(pair)), s + moved(pair).length_squared()]
+    });
+    let scale = along / square;
+    let error = |pair: &(Pose, Pose)| {
+        let place = (moved(pair) * scale).distance(aside(pair));
+        let found = pair.0.rotation * turn.conjugate();
+        (place, found.angle_between(pair.1.rotation).to_degrees())
+    };
+    pairs.iter().map(error).collect()
+}

@@ -1,0 +1,204 @@
+//! The program `colmap`: what it can do, and a run of one of its commands.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+
+use super::StructureError;
+
+const NAME: &str = "colmap";
+/// Lines of the output that an error shows.
+const LAST: usize = 6;
+
+/// COLMAP as it is installed.
+pub struct Program {
+    /// The first line of its help: its version.
+    pub version: String,
+}
+
+/// How a command ended that did not end well.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ended(ExitStatus);
+
+impl std::fmt::Display for Ended {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "failed ({})", self.0)
+    }
+}
+
+impl Ended {
+    /// Its exit code, unless a signal ended it.
+    pub fn code(self) -> Option<i32> {
+        self.0.code()
+    }
+}
+
+/// Where a command runs.
+pub struct Place<'a> {
+    /// Its working folder.
+    pub folder: &'a Path,
+    /// What it says is added here.
+    pub log: &'a Path,
+    /// A locked file: the lock holds until the command has ended, also if this program ends before.
+    pub lock: &'a File,
+}
+
+impl Program {
+    /// Finds it on the PATH.
+    pub fn find() -> Result<Program, StructureError> {
+        let help = text(&["help"])?;
+        Ok(Program { version: help.lines().next().unwrap_or_default().trim().to_owned() })
+    }
+
+    /// The options of a command.
+    pub fn options(&self, command: &str) -> Result<Options, StructureError> {
+        Ok(Options { help: text(&[command, "-h"])? })
+    }
+
+    /// Runs a command to its end. `line` is told each line of its output.
+    pub fn run(
+        &self,
+        arguments: &[String],
+        place: &Place,
+        mut line: impl FnMut(&str),
+    ) -> Result<(), StructureError> {
+        let failed = StructureError::file(place.log);
+        let mut log = File::options().create(true).append(true).open(place.log).map_err(&failed)?;
+        writeln!(log, "\n$ {NAME} {}    # {}", arguments.join(" "), self.version)
+            .map_err(&failed)?;
+        let (output, writer) = std::io::pipe().map_err(&failed)?;
+        let mut command = quiet(arguments);
+        command.current_dir(place.folder);
+        command.stdin(place.lock.try_clone().map_err(&failed)?);
+        command.stdout(writer.try_clone().map_err(&failed)?).stderr(writer);
+        let mut child = Running(command.spawn().map_err(StructureError::file(Path::new(NAME)))?);
+        // The pipe ends when the child's is the last end.
+        drop(command);
+        let mut last = VecDeque::new();
+        let mut lines = BufReader::new(output);
+        let mut bytes = Vec::new();
+        while lines.read_until(b'\n', &mut bytes).map_err(&failed)? > 0 {
+            log.write_all(&bytes).map_err(&failed)?;
+            let said = String::from_utf8_lossy(&bytes);
+            line(&said);
+            remember(&mut last, said.trim());
+            bytes.clear();
+        }
+        let status = child.0.wait().map_err(&failed)?;
+        if status.success() {
+            return Ok(());
+        }
+        let last = last.into_iter().collect::<Vec<_>>().join(" / ");
+        let (command, log) = (arguments[0].clone(), place.log.to_path_buf());
+        Err(StructureError::Step { command, ended: Ended(status), last, log })
+    }
+}
+
+/// Keeps the last lines that say something.
+fn remember(last: &mut VecDeque<String>, line: &str) {
+    if line.chars().any(char::is_alphanumeric) {
+        last.push_back(line.to_owned());
+        if last.len() > LAST {
+            last.pop_front();
+        }
+    }
+}
+
+/// A command without a window.
+fn quiet<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Command {
+    let mut command = Command::new(NAME);
+    command.args(arguments).env("QT_QPA_PLATFORM", "offscreen");
+    command
+}
+
+/// All that a short command says.
+fn text(arguments: &[&str]) -> Result<String, StructureError> {
+    let output = quiet(arguments).stdin(Stdio::null()).output();
+    let output = output.map_err(|error| match error.kind() {
+        ErrorKind::NotFound => StructureError::NotInstalled,
+        _ => StructureError::File { path: NAME.into(), error },
+    })?;
+    let all = [output.stdout, output.stderr].concat();
+    Ok(String::from_utf8_lossy(&all).into_owned())
+}
+
+/// A child that does not outlive this run of it.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Both fail if it has ended, which is as well.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The options that a command knows.
+pub struct Options {
+    help: String,
+}
+
+impl Options {
+    /// The option's present name, of those that it had.
+    pub fn known(&self, names: &[&'static str]) -> Option<&'static str> {
+        let words = || self.help.split_whitespace();
+        names.iter().copied().find(|name| words().any(|word| word == *name))
+    }
+}
+
+/// The share that a line of output says is done: `Processed file [3/84]`, `Matching block [1/2, 2/2]`.
+pub fn share(line: &str) -> Option<f64> {
+    let (_, rest) = line.split_once('[')?;
+    let (inner, _) = rest.split_once(']')?;
+    let (mut done, mut all) = (0.0, 1.0);
+    for part in inner.split(',') {
+        let (at, of) = part.split_once('/')?;
+        let (at, of): (u32, u32) = (at.trim().parse().ok()?, of.trim().parse().ok()?);
+        if at == 0 || at > of {
+            return None;
+        }
+        done = done * f64::from(of) + f64::from(at - 1);
+        all *= f64::from(of);
+    }
+    Some((done + 1.0) / all)
+}
+
+/// The number of pictures that have a pose, of a line as `Registering image #12 (13)`.
+pub fn registered(line: &str) -> Option<usize> {
+    let (_, rest) = line.split_once("Registering image #")?;
+    let (_, count) = rest.split_once('(')?;
+    count.split_once(')')?.0.trim().parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_say_how_much_is_done() {
+        for (line, expected) in [
+            ("Processed file [21/84]\n", Some(0.25)),
+            ("I20260101 11:22:33.4 7 feature_extraction.cc:254] Processed file [1/4]", Some(0.25)),
+            ("Matching block [1/2, 1/2] in 75.564s", Some(0.25)),
+            ("Matching block [2/2, 2/2]", Some(1.0)),
+            ("Processing image [3/4]", Some(0.75)),
+            ("Matching block [0/0]", None),
+            ("Matching [", None),
+            ("=> Registered [x/3]", None),
+        ] {
+            assert_eq!(share(line), expected, "{line}");
+        }
+        assert_eq!(registered("Registering image #24 (13)\n"), Some(13));
+        assert_eq!(registered("Registering image #24\n"), None);
+    }
+
+    #[test]
+    fn options_go_by_their_whole_names() {
+        let options = Options { help: "  --SiftExtraction.use_gpu arg (=1)\n".into() };
+        let names = ["--FeatureExtraction.use_gpu", "--SiftExtraction.use_gpu"];
+        assert_eq!(options.known(&names), Some("--SiftExtraction.use_gpu"));
+        assert_eq!(options.known(&["--SiftExtraction.use"]), None);
+    }
+}
