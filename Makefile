@@ -31,8 +31,8 @@ demo:
 demo-prior:
 	@scripts/setup.sh run
 	cargo run --release --bin nvsprior -- demo --mapping-run --out target/demo-prior
-	cargo run --release --bin nvsprior -- map --cameras target/demo-prior/M1/cameras.json --held-out 0 \
-		--splats 60000 --out tools/basin/prior.nvsg --report target/demo-prior/report
+	cargo run --release --bin nvsprior -- map --cameras target/demo-prior/M1/cameras.json --splats 60000 \
+		--out tools/basin/prior.nvsg --report target/demo-prior/report
 
 test:
 	@scripts/setup.sh run test

@@ -2,6 +2,7 @@
 
 mod table;
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
@@ -17,7 +18,7 @@ use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
 use crate::sheet::{self, SheetRow};
 use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Run};
 use nvsprior_inputs::args::{DeviceArgs, progress};
-use nvsprior_inputs::frame_file;
+use nvsprior_inputs::{frame_file, values};
 use table::{Table, TableRow};
 
 /// Run the whole job on a scene that the program draws itself
@@ -31,14 +32,14 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
     /// Frames of each inspection run, three per second
-    #[arg(long, value_name = "N", default_value_t = 8)]
-    frames: usize,
+    #[arg(long, value_name = "N", default_value = "5")]
+    frames: NonZeroUsize,
     /// Quality of the difference pictures, 0 to 100
     #[arg(long, value_name = "Q", default_value_t = 20.0)]
     quality: f32,
     /// Also draws this many views from random places of the basin, to test the search for lost
     /// cameras (`nvsprior bench --lost`)
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = values::count)]
     views: usize,
     /// Only draws the mapping run M1, that the prior was trained from
     #[arg(long)]
@@ -53,8 +54,7 @@ const THRESHOLD: f64 = 1e-2;
 const FIRST_OFFSET: [f64; 6] = [0.08, -0.06, 0.10, 0.035, -0.044, 0.026];
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    anyhow::ensure!(args.frames > 0, "--frames must be at least 1");
-    std::fs::create_dir_all(&args.out).with_context(|| format!("making {}", args.out.display()))?;
+    values::make_folder("--out", &args.out)?;
     if args.mapping_run {
         return draw_mapping_run(&args.out.join("M1"));
     }
@@ -64,7 +64,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let scene = engine.upload(&prior)?;
     let mut tables = String::new();
     for (run, name) in [(Run::T1, "T1"), (Run::T2, "T2")] {
-        let frames = draw_run(&args.out.join(name), run, name, args.frames)?;
+        let frames = draw_run(&args.out.join(name), run, name, args.frames.get())?;
         let dive = Dive { args, name, engine: &engine, scene: &scene, prior: &prior_file };
         let table = dive.table(&frames)?;
         println!("\n{table}");

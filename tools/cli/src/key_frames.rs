@@ -82,6 +82,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = Prior::from_bytes(&bytes, &name, &Default::default())?;
     let tables = coder_tables::open_beside(&args.prior)?;
     kind.check(&out, &prior, tables.as_ref()).with_context(|| out.display().to_string())?;
+    values::check_file("--out", &out)?;
     let views = args.cameras.as_deref().map(|file| Views::of(args, file, &prior)).transpose()?;
     let seeds = views.as_ref().map_or(&[][..], |views| views.thinned.key_frames.poses());
     let covering = KeyFrames::covering(prior.splats(), seeds, args.cover as usize)?;

@@ -97,6 +97,9 @@ fn share(text: &str) -> Result<f32, String> {
     }
 }
 
+/// Steps of a compact prior's quantisation, as multiples of the usual ones: they cost 0.5 % more bytes per packet than
+/// none, in a file of a fifth of the .ply's size. The usual ones cost 7 %.
+const FINENESS: f32 = 0.25;
 /// Steps if neither their number nor a time is given.
 const ITERATIONS: u32 = 8_000;
 
@@ -124,7 +127,7 @@ impl Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let container = Container::of(&args.out, Quantisation::default())?;
+    let container = Container::of(&args.out, Quantisation::default().scaled(FINENESS))?;
     let options = args.options();
     options.render.check()?;
     saved::check_out(&args.out)?;

@@ -10,6 +10,7 @@ use nvsprior::residual::wavelet::Tables;
 use nvsprior::{Encoder, EncoderOptions, Prior};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::input::{Input, InputArgs};
+use nvsprior_inputs::values;
 use nvsprior_train::coder_tables::{Pair, TableOptions, train_tables};
 
 /// Train coder tables for a prior's scene on the frames of its mapping run
@@ -61,6 +62,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let bytes = std::fs::read(path).with_context(|| name.clone())?;
     let prior = Prior::from_bytes(&bytes, &name, &args.prior.overrides.overrides())?;
     kind.check(&out, &prior).with_context(|| out.display().to_string())?;
+    values::check_file("--out", &out)?;
     let run = MappingRun::of(args, &prior)?;
     let tables = train(&run.learned, args.rounds as usize);
     let content = kind.content(&bytes, &tables)?;

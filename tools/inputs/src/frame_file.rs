@@ -1,8 +1,10 @@
 //! Pictures on disk, and what is known of them from outside.
 
 use std::collections::HashMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use image::ImageFormat;
 use image::imageops::FilterType;
 use nvsprior::{Hint, Known, Picture, Pose};
 
@@ -12,6 +14,8 @@ use nvsprior::{Hint, Known, Picture, Pose};
 pub enum FrameFileError {
     #[error("{}: {error}", path.display())]
     Image { path: PathBuf, error: image::ImageError },
+    #[error("{}: not a picture of a kind that is read here: PNG, JPEG, WebP", path.display())]
+    NoPicture { path: PathBuf },
     #[error("{}: {error}", path.display())]
     Csv { path: PathBuf, error: csv::Error },
     #[error("{}: {}×{} is of another shape than the camera's {}×{}; resizing would distort it",
@@ -44,6 +48,21 @@ pub fn read_frame(path: &Path, width: u32, height: u32) -> Result<Picture, Frame
     Ok(Picture { width, height, data: picture.into_raw() })
 }
 
+/// Finds out whether a file is there and begins as a picture does; it is not read.
+pub fn check_picture(path: &Path) -> Result<(), FrameFileError> {
+    let failed = |error: std::io::Error| FrameFileError::Image {
+        path: path.to_path_buf(),
+        error: error.into(),
+    };
+    let mut start = [0; 16];
+    let read = std::fs::File::open(path).and_then(|mut file| file.read(&mut start));
+    let start = &start[..read.map_err(failed)?];
+    match image::guess_format(start) {
+        Ok(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP) => Ok(()),
+        _ => Err(FrameFileError::NoPicture { path: path.to_path_buf() }),
+    }
+}
+
 /// Reads a PNG, JPEG or WebP, told by its content.
 pub(crate) fn open_image(path: &Path) -> Result<image::DynamicImage, FrameFileError> {
     let failed = |error| FrameFileError::Image { path: path.to_path_buf(), error };
@@ -61,7 +80,7 @@ pub(crate) fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
 /// Writes a PNG.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FrameFileError> {
     let Picture { width, height, data } = picture;
-    let format = image::ImageFormat::Png;
+    let format = ImageFormat::Png;
     image::save_buffer_with_format(path, data, *width, *height, image::ColorType::Rgb8, format)
         .map_err(|error| FrameFileError::Image { path: path.to_path_buf(), error })
 }
@@ -165,7 +184,10 @@ mod tests {
         let grey = image::GrayImage::from_pixel(3, 3, image::Luma([7]));
         grey.save(&path).unwrap();
         assert_eq!(read_frame(&path, 3, 3).unwrap().data, vec![7; 27]);
+        check_picture(&path).unwrap();
         std::fs::write(&path, b"no picture").unwrap();
+        assert!(matches!(check_picture(&path), Err(FrameFileError::NoPicture { .. })));
+        assert!(check_picture(&folder.path().join("none.png")).is_err());
         assert!(read_frame(&path, 3, 3).unwrap_err().to_string().contains("a.png"));
     }
 

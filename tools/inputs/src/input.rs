@@ -82,6 +82,7 @@ impl InputArgs {
         let input = |(index, view): (usize, &View)| {
             let camera = self.size.reduced(&view.camera);
             camera.check().with_context(|| format!("{}: {}", self.cameras.display(), view.name))?;
+            frame_file::check_picture(&view.file)?;
             Ok(Input {
                 path: view.file.clone(),
                 file: view.name.clone(),

@@ -22,10 +22,9 @@ mod units;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::Context as _;
-
 use case::{Bench, Group, Row, Section};
 use nvsprior_inputs::args::{DeviceArgs, progress};
+use nvsprior_inputs::values;
 
 /// All groups, in the order of the report. To add one, add a file beside these and a line here.
 const GROUPS: &[Group] = &[
@@ -71,6 +70,9 @@ pub struct Args {
 /// Runs the cases, prints, and writes the report.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let groups = chosen(&args.group)?;
+    if let Some(folder) = &args.report {
+        values::make_folder("--report", folder)?;
+    }
     let bench = Bench {
         engine: args.device.open()?,
         quick: args.quick,
@@ -80,7 +82,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let sections: Vec<Section> = groups.into_iter().map(|group| section(group, &bench)).collect();
     if let Some(folder) = &args.report {
-        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         report::write(folder, &bench, &sections)?;
     }
     args.device.check(&bench.engine)?;
