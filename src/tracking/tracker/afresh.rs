@@ -159,7 +159,7 @@ impl Tracker {
     /// Searches from the poses that phase correlation proposes for a start. They may be wrong if a picture is small,
     /// flat, or of another scene, and the minimum of a coarse level may lie elsewhere. The outcome is never worse than
     /// the start.
-    fn search_cold(
+    pub(super) fn search_cold(
         &mut self,
         frame: &Picture,
         start: &Pose,

@@ -160,7 +160,7 @@ impl Tracker {
         let schedule = self.options.gauss_newton.warm;
         let mut warm = if self.masked { self.follow_masked()? } else { None };
         if warm.is_none()
-            && let Some(found) = self.follow(&schedule)?
+            && let Some(found) = self.follow(frame, &schedule)?
         {
             let found = self.judged(found)?;
             warm = Some(self.with_masks(found, MOSTLY)?);
@@ -194,9 +194,9 @@ impl Tracker {
     }
 
     /// Searches from the frames before, beginning at the level that was enough for the last one. If
-    /// the error comes out worse, searches again from the coarsest level. `None` if there are no
-    /// frames before.
-    fn follow(&mut self, schedule: &Schedule) -> Result<Option<Found>, Error> {
+    /// the error comes out worse, searches again from the coarsest level, or, if it began there, from
+    /// the poses that phase correlation proposes. `None` if there are no frames before.
+    fn follow(&mut self, frame: &Picture, schedule: &Schedule) -> Result<Option<Found>, Error> {
         let Some((pose, start)) = self.starts.near() else { return Ok(None) };
         let coarsest = schedule.first_level.max(schedule.far_level);
         let first = match start {
@@ -218,6 +218,11 @@ impl Tracker {
         if worse && first < coarsest {
             self.level = coarsest;
             found = found.or_last(Found { start, ..self.from(&[pose], &at(coarsest))? });
+        } else if worse {
+            // A new object may draw the search away from the scene.
+            let cold = self.options.gauss_newton.cold;
+            let proposed = self.search_cold(frame, &pose, &cold, schedule)?;
+            found = found.or_last(Found { start, ..proposed });
         }
         Ok(Some(found))
     }

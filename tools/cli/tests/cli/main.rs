@@ -6,6 +6,7 @@ mod codecs;
 #[path = "../../../../tests/common/mod.rs"]
 mod common;
 mod decode;
+mod demo_prior;
 mod dive;
 mod encode;
 mod inputs;
