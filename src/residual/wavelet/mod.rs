@@ -1,10 +1,10 @@
 //! The wavelet coder: a coder of difference pictures that knows the render.
 //!
-//! The difference between camera picture and render is rotated to three planes ([`colour`]), divided into bands by a
-//! 9/7 wavelet of up to six levels ([`lifting`]), quantised with one step for all bands of unit norm ([`step`]), and
-//! coded from coarse to fine ([`pass`]) by a binary range coder ([`range_coder`]). A small network ([`network`])
+//! The difference between camera picture and render is rotated to three planes (`colour`), divided into bands by a
+//! 9/7 wavelet of up to six levels (`lifting`), quantised with one step for all bands of unit norm (`step`), and
+//! coded from coarse to fine (`pass`) by a binary range coder (`range_coder`). A small network (`network`)
 //! gives each bit's chance. It looks at coefficients coded before, at the decoded coarser picture, and at the
-//! render's own bands ([`context`]). All of it is integers: encoder and decoder agree on every processor.
+//! render's own bands (`context`). All of it is integers: encoder and decoder agree on every processor.
 
 mod bits;
 mod blocks;
