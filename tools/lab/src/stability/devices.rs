@@ -101,7 +101,7 @@ fn compare(bench: &Bench, prior: &Prior, pose: &Pose) -> anyhow::Result<Done> {
         let device = Some(number.to_string());
         match Engine::new(&DeviceOptions { device, ..DeviceOptions::default() }) {
             Ok(engine) => sides.push(Side::new(engine, prior, &camera, pose)?),
-            Err(Error::NoDevice { .. }) => break,
+            Err(Error::NoDevice { .. } | Error::UnknownDevice { .. }) => break,
             Err(error) => return Err(error.into()),
         }
     }
