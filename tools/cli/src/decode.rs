@@ -40,7 +40,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let packets = packet_files(&args.packets)?;
+    let packets = values::files(&args.packets, "nvsp", "packets")?;
     values::make_folder("--frames", &args.frames)?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
@@ -105,21 +105,6 @@ fn if_foreign(scene: &Scene) -> String {
          --near, --alpha-max and --antialiased must be as with `encode`",
         scene.id()
     )
-}
-
-/// Packets of a folder in the order of their names.
-fn packet_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let reading = || format!("reading {}", folder.display());
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).with_context(reading)? {
-        let path = entry.with_context(reading)?.path();
-        if path.extension().is_some_and(|e| e == "nvsp") {
-            files.push(path);
-        }
-    }
-    files.sort();
-    anyhow::ensure!(!files.is_empty(), "{}: no packets (*.nvsp)", folder.display());
-    Ok(files)
 }
 
 fn decode(decoder: &mut Decoder, path: &Path, args: &Args) -> anyhow::Result<Decoded> {

@@ -56,7 +56,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 fn from_folder(args: &Args, folder: &Path) -> anyhow::Result<Joined> {
     let mut frames = Vec::new();
-    for path in frame_files(folder)? {
+    for path in values::files(folder, "frame", "frames")? {
         frames.push(std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
     }
     let longest = frames.iter().map(Vec::len).max().unwrap_or(0);
@@ -64,21 +64,6 @@ fn from_folder(args: &Args, folder: &Path) -> anyhow::Result<Joined> {
     let mut joined = Joined::new(mtu, &args.out)?;
     frames.iter().try_for_each(|frame| joined.push(frame))?;
     Ok(joined)
-}
-
-/// Frames of a folder in the order of their names.
-fn frame_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let reading = || format!("reading {}", folder.display());
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).with_context(reading)? {
-        let path = entry.with_context(reading)?.path();
-        if path.extension().is_some_and(|ending| ending == "frame") {
-            files.push(path);
-        }
-    }
-    files.sort();
-    anyhow::ensure!(!files.is_empty(), "{}: no frames (*.frame)", folder.display());
-    Ok(files)
 }
 
 fn from_udp(args: &Args, address: &str) -> anyhow::Result<Joined> {

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
+
 /// Wrong usage that shows only after the arguments were parsed. The program exits with 2.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
@@ -84,6 +86,21 @@ pub enum OutputError {
     Folder { option: &'static str, path: PathBuf },
     #[error("{option} {}: cannot be written: {error}", path.display())]
     Write { option: &'static str, path: PathBuf, error: std::io::Error },
+}
+
+/// Files of a folder that end in `.ending`, in the order of their names; at least one. `what`: what they hold.
+pub fn files(folder: &Path, ending: &str, what: &str) -> anyhow::Result<Vec<PathBuf>> {
+    let reading = || format!("reading {}", folder.display());
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).with_context(reading)? {
+        let path = entry.with_context(reading)?.path();
+        if path.extension().is_some_and(|own| own == ending) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    anyhow::ensure!(!files.is_empty(), "{}: no {what} (*.{ending})", folder.display());
+    Ok(files)
 }
 
 /// Makes a folder to write to, with those above it.

@@ -35,7 +35,7 @@ fn depth(inputs: &[PosedInput], points: &[Point]) -> Option<f64> {
     median(inputs.filter_map(|input| median(depths(input, &positions).collect())).collect())
 }
 
-/// Depths of the points that lie in a picture, but for the lens's distortion.
+/// Depths of the points that lie in a picture. The lens's distortion is left out.
 fn depths<'a>(input: &'a PosedInput, points: &'a [DVec3]) -> impl Iterator<Item = f64> + 'a {
     let lens = input.lens.intrinsics();
     points.iter().filter_map(move |point| {

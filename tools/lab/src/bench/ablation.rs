@@ -17,8 +17,6 @@ mod table;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
-use anyhow::Context as _;
-
 use super::context::{Best, Context};
 use super::optimum;
 use judge::{Judge, Verdict};
@@ -88,7 +86,6 @@ pub struct Ablation {
 
 /// Measures, prints and writes it all to a folder.
 pub fn run(args: &AblationArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     let bar = progress(context.shots.len(), "best poses");
     optimum::find(context, || bar.inc(1))?;
     bar.finish_and_clear();

@@ -48,7 +48,6 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
             "{file}: of another size than the first frame; --codecs needs frames of one size"
         );
     }
-    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     let run = found(context)?;
     let wavelet = Own::wavelet(&context.scene, context.engine.device().portable);
     let mut report = Measured::default();

@@ -21,7 +21,6 @@ mod table;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context as _;
 use clap::ValueEnum;
 use nvsprior::Prior;
 
@@ -141,7 +140,6 @@ pub fn run(args: &RecoveryArgs, context: &mut Context, folder: &Path) -> anyhow:
             shot.file
         );
     }
-    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     let foreign = args.foreign.as_deref().filter(|_| args.measures(Measurement::Foreign));
     let foreign = foreign.map(|path| Prior::open(path, &Default::default())).transpose()?;
     let bar = progress(context.shots.len(), "best poses");
