@@ -127,7 +127,7 @@ mod training {
         loss_gradient = loss_gradient(5, 0);
         splat_backward = splat_backward(8, 0), in lockstep: splat_backward_lockstep;
         train_gradient = train_gradient(8, 0);
-        train_step = train_step(8, 0);
+        train_step = train_step(11, 0);
     }
 
     impl TrainingKernels {

@@ -114,13 +114,13 @@ pub struct TrainingState {
 }
 
 /// What the host can ask for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Job {
+#[derive(Clone, Copy)]
+enum Job<'a> {
     /// The picture in 8 bits.
     Picture,
-    /// The gradients alone.
-    Gradients,
-    /// Gradients and a step.
+    /// The gradients alone, into a buffer.
+    Gradients(&'a Buffer),
+    /// A step.
     Step,
 }
 
@@ -131,7 +131,6 @@ struct Fixed {
     parameters: Buffer,
     first: Buffer,
     second: Buffer,
-    gradients: Buffer,
     starts: Buffer,
     maps: Buffer,
     partials: Buffer,
@@ -159,7 +158,25 @@ pub struct Trainer {
     bytes: Bytes,
     fixed: Fixed,
     grown: Grown,
-    recorded: Vec<(Job, Commands)>,
+    recorded: Recorded,
+}
+
+/// What is submitted again and again, once it is recorded.
+#[derive(Default)]
+struct Recorded {
+    picture: Option<Commands>,
+    step: Option<Commands>,
+}
+
+impl Recorded {
+    /// Where a job's commands are kept. Gradients are asked for now and then, for checks.
+    fn of(&mut self, job: Job) -> Option<&mut Option<Commands>> {
+        match job {
+            Job::Picture => Some(&mut self.picture),
+            Job::Step => Some(&mut self.step),
+            Job::Gradients(_) => None,
+        }
+    }
 }
 
 impl Fixed {
@@ -175,7 +192,6 @@ impl Fixed {
             parameters: own("parameters", numbers)?,
             first: own("means of gradients", numbers)?,
             second: own("means of squares", numbers)?,
-            gradients: own("gradients", numbers)?,
             starts: own("first slots", splats)?,
             maps: own("blurred maps", 3 * SSIM_MAPS as usize * pixels)?,
             partials: own("derivatives of SSIM", 3 * SSIM_PARTIALS as usize * pixels)?,
@@ -236,7 +252,7 @@ impl Trainer {
         let camera = Camera { width, height, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 };
         let levels = LevelBuffers::new(device, &splats, &camera, &[1])?;
         let pairs = first_pairs(plan.splats);
-        let mut trainer = Trainer {
+        Ok(Trainer {
             device: device.clone(),
             kernels: kernels.clone(),
             own: TrainingKernels::new(device)?,
@@ -246,10 +262,8 @@ impl Trainer {
             plan: plan.clone(),
             splats,
             levels,
-            recorded: Vec::new(),
-        };
-        trainer.recorded = trainer.record_all(&trainer.grown)?;
-        Ok(trainer)
+            recorded: Recorded::default(),
+        })
     }
 
     /// Sets splats and what is known of their gradients.
@@ -301,8 +315,10 @@ impl Trainer {
         view: &TrainingView,
         training: &Training,
     ) -> Result<Vec<f32>, Error> {
-        self.run(Job::Gradients, view.camera, view.pose, Some(view.frame), training)?;
-        self.read(&self.fixed.gradients)
+        let device = &self.device;
+        let into = Buffer::new::<f32>(device, "gradients", self.plan.numbers(), Memory::Device)?;
+        self.run(Job::Gradients(&into), view.camera, view.pose, Some(view.frame), training)?;
+        self.read(&into)
     }
 
     /// Draws the splats as they are.
@@ -325,8 +341,7 @@ impl Trainer {
 
     /// Device times of the last step's stages; empty unless the plan asked for them.
     pub fn stage_times(&self) -> Result<Vec<StageTime>, Error> {
-        let step = self.recorded.iter().find(|(job, _)| *job == Job::Step);
-        step.map_or(Ok(Vec::new()), |(_, commands)| commands.stage_times())
+        self.recorded.step.as_ref().map_or(Ok(Vec::new()), Commands::stage_times)
     }
 
     /// Runs a job. If there was not room for all, makes room and runs it again: no step was taken.
@@ -347,12 +362,21 @@ impl Trainer {
             let slot_capacity = self.grown.slot_capacity;
             self.fixed.training.write(&[Training { slot_capacity, ..*training }]);
             self.ask(camera, pose);
-            let commands = self.recorded.iter_mut().find(|(recorded, _)| *recorded == job);
-            commands.expect("all jobs are recorded").1.run()?;
+            self.submit(job)?;
             if !self.grow()? {
                 return Ok(());
             }
         }
+    }
+
+    fn submit(&mut self, job: Job) -> Result<(), Error> {
+        let kept = self.recorded.of(job).and_then(Option::take);
+        let mut commands = kept.map_or_else(|| self.record(job), Ok)?;
+        commands.run()?;
+        if let Some(place) = self.recorded.of(job) {
+            *place = Some(commands);
+        }
+        Ok(())
     }
 
     fn ask(&mut self, camera: &Camera, pose: &Pose) {
@@ -384,37 +408,33 @@ impl Trainer {
             if needed > capacity { with_room(needed) } else { capacity }
         };
         let (pairs, slots) = (more(pairs, pair_capacity), more(needed, slot_capacity));
-        let grown = Grown::new(&self.device, &self.splats, pairs, slots)?;
-        self.recorded = self.record_all(&grown)?;
-        self.grown = grown;
+        self.grown = Grown::new(&self.device, &self.splats, pairs, slots)?;
+        self.recorded = Recorded::default();
         Ok(true)
     }
 
-    fn record_all(&self, grown: &Grown) -> Result<Vec<(Job, Commands)>, Error> {
-        let jobs = [Job::Picture, Job::Gradients, Job::Step];
-        jobs.into_iter().map(|job| Ok((job, self.record(grown, job)?))).collect()
-    }
-
-    fn record(&self, grown: &Grown, job: Job) -> Result<Commands, Error> {
+    fn record(&self, job: Job) -> Result<Commands, Error> {
         let timing = if self.plan.profiled { Timing::Stages } else { Timing::None };
         let mut recorder = Recorder::new(&self.device, timing)?;
         let r = &mut recorder;
-        let Trainer { kernels, splats, levels, bytes, fixed, .. } = self;
+        let Trainer { kernels, splats, levels, bytes, fixed, grown, .. } = self;
         let stages = Stages { kernels, splats, levels, work: &grown.work, bytes };
         r.copy(&levels.params_asked, &levels.params)?;
         r.copy(&levels.groups_asked, &levels.groups)?;
         r.fill(&fixed.slot_counters, 0);
         self.activate(r)?;
         stages.picture(r, Channels::Colour, Pass::Evaluation)?;
-        if job == Job::Picture {
+        if let Job::Picture = job {
             stages.quantize_rgb8(r, Pass::Evaluation)?;
         } else {
-            self.slots(r, grown)?;
+            self.slots(r)?;
             self.loss(r)?;
-            self.backward(r, grown)?;
+            self.backward(r)?;
         }
-        if job == Job::Step {
-            self.take_step(r, grown)?;
+        match job {
+            Job::Picture => {}
+            Job::Gradients(into) => self.gradient(r, into)?,
+            Job::Step => self.take_step(r)?,
         }
         r.copy(&fixed.slot_counters, &fixed.slot_counters_read)?;
         r.copy(&grown.work.counters, &grown.work.counters_read)?;
@@ -435,8 +455,8 @@ impl Trainer {
     }
 
     /// A slot per splat and tile.
-    fn slots(&self, r: &mut Recorder, grown: &Grown) -> Result<(), Error> {
-        let Trainer { levels, fixed, .. } = self;
+    fn slots(&self, r: &mut Recorder) -> Result<(), Error> {
+        let Trainer { levels, fixed, grown, .. } = self;
         let Workspace { records, keys, .. } = &grown.work;
         r.fill(&grown.slots, NO_PAIR);
         let (params, starts) = (&levels.params, &fixed.starts);
@@ -464,27 +484,47 @@ impl Trainer {
         r.dispatch(&own.loss_gradient, &buffers, &[], [(width * height).div_ceil(GROUP), 1, 1])
     }
 
-    /// The loss's gradient by each parameter.
-    fn backward(&self, r: &mut Recorder, grown: &Grown) -> Result<(), Error> {
-        let Trainer { levels, fixed, own, .. } = self;
+    /// What each splat does to the loss in each tile.
+    fn backward(&self, r: &mut Recorder) -> Result<(), Error> {
+        let Trainer { levels, fixed, grown, own, .. } = self;
         let Workspace { records, pair_splats, .. } = &grown.work;
         let Params { tiles_x, tiles_y, .. } = levels.sizes[0].params;
-        let Fixed { training, parameters, starts, gradient, gradients, .. } = fixed;
+        let (gradient, starts) = (&fixed.gradient, &fixed.starts);
         let (params, ranges) = (&levels.params, &levels.ranges);
         let (slots, pairs) = (&grown.slots, &grown.pairs);
         let buffers = [params, ranges, pair_splats, records, gradient, starts, slots, pairs];
-        r.dispatch(&own.splat_backward, &buffers, &[], [tiles_x, tiles_y, 1])?;
-        let buffers = [params, training, parameters, records, starts, slots, pairs, gradients];
+        r.dispatch(&own.splat_backward, &buffers, &[], [tiles_x, tiles_y, 1])
+    }
+
+    /// The loss's gradient by each parameter.
+    fn gradient(&self, r: &mut Recorder, into: &Buffer) -> Result<(), Error> {
+        let Trainer { levels, fixed, grown, own, .. } = self;
+        let Fixed { training, parameters, starts, .. } = fixed;
+        let (params, records) = (&levels.params, &grown.work.records);
+        let (slots, pairs) = (&grown.slots, &grown.pairs);
+        let buffers = [params, training, parameters, records, starts, slots, pairs, into];
         r.dispatch(&own.train_gradient, &buffers, &[], self.per_splat())
     }
 
-    /// Adam's step.
-    fn take_step(&self, r: &mut Recorder, grown: &Grown) -> Result<(), Error> {
-        let Trainer { levels, fixed, own, .. } = self;
-        let Fixed { training, slot_counters, gradients, parameters, first, second, .. } = fixed;
-        let (params, counters) = (&levels.params, &grown.work.counters);
-        let buffers =
-            [params, training, counters, slot_counters, gradients, parameters, first, second];
+    /// Adam's step along that gradient.
+    fn take_step(&self, r: &mut Recorder) -> Result<(), Error> {
+        let Trainer { levels, fixed, grown, own, .. } = self;
+        let Fixed { training, slot_counters, starts, parameters, first, second, .. } = fixed;
+        let Workspace { records, counters, .. } = &grown.work;
+        let (params, slots, pairs) = (&levels.params, &grown.slots, &grown.pairs);
+        let buffers = [
+            params,
+            training,
+            counters,
+            slot_counters,
+            records,
+            starts,
+            slots,
+            pairs,
+            parameters,
+            first,
+            second,
+        ];
         r.dispatch(&own.train_step, &buffers, &[], self.per_splat())
     }
 }

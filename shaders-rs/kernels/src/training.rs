@@ -77,8 +77,8 @@ pub struct Training {
     pub ssim: f32,
     /// One over the number of pixels and channels.
     pub per_value: f32,
-    /// Nothing; makes the size a multiple of 8 bytes.
-    pub spare: u32,
+    /// Errors below it count by their squares (Huber's loss); 0 if none does.
+    pub knee: f32,
 }
 
 /// Adam's means fade by these factors per step (Kingma and Ba 2015).

@@ -24,6 +24,7 @@ pub mod splat;
 pub mod splat_backward;
 pub mod splat_exact;
 pub mod splat_flow;
+pub mod splat_gradient;
 pub mod ssim;
 pub mod train_activate;
 pub mod train_gradient;

@@ -1,14 +1,15 @@
-//! Stage `train_step`: one step of all parameters along their gradients (Adam, Kingma and Ba 2015), with the pulls and the
+//! Stage `train_step`: the loss's gradient by all parameters, and one step of them along it (Adam, Kingma and Ba 2015), with the pulls and the
 //! noise of 3DGS-MCMC (Kheradmand et al. 2024). Nothing is done if the pairs or the slots did not fit: the host makes room
 //! and runs the step again.
 
 use crate::memory::{at, at_mut};
 use crate::shared::{Counters, Params, dot};
+use crate::splat_gradient::Gradient;
 use crate::train_activate::Shape;
 use crate::training::{
     FADING, LOG_SCALE, OPACITY, POSITION, ROTATION, SH, SlotCounters, Training,
 };
-use spirv_std::glam::UVec3;
+use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::num_traits::Float;
 use spirv_std::spirv;
 
@@ -19,18 +20,16 @@ const FAINT: f32 = 0.005;
 /// How sharply it tells them apart.
 const SHARPNESS: f32 = 100.0;
 
-/// One step of the parameter at a place, whose gradient is also pulled.
+/// One step of the parameter at a place, along its gradient.
 fn step(
     training: &Training,
     parameters: &mut [f32],
-    gradients: &[f32],
     first: &mut [f32],
     second: &mut [f32],
     place: u32,
     rate: f32,
-    pull: f32,
+    gradient: f32,
 ) {
-    let gradient = at::<f32, _>(gradients, place) + pull;
     let mean = at::<f32, _>(first, place);
     let mean = mean + (1.0 - FADING[0]) * (gradient - mean);
     let square = at::<f32, _>(second, place);
@@ -94,41 +93,50 @@ pub fn train_step(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] training: &Training,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] counters: &Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] slots: &SlotCounters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] gradients: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] parameters: &mut [f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] first: &mut [f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] second: &mut [f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] slot_counters: &SlotCounters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] records: &[Vec4],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] starts: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] slots: &[u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &[f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 8)] parameters: &mut [f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 9)] first: &mut [f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 10)] second: &mut [f32],
 ) {
     let (n, i) = (params.splats, id.x);
     let fits = (counters.pairs_needed <= params.pair_capacity)
-        & (slots.slots <= training.slot_capacity)
-        & (slots.blocks <= training.slot_capacity / 256);
+        & (slot_counters.slots <= training.slot_capacity)
+        & (slot_counters.blocks <= training.slot_capacity / 256);
     if (i >= n) | !fits {
         return;
     }
     let shape = Shape::load(parameters, n, i);
+    let own =
+        Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, i);
     let rates = training.rates;
     let mut k = 0;
     while k < 3 {
+        let (place, by) = ((POSITION + k) * n + i, own.position[k as usize]);
+        step(training, parameters, first, second, place, rates[0], by);
+        let (place, by) = ((LOG_SCALE + k) * n + i, own.log_scale[k as usize]);
         let pull = training.scale_pull * shape.scale[k as usize];
-        step(training, parameters, gradients, first, second, (POSITION + k) * n + i, rates[0], 0.0);
-        let place = (LOG_SCALE + k) * n + i;
-        step(training, parameters, gradients, first, second, place, rates[1], pull);
+        step(training, parameters, first, second, place, rates[1], by + pull);
         k += 1;
     }
     let mut k = 0;
     while k < 4 {
         let place = (ROTATION + k) * n + i;
-        step(training, parameters, gradients, first, second, place, rates[2], 0.0);
+        step(training, parameters, first, second, place, rates[2], own.rotation[k as usize]);
         k += 1;
     }
     let pull = training.opacity_pull * shape.opacity * (1.0 - shape.opacity);
-    step(training, parameters, gradients, first, second, OPACITY * n + i, rates[3], pull);
+    step(training, parameters, first, second, OPACITY * n + i, rates[3], own.opacity + pull);
     let mut k = 0;
-    while k < 3 * training.sh_trained {
-        let rate = if k < 3 { rates[4] } else { rates[5] };
-        step(training, parameters, gradients, first, second, (SH + k) * n + i, rate, 0.0);
+    while k < training.sh_trained {
+        let rate = if k == 0 { rates[4] } else { rates[5] };
+        let (place, b) = ((SH + 3 * k) * n + i, own.basis[k as usize]);
+        step(training, parameters, first, second, place, rate, b * own.colour[0]);
+        step(training, parameters, first, second, place + n, rate, b * own.colour[1]);
+        step(training, parameters, first, second, place + 2 * n, rate, b * own.colour[2]);
         k += 1;
     }
     if training.noise > 0.0 {

@@ -151,7 +151,7 @@ type Size = (&'static str, u64);
 /// The buffers of a training. Those of a few words are left out.
 struct Sizes {
     /// Buffers that stay as they are, and the longest copy of a set of planes from or to the host.
-    fixed: [Size; 18],
+    fixed: [Size; 17],
     /// Workspace by splats: it is made again when pictures need more pairs.
     workspace: [Size; 5],
     /// By (tile, splat) pairs, at first.
@@ -178,7 +178,6 @@ impl Sizes {
                 ("parameters", numbers),
                 ("means of gradients", numbers),
                 ("means of squares", numbers),
-                ("gradients", numbers),
                 ("state", numbers),
                 ("geometry", floats(2 * GEOMETRY_PLANES, splats)),
                 ("spherical harmonics", floats(2 * sh_planes(plan.sh_degree), splats)),

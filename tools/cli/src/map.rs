@@ -51,9 +51,12 @@ pub struct Args {
     /// Train for so long instead
     #[arg(long, value_name = "M", value_parser = minutes)]
     minutes: Option<f64>,
-    /// Share of SSIM in the loss, beside the absolute error
+    /// Share of SSIM in the loss, beside the error of each value
     #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = share)]
     ssim: f32,
+    /// Errors below it, of 1, count by their squares, larger ones as they are (Huber's loss); 0: all as they are
+    #[arg(long, value_name = "ERROR", default_value_t = 0.1, value_parser = share)]
+    knee: f32,
     /// Fit each picture's light, and train on the pictures without it: for lamps and daylight that change
     #[arg(long)]
     exposure: bool,
@@ -115,6 +118,7 @@ impl Args {
             ..MapOptions::default()
         };
         options.schedule.ssim = self.ssim;
+        options.schedule.knee = self.knee;
         options
     }
 

@@ -55,13 +55,21 @@ fn ssim(render: &Plane, frame: &Plane) -> f64 {
     (0..mean_x.len()).map(of).sum::<f64>() / mean_x.len() as f64
 }
 
-/// `(1 − share) |render − frame| + share (1 − SSIM)`, means over pixels and channels; values in [0, 1]
-/// (Kerbl et al. 2023, eq. 7). Pixels that do not count are 0 in both.
+/// Huber's loss (1964): the absolute value less half the knee, below the knee the square over two knees.
+fn huber(difference: f64, knee: f64) -> f64 {
+    let size = difference.abs();
+    if size < knee { size * size / (2.0 * knee) } else { size - knee / 2.0 }
+}
+
+/// `(1 − share) h(render − frame) + share (1 − SSIM)`, means over pixels and channels; values in [0, 1]
+/// (Kerbl et al. 2023, eq. 7, with Huber's loss of this knee in the place of the absolute value). Pixels that do not
+/// count are 0 in both.
 pub fn loss(
     render: &[[f64; 3]],
     frame: &Picture,
     counts: impl Fn(usize) -> bool,
     share: f64,
+    knee: f64,
 ) -> f64 {
     let counted = |(i, value): (usize, f64)| if counts(i) { value } else { 0.0 };
     let channel = |c: usize| {
@@ -69,9 +77,9 @@ pub fn loss(
         let x = Plane::of(frame.width, x.enumerate().map(counted));
         let y = frame.data.iter().skip(c).step_by(3).map(|byte| f64::from(*byte) / 255.0);
         let y = Plane::of(frame.width, y.enumerate().map(counted));
-        let differences = x.values.iter().zip(&y.values).map(|(x, y)| (x - y).abs());
-        let absolute = differences.sum::<f64>() / x.values.len() as f64;
-        (1.0 - share) * absolute + share * (1.0 - ssim(&x, &y))
+        let differences = x.values.iter().zip(&y.values).map(|(x, y)| huber(x - y, knee));
+        let error = differences.sum::<f64>() / x.values.len() as f64;
+        (1.0 - share) * error + share * (1.0 - ssim(&x, &y))
     };
     (0..3).map(channel).sum::<f64>() / 3.0
 }

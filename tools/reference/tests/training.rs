@@ -8,9 +8,9 @@ use glam::DVec3;
 use nvsprior::prior::Splats;
 use nvsprior::random::Random;
 use nvsprior::render::training::{
-    Training, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
+    FADING, Trainer, Training, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
 };
-use nvsprior::{Camera, Picture, Pose, Prior, RenderOptions};
+use nvsprior::{Camera, Engine, Picture, Pose, Prior, RenderOptions};
 use nvsprior_kernels::shared::sh_coefficients;
 use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
 use nvsprior_reference::Twin;
@@ -96,103 +96,171 @@ fn counts(pixel: usize) -> bool {
     !(hidden || pixel.is_multiple_of(97))
 }
 
-fn twin_loss(splats: &Splats, options: &RenderOptions, pose: &Pose, frame: &Picture) -> f64 {
-    let prior = Prior::from_splats(splats.clone(), *options).unwrap();
-    let rendered = Twin::new(&prior).render(&CAMERA, pose);
-    let rgb: Vec<_> = rendered.pixels.iter().map(|[r, g, b, ..]| [*r, *g, *b]).collect();
-    loss(&rgb, frame, counts, SHARE.into())
+/// What is rendered how, and compared with which frame.
+struct Case {
+    splats: Splats,
+    options: RenderOptions,
+    pose: Pose,
+    frame: Picture,
+    knee: f32,
 }
 
-/// Relative errors of a plane's gradients, sorted.
-fn errors(
-    splats: &Splats,
-    options: &RenderOptions,
-    pose: &Pose,
-    frame: &Picture,
-    plane: u32,
-    gradients: &[f32],
-) -> Vec<f64> {
-    let n = splats.positions.len();
-    let least = gradients.iter().map(|g| f64::from(g.abs())).fold(0.0, f64::max) * 1e-3;
-    let of = |i: usize| {
-        let moved = |by: f32| {
-            let mut splats = splats.clone();
-            let value = number(&mut splats, plane, i);
-            *value += by;
-            let value = f64::from(*value);
-            (value, twin_loss(&splats, options, pose, frame))
+impl Case {
+    fn new(kind: Kind, sh_degree: u32, options: RenderOptions, knee: f32) -> Case {
+        let pose = Pose {
+            rotation: glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.05, -0.08, 0.1),
+            translation: DVec3::new(0.05, -0.1, 0.2),
         };
-        let (high, low) = (moved(2e-4), moved(-2e-4));
-        let difference = (high.1 - low.1) / (high.0 - low.0);
-        (f64::from(gradients[i]) - difference).abs() / difference.abs().max(least)
-    };
-    let mut errors: Vec<f64> = (0..n).map(of).collect();
-    errors.sort_by(f64::total_cmp);
-    errors
+        Case { splats: cloud(20, sh_degree, kind), options, pose, frame: frame(), knee }
+    }
+
+    fn twin_loss(&self, splats: &Splats) -> f64 {
+        let prior = Prior::from_splats(splats.clone(), self.options).unwrap();
+        let rendered = Twin::new(&prior).render(&CAMERA, &self.pose);
+        let rgb: Vec<_> = rendered.pixels.iter().map(|[r, g, b, ..]| [*r, *g, *b]).collect();
+        loss(&rgb, &self.frame, counts, SHARE.into(), self.knee.into())
+    }
+
+    /// Relative errors of a plane's gradients, sorted.
+    fn errors(&self, plane: u32, gradients: &[f32]) -> Vec<f64> {
+        let least = gradients.iter().map(|g| f64::from(g.abs())).fold(0.0, f64::max) * 1e-3;
+        let of = |i: usize| {
+            let moved = |by: f32| {
+                let mut splats = self.splats.clone();
+                let value = number(&mut splats, plane, i);
+                *value += by;
+                let value = f64::from(*value);
+                (value, self.twin_loss(&splats))
+            };
+            let (high, low) = (moved(2e-4), moved(-2e-4));
+            let difference = (high.1 - low.1) / (high.0 - low.0);
+            (f64::from(gradients[i]) - difference).abs() / difference.abs().max(least)
+        };
+        let mut errors: Vec<f64> = (0..gradients.len()).map(of).collect();
+        errors.sort_by(f64::total_cmp);
+        errors
+    }
+
+    /// A trainer of the splats as they are.
+    fn trainer(&self, engine: &Engine) -> Trainer {
+        let plan = TrainingPlan {
+            size: [CAMERA.width, CAMERA.height],
+            options: self.options,
+            sh_degree: self.splats.sh_degree,
+            splats: self.splats.positions.len() as u32,
+            centre: DVec3::ZERO,
+            ssim: true,
+            profiled: false,
+        };
+        let mut trainer = engine.trainer(&plan).unwrap();
+        let parameters = planes_of(&self.splats);
+        let zero = vec![0.0; parameters.len()];
+        let (first, second) = (zero.clone(), zero);
+        trainer.set(&TrainingState { parameters, first, second }).unwrap();
+        trainer
+    }
+
+    fn training(&self) -> Training {
+        let coefficients = sh_coefficients(self.splats.sh_degree);
+        Training {
+            sh_coefficients: coefficients,
+            sh_trained: coefficients,
+            ssim: SHARE,
+            knee: self.knee,
+            per_value: 1.0 / (3 * CAMERA.pixels()) as f32,
+            ..Training::default()
+        }
+    }
+
+    fn counted(&self) -> TrainingFrame {
+        let rgb = |pixel: usize| {
+            let own = &self.frame.data[3 * pixel..3 * pixel + 3];
+            counts(pixel).then(|| [0, 1, 2].map(|c| f32::from(own[c]) / 255.0))
+        };
+        TrainingFrame::from_fn(CAMERA.pixels(), rgb)
+    }
 }
 
 /// Medians, since cuts and stops make jumps that no gradient sees.
-fn agree(kind: Kind, sh_degree: u32, options: RenderOptions) {
+fn agree(kind: Kind, sh_degree: u32, options: RenderOptions, knee: f32) {
     let engine = common::engine();
-    let splats = cloud(20, sh_degree, kind);
-    let pose = Pose {
-        rotation: glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.05, -0.08, 0.1),
-        translation: DVec3::new(0.05, -0.1, 0.2),
-    };
-    let frame = frame();
-    let plan = TrainingPlan {
-        size: [CAMERA.width, CAMERA.height],
-        options,
-        sh_degree,
-        splats: splats.positions.len() as u32,
-        centre: DVec3::ZERO,
-        ssim: true,
-        profiled: false,
-    };
-    let mut trainer = engine.trainer(&plan).unwrap();
-    let parameters = planes_of(&splats);
-    let zero = vec![0.0; parameters.len()];
-    trainer.set(&TrainingState { parameters, first: zero.clone(), second: zero.clone() }).unwrap();
-    let coefficients = sh_coefficients(sh_degree);
-    let training = Training {
-        sh_coefficients: coefficients,
-        sh_trained: coefficients,
-        ssim: SHARE,
-        per_value: 1.0 / (3 * CAMERA.pixels()) as f32,
-        ..Training::default()
-    };
-    let rgb = |pixel: usize| {
-        let own = &frame.data[3 * pixel..3 * pixel + 3];
-        counts(pixel).then(|| [0, 1, 2].map(|c| f32::from(own[c]) / 255.0))
-    };
-    let counted = TrainingFrame::from_fn(CAMERA.pixels(), rgb);
-    let view = TrainingView { camera: &CAMERA, pose: &pose, frame: &counted };
-    let gradients = trainer.gradients(&view, &training).unwrap();
-    let n = splats.positions.len();
+    let case = Case::new(kind, sh_degree, options, knee);
+    let frame = case.counted();
+    let view = TrainingView { camera: &CAMERA, pose: &case.pose, frame: &frame };
+    let gradients = case.trainer(&engine).gradients(&view, &case.training()).unwrap();
+    let n = case.splats.positions.len();
     for (plane, gradients) in gradients.chunks_exact(n).enumerate() {
-        let errors = errors(&splats, &options, &pose, &frame, plane as u32, gradients);
+        let errors = case.errors(plane as u32, gradients);
         let median = errors[n / 2];
         assert!(
             median < 1e-4,
-            "{kind:?}, degree {sh_degree}, plane {plane}: {median} of {errors:?}"
+            "{kind:?}, degree {sh_degree}, knee {knee}, plane {plane}: {median} of {errors:?}"
         );
+    }
+    common::assert_silent(&engine);
+}
+
+/// The first two steps of Adam along the gradients that the device gives, in f64.
+#[test]
+fn steps_are_adams_along_the_gradients() {
+    let engine = common::engine();
+    let case = Case::new(Kind::Ordinary, 1, RenderOptions::INRIA, 0.3);
+    let mut trainer = case.trainer(&engine);
+    let frame = case.counted();
+    let view = TrainingView { camera: &CAMERA, pose: &case.pose, frame: &frame };
+    let n = case.splats.positions.len();
+    let rates = [1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3];
+    let rate = |plane: u32| match plane {
+        LOG_SCALE.. if plane < ROTATION => rates[1],
+        ROTATION.. if plane < OPACITY => rates[2],
+        OPACITY => rates[3],
+        SH.. if plane < SH + 3 => rates[4],
+        SH.. => rates[5],
+        _ => rates[0],
+    };
+    let mut means = vec![[0.0; 2]; planes_of(&case.splats).len()];
+    for step in 0..2 {
+        let fading = FADING.map(f64::from);
+        let unbias = fading.map(|fading| 1.0 / (1.0 - fading.powi(step + 1)));
+        let training = Training {
+            step: step as u32,
+            rates,
+            unbias: unbias.map(|unbias| unbias as f32),
+            ..case.training()
+        };
+        let gradients = trainer.gradients(&view, &training).unwrap();
+        let before = trainer.state().unwrap().parameters;
+        trainer.step(&view, &training).unwrap();
+        let after = trainer.state().unwrap().parameters;
+        for (k, means) in means.iter_mut().enumerate() {
+            let gradient = f64::from(gradients[k]);
+            means[0] = fading[0] * means[0] + (1.0 - fading[0]) * gradient;
+            means[1] = fading[1] * means[1] + (1.0 - fading[1]) * gradient * gradient;
+            let spread = (means[1] * unbias[1]).sqrt() + 1e-15;
+            let rate = f64::from(rate((k / n) as u32));
+            let due = f64::from(before[k]) - rate * means[0] * unbias[0] / spread;
+            let error = (f64::from(after[k]) - due).abs();
+            assert!(error < 1e-3 * rate, "step {step}, number {k}: {} for {due}", after[k]);
+        }
     }
     common::assert_silent(&engine);
 }
 
 #[test]
 fn gradients_agree_with_differences_of_the_twins_loss() {
-    agree(Kind::Ordinary, 1, RenderOptions::INRIA);
-    agree(Kind::Ordinary, 3, RenderOptions { background: [0.2, 0.5, 0.9], ..RenderOptions::INRIA });
+    agree(Kind::Ordinary, 1, RenderOptions::INRIA, 0.0);
+    let options = RenderOptions { background: [0.2, 0.5, 0.9], ..RenderOptions::INRIA };
+    agree(Kind::Ordinary, 3, options, 0.3);
 }
 
 #[test]
 fn gradients_agree_for_anti_aliased_priors() {
-    agree(Kind::Ordinary, 0, RenderOptions { antialiased: true, ..RenderOptions::INRIA });
+    let options = RenderOptions { antialiased: true, ..RenderOptions::INRIA };
+    agree(Kind::Ordinary, 0, options, 0.3);
 }
 
 #[test]
 fn gradients_agree_for_needles_discs_and_giants() {
-    agree(Kind::Stiff, 1, RenderOptions::INRIA);
-    agree(Kind::Large, 2, RenderOptions::INRIA);
+    agree(Kind::Stiff, 1, RenderOptions::INRIA, 0.3);
+    agree(Kind::Large, 2, RenderOptions::INRIA, 0.0);
 }

@@ -27,6 +27,8 @@ pub struct Schedule {
     pub sh_others: f32,
     /// Share of SSIM in the loss.
     pub ssim: f32,
+    /// Errors below it count by their squares (Huber's loss), of 1; 0 if none does.
+    pub knee: f32,
     /// Pull of opacities.
     pub opacity_pull: f32,
     /// Pull of standard deviations.
@@ -56,6 +58,7 @@ impl Default for Schedule {
             sh_first: 2.5e-3,
             sh_others: 5e-4,
             ssim: 0.2,
+            knee: 0.1,
             opacity_pull: 0.004,
             scale_pull: 0.004,
             noise: 5e5,
@@ -111,7 +114,7 @@ impl Schedule {
             noise: (position * f64::from(self.noise)) as f32,
             ssim: self.ssim,
             per_value: 1.0 / (3 * pixels) as f32,
-            spare: 0,
+            knee: self.knee,
         }
     }
 
