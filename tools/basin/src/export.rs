@@ -1,55 +1,10 @@
 //! A run on disk: one PNG per frame and a `cameras.json` beside them.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use nvsprior::{Camera, Pose};
-use serde::Serialize;
+use nvsprior_inputs::run_writer::{RunView, RunWriter, RunWriterError};
 
 use super::{CAMERA, DemoFrame};
-
-/// Why a run was not written.
-#[derive(Debug, thiserror::Error)]
-pub enum ExportError {
-    /// A folder or file could not be written.
-    #[error("cannot write {path}")]
-    Write {
-        /// Which one.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A picture could not be written.
-    #[error("cannot write the picture {path}")]
-    Picture {
-        /// Which one.
-        path: PathBuf,
-        /// What the coder said.
-        source: image::ImageError,
-    },
-}
-
-#[derive(Serialize)]
-struct CameraFile {
-    #[serde(flatten)]
-    camera: Camera,
-    convention: &'static str,
-    images: Vec<View>,
-}
-
-#[derive(Serialize)]
-struct View {
-    index: usize,
-    file: String,
-    split: String,
-    /// (w, x, y, z).
-    qvec: [f64; 4],
-    tvec: [f64; 3],
-    /// Seconds since the run began.
-    time: f64,
-}
-
-const CONVENTION: &str = "OpenCV camera (x right, y down, z forward); world-to-camera: \
-    X_cam = R(q) X_world + t; q = w,x,y,z unit; pixel (0,0) covers [0,1)x[0,1)";
 
 /// Writes frames as `folder/split/NAME.png` and their poses as `folder/cameras.json`. Gives each
 /// frame to `written` once its file is there.
@@ -58,37 +13,16 @@ pub fn write_run(
     split: &str,
     frames: impl Iterator<Item = DemoFrame>,
     mut written: impl FnMut(&DemoFrame),
-) -> Result<(), ExportError> {
-    let pictures = folder.join(split);
-    std::fs::create_dir_all(&pictures)
-        .map_err(|source| ExportError::Write { path: pictures.clone(), source })?;
-    let mut images = Vec::new();
-    for (index, frame) in frames.enumerate() {
-        let path = pictures.join(&frame.name);
-        let (width, height) = (frame.picture.width, frame.picture.height);
-        image::save_buffer(&path, &frame.picture.data, width, height, image::ColorType::Rgb8)
-            .map_err(|source| ExportError::Picture { path, source })?;
-        images.push(view(index, split, &frame));
+) -> Result<(), RunWriterError> {
+    let writer = RunWriter::new(folder);
+    let mut views = Vec::new();
+    for frame in frames {
+        let file = writer.picture(&format!("{split}/{}", frame.name), &frame.picture)?;
+        let (pose, time) = (frame.pose, Some(frame.time));
+        views.push(RunView { file, split: split.to_owned(), camera: CAMERA, pose, time });
         written(&frame);
     }
-    let path = folder.join("cameras.json");
-    let file = CameraFile { camera: CAMERA, convention: CONVENTION, images };
-    serde_json::to_vec_pretty(&file)
-        .map_err(std::io::Error::from)
-        .and_then(|json| std::fs::write(&path, json))
-        .map_err(|source| ExportError::Write { path, source })
-}
-
-fn view(index: usize, split: &str, frame: &DemoFrame) -> View {
-    let Pose { translation, .. } = frame.pose;
-    View {
-        index,
-        file: format!("{split}/{}", frame.name),
-        split: split.to_owned(),
-        qvec: frame.pose.wxyz(),
-        tvec: translation.to_array(),
-        time: frame.time,
-    }
+    writer.list(CAMERA, &views)
 }
 
 #[cfg(test)]

@@ -8,5 +8,6 @@ pub mod input;
 pub mod lens;
 pub mod points;
 pub mod posed;
+pub mod run_writer;
 pub mod structure;
 pub mod values;

@@ -8,6 +8,8 @@ use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
 use nvsprior_inputs::args::{SizeArgs, progress};
 use nvsprior_inputs::points::{Point, read_points};
 use nvsprior_inputs::posed::{PosedInput, PosedOptions, PosedPictures, posed_pictures};
+use nvsprior_inputs::run_writer::{RunView, RunWriter, RunWriterError};
+use nvsprior_inputs::values::make_folder;
 use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{ColouredPoint, MapOptions};
 use rayon::prelude::*;
@@ -42,6 +44,10 @@ pub struct InputArgs {
     points: Option<PathBuf>,
     #[command(flatten)]
     size: SizeArgs,
+    /// Write the pictures without distortion, at the size that they are trained at, with their poses (cameras.json): what
+    /// `trim`, `tables`, `encode` and `bench` read
+    #[arg(long, value_name = "DIR")]
+    undistorted: Option<PathBuf>,
     /// Bring the means of red, green and blue of each picture together (gray world). The prior says so, and the encoder
     /// does the same with its frames
     #[arg(long)]
@@ -105,6 +111,15 @@ struct Divided {
     held_out: Vec<(String, PosedInput)>,
 }
 
+/// A picture that was read.
+struct Read {
+    view: PosedPicture,
+    /// Its entry in the list of those written.
+    written: Option<RunView>,
+}
+
+/// The split of pictures that are trained on, of a file without splits.
+const TRAIN: &str = "train";
 /// The split of pictures that are held out of a file without splits.
 const HELD_OUT: &str = "held-out";
 
@@ -129,6 +144,9 @@ impl InputArgs {
             anyhow::bail!("{}: no folder of masks", masks.display());
         }
         self.points.as_deref().map(read_points).transpose()?;
+        if let Some(folder) = &self.undistorted {
+            make_folder("--undistorted", folder)?;
+        }
         Ok(())
     }
 
@@ -158,29 +176,56 @@ impl InputArgs {
         }
     }
 
-    /// Reads the pictures.
+    /// Reads the pictures, and writes them as they are trained on, if that is wanted.
     pub fn read(&self, listed: Listed) -> anyhow::Result<MapInputs> {
         let Listed { train, held_out, points, size } = listed;
         let bar = progress(train.len() + held_out.len(), "pictures");
-        let preprocessing = self.preprocessing();
-        let read = |input: &PosedInput| -> anyhow::Result<PosedPicture> {
-            let own = self.camera(input);
-            // Pictures of one lens share a size; others are brought to it.
-            let camera = own.resized(size.width, size.height);
-            let (mut picture, mask) = input.load_masked(&camera)?;
-            Preprocessor::new(&preprocessing).apply(&mut picture);
+        let writer = self.undistorted.as_deref().map(RunWriter::new);
+        let split = self.split.as_deref().unwrap_or(TRAIN);
+        let read = |split: &str, input: &PosedInput| {
+            let read = self.read_one(&size, writer.as_ref(), split, input);
             bar.inc(1);
-            let mask = mask.data.contains(&false).then_some(mask.data);
-            Ok(PosedPicture { camera, pose: input.pose, picture, mask })
+            read
         };
-        let held_out = held_out.par_iter().map(|(split, input)| {
-            let (name, split) = (input.name.clone(), split.clone());
-            Ok(HeldOut { name, split, view: read(input)? })
-        });
-        let held_out = held_out.collect::<anyhow::Result<_>>()?;
-        let train = train.par_iter().map(read).collect::<anyhow::Result<_>>()?;
+        let train: Vec<_> =
+            train.par_iter().map(|input| read(split, input)).collect::<anyhow::Result<_>>()?;
+        let held_out: Vec<_> = held_out
+            .par_iter()
+            .map(|(split, input)| Ok((input.name.clone(), split.clone(), read(split, input)?)))
+            .collect::<anyhow::Result<_>>()?;
         bar.finish_and_clear();
-        Ok(MapInputs { train, held_out, points })
+        if let Some(writer) = writer {
+            let held_out = held_out.iter().map(|(.., read)| read);
+            let views: Vec<_> =
+                train.iter().chain(held_out).filter_map(|read| read.written.clone()).collect();
+            writer.list(size, &views)?;
+        }
+        let train = train.into_iter().map(|read| read.view).collect();
+        let held_out = held_out.into_iter();
+        let held_out = held_out.map(|(name, split, read)| HeldOut { name, split, view: read.view });
+        Ok(MapInputs { train, held_out: held_out.collect(), points })
+    }
+
+    /// Reads a picture, and brings it to the size of all.
+    fn read_one(
+        &self,
+        size: &Camera,
+        writer: Option<&RunWriter>,
+        split: &str,
+        input: &PosedInput,
+    ) -> anyhow::Result<Read> {
+        // Pictures of one lens share a size; others are brought to it.
+        let camera = self.camera(input).resized(size.width, size.height);
+        let (mut picture, mask) = input.load_masked(&camera)?;
+        let pose = input.pose;
+        let write = |writer: &RunWriter| {
+            let file = writer.picture(&input.name, &picture)?;
+            Ok::<_, RunWriterError>(RunView { file, split: split.into(), camera, pose, time: None })
+        };
+        let written = writer.map(write).transpose()?;
+        Preprocessor::new(&self.preprocessing()).apply(&mut picture);
+        let mask = mask.data.contains(&false).then_some(mask.data);
+        Ok(Read { view: PosedPicture { camera, pose, picture, mask }, written })
     }
 
     /// The pinhole of a picture, at the size that it is trained at.

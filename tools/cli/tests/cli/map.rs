@@ -3,7 +3,7 @@
 use std::process::{Command, Stdio};
 
 use nvsprior::Prior;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::dive::Dive;
 
@@ -34,6 +34,35 @@ fn a_prior_is_trained_and_encodes_the_dive() {
     dive.run(&format!("{MAP} --out b.nvsg --minutes 0.01").replace("--iterations 60", ""))
         .ends_with(0);
     assert!(dive.bytes("b.nvsg").len() < dive.bytes("b.ply").len());
+}
+
+#[test]
+fn pictures_of_a_lens_are_written_without_distortion_for_the_other_commands() {
+    let dive = Dive::new();
+    let cameras = dive.json("cameras.json");
+    let number = |key: &str| cameras[key].as_f64().unwrap();
+    let [width, height, fx, cx, cy] = ["width", "height", "fx", "cx", "cy"].map(number);
+    let camera = format!("1 SIMPLE_RADIAL {width} {height} {fx} {cx} {cy} -0.1\n");
+    let image = |(i, image): (usize, &Value)| {
+        let numbers = ["qvec", "tvec"].map(|key| image[key].as_array().unwrap());
+        let numbers: Vec<_> = numbers.into_iter().flatten().map(Value::to_string).collect();
+        format!("{i} {} 1 {}\n\n", numbers.join(" "), image["file"].as_str().unwrap())
+    };
+    let images: String =
+        cameras["images"].as_array().unwrap().iter().enumerate().map(image).collect();
+    std::fs::create_dir(dive.path("model")).unwrap();
+    for (name, text) in [("cameras", camera), ("images", images), ("points3D", String::new())] {
+        std::fs::write(dive.path(&format!("model/{name}.txt")), text).unwrap();
+    }
+    let map = "map --cameras model --pictures . --splats 300 --iterations 30 --held-out 3";
+    dive.run(&format!("{map} --undistorted flat --out a.ply")).ends_with(0);
+    assert_ne!(dive.bytes("flat/images/1.png"), dive.bytes("images/1.png"));
+    for split in ["train", "held-out"] {
+        let cameras = format!("--cameras flat/cameras.json --split {split}");
+        let out = format!("--packets {split} --summary {split}.json");
+        dive.run(&format!("encode --prior a.ply {cameras} {out}")).ends_with(0);
+    }
+    dive.run(&format!("{map} --undistorted a.ply --out b.ply")).ends_with(1).says("--undistorted");
 }
 
 #[test]

@@ -1,0 +1,187 @@
+//! Writes posed pictures as `cameras.json` with PNGs beside it.
+
+use std::path::{Path, PathBuf};
+
+use nvsprior::{Camera, Picture, Pose};
+use serde::Serialize;
+
+/// Why a run was not written.
+#[derive(Debug, thiserror::Error)]
+pub enum RunWriterError {
+    /// A folder or file could not be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// Which one.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A picture could not be written.
+    #[error("cannot write the picture {}: {source}", path.display())]
+    Picture {
+        /// Which one.
+        path: PathBuf,
+        /// What the coder said.
+        source: image::ImageError,
+    },
+    /// Two pictures have one name.
+    #[error("two pictures would be written to {}: rename one of them", path.display())]
+    Twice {
+        /// Their file.
+        path: PathBuf,
+    },
+}
+
+/// A picture's entry in `cameras.json`.
+#[derive(Clone, Debug)]
+pub struct RunView {
+    /// The picture's file, relative to the folder: from [`RunWriter::picture`].
+    pub file: String,
+    /// Its split.
+    pub split: String,
+    /// Its camera, of the run's size.
+    pub camera: Camera,
+    /// World to camera.
+    pub pose: Pose,
+    /// When it was taken, seconds, if that is known.
+    pub time: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct CameraFile<'a> {
+    #[serde(flatten)]
+    camera: Camera,
+    convention: &'static str,
+    images: Vec<Image<'a>>,
+}
+
+#[derive(Serialize)]
+struct Image<'a> {
+    index: usize,
+    file: &'a str,
+    split: &'a str,
+    /// (w, x, y, z).
+    qvec: [f64; 4],
+    tvec: [f64; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time: Option<f64>,
+    /// If they differ from the run's.
+    #[serde(flatten)]
+    intrinsics: Option<Intrinsics>,
+}
+
+#[derive(Serialize)]
+struct Intrinsics {
+    fx: f32,
+    fy: f32,
+    cx: f32,
+    cy: f32,
+}
+
+const CONVENTION: &str = "OpenCV camera (x right, y down, z forward); world-to-camera: \
+    X_cam = R(q) X_world + t; q = w,x,y,z unit; pixel (0,0) covers [0,1)x[0,1)";
+
+/// Writes a run to a folder.
+#[derive(Clone, Debug)]
+pub struct RunWriter {
+    folder: PathBuf,
+}
+
+impl RunWriter {
+    /// Into a folder, which is made when there is something to write.
+    pub fn new(folder: &Path) -> RunWriter {
+        RunWriter { folder: folder.to_path_buf() }
+    }
+
+    /// Writes a picture as a PNG, and gives its file relative to the folder: the name without what leads out of the
+    /// folder, ending in `.png`.
+    pub fn picture(&self, name: &str, picture: &Picture) -> Result<String, RunWriterError> {
+        let file = file_of(name);
+        let path = self.folder.join(&file);
+        let parent = path.parent().unwrap_or(&self.folder);
+        std::fs::create_dir_all(parent)
+            .map_err(|source| RunWriterError::Write { path: parent.to_path_buf(), source })?;
+        let Picture { width, height, data } = picture;
+        image::save_buffer(&path, data, *width, *height, image::ColorType::Rgb8)
+            .map_err(|source| RunWriterError::Picture { path, source })?;
+        Ok(file)
+    }
+
+    /// Writes `cameras.json`. `camera`: gives the size, and the intrinsics of most.
+    pub fn list(&self, camera: Camera, views: &[RunView]) -> Result<(), RunWriterError> {
+        self.check_names(views)?;
+        let image = |(index, view): (usize, &'_ RunView)| {
+            let Camera { fx, fy, cx, cy, .. } = view.camera;
+            Image {
+                index,
+                file: &views[index].file,
+                split: &views[index].split,
+                qvec: view.pose.wxyz(),
+                tvec: view.pose.translation.to_array(),
+                time: view.time,
+                intrinsics: (view.camera != camera).then_some(Intrinsics { fx, fy, cx, cy }),
+            }
+        };
+        let images = views.iter().enumerate().map(image).collect();
+        let path = self.folder.join("cameras.json");
+        serde_json::to_vec_pretty(&CameraFile { camera, convention: CONVENTION, images })
+            .map_err(std::io::Error::from)
+            .and_then(|json| std::fs::write(&path, json))
+            .map_err(|source| RunWriterError::Write { path, source })
+    }
+
+    fn check_names(&self, views: &[RunView]) -> Result<(), RunWriterError> {
+        let mut files: Vec<_> = views.iter().map(|view| &view.file).collect();
+        files.sort_unstable();
+        match files.windows(2).find(|pair| pair[0] == pair[1]) {
+            Some(pair) => Err(RunWriterError::Twice { path: self.folder.join(pair[0]) }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A name without what leads out of a folder, ending in `.png`.
+fn file_of(name: &str) -> String {
+    let parts = name.split(['/', '\\']).filter(|part| !["", ".", ".."].contains(part));
+    let kept = parts.map(|part| part.replace(':', "-")).collect::<Vec<_>>().join("/");
+    let path = Path::new(&kept).with_extension("png");
+    path.to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera_file::CameraFile;
+
+    #[test]
+    fn names_stay_within_the_folder() {
+        assert_eq!(file_of("train/0001.png"), "train/0001.png");
+        assert_eq!(file_of("../../a/./b.JPG"), "a/b.png");
+        assert_eq!(file_of("/c:\\d.webp"), "c-/d.png");
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let writer = RunWriter::new(&folder.path().join("run"));
+        let camera = Camera { width: 8, height: 4, fx: 7.0, fy: 7.5, cx: 4.0, cy: 2.0 };
+        let picture = Picture { width: 8, height: 4, data: (0..96).collect() };
+        let mut views = Vec::new();
+        for (i, name) in ["../a/1.jpg", "a/2.png"].iter().enumerate() {
+            let file = writer.picture(name, &picture).unwrap();
+            let camera = Camera { fx: 7.0 + i as f32, ..camera };
+            let pose = Pose { translation: glam::DVec3::new(0.1, 0.2, i as f64), ..Pose::IDENTITY };
+            views.push(RunView { file, split: "s".into(), camera, pose, time: None });
+        }
+        writer.list(camera, &views).unwrap();
+        let read = CameraFile::open(&folder.path().join("run/cameras.json")).unwrap();
+        for (own, view) in views.iter().zip(&read.views) {
+            assert_eq!(own.camera, view.camera);
+            assert_eq!(Some(own.pose), view.pose);
+            let found = image::open(&view.file).unwrap().into_rgb8().into_raw();
+            assert_eq!(found, picture.data);
+        }
+        views[1].file = views[0].file.clone();
+        assert!(matches!(writer.list(camera, &views), Err(RunWriterError::Twice { .. })));
+    }
+}
