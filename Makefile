@@ -2,9 +2,12 @@
 
 # Where the shader builder is kept between builds, outside of the tree: it takes minutes to build.
 SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
+# The oldest glibc of the boards that the library is shipped for: JetPack 5.
+GLIBC ?= 2.31
+BUILT := $(or $(CARGO_TARGET_DIR),target)
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo demo-prior test c-test lint lib install package portability package-test firmware cross-aarch64 shaders \
+.PHONY: help demo demo-prior test c-test lint lib install uninstall package portability package-test firmware cross-aarch64 shaders \
 	shaders-check shader-toolchain clean
 
 help:
@@ -16,7 +19,8 @@ help:
 	@echo "make lib            the C library, in target/"
 	@echo "make install        the C library with header, pkg-config and CMake files, to PREFIX"
 	@echo "                    (/usr/local), LIBDIR and INCLUDEDIR there, all below DESTDIR"
-	@echo "make firmware       the C library at its smallest; prints sizes"
+	@echo "make uninstall      removes it; give the same variables"
+	@echo "make firmware       the C library at its smallest, for glibc 2.31 and newer, in target/; prints sizes"
 	@echo "make portability    the same pictures on Mesa, old and new, and SwiftShader; fetches the drivers"
 	@echo "make package        the crates as they are published, each built from its packed file"
 	@echo "make package-test   programs against the installed library, shared and static"
@@ -54,6 +58,9 @@ install:
 	@scripts/setup.sh lib
 	scripts/install.sh
 
+uninstall:
+	scripts/uninstall.sh
+
 package:
 	scripts/package.sh
 
@@ -66,12 +73,13 @@ package-test:
 	scripts/package-test.sh
 
 firmware:
-	@scripts/setup.sh lib c
-	scripts/package-test.sh firmware
+	@scripts/setup.sh lib c glibc
+	GLIBC=$(GLIBC) KEEP=$(BUILT)/nvsprior-firmware-$(shell uname -m) scripts/package-test.sh firmware
 
 cross-aarch64:
-	@scripts/setup.sh lib c cross
-	scripts/package-test.sh firmware aarch64-unknown-linux-gnu
+	@scripts/setup.sh lib c cross glibc
+	GLIBC=$(GLIBC) KEEP=$(BUILT)/nvsprior-firmware-aarch64 \
+		scripts/package-test.sh firmware aarch64-unknown-linux-gnu
 	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
 	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet
 

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Installs what is missing on Debian or Ubuntu, after saying so; explains what to do elsewhere.
-# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross]
+# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross] [glibc]
 set -eu
 
 missing=""
@@ -43,6 +43,9 @@ for part in "$@"; do
         command -v aarch64-linux-gnu-g++ >/dev/null || need g++-aarch64-linux-gnu
         any /usr/aarch64-linux-gnu/include/stdio.h || need libc6-dev-arm64-cross
         command -v qemu-aarch64 >/dev/null || need qemu-user
+        ;;
+    glibc) # Building it for an old glibc: scripts/zig-linker.sh.
+        python3 -c 'import ensurepip' 2>/dev/null || need python3-venv
         ;;
     esac
 done
