@@ -2,9 +2,12 @@
 
 # Where the shader builder is kept between builds, outside of the tree: it takes minutes to build.
 SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
+# The oldest glibc of the boards that the library is shipped for: JetPack 5.
+GLIBC ?= 2.31
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo demo-prior test c-test lint lib install package portability package-test firmware cross-aarch64 shaders \
+.PHONY: help demo demo-prior test c-test lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test \
+	dist dist-test subproject-test abi-check abi-baseline shaders \
 	shaders-check shader-toolchain clean
 
 help:
@@ -16,10 +19,18 @@ help:
 	@echo "make lib            the C library, in target/"
 	@echo "make install        the C library with header, pkg-config and CMake files, to PREFIX"
 	@echo "                    (/usr/local), LIBDIR and INCLUDEDIR there, all below DESTDIR"
-	@echo "make firmware       the C library at its smallest; prints sizes"
+	@echo "make uninstall      removes it; give the same variables"
+	@echo "make firmware       the C library at its smallest, for glibc 2.31 and newer, in target/; prints sizes"
 	@echo "make portability    the same pictures on Mesa, old and new, and SwiftShader; fetches the drivers"
 	@echo "make package        the crates as they are published, each built from its packed file"
 	@echo "make package-test   programs against the installed library, shared and static"
+	@echo "make deb            Debian packages for amd64 and arm64, in target/debian/: docs/packaging.md"
+	@echo "make deb-test       installs, uses and removes them in a Debian of their own"
+	@echo "make dist           the source archive with all crates, and recipes for Conan and vcpkg, in target/dist/"
+	@echo "make dist-test      builds the library from it without a network"
+	@echo "make subproject-test  a program with nvsprior as a subproject of CMake and of Meson"
+	@echo "make abi-check      compares the C library's ABI with the committed one; make abi-baseline renews that"
+	@echo "make licences       the list of what is linked in, after a change of dependencies; needs cargo-about"
 	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/cross-build.md"
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
@@ -54,6 +65,9 @@ install:
 	@scripts/setup.sh lib
 	scripts/install.sh
 
+uninstall:
+	scripts/uninstall.sh
+
 package:
 	scripts/package.sh
 
@@ -66,14 +80,46 @@ package-test:
 	scripts/package-test.sh
 
 firmware:
-	@scripts/setup.sh lib c
-	scripts/package-test.sh firmware
+	@scripts/setup.sh lib c glibc
+	GLIBC=$(GLIBC) KEEP=target/nvsprior-firmware-$(shell uname -m) scripts/package-test.sh firmware
 
 cross-aarch64:
-	@scripts/setup.sh lib c cross
-	scripts/package-test.sh firmware aarch64-unknown-linux-gnu
+	@scripts/setup.sh lib c cross glibc
+	GLIBC=$(GLIBC) KEEP=target/nvsprior-firmware-aarch64 \
+		scripts/package-test.sh firmware aarch64-unknown-linux-gnu
 	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
 	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet
+
+dist:
+	scripts/dist.sh
+
+dist-test: dist
+	@scripts/setup.sh lib c
+	scripts/dist-test.sh
+
+subproject-test:
+	@scripts/setup.sh lib c meson
+	scripts/subproject-test.sh
+
+abi-check:
+	@scripts/setup.sh c
+	scripts/abi.sh selftest
+	scripts/abi.sh check
+
+abi-baseline:
+	@scripts/setup.sh c
+	scripts/abi.sh baseline
+
+licences:
+	scripts/licences.py write
+
+deb:
+	@scripts/setup.sh lib $(if $(findstring arm64,$(or $(DEB_ARCHITECTURES),arm64)),cross) glibc deb
+	scripts/deb.sh $(DEB_ARCHITECTURES)
+
+deb-test:
+	@scripts/setup.sh lib c run deb
+	scripts/deb-test.sh
 
 shader-toolchain:
 	@scripts/setup.sh shaders

@@ -30,10 +30,15 @@ for file in libnvsprior.so libnvsprior.a; do
 done
 strangers=$("${tools}nm" -D --defined-only "$lib/libnvsprior.so" | sed 's/.* //' | grep -v '^nvsp_') &&
     fail "libnvsprior.so shows more than nvsp_*: $strangers"
+# _dl_non_dynamic_init: scripts/refuse-static-glibc.s.
 strangers=$("${tools}nm" -g --defined-only "$lib/libnvsprior.a" |
-    sed -n 's/^[0-9a-f]* . //p' | grep -v '^nvsp_') &&
+    sed -n 's/^[0-9a-f]* . //p' | grep -v '^nvsp_\|^_dl_non_dynamic_init$') &&
     fail "libnvsprior.a shows more than nvsp_*: $strangers"
 glibc=$("${tools}readelf" -V "$lib/libnvsprior.so" | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -1)
+[ -z "${GLIBC:-}" ] || scripts/glibc-check.sh "$GLIBC" "$lib/libnvsprior.so"
+soname=$("${tools}readelf" -d "$lib/libnvsprior.so" | sed -n 's/.*soname: \[\(.*\)\]/\1/p')
+abi=$(sed -n 's/^#define NVSP_ABI_VERSION //p' include/nvsprior.h)
+[ "$soname" = "libnvsprior.so.$abi" ] || fail "the soname is $soname, the ABI $abi"
 
 # By pkg-config.
 pc() { PKG_CONFIG_LIBDIR=$lib/pkgconfig pkg-config --define-prefix "$@" nvsprior; }
@@ -46,16 +51,44 @@ build by-pc-static "$static -Wl,--gc-sections"
 roots=$("${tools}nm" -g --defined-only "$lib/libnvsprior.a" | sed -n 's/.* T \(.*\)/-Wl,-u,\1/p')
 build all-static "$static -Wl,--gc-sections $(echo "$roots" | tr '\n' ' ')"
 
+# A static glibc loads no drivers: refused when linked, with the reason.
+for mode in -static -static-pie; do
+    # shellcheck disable=SC2046
+    if "$cc" $mode tests/package/device.c -o "$work/refused" $(pc --cflags) "$lib/libnvsprior.a" \
+        -lgcc_eh -lpthread -ldl -lm 2> "$work/log"; then
+        fail "linked with $mode against glibc"
+    fi
+    grep -q 'libnvsprior.a loads Vulkan drivers' "$work/log" ||
+        { cat "$work/log" >&2; fail "$mode against glibc fails for another reason"; }
+done
+
 # By CMake.
 cross=""
 [ -z "$tools" ] || cross="-DCMAKE_SYSTEM_NAME=Linux -DCMAKE_SYSTEM_PROCESSOR=${target%%-*}"
-# shellcheck disable=SC2086
-cmake -S tests/package -B "$work/cmake" -DCMAKE_C_COMPILER="$cc" $cross -DCMAKE_BUILD_TYPE=Release \
-    -DCMAKE_PREFIX_PATH="$work/moved" > "$work/log" || { cat "$work/log" >&2; exit 1; }
-cmake --build "$work/cmake" > "$work/log" || { cat "$work/log" >&2; exit 1; }
+# A build of its own: folder, kinds.
+cmake_builds() {
+    # shellcheck disable=SC2086
+    cmake -S tests/package -B "$work/$1" -DCMAKE_C_COMPILER="$cc" $cross -DCMAKE_BUILD_TYPE=Release \
+        -DCMAKE_PREFIX_PATH="$work/moved" -DKINDS="$2" > "$work/log" 2>&1 &&
+        cmake --build "$work/$1" >> "$work/log" 2>&1
+}
+cmake_builds cmake "shared;static" || { cat "$work/log" >&2; exit 1; }
+
+# With one of the two libraries away, the other is found, and the one that is away is named.
+lone() {
+    mkdir "$work/away"
+    mv "$lib"/libnvsprior."$2"* "$work/away/"
+    cmake_builds "cmake-$1" "$1" || { cat "$work/log" >&2; fail "CMake does not find the $1 library alone"; }
+    ! cmake_builds "cmake-no-$3" "$3" || fail "CMake finds a $3 library that is not there"
+    grep -q "libnvsprior.$2 is missing" "$work/log" || { cat "$work/log" >&2; fail "the missing library is not named"; }
+    mv "$work/away"/* "$lib/"
+    rmdir "$work/away"
+}
+lone shared a static
+lone static so shared
 
 version=$(pc --modversion)
-for program in by-pc-shared by-pc-static all-static cmake/device-nvsprior cmake/device-static; do
+for program in by-pc-shared by-pc-static all-static cmake/device-shared cmake/device-static; do
     # shellcheck disable=SC2086
     said=$($run "$work/$program") || fail "$program: $said"
     echo "$program: $(echo "$said" | tr '\n' ';')"
@@ -78,3 +111,16 @@ echo "  libnvsprior.so: $(bytes "$lib/libnvsprior.so") bytes"
 echo "  linked statically into a program that opens a device:" \
     "$(($(bytes "$work/by-pc-static") - empty)) bytes"
 echo "  linked statically with every function: $(($(bytes "$work/all-static") - empty)) bytes"
+
+if [ -n "${KEEP:-}" ]; then
+    rm -rf "$KEEP"
+    mkdir -p "$(dirname "$KEEP")"
+    cp -a "$work/moved" "$KEEP"
+    echo "  left in $KEEP"
+fi
+
+# Nothing stays but what is another's.
+echo other > "$work/moved/include/other.h"
+PREFIX=$work/moved LIBDIR="" INCLUDEDIR="" DESTDIR="" scripts/uninstall.sh > "$work/log"
+left=$(find "$work/moved" ! -type d)
+[ "$left" = "$work/moved/include/other.h" ] || fail "uninstalling leaves $left"

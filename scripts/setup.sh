@@ -1,6 +1,6 @@
 #!/bin/sh
 # Installs what is missing on Debian or Ubuntu, after saying so; explains what to do elsewhere.
-# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross]
+# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross] [glibc] [deb] [meson]
 set -eu
 
 missing=""
@@ -36,6 +36,7 @@ for part in "$@"; do
         done
         any /usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.asan-*.a || need libclang-rt-dev
         any /usr/include/vulkan/vulkan.h || need libvulkan-dev
+        command -v abidiff >/dev/null || need abigail-tools
         crate cbindgen@0.29.4 cbindgen
         ;;
     cross) # Building it for 64-bit ARM, and running it.
@@ -43,6 +44,19 @@ for part in "$@"; do
         command -v aarch64-linux-gnu-g++ >/dev/null || need g++-aarch64-linux-gnu
         any /usr/aarch64-linux-gnu/include/stdio.h || need libc6-dev-arm64-cross
         command -v qemu-aarch64 >/dev/null || need qemu-user
+        ;;
+    glibc) # Building it for an old glibc: scripts/zig-linker.sh.
+        python3 -c 'import ensurepip' 2>/dev/null || need python3-venv
+        ;;
+    deb) # Debian packages, and a system to try them in.
+        any /usr/share/perl5/Debian/Debhelper || need debhelper
+        command -v help2man >/dev/null || need help2man
+        command -v lintian >/dev/null || need lintian
+        command -v mmdebstrap >/dev/null || need mmdebstrap
+        command -v dpkg-buildpackage >/dev/null || need dpkg-dev
+        ;;
+    meson)
+        command -v meson >/dev/null || need meson
         ;;
     esac
 done
