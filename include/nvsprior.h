@@ -21,16 +21,20 @@
  * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
  *   decoder or a reassembler: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a handle while it is
  *   destroyed, or afterwards.
- * Waiting. A call waits only if its comment says so, and only for the device. No call waits for
- *   another program, a file (except nvsp_prior_open) or a network.
- * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting and
- *   reassembly allocate nothing on the host once they have run a first time.
+ * Waiting. A call waits only if its comment says so, and only for the device, no longer than
+ *   nvsp_engine_options.watchdog_milliseconds for one piece of work. Building pipelines, in nvsp_engine_create and the
+ *   first nvsp_prior_open, takes as long as the driver takes. No call waits for another program, a file (except
+ *   nvsp_prior_open) or a network.
+ * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting and reassembly allocate nothing on
+ *   the host once they have run a first time. A call that allocates first sets aside as much as it may need at most. If
+ *   the system does not have it, the call fails with NVSP_ERR_MEMORY, and nothing has changed. The library itself never
+ *   ends the process for want of memory. A Vulkan driver may: Mesa's does, while it compiles.
  * Structures. If a structure begins with struct_size, set it up with NVSP_INIT(&structure). This makes every field
  *   zero, its default. Later versions only append fields.
  * Units. Angles in radians, pixels from the upper left corner, lengths in the prior's own unit, PSNR
  *   in dB against 255.
- * Signals and forks. The library installs no signal handlers. A child of fork may not use handles of
- *   its parent.
+ * Signals and forks. The library installs no signal handlers. Its threads block all signals, except those of their own
+ *   faults (SIGSEGV, SIGBUS, SIGILL, SIGFPE, SIGTRAP, SIGSYS). A child of fork may not use handles of its parent.
  */
 
 #ifndef NVSPRIOR_H
@@ -57,6 +61,9 @@
 // Run under the Khronos validation layer, which must be installed. Its messages are logged as
 // warnings when the engine is destroyed or reopened. For tests; slow.
 #define NVSP_ENGINE_VALIDATION 1
+
+// For nvsp_engine_options.watchdog_milliseconds: wait as long as the device takes.
+#define NVSP_WATCHDOG_NONE UINT32_MAX
 
 // `near_plane` is given.
 #define NVSP_PRIOR_NEAR 1
@@ -279,6 +286,11 @@ typedef int32_t nvsp_status;
 // library, and must not unwind. A frame that succeeds makes no call.
 typedef void (*nvsp_log_callback)(void *user, int32_t level, const char *message);
 
+// Called once on each thread that the library starts, before it does any work: set its scheduling, its affinity or
+// another name here. `name` is the name that the thread has, valid during the call. It must not call the library, and
+// must not unwind.
+typedef void (*nvsp_thread_callback)(void *user, const char *name);
+
 // How to open an engine; all zero: the best device, nothing logged.
 typedef struct nvsp_engine_options {
   // Set by NVSP_INIT.
@@ -294,6 +306,25 @@ typedef struct nvsp_engine_options {
   void *log_user;
   // NVSP_ENGINE_* bits.
   uint32_t flags;
+  // Most pixels of a picture, width times height. Encoders and decoders refuse larger ones with NVSP_ERR_LIMIT, and
+  // take no memory for them. 0: 16,777,216, which is 4096 by 4096.
+  uint32_t frame_size_limit;
+  // Most bytes of host memory that opening a prior, an encoder or a decoder may take. A call that may need more
+  // fails with NVSP_ERR_MEMORY before it takes any. 0: no limit.
+  uint64_t host_memory_limit;
+  // Most bytes of device memory that everything made with the engine may use together. A call that needs more fails
+  // with NVSP_ERR_MEMORY. 0: no limit.
+  uint64_t device_memory_limit;
+  // Called on each thread that the library starts: one per encoder and one per decoder, by its first
+  // nvsp_encode_begin or nvsp_decode_begin. NULL: nothing is called.
+  nvsp_thread_callback thread_start;
+  // Passed to `thread_start` as it is.
+  void *thread_start_user;
+  // Longest that the library waits for one piece of work on the device, milliseconds: a frame is one to a few pieces.
+  // If it takes longer, the call fails with NVSP_ERR_DEVICE_LOST, and so does every later call on what was made with
+  // the engine. All handles can then be destroyed as usual; the memory that the device may still use is never given
+  // back. 0: 60,000. NVSP_WATCHDOG_NONE: no bound.
+  uint32_t watchdog_milliseconds;
   // Zero.
   uint32_t reserved;
 } nvsp_engine_options;
@@ -664,7 +695,7 @@ typedef struct nvsp_reassembler_statistics {
 // The destination is too small; the text tells how many bytes are needed.
 #define NVSP_ERR_BUFFER_TOO_SMALL -5
 
-// Another thread is inside a call on this handle, or a frame that was begun is not finished.
+// Another thread is inside a call on this handle.
 #define NVSP_ERR_BUSY -6
 
 // There is nothing to finish or to fetch.
@@ -676,7 +707,8 @@ typedef struct nvsp_reassembler_statistics {
 // No Vulkan loader, or no device that fits; the text says what was found and what to install.
 #define NVSP_ERR_NO_DEVICE -9
 
-// The device was lost. See nvsp_engine_reopen.
+// The device was lost, or did not end its work within nvsp_engine_options.watchdog_milliseconds. See
+// nvsp_engine_reopen.
 #define NVSP_ERR_DEVICE_LOST -10
 
 // Host or device memory could not be allocated. The text names the buffer and its size.
@@ -721,6 +753,12 @@ typedef struct nvsp_reassembler_statistics {
 
 // A fault of the library itself. The handle cannot be used any more.
 #define NVSP_ERR_INTERNAL -24
+
+// A picture has more pixels than nvsp_engine_options.frame_size_limit allows.
+#define NVSP_ERR_LIMIT -25
+
+// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it.
+#define NVSP_ERR_UNFINISHED -26
 
 #ifdef __cplusplus
 extern "C" {
@@ -1027,13 +1065,16 @@ nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
                               size_t *written,
                               struct nvsp_frame_stats *stats);
 
-// Begins to encode a frame on the encoder's own thread, and returns at once. The first such call starts the thread.
-// The image is read and scaled during the call. Until the frame is finished, other calls on the encoder fail with
-// NVSP_ERR_BUSY, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish and nvsp_encoder_destroy. A packet of
-// an earlier frame that was not fetched is dropped.
+// Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that it
+// was given, drops a packet of an earlier frame that was not fetched, and reads the image: it converts it to RGB and
+// scales it to the camera's size. The first such call starts the thread, which blocks all signals. The prior's
+// preprocessing, the search and the coding are the other thread's work. The call neither waits for the device nor
+// allocates, except for the thread. Afterwards the image is yours again. Until the frame is finished, other calls on the
+// encoder fail with NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish,
+// nvsp_encode_cancel and nvsp_encoder_destroy.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-// NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
+// NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
@@ -1090,6 +1131,19 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
                                size_t *written,
                                struct nvsp_frame_stats *stats);
 
+// Drops the frame that was begun, or a packet that was not fetched. Never waits: returns NVSP_OK if the encoder is free
+// again, else NVSP_PENDING. The device then still works on the frame, at most as long as the watchdog allows; its packet
+// is dropped when it has ended. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or
+// nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped counts as one whose packet was lost on the
+// way: its number is used up, its pose may be where the next frame starts, and the next packet names prior and camera in
+// full. Returns NVSP_OK, too, if nothing was begun.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder);
+
 // Copies a picture of the last frame encoded.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_BUSY,
@@ -1111,7 +1165,7 @@ nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
 // - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_encoder_last_error(const struct nvsp_encoder *encoder, char *text, size_t size);
 
-// Ends an encoder; NULL is allowed. Waits for a frame that was begun.
+// Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
 //
 // Parameters:
 // - `encoder`: a live encoder that no other thread uses. Do not use it afterwards. NULL is allowed.
@@ -1182,12 +1236,13 @@ nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         const struct nvsp_picture *picture,
                         struct nvsp_decoded *info);
 
-// Begins to decode a packet on the decoder's own thread, and returns at once. The first such call starts the thread.
-// Until the packet is finished, other calls on the decoder fail with NVSP_ERR_BUSY, except nvsp_decode_poll,
-// nvsp_decode_wait, nvsp_decode_finish and nvsp_decoder_destroy.
+// Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
+// packet; it does not wait. The first such call starts the thread. Until the packet is finished, other calls on the
+// decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait, nvsp_decode_finish,
+// nvsp_decode_cancel and nvsp_decoder_destroy.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_MEMORY
-// (no thread). If the packet itself fails, nvsp_decode_finish returns its status.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or
+// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its status.
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
@@ -1230,6 +1285,15 @@ nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
                                const struct nvsp_picture *picture,
                                struct nvsp_decoded *info);
 
+// Drops the packet that was begun, or a picture that was not fetched, as nvsp_encode_cancel does. Never waits: returns
+// NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
+nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder);
+
 // Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.
 //
 // Parameters:
@@ -1238,7 +1302,7 @@ nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
 // - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_decoder_last_error(const struct nvsp_decoder *decoder, char *text, size_t size);
 
-// Ends a decoder; NULL is allowed. Waits for a packet that was begun.
+// Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
 //
 // Parameters:
 // - `decoder`: a live decoder that no other thread uses. Do not use it afterwards. NULL is allowed.

@@ -27,6 +27,16 @@ pub enum Error {
     /// An image of a camera, or for a screen.
     #[error(transparent)]
     Pixels(#[from] PixelError),
+    /// A picture has more pixels than the decoder's limit allows.
+    #[error("picture of {width}×{height} pixels: at most {limit} pixels are allowed")]
+    FrameTooLarge {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+        /// Most pixels.
+        limit: u32,
+    },
     /// A frame's size is not the camera's.
     #[error("frame of {}×{} pixels for a camera of {}×{}", found.0, found.1, expected.0, expected.1)]
     FrameSize {

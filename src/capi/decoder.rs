@@ -10,6 +10,7 @@ use crate::{Decoded, Decoder, Trust, packet_bound};
 use super::engine::nvsp_engine;
 use super::handle::{Handle, Opaque};
 use super::image::{self, nvsp_camera, nvsp_picture, nvsp_pose};
+use super::limits::Limits;
 use super::prior::{PriorContent, nvsp_prior};
 use super::status::*;
 use super::structs::{Out, versioned};
@@ -31,6 +32,7 @@ pub(super) struct Core {
     packet: Vec<u8>,
     trust: Trust,
     decoded: Decoded,
+    limits: Limits,
 }
 
 type Content = Worker<Core>;
@@ -133,14 +135,19 @@ pub unsafe extern "C" fn nvsp_decoder_create(
             }
             let prior = nvsp_prior::handle(prior).as_ref();
             let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
+            let mut decoder_made = Decoder::new(&engine.engine, &scene);
+            decoder_made.set_pixel_limit(engine.how.limits.frame_pixels);
             let core = Core {
-                decoder: Decoder::new(&engine.engine, &scene),
+                decoder: decoder_made,
                 packet: Vec::new(),
                 trust: Trust::Whole,
                 decoded: Decoded::default(),
+                limits: engine.how.limits,
             };
-            *decoder =
-                nvsp_decoder::address(Handle::boxed(Worker::new(core, decode), handle.log()));
+            *decoder = nvsp_decoder::address(Handle::boxed(
+                Worker::new(core, (decode, dropped), c"nvsp-decoder", engine.how.threads),
+                handle.log(),
+            ));
             Ok(NVSP_OK)
         })
     }
@@ -238,12 +245,13 @@ pub unsafe extern "C" fn nvsp_decode(
     }
 }
 
-/// Begins to decode a packet on the decoder's own thread, and returns at once. The first such call starts the thread.
-/// Until the packet is finished, other calls on the decoder fail with NVSP_ERR_BUSY, except nvsp_decode_poll,
-/// nvsp_decode_wait, nvsp_decode_finish and nvsp_decoder_destroy.
+/// Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
+/// packet; it does not wait. The first such call starts the thread. Until the packet is finished, other calls on the
+/// decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait, nvsp_decode_finish,
+/// nvsp_decode_cancel and nvsp_decoder_destroy.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_MEMORY
-/// (no thread). If the packet itself fails, nvsp_decode_finish returns its status.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or
+/// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its status.
 ///
 /// # Safety
 /// - `decoder`: a live decoder. Not NULL.
@@ -320,6 +328,19 @@ pub unsafe extern "C" fn nvsp_decode_finish(
     }
 }
 
+/// Drops the packet that was begun, or a picture that was not fetched, as nvsp_encode_cancel does. Never waits: returns
+/// NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `decoder`: a live decoder. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decode_cancel(decoder: *mut nvsp_decoder) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::call(nvsp_decoder::handle(decoder), |content| content.cancel()) }
+}
+
 /// Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.
 ///
 /// # Safety
@@ -336,7 +357,7 @@ pub unsafe extern "C" fn nvsp_decoder_last_error(
     unsafe { Handle::last_error(nvsp_decoder::handle(decoder), text, size) }
 }
 
-/// Ends a decoder; NULL is allowed. Waits for a packet that was begun.
+/// Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
 ///
 /// # Safety
 /// - `decoder`: a live decoder that no other thread uses. Do not use it afterwards. NULL is allowed.
@@ -419,8 +440,13 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
     }
 }
 
+/// Nobody takes the picture: nothing depends on it.
+fn dropped(_: &mut Core) {}
+
 /// The job.
 fn decode(core: &mut Core) -> Result<(), Failure> {
+    let size = core.decoder.size_to_prepare(&core.packet);
+    let _memory = size.map(|size| core.limits.decoder(size)).transpose()?;
     Ok(core.decoder.decode_into(&core.packet, core.trust, &mut core.decoded)?)
 }
 
@@ -452,7 +478,8 @@ unsafe fn prepare(
     let longest = size.map_or(0, |(width, height)| packet_bound(width, height));
     let longest = longest.max(LONGEST_LATENT);
     core.packet.clear();
-    core.packet.reserve(longest);
+    let refused = |_| Failure::at(NVSP_ERR_MEMORY, "a copy of the packet");
+    core.packet.try_reserve(longest).map_err(refused)?;
     core.packet.extend_from_slice(&packet[..packet.len().min(longest)]);
     Ok(())
 }

@@ -13,6 +13,8 @@ use super::engine::nvsp_engine;
 use super::frame::{self, nvsp_frame_info};
 use super::handle::{Handle, Opaque};
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
+use super::limits::Limits;
+use super::memory::Grant;
 use super::prior::nvsp_prior;
 use super::status::*;
 use super::structs::{Out, read, versioned};
@@ -37,6 +39,9 @@ pub(super) struct Core {
     encoded: Encoded,
     /// Whether `encoded` holds a frame.
     full: bool,
+    limits: Limits,
+    /// Whether a frame was encoded since the encoder last took memory: the first one takes some too.
+    warm: bool,
 }
 
 type Content = Worker<Core>;
@@ -242,6 +247,8 @@ pub unsafe extern "C" fn nvsp_encoder_create(
             let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
             let camera = image::camera(camera)?;
             let options = encoder_options(&read(options)?)?;
+            let limits = engine.how.limits;
+            let _memory = limits.encoder(&camera)?;
             let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
             let core = Core {
                 encoder: made,
@@ -250,9 +257,13 @@ pub unsafe extern "C" fn nvsp_encoder_create(
                 known: Known::default(),
                 encoded: Encoded::with_room(camera.width, camera.height),
                 full: false,
+                limits,
+                warm: false,
             };
-            *encoder =
-                nvsp_encoder::address(Handle::boxed(Worker::new(core, encode), handle.log()));
+            *encoder = nvsp_encoder::address(Handle::boxed(
+                Worker::new(core, (encode, dropped), c"nvsp-encoder", engine.how.threads),
+                handle.log(),
+            ));
             Ok(NVSP_OK)
         })
     }
@@ -382,8 +393,10 @@ pub unsafe extern "C" fn nvsp_encoder_set_camera(
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let camera = image::camera(camera)?;
             let mut core = content.core()?;
+            let _memory = core.limits.encoder(&camera)?;
             let converter = Converter::new(camera.width, camera.height)?;
             core.encoder.set_camera(&camera)?;
+            core.warm = false;
             core.converter = converter;
             core.frame.resize(camera.width, camera.height);
             Ok(NVSP_OK)
@@ -412,7 +425,9 @@ pub unsafe extern "C" fn nvsp_encoder_prepare(
     // SAFETY: as the caller promises; `left` is written if it is not NULL.
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let remaining = content.core()?.encoder.prepare(most as usize)?;
+            let mut core = content.core()?;
+            let _memory = core.memory()?;
+            let remaining = core.encoder.prepare(most as usize)?;
             if let Some(left) = left.as_mut() {
                 *left = u32::try_from(remaining).unwrap_or(u32::MAX);
             }
@@ -445,7 +460,10 @@ pub unsafe extern "C" fn nvsp_encoder_reopen(
             let prior = nvsp_prior::handle(prior).as_ref();
             let engine = engine.ok_or(Failure::null("engine"))?.get().engine;
             let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
-            content.core()?.encoder.move_to(&engine, &scene)?;
+            let mut core = content.core()?;
+            core.warm = false;
+            let _memory = core.memory()?;
+            core.encoder.move_to(&engine, &scene)?;
             Ok(NVSP_OK)
         })
     }
@@ -554,13 +572,16 @@ pub unsafe extern "C" fn nvsp_encode_frame(
     }
 }
 
-/// Begins to encode a frame on the encoder's own thread, and returns at once. The first such call starts the thread.
-/// The image is read and scaled during the call. Until the frame is finished, other calls on the encoder fail with
-/// NVSP_ERR_BUSY, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish and nvsp_encoder_destroy. A packet of
-/// an earlier frame that was not fetched is dropped.
+/// Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that it
+/// was given, drops a packet of an earlier frame that was not fetched, and reads the image: it converts it to RGB and
+/// scales it to the camera's size. The first such call starts the thread, which blocks all signals. The prior's
+/// preprocessing, the search and the coding are the other thread's work. The call neither waits for the device nor
+/// allocates, except for the thread. Afterwards the image is yours again. Until the frame is finished, other calls on the
+/// encoder fail with NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish,
+/// nvsp_encode_cancel and nvsp_encoder_destroy.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-/// NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
+/// NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
@@ -662,6 +683,23 @@ pub unsafe extern "C" fn nvsp_encode_finish(
     }
 }
 
+/// Drops the frame that was begun, or a packet that was not fetched. Never waits: returns NVSP_OK if the encoder is free
+/// again, else NVSP_PENDING. The device then still works on the frame, at most as long as the watchdog allows; its packet
+/// is dropped when it has ended. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or
+/// nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped counts as one whose packet was lost on the
+/// way: its number is used up, its pose may be where the next frame starts, and the next packet names prior and camera in
+/// full. Returns NVSP_OK, too, if nothing was begun.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `encoder`: a live encoder. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encode_cancel(encoder: *mut nvsp_encoder) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| content.cancel()) }
+}
+
 /// What the topside will show of the last frame.
 pub const NVSP_PICTURE_SHOWN: u32 = 0;
 /// The prior's render alone.
@@ -716,7 +754,7 @@ pub unsafe extern "C" fn nvsp_encoder_last_error(
     unsafe { Handle::last_error(nvsp_encoder::handle(encoder), text, size) }
 }
 
-/// Ends an encoder; NULL is allowed. Waits for a frame that was begun.
+/// Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
 ///
 /// # Safety
 /// - `encoder`: a live encoder that no other thread uses. Do not use it afterwards. NULL is allowed.
@@ -726,12 +764,25 @@ pub unsafe extern "C" fn nvsp_encoder_destroy(encoder: *mut nvsp_encoder) {
     unsafe { Handle::destroy(nvsp_encoder::handle(encoder).cast_mut()) }
 }
 
+/// Nobody takes the packet: it may have told the camera.
+fn dropped(core: &mut Core) {
+    core.encoder.announce();
+}
+
 /// The job.
 fn encode(core: &mut Core) -> Result<(), Failure> {
     core.full = false;
+    let _memory = core.memory()?;
     core.encoder.encode_into(&core.frame, core.known, &mut core.encoded)?;
-    core.full = true;
+    (core.full, core.warm) = (true, true);
     Ok(())
+}
+
+impl Core {
+    /// Sets memory aside for the next call, unless all that it takes is there.
+    fn memory(&self) -> Result<Option<Grant>, Failure> {
+        (!self.warm).then(|| self.limits.encoder(self.encoder.camera())).transpose()
+    }
 }
 
 /// Takes a frame in.

@@ -1,14 +1,18 @@
 //! The engine's handle.
 
 use std::ffi::{CStr, c_char, c_void};
+use std::time::Duration;
 
 use crate::Engine;
 use crate::vulkan::DeviceOptions;
 
 use super::handle::{Handle, Opaque};
+use super::limits::{Limits, engine_bytes};
 use super::log::{Log, NVSP_LOG_INFO, NVSP_LOG_WARNING, nvsp_log_callback};
+use super::memory::Grant;
 use super::status::*;
 use super::structs::{Out, read, versioned};
+use super::thread::{ThreadStart, nvsp_thread_callback};
 
 /// An opened Vulkan device with all pipelines built. Any number of threads may use it at once.
 #[allow(non_camel_case_types)]
@@ -24,12 +28,34 @@ impl Opaque for nvsp_engine {
 #[derive(Clone)]
 pub(super) struct EngineContent {
     pub engine: Engine,
+    /// How it was opened.
+    pub how: OpenOptions,
+}
+
+/// An engine's options, read.
+#[derive(Clone)]
+pub(super) struct OpenOptions {
+    pub limits: Limits,
+    pub threads: ThreadStart,
     options: DeviceOptions,
+}
+
+impl OpenOptions {
+    /// Opens the device.
+    fn open(self) -> Result<EngineContent, Failure> {
+        Ok(EngineContent { engine: Engine::new(&self.options)?, how: self })
+    }
 }
 
 /// Run under the Khronos validation layer, which must be installed. Its messages are logged as
 /// warnings when the engine is destroyed or reopened. For tests; slow.
 pub const NVSP_ENGINE_VALIDATION: u32 = 1;
+
+/// For nvsp_engine_options.watchdog_milliseconds: wait as long as the device takes.
+pub const NVSP_WATCHDOG_NONE: u32 = u32::MAX;
+
+/// The watchdog's time by default, milliseconds. A CPU driver may take seconds to compile what a frame needs first.
+const WATCHDOG: u64 = 60_000;
 
 /// How to open an engine; all zero: the best device, nothing logged.
 #[allow(non_camel_case_types)]
@@ -49,10 +75,29 @@ pub struct nvsp_engine_options {
     pub log_user: *mut c_void,
     /// NVSP_ENGINE_* bits.
     pub flags: u32,
+    /// Most pixels of a picture, width times height. Encoders and decoders refuse larger ones with NVSP_ERR_LIMIT, and
+    /// take no memory for them. 0: 16,777,216, which is 4096 by 4096.
+    pub frame_size_limit: u32,
+    /// Most bytes of host memory that opening a prior, an encoder or a decoder may take. A call that may need more
+    /// fails with NVSP_ERR_MEMORY before it takes any. 0: no limit.
+    pub host_memory_limit: u64,
+    /// Most bytes of device memory that everything made with the engine may use together. A call that needs more fails
+    /// with NVSP_ERR_MEMORY. 0: no limit.
+    pub device_memory_limit: u64,
+    /// Called on each thread that the library starts: one per encoder and one per decoder, by its first
+    /// nvsp_encode_begin or nvsp_decode_begin. NULL: nothing is called.
+    pub thread_start: nvsp_thread_callback,
+    /// Passed to `thread_start` as it is.
+    pub thread_start_user: *mut c_void,
+    /// Longest that the library waits for one piece of work on the device, milliseconds: a frame is one to a few pieces.
+    /// If it takes longer, the call fails with NVSP_ERR_DEVICE_LOST, and so does every later call on what was made with
+    /// the engine. All handles can then be destroyed as usual; the memory that the device may still use is never given
+    /// back. 0: 60,000. NVSP_WATCHDOG_NONE: no bound.
+    pub watchdog_milliseconds: u32,
     /// Zero.
     pub reserved: u32,
 }
-versioned!(nvsp_engine_options, 40);
+versioned!(nvsp_engine_options, 80);
 
 /// A device in words, and the memory it gave.
 #[allow(non_camel_case_types)]
@@ -93,8 +138,8 @@ pub unsafe extern "C" fn nvsp_engine_create(
         return NVSP_ERR_NULL;
     }
     // SAFETY: as the caller promises.
-    let (log, options) = match unsafe { device_options(options) } {
-        Ok(options) => options,
+    let (log, made) = match unsafe { device_options(options) } {
+        Ok(made) => made,
         Err(failure) => return failure.status(),
     };
     // A handle without content: a failure goes through the same fence as that of every other call.
@@ -102,7 +147,8 @@ pub unsafe extern "C" fn nvsp_engine_create(
     // SAFETY: the handle was just made, and is destroyed at once.
     unsafe {
         let status = Handle::call(fence, |()| {
-            let content = EngineContent { engine: Engine::new(&options)?, options };
+            let _memory = Grant::take("an engine", engine_bytes(), u64::MAX)?;
+            let content = made.open()?;
             log.write(NVSP_LOG_INFO, &content.engine.device().to_string());
             *engine = nvsp_engine::address(Handle::boxed(content, log));
             Ok(NVSP_OK)
@@ -118,7 +164,7 @@ pub unsafe extern "C" fn nvsp_engine_create(
 /// As for [`nvsp_engine_create`].
 unsafe fn device_options(
     options: *const nvsp_engine_options,
-) -> Result<(Log, DeviceOptions), Failure> {
+) -> Result<(Log, OpenOptions), Failure> {
     // SAFETY: as the caller promises; a name that is not NULL ends in NUL.
     let (options, device) = unsafe {
         let options = read(options)?;
@@ -126,7 +172,7 @@ unsafe fn device_options(
         (options, name)
     };
     let log = Log::new(options.log, options.log_user);
-    if options.flags & !NVSP_ENGINE_VALIDATION != 0 || options.reserved != 0 {
+    if options.flags & !NVSP_ENGINE_VALIDATION != 0 {
         return Err(Failure::argument("nvsp_engine_options.flags"));
     }
     let name = |name: &CStr| name.to_str().map(str::to_owned);
@@ -134,7 +180,27 @@ unsafe fn device_options(
         .map(name)
         .transpose()
         .map_err(|_| Failure::argument("nvsp_engine_options.device is no UTF-8"))?;
-    Ok((log, DeviceOptions { device, validation: options.flags & NVSP_ENGINE_VALIDATION != 0 }))
+    let given = |limit: u64| if limit == 0 { u64::MAX } else { limit };
+    let limits = Limits {
+        frame_pixels: match options.frame_size_limit {
+            0 => u32::MAX,
+            pixels => pixels,
+        },
+        host_bytes: given(options.host_memory_limit),
+    };
+    let validation = options.flags & NVSP_ENGINE_VALIDATION != 0;
+    let memory_limit = options.device_memory_limit;
+    let threads = ThreadStart { callback: options.thread_start, user: options.thread_start_user };
+    let watchdog = match options.watchdog_milliseconds {
+        0 => Some(Duration::from_millis(WATCHDOG)),
+        NVSP_WATCHDOG_NONE => None,
+        milliseconds => Some(Duration::from_millis(milliseconds.into())),
+    };
+    if options.reserved != 0 {
+        return Err(Failure::argument("nvsp_engine_options.reserved: not zero"));
+    }
+    let options = DeviceOptions { device, validation, memory_limit, watchdog };
+    Ok((log, OpenOptions { limits, threads, options }))
 }
 
 /// Opens the device again, with the options that the engine was made with. Call it after NVSP_ERR_DEVICE_LOST. What was
@@ -152,11 +218,11 @@ pub unsafe extern "C" fn nvsp_engine_reopen(engine: *mut nvsp_engine) -> nvsp_st
     // SAFETY: as the caller promises.
     unsafe {
         Handle::share(nvsp_engine::handle(engine), |handle, content| {
-            let EngineContent { engine: old, options } = content;
-            log_validation(handle, &old);
-            let engine = Engine::new(&options)?;
-            handle.log().write(NVSP_LOG_INFO, &engine.device().to_string());
-            handle.replace(EngineContent { engine, options });
+            log_validation(handle, &content.engine);
+            let _memory = Grant::take("an engine", engine_bytes(), u64::MAX)?;
+            let opened = content.how.open()?;
+            handle.log().write(NVSP_LOG_INFO, &opened.engine.device().to_string());
+            handle.replace(opened);
             Ok(NVSP_OK)
         })
     }

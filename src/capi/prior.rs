@@ -11,7 +11,9 @@ use crate::{Prior, RenderOverrides};
 
 use super::engine::{EngineContent, nvsp_engine};
 use super::handle::{Handle, Opaque};
+use super::limits::Limits;
 use super::log::{NVSP_LOG_INFO, NVSP_LOG_WARNING};
+use super::memory::Grant;
 use super::status::*;
 use super::structs::{Out, read, versioned};
 
@@ -153,7 +155,7 @@ pub unsafe extern "C" fn nvsp_prior_open(
                 return Err(Failure::null("path"));
             }
             let path = Path::new(OsStr::from_bytes(CStr::from_ptr(path).to_bytes()));
-            Ok(move |overrides: &RenderOverrides| Prior::open(path, overrides))
+            Ok(Source::File(path))
         })
     }
 }
@@ -180,9 +182,37 @@ pub unsafe extern "C" fn nvsp_prior_open_memory(
     // SAFETY: as the caller promises.
     unsafe {
         open(engine, options, prior, || {
-            let bytes = super::image::slice(bytes, size, "bytes")?;
-            Ok(move |overrides: &RenderOverrides| Prior::from_bytes(bytes, "memory", overrides))
+            Ok(Source::Memory(super::image::slice(bytes, size, "bytes")?))
         })
+    }
+}
+
+/// Where a prior's content is.
+enum Source<'a> {
+    File(&'a Path),
+    Memory(&'a [u8]),
+}
+
+impl Source<'_> {
+    /// Sets memory aside, then reads the prior. The memory is needed until the prior is on the device.
+    fn read(self, overrides: &RenderOverrides, limits: &Limits) -> Result<(Prior, Grant), Failure> {
+        match self {
+            Source::Memory(bytes) => {
+                let grant = limits.prior(bytes)?;
+                let prior = Prior::from_bytes(bytes, "memory", overrides);
+                Ok((prior.map_err(crate::Error::from)?, grant))
+            }
+            Source::File(path) => {
+                let size = std::fs::metadata(path).map_or(0, |file| file.len());
+                let bytes = {
+                    let _memory = limits.file(size)?;
+                    Prior::read_file(path).map_err(crate::Error::from)?
+                };
+                let grant = limits.prior(&bytes)?;
+                let prior = Prior::from_file(path, bytes, overrides);
+                Ok((prior.map_err(crate::Error::from)?, grant))
+            }
+        }
     }
 }
 
@@ -190,15 +220,12 @@ pub unsafe extern "C" fn nvsp_prior_open_memory(
 ///
 /// # Safety
 /// As for [`nvsp_prior_open`].
-unsafe fn open<Read>(
+unsafe fn open<'a>(
     engine: *mut nvsp_engine,
     options: *const nvsp_prior_options,
     prior: *mut *mut nvsp_prior,
-    source: impl FnOnce() -> Result<Read, Failure>,
-) -> nvsp_status
-where
-    Read: FnOnce(&RenderOverrides) -> Result<Prior, crate::prior::PriorError>,
-{
+    source: impl FnOnce() -> Result<Source<'a>, Failure>,
+) -> nvsp_status {
     // SAFETY: as the caller promises; the place for the handle is checked before it is written.
     unsafe {
         Handle::share(nvsp_engine::handle(engine), |handle, content| {
@@ -206,7 +233,7 @@ where
                 return Err(Failure::null("prior"));
             }
             let overrides = overrides(&read(options)?)?;
-            let loaded = source()?(&overrides).map_err(crate::Error::from)?;
+            let (loaded, _memory) = source()?.read(&overrides, &content.how.limits)?;
             log_load(handle, &loaded);
             let scene = content.engine.upload(&loaded)?;
             let content = PriorContent { scene, info: info_of(&loaded) };

@@ -26,6 +26,9 @@ pub(super) struct Pipeline {
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
+        if self.device.hung() {
+            return;
+        }
         let device = &self.device.device;
         // SAFETY: recorded commands hold this Pipeline, so none uses it any more. Destroying a null
         // handle, left by a construction that failed, is allowed.

@@ -77,6 +77,7 @@ void scene_read(scene *scene, const char *folder) {
     memset(scene, 0, sizeof *scene);
     snprintf(scene->prior, sizeof scene->prior, "%s/prior.ply", folder);
     snprintf(scene->other_prior, sizeof scene->other_prior, "%s/other.ply", folder);
+    snprintf(scene->compact_prior, sizeof scene->compact_prior, "%s/prior.nvsg", folder);
     snprintf(scene->preprocessed_prior, sizeof scene->preprocessed_prior, "%s/preprocessed.ply", folder);
     char path[600];
     snprintf(path, sizeof path, "%s/scene.txt", folder);

@@ -191,7 +191,7 @@ static void begun_and_finished(void) {
         MUST(NVSP_INIT(&info));
         EXPECT(NVSP_OK, nvsp_decode_begin(decoder, bytes, packets[i].size, 0));
         free(bytes);  // Not needed any more.
-        EXPECT(NVSP_ERR_BUSY, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
+        EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
         EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
         EXPECT(NVSP_OK, nvsp_decode_poll(decoder));
         EXPECT(NVSP_OK, nvsp_decode_finish(decoder, &place, &info));

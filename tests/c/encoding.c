@@ -86,16 +86,16 @@ static void busy_with(nvsp_encoder *encoder, const nvsp_image *image) {
     uint8_t bytes[4096];
     size_t written = 77;
     const nvsp_picture place = {.format = NVSP_FORMAT_RGB8};
-    EXPECT(NVSP_ERR_BUSY, nvsp_encode_begin(encoder, image, NULL));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encode(encoder, image, NULL, bytes, sizeof bytes, &written, NULL));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_set_rate(encoder, NVSP_RATE_QUALITY, 50));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_set_camera(encoder, &dive.camera));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_reopen(encoder, both.engine, both.prior));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_reset(encoder));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encode_begin_frame(encoder, image, NULL));
-    EXPECT(NVSP_ERR_BUSY,
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encode_begin(encoder, image, NULL));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encode(encoder, image, NULL, bytes, sizeof bytes, &written, NULL));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_set_rate(encoder, NVSP_RATE_QUALITY, 50));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_set_camera(encoder, &dive.camera));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_reopen(encoder, both.engine, both.prior));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_reset(encoder));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encode_begin_frame(encoder, image, NULL));
+    EXPECT(NVSP_ERR_UNFINISHED,
            nvsp_encode_frame(encoder, image, NULL, bytes, sizeof bytes, &written, NULL));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
     EXPECT(NVSP_PENDING, nvsp_encode_finish(encoder, bytes, sizeof bytes, &written, NULL));
     EXPECT(NVSP_PENDING, nvsp_encode_poll(encoder));
     EXPECT(NVSP_PENDING, nvsp_encode_wait(encoder, 0));
