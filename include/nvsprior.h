@@ -9,7 +9,8 @@
  *
  * Status. A call that can fail returns an nvsp_status: NVSP_OK (0), NVSP_PENDING, or an error below zero.
  *   nvsp_status_text gives it in words; nvsp_..._last_error on the handle gives the details. A call that fails writes
- *   nothing through any pointer and loses nothing that was good. You may go on to use the handle, except after
+ *   nothing through any pointer and loses nothing that was good. There are two exceptions: NVSP_ERR_BUFFER_TOO_SMALL
+ *   tells the size needed, and NVSP_ERR_NEWER the version. You may go on to use the handle, except after
  *   NVSP_ERR_INTERNAL (later calls give NVSP_ERR_POISONED) and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The
  *   firmware build has no NVSP_ERR_INTERNAL: there a fault of the library itself aborts the process, and a watchdog
  *   must start it again.
@@ -29,8 +30,11 @@
  *   the host once they have run a first time. A call that allocates first sets aside as much as it may need at most. If
  *   the system does not have it, the call fails with NVSP_ERR_MEMORY, and nothing has changed. The library itself never
  *   ends the process for want of memory. A Vulkan driver may: Mesa's does, while it compiles.
- * Structures. If a structure begins with struct_size, set it up with NVSP_INIT(&structure). This makes every field
- *   zero, its default. Later versions only append fields.
+ * Structures. Every structure begins with struct_size. Set it up with NVSP_INIT(&structure), or as
+ *   nvsp_camera camera = NVSP_INITIALIZER(nvsp_camera). This makes every other field zero, its default. Later versions
+ *   only append fields. Flags that are unknown, and reserved fields that are not zero, are refused.
+ * Compilers. With GCC and Clang a status that is not looked at and a NULL that is not allowed give a warning. Define
+ *   NVSP_NO_ATTRIBUTES before you include this header to switch that off.
  * Units. Angles in radians, pixels from the upper left corner, lengths in the prior's own unit, PSNR
  *   in dB against 255.
  * Signals and forks. The library installs no signal handlers. Its threads block all signals, except those of their own
@@ -45,9 +49,47 @@
 /* Sets a structure up for use: all defaults. Returns an nvsp_status. */
 #define NVSP_INIT(structure) nvsp_struct_init((structure), sizeof *(structure), NVSP_ABI_VERSION)
 
+/* NVSP_INITIALIZER: what a structure is initialised with, all defaults. NVSP_HEAD: its first two fields, if you state
+ * others after it: nvsp_picture place = {NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8}; in C++ state all, in
+ * order. */
+#ifdef __cplusplus
+template <class Structure> inline Structure nvsp_initialized() {
+    Structure made = Structure();
+    made.struct_size = sizeof(Structure);
+    made.abi_version = 1;
+    return made;
+}
+#define NVSP_INITIALIZER(type) nvsp_initialized<type>()
+#define NVSP_HEAD(type) sizeof(type), NVSP_ABI_VERSION
+#else
+#define NVSP_INITIALIZER(type) {NVSP_HEAD(type)}
+#define NVSP_HEAD(type) .struct_size = sizeof(type), .abi_version = NVSP_ABI_VERSION
+#endif
+
+/* For compilers: a status must be looked at; these parameters must not be NULL. */
+#if defined(__GNUC__) && !defined(NVSP_NO_ATTRIBUTES)
+#define NVSP_CHECKED __attribute__((warn_unused_result))
+#define NVSP_NONNULL(...) __attribute__((nonnull(__VA_ARGS__)))
+#else
+#define NVSP_CHECKED
+#define NVSP_NONNULL(...)
+#endif
+
 
 // Version of the ABI that this header describes.
 #define NVSP_ABI_VERSION 1
+
+// Version of the library that this header came with; nvsp_version gives that of the library in use. First number.
+#define NVSP_VERSION_MAJOR 0
+
+// Second number.
+#define NVSP_VERSION_MINOR 1
+
+// Third number.
+#define NVSP_VERSION_PATCH 0
+
+// The three in one number, for comparisons: 1,000,000 major + 1,000 minor + patch.
+#define NVSP_VERSION_NUMBER 1000
 
 // A call failed.
 #define NVSP_LOG_ERROR 1
@@ -60,22 +102,22 @@
 
 // Run under the Khronos validation layer, which must be installed. Its messages are logged as
 // warnings when the engine is destroyed or reopened. For tests; slow.
-#define NVSP_ENGINE_VALIDATION 1
+#define NVSP_ENGINE_VALIDATION 2048
 
 // For nvsp_engine_options.watchdog_milliseconds: wait as long as the device takes.
 #define NVSP_WATCHDOG_NONE UINT32_MAX
 
 // `near_plane` is given.
-#define NVSP_PRIOR_NEAR 1
+#define NVSP_PRIOR_NEAR 4096
 
 // `alpha_max` is given.
-#define NVSP_PRIOR_ALPHA_MAX 2
+#define NVSP_PRIOR_ALPHA_MAX 8192
 
 // `antialiased` is given.
-#define NVSP_PRIOR_ANTIALIASED 4
+#define NVSP_PRIOR_ANTIALIASED 16384
 
 // `background` is given.
-#define NVSP_PRIOR_BACKGROUND 8
+#define NVSP_PRIOR_BACKGROUND 32768
 
 // Colours were left as they were.
 #define NVSP_WHITE_BALANCE_NONE 0
@@ -111,7 +153,7 @@
 #define NVSP_COLOUR_BT709_FULL 3
 
 // For nvsp_frame_info.given: `time` is the frame's.
-#define NVSP_FRAME_TIME 1
+#define NVSP_GIVEN_TIME 256
 
 // Quality 10.
 #define NVSP_RATE_DEFAULT 0
@@ -119,10 +161,10 @@
 // Quality of the difference picture, 0 to 100.
 #define NVSP_RATE_QUALITY 1
 
-// Bytes of the whole packet, never exceeded.
+// Bytes of the whole packet, never exceeded; 0 to 4,294,967,295.
 #define NVSP_RATE_BYTES 2
 
-// PSNR to reach with as few bytes as possible, dB.
+// PSNR to reach with as few bytes as possible, dB; above 0, up to 100.
 #define NVSP_RATE_PSNR 3
 
 // No difference picture: the pose alone.
@@ -219,7 +261,7 @@
 // difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
 // picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
 // matches.
-#define NVSP_DECODE_START 1
+#define NVSP_DECODE_START 512
 
 // The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
 // does not tell.
@@ -229,7 +271,7 @@
 #define NVSP_DECODED_OTHER_RENDER 16
 
 // `pose` is given.
-#define NVSP_HEADER_POSE 2
+#define NVSP_HEADER_POSE 32
 
 // The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
 #define NVSP_HEADER_SHORT 128
@@ -244,7 +286,7 @@
 #define NVSP_MTU_1024 1024
 
 // The modem hands over no damaged frames: a packet's first frame then counts as sound to its end.
-#define NVSP_MODEM_CHECKS 1
+#define NVSP_MODEM_CHECKS 1024
 
 // The packet is complete.
 #define NVSP_EVENT_COMPLETE 1
@@ -402,18 +444,25 @@ typedef struct nvsp_prior_info {
   float clahe_clip_limit;
 } nvsp_prior_info;
 
-// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers
-// [0, 1) x [0, 1).
+// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device refuses
+// sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells the limit.
+// Every device that Vulkan 1.2 allows takes 2048 by 2048.
 typedef struct nvsp_camera {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
   // Pixels, 1 to 4096.
   uint32_t width;
   // Pixels, 1 to 4096.
   uint32_t height;
-  // Focal lengths, pixels, above 0.
+  // Focal length along x, pixels, 0.01 to 1,000,000.
   float fx;
+  // Focal length along y, pixels, 0.01 to 1,000,000.
   float fy;
-  // Principal point, pixels.
+  // Principal point, x, pixels from the left edge, -1,000,000 to 1,000,000.
   float cx;
+  // Principal point, y, pixels from the upper edge, -1,000,000 to 1,000,000.
   float cy;
 } nvsp_camera;
 
@@ -425,7 +474,7 @@ typedef struct nvsp_encoder_options {
   uint32_t abi_version;
   // NVSP_RATE_*: it sets how fine the difference picture is.
   uint32_t rate;
-  // The number that `rate` takes: quality, bytes or dB.
+  // The number that `rate` takes: quality, bytes or dB; 0 for NVSP_RATE_DEFAULT and NVSP_RATE_NONE, which take none.
   float rate_value;
   // NVSP_OPTIMIZER_*.
   uint32_t optimizer;
@@ -460,6 +509,10 @@ typedef struct nvsp_encoder_options {
 // A camera's image; read during the call only. If its size is not the camera's, it is scaled to
 // it. Its shape must be the camera's (1 % is tolerated).
 typedef struct nvsp_image {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
   // NVSP_FORMAT_*.
   uint32_t format;
   // NVSP_COLOUR_*; used for NV12 and I420 only.
@@ -476,8 +529,13 @@ typedef struct nvsp_image {
   size_t sizes[3];
 } nvsp_image;
 
-// Where a camera stands: x_camera = R x_world + t.
+// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as by
+// NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
 typedef struct nvsp_pose {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
   // Quaternion of R: w, x, y, z. Any length but zero.
   double rotation[4];
   // t, in the prior's unit.
@@ -544,27 +602,38 @@ typedef struct nvsp_frame_info {
   const double *hint_covariance;
   // Seconds from the time of the hint to the time of the frame; 0 or more.
   double hint_age;
-  // When the frame was taken, seconds on a clock of yours. Used if `given` has NVSP_FRAME_TIME. A later frame must
+  // When the frame was taken, seconds on a clock of yours. Used if `given` has NVSP_GIVEN_TIME. A later frame must
   // not have an earlier time. After nvsp_encoder_reset any time is allowed again.
   double time;
-  // NVSP_FRAME_TIME, or 0.
+  // NVSP_GIVEN_TIME, or 0.
   uint32_t given;
   // Zero.
   uint32_t reserved;
 } nvsp_frame_info;
 
-// A place for a picture.
+// A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if it
+// fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
 typedef struct nvsp_picture {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
   // NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8 or NVSP_FORMAT_RGBA8.
   uint32_t format;
+  // Receives the picture's width, pixels.
+  uint32_t width;
+  // Receives the picture's height, pixels.
+  uint32_t height;
   // Zero.
   uint32_t reserved;
-  // First byte.
+  // First byte. NULL only if `size` is 0.
   uint8_t *pixels;
-  // Bytes from one row to the next. Bytes after a row's pixels are left as they are.
+  // Bytes from one row to the next; 0: rows without padding. Bytes after a row's pixels are left as they are.
   size_t stride;
   // Bytes of the place. Nothing beyond them is written.
   size_t size;
+  // Receives how many bytes the picture needs with this format and stride.
+  size_t needed;
 } nvsp_picture;
 
 // What decoding a packet gave besides the picture.
@@ -613,6 +682,10 @@ typedef struct nvsp_header {
   uint32_t latent_bytes;
   // In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
   uint32_t session;
+  // Version of the wire format, as the packet has it. NVSP_ERR_NEWER writes it too, with all else zero.
+  uint32_t wire_version;
+  // Zero.
+  uint32_t reserved;
   // The pose, if NVSP_HEADER_POSE is set. The compact profile states it relative to the prior.
   struct nvsp_pose pose;
 } nvsp_header;
@@ -692,7 +765,8 @@ typedef struct nvsp_reassembler_statistics {
 // A structure was made for an ABI version that this library does not speak.
 #define NVSP_ERR_ABI_VERSION -4
 
-// The destination is too small; the text tells how many bytes are needed.
+// The destination is too small. What else the call writes tells how many bytes are needed: `written`, or
+// nvsp_picture.needed.
 #define NVSP_ERR_BUFFER_TOO_SMALL -5
 
 // Another thread is inside a call on this handle.
@@ -760,6 +834,10 @@ typedef struct nvsp_reassembler_statistics {
 // A frame or a packet that was begun on this handle is not finished: finish it, or cancel it.
 #define NVSP_ERR_UNFINISHED -26
 
+// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or looks
+// like one by chance. Update this side.
+#define NVSP_ERR_NEWER -27
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -774,7 +852,7 @@ extern "C" {
 // - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of the structure, 8 to 4096.
 // - `abi_version`: NVSP_ABI_VERSION of your header.
-nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version);
+nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version) NVSP_NONNULL(1);
 
 // Returns the library's version, such as "0.1.0". The text is static.
 const char *nvsp_version(void);
@@ -782,6 +860,9 @@ const char *nvsp_version(void);
 // Returns the ABI version that the library speaks. NVSP_INIT and every call that takes a structure refuse a program
 // made for another NVSP_ABI_VERSION.
 uint32_t nvsp_abi_version(void);
+
+// Returns the library's version as one number, as NVSP_VERSION_NUMBER has it for the header.
+uint32_t nvsp_version_number(void);
 
 // Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 //
@@ -799,8 +880,9 @@ const char *nvsp_status_text(nvsp_status status);
 // - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
 //   the engine lives. NULL: all defaults.
 // - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
-                               struct nvsp_engine **engine);
+                               struct nvsp_engine **engine) NVSP_NONNULL(2);
 
 // Opens the device again, with the options that the engine was made with. Call it after NVSP_ERR_DEVICE_LOST. What was
 // made with the engine before stays on the lost device: every call on it fails with NVSP_ERR_DEVICE_LOST. So open the
@@ -812,7 +894,8 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 //
 // Parameters:
 // - `engine`: a live engine. Not NULL.
-nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine);
+NVSP_CHECKED
+nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine) NVSP_NONNULL(1);
 
 // Describes the engine's device and its memory. Allocates.
 //
@@ -821,7 +904,8 @@ nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine);
 // Parameters:
 // - `engine`: a live engine. Not NULL.
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
-nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info);
+NVSP_CHECKED
+nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info) NVSP_NONNULL(1, 2);
 
 // Copies the text of the last failed call on the engine into `text`, or of the last failure to
 // make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the
@@ -833,7 +917,7 @@ nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_e
 // - `engine`: a live engine. Not NULL.
 // - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_engine_last_error(const struct nvsp_engine *engine, char *text, size_t size);
+nvsp_status nvsp_engine_last_error(const struct nvsp_engine *engine, char *text, size_t size) NVSP_NONNULL(1, 2);
 
 // Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
 // the last of them is gone.
@@ -870,10 +954,11 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
 // - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
                             const char *path,
                             const struct nvsp_prior_options *options,
-                            struct nvsp_prior **prior);
+                            struct nvsp_prior **prior) NVSP_NONNULL(1, 2, 4);
 
 // As nvsp_prior_open, but from the content of a file in memory, which is not needed afterwards. Key frames and coder
 // tables come from that content.
@@ -886,11 +971,12 @@ nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
 // - `size`: bytes of it.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the content says.
 // - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
                                    const uint8_t *bytes,
                                    size_t size,
                                    const struct nvsp_prior_options *options,
-                                   struct nvsp_prior **prior);
+                                   struct nvsp_prior **prior) NVSP_NONNULL(1, 2, 5);
 
 // Describes a prior.
 //
@@ -899,7 +985,8 @@ nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
 // Parameters:
 // - `prior`: a live prior. Not NULL.
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
-nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info);
+NVSP_CHECKED
+nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info) NVSP_NONNULL(1, 2);
 
 // Copies the text of the last failed call on the prior, as nvsp_engine_last_error does.
 //
@@ -907,7 +994,7 @@ nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prio
 // - `prior`: a live prior. Not NULL.
 // - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, size_t size);
+nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, size_t size) NVSP_NONNULL(1, 2);
 
 // Ends a prior; NULL is allowed. Encoders and decoders made with it go on to work. The last of them frees its device
 // memory.
@@ -928,11 +1015,12 @@ void nvsp_prior_destroy(struct nvsp_prior *prior);
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 // - `encoder`: receives the encoder, which nvsp_encoder_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_encoder_create(struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
                                 const struct nvsp_camera *camera,
                                 const struct nvsp_encoder_options *options,
-                                struct nvsp_encoder **encoder);
+                                struct nvsp_encoder **encoder) NVSP_NONNULL(1, 2, 3, 5);
 
 // Sets the rate of all frames from here on.
 //
@@ -942,10 +1030,11 @@ nvsp_status nvsp_encoder_create(struct nvsp_engine *engine,
 // - `encoder`: a live encoder. Not NULL.
 // - `mode`: NVSP_RATE_*.
 // - `value`: the number that the mode takes: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take
-//   none.
+//   none: 0.
+NVSP_CHECKED
 nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
                                   uint32_t mode,
-                                  float value);
+                                  float value) NVSP_NONNULL(1);
 
 // Gives the next packet the full form and the camera. Call it if a topside asks what the packets are about.
 //
@@ -953,7 +1042,8 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
-nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder);
+NVSP_CHECKED
+nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
 // Sets another camera, or another size, for all frames from here on; the next packet carries it.
 // Allocates as nvsp_encoder_create does. If it fails, the old camera stays.
@@ -964,7 +1054,8 @@ nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder);
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
-nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera);
+NVSP_CHECKED
+nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
 
 // Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. With them the encoder
 // finds a camera that it has lost. Without this call they are rendered while a frame is lost, as many as
@@ -978,9 +1069,10 @@ nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct n
 // - `encoder`: a live encoder. Not NULL.
 // - `most`: key frames to render at most; 0: only count those that are left.
 // - `left`: receives how many are not rendered yet. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
                                  uint32_t most,
-                                 uint32_t *left);
+                                 uint32_t *left) NVSP_NONNULL(1);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. Frame numbers and poses carry over. If it fails, nothing changes.
@@ -993,9 +1085,10 @@ nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
 // - `encoder`: a live encoder. Not NULL.
 // - `engine`: a live engine. Not NULL.
 // - `prior`: a live prior that was opened with `engine`. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
                                 const struct nvsp_engine *engine,
-                                const struct nvsp_prior *prior);
+                                const struct nvsp_prior *prior) NVSP_NONNULL(1, 2, 3);
 
 // Forgets all earlier frames: the next one is searched for as the first was, and may have any
 // time. Frame numbers go on. Call it if somebody carried the camera elsewhere, for example.
@@ -1004,7 +1097,8 @@ nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
-nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
+NVSP_CHECKED
+nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
 // The largest packet that a camera of this size can give, in either profile and with the camera,
 // bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
@@ -1034,15 +1128,16 @@ size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 // - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-// - `written`: receives the packet's length, bytes. Not NULL.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 // - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         const struct nvsp_image *image,
                         const struct nvsp_pose *hint,
                         uint8_t *packet,
                         size_t size,
                         size_t *written,
-                        struct nvsp_frame_stats *stats);
+                        struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
 
 // As nvsp_encode, but takes all that is known of the frame in place of the hint.
 //
@@ -1055,15 +1150,16 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
 //   call. NULL: nothing is known.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-// - `written`: receives the packet's length, bytes. Not NULL.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 // - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
                               const struct nvsp_frame_info *info,
                               uint8_t *packet,
                               size_t size,
                               size_t *written,
-                              struct nvsp_frame_stats *stats);
+                              struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
 
 // Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that it
 // was given, drops a packet of an earlier frame that was not fetched, and reads the image: it converts it to RGB and
@@ -1080,9 +1176,10 @@ nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
 // - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
 // - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
+NVSP_CHECKED
 nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
-                              const struct nvsp_pose *hint);
+                              const struct nvsp_pose *hint) NVSP_NONNULL(1, 2);
 
 // As nvsp_encode_begin, but takes all that is known of the frame in place of the hint.
 //
@@ -1093,9 +1190,10 @@ nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
 // - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
 //   call. NULL: nothing is known.
+NVSP_CHECKED
 nvsp_status nvsp_encode_begin_frame(struct nvsp_encoder *encoder,
                                     const struct nvsp_image *image,
-                                    const struct nvsp_frame_info *info);
+                                    const struct nvsp_frame_info *info) NVSP_NONNULL(1, 2);
 
 // Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
 // waits.
@@ -1104,14 +1202,16 @@ nvsp_status nvsp_encode_begin_frame(struct nvsp_encoder *encoder,
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
-nvsp_status nvsp_encode_poll(struct nvsp_encoder *encoder);
+NVSP_CHECKED
+nvsp_status nvsp_encode_poll(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
 // As nvsp_encode_poll, but waits for the frame's end.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `milliseconds`: the longest to wait; 0 does not wait.
-nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds);
+NVSP_CHECKED
+nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds) NVSP_NONNULL(1);
 
 // Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
 // if the frame has not ended. Never waits.
@@ -1123,13 +1223,14 @@ nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds
 // - `encoder`: a live encoder. Not NULL.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-// - `written`: receives the packet's length, bytes. Not NULL.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 // - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
                                uint8_t *packet,
                                size_t size,
                                size_t *written,
-                               struct nvsp_frame_stats *stats);
+                               struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4);
 
 // Drops the frame that was begun, or a packet that was not fetched. Never waits: returns NVSP_OK if the encoder is free
 // again, else NVSP_PENDING. The device then still works on the frame, at most as long as the watchdog allows; its packet
@@ -1142,7 +1243,8 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
-nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder);
+NVSP_CHECKED
+nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
 // Copies a picture of the last frame encoded.
 //
@@ -1152,10 +1254,11 @@ nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder);
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `which`: NVSP_PICTURE_*.
-// - `picture`: receives the picture. Yours, of the camera's size. Not NULL.
+// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
                                      uint32_t which,
-                                     const struct nvsp_picture *picture);
+                                     struct nvsp_picture *picture) NVSP_NONNULL(1, 3);
 
 // Copies the text of the last failed call on the encoder, as nvsp_engine_last_error does.
 //
@@ -1163,7 +1266,7 @@ nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
 // - `encoder`: a live encoder. Not NULL.
 // - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_encoder_last_error(const struct nvsp_encoder *encoder, char *text, size_t size);
+nvsp_status nvsp_encoder_last_error(const struct nvsp_encoder *encoder, char *text, size_t size) NVSP_NONNULL(1, 2);
 
 // Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
 //
@@ -1180,9 +1283,10 @@ void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
 // - `engine`: a live engine. Not NULL.
 // - `prior`: a live prior that was opened with `engine`. Not NULL.
 // - `decoder`: receives the decoder, which nvsp_decoder_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_decoder_create(struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
-                                struct nvsp_decoder **decoder);
+                                struct nvsp_decoder **decoder) NVSP_NONNULL(1, 2, 3);
 
 // Tells the decoder about a camera that packets only name. So a topside that joins late need not
 // wait until the camera is sent again. The decoder knows the last 256 cameras.
@@ -1192,7 +1296,8 @@ nvsp_status nvsp_decoder_create(struct nvsp_engine *engine,
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
-nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera);
+NVSP_CHECKED
+nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. The known cameras carry over. See nvsp_engine_reopen.
@@ -1203,9 +1308,10 @@ nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct n
 // - `decoder`: a live decoder. Not NULL.
 // - `engine`: a live engine. Not NULL.
 // - `prior`: a live prior that was opened with `engine`. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
                                 const struct nvsp_engine *engine,
-                                const struct nvsp_prior *prior);
+                                const struct nvsp_prior *prior) NVSP_NONNULL(1, 2, 3);
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
 // a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
@@ -1226,15 +1332,15 @@ nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
 // - `packet`: the packet. Read during the call. Not NULL.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
-// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
-//   wanted.
+// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
 // - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         const uint8_t *packet,
                         size_t size,
                         uint32_t flags,
-                        const struct nvsp_picture *picture,
-                        struct nvsp_decoded *info);
+                        struct nvsp_picture *picture,
+                        struct nvsp_decoded *info) NVSP_NONNULL(1, 2);
 
 // Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
 // packet; it does not wait. The first such call starts the thread. Until the packet is finished, other calls on the
@@ -1249,10 +1355,11 @@ nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
 // - `packet`: the packet. Read during the call. Not NULL.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
+NVSP_CHECKED
 nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
                               const uint8_t *packet,
                               size_t size,
-                              uint32_t flags);
+                              uint32_t flags) NVSP_NONNULL(1, 2);
 
 // Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
 // waits.
@@ -1261,14 +1368,16 @@ nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
-nvsp_status nvsp_decode_poll(struct nvsp_decoder *decoder);
+NVSP_CHECKED
+nvsp_status nvsp_decode_poll(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
 
 // As nvsp_decode_poll, but waits for the end.
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
 // - `milliseconds`: the longest to wait; 0 does not wait.
-nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds);
+NVSP_CHECKED
+nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds) NVSP_NONNULL(1);
 
 // Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
 // for. Returns NVSP_PENDING if the packet has not ended. Never waits.
@@ -1278,12 +1387,12 @@ nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
-// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
-//   wanted.
+// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
 // - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
-                               const struct nvsp_picture *picture,
-                               struct nvsp_decoded *info);
+                               struct nvsp_picture *picture,
+                               struct nvsp_decoded *info) NVSP_NONNULL(1);
 
 // Drops the packet that was begun, or a picture that was not fetched, as nvsp_encode_cancel does. Never waits: returns
 // NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
@@ -1292,7 +1401,8 @@ nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
-nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder);
+NVSP_CHECKED
+nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
 
 // Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.
 //
@@ -1300,7 +1410,7 @@ nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder);
 // - `decoder`: a live decoder. Not NULL.
 // - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_decoder_last_error(const struct nvsp_decoder *decoder, char *text, size_t size);
+nvsp_status nvsp_decoder_last_error(const struct nvsp_decoder *decoder, char *text, size_t size) NVSP_NONNULL(1, 2);
 
 // Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
 //
@@ -1312,18 +1422,19 @@ void nvsp_decoder_destroy(struct nvsp_decoder *decoder);
 // paper's profile). Gives the pose of a compact packet only if the packet is about `prior`. A short packet does not
 // name its prior: it counts as about `prior`. Allocates nothing; any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
-// NVSP_ERR_PACKET.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, or
+// NVSP_ERR_NEWER, which writes the header's wire_version.
 //
 // Parameters:
 // - `packet`: the packet, or its start. Read during the call. Not NULL.
 // - `size`: bytes of it that are there, 31 or more (19 in the short form, 43 in the paper's profile).
 // - `prior`: a live prior. NULL: the pose of a compact packet is not wanted.
 // - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_decode_header(const uint8_t *packet,
                                size_t size,
                                const struct nvsp_prior *prior,
-                               struct nvsp_header *header);
+                               struct nvsp_header *header) NVSP_NONNULL(1, 4);
 
 // Tells how many modem frames a packet takes. The first one costs no bytes, each other one costs
 // four. Allocates nothing; any thread may call it.
@@ -1335,7 +1446,8 @@ nvsp_status nvsp_decode_header(const uint8_t *packet,
 // - `packet_size`: bytes of the packet.
 // - `mtu`: most bytes of a modem frame, 31 to 65535.
 // - `count`: receives the number of modem frames. Not NULL.
-nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *count);
+NVSP_CHECKED
+nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *count) NVSP_NONNULL(3);
 
 // Writes modem frame `index` of a packet, 0 first, into `frame`: at most `mtu` bytes. It may be padded to any length.
 // Frame 0 holds the latent part, which makes a picture by itself. Send it first. If you repeat one frame only, repeat
@@ -1351,14 +1463,15 @@ nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *c
 // - `index`: which modem frame, from 0.
 // - `frame`: receives the modem frame. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `frame`; `mtu` always suffices.
-// - `written`: receives the modem frame's length, bytes. Not NULL.
+// - `written`: receives the modem frame's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_modem_frame(const uint8_t *packet,
                              size_t packet_size,
                              uint32_t mtu,
                              uint32_t index,
                              uint8_t *frame,
                              size_t size,
-                             size_t *written);
+                             size_t *written) NVSP_NONNULL(1, 5, 7);
 
 // Makes a reassembler for packets that were split for the same MTU. Takes all its memory here: room for at most eight
 // packets, each of max_packet_bytes and 16 bytes per modem frame.
@@ -1370,9 +1483,10 @@ nvsp_status nvsp_modem_frame(const uint8_t *packet,
 // - `mtu`: most bytes of a modem frame, 31 to 65535, as the packets were split for.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 // - `reassembler`: receives the reassembler, which nvsp_reassembler_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_reassembler_create(uint32_t mtu,
                                     const struct nvsp_reassembler_options *options,
-                                    struct nvsp_reassembler **reassembler);
+                                    struct nvsp_reassembler **reassembler) NVSP_NONNULL(3);
 
 // Takes a modem frame. Frames may come in any order, repeated, padded or damaged. Allocates
 // nothing.
@@ -1386,10 +1500,11 @@ nvsp_status nvsp_reassembler_create(uint32_t mtu,
 // - `frame`: the modem frame. Read during the call. Not NULL.
 // - `size`: bytes of it.
 // - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_reassembler_push(struct nvsp_reassembler *reassembler,
                                   const uint8_t *frame,
                                   size_t size,
-                                  struct nvsp_reassembly *state);
+                                  struct nvsp_reassembly *state) NVSP_NONNULL(1, 2);
 
 // Copies what has come of the newest packet into `packet`: the whole packet, or its start. Give it
 // to nvsp_decode with NVSP_DECODE_START, which makes the best possible picture of it. The packet
@@ -1402,13 +1517,14 @@ nvsp_status nvsp_reassembler_push(struct nvsp_reassembler *reassembler,
 // - `reassembler`: a live reassembler. Not NULL.
 // - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_reassembler_options.max_packet_bytes always suffices.
-// - `written`: receives the number of bytes. Not NULL.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 // - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_reassembler_fetch(struct nvsp_reassembler *reassembler,
                                    uint8_t *packet,
                                    size_t size,
                                    size_t *written,
-                                   struct nvsp_reassembly *state);
+                                   struct nvsp_reassembly *state) NVSP_NONNULL(1, 2, 4);
 
 // Lists the modem frames of the newest packet to ask its sender for again. Until the packet's length is known, the
 // list holds only the first missing frame. Allocates nothing.
@@ -1418,13 +1534,15 @@ nvsp_status nvsp_reassembler_fetch(struct nvsp_reassembler *reassembler,
 //
 // Parameters:
 // - `reassembler`: a live reassembler. Not NULL.
-// - `indices`: receives the indices. Yours, of `room` numbers. Not NULL.
-// - `room`: most indices.
-// - `count`: receives how many were written. Not NULL.
+// - `indices`: receives the first indices, as many as there is room for. Yours, of `room` numbers. NULL only if `room`
+//   is 0.
+// - `room`: most indices to write.
+// - `count`: receives how many are missing in all, which may be more than `room`. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_reassembler_missing(struct nvsp_reassembler *reassembler,
                                      uint32_t *indices,
                                      uint32_t room,
-                                     uint32_t *count);
+                                     uint32_t *count) NVSP_NONNULL(1, 4);
 
 // Copies the counts.
 //
@@ -1434,8 +1552,9 @@ nvsp_status nvsp_reassembler_missing(struct nvsp_reassembler *reassembler,
 // Parameters:
 // - `reassembler`: a live reassembler. Not NULL.
 // - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_reassembler_get_statistics(struct nvsp_reassembler *reassembler,
-                                            struct nvsp_reassembler_statistics *statistics);
+                                            struct nvsp_reassembler_statistics *statistics) NVSP_NONNULL(1, 2);
 
 // Copies the text of the last failed call on the reassembler, as nvsp_engine_last_error does.
 //
@@ -1445,7 +1564,7 @@ nvsp_status nvsp_reassembler_get_statistics(struct nvsp_reassembler *reassembler
 // - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_reassembler_last_error(const struct nvsp_reassembler *reassembler,
                                         char *text,
-                                        size_t size);
+                                        size_t size) NVSP_NONNULL(1, 2);
 
 // Ends a reassembler; NULL is allowed.
 //

@@ -68,6 +68,16 @@ pub enum Error {
         /// Number of the frame.
         frame: u32,
     },
+    /// The pose from outside lies absurdly far from the prior.
+    #[error(
+        "frame {frame}: the pose from outside is {distance:e} from the prior, more than a million of its spreads"
+    )]
+    HintFar {
+        /// Number of the frame.
+        frame: u32,
+        /// Distance of the camera from the prior's centre, the prior's unit.
+        distance: f64,
+    },
     /// The covariance of the pose from outside is not one.
     #[error(
         "frame {frame}: the covariance of the pose from outside is not finite, symmetric and \

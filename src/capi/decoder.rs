@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 use std::time::Duration;
 
-use crate::packet::{LONGEST_LATENT, Latent, PoseProfile, Session};
+use crate::packet::{LONGEST_LATENT, Latent, PacketError, PoseProfile, Session};
 use crate::prior::PriorFrame;
 use crate::{Decoded, Decoder, Trust, packet_bound};
 
@@ -41,7 +41,7 @@ type Content = Worker<Core>;
 /// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
 /// picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
 /// matches.
-pub const NVSP_DECODE_START: u32 = 1;
+pub const NVSP_DECODE_START: u32 = 512;
 
 /// The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
 /// does not tell.
@@ -75,10 +75,10 @@ pub struct nvsp_decoded {
     /// The pose.
     pub pose: nvsp_pose,
 }
-versioned!(nvsp_decoded, 88);
+versioned!(nvsp_decoded, 96);
 
 /// `pose` is given.
-pub const NVSP_HEADER_POSE: u32 = 2;
+pub const NVSP_HEADER_POSE: u32 = 32;
 /// The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
 pub const NVSP_HEADER_SHORT: u32 = 128;
 
@@ -107,10 +107,14 @@ pub struct nvsp_header {
     pub latent_bytes: u32,
     /// In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
     pub session: u32,
+    /// Version of the wire format, as the packet has it. NVSP_ERR_NEWER writes it too, with all else zero.
+    pub wire_version: u32,
+    /// Zero.
+    pub reserved: u32,
     /// The pose, if NVSP_HEADER_POSE is set. The compact profile states it relative to the prior.
     pub pose: nvsp_pose,
 }
-versioned!(nvsp_header, 96);
+versioned!(nvsp_header, 112);
 
 /// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 /// for its pictures.
@@ -134,7 +138,7 @@ pub unsafe extern "C" fn nvsp_decoder_create(
                 return Err(Failure::null("decoder"));
             }
             let prior = nvsp_prior::handle(prior).as_ref();
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
             let mut decoder_made = Decoder::new(&engine.engine, &scene);
             decoder_made.set_pixel_limit(engine.how.limits.frame_pixels);
             let core = Core {
@@ -196,9 +200,9 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
         Handle::call(nvsp_decoder::handle(decoder), |content| {
             let engine = nvsp_engine::handle(engine).as_ref();
             let prior = nvsp_prior::handle(prior).as_ref();
-            let engine = engine.ok_or(Failure::null("engine"))?.get().engine;
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
-            content.core()?.decoder.move_to(&engine, &scene)?;
+            let engine = engine.ok_or(Failure::null("engine"))?.get();
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
+            content.core()?.decoder.move_to(&engine.engine, &scene)?;
             Ok(NVSP_OK)
         })
     }
@@ -223,8 +227,7 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 /// - `packet`: the packet. Read during the call. Not NULL.
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
-/// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
-///   wanted.
+/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
 /// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode(
@@ -232,7 +235,7 @@ pub unsafe extern "C" fn nvsp_decode(
     packet: *const u8,
     size: usize,
     flags: u32,
-    picture: *const nvsp_picture,
+    picture: *mut nvsp_picture,
     info: *mut nvsp_decoded,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
@@ -310,13 +313,12 @@ pub unsafe extern "C" fn nvsp_decode_wait(
 ///
 /// # Safety
 /// - `decoder`: a live decoder. Not NULL.
-/// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
-///   wanted.
+/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
 /// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_finish(
     decoder: *mut nvsp_decoder,
-    picture: *const nvsp_picture,
+    picture: *mut nvsp_picture,
     info: *mut nvsp_decoded,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
@@ -371,8 +373,8 @@ pub unsafe extern "C" fn nvsp_decoder_destroy(decoder: *mut nvsp_decoder) {
 /// paper's profile). Gives the pose of a compact packet only if the packet is about `prior`. A short packet does not
 /// name its prior: it counts as about `prior`. Allocates nothing; any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
-/// NVSP_ERR_PACKET.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, or
+/// NVSP_ERR_NEWER, which writes the header's wire_version.
 ///
 /// # Safety
 /// - `packet`: the packet, or its start. Read during the call. Not NULL.
@@ -389,8 +391,14 @@ pub unsafe extern "C" fn nvsp_decode_header(
     // SAFETY: as the caller promises.
     let read = || unsafe {
         let out = Out::required(header)?;
-        let latent = Latent::decode(image::slice(packet, size, "packet")?)
-            .map_err(|error| Failure::Library(error.into()))?;
+        let latent = match Latent::decode(image::slice(packet, size, "packet")?) {
+            Err(PacketError::Version(version)) => {
+                let wire_version = version.into();
+                out.write(&nvsp_header { wire_version, ..std::mem::zeroed() });
+                return Ok(NVSP_ERR_NEWER);
+            }
+            latent => latent.map_err(|error| Failure::Library(error.into()))?,
+        };
         let prior = nvsp_prior::handle(prior).as_ref().map(Handle::get);
         out.write(&header_of(&latent, prior));
         Ok(NVSP_OK)
@@ -433,9 +441,11 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
         },
         latent_bytes: latent.encoded_len() as u32,
         session,
+        wire_version: 1,
+        reserved: 0,
         pose: match pose {
             Some(pose) => image::pose_out(&pose),
-            None => nvsp_pose { rotation: [0.0; 4], translation: [0.0; 3] },
+            None => image::NO_POSE,
         },
     }
 }
@@ -490,7 +500,7 @@ unsafe fn prepare(
 /// `picture` is null or as for [`nvsp_decode`].
 unsafe fn fetch(
     core: &Core,
-    picture: *const nvsp_picture,
+    picture: *mut nvsp_picture,
     out: &Out<nvsp_decoded>,
 ) -> Result<(), Failure> {
     let decoded = &core.decoded;

@@ -50,9 +50,9 @@ type Content = Worker<Core>;
 pub const NVSP_RATE_DEFAULT: u32 = 0;
 /// Quality of the difference picture, 0 to 100.
 pub const NVSP_RATE_QUALITY: u32 = 1;
-/// Bytes of the whole packet, never exceeded.
+/// Bytes of the whole packet, never exceeded; 0 to 4,294,967,295.
 pub const NVSP_RATE_BYTES: u32 = 2;
-/// PSNR to reach with as few bytes as possible, dB.
+/// PSNR to reach with as few bytes as possible, dB; above 0, up to 100.
 pub const NVSP_RATE_PSNR: u32 = 3;
 /// No difference picture: the pose alone.
 pub const NVSP_RATE_NONE: u32 = 4;
@@ -95,7 +95,7 @@ pub struct nvsp_encoder_options {
     pub abi_version: u32,
     /// NVSP_RATE_*: it sets how fine the difference picture is.
     pub rate: u32,
-    /// The number that `rate` takes: quality, bytes or dB.
+    /// The number that `rate` takes: quality, bytes or dB; 0 for NVSP_RATE_DEFAULT and NVSP_RATE_NONE, which take none.
     pub rate_value: f32,
     /// NVSP_OPTIMIZER_*.
     pub optimizer: u32,
@@ -126,7 +126,7 @@ pub struct nvsp_encoder_options {
     /// they are. 0: the encoder treats them, whatever their format, after it has brought them to the camera's size.
     pub frames_treated: u32,
 }
-versioned!(nvsp_encoder_options, 48, 60);
+versioned!(nvsp_encoder_options, 60);
 
 /// The picture does not confirm the pose.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -215,7 +215,7 @@ pub struct nvsp_frame_stats {
     /// Zero.
     pub reserved: u32,
 }
-versioned!(nvsp_frame_stats, 184);
+versioned!(nvsp_frame_stats, 192);
 
 /// Makes an encoder for frames of `camera`. Allocates all that a frame takes, on host and device.
 ///
@@ -244,7 +244,7 @@ pub unsafe extern "C" fn nvsp_encoder_create(
                 return Err(Failure::null("encoder"));
             }
             let prior = nvsp_prior::handle(prior).as_ref();
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
             let camera = image::camera(camera)?;
             let options = encoder_options(&read(options)?)?;
             let limits = engine.how.limits;
@@ -271,7 +271,7 @@ pub unsafe extern "C" fn nvsp_encoder_create(
 
 fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Failure> {
     let mut made = EncoderOptions {
-        rate: rate(options.rate, options.rate_value)?,
+        rate: rate(options.rate, options.rate_value, RATE)?,
         first_frame: options.first_frame,
         ..EncoderOptions::default()
     };
@@ -314,23 +314,31 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
     }
     match options.threshold {
         0.0 => {}
-        threshold if threshold > 0.0 => made.threshold = threshold.into(),
+        threshold if threshold > 0.0 && threshold.is_finite() => made.threshold = threshold.into(),
         _ => return Err(Failure::argument("nvsp_encoder_options.threshold")),
     }
     Ok(made)
 }
 
-fn rate(mode: u32, value: f32) -> Result<Option<Rate>, Failure> {
+/// The rate that `mode` and `value` state; `fields` names both in errors.
+fn rate(mode: u32, value: f32, fields: [&'static str; 2]) -> Result<Option<Rate>, Failure> {
     let whole = 0.0..=u32::MAX as f32;
     match mode {
-        NVSP_RATE_DEFAULT => Ok(EncoderOptions::default().rate),
+        NVSP_RATE_DEFAULT if value == 0.0 => Ok(EncoderOptions::default().rate),
+        NVSP_RATE_NONE if value == 0.0 => Ok(None),
         NVSP_RATE_QUALITY if (0.0..=100.0).contains(&value) => Ok(Some(Rate::Quality(value))),
         NVSP_RATE_BYTES if whole.contains(&value) => Ok(Some(Rate::Bytes(value as usize))),
-        NVSP_RATE_PSNR if value.is_finite() => Ok(Some(Rate::Psnr(value.into()))),
-        NVSP_RATE_NONE => Ok(None),
-        _ => Err(Failure::argument("the rate")),
+        NVSP_RATE_PSNR if value > 0.0 && value <= 100.0 => Ok(Some(Rate::Psnr(value.into()))),
+        ..=NVSP_RATE_NONE => Err(Failure::argument(fields[1])),
+        _ => Err(Failure::argument(fields[0])),
     }
 }
+
+/// The fields of nvsp_encoder_options that state the rate.
+const RATE: [&str; 2] = [
+    "nvsp_encoder_options.rate: no rate of this library",
+    "nvsp_encoder_options.rate_value: out of the range of `rate`, or stated for one that takes none",
+];
 
 /// Sets the rate of all frames from here on.
 ///
@@ -340,7 +348,7 @@ fn rate(mode: u32, value: f32) -> Result<Option<Rate>, Failure> {
 /// - `encoder`: a live encoder. Not NULL.
 /// - `mode`: NVSP_RATE_*.
 /// - `value`: the number that the mode takes: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take
-///   none.
+///   none: 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_set_rate(
     encoder: *mut nvsp_encoder,
@@ -350,7 +358,7 @@ pub unsafe extern "C" fn nvsp_encoder_set_rate(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let rate = rate(mode, value)?;
+            let rate = rate(mode, value, ["mode", "value: out of the range of `mode`, or not 0"])?;
             content.core()?.encoder.set_rate(rate);
             Ok(NVSP_OK)
         })
@@ -458,12 +466,12 @@ pub unsafe extern "C" fn nvsp_encoder_reopen(
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let engine = nvsp_engine::handle(engine).as_ref();
             let prior = nvsp_prior::handle(prior).as_ref();
-            let engine = engine.ok_or(Failure::null("engine"))?.get().engine;
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
+            let engine = engine.ok_or(Failure::null("engine"))?.get();
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
             let mut core = content.core()?;
             core.warm = false;
             let _memory = core.memory()?;
-            core.encoder.move_to(&engine, &scene)?;
+            core.encoder.move_to(&engine.engine, &scene)?;
             Ok(NVSP_OK)
         })
     }
@@ -519,7 +527,7 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 /// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-/// - `written`: receives the packet's length, bytes. Not NULL.
+/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 /// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode(
@@ -551,7 +559,7 @@ pub unsafe extern "C" fn nvsp_encode(
 ///   call. NULL: nothing is known.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-/// - `written`: receives the packet's length, bytes. Not NULL.
+/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 /// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_frame(
@@ -664,7 +672,7 @@ pub unsafe extern "C" fn nvsp_encode_wait(
 /// - `encoder`: a live encoder. Not NULL.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-/// - `written`: receives the packet's length, bytes. Not NULL.
+/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 /// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_finish(
@@ -713,12 +721,12 @@ pub const NVSP_PICTURE_RENDER: u32 = 1;
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `which`: NVSP_PICTURE_*.
-/// - `picture`: receives the picture. Yours, of the camera's size. Not NULL.
+/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_get_picture(
     encoder: *mut nvsp_encoder,
     which: u32,
-    picture: *const nvsp_picture,
+    picture: *mut nvsp_picture,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
@@ -845,6 +853,8 @@ impl Place {
     fn write(&self, core: &Core) -> Result<(), Failure> {
         let Encoded { packet, stats, pose, .. } = &core.encoded;
         if packet.len() > self.size {
+            // SAFETY: not null, and valid as the maker of this promised.
+            unsafe { *self.written = packet.len() };
             return Err(Failure::Room { needed: packet.len(), found: self.size });
         }
         // SAFETY: the place has `size` bytes, as the maker of this promised.

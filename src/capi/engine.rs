@@ -49,7 +49,7 @@ impl OpenOptions {
 
 /// Run under the Khronos validation layer, which must be installed. Its messages are logged as
 /// warnings when the engine is destroyed or reopened. For tests; slow.
-pub const NVSP_ENGINE_VALIDATION: u32 = 1;
+pub const NVSP_ENGINE_VALIDATION: u32 = 2048;
 
 /// For nvsp_engine_options.watchdog_milliseconds: wait as long as the device takes.
 pub const NVSP_WATCHDOG_NONE: u32 = u32::MAX;
@@ -173,7 +173,7 @@ unsafe fn device_options(
     };
     let log = Log::new(options.log, options.log_user);
     if options.flags & !NVSP_ENGINE_VALIDATION != 0 {
-        return Err(Failure::argument("nvsp_engine_options.flags"));
+        return Err(Failure::argument("nvsp_engine_options.flags: unknown bits"));
     }
     let name = |name: &CStr| name.to_str().map(str::to_owned);
     let device = device

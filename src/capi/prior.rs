@@ -35,13 +35,22 @@ pub(super) struct PriorContent {
 }
 
 /// `near_plane` is given.
-pub const NVSP_PRIOR_NEAR: u32 = 1;
+pub const NVSP_PRIOR_NEAR: u32 = 4096;
 /// `alpha_max` is given.
-pub const NVSP_PRIOR_ALPHA_MAX: u32 = 2;
+pub const NVSP_PRIOR_ALPHA_MAX: u32 = 8192;
 /// `antialiased` is given.
-pub const NVSP_PRIOR_ANTIALIASED: u32 = 4;
+pub const NVSP_PRIOR_ANTIALIASED: u32 = 16384;
 /// `background` is given.
-pub const NVSP_PRIOR_BACKGROUND: u32 = 8;
+pub const NVSP_PRIOR_BACKGROUND: u32 = 32768;
+
+impl PriorContent {
+    /// The prior on the engine's device.
+    pub(super) fn scene_of(self, engine: &EngineContent) -> Result<Arc<Scene>, Failure> {
+        let what = "prior: opened with another engine, or before nvsp_engine_reopen";
+        let here = self.scene.is_on(engine.engine.vulkan());
+        here.then_some(self.scene).ok_or(Failure::argument(what))
+    }
+}
 
 /// Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
 /// must give the same.
@@ -111,7 +120,7 @@ pub struct nvsp_prior_info {
     /// Its clip limit, 1 to 256; 0: none.
     pub clahe_clip_limit: f32,
 }
-versioned!(nvsp_prior_info, 68, 80);
+versioned!(nvsp_prior_info, 80);
 
 /// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
 /// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
@@ -249,6 +258,32 @@ fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
         NVSP_PRIOR_NEAR | NVSP_PRIOR_ALPHA_MAX | NVSP_PRIOR_ANTIALIASED | NVSP_PRIOR_BACKGROUND;
     if given & !known != 0 {
         return Err(Failure::argument("nvsp_prior_options.given"));
+    }
+    let stated = [
+        (
+            near_plane != 0.0,
+            NVSP_PRIOR_NEAR,
+            "nvsp_prior_options.near_plane: its bit is not in `given`",
+        ),
+        (
+            alpha_max != 0.0,
+            NVSP_PRIOR_ALPHA_MAX,
+            "nvsp_prior_options.alpha_max: its bit is not in `given`",
+        ),
+        (
+            antialiased != 0,
+            NVSP_PRIOR_ANTIALIASED,
+            "nvsp_prior_options.antialiased: its bit is not in `given`",
+        ),
+        (
+            background != [0.0; 3],
+            NVSP_PRIOR_BACKGROUND,
+            "nvsp_prior_options.background: its bit is not in `given`",
+        ),
+    ];
+    // A NaN differs from 0, so it is stated.
+    if let Some((_, _, what)) = stated.into_iter().find(|(set, bit, _)| *set && given & bit == 0) {
+        return Err(Failure::argument(what));
     }
     Ok(RenderOverrides {
         near: (given & NVSP_PRIOR_NEAR != 0).then_some(near_plane),

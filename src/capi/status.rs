@@ -24,7 +24,8 @@ pub const NVSP_ERR_ARGUMENT: nvsp_status = -2;
 pub const NVSP_ERR_STRUCT_SIZE: nvsp_status = -3;
 /// A structure was made for an ABI version that this library does not speak.
 pub const NVSP_ERR_ABI_VERSION: nvsp_status = -4;
-/// The destination is too small; the text tells how many bytes are needed.
+/// The destination is too small. What else the call writes tells how many bytes are needed: `written`, or
+/// nvsp_picture.needed.
 pub const NVSP_ERR_BUFFER_TOO_SMALL: nvsp_status = -5;
 /// Another thread is inside a call on this handle.
 pub const NVSP_ERR_BUSY: nvsp_status = -6;
@@ -70,6 +71,9 @@ pub const NVSP_ERR_INTERNAL: nvsp_status = -24;
 pub const NVSP_ERR_LIMIT: nvsp_status = -25;
 /// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it.
 pub const NVSP_ERR_UNFINISHED: nvsp_status = -26;
+/// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or looks
+/// like one by chance. Update this side.
+pub const NVSP_ERR_NEWER: nvsp_status = -27;
 
 /// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 ///
@@ -110,6 +114,7 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_INTERNAL => c"a fault inside the library",
         NVSP_ERR_LIMIT => c"above the limit that you set",
         NVSP_ERR_UNFINISHED => c"what was begun is not finished",
+        NVSP_ERR_NEWER => c"of a newer format than this library knows",
         _ => c"no status of this library",
     }
 }
@@ -162,6 +167,7 @@ impl Failure {
             Failure::Memory { .. } => NVSP_ERR_MEMORY,
             Failure::Library(error) => of_library(error),
             Failure::Modem(ModemError::Memory(_)) => NVSP_ERR_MEMORY,
+            Failure::Modem(ModemError::Packet(PacketError::Version(_))) => NVSP_ERR_NEWER,
             Failure::Modem(_) => NVSP_ERR_MODEM,
         }
     }
@@ -193,6 +199,7 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         E::Camera(_) => NVSP_ERR_CAMERA,
         E::FrameTooLarge { .. } => NVSP_ERR_LIMIT,
         E::Packet(PacketError::Prior { .. }) => NVSP_ERR_OTHER_PRIOR,
+        E::Packet(PacketError::Version(_) | PacketError::Coder(_)) => NVSP_ERR_NEWER,
         E::Packet(error) if error.part() == Some(crate::packet::Part::Residual) => {
             NVSP_ERR_RESIDUAL
         }
@@ -202,6 +209,7 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         E::Budget { .. } => NVSP_ERR_BUDGET,
         E::NoStart { .. } => NVSP_ERR_NO_START,
         E::HintPose { .. }
+        | E::HintFar { .. }
         | E::HintCovariance { .. }
         | E::HintAge { .. }
         | E::FrameTime { .. }
@@ -231,6 +239,7 @@ fn of_prior(error: &PriorError) -> nvsp_status {
         }
         PriorError::Read(_) => NVSP_ERR_FILE,
         PriorError::Option { .. } => NVSP_ERR_ARGUMENT,
+        PriorError::Newer { .. } => NVSP_ERR_NEWER,
         _ => NVSP_ERR_PRIOR,
     }
 }
@@ -242,7 +251,7 @@ mod tests {
     use super::*;
 
     /// The last one there is.
-    const LAST: nvsp_status = NVSP_ERR_UNFINISHED;
+    const LAST: nvsp_status = NVSP_ERR_NEWER;
 
     #[test]
     fn every_status_has_a_text_of_its_own() {

@@ -141,6 +141,11 @@ impl Buffer {
         Ok(buffer)
     }
 
+    /// Whether it was made on this very device, as it was opened.
+    pub(crate) fn is_on(&self, device: &Device) -> bool {
+        Arc::ptr_eq(&self.shared.device, &device.inner)
+    }
+
     /// Size in bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes

@@ -50,7 +50,7 @@ static atomic_int over, intrusions;
 // Calls on a handle that another thread uses. The call is refused, or done if that thread is between two calls.
 static void *intrude(void *unused) {
     (void)unused;
-    const nvsp_image image = {0};
+    const nvsp_image image = NVSP_INITIALIZER(nvsp_image);
     nvsp_reassembly state;
     MUST(NVSP_INIT(&state));
     while (!over) {
