@@ -304,19 +304,47 @@ template <class Structure> inline Structure nvsp_initialized() {
 // first were forgotten; they may come again.
 #define NVSP_EVENT_DAMAGED 5
 
-// Decodes packets, in any order. One thread at a time may use it.
+// Decodes packets, in any order. One thread at a time may use it. Example:
+//
+//     nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
+//     picture.format = NVSP_FORMAT_RGB8;
+//     status = nvsp_decode(decoder, packet, bytes, 0, &picture, NULL); // NVSP_ERR_BUFFER_TOO_SMALL
+//     picture.pixels = malloc(picture.needed);
+//     picture.size = picture.needed;
+//     status = nvsp_decode_finish(decoder, &picture, NULL);
 typedef struct nvsp_decoder nvsp_decoder;
 
-// Encodes the frames of one camera, in order. One thread at a time may use it.
+// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
+//
+//     if (nvsp_encode_begin(encoder, &image, hint) != NVSP_OK) return;
+//     while (nvsp_encode_poll(encoder) == NVSP_PENDING) steer();
+//     status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
 typedef struct nvsp_encoder nvsp_encoder;
 
-// An opened Vulkan device with all pipelines built. Any number of threads may use it at once.
+// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
+//
+//     nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+//     nvsp_engine *engine = NULL;
+//     options.log = print_to_stderr;
+//     options.watchdog_milliseconds = 5000;
+//     if (nvsp_engine_create(&options, &engine) != NVSP_OK) return 1;
 typedef struct nvsp_engine nvsp_engine;
 
-// A trained scene on the device. Any number of threads, encoders and decoders may use it at once.
+// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
+//
+//     nvsp_prior *prior = NULL;
+//     if (nvsp_prior_open(engine, "reef.nvsg", NULL, &prior) != NVSP_OK) {
+//         char text[512];
+//         nvsp_engine_last_error(engine, text, sizeof text);
+//         fputs(text, stderr);
+//     }
 typedef struct nvsp_prior nvsp_prior;
 
-// Puts packets together from modem frames. One thread at a time may use it.
+// Puts packets together from modem frames. One thread at a time may use it. Example:
+//
+//     nvsp_reassembly state = NVSP_INITIALIZER(nvsp_reassembly);
+//     if (nvsp_reassembler_push(reassembler, frame, size, &state) == NVSP_OK && state.event == NVSP_EVENT_COMPLETE)
+//         status = nvsp_reassembler_fetch(reassembler, packet, sizeof packet, &bytes, NULL);
 typedef struct nvsp_reassembler nvsp_reassembler;
 
 // What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
@@ -344,7 +372,8 @@ typedef struct nvsp_engine_options {
   const char *device;
   // Receives messages. NULL: nothing is logged.
   nvsp_log_callback log;
-  // Passed to `log` as it is.
+  // Passed to `log` as it is. What it points to must outlive every handle made with the engine, not the engine's own
+  // alone: priors, encoders and decoders log, too, and their threads.
   void *log_user;
   // NVSP_ENGINE_* bits.
   uint32_t flags;
@@ -360,7 +389,7 @@ typedef struct nvsp_engine_options {
   // Called on each thread that the library starts: one per encoder and one per decoder, by its first
   // nvsp_encode_begin or nvsp_decode_begin. NULL: nothing is called.
   nvsp_thread_callback thread_start;
-  // Passed to `thread_start` as it is.
+  // Passed to `thread_start` as it is. What it points to must outlive every handle made with the engine.
   void *thread_start_user;
   // Longest that the library waits for one piece of work on the device, milliseconds: a frame is one to a few pieces.
   // If it takes longer, the call fails with NVSP_ERR_DEVICE_LOST, and so does every later call on what was made with
@@ -420,13 +449,13 @@ typedef struct nvsp_prior_info {
   uint32_t dropped;
   // Degree of the spherical harmonics, 0 to 3.
   uint32_t sh_degree;
-  // Near plane in use.
+  // Near plane in use, the prior's unit.
   float near_plane;
-  // Clamp of alpha in use.
+  // Clamp of alpha in use, between 0 and 1.
   float alpha_max;
-  // Whether the anti-aliased mode is in use.
+  // 1: the anti-aliased mode is in use; else 0.
   uint32_t antialiased;
-  // Background in use.
+  // Background in use, linear RGB, 0 to 1.
   float background[3];
   // Median position of the splats, the prior's unit.
   float centre[3];
@@ -480,10 +509,11 @@ typedef struct nvsp_encoder_options {
   uint32_t optimizer;
   // NVSP_PROFILE_*.
   uint32_t profile;
-  // Mean squared error, values in [0, 1]; 0: 1e-3. BFGS and Adam start at the pose of the frame before only if the
-  // error there is below this: 1e-3 suits a basin, 1e-2 real footage. Gauss-Newton compares the pictures to tell
-  // whether a pose is right. If the prior shows too little for that, it keeps a pose whose error is below this, and
-  // does not search afresh.
+  // A mean squared error of colour values in [0, 1], without unit; 0: 1e-3, which is a PSNR of 30 dB. It says when a
+  // pose is good enough to go on from. With NVSP_OPTIMIZER_GAUSS_NEWTON, the default, it counts only for views of which
+  // the prior shows too little to compare pictures: a pose whose error is below it is kept, else the encoder searches
+  // afresh. Leave it at 0 there. With the other optimizers a frame starts at the pose of the frame before only if the
+  // error there is below it: 1e-3 suits a basin, 1e-2 real footage.
   float threshold;
   // Levels of the image pyramid, 1 to 6; 0: 4.
   uint32_t levels;
@@ -1003,7 +1033,9 @@ nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, si
 // - `prior`: a live prior that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_prior_destroy(struct nvsp_prior *prior);
 
-// Makes an encoder for frames of `camera`. Allocates all that a frame takes, on host and device.
+// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
+// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the quay.
+// Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
@@ -1125,7 +1157,11 @@ size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
+// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known. It is used if there is no
+//   certain pose of the frame before, and if it disagrees with that one by more than a tenth of the scene's depth or 6
+//   degrees; the picture decides. On the scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104
+//   starts each all were found. What is farther off costs time, not certainty. Beyond a million spreads of the prior it
+//   is refused.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
 // - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.

@@ -9,7 +9,9 @@ trap 'rm -f "$source"' EXIT
 for part in structs version status log thread engine prior image frame encoder decoder modem; do
     sed '/^\/\/!/d' "src/capi/$part.rs"
 done > "$source"
-cbindgen --quiet --config cbindgen.toml "$source" | sed 's!^// # \(Safety\|Parameters\)$!// Parameters:!' |
+cbindgen --quiet --config cbindgen.toml "$source" |
+    sed -e 's!^// # \(Safety\|Parameters\)$!// Parameters:!' \
+        -e '\!^// ```c$!,\!^// ```$!{/```/d; s!^// !//     !}' |
     awk '
         # A parameter whose line, or the lines after it, say "Not NULL" gets an attribute.
         /^\/\/ - `/ { names = $0; sub(/^\/\/ - /, "", names); sub(/:.*/, "", names); gsub(/[`,]/, "", names); name = names }

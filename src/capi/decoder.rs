@@ -16,7 +16,16 @@ use super::status::*;
 use super::structs::{Out, versioned};
 use super::worker::Worker;
 
-/// Decodes packets, in any order. One thread at a time may use it.
+/// Decodes packets, in any order. One thread at a time may use it. Example:
+///
+/// ```c
+/// nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
+/// picture.format = NVSP_FORMAT_RGB8;
+/// status = nvsp_decode(decoder, packet, bytes, 0, &picture, NULL); // NVSP_ERR_BUFFER_TOO_SMALL
+/// picture.pixels = malloc(picture.needed);
+/// picture.size = picture.needed;
+/// status = nvsp_decode_finish(decoder, &picture, NULL);
+/// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_decoder {
     _opaque: [u8; 0],

@@ -20,7 +20,13 @@ use super::status::*;
 use super::structs::{Out, read, versioned};
 use super::worker::Worker;
 
-/// Encodes the frames of one camera, in order. One thread at a time may use it.
+/// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
+///
+/// ```c
+/// if (nvsp_encode_begin(encoder, &image, hint) != NVSP_OK) return;
+/// while (nvsp_encode_poll(encoder) == NVSP_PENDING) steer();
+/// status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
+/// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_encoder {
     _opaque: [u8; 0],
@@ -101,10 +107,11 @@ pub struct nvsp_encoder_options {
     pub optimizer: u32,
     /// NVSP_PROFILE_*.
     pub profile: u32,
-    /// Mean squared error, values in [0, 1]; 0: 1e-3. BFGS and Adam start at the pose of the frame before only if the
-    /// error there is below this: 1e-3 suits a basin, 1e-2 real footage. Gauss-Newton compares the pictures to tell
-    /// whether a pose is right. If the prior shows too little for that, it keeps a pose whose error is below this, and
-    /// does not search afresh.
+    /// A mean squared error of colour values in [0, 1], without unit; 0: 1e-3, which is a PSNR of 30 dB. It says when a
+    /// pose is good enough to go on from. With NVSP_OPTIMIZER_GAUSS_NEWTON, the default, it counts only for views of which
+    /// the prior shows too little to compare pictures: a pose whose error is below it is kept, else the encoder searches
+    /// afresh. Leave it at 0 there. With the other optimizers a frame starts at the pose of the frame before only if the
+    /// error there is below it: 1e-3 suits a basin, 1e-2 real footage.
     pub threshold: f32,
     /// Levels of the image pyramid, 1 to 6; 0: 4.
     pub levels: u32,
@@ -217,7 +224,9 @@ pub struct nvsp_frame_stats {
 }
 versioned!(nvsp_frame_stats, 192);
 
-/// Makes an encoder for frames of `camera`. Allocates all that a frame takes, on host and device.
+/// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
+/// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the quay.
+/// Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
@@ -524,7 +533,11 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
+/// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known. It is used if there is no
+///   certain pose of the frame before, and if it disagrees with that one by more than a tenth of the scene's depth or 6
+///   degrees; the picture decides. On the scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104
+///   starts each all were found. What is farther off costs time, not certainty. Beyond a million spreads of the prior it
+///   is refused.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
 /// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.

@@ -14,7 +14,15 @@ use super::status::*;
 use super::structs::{Out, read, versioned};
 use super::thread::{ThreadStart, nvsp_thread_callback};
 
-/// An opened Vulkan device with all pipelines built. Any number of threads may use it at once.
+/// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
+///
+/// ```c
+/// nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+/// nvsp_engine *engine = NULL;
+/// options.log = print_to_stderr;
+/// options.watchdog_milliseconds = 5000;
+/// if (nvsp_engine_create(&options, &engine) != NVSP_OK) return 1;
+/// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_engine {
     _opaque: [u8; 0],
@@ -71,7 +79,8 @@ pub struct nvsp_engine_options {
     pub device: *const c_char,
     /// Receives messages. NULL: nothing is logged.
     pub log: nvsp_log_callback,
-    /// Passed to `log` as it is.
+    /// Passed to `log` as it is. What it points to must outlive every handle made with the engine, not the engine's own
+    /// alone: priors, encoders and decoders log, too, and their threads.
     pub log_user: *mut c_void,
     /// NVSP_ENGINE_* bits.
     pub flags: u32,
@@ -87,7 +96,7 @@ pub struct nvsp_engine_options {
     /// Called on each thread that the library starts: one per encoder and one per decoder, by its first
     /// nvsp_encode_begin or nvsp_decode_begin. NULL: nothing is called.
     pub thread_start: nvsp_thread_callback,
-    /// Passed to `thread_start` as it is.
+    /// Passed to `thread_start` as it is. What it points to must outlive every handle made with the engine.
     pub thread_start_user: *mut c_void,
     /// Longest that the library waits for one piece of work on the device, milliseconds: a frame is one to a few pieces.
     /// If it takes longer, the call fails with NVSP_ERR_DEVICE_LOST, and so does every later call on what was made with

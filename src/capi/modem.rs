@@ -13,7 +13,13 @@ use super::log::Log;
 use super::status::*;
 use super::structs::{Out, read, versioned};
 
-/// Puts packets together from modem frames. One thread at a time may use it.
+/// Puts packets together from modem frames. One thread at a time may use it. Example:
+///
+/// ```c
+/// nvsp_reassembly state = NVSP_INITIALIZER(nvsp_reassembly);
+/// if (nvsp_reassembler_push(reassembler, frame, size, &state) == NVSP_OK && state.event == NVSP_EVENT_COMPLETE)
+///     status = nvsp_reassembler_fetch(reassembler, packet, sizeof packet, &bytes, NULL);
+/// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_reassembler {
     _opaque: [u8; 0],

@@ -17,7 +17,16 @@ use super::memory::Grant;
 use super::status::*;
 use super::structs::{Out, read, versioned};
 
-/// A trained scene on the device. Any number of threads, encoders and decoders may use it at once.
+/// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
+///
+/// ```c
+/// nvsp_prior *prior = NULL;
+/// if (nvsp_prior_open(engine, "reef.nvsg", NULL, &prior) != NVSP_OK) {
+///     char text[512];
+///     nvsp_engine_last_error(engine, text, sizeof text);
+///     fputs(text, stderr);
+/// }
+/// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_prior {
     _opaque: [u8; 0],
@@ -97,13 +106,13 @@ pub struct nvsp_prior_info {
     pub dropped: u32,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
-    /// Near plane in use.
+    /// Near plane in use, the prior's unit.
     pub near_plane: f32,
-    /// Clamp of alpha in use.
+    /// Clamp of alpha in use, between 0 and 1.
     pub alpha_max: f32,
-    /// Whether the anti-aliased mode is in use.
+    /// 1: the anti-aliased mode is in use; else 0.
     pub antialiased: u32,
-    /// Background in use.
+    /// Background in use, linear RGB, 0 to 1.
     pub background: [f32; 3],
     /// Median position of the splats, the prior's unit.
     pub centre: [f32; 3],
