@@ -100,6 +100,21 @@ template <class Structure> inline Structure nvsp_initialized() {
 // What was chosen and loaded.
 #define NVSP_LOG_INFO 3
 
+// A graphics card with memory of its own.
+#define NVSP_DEVICE_DISCRETE_GPU 1
+
+// A GPU that shares the host's memory.
+#define NVSP_DEVICE_INTEGRATED_GPU 2
+
+// A GPU of a virtual machine.
+#define NVSP_DEVICE_VIRTUAL_GPU 3
+
+// A driver that computes on the CPU.
+#define NVSP_DEVICE_CPU 4
+
+// Any other device.
+#define NVSP_DEVICE_OTHER 5
+
 // Run under the Khronos validation layer, which must be installed. Its messages are logged as
 // warnings when the engine is destroyed or reopened. For tests; slow.
 #define NVSP_ENGINE_VALIDATION 2048
@@ -350,6 +365,32 @@ typedef struct nvsp_reassembler nvsp_reassembler;
 // What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
 typedef int32_t nvsp_status;
 
+// A device that a driver offers.
+typedef struct nvsp_device_info {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Its name, ending in NUL; nvsp_engine_options.device takes it, a part of it, or its number as text.
+  char name[256];
+  // Name and version of its driver, ending in NUL.
+  char driver[256];
+  // Why it cannot run an engine, ending in NUL; empty if it can.
+  char unfit[128];
+  // NVSP_DEVICE_*.
+  uint32_t kind;
+  // Vulkan version, first number.
+  uint32_t vulkan_major;
+  // Vulkan version, second number.
+  uint32_t vulkan_minor;
+  // Zero.
+  uint32_t reserved;
+  // Its largest heap of memory, bytes.
+  uint64_t memory;
+  // Its largest buffer, bytes.
+  uint64_t largest_buffer;
+} nvsp_device_info;
+
 // Receives messages of an engine and of everything made with it: a level, NVSP_LOG_ERROR, NVSP_LOG_WARNING or
 // NVSP_LOG_INFO, and a text that is valid during the call. It is called on the thread that is inside the library, or
 // on an encoder's own thread (see nvsp_encode_begin), and perhaps on several threads at once. It must not call the
@@ -398,6 +439,11 @@ typedef struct nvsp_engine_options {
   uint32_t watchdog_milliseconds;
   // Zero.
   uint32_t reserved;
+  // What nvsp_engine_get_pipeline_cache gave on an earlier start, so that the driver need not compile again. Read during
+  // nvsp_engine_create. Bytes that are damaged, or of another device or driver, are left aside. NULL: none.
+  const uint8_t *pipeline_cache;
+  // Bytes of it.
+  size_t pipeline_cache_size;
 } nvsp_engine_options;
 
 // A device in words, and the memory it gave.
@@ -434,6 +480,51 @@ typedef struct nvsp_prior_options {
   // Linear RGB behind everything, 0 to 1.
   float background[3];
 } nvsp_prior_options;
+
+// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device refuses
+// sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells the limit.
+// Every device that Vulkan 1.2 allows takes 2048 by 2048.
+typedef struct nvsp_camera {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Pixels, 1 to 4096.
+  uint32_t width;
+  // Pixels, 1 to 4096.
+  uint32_t height;
+  // Focal length along x, pixels, 0.01 to 1,000,000.
+  float fx;
+  // Focal length along y, pixels, 0.01 to 1,000,000.
+  float fy;
+  // Principal point, x, pixels from the left edge, -1,000,000 to 1,000,000.
+  float cx;
+  // Principal point, y, pixels from the upper edge, -1,000,000 to 1,000,000.
+  float cy;
+} nvsp_camera;
+
+// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than the
+// device memory was made for makes a frame take more.
+typedef struct nvsp_memory_estimate {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Splats that the file claims.
+  uint64_t splats;
+  // Host memory while the prior is opened.
+  uint64_t prior_host;
+  // Device memory of the prior; while it is opened, as much again if the device has a memory of its own.
+  uint64_t prior_device;
+  // Host memory of an encoder; 0 without a camera.
+  uint64_t encoder_host;
+  // Device memory of an encoder; 0 without a camera.
+  uint64_t encoder_device;
+  // Host memory of a decoder; 0 without a camera.
+  uint64_t decoder_host;
+  // Device memory of a decoder; 0 without a camera.
+  uint64_t decoder_device;
+} nvsp_memory_estimate;
 
 // What a prior is.
 typedef struct nvsp_prior_info {
@@ -472,28 +563,6 @@ typedef struct nvsp_prior_info {
   // Its clip limit, 1 to 256; 0: none.
   float clahe_clip_limit;
 } nvsp_prior_info;
-
-// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device refuses
-// sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells the limit.
-// Every device that Vulkan 1.2 allows takes 2048 by 2048.
-typedef struct nvsp_camera {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Pixels, 1 to 4096.
-  uint32_t width;
-  // Pixels, 1 to 4096.
-  uint32_t height;
-  // Focal length along x, pixels, 0.01 to 1,000,000.
-  float fx;
-  // Focal length along y, pixels, 0.01 to 1,000,000.
-  float fy;
-  // Principal point, x, pixels from the left edge, -1,000,000 to 1,000,000.
-  float cx;
-  // Principal point, y, pixels from the upper edge, -1,000,000 to 1,000,000.
-  float cy;
-} nvsp_camera;
 
 // How to encode; all zero: the defaults.
 typedef struct nvsp_encoder_options {
@@ -900,6 +969,21 @@ uint32_t nvsp_version_number(void);
 // - `status`: any number.
 const char *nvsp_status_text(nvsp_status status);
 
+// Describes a device of the installed drivers, by its number, and tells how many there are. Each call asks the drivers
+// anew, which takes milliseconds, and allocates. Any thread may call it.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN, NVSP_ERR_NO_DEVICE
+// if no driver is installed, or NVSP_ERR_ARGUMENT if no device has this number; `count` is written then, too.
+//
+// Parameters:
+// - `number`: the device's number, from 0.
+// - `info`: receives the description, set up by NVSP_INIT. NULL: not wanted.
+// - `count`: receives how many devices there are. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_device_get_info(uint32_t number,
+                                 struct nvsp_device_info *info,
+                                 uint32_t *count);
+
 // Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
 // options' `log`, as there is no handle to ask yet.
 //
@@ -936,6 +1020,22 @@ nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine) NVSP_NONNULL(1);
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info) NVSP_NONNULL(1, 2);
+
+// Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next start.
+// Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+//
+// Parameters:
+// - `engine`: a live engine. Not NULL.
+// - `bytes`: receives the data. Yours, of `size` bytes. NULL only if `size` is 0.
+// - `size`: bytes of `bytes`.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_engine_get_pipeline_cache(const struct nvsp_engine *engine,
+                                           uint8_t *bytes,
+                                           size_t size,
+                                           size_t *written) NVSP_NONNULL(1, 4);
 
 // Copies the text of the last failed call on the engine into `text`, or of the last failure to
 // make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the
@@ -1007,6 +1107,22 @@ nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
                                    size_t size,
                                    const struct nvsp_prior_options *options,
                                    struct nvsp_prior **prior) NVSP_NONNULL(1, 2, 5);
+
+// Estimates the memory that a prior takes, before it is loaded, from the first 64 KiB of its file: what
+// nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
+// Opens no device. Allocates; any thread may call it.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR
+// if the file is no PLY file and no compact prior.
+//
+// Parameters:
+// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
+// - `camera`: the camera of encoders and decoders. Read during the call. NULL: their memory is not wanted.
+// - `estimate`: receives the estimate, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_prior_estimate(const char *path,
+                                const struct nvsp_camera *camera,
+                                struct nvsp_memory_estimate *estimate) NVSP_NONNULL(1, 3);
 
 // Describes a prior.
 //

@@ -105,8 +105,13 @@ pub struct nvsp_engine_options {
     pub watchdog_milliseconds: u32,
     /// Zero.
     pub reserved: u32,
+    /// What nvsp_engine_get_pipeline_cache gave on an earlier start, so that the driver need not compile again. Read during
+    /// nvsp_engine_create. Bytes that are damaged, or of another device or driver, are left aside. NULL: none.
+    pub pipeline_cache: *const u8,
+    /// Bytes of it.
+    pub pipeline_cache_size: usize,
 }
-versioned!(nvsp_engine_options, 80);
+versioned!(nvsp_engine_options, 96);
 
 /// A device in words, and the memory it gave.
 #[allow(non_camel_case_types)]
@@ -208,7 +213,14 @@ unsafe fn device_options(
     if options.reserved != 0 {
         return Err(Failure::argument("nvsp_engine_options.reserved: not zero"));
     }
-    let options = DeviceOptions { device, validation, memory_limit, watchdog };
+    let (cache, size) = (options.pipeline_cache, options.pipeline_cache_size);
+    // SAFETY: as the caller promises.
+    let cache = unsafe { super::image::slice(cache, size, "nvsp_engine_options.pipeline_cache")? };
+    let mut pipeline_cache = Vec::new();
+    let refused = |_| Failure::at(NVSP_ERR_MEMORY, "a copy of the pipeline cache");
+    pipeline_cache.try_reserve_exact(cache.len()).map_err(refused)?;
+    pipeline_cache.extend_from_slice(cache);
+    let options = DeviceOptions { device, validation, memory_limit, watchdog, pipeline_cache };
     Ok((log, OpenOptions { limits, threads, options }))
 }
 
@@ -269,6 +281,44 @@ pub unsafe extern "C" fn nvsp_engine_get_info(
     }
 }
 
+/// Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next start.
+/// Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+///
+/// # Safety
+/// - `engine`: a live engine. Not NULL.
+/// - `bytes`: receives the data. Yours, of `size` bytes. NULL only if `size` is 0.
+/// - `size`: bytes of `bytes`.
+/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_engine_get_pipeline_cache(
+    engine: *const nvsp_engine,
+    bytes: *mut u8,
+    size: usize,
+    written: *mut usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::share(nvsp_engine::handle(engine), |_, content| {
+            if written.is_null() || (bytes.is_null() && size > 0) {
+                return Err(Failure::null("bytes or written"));
+            }
+            let _memory = Grant::take("the pipeline cache", CACHE, content.how.limits.host_bytes)?;
+            let data = content.engine.vulkan().pipeline_cache()?;
+            *written = data.len();
+            if data.len() > size {
+                return Err(Failure::Room { needed: data.len(), found: size });
+            }
+            bytes.copy_from_nonoverlapping(data.as_ptr(), data.len());
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Bytes that a copy of the pipeline cache may take.
+const CACHE: u64 = 32 << 20;
+
 /// Copies the text of the last failed call on the engine into `text`, or of the last failure to
 /// make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the
 /// end. The text is empty if nothing failed.
@@ -313,7 +363,7 @@ fn log_validation(handle: &Handle<EngineContent>, engine: &Engine) {
 }
 
 /// Writes a text that ends in NUL. If it is too long, cuts it after a whole character.
-fn write_text(text: &str, to: &mut [c_char]) {
+pub(super) fn write_text(text: &str, to: &mut [c_char]) {
     let end = text.floor_char_boundary(to.len() - 1);
     for (to, byte) in to.iter_mut().zip(text[..end].bytes().chain([0])) {
         *to = byte as c_char;

@@ -219,6 +219,12 @@ impl<T> Handle<T> {
     }
 }
 
+/// Runs a call that has no handle to keep a text in.
+pub(super) fn fence(body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp_status {
+    let caught = catch_unwind(AssertUnwindSafe(body));
+    caught.map_or(NVSP_ERR_INTERNAL, |done| done.unwrap_or_else(|failure| failure.status()))
+}
+
 #[cfg(test)]
 mod tests {
     use std::ptr::{null, null_mut};

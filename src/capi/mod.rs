@@ -5,6 +5,7 @@
 //! status codes with a text, panics are caught, and nothing is written unless all of it succeeded.
 
 mod decoder;
+mod device;
 mod encoder;
 mod engine;
 mod frame;

@@ -7,7 +7,7 @@ use crate::modem::{
     ModemError, Pushed, Reassembler, ReassemblerOptions, Received, Splitter, frame_count,
 };
 
-use super::handle::{Handle, Opaque};
+use super::handle::{Handle, Opaque, fence};
 use super::image::{slice, slice_mut};
 use super::log::Log;
 use super::status::*;
@@ -122,12 +122,6 @@ pub struct nvsp_reassembler_statistics {
     pub incomplete: u64,
 }
 versioned!(nvsp_reassembler_statistics, 64);
-
-/// Runs a call that has no handle to keep a text in.
-fn fence(body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp_status {
-    let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(body));
-    caught.map_or(NVSP_ERR_INTERNAL, |done| done.unwrap_or_else(|failure| failure.status()))
-}
 
 /// Tells how many modem frames a packet takes. The first one costs no bytes, each other one costs
 /// four. Allocates nothing; any thread may call it.

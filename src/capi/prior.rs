@@ -1,17 +1,20 @@
 //! The prior's handle.
 
 use std::ffi::{CStr, OsStr, c_char};
+use std::io::Read;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::sync::Arc;
 
 use crate::image::{Preprocessing, WhiteBalance};
+use crate::prior::PriorClaims;
 use crate::render::Scene;
-use crate::{Prior, RenderOverrides};
+use crate::{Camera, Prior, RenderOverrides};
 
 use super::engine::{EngineContent, nvsp_engine};
 use super::handle::{Handle, Opaque};
-use super::limits::Limits;
+use super::image::nvsp_camera;
+use super::limits::{self, Limits};
 use super::log::{NVSP_LOG_INFO, NVSP_LOG_WARNING};
 use super::memory::Grant;
 use super::status::*;
@@ -130,6 +133,33 @@ pub struct nvsp_prior_info {
     pub clahe_clip_limit: f32,
 }
 versioned!(nvsp_prior_info, 80);
+
+/// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than the
+/// device memory was made for makes a frame take more.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_memory_estimate {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Splats that the file claims.
+    pub splats: u64,
+    /// Host memory while the prior is opened.
+    pub prior_host: u64,
+    /// Device memory of the prior; while it is opened, as much again if the device has a memory of its own.
+    pub prior_device: u64,
+    /// Host memory of an encoder; 0 without a camera.
+    pub encoder_host: u64,
+    /// Device memory of an encoder; 0 without a camera.
+    pub encoder_device: u64,
+    /// Host memory of a decoder; 0 without a camera.
+    pub decoder_host: u64,
+    /// Device memory of a decoder; 0 without a camera.
+    pub decoder_device: u64,
+}
+versioned!(nvsp_memory_estimate, 64);
 
 /// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
 /// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
@@ -335,6 +365,67 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
         },
         clahe_tiles: clahe.map_or(0, |clahe| clahe.tiles().into()),
         clahe_clip_limit: clahe.map_or(0.0, |clahe| clahe.clip_limit()),
+    }
+}
+
+/// Estimates the memory that a prior takes, before it is loaded, from the first 64 KiB of its file: what
+/// nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
+/// Opens no device. Allocates; any thread may call it.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR
+/// if the file is no PLY file and no compact prior.
+///
+/// # Safety
+/// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
+/// - `camera`: the camera of encoders and decoders. Read during the call. NULL: their memory is not wanted.
+/// - `estimate`: receives the estimate, set up by NVSP_INIT. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_prior_estimate(
+    path: *const c_char,
+    camera: *const nvsp_camera,
+    estimate: *mut nvsp_memory_estimate,
+) -> nvsp_status {
+    super::handle::fence(|| {
+        if path.is_null() {
+            return Err(Failure::null("path"));
+        }
+        // SAFETY: as the caller promises.
+        let (out, camera, path) = unsafe {
+            let out = Out::required(estimate)?;
+            let camera = (!camera.is_null()).then(|| super::image::camera(camera)).transpose()?;
+            (out, camera, Path::new(OsStr::from_bytes(CStr::from_ptr(path).to_bytes())))
+        };
+        let unread = |error| crate::Error::from(crate::prior::PriorError::Read(error));
+        let mut start = [0; 1 << 16];
+        let mut file = std::fs::File::open(path).map_err(unread)?;
+        let size = file.metadata().map_err(unread)?.len();
+        let mut read = 0;
+        while read < start.len() {
+            match file.read(&mut start[read..]).map_err(unread)? {
+                0 => break,
+                more => read += more,
+            }
+        }
+        let unknown = Failure::at(NVSP_ERR_PRIOR, "no PLY file and no compact prior");
+        let claims = PriorClaims::of_start(&start[..read], size).ok_or(unknown)?;
+        out.write(&estimate_of(&claims, camera));
+        Ok(NVSP_OK)
+    })
+}
+
+fn estimate_of(claims: &PriorClaims, camera: Option<Camera>) -> nvsp_memory_estimate {
+    let of = |bytes: fn(u32, u32) -> u64| camera.map_or(0, |c| bytes(c.width, c.height));
+    let splats = camera.map_or(0, |_| claims.splats * limits::WORKSPACE);
+    nvsp_memory_estimate {
+        struct_size: 0,
+        abi_version: 0,
+        splats: claims.splats,
+        prior_host: limits::prior(claims) + claims.bytes,
+        prior_device: claims.device_bytes(),
+        encoder_host: of(limits::encoder),
+        encoder_device: of(limits::encoder_device) + splats,
+        decoder_host: of(limits::decoder),
+        decoder_device: of(limits::decoder_device) + splats,
     }
 }
 

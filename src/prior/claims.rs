@@ -22,23 +22,27 @@ const END: &[u8] = b"end_header";
 impl PriorClaims {
     /// Reads the claims of a PLY file or a compact prior; `None` for any other content.
     pub fn of(bytes: &[u8]) -> Option<PriorClaims> {
+        PriorClaims::of_start(bytes, bytes.len() as u64)
+    }
+
+    /// As [`PriorClaims::of`], from the first bytes of a file of `size` bytes. They must hold the header.
+    pub fn of_start(bytes: &[u8], size: u64) -> Option<PriorClaims> {
         let claims = if bytes.starts_with(compact::MAGIC) {
             let degree = u32::from(*bytes.get(5)?);
             let count = u32::from_le_bytes(*bytes.get(8..)?.first_chunk()?);
             // Every part but the splats may be as long as the file.
-            (u64::from(count), degree, bytes.len(), true)
+            (u64::from(count), degree, size, true)
         } else if bytes.starts_with(ply::MAGIC) {
             let header = header_of(bytes);
-            (ply_splats(header)?, ply_degree(header), header.len(), false)
+            (ply_splats(header)?, ply_degree(header), header.len() as u64, false)
         } else {
             return None;
         };
         let (splats, sh_degree, besides, compact) = claims;
         // A splat takes a byte or more of a file, else the file is refused before anything is taken.
-        let splats = splats.min(bytes.len() as u64);
+        let splats = splats.min(size);
         let sh_degree = sh_degree.min(Splats::MAX_SH_DEGREE);
-        let (bytes, besides) = (bytes.len() as u64, besides as u64);
-        Some(PriorClaims { bytes, splats, sh_degree, besides, compact })
+        Some(PriorClaims { bytes: size, splats, sh_degree, besides, compact })
     }
 
     /// Host memory that loading takes at most, bytes, besides the file's own.

@@ -9,7 +9,7 @@ use std::time::Duration;
 use ash::{Entry, ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
-use super::Error;
+use super::{Error, cache};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
@@ -26,6 +26,9 @@ pub struct DeviceOptions {
     /// Longest that one submission may take. What takes longer counts as a lost device ([`Error::Hung`]), and what the
     /// device may still use is then never freed: buffers, pipelines, the device itself. `None`: no bound.
     pub watchdog: Option<Duration>,
+    /// What [`Device::pipeline_cache`] gave before, so that the driver need not compile again; empty: nothing. Data of
+    /// another driver, or damaged data, is left aside.
+    pub pipeline_cache: Vec<u8>,
 }
 
 /// What kind of device it is, the preferred one first.
@@ -183,6 +186,8 @@ pub(super) struct Inner {
     /// Bytes in buffers, and the most that there may be.
     taken: AtomicU64,
     memory_limit: u64,
+    /// Null if the driver makes none.
+    pub pipeline_cache: vk::PipelineCache,
     instance: ManuallyDrop<Instance>,
 }
 
@@ -262,6 +267,7 @@ impl Drop for Inner {
         drop(allocator);
         // SAFETY: buffers, kernels and commands hold this Inner, so all are gone. The instance goes last, once.
         unsafe {
+            self.device.destroy_pipeline_cache(self.pipeline_cache, None);
             self.device.destroy_device(None);
             ManuallyDrop::drop(&mut self.instance);
         }
@@ -301,8 +307,10 @@ impl Device {
                 return Err(Error::Memory { buffer: "allocator", bytes: 0, reason });
             }
         };
+        let pipeline_cache = cache::open(&device, &options.pipeline_cache);
         Ok(Device {
             inner: Arc::new(Inner {
+                pipeline_cache,
                 allocator: Mutex::new(Some(allocator)),
                 queue: Mutex::new(queue),
                 queue_family,
@@ -330,6 +338,12 @@ impl Device {
         if let Some(inner) = Arc::get_mut(&mut self.inner) {
             inner.info.portable = portable;
         }
+    }
+
+    /// What the driver has compiled so far, for [`DeviceOptions::pipeline_cache`] of the next start. It ends in a check.
+    pub fn pipeline_cache(&self) -> Result<Vec<u8>, Error> {
+        self.inner.check()?;
+        cache::read(&self.inner.device, self.inner.pipeline_cache)
     }
 
     /// What the device says of itself.

@@ -130,7 +130,7 @@ impl Pipeline {
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
         // SAFETY: layout and module are valid; the module may go once the pipeline is made.
         let made = unsafe {
-            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None);
+            let made = device.create_compute_pipelines(self.device.pipeline_cache, &[info], None);
             device.destroy_shader_module(module, None);
             made
         };

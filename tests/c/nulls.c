@@ -73,6 +73,13 @@ static void encoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_encode(encoder, &image, pose, bytes, size, NULL, &stats));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(NULL, &image, pose));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_cancel(NULL));
+    nvsp_memory_estimate estimate = NVSP_INITIALIZER(nvsp_memory_estimate);
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_estimate(NULL, camera, &estimate));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_estimate(dive.prior, camera, NULL));
+    EXPECT(NVSP_OK, nvsp_device_get_info(0, NULL, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_get_pipeline_cache(NULL, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_get_pipeline_cache(both.engine, NULL, 9, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_get_pipeline_cache(both.engine, bytes, sizeof bytes, NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(encoder, NULL, pose));
     nvsp_frame_info info;
     MUST(NVSP_INIT(&info));

@@ -114,6 +114,10 @@ static nvsp_status statistics(void *structure) {
     return nvsp_reassembler_get_statistics(reassembler, structure);
 }
 
+static nvsp_status device_info(void *structure) { return nvsp_device_get_info(0, structure, NULL); }
+
+static nvsp_status estimate(void *structure) { return nvsp_prior_estimate(dive.prior, &dive.camera, structure); }
+
 static const struct {
     size_t size;
     caller call;
@@ -123,6 +127,8 @@ static const struct {
 } structures[] = {
     {sizeof(nvsp_engine_options), engine_options, 0, 0},
     {sizeof(nvsp_engine_info), engine_info, 1, 0},
+    {sizeof(nvsp_device_info), device_info, 1, 0},
+    {sizeof(nvsp_memory_estimate), estimate, 1, 0},
     {sizeof(nvsp_prior_options), prior_options, 0, 0},
     {sizeof(nvsp_prior_info), prior_info, 1, 0},
     {sizeof(nvsp_encoder_options), encoder_options, 0, 0},
@@ -273,6 +279,88 @@ static void others(void) {
     free(pixels);
 }
 
+static uint64_t memory_used(nvsp_engine *engine) {
+    nvsp_engine_info info = NVSP_INITIALIZER(nvsp_engine_info);
+    MUST(nvsp_engine_get_info(engine, &info));
+    return info.memory_used;
+}
+
+static void devices(void) {
+    nvsp_device_info info = NVSP_INITIALIZER(nvsp_device_info);
+    uint32_t count = 0, fit = 0;
+    EXPECT(NVSP_OK, nvsp_device_get_info(0, &info, &count));
+    CHECK(count > 0);
+    for (uint32_t i = 0; i < count; i++) {
+        EXPECT(NVSP_OK, nvsp_device_get_info(i, &info, NULL));
+        CHECK(info.name[0] != 0 && info.driver[0] != 0 && info.vulkan_major > 0 && info.memory > 0);
+        CHECK(info.kind >= NVSP_DEVICE_DISCRETE_GPU && info.kind <= NVSP_DEVICE_OTHER);
+        fit += info.unfit[0] == 0;
+    }
+    CHECK(fit > 0);
+    uint32_t again = 0;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_device_get_info(count, &info, &again));
+    CHECK(again == count);
+}
+
+// What is taken is within the estimate, and the estimate is no wild guess.
+static void estimates(void) {
+    const uint32_t widths[] = {96, 320};
+    for (int i = 0; i < 2; i++) {
+        const nvsp_camera size = scaled_camera(&dive, widths[i]);
+        nvsp_memory_estimate found = NVSP_INITIALIZER(nvsp_memory_estimate);
+        EXPECT(NVSP_OK, nvsp_prior_estimate(dive.prior, &size, &found));
+        nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+        options.host_memory_limit = found.prior_host;
+        if (options.host_memory_limit < found.encoder_host) {
+            options.host_memory_limit = found.encoder_host;
+        }
+        rig own = {0};
+        MUST(nvsp_engine_create(&options, &own.engine));
+        MUST(nvsp_prior_open(own.engine, dive.prior, NULL, &own.prior));
+        const uint64_t prior = memory_used(own.engine);
+        CHECK(prior > 0 && prior <= found.prior_device && found.prior_device < 2 * prior);
+        MUST(nvsp_encoder_create(own.engine, own.prior, &size, NULL, &own.encoder));
+        uint8_t bytes[65536];
+        size_t written = 0;
+        const nvsp_image frame = scene_image(&dive, 0);
+        MUST(nvsp_encode(own.encoder, &frame, &dive.poses[0], bytes, sizeof bytes, &written, NULL));
+        const uint64_t encoder = memory_used(own.engine) - prior;
+        CHECK(encoder <= found.encoder_device && found.encoder_device < 3 * encoder);
+        MUST(nvsp_decoder_create(own.engine, own.prior, &own.decoder));
+        MUST(nvsp_decode(own.decoder, bytes, written, 0, NULL, NULL));
+        const uint64_t decoder = memory_used(own.engine) - prior - encoder;
+        CHECK(decoder <= found.decoder_device && found.decoder_device < 3 * decoder);
+        rig_close(&own);
+    }
+    nvsp_memory_estimate found = NVSP_INITIALIZER(nvsp_memory_estimate);
+    EXPECT(NVSP_OK, nvsp_prior_estimate(dive.compact_prior, NULL, &found));
+    CHECK(found.splats > 0 && found.prior_device > 0 && found.encoder_device == 0);
+    char path[600];
+    snprintf(path, sizeof path, "%s.none", dive.prior);
+    EXPECT(NVSP_ERR_FILE, nvsp_prior_estimate(path, NULL, &found));
+    EXPECT(NVSP_ERR_PRIOR, nvsp_prior_estimate("/dev/zero", NULL, &found));
+}
+
+// What the driver compiled is taken back, and garbage in its place does no harm.
+static void pipeline_cache(void) {
+    size_t size = 77, again = 77;
+    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_engine_get_pipeline_cache(both.engine, NULL, 0, &size));
+    CHECK(size > 4 && size != 77);
+    uint8_t *bytes = malloc(size);
+    EXPECT(NVSP_OK, nvsp_engine_get_pipeline_cache(both.engine, bytes, size, &again));
+    CHECK(again == size);
+    for (int i = 0; i < 4; i++) {
+        nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+        nvsp_engine *engine = NULL;
+        options.pipeline_cache = bytes;
+        options.pipeline_cache_size = i == 2 ? size / 2 : i == 3 ? 3 : size;
+        bytes[size / 2] ^= (uint8_t)(i == 1);
+        EXPECT(NVSP_OK, nvsp_engine_create(&options, &engine));
+        nvsp_engine_destroy(engine);
+    }
+    free(bytes);
+}
+
 static void versions(void) {
     char text[32];
     snprintf(text, sizeof text, "%d.%d.%d", NVSP_VERSION_MAJOR, NVSP_VERSION_MINOR, NVSP_VERSION_PATCH);
@@ -309,6 +397,9 @@ int main(int argc, char **argv) {
     initialising();
     versions();
     others();
+    devices();
+    estimates();
+    pipeline_cache();
     for (size_t i = 0; i < sizeof structures / sizeof *structures; i++) {
         const size_t size = structures[i].size, first = structures[i].first;
         refusals(structures[i].call, size, first == 0 ? size : first);
