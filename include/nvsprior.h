@@ -29,7 +29,7 @@
  * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting and reassembly allocate nothing on
  *   the host once they have run a first time. A call that allocates first sets aside as much as it may need at most. If
  *   the system does not have it, the call fails with NVSP_ERR_MEMORY, and nothing has changed. The library itself never
- *   ends the process for want of memory. A Vulkan driver may: Mesa's does, while it compiles.
+ *   ends the process for want of memory, wherever that comes from (nvsp_set_allocator). A Vulkan driver may: Mesa's does, while it compiles.
  * Structures. Every structure begins with struct_size. Set it up with NVSP_INIT(&structure), or as
  *   nvsp_camera camera = NVSP_INITIALIZER(nvsp_camera). This makes every other field zero, its default. Later versions
  *   only append fields. Flags that are unknown, and reserved fields that are not zero, are refused.
@@ -364,6 +364,27 @@ typedef struct nvsp_reassembler nvsp_reassembler;
 
 // What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
 typedef int32_t nvsp_status;
+
+// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on any
+// thread, on several at once. It must not call the library, and must not unwind.
+typedef void *(*nvsp_allocate_callback)(void *user, size_t size, size_t alignment);
+
+// Takes a block back that nvsp_allocate_callback gave, with the size and alignment that it was asked for.
+typedef void (*nvsp_release_callback)(void *user, void *block, size_t size, size_t alignment);
+
+// Where the library takes host memory from.
+typedef struct nvsp_allocator {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
+  nvsp_allocate_callback allocate;
+  // Takes it back.
+  nvsp_release_callback release;
+  // Passed to both as it is. What it points to must stay as long as the library is loaded.
+  void *user;
+} nvsp_allocator;
 
 // A device that a driver offers.
 typedef struct nvsp_device_info {
@@ -968,6 +989,17 @@ uint32_t nvsp_version_number(void);
 // Parameters:
 // - `status`: any number.
 const char *nvsp_status_text(nvsp_status status);
+
+// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles are
+// destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (one callback without the other),
+// or NVSP_ERR_STATE if the library holds memory.
+//
+// Parameters:
+// - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator) NVSP_NONNULL(1);
 
 // Describes a device of the installed drivers, by its number, and tells how many there are. Each call asks the drivers
 // anew, which takes milliseconds, and allocates. Any thread may call it.

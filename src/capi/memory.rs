@@ -8,7 +8,68 @@
 //!
 //! The allocator stands only in the C library, which cargo-c builds with `cfg(cargo_c)`. Rust programs choose their own.
 
-use super::status::Failure;
+use std::ffi::c_void;
+
+use super::handle::fence;
+use super::status::*;
+use super::structs::{read, versioned};
+
+/// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on any
+/// thread, on several at once. It must not call the library, and must not unwind.
+#[allow(non_camel_case_types)]
+pub type nvsp_allocate_callback =
+    Option<unsafe extern "C" fn(user: *mut c_void, size: usize, alignment: usize) -> *mut c_void>;
+
+/// Takes a block back that nvsp_allocate_callback gave, with the size and alignment that it was asked for.
+#[allow(non_camel_case_types)]
+pub type nvsp_release_callback = Option<
+    unsafe extern "C" fn(user: *mut c_void, block: *mut c_void, size: usize, alignment: usize),
+>;
+
+/// Where the library takes host memory from.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_allocator {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
+    pub allocate: nvsp_allocate_callback,
+    /// Takes it back.
+    pub release: nvsp_release_callback,
+    /// Passed to both as it is. What it points to must stay as long as the library is loaded.
+    pub user: *mut c_void,
+}
+versioned!(nvsp_allocator, 32);
+
+/// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles are
+/// destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (one callback without the other),
+/// or NVSP_ERR_STATE if the library holds memory.
+///
+/// # Safety
+/// - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_set_allocator(allocator: *const nvsp_allocator) -> nvsp_status {
+    fence(|| {
+        if allocator.is_null() {
+            return Err(Failure::null("allocator"));
+        }
+        // SAFETY: as the caller promises.
+        let allocator = unsafe { read(allocator)? };
+        if allocator.allocate.is_some() != allocator.release.is_some() {
+            return Err(Failure::argument("nvsp_allocator: one callback without the other"));
+        }
+        #[cfg(cargo_c)]
+        if arena::source::set(&allocator) {
+            return Ok(NVSP_OK);
+        }
+        Err(Failure::at(NVSP_ERR_STATE, "the library holds memory"))
+    })
+}
 
 /// Memory set aside for a call on this thread.
 pub(super) struct Grant {
@@ -33,18 +94,22 @@ impl Grant {
 
 #[cfg(any(cargo_c, test))]
 mod arena {
-    use std::alloc::{GlobalAlloc, Layout, System};
+    use std::alloc::{GlobalAlloc, Layout};
     use std::ptr::{NonNull, null_mut};
     use std::sync::atomic::{AtomicUsize, Ordering};
     use std::sync::{Mutex, MutexGuard, PoisonError};
 
     use linked_list_allocator::Heap;
 
+    use source::Source;
+
+    pub(super) mod source;
+
     #[cfg(cargo_c)]
     #[global_allocator]
     static ALLOCATOR: Allocator = Allocator;
 
-    /// The system's allocator. If it has nothing left, the arenas of this thread, then the reserve.
+    /// The caller's allocator, or the system's. If it has nothing left, the arenas of this thread, then the reserve.
     pub(super) struct Allocator;
 
     /// Grants that may be held at once. A call has one; one more stays for each call that found the system without
@@ -120,7 +185,7 @@ mod arena {
             state.heap = Heap::empty();
             let size = std::mem::take(&mut state.size);
             // SAFETY: `Open::new` got them from the system in this layout, and no block of them is left.
-            unsafe { System.dealloc(start as *mut u8, layout_of(size)) };
+            unsafe { Source.dealloc(start as *mut u8, layout_of(size)) };
         }
     }
 
@@ -148,7 +213,7 @@ mod arena {
                     continue;
                 }
                 // SAFETY: the layout has a size.
-                let start = NonNull::new(unsafe { System.alloc(layout) })?;
+                let start = NonNull::new(unsafe { Source.alloc(layout) })?;
                 state.owner = Some(this_thread());
                 // SAFETY: just taken, for this arena alone.
                 unsafe { arena.open(&mut state, start.as_ptr(), size) };
@@ -193,18 +258,18 @@ mod arena {
         TABLE.iter().chain([&RESERVE_ARENA]).find(|arena| arena.holds(block))
     }
 
-    // SAFETY: blocks come from System or from a heap, of the layout asked for, and go back to where they came from.
+    // SAFETY: blocks come from Source or from a heap, of the layout asked for, and go back to where they came from.
     // Nothing here allocates or unwinds: the heaps panic on no request.
     unsafe impl GlobalAlloc for Allocator {
         unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
             // SAFETY: as the caller promises.
-            let block = unsafe { System.alloc(layout) };
+            let block = unsafe { Source.alloc(layout) };
             if block.is_null() { rescue(layout) } else { block }
         }
 
         unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
             // SAFETY: as the caller promises.
-            let block = unsafe { System.alloc_zeroed(layout) };
+            let block = unsafe { Source.alloc_zeroed(layout) };
             if !block.is_null() {
                 return block;
             }
@@ -227,14 +292,14 @@ mod arena {
                     }
                 }
                 // SAFETY: as the caller promises; it is the system's.
-                _ => unsafe { System.dealloc(block, layout) },
+                _ => unsafe { Source.dealloc(block, layout) },
             }
         }
 
         unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
             if arena_of(block).is_none() {
                 // SAFETY: as the caller promises; it is the system's.
-                let moved = unsafe { System.realloc(block, layout, size) };
+                let moved = unsafe { Source.realloc(block, layout, size) };
                 if !moved.is_null() {
                     return moved;
                 }

@@ -73,6 +73,7 @@ static void encoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_encode(encoder, &image, pose, bytes, size, NULL, &stats));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(NULL, &image, pose));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_cancel(NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_set_allocator(NULL));
     nvsp_memory_estimate estimate = NVSP_INITIALIZER(nvsp_memory_estimate);
     EXPECT(NVSP_ERR_NULL, nvsp_prior_estimate(NULL, camera, &estimate));
     EXPECT(NVSP_ERR_NULL, nvsp_prior_estimate(dive.prior, camera, NULL));

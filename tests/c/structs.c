@@ -1,5 +1,6 @@
 // Structures of every size and version, through every function that takes one.
 
+#define _GNU_SOURCE
 #define NVSP_NO_ATTRIBUTES  // NULL is what is tested.
 
 #include "common.h"
@@ -381,11 +382,54 @@ static void initialising(void) {
     CHECK(words[0] == 12 && words[1] == NVSP_ABI_VERSION && words[2] == 0 && words[3] == 9);
 }
 
+static _Atomic long blocks, taken;
+
+static void *allocate(void *user, size_t size, size_t alignment) {
+    CHECK(user == &dive && alignment > 0 && (alignment & (alignment - 1)) == 0);
+    void *block = NULL;
+    if (posix_memalign(&block, alignment < sizeof(void *) ? sizeof(void *) : alignment, size) != 0) {
+        return NULL;
+    }
+    blocks++;
+    taken++;
+    return block;
+}
+
+static void release(void *user, void *block, size_t size, size_t alignment) {
+    CHECK(user == &dive && block != NULL && size > 0 && alignment > 0);
+    blocks--;
+    free(block);
+}
+
+// All host memory of the library comes from the caller's functions and goes back to them.
+static void allocators(void) {
+    nvsp_allocator own = NVSP_INITIALIZER(nvsp_allocator);
+    EXPECT(NVSP_ERR_NULL, nvsp_set_allocator(NULL));
+    own.allocate = allocate;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(&own));
+    own.release = release;
+    own.user = &dive;
+    EXPECT(NVSP_OK, nvsp_set_allocator(&own));
+    rig held;
+    rig_open(&held, &dive);
+    CHECK(taken > 100 && blocks > 10);
+    EXPECT(NVSP_ERR_STATE, nvsp_set_allocator(&own));
+    rig_close(&held);
+    CHECK(blocks == 0);
+    const nvsp_allocator none = NVSP_INITIALIZER(nvsp_allocator);
+    EXPECT(NVSP_OK, nvsp_set_allocator(&none));
+    const long before = taken;
+    rig_open(&held, &dive);
+    rig_close(&held);
+    CHECK(taken == before);
+}
+
 int main(int argc, char **argv) {
     if (argc != 2) {
         give_up("usage: structs SCENE");
     }
     scene_read(&dive, argv[1]);
+    allocators();
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
     packet packets[MAX_FRAMES];
