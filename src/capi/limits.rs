@@ -1,7 +1,7 @@
 //! How much memory calls may take: what a caller allows, and what each call needs at most.
 
 use crate::Camera;
-use crate::prior::PriorClaims;
+use crate::prior::{KeyFrames, PriorClaims};
 
 use super::memory::Grant;
 use super::status::Failure;
@@ -42,10 +42,12 @@ impl Limits {
         Grant::take("a prior's file", 2 * size + SMALL, self.host_bytes.saturating_add(SMALL))
     }
 
-    /// Sets memory aside for a prior of this content.
-    pub(super) fn prior(&self, bytes: &[u8]) -> Result<Grant, Failure> {
+    /// Sets memory aside for a prior of this content, with key frames in a file of `keys` bytes beside it.
+    pub(super) fn prior(&self, bytes: &[u8], keys: u64) -> Result<Grant, Failure> {
         let needed = PriorClaims::of(bytes).map_or(PRIOR, |claims| prior(&claims));
-        Grant::take("a prior", needed, self.host_bytes)
+        // The text, which grows by steps as it is read, its words and the poses. A longer file is refused.
+        let keys = 4 * keys.min(LONGEST_KEYS);
+        Grant::take("a prior", needed + keys, self.host_bytes)
     }
 }
 
@@ -57,7 +59,10 @@ pub(super) fn engine_bytes() -> u64 {
     8 * SMALL
 }
 
-/// A prior besides its splats: key frames and coder tables beside it, pipelines.
+/// Most bytes of a file of key frames.
+const LONGEST_KEYS: u64 = 256 * (KeyFrames::MAX as u64 + 1);
+
+/// A prior besides its splats: coder tables beside it, pipelines.
 const PRIOR: u64 = 8 * SMALL;
 
 /// Opening a prior, besides the content of its file.

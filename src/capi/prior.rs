@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::image::{Preprocessing, WhiteBalance};
-use crate::prior::PriorClaims;
+use crate::prior::{KeyFrames, PriorClaims};
 use crate::render::Scene;
 use crate::{Camera, Prior, RenderOverrides};
 
@@ -246,7 +246,7 @@ impl Source<'_> {
     fn read(self, overrides: &RenderOverrides, limits: &Limits) -> Result<(Prior, Grant), Failure> {
         match self {
             Source::Memory(bytes) => {
-                let grant = limits.prior(bytes)?;
+                let grant = limits.prior(bytes, 0)?;
                 let prior = Prior::from_bytes(bytes, "memory", overrides);
                 Ok((prior.map_err(crate::Error::from)?, grant))
             }
@@ -256,7 +256,9 @@ impl Source<'_> {
                     let _memory = limits.file(size)?;
                     Prior::read_file(path).map_err(crate::Error::from)?
                 };
-                let grant = limits.prior(&bytes)?;
+                let keys = KeyFrames::path_beside(path);
+                let keys = std::fs::metadata(keys).map_or(0, |file| file.len());
+                let grant = limits.prior(&bytes, keys)?;
                 let prior = Prior::from_file(path, bytes, overrides);
                 Ok((prior.map_err(crate::Error::from)?, grant))
             }

@@ -313,7 +313,7 @@ static int limited(const char *folder, const char *which, const char *kibibytes)
 static void under_limits(const char *program, const char *folder, size_t which) {
     const int largest = 1 << 21;
     int ends[3] = {0, 0, 0}, killed = 0;
-    for (int kibibytes = 64; kibibytes <= largest; kibibytes *= few() ? 16 : 3) {
+    for (int kibibytes = 64; kibibytes <= largest; kibibytes *= few() ? 32 : 3) {
         char command[2000];
         snprintf(command, sizeof command, "'%s' '%s' %zu %d >/dev/null", program, folder, which, kibibytes);
         const int ended = system(command);
