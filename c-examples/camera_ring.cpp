@@ -27,7 +27,8 @@ struct Nv12 {
     Clock::time_point taken{};
 
     nvsp_image image() const {
-        return {NVSP_FORMAT_NV12,
+        return {NVSP_HEAD(nvsp_image),
+                NVSP_FORMAT_NV12,
                 NVSP_COLOUR_BT601_LIMITED,
                 width,
                 height,

@@ -43,10 +43,10 @@ static int decode(nvsp_decoder *decoder, const uint8_t *packet, size_t size, ppm
         fprintf(stderr, "out of memory\n");
         return 0;
     }
-    const nvsp_picture place = {.format = NVSP_FORMAT_RGB8,
-                                .pixels = picture->pixels,
-                                .stride = (size_t)picture->width * 3,
-                                .size = ppm_size(picture)};
+    nvsp_picture place = {NVSP_HEAD(nvsp_picture),
+                          .format = NVSP_FORMAT_RGB8,
+                          .pixels = picture->pixels,
+                          .size = ppm_size(picture)};
     nvsp_decoded info;
     NVSP_INIT(&info);
     const nvsp_status status = nvsp_decode(decoder, packet, size, 0, &place, &info);

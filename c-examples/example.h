@@ -100,7 +100,8 @@ static inline size_t read_file(const char *path, uint8_t *bytes, size_t room) {
 
 // An image for the encoder: the PPM's pixels, without a copy.
 static inline nvsp_image ppm_image(const ppm *picture) {
-    nvsp_image image = {NVSP_FORMAT_RGB8, 0, 0, 0, {NULL, NULL, NULL}, {0, 0, 0}, {0, 0, 0}};
+    nvsp_image image = NVSP_INITIALIZER(nvsp_image);
+    image.format = NVSP_FORMAT_RGB8;
     image.width = picture->width;
     image.height = picture->height;
     image.planes[0] = picture->pixels;
@@ -129,6 +130,7 @@ static inline int camera_of(const char *text, nvsp_camera *camera) {
         fprintf(stderr, "%s: no camera, which is width,height,fx,fy,cx,cy\n", text);
         return 0;
     }
+    NVSP_INIT(camera);
     camera->width = (uint32_t)v[0];
     camera->height = (uint32_t)v[1];
     camera->fx = (float)v[2];
@@ -145,6 +147,7 @@ static inline int pose_of(const char *text, nvsp_pose *pose) {
         fprintf(stderr, "%s: no pose, which is qw,qx,qy,qz,tx,ty,tz\n", text);
         return 0;
     }
+    NVSP_INIT(pose);
     for (int i = 0; i < 4; i++) {
         pose->rotation[i] = v[i];
     }

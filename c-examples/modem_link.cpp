@@ -49,8 +49,8 @@ struct Settings {
     bool pad = false;
     unsigned seed = 1;
     std::string prior;
-    nvsp_camera camera{};
-    nvsp_pose start{};
+    nvsp_camera camera = NVSP_INITIALIZER(nvsp_camera);
+    nvsp_pose start = NVSP_INITIALIZER(nvsp_pose);
     std::vector<std::string> frames;
 };
 
@@ -336,8 +336,10 @@ public:
         if (held_ == 0 || state_.frame == shown_) {
             return;
         }
-        const nvsp_picture place = {NVSP_FORMAT_RGB8, 0, picture_.data(),
-                                    size_t{3} * set_.camera.width, picture_.size()};
+        nvsp_picture place = NVSP_INITIALIZER(nvsp_picture);
+        place.format = NVSP_FORMAT_RGB8;
+        place.pixels = picture_.data();
+        place.size = picture_.size();
         nvsp_decoded info;
         NVSP_INIT(&info);
         const nvsp_status status =
@@ -363,7 +365,9 @@ public:
     void report(double seconds) const {
         nvsp_reassembler_statistics counts;
         NVSP_INIT(&counts);
-        nvsp_reassembler_get_statistics(reassembler_.get(), &counts);
+        if (nvsp_reassembler_get_statistics(reassembler_.get(), &counts) != NVSP_OK) {
+            return;
+        }
         std::printf("topside: modem frames %llu used, %llu repeated, %llu refused\n",
                     static_cast<unsigned long long>(counts.accepted),
                     static_cast<unsigned long long>(counts.duplicates),

@@ -90,10 +90,10 @@ static int show(nvsp_decoder *decoder, nvsp_reassembler *reassembler, const char
         fprintf(stderr, "out of memory\n");
         return 0;
     }
-    const nvsp_picture place = {.format = NVSP_FORMAT_RGB8,
-                                .pixels = picture.pixels,
-                                .stride = (size_t)picture.width * 3,
-                                .size = ppm_size(&picture)};
+    nvsp_picture place = {NVSP_HEAD(nvsp_picture),
+                          .format = NVSP_FORMAT_RGB8,
+                          .pixels = picture.pixels,
+                          .size = ppm_size(&picture)};
     nvsp_decoded decoded;
     NVSP_INIT(&decoded);
     status = nvsp_decode(decoder, packet, size, NVSP_DECODE_START, &place, &decoded);

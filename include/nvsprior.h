@@ -9,7 +9,8 @@
  *
  * Status. A call that can fail returns an nvsp_status: NVSP_OK (0), NVSP_PENDING, or an error below zero.
  *   nvsp_status_text gives it in words; nvsp_..._last_error on the handle gives the details. A call that fails writes
- *   nothing through any pointer and loses nothing that was good. You may go on to use the handle, except after
+ *   nothing through any pointer and loses nothing that was good. There are two exceptions: NVSP_ERR_BUFFER_TOO_SMALL
+ *   tells the size needed, and NVSP_ERR_NEWER the version. You may go on to use the handle, except after
  *   NVSP_ERR_INTERNAL (later calls give NVSP_ERR_POISONED) and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The
  *   firmware build has no NVSP_ERR_INTERNAL: there a fault of the library itself aborts the process, and a watchdog
  *   must start it again.
@@ -21,16 +22,23 @@
  * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
  *   decoder or a reassembler: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a handle while it is
  *   destroyed, or afterwards.
- * Waiting. A call waits only if its comment says so, and only for the device. No call waits for
- *   another program, a file (except nvsp_prior_open) or a network.
- * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting and
- *   reassembly allocate nothing on the host once they have run a first time.
- * Structures. If a structure begins with struct_size, set it up with NVSP_INIT(&structure). This makes every field
- *   zero, its default. Later versions only append fields.
+ * Waiting. A call waits only if its comment says so, and only for the device, no longer than
+ *   nvsp_engine_options.watchdog_milliseconds for one piece of work. Building pipelines, in nvsp_engine_create and the
+ *   first nvsp_prior_open, takes as long as the driver takes. No call waits for another program, a file (except
+ *   nvsp_prior_open) or a network.
+ * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting and reassembly allocate nothing on
+ *   the host once they have run a first time. A call that allocates first sets aside as much as it may need at most. If
+ *   the system does not have it, the call fails with NVSP_ERR_MEMORY, and nothing has changed. The library itself never
+ *   ends the process for want of memory, wherever that comes from (nvsp_set_allocator). A Vulkan driver may: Mesa's does, while it compiles.
+ * Structures. Every structure begins with struct_size. Set it up with NVSP_INIT(&structure), or as
+ *   nvsp_camera camera = NVSP_INITIALIZER(nvsp_camera). This makes every other field zero, its default. Later versions
+ *   only append fields. Flags that are unknown, and reserved fields that are not zero, are refused.
+ * Compilers. With GCC and Clang a status that is not looked at and a NULL that is not allowed give a warning. Define
+ *   NVSP_NO_ATTRIBUTES before you include this header to switch that off.
  * Units. Angles in radians, pixels from the upper left corner, lengths in the prior's own unit, PSNR
  *   in dB against 255.
- * Signals and forks. The library installs no signal handlers. A child of fork may not use handles of
- *   its parent.
+ * Signals and forks. The library installs no signal handlers. Its threads block all signals, except those of their own
+ *   faults (SIGSEGV, SIGBUS, SIGILL, SIGFPE, SIGTRAP, SIGSYS). A child of fork may not use handles of its parent.
  */
 
 #ifndef NVSPRIOR_H
@@ -41,9 +49,47 @@
 /* Sets a structure up for use: all defaults. Returns an nvsp_status. */
 #define NVSP_INIT(structure) nvsp_struct_init((structure), sizeof *(structure), NVSP_ABI_VERSION)
 
+/* NVSP_INITIALIZER: what a structure is initialised with, all defaults. NVSP_HEAD: its first two fields, if you state
+ * others after it: nvsp_picture place = {NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8}; in C++ state all, in
+ * order. */
+#ifdef __cplusplus
+template <class Structure> inline Structure nvsp_initialized() {
+    Structure made = Structure();
+    made.struct_size = sizeof(Structure);
+    made.abi_version = 1;
+    return made;
+}
+#define NVSP_INITIALIZER(type) nvsp_initialized<type>()
+#define NVSP_HEAD(type) sizeof(type), NVSP_ABI_VERSION
+#else
+#define NVSP_INITIALIZER(type) {NVSP_HEAD(type)}
+#define NVSP_HEAD(type) .struct_size = sizeof(type), .abi_version = NVSP_ABI_VERSION
+#endif
+
+/* For compilers: a status must be looked at; these parameters must not be NULL. */
+#if defined(__GNUC__) && !defined(NVSP_NO_ATTRIBUTES)
+#define NVSP_CHECKED __attribute__((warn_unused_result))
+#define NVSP_NONNULL(...) __attribute__((nonnull(__VA_ARGS__)))
+#else
+#define NVSP_CHECKED
+#define NVSP_NONNULL(...)
+#endif
+
 
 // Version of the ABI that this header describes.
 #define NVSP_ABI_VERSION 1
+
+// Version of the library that this header came with; nvsp_version gives that of the library in use. First number.
+#define NVSP_VERSION_MAJOR 0
+
+// Second number.
+#define NVSP_VERSION_MINOR 1
+
+// Third number.
+#define NVSP_VERSION_PATCH 0
+
+// The three in one number, for comparisons: 1,000,000 major + 1,000 minor + patch.
+#define NVSP_VERSION_NUMBER 1000
 
 // A call failed.
 #define NVSP_LOG_ERROR 1
@@ -54,21 +100,39 @@
 // What was chosen and loaded.
 #define NVSP_LOG_INFO 3
 
+// A graphics card with memory of its own.
+#define NVSP_DEVICE_DISCRETE_GPU 1
+
+// A GPU that shares the host's memory.
+#define NVSP_DEVICE_INTEGRATED_GPU 2
+
+// A GPU of a virtual machine.
+#define NVSP_DEVICE_VIRTUAL_GPU 3
+
+// A driver that computes on the CPU.
+#define NVSP_DEVICE_CPU 4
+
+// Any other device.
+#define NVSP_DEVICE_OTHER 5
+
 // Run under the Khronos validation layer, which must be installed. Its messages are logged as
 // warnings when the engine is destroyed or reopened. For tests; slow.
-#define NVSP_ENGINE_VALIDATION 1
+#define NVSP_ENGINE_VALIDATION 2048
+
+// For nvsp_engine_options.watchdog_milliseconds: wait as long as the device takes.
+#define NVSP_WATCHDOG_NONE UINT32_MAX
 
 // `near_plane` is given.
-#define NVSP_PRIOR_NEAR 1
+#define NVSP_PRIOR_NEAR 4096
 
 // `alpha_max` is given.
-#define NVSP_PRIOR_ALPHA_MAX 2
+#define NVSP_PRIOR_ALPHA_MAX 8192
 
 // `antialiased` is given.
-#define NVSP_PRIOR_ANTIALIASED 4
+#define NVSP_PRIOR_ANTIALIASED 16384
 
 // `background` is given.
-#define NVSP_PRIOR_BACKGROUND 8
+#define NVSP_PRIOR_BACKGROUND 32768
 
 // Colours were left as they were.
 #define NVSP_WHITE_BALANCE_NONE 0
@@ -104,7 +168,7 @@
 #define NVSP_COLOUR_BT709_FULL 3
 
 // For nvsp_frame_info.given: `time` is the frame's.
-#define NVSP_FRAME_TIME 1
+#define NVSP_GIVEN_TIME 256
 
 // Quality 10.
 #define NVSP_RATE_DEFAULT 0
@@ -112,10 +176,10 @@
 // Quality of the difference picture, 0 to 100.
 #define NVSP_RATE_QUALITY 1
 
-// Bytes of the whole packet, never exceeded.
+// Bytes of the whole packet, never exceeded; 0 to 4,294,967,295.
 #define NVSP_RATE_BYTES 2
 
-// PSNR to reach with as few bytes as possible, dB.
+// PSNR to reach with as few bytes as possible, dB; above 0, up to 100.
 #define NVSP_RATE_PSNR 3
 
 // No difference picture: the pose alone.
@@ -212,7 +276,7 @@
 // difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
 // picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
 // matches.
-#define NVSP_DECODE_START 1
+#define NVSP_DECODE_START 512
 
 // The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
 // does not tell.
@@ -222,7 +286,7 @@
 #define NVSP_DECODED_OTHER_RENDER 16
 
 // `pose` is given.
-#define NVSP_HEADER_POSE 2
+#define NVSP_HEADER_POSE 32
 
 // The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
 #define NVSP_HEADER_SHORT 128
@@ -237,7 +301,7 @@
 #define NVSP_MTU_1024 1024
 
 // The modem hands over no damaged frames: a packet's first frame then counts as sound to its end.
-#define NVSP_MODEM_CHECKS 1
+#define NVSP_MODEM_CHECKS 1024
 
 // The packet is complete.
 #define NVSP_EVENT_COMPLETE 1
@@ -255,29 +319,109 @@
 // first were forgotten; they may come again.
 #define NVSP_EVENT_DAMAGED 5
 
-// Decodes packets, in any order. One thread at a time may use it.
+// Decodes packets, in any order. One thread at a time may use it. Example:
+//
+//     nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
+//     picture.format = NVSP_FORMAT_RGB8;
+//     status = nvsp_decode(decoder, packet, bytes, 0, &picture, NULL); // NVSP_ERR_BUFFER_TOO_SMALL
+//     picture.pixels = malloc(picture.needed);
+//     picture.size = picture.needed;
+//     status = nvsp_decode_finish(decoder, &picture, NULL);
 typedef struct nvsp_decoder nvsp_decoder;
 
-// Encodes the frames of one camera, in order. One thread at a time may use it.
+// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
+//
+//     if (nvsp_encode_begin(encoder, &image, hint) != NVSP_OK) return;
+//     while (nvsp_encode_poll(encoder) == NVSP_PENDING) steer();
+//     status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
 typedef struct nvsp_encoder nvsp_encoder;
 
-// An opened Vulkan device with all pipelines built. Any number of threads may use it at once.
+// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
+//
+//     nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+//     nvsp_engine *engine = NULL;
+//     options.log = print_to_stderr;
+//     options.watchdog_milliseconds = 5000;
+//     if (nvsp_engine_create(&options, &engine) != NVSP_OK) return 1;
 typedef struct nvsp_engine nvsp_engine;
 
-// A trained scene on the device. Any number of threads, encoders and decoders may use it at once.
+// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
+//
+//     nvsp_prior *prior = NULL;
+//     if (nvsp_prior_open(engine, "reef.nvsg", NULL, &prior) != NVSP_OK) {
+//         char text[512];
+//         nvsp_engine_last_error(engine, text, sizeof text);
+//         fputs(text, stderr);
+//     }
 typedef struct nvsp_prior nvsp_prior;
 
-// Puts packets together from modem frames. One thread at a time may use it.
+// Puts packets together from modem frames. One thread at a time may use it. Example:
+//
+//     nvsp_reassembly state = NVSP_INITIALIZER(nvsp_reassembly);
+//     if (nvsp_reassembler_push(reassembler, frame, size, &state) == NVSP_OK && state.event == NVSP_EVENT_COMPLETE)
+//         status = nvsp_reassembler_fetch(reassembler, packet, sizeof packet, &bytes, NULL);
 typedef struct nvsp_reassembler nvsp_reassembler;
 
 // What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
 typedef int32_t nvsp_status;
+
+// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on any
+// thread, on several at once. It must not call the library, and must not unwind.
+typedef void *(*nvsp_allocate_callback)(void *user, size_t size, size_t alignment);
+
+// Takes a block back that nvsp_allocate_callback gave, with the size and alignment that it was asked for.
+typedef void (*nvsp_release_callback)(void *user, void *block, size_t size, size_t alignment);
+
+// Where the library takes host memory from.
+typedef struct nvsp_allocator {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
+  nvsp_allocate_callback allocate;
+  // Takes it back.
+  nvsp_release_callback release;
+  // Passed to both as it is. What it points to must stay as long as the library is loaded.
+  void *user;
+} nvsp_allocator;
+
+// A device that a driver offers.
+typedef struct nvsp_device_info {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Its name, ending in NUL; nvsp_engine_options.device takes it, a part of it, or its number as text.
+  char name[256];
+  // Name and version of its driver, ending in NUL.
+  char driver[256];
+  // Why it cannot run an engine, ending in NUL; empty if it can.
+  char unfit[128];
+  // NVSP_DEVICE_*.
+  uint32_t kind;
+  // Vulkan version, first number.
+  uint32_t vulkan_major;
+  // Vulkan version, second number.
+  uint32_t vulkan_minor;
+  // Zero.
+  uint32_t reserved;
+  // Its largest heap of memory, bytes.
+  uint64_t memory;
+  // Its largest buffer, bytes.
+  uint64_t largest_buffer;
+} nvsp_device_info;
 
 // Receives messages of an engine and of everything made with it: a level, NVSP_LOG_ERROR, NVSP_LOG_WARNING or
 // NVSP_LOG_INFO, and a text that is valid during the call. It is called on the thread that is inside the library, or
 // on an encoder's own thread (see nvsp_encode_begin), and perhaps on several threads at once. It must not call the
 // library, and must not unwind. A frame that succeeds makes no call.
 typedef void (*nvsp_log_callback)(void *user, int32_t level, const char *message);
+
+// Called once on each thread that the library starts, before it does any work: set its scheduling, its affinity or
+// another name here. `name` is the name that the thread has, valid during the call. It must not call the library, and
+// must not unwind.
+typedef void (*nvsp_thread_callback)(void *user, const char *name);
 
 // How to open an engine; all zero: the best device, nothing logged.
 typedef struct nvsp_engine_options {
@@ -290,12 +434,37 @@ typedef struct nvsp_engine_options {
   const char *device;
   // Receives messages. NULL: nothing is logged.
   nvsp_log_callback log;
-  // Passed to `log` as it is.
+  // Passed to `log` as it is. What it points to must outlive every handle made with the engine, not the engine's own
+  // alone: priors, encoders and decoders log, too, and their threads.
   void *log_user;
   // NVSP_ENGINE_* bits.
   uint32_t flags;
+  // Most pixels of a picture, width times height. Encoders and decoders refuse larger ones with NVSP_ERR_LIMIT, and
+  // take no memory for them. 0: 16,777,216, which is 4096 by 4096.
+  uint32_t frame_size_limit;
+  // Most bytes of host memory that opening a prior, an encoder or a decoder may take. A call that may need more
+  // fails with NVSP_ERR_MEMORY before it takes any. 0: no limit.
+  uint64_t host_memory_limit;
+  // Most bytes of device memory that everything made with the engine may use together. A call that needs more fails
+  // with NVSP_ERR_MEMORY. 0: no limit.
+  uint64_t device_memory_limit;
+  // Called on each thread that the library starts: one per encoder and one per decoder, by its first
+  // nvsp_encode_begin or nvsp_decode_begin. NULL: nothing is called.
+  nvsp_thread_callback thread_start;
+  // Passed to `thread_start` as it is. What it points to must outlive every handle made with the engine.
+  void *thread_start_user;
+  // Longest that the library waits for one piece of work on the device, milliseconds: a frame is one to a few pieces.
+  // If it takes longer, the call fails with NVSP_ERR_DEVICE_LOST, and so does every later call on what was made with
+  // the engine. All handles can then be destroyed as usual; the memory that the device may still use is never given
+  // back. 0: 60,000. NVSP_WATCHDOG_NONE: no bound.
+  uint32_t watchdog_milliseconds;
   // Zero.
   uint32_t reserved;
+  // What nvsp_engine_get_pipeline_cache gave on an earlier start, so that the driver need not compile again. Read during
+  // nvsp_engine_create. Bytes that are damaged, or of another device or driver, are left aside. NULL: none.
+  const uint8_t *pipeline_cache;
+  // Bytes of it.
+  size_t pipeline_cache_size;
 } nvsp_engine_options;
 
 // A device in words, and the memory it gave.
@@ -333,6 +502,51 @@ typedef struct nvsp_prior_options {
   float background[3];
 } nvsp_prior_options;
 
+// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device refuses
+// sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells the limit.
+// Every device that Vulkan 1.2 allows takes 2048 by 2048.
+typedef struct nvsp_camera {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Pixels, 1 to 4096.
+  uint32_t width;
+  // Pixels, 1 to 4096.
+  uint32_t height;
+  // Focal length along x, pixels, 0.01 to 1,000,000.
+  float fx;
+  // Focal length along y, pixels, 0.01 to 1,000,000.
+  float fy;
+  // Principal point, x, pixels from the left edge, -1,000,000 to 1,000,000.
+  float cx;
+  // Principal point, y, pixels from the upper edge, -1,000,000 to 1,000,000.
+  float cy;
+} nvsp_camera;
+
+// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than the
+// device memory was made for makes a frame take more.
+typedef struct nvsp_memory_estimate {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Splats that the file claims.
+  uint64_t splats;
+  // Host memory while the prior is opened.
+  uint64_t prior_host;
+  // Device memory of the prior; while it is opened, as much again if the device has a memory of its own.
+  uint64_t prior_device;
+  // Host memory of an encoder; 0 without a camera.
+  uint64_t encoder_host;
+  // Device memory of an encoder; 0 without a camera.
+  uint64_t encoder_device;
+  // Host memory of a decoder; 0 without a camera.
+  uint64_t decoder_host;
+  // Device memory of a decoder; 0 without a camera.
+  uint64_t decoder_device;
+} nvsp_memory_estimate;
+
 // What a prior is.
 typedef struct nvsp_prior_info {
   // Set by NVSP_INIT.
@@ -347,13 +561,13 @@ typedef struct nvsp_prior_info {
   uint32_t dropped;
   // Degree of the spherical harmonics, 0 to 3.
   uint32_t sh_degree;
-  // Near plane in use.
+  // Near plane in use, the prior's unit.
   float near_plane;
-  // Clamp of alpha in use.
+  // Clamp of alpha in use, between 0 and 1.
   float alpha_max;
-  // Whether the anti-aliased mode is in use.
+  // 1: the anti-aliased mode is in use; else 0.
   uint32_t antialiased;
-  // Background in use.
+  // Background in use, linear RGB, 0 to 1.
   float background[3];
   // Median position of the splats, the prior's unit.
   float centre[3];
@@ -371,21 +585,6 @@ typedef struct nvsp_prior_info {
   float clahe_clip_limit;
 } nvsp_prior_info;
 
-// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers
-// [0, 1) x [0, 1).
-typedef struct nvsp_camera {
-  // Pixels, 1 to 4096.
-  uint32_t width;
-  // Pixels, 1 to 4096.
-  uint32_t height;
-  // Focal lengths, pixels, above 0.
-  float fx;
-  float fy;
-  // Principal point, pixels.
-  float cx;
-  float cy;
-} nvsp_camera;
-
 // How to encode; all zero: the defaults.
 typedef struct nvsp_encoder_options {
   // Set by NVSP_INIT.
@@ -394,16 +593,17 @@ typedef struct nvsp_encoder_options {
   uint32_t abi_version;
   // NVSP_RATE_*: it sets how fine the difference picture is.
   uint32_t rate;
-  // The number that `rate` takes: quality, bytes or dB.
+  // The number that `rate` takes: quality, bytes or dB; 0 for NVSP_RATE_DEFAULT and NVSP_RATE_NONE, which take none.
   float rate_value;
   // NVSP_OPTIMIZER_*.
   uint32_t optimizer;
   // NVSP_PROFILE_*.
   uint32_t profile;
-  // Mean squared error, values in [0, 1]; 0: 1e-3. BFGS and Adam start at the pose of the frame before only if the
-  // error there is below this: 1e-3 suits a basin, 1e-2 real footage. Gauss-Newton compares the pictures to tell
-  // whether a pose is right. If the prior shows too little for that, it keeps a pose whose error is below this, and
-  // does not search afresh.
+  // A mean squared error of colour values in [0, 1], without unit; 0: 1e-3, which is a PSNR of 30 dB. It says when a
+  // pose is good enough to go on from. With NVSP_OPTIMIZER_GAUSS_NEWTON, the default, it counts only for views of which
+  // the prior shows too little to compare pictures: a pose whose error is below it is kept, else the encoder searches
+  // afresh. Leave it at 0 there. With the other optimizers a frame starts at the pose of the frame before only if the
+  // error there is below it: 1e-3 suits a basin, 1e-2 real footage.
   float threshold;
   // Levels of the image pyramid, 1 to 6; 0: 4.
   uint32_t levels;
@@ -429,6 +629,10 @@ typedef struct nvsp_encoder_options {
 // A camera's image; read during the call only. If its size is not the camera's, it is scaled to
 // it. Its shape must be the camera's (1 % is tolerated).
 typedef struct nvsp_image {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
   // NVSP_FORMAT_*.
   uint32_t format;
   // NVSP_COLOUR_*; used for NV12 and I420 only.
@@ -445,8 +649,13 @@ typedef struct nvsp_image {
   size_t sizes[3];
 } nvsp_image;
 
-// Where a camera stands: x_camera = R x_world + t.
+// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as by
+// NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
 typedef struct nvsp_pose {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
   // Quaternion of R: w, x, y, z. Any length but zero.
   double rotation[4];
   // t, in the prior's unit.
@@ -513,27 +722,38 @@ typedef struct nvsp_frame_info {
   const double *hint_covariance;
   // Seconds from the time of the hint to the time of the frame; 0 or more.
   double hint_age;
-  // When the frame was taken, seconds on a clock of yours. Used if `given` has NVSP_FRAME_TIME. A later frame must
+  // When the frame was taken, seconds on a clock of yours. Used if `given` has NVSP_GIVEN_TIME. A later frame must
   // not have an earlier time. After nvsp_encoder_reset any time is allowed again.
   double time;
-  // NVSP_FRAME_TIME, or 0.
+  // NVSP_GIVEN_TIME, or 0.
   uint32_t given;
   // Zero.
   uint32_t reserved;
 } nvsp_frame_info;
 
-// A place for a picture.
+// A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if it
+// fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
 typedef struct nvsp_picture {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
   // NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8 or NVSP_FORMAT_RGBA8.
   uint32_t format;
+  // Receives the picture's width, pixels.
+  uint32_t width;
+  // Receives the picture's height, pixels.
+  uint32_t height;
   // Zero.
   uint32_t reserved;
-  // First byte.
+  // First byte. NULL only if `size` is 0.
   uint8_t *pixels;
-  // Bytes from one row to the next. Bytes after a row's pixels are left as they are.
+  // Bytes from one row to the next; 0: rows without padding. Bytes after a row's pixels are left as they are.
   size_t stride;
   // Bytes of the place. Nothing beyond them is written.
   size_t size;
+  // Receives how many bytes the picture needs with this format and stride.
+  size_t needed;
 } nvsp_picture;
 
 // What decoding a packet gave besides the picture.
@@ -582,6 +802,10 @@ typedef struct nvsp_header {
   uint32_t latent_bytes;
   // In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
   uint32_t session;
+  // Version of the wire format, as the packet has it. NVSP_ERR_NEWER writes it too, with all else zero.
+  uint32_t wire_version;
+  // Zero.
+  uint32_t reserved;
   // The pose, if NVSP_HEADER_POSE is set. The compact profile states it relative to the prior.
   struct nvsp_pose pose;
 } nvsp_header;
@@ -661,10 +885,11 @@ typedef struct nvsp_reassembler_statistics {
 // A structure was made for an ABI version that this library does not speak.
 #define NVSP_ERR_ABI_VERSION -4
 
-// The destination is too small; the text tells how many bytes are needed.
+// The destination is too small. What else the call writes tells how many bytes are needed: `written`, or
+// nvsp_picture.needed.
 #define NVSP_ERR_BUFFER_TOO_SMALL -5
 
-// Another thread is inside a call on this handle, or a frame that was begun is not finished.
+// Another thread is inside a call on this handle.
 #define NVSP_ERR_BUSY -6
 
 // There is nothing to finish or to fetch.
@@ -676,7 +901,8 @@ typedef struct nvsp_reassembler_statistics {
 // No Vulkan loader, or no device that fits; the text says what was found and what to install.
 #define NVSP_ERR_NO_DEVICE -9
 
-// The device was lost. See nvsp_engine_reopen.
+// The device was lost, or did not end its work within nvsp_engine_options.watchdog_milliseconds. See
+// nvsp_engine_reopen.
 #define NVSP_ERR_DEVICE_LOST -10
 
 // Host or device memory could not be allocated. The text names the buffer and its size.
@@ -722,6 +948,16 @@ typedef struct nvsp_reassembler_statistics {
 // A fault of the library itself. The handle cannot be used any more.
 #define NVSP_ERR_INTERNAL -24
 
+// A picture has more pixels than nvsp_engine_options.frame_size_limit allows.
+#define NVSP_ERR_LIMIT -25
+
+// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it.
+#define NVSP_ERR_UNFINISHED -26
+
+// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or looks
+// like one by chance. Update this side.
+#define NVSP_ERR_NEWER -27
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -736,7 +972,7 @@ extern "C" {
 // - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of the structure, 8 to 4096.
 // - `abi_version`: NVSP_ABI_VERSION of your header.
-nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version);
+nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version) NVSP_NONNULL(1);
 
 // Returns the library's version, such as "0.1.0". The text is static.
 const char *nvsp_version(void);
@@ -745,11 +981,40 @@ const char *nvsp_version(void);
 // made for another NVSP_ABI_VERSION.
 uint32_t nvsp_abi_version(void);
 
+// Returns the library's version as one number, as NVSP_VERSION_NUMBER has it for the header.
+uint32_t nvsp_version_number(void);
+
 // Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 //
 // Parameters:
 // - `status`: any number.
 const char *nvsp_status_text(nvsp_status status);
+
+// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles are
+// destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (one callback without the other),
+// or NVSP_ERR_STATE if the library holds memory.
+//
+// Parameters:
+// - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator) NVSP_NONNULL(1);
+
+// Describes a device of the installed drivers, by its number, and tells how many there are. Each call asks the drivers
+// anew, which takes milliseconds, and allocates. Any thread may call it.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN, NVSP_ERR_NO_DEVICE
+// if no driver is installed, or NVSP_ERR_ARGUMENT if no device has this number; `count` is written then, too.
+//
+// Parameters:
+// - `number`: the device's number, from 0.
+// - `info`: receives the description, set up by NVSP_INIT. NULL: not wanted.
+// - `count`: receives how many devices there are. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_device_get_info(uint32_t number,
+                                 struct nvsp_device_info *info,
+                                 uint32_t *count);
 
 // Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
 // options' `log`, as there is no handle to ask yet.
@@ -761,8 +1026,9 @@ const char *nvsp_status_text(nvsp_status status);
 // - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
 //   the engine lives. NULL: all defaults.
 // - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
-                               struct nvsp_engine **engine);
+                               struct nvsp_engine **engine) NVSP_NONNULL(2);
 
 // Opens the device again, with the options that the engine was made with. Call it after NVSP_ERR_DEVICE_LOST. What was
 // made with the engine before stays on the lost device: every call on it fails with NVSP_ERR_DEVICE_LOST. So open the
@@ -774,7 +1040,8 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 //
 // Parameters:
 // - `engine`: a live engine. Not NULL.
-nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine);
+NVSP_CHECKED
+nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine) NVSP_NONNULL(1);
 
 // Describes the engine's device and its memory. Allocates.
 //
@@ -783,7 +1050,24 @@ nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine);
 // Parameters:
 // - `engine`: a live engine. Not NULL.
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
-nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info);
+NVSP_CHECKED
+nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info) NVSP_NONNULL(1, 2);
+
+// Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next start.
+// Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+//
+// Parameters:
+// - `engine`: a live engine. Not NULL.
+// - `bytes`: receives the data. Yours, of `size` bytes. NULL only if `size` is 0.
+// - `size`: bytes of `bytes`.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_engine_get_pipeline_cache(const struct nvsp_engine *engine,
+                                           uint8_t *bytes,
+                                           size_t size,
+                                           size_t *written) NVSP_NONNULL(1, 4);
 
 // Copies the text of the last failed call on the engine into `text`, or of the last failure to
 // make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the
@@ -795,7 +1079,7 @@ nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_e
 // - `engine`: a live engine. Not NULL.
 // - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_engine_last_error(const struct nvsp_engine *engine, char *text, size_t size);
+nvsp_status nvsp_engine_last_error(const struct nvsp_engine *engine, char *text, size_t size) NVSP_NONNULL(1, 2);
 
 // Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
 // the last of them is gone.
@@ -832,10 +1116,11 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
 // - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
                             const char *path,
                             const struct nvsp_prior_options *options,
-                            struct nvsp_prior **prior);
+                            struct nvsp_prior **prior) NVSP_NONNULL(1, 2, 4);
 
 // As nvsp_prior_open, but from the content of a file in memory, which is not needed afterwards. Key frames and coder
 // tables come from that content.
@@ -848,11 +1133,28 @@ nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
 // - `size`: bytes of it.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the content says.
 // - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
                                    const uint8_t *bytes,
                                    size_t size,
                                    const struct nvsp_prior_options *options,
-                                   struct nvsp_prior **prior);
+                                   struct nvsp_prior **prior) NVSP_NONNULL(1, 2, 5);
+
+// Estimates the memory that a prior takes, before it is loaded, from the first 64 KiB of its file: what
+// nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
+// Opens no device. Allocates; any thread may call it.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR
+// if the file is no PLY file and no compact prior.
+//
+// Parameters:
+// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
+// - `camera`: the camera of encoders and decoders. Read during the call. NULL: their memory is not wanted.
+// - `estimate`: receives the estimate, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_prior_estimate(const char *path,
+                                const struct nvsp_camera *camera,
+                                struct nvsp_memory_estimate *estimate) NVSP_NONNULL(1, 3);
 
 // Describes a prior.
 //
@@ -861,7 +1163,8 @@ nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
 // Parameters:
 // - `prior`: a live prior. Not NULL.
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
-nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info);
+NVSP_CHECKED
+nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info) NVSP_NONNULL(1, 2);
 
 // Copies the text of the last failed call on the prior, as nvsp_engine_last_error does.
 //
@@ -869,7 +1172,7 @@ nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prio
 // - `prior`: a live prior. Not NULL.
 // - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, size_t size);
+nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, size_t size) NVSP_NONNULL(1, 2);
 
 // Ends a prior; NULL is allowed. Encoders and decoders made with it go on to work. The last of them frees its device
 // memory.
@@ -878,7 +1181,9 @@ nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, si
 // - `prior`: a live prior that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_prior_destroy(struct nvsp_prior *prior);
 
-// Makes an encoder for frames of `camera`. Allocates all that a frame takes, on host and device.
+// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
+// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the quay.
+// Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
@@ -890,11 +1195,12 @@ void nvsp_prior_destroy(struct nvsp_prior *prior);
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 // - `encoder`: receives the encoder, which nvsp_encoder_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_encoder_create(struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
                                 const struct nvsp_camera *camera,
                                 const struct nvsp_encoder_options *options,
-                                struct nvsp_encoder **encoder);
+                                struct nvsp_encoder **encoder) NVSP_NONNULL(1, 2, 3, 5);
 
 // Sets the rate of all frames from here on.
 //
@@ -904,10 +1210,11 @@ nvsp_status nvsp_encoder_create(struct nvsp_engine *engine,
 // - `encoder`: a live encoder. Not NULL.
 // - `mode`: NVSP_RATE_*.
 // - `value`: the number that the mode takes: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take
-//   none.
+//   none: 0.
+NVSP_CHECKED
 nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
                                   uint32_t mode,
-                                  float value);
+                                  float value) NVSP_NONNULL(1);
 
 // Gives the next packet the full form and the camera. Call it if a topside asks what the packets are about.
 //
@@ -915,7 +1222,8 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
-nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder);
+NVSP_CHECKED
+nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
 // Sets another camera, or another size, for all frames from here on; the next packet carries it.
 // Allocates as nvsp_encoder_create does. If it fails, the old camera stays.
@@ -926,7 +1234,8 @@ nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder);
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
-nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera);
+NVSP_CHECKED
+nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
 
 // Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. With them the encoder
 // finds a camera that it has lost. Without this call they are rendered while a frame is lost, as many as
@@ -940,9 +1249,10 @@ nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct n
 // - `encoder`: a live encoder. Not NULL.
 // - `most`: key frames to render at most; 0: only count those that are left.
 // - `left`: receives how many are not rendered yet. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
                                  uint32_t most,
-                                 uint32_t *left);
+                                 uint32_t *left) NVSP_NONNULL(1);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. Frame numbers and poses carry over. If it fails, nothing changes.
@@ -955,9 +1265,10 @@ nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
 // - `encoder`: a live encoder. Not NULL.
 // - `engine`: a live engine. Not NULL.
 // - `prior`: a live prior that was opened with `engine`. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
                                 const struct nvsp_engine *engine,
-                                const struct nvsp_prior *prior);
+                                const struct nvsp_prior *prior) NVSP_NONNULL(1, 2, 3);
 
 // Forgets all earlier frames: the next one is searched for as the first was, and may have any
 // time. Frame numbers go on. Call it if somebody carried the camera elsewhere, for example.
@@ -966,7 +1277,8 @@ nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
-nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
+NVSP_CHECKED
+nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
 // The largest packet that a camera of this size can give, in either profile and with the camera,
 // bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
@@ -993,18 +1305,23 @@ size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
+// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known. It is used if there is no
+//   certain pose of the frame before, and if it disagrees with that one by more than a tenth of the scene's depth or 6
+//   degrees; the picture decides. On the scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104
+//   starts each all were found. What is farther off costs time, not certainty. Beyond a million spreads of the prior it
+//   is refused.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-// - `written`: receives the packet's length, bytes. Not NULL.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 // - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         const struct nvsp_image *image,
                         const struct nvsp_pose *hint,
                         uint8_t *packet,
                         size_t size,
                         size_t *written,
-                        struct nvsp_frame_stats *stats);
+                        struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
 
 // As nvsp_encode, but takes all that is known of the frame in place of the hint.
 //
@@ -1017,31 +1334,36 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
 //   call. NULL: nothing is known.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-// - `written`: receives the packet's length, bytes. Not NULL.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 // - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
                               const struct nvsp_frame_info *info,
                               uint8_t *packet,
                               size_t size,
                               size_t *written,
-                              struct nvsp_frame_stats *stats);
+                              struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
 
-// Begins to encode a frame on the encoder's own thread, and returns at once. The first such call starts the thread.
-// The image is read and scaled during the call. Until the frame is finished, other calls on the encoder fail with
-// NVSP_ERR_BUSY, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish and nvsp_encoder_destroy. A packet of
-// an earlier frame that was not fetched is dropped.
+// Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that it
+// was given, drops a packet of an earlier frame that was not fetched, and reads the image: it converts it to RGB and
+// scales it to the camera's size. The first such call starts the thread, which blocks all signals. The prior's
+// preprocessing, the search and the coding are the other thread's work. The call neither waits for the device nor
+// allocates, except for the thread. Afterwards the image is yours again. Until the frame is finished, other calls on the
+// encoder fail with NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish,
+// nvsp_encode_cancel and nvsp_encoder_destroy.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-// NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
+// NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
 // - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
+NVSP_CHECKED
 nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
-                              const struct nvsp_pose *hint);
+                              const struct nvsp_pose *hint) NVSP_NONNULL(1, 2);
 
 // As nvsp_encode_begin, but takes all that is known of the frame in place of the hint.
 //
@@ -1052,9 +1374,10 @@ nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
 // - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
 //   call. NULL: nothing is known.
+NVSP_CHECKED
 nvsp_status nvsp_encode_begin_frame(struct nvsp_encoder *encoder,
                                     const struct nvsp_image *image,
-                                    const struct nvsp_frame_info *info);
+                                    const struct nvsp_frame_info *info) NVSP_NONNULL(1, 2);
 
 // Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
 // waits.
@@ -1063,14 +1386,16 @@ nvsp_status nvsp_encode_begin_frame(struct nvsp_encoder *encoder,
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
-nvsp_status nvsp_encode_poll(struct nvsp_encoder *encoder);
+NVSP_CHECKED
+nvsp_status nvsp_encode_poll(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
 // As nvsp_encode_poll, but waits for the frame's end.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `milliseconds`: the longest to wait; 0 does not wait.
-nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds);
+NVSP_CHECKED
+nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds) NVSP_NONNULL(1);
 
 // Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
 // if the frame has not ended. Never waits.
@@ -1082,13 +1407,28 @@ nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds
 // - `encoder`: a live encoder. Not NULL.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-// - `written`: receives the packet's length, bytes. Not NULL.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 // - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
                                uint8_t *packet,
                                size_t size,
                                size_t *written,
-                               struct nvsp_frame_stats *stats);
+                               struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4);
+
+// Drops the frame that was begun, or a packet that was not fetched. Never waits: returns NVSP_OK if the encoder is free
+// again, else NVSP_PENDING. The device then still works on the frame, at most as long as the watchdog allows; its packet
+// is dropped when it has ended. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or
+// nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped counts as one whose packet was lost on the
+// way: its number is used up, its pose may be where the next frame starts, and the next packet names prior and camera in
+// full. Returns NVSP_OK, too, if nothing was begun.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
 // Copies a picture of the last frame encoded.
 //
@@ -1098,10 +1438,11 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `which`: NVSP_PICTURE_*.
-// - `picture`: receives the picture. Yours, of the camera's size. Not NULL.
+// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
                                      uint32_t which,
-                                     const struct nvsp_picture *picture);
+                                     struct nvsp_picture *picture) NVSP_NONNULL(1, 3);
 
 // Copies the text of the last failed call on the encoder, as nvsp_engine_last_error does.
 //
@@ -1109,9 +1450,9 @@ nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
 // - `encoder`: a live encoder. Not NULL.
 // - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_encoder_last_error(const struct nvsp_encoder *encoder, char *text, size_t size);
+nvsp_status nvsp_encoder_last_error(const struct nvsp_encoder *encoder, char *text, size_t size) NVSP_NONNULL(1, 2);
 
-// Ends an encoder; NULL is allowed. Waits for a frame that was begun.
+// Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
 //
 // Parameters:
 // - `encoder`: a live encoder that no other thread uses. Do not use it afterwards. NULL is allowed.
@@ -1126,9 +1467,10 @@ void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
 // - `engine`: a live engine. Not NULL.
 // - `prior`: a live prior that was opened with `engine`. Not NULL.
 // - `decoder`: receives the decoder, which nvsp_decoder_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_decoder_create(struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
-                                struct nvsp_decoder **decoder);
+                                struct nvsp_decoder **decoder) NVSP_NONNULL(1, 2, 3);
 
 // Tells the decoder about a camera that packets only name. So a topside that joins late need not
 // wait until the camera is sent again. The decoder knows the last 256 cameras.
@@ -1138,7 +1480,8 @@ nvsp_status nvsp_decoder_create(struct nvsp_engine *engine,
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
-nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera);
+NVSP_CHECKED
+nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. The known cameras carry over. See nvsp_engine_reopen.
@@ -1149,9 +1492,10 @@ nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct n
 // - `decoder`: a live decoder. Not NULL.
 // - `engine`: a live engine. Not NULL.
 // - `prior`: a live prior that was opened with `engine`. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
                                 const struct nvsp_engine *engine,
-                                const struct nvsp_prior *prior);
+                                const struct nvsp_prior *prior) NVSP_NONNULL(1, 2, 3);
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
 // a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
@@ -1172,32 +1516,34 @@ nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
 // - `packet`: the packet. Read during the call. Not NULL.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
-// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
-//   wanted.
+// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
 // - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         const uint8_t *packet,
                         size_t size,
                         uint32_t flags,
-                        const struct nvsp_picture *picture,
-                        struct nvsp_decoded *info);
+                        struct nvsp_picture *picture,
+                        struct nvsp_decoded *info) NVSP_NONNULL(1, 2);
 
-// Begins to decode a packet on the decoder's own thread, and returns at once. The first such call starts the thread.
-// Until the packet is finished, other calls on the decoder fail with NVSP_ERR_BUSY, except nvsp_decode_poll,
-// nvsp_decode_wait, nvsp_decode_finish and nvsp_decoder_destroy.
+// Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
+// packet; it does not wait. The first such call starts the thread. Until the packet is finished, other calls on the
+// decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait, nvsp_decode_finish,
+// nvsp_decode_cancel and nvsp_decoder_destroy.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_MEMORY
-// (no thread). If the packet itself fails, nvsp_decode_finish returns its status.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or
+// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its status.
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
 // - `packet`: the packet. Read during the call. Not NULL.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
+NVSP_CHECKED
 nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
                               const uint8_t *packet,
                               size_t size,
-                              uint32_t flags);
+                              uint32_t flags) NVSP_NONNULL(1, 2);
 
 // Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
 // waits.
@@ -1206,14 +1552,16 @@ nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
-nvsp_status nvsp_decode_poll(struct nvsp_decoder *decoder);
+NVSP_CHECKED
+nvsp_status nvsp_decode_poll(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
 
 // As nvsp_decode_poll, but waits for the end.
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
 // - `milliseconds`: the longest to wait; 0 does not wait.
-nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds);
+NVSP_CHECKED
+nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds) NVSP_NONNULL(1);
 
 // Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
 // for. Returns NVSP_PENDING if the packet has not ended. Never waits.
@@ -1223,12 +1571,22 @@ nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
-// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
-//   wanted.
+// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
 // - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
-                               const struct nvsp_picture *picture,
-                               struct nvsp_decoded *info);
+                               struct nvsp_picture *picture,
+                               struct nvsp_decoded *info) NVSP_NONNULL(1);
+
+// Drops the packet that was begun, or a picture that was not fetched, as nvsp_encode_cancel does. Never waits: returns
+// NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
 
 // Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.
 //
@@ -1236,9 +1594,9 @@ nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
 // - `decoder`: a live decoder. Not NULL.
 // - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_decoder_last_error(const struct nvsp_decoder *decoder, char *text, size_t size);
+nvsp_status nvsp_decoder_last_error(const struct nvsp_decoder *decoder, char *text, size_t size) NVSP_NONNULL(1, 2);
 
-// Ends a decoder; NULL is allowed. Waits for a packet that was begun.
+// Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
 //
 // Parameters:
 // - `decoder`: a live decoder that no other thread uses. Do not use it afterwards. NULL is allowed.
@@ -1248,18 +1606,19 @@ void nvsp_decoder_destroy(struct nvsp_decoder *decoder);
 // paper's profile). Gives the pose of a compact packet only if the packet is about `prior`. A short packet does not
 // name its prior: it counts as about `prior`. Allocates nothing; any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
-// NVSP_ERR_PACKET.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, or
+// NVSP_ERR_NEWER, which writes the header's wire_version.
 //
 // Parameters:
 // - `packet`: the packet, or its start. Read during the call. Not NULL.
 // - `size`: bytes of it that are there, 31 or more (19 in the short form, 43 in the paper's profile).
 // - `prior`: a live prior. NULL: the pose of a compact packet is not wanted.
 // - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_decode_header(const uint8_t *packet,
                                size_t size,
                                const struct nvsp_prior *prior,
-                               struct nvsp_header *header);
+                               struct nvsp_header *header) NVSP_NONNULL(1, 4);
 
 // Tells how many modem frames a packet takes. The first one costs no bytes, each other one costs
 // four. Allocates nothing; any thread may call it.
@@ -1271,7 +1630,8 @@ nvsp_status nvsp_decode_header(const uint8_t *packet,
 // - `packet_size`: bytes of the packet.
 // - `mtu`: most bytes of a modem frame, 31 to 65535.
 // - `count`: receives the number of modem frames. Not NULL.
-nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *count);
+NVSP_CHECKED
+nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *count) NVSP_NONNULL(3);
 
 // Writes modem frame `index` of a packet, 0 first, into `frame`: at most `mtu` bytes. It may be padded to any length.
 // Frame 0 holds the latent part, which makes a picture by itself. Send it first. If you repeat one frame only, repeat
@@ -1287,14 +1647,15 @@ nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *c
 // - `index`: which modem frame, from 0.
 // - `frame`: receives the modem frame. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `frame`; `mtu` always suffices.
-// - `written`: receives the modem frame's length, bytes. Not NULL.
+// - `written`: receives the modem frame's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_modem_frame(const uint8_t *packet,
                              size_t packet_size,
                              uint32_t mtu,
                              uint32_t index,
                              uint8_t *frame,
                              size_t size,
-                             size_t *written);
+                             size_t *written) NVSP_NONNULL(1, 5, 7);
 
 // Makes a reassembler for packets that were split for the same MTU. Takes all its memory here: room for at most eight
 // packets, each of max_packet_bytes and 16 bytes per modem frame.
@@ -1306,9 +1667,10 @@ nvsp_status nvsp_modem_frame(const uint8_t *packet,
 // - `mtu`: most bytes of a modem frame, 31 to 65535, as the packets were split for.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 // - `reassembler`: receives the reassembler, which nvsp_reassembler_destroy ends. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_reassembler_create(uint32_t mtu,
                                     const struct nvsp_reassembler_options *options,
-                                    struct nvsp_reassembler **reassembler);
+                                    struct nvsp_reassembler **reassembler) NVSP_NONNULL(3);
 
 // Takes a modem frame. Frames may come in any order, repeated, padded or damaged. Allocates
 // nothing.
@@ -1322,10 +1684,11 @@ nvsp_status nvsp_reassembler_create(uint32_t mtu,
 // - `frame`: the modem frame. Read during the call. Not NULL.
 // - `size`: bytes of it.
 // - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_reassembler_push(struct nvsp_reassembler *reassembler,
                                   const uint8_t *frame,
                                   size_t size,
-                                  struct nvsp_reassembly *state);
+                                  struct nvsp_reassembly *state) NVSP_NONNULL(1, 2);
 
 // Copies what has come of the newest packet into `packet`: the whole packet, or its start. Give it
 // to nvsp_decode with NVSP_DECODE_START, which makes the best possible picture of it. The packet
@@ -1338,13 +1701,14 @@ nvsp_status nvsp_reassembler_push(struct nvsp_reassembler *reassembler,
 // - `reassembler`: a live reassembler. Not NULL.
 // - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_reassembler_options.max_packet_bytes always suffices.
-// - `written`: receives the number of bytes. Not NULL.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 // - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
 nvsp_status nvsp_reassembler_fetch(struct nvsp_reassembler *reassembler,
                                    uint8_t *packet,
                                    size_t size,
                                    size_t *written,
-                                   struct nvsp_reassembly *state);
+                                   struct nvsp_reassembly *state) NVSP_NONNULL(1, 2, 4);
 
 // Lists the modem frames of the newest packet to ask its sender for again. Until the packet's length is known, the
 // list holds only the first missing frame. Allocates nothing.
@@ -1354,13 +1718,15 @@ nvsp_status nvsp_reassembler_fetch(struct nvsp_reassembler *reassembler,
 //
 // Parameters:
 // - `reassembler`: a live reassembler. Not NULL.
-// - `indices`: receives the indices. Yours, of `room` numbers. Not NULL.
-// - `room`: most indices.
-// - `count`: receives how many were written. Not NULL.
+// - `indices`: receives the first indices, as many as there is room for. Yours, of `room` numbers. NULL only if `room`
+//   is 0.
+// - `room`: most indices to write.
+// - `count`: receives how many are missing in all, which may be more than `room`. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_reassembler_missing(struct nvsp_reassembler *reassembler,
                                      uint32_t *indices,
                                      uint32_t room,
-                                     uint32_t *count);
+                                     uint32_t *count) NVSP_NONNULL(1, 4);
 
 // Copies the counts.
 //
@@ -1370,8 +1736,9 @@ nvsp_status nvsp_reassembler_missing(struct nvsp_reassembler *reassembler,
 // Parameters:
 // - `reassembler`: a live reassembler. Not NULL.
 // - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
 nvsp_status nvsp_reassembler_get_statistics(struct nvsp_reassembler *reassembler,
-                                            struct nvsp_reassembler_statistics *statistics);
+                                            struct nvsp_reassembler_statistics *statistics) NVSP_NONNULL(1, 2);
 
 // Copies the text of the last failed call on the reassembler, as nvsp_engine_last_error does.
 //
@@ -1381,7 +1748,7 @@ nvsp_status nvsp_reassembler_get_statistics(struct nvsp_reassembler *reassembler
 // - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_reassembler_last_error(const struct nvsp_reassembler *reassembler,
                                         char *text,
-                                        size_t size);
+                                        size_t size) NVSP_NONNULL(1, 2);
 
 // Ends a reassembler; NULL is allowed.
 //

@@ -132,19 +132,21 @@ compile() {
 }
 
 c_programs() {
-    for name in $programs allocations lost_device; do
+    for name in $programs allocations no_memory lost_device hung_device; do
         compile clang clang "$name" ""
         compile programs gcc "$name" ""
     done
-    for name in $programs allocations; do
+    for name in $programs allocations no_memory; do
         "$work/programs/$name" "$scene"
     done
     # shellcheck disable=SC2086
     cc $c_flags -fPIC -shared tests/c/lost_device_layer.c -o "$work/programs/liblost_device_layer.so"
     cp tests/c/lost_device_layer.json "$work/programs/"
-    VK_LAYER_PATH=$work/programs VK_INSTANCE_LAYERS=VK_LAYER_NVSPRIOR_lost_device \
-        "$work/programs/lost_device" "$scene"
-    echo "$programs allocations lost_device"
+    for name in lost_device hung_device; do
+        VK_LAYER_PATH=$work/programs VK_INSTANCE_LAYERS=VK_LAYER_NVSPRIOR_lost_device \
+            "$work/programs/$name" "$scene"
+    done
+    echo "$programs allocations no_memory lost_device hung_device"
 }
 
 # The programs under AddressSanitizer and UndefinedBehaviorSanitizer. The library is built as usual. It uses the same

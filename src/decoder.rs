@@ -40,6 +40,8 @@ pub struct Decoder {
     camera_decoder: Option<CameraDecoder>,
     /// Number of the last frame decoded.
     last_frame: Option<u32>,
+    /// Most pixels of a picture.
+    pixel_limit: u32,
 }
 
 /// What one camera's packets take.
@@ -72,7 +74,33 @@ impl Decoder {
             cameras: Vec::new(),
             camera_decoder: None,
             last_frame: None,
+            pixel_limit: u32::MAX,
         }
+    }
+
+    /// Refuses pictures of more pixels from here on: no packet can make the decoder take memory for them.
+    pub fn set_pixel_limit(&mut self, pixels: u32) {
+        self.pixel_limit = pixels;
+    }
+
+    fn check_size(&self, width: u32, height: u32) -> Result<(), Error> {
+        let limit = self.pixel_limit;
+        match u64::from(width) * u64::from(height) > u64::from(limit) {
+            true => Err(Error::FrameTooLarge { width, height, limit }),
+            false => Ok(()),
+        }
+    }
+
+    /// The picture size of a packet, if decoding it takes memory: if it is not that of the packet before. `None` also
+    /// if the packet is damaged or its camera not known.
+    pub fn size_to_prepare(&self, bytes: &[u8]) -> Option<(u32, u32)> {
+        let Salvage { latent, camera, .. } = Packet::salvage(bytes).ok()?;
+        let camera = match camera {
+            Ok(Some(camera)) => camera,
+            _ => *self.camera_of(&latent)?,
+        };
+        let ready = self.camera_decoder.as_ref().is_some_and(|view| view.camera == camera);
+        (!ready).then_some((camera.width, camera.height))
     }
 
     /// Goes on with another engine, after the device of the old one was lost. `scene` is the same
@@ -89,6 +117,7 @@ impl Decoder {
     /// Tells the decoder about a camera that packets only name.
     pub fn add_camera(&mut self, camera: &Camera) -> Result<(), Error> {
         camera.check()?;
+        self.check_size(camera.width, camera.height)?;
         if !self.cameras.contains(camera) {
             if self.cameras.len() == CAMERAS {
                 self.cameras.remove(0);
@@ -121,6 +150,9 @@ impl Decoder {
         let mut salvage = Packet::salvage(bytes)?;
         let latent = salvage.latent;
         latent.check_prior(self.scene.id())?;
+        if let Session::Stated { width, height, .. } = latent.session {
+            self.check_size(width, height)?;
+        }
         let camera_damage = match std::mem::replace(&mut salvage.camera, Ok(None)) {
             Ok(Some(camera)) => self.add_camera(&camera).err(),
             Ok(None) => None,

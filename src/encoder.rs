@@ -47,6 +47,9 @@ pub struct EncoderOptions {
     pub frames_treated: bool,
 }
 
+/// Spreads of the prior beyond which no pose from outside can lie.
+const FAR: f64 = 1e6;
+
 impl Default for EncoderOptions {
     fn default() -> Self {
         EncoderOptions {
@@ -310,7 +313,14 @@ impl Encoder {
 
     /// Checks what is stated of the next frame.
     pub(crate) fn check_known(&self, known: &Known) -> Result<(), Error> {
-        known.check(self.frame, self.time)
+        known.check(self.frame, self.time)?;
+        let Some(hint) = &known.hint else { return Ok(()) };
+        let frame = self.scene.frame();
+        let distance = (hint.pose.centre() - self.scene.centre()).length();
+        if distance > FAR * f64::from(frame.spread) {
+            return Err(Error::HintFar { frame: self.frame, distance });
+        }
+        Ok(())
     }
 
     /// Whether the frame is whole and of the camera's size.

@@ -27,6 +27,16 @@ pub enum Error {
     /// An image of a camera, or for a screen.
     #[error(transparent)]
     Pixels(#[from] PixelError),
+    /// A picture has more pixels than the decoder's limit allows.
+    #[error("picture of {width}×{height} pixels: at most {limit} pixels are allowed")]
+    FrameTooLarge {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+        /// Most pixels.
+        limit: u32,
+    },
     /// A frame's size is not the camera's.
     #[error("frame of {}×{} pixels for a camera of {}×{}", found.0, found.1, expected.0, expected.1)]
     FrameSize {
@@ -57,6 +67,16 @@ pub enum Error {
     HintPose {
         /// Number of the frame.
         frame: u32,
+    },
+    /// The pose from outside lies absurdly far from the prior.
+    #[error(
+        "frame {frame}: the pose from outside is {distance:e} from the prior, more than a million of its spreads"
+    )]
+    HintFar {
+        /// Number of the frame.
+        frame: u32,
+        /// Distance of the camera from the prior's centre, the prior's unit.
+        distance: f64,
     },
     /// The covariance of the pose from outside is not one.
     #[error(

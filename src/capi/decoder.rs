@@ -3,19 +3,29 @@
 use std::ffi::c_char;
 use std::time::Duration;
 
-use crate::packet::{LONGEST_LATENT, Latent, PoseProfile, Session};
+use crate::packet::{LONGEST_LATENT, Latent, PacketError, PoseProfile, Session};
 use crate::prior::PriorFrame;
 use crate::{Decoded, Decoder, Trust, packet_bound};
 
 use super::engine::nvsp_engine;
 use super::handle::{Handle, Opaque};
 use super::image::{self, nvsp_camera, nvsp_picture, nvsp_pose};
+use super::limits::Limits;
 use super::prior::{PriorContent, nvsp_prior};
 use super::status::*;
 use super::structs::{Out, versioned};
 use super::worker::Worker;
 
-/// Decodes packets, in any order. One thread at a time may use it.
+/// Decodes packets, in any order. One thread at a time may use it. Example:
+///
+/// ```c
+/// nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
+/// picture.format = NVSP_FORMAT_RGB8;
+/// status = nvsp_decode(decoder, packet, bytes, 0, &picture, NULL); // NVSP_ERR_BUFFER_TOO_SMALL
+/// picture.pixels = malloc(picture.needed);
+/// picture.size = picture.needed;
+/// status = nvsp_decode_finish(decoder, &picture, NULL);
+/// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_decoder {
     _opaque: [u8; 0],
@@ -31,6 +41,7 @@ pub(super) struct Core {
     packet: Vec<u8>,
     trust: Trust,
     decoded: Decoded,
+    limits: Limits,
 }
 
 type Content = Worker<Core>;
@@ -39,7 +50,7 @@ type Content = Worker<Core>;
 /// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
 /// picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
 /// matches.
-pub const NVSP_DECODE_START: u32 = 1;
+pub const NVSP_DECODE_START: u32 = 512;
 
 /// The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
 /// does not tell.
@@ -73,10 +84,10 @@ pub struct nvsp_decoded {
     /// The pose.
     pub pose: nvsp_pose,
 }
-versioned!(nvsp_decoded, 88);
+versioned!(nvsp_decoded, 96);
 
 /// `pose` is given.
-pub const NVSP_HEADER_POSE: u32 = 2;
+pub const NVSP_HEADER_POSE: u32 = 32;
 /// The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
 pub const NVSP_HEADER_SHORT: u32 = 128;
 
@@ -105,10 +116,14 @@ pub struct nvsp_header {
     pub latent_bytes: u32,
     /// In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
     pub session: u32,
+    /// Version of the wire format, as the packet has it. NVSP_ERR_NEWER writes it too, with all else zero.
+    pub wire_version: u32,
+    /// Zero.
+    pub reserved: u32,
     /// The pose, if NVSP_HEADER_POSE is set. The compact profile states it relative to the prior.
     pub pose: nvsp_pose,
 }
-versioned!(nvsp_header, 96);
+versioned!(nvsp_header, 112);
 
 /// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 /// for its pictures.
@@ -132,15 +147,20 @@ pub unsafe extern "C" fn nvsp_decoder_create(
                 return Err(Failure::null("decoder"));
             }
             let prior = nvsp_prior::handle(prior).as_ref();
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
+            let mut decoder_made = Decoder::new(&engine.engine, &scene);
+            decoder_made.set_pixel_limit(engine.how.limits.frame_pixels);
             let core = Core {
-                decoder: Decoder::new(&engine.engine, &scene),
+                decoder: decoder_made,
                 packet: Vec::new(),
                 trust: Trust::Whole,
                 decoded: Decoded::default(),
+                limits: engine.how.limits,
             };
-            *decoder =
-                nvsp_decoder::address(Handle::boxed(Worker::new(core, decode), handle.log()));
+            *decoder = nvsp_decoder::address(Handle::boxed(
+                Worker::new(core, (decode, dropped), c"nvsp-decoder", engine.how.threads),
+                handle.log(),
+            ));
             Ok(NVSP_OK)
         })
     }
@@ -189,9 +209,9 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
         Handle::call(nvsp_decoder::handle(decoder), |content| {
             let engine = nvsp_engine::handle(engine).as_ref();
             let prior = nvsp_prior::handle(prior).as_ref();
-            let engine = engine.ok_or(Failure::null("engine"))?.get().engine;
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
-            content.core()?.decoder.move_to(&engine, &scene)?;
+            let engine = engine.ok_or(Failure::null("engine"))?.get();
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
+            content.core()?.decoder.move_to(&engine.engine, &scene)?;
             Ok(NVSP_OK)
         })
     }
@@ -216,8 +236,7 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 /// - `packet`: the packet. Read during the call. Not NULL.
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
-/// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
-///   wanted.
+/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
 /// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode(
@@ -225,7 +244,7 @@ pub unsafe extern "C" fn nvsp_decode(
     packet: *const u8,
     size: usize,
     flags: u32,
-    picture: *const nvsp_picture,
+    picture: *mut nvsp_picture,
     info: *mut nvsp_decoded,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
@@ -238,12 +257,13 @@ pub unsafe extern "C" fn nvsp_decode(
     }
 }
 
-/// Begins to decode a packet on the decoder's own thread, and returns at once. The first such call starts the thread.
-/// Until the packet is finished, other calls on the decoder fail with NVSP_ERR_BUSY, except nvsp_decode_poll,
-/// nvsp_decode_wait, nvsp_decode_finish and nvsp_decoder_destroy.
+/// Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
+/// packet; it does not wait. The first such call starts the thread. Until the packet is finished, other calls on the
+/// decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait, nvsp_decode_finish,
+/// nvsp_decode_cancel and nvsp_decoder_destroy.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_MEMORY
-/// (no thread). If the packet itself fails, nvsp_decode_finish returns its status.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or
+/// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its status.
 ///
 /// # Safety
 /// - `decoder`: a live decoder. Not NULL.
@@ -302,13 +322,12 @@ pub unsafe extern "C" fn nvsp_decode_wait(
 ///
 /// # Safety
 /// - `decoder`: a live decoder. Not NULL.
-/// - `picture`: receives the picture. Yours, of the size that the packet's header says (nvsp_decode_header). NULL: not
-///   wanted.
+/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
 /// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_finish(
     decoder: *mut nvsp_decoder,
-    picture: *const nvsp_picture,
+    picture: *mut nvsp_picture,
     info: *mut nvsp_decoded,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
@@ -318,6 +337,19 @@ pub unsafe extern "C" fn nvsp_decode_finish(
             content.take(|core| fetch(core, picture, &out))
         })
     }
+}
+
+/// Drops the packet that was begun, or a picture that was not fetched, as nvsp_encode_cancel does. Never waits: returns
+/// NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `decoder`: a live decoder. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decode_cancel(decoder: *mut nvsp_decoder) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::call(nvsp_decoder::handle(decoder), |content| content.cancel()) }
 }
 
 /// Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.
@@ -336,7 +368,7 @@ pub unsafe extern "C" fn nvsp_decoder_last_error(
     unsafe { Handle::last_error(nvsp_decoder::handle(decoder), text, size) }
 }
 
-/// Ends a decoder; NULL is allowed. Waits for a packet that was begun.
+/// Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
 ///
 /// # Safety
 /// - `decoder`: a live decoder that no other thread uses. Do not use it afterwards. NULL is allowed.
@@ -350,8 +382,8 @@ pub unsafe extern "C" fn nvsp_decoder_destroy(decoder: *mut nvsp_decoder) {
 /// paper's profile). Gives the pose of a compact packet only if the packet is about `prior`. A short packet does not
 /// name its prior: it counts as about `prior`. Allocates nothing; any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
-/// NVSP_ERR_PACKET.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, or
+/// NVSP_ERR_NEWER, which writes the header's wire_version.
 ///
 /// # Safety
 /// - `packet`: the packet, or its start. Read during the call. Not NULL.
@@ -368,8 +400,14 @@ pub unsafe extern "C" fn nvsp_decode_header(
     // SAFETY: as the caller promises.
     let read = || unsafe {
         let out = Out::required(header)?;
-        let latent = Latent::decode(image::slice(packet, size, "packet")?)
-            .map_err(|error| Failure::Library(error.into()))?;
+        let latent = match Latent::decode(image::slice(packet, size, "packet")?) {
+            Err(PacketError::Version(version)) => {
+                let wire_version = version.into();
+                out.write(&nvsp_header { wire_version, ..std::mem::zeroed() });
+                return Ok(NVSP_ERR_NEWER);
+            }
+            latent => latent.map_err(|error| Failure::Library(error.into()))?,
+        };
         let prior = nvsp_prior::handle(prior).as_ref().map(Handle::get);
         out.write(&header_of(&latent, prior));
         Ok(NVSP_OK)
@@ -412,15 +450,22 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
         },
         latent_bytes: latent.encoded_len() as u32,
         session,
+        wire_version: 1,
+        reserved: 0,
         pose: match pose {
             Some(pose) => image::pose_out(&pose),
-            None => nvsp_pose { rotation: [0.0; 4], translation: [0.0; 3] },
+            None => image::NO_POSE,
         },
     }
 }
 
+/// Nobody takes the picture: nothing depends on it.
+fn dropped(_: &mut Core) {}
+
 /// The job.
 fn decode(core: &mut Core) -> Result<(), Failure> {
+    let size = core.decoder.size_to_prepare(&core.packet);
+    let _memory = size.map(|size| core.limits.decoder(size)).transpose()?;
     Ok(core.decoder.decode_into(&core.packet, core.trust, &mut core.decoded)?)
 }
 
@@ -452,7 +497,8 @@ unsafe fn prepare(
     let longest = size.map_or(0, |(width, height)| packet_bound(width, height));
     let longest = longest.max(LONGEST_LATENT);
     core.packet.clear();
-    core.packet.reserve(longest);
+    let refused = |_| Failure::at(NVSP_ERR_MEMORY, "a copy of the packet");
+    core.packet.try_reserve(longest).map_err(refused)?;
     core.packet.extend_from_slice(&packet[..packet.len().min(longest)]);
     Ok(())
 }
@@ -463,7 +509,7 @@ unsafe fn prepare(
 /// `picture` is null or as for [`nvsp_decode`].
 unsafe fn fetch(
     core: &Core,
-    picture: *const nvsp_picture,
+    picture: *mut nvsp_picture,
     out: &Out<nvsp_decoded>,
 ) -> Result<(), Failure> {
     let decoded = &core.decoded;

@@ -13,12 +13,20 @@ use super::engine::nvsp_engine;
 use super::frame::{self, nvsp_frame_info};
 use super::handle::{Handle, Opaque};
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
+use super::limits::Limits;
+use super::memory::Grant;
 use super::prior::nvsp_prior;
 use super::status::*;
 use super::structs::{Out, read, versioned};
 use super::worker::Worker;
 
-/// Encodes the frames of one camera, in order. One thread at a time may use it.
+/// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
+///
+/// ```c
+/// if (nvsp_encode_begin(encoder, &image, hint) != NVSP_OK) return;
+/// while (nvsp_encode_poll(encoder) == NVSP_PENDING) steer();
+/// status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
+/// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_encoder {
     _opaque: [u8; 0],
@@ -37,6 +45,9 @@ pub(super) struct Core {
     encoded: Encoded,
     /// Whether `encoded` holds a frame.
     full: bool,
+    limits: Limits,
+    /// Whether a frame was encoded since the encoder last took memory: the first one takes some too.
+    warm: bool,
 }
 
 type Content = Worker<Core>;
@@ -45,9 +56,9 @@ type Content = Worker<Core>;
 pub const NVSP_RATE_DEFAULT: u32 = 0;
 /// Quality of the difference picture, 0 to 100.
 pub const NVSP_RATE_QUALITY: u32 = 1;
-/// Bytes of the whole packet, never exceeded.
+/// Bytes of the whole packet, never exceeded; 0 to 4,294,967,295.
 pub const NVSP_RATE_BYTES: u32 = 2;
-/// PSNR to reach with as few bytes as possible, dB.
+/// PSNR to reach with as few bytes as possible, dB; above 0, up to 100.
 pub const NVSP_RATE_PSNR: u32 = 3;
 /// No difference picture: the pose alone.
 pub const NVSP_RATE_NONE: u32 = 4;
@@ -90,16 +101,17 @@ pub struct nvsp_encoder_options {
     pub abi_version: u32,
     /// NVSP_RATE_*: it sets how fine the difference picture is.
     pub rate: u32,
-    /// The number that `rate` takes: quality, bytes or dB.
+    /// The number that `rate` takes: quality, bytes or dB; 0 for NVSP_RATE_DEFAULT and NVSP_RATE_NONE, which take none.
     pub rate_value: f32,
     /// NVSP_OPTIMIZER_*.
     pub optimizer: u32,
     /// NVSP_PROFILE_*.
     pub profile: u32,
-    /// Mean squared error, values in [0, 1]; 0: 1e-3. BFGS and Adam start at the pose of the frame before only if the
-    /// error there is below this: 1e-3 suits a basin, 1e-2 real footage. Gauss-Newton compares the pictures to tell
-    /// whether a pose is right. If the prior shows too little for that, it keeps a pose whose error is below this, and
-    /// does not search afresh.
+    /// A mean squared error of colour values in [0, 1], without unit; 0: 1e-3, which is a PSNR of 30 dB. It says when a
+    /// pose is good enough to go on from. With NVSP_OPTIMIZER_GAUSS_NEWTON, the default, it counts only for views of which
+    /// the prior shows too little to compare pictures: a pose whose error is below it is kept, else the encoder searches
+    /// afresh. Leave it at 0 there. With the other optimizers a frame starts at the pose of the frame before only if the
+    /// error there is below it: 1e-3 suits a basin, 1e-2 real footage.
     pub threshold: f32,
     /// Levels of the image pyramid, 1 to 6; 0: 4.
     pub levels: u32,
@@ -121,7 +133,7 @@ pub struct nvsp_encoder_options {
     /// they are. 0: the encoder treats them, whatever their format, after it has brought them to the camera's size.
     pub frames_treated: u32,
 }
-versioned!(nvsp_encoder_options, 48, 60);
+versioned!(nvsp_encoder_options, 60);
 
 /// The picture does not confirm the pose.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -210,9 +222,11 @@ pub struct nvsp_frame_stats {
     /// Zero.
     pub reserved: u32,
 }
-versioned!(nvsp_frame_stats, 184);
+versioned!(nvsp_frame_stats, 192);
 
-/// Makes an encoder for frames of `camera`. Allocates all that a frame takes, on host and device.
+/// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
+/// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the quay.
+/// Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
@@ -239,9 +253,11 @@ pub unsafe extern "C" fn nvsp_encoder_create(
                 return Err(Failure::null("encoder"));
             }
             let prior = nvsp_prior::handle(prior).as_ref();
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
             let camera = image::camera(camera)?;
             let options = encoder_options(&read(options)?)?;
+            let limits = engine.how.limits;
+            let _memory = limits.encoder(&camera)?;
             let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
             let core = Core {
                 encoder: made,
@@ -250,9 +266,13 @@ pub unsafe extern "C" fn nvsp_encoder_create(
                 known: Known::default(),
                 encoded: Encoded::with_room(camera.width, camera.height),
                 full: false,
+                limits,
+                warm: false,
             };
-            *encoder =
-                nvsp_encoder::address(Handle::boxed(Worker::new(core, encode), handle.log()));
+            *encoder = nvsp_encoder::address(Handle::boxed(
+                Worker::new(core, (encode, dropped), c"nvsp-encoder", engine.how.threads),
+                handle.log(),
+            ));
             Ok(NVSP_OK)
         })
     }
@@ -260,7 +280,7 @@ pub unsafe extern "C" fn nvsp_encoder_create(
 
 fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Failure> {
     let mut made = EncoderOptions {
-        rate: rate(options.rate, options.rate_value)?,
+        rate: rate(options.rate, options.rate_value, RATE)?,
         first_frame: options.first_frame,
         ..EncoderOptions::default()
     };
@@ -303,23 +323,31 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
     }
     match options.threshold {
         0.0 => {}
-        threshold if threshold > 0.0 => made.threshold = threshold.into(),
+        threshold if threshold > 0.0 && threshold.is_finite() => made.threshold = threshold.into(),
         _ => return Err(Failure::argument("nvsp_encoder_options.threshold")),
     }
     Ok(made)
 }
 
-fn rate(mode: u32, value: f32) -> Result<Option<Rate>, Failure> {
+/// The rate that `mode` and `value` state; `fields` names both in errors.
+fn rate(mode: u32, value: f32, fields: [&'static str; 2]) -> Result<Option<Rate>, Failure> {
     let whole = 0.0..=u32::MAX as f32;
     match mode {
-        NVSP_RATE_DEFAULT => Ok(EncoderOptions::default().rate),
+        NVSP_RATE_DEFAULT if value == 0.0 => Ok(EncoderOptions::default().rate),
+        NVSP_RATE_NONE if value == 0.0 => Ok(None),
         NVSP_RATE_QUALITY if (0.0..=100.0).contains(&value) => Ok(Some(Rate::Quality(value))),
         NVSP_RATE_BYTES if whole.contains(&value) => Ok(Some(Rate::Bytes(value as usize))),
-        NVSP_RATE_PSNR if value.is_finite() => Ok(Some(Rate::Psnr(value.into()))),
-        NVSP_RATE_NONE => Ok(None),
-        _ => Err(Failure::argument("the rate")),
+        NVSP_RATE_PSNR if value > 0.0 && value <= 100.0 => Ok(Some(Rate::Psnr(value.into()))),
+        ..=NVSP_RATE_NONE => Err(Failure::argument(fields[1])),
+        _ => Err(Failure::argument(fields[0])),
     }
 }
+
+/// The fields of nvsp_encoder_options that state the rate.
+const RATE: [&str; 2] = [
+    "nvsp_encoder_options.rate: no rate of this library",
+    "nvsp_encoder_options.rate_value: out of the range of `rate`, or stated for one that takes none",
+];
 
 /// Sets the rate of all frames from here on.
 ///
@@ -329,7 +357,7 @@ fn rate(mode: u32, value: f32) -> Result<Option<Rate>, Failure> {
 /// - `encoder`: a live encoder. Not NULL.
 /// - `mode`: NVSP_RATE_*.
 /// - `value`: the number that the mode takes: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take
-///   none.
+///   none: 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_set_rate(
     encoder: *mut nvsp_encoder,
@@ -339,7 +367,7 @@ pub unsafe extern "C" fn nvsp_encoder_set_rate(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let rate = rate(mode, value)?;
+            let rate = rate(mode, value, ["mode", "value: out of the range of `mode`, or not 0"])?;
             content.core()?.encoder.set_rate(rate);
             Ok(NVSP_OK)
         })
@@ -382,8 +410,10 @@ pub unsafe extern "C" fn nvsp_encoder_set_camera(
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let camera = image::camera(camera)?;
             let mut core = content.core()?;
+            let _memory = core.limits.encoder(&camera)?;
             let converter = Converter::new(camera.width, camera.height)?;
             core.encoder.set_camera(&camera)?;
+            core.warm = false;
             core.converter = converter;
             core.frame.resize(camera.width, camera.height);
             Ok(NVSP_OK)
@@ -412,7 +442,9 @@ pub unsafe extern "C" fn nvsp_encoder_prepare(
     // SAFETY: as the caller promises; `left` is written if it is not NULL.
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let remaining = content.core()?.encoder.prepare(most as usize)?;
+            let mut core = content.core()?;
+            let _memory = core.memory()?;
+            let remaining = core.encoder.prepare(most as usize)?;
             if let Some(left) = left.as_mut() {
                 *left = u32::try_from(remaining).unwrap_or(u32::MAX);
             }
@@ -443,9 +475,12 @@ pub unsafe extern "C" fn nvsp_encoder_reopen(
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let engine = nvsp_engine::handle(engine).as_ref();
             let prior = nvsp_prior::handle(prior).as_ref();
-            let engine = engine.ok_or(Failure::null("engine"))?.get().engine;
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene;
-            content.core()?.encoder.move_to(&engine, &scene)?;
+            let engine = engine.ok_or(Failure::null("engine"))?.get();
+            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
+            let mut core = content.core()?;
+            core.warm = false;
+            let _memory = core.memory()?;
+            core.encoder.move_to(&engine.engine, &scene)?;
             Ok(NVSP_OK)
         })
     }
@@ -498,10 +533,14 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
+/// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known. It is used if there is no
+///   certain pose of the frame before, and if it disagrees with that one by more than a tenth of the scene's depth or 6
+///   degrees; the picture decides. On the scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104
+///   starts each all were found. What is farther off costs time, not certainty. Beyond a million spreads of the prior it
+///   is refused.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-/// - `written`: receives the packet's length, bytes. Not NULL.
+/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 /// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode(
@@ -533,7 +572,7 @@ pub unsafe extern "C" fn nvsp_encode(
 ///   call. NULL: nothing is known.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-/// - `written`: receives the packet's length, bytes. Not NULL.
+/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 /// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_frame(
@@ -554,13 +593,16 @@ pub unsafe extern "C" fn nvsp_encode_frame(
     }
 }
 
-/// Begins to encode a frame on the encoder's own thread, and returns at once. The first such call starts the thread.
-/// The image is read and scaled during the call. Until the frame is finished, other calls on the encoder fail with
-/// NVSP_ERR_BUSY, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish and nvsp_encoder_destroy. A packet of
-/// an earlier frame that was not fetched is dropped.
+/// Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that it
+/// was given, drops a packet of an earlier frame that was not fetched, and reads the image: it converts it to RGB and
+/// scales it to the camera's size. The first such call starts the thread, which blocks all signals. The prior's
+/// preprocessing, the search and the coding are the other thread's work. The call neither waits for the device nor
+/// allocates, except for the thread. Afterwards the image is yours again. Until the frame is finished, other calls on the
+/// encoder fail with NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish,
+/// nvsp_encode_cancel and nvsp_encoder_destroy.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-/// NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
+/// NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
@@ -643,7 +685,7 @@ pub unsafe extern "C" fn nvsp_encode_wait(
 /// - `encoder`: a live encoder. Not NULL.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-/// - `written`: receives the packet's length, bytes. Not NULL.
+/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 /// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_finish(
@@ -662,6 +704,23 @@ pub unsafe extern "C" fn nvsp_encode_finish(
     }
 }
 
+/// Drops the frame that was begun, or a packet that was not fetched. Never waits: returns NVSP_OK if the encoder is free
+/// again, else NVSP_PENDING. The device then still works on the frame, at most as long as the watchdog allows; its packet
+/// is dropped when it has ended. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or
+/// nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped counts as one whose packet was lost on the
+/// way: its number is used up, its pose may be where the next frame starts, and the next packet names prior and camera in
+/// full. Returns NVSP_OK, too, if nothing was begun.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `encoder`: a live encoder. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encode_cancel(encoder: *mut nvsp_encoder) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| content.cancel()) }
+}
+
 /// What the topside will show of the last frame.
 pub const NVSP_PICTURE_SHOWN: u32 = 0;
 /// The prior's render alone.
@@ -675,12 +734,12 @@ pub const NVSP_PICTURE_RENDER: u32 = 1;
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `which`: NVSP_PICTURE_*.
-/// - `picture`: receives the picture. Yours, of the camera's size. Not NULL.
+/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_get_picture(
     encoder: *mut nvsp_encoder,
     which: u32,
-    picture: *const nvsp_picture,
+    picture: *mut nvsp_picture,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
@@ -716,7 +775,7 @@ pub unsafe extern "C" fn nvsp_encoder_last_error(
     unsafe { Handle::last_error(nvsp_encoder::handle(encoder), text, size) }
 }
 
-/// Ends an encoder; NULL is allowed. Waits for a frame that was begun.
+/// Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
 ///
 /// # Safety
 /// - `encoder`: a live encoder that no other thread uses. Do not use it afterwards. NULL is allowed.
@@ -726,12 +785,25 @@ pub unsafe extern "C" fn nvsp_encoder_destroy(encoder: *mut nvsp_encoder) {
     unsafe { Handle::destroy(nvsp_encoder::handle(encoder).cast_mut()) }
 }
 
+/// Nobody takes the packet: it may have told the camera.
+fn dropped(core: &mut Core) {
+    core.encoder.announce();
+}
+
 /// The job.
 fn encode(core: &mut Core) -> Result<(), Failure> {
     core.full = false;
+    let _memory = core.memory()?;
     core.encoder.encode_into(&core.frame, core.known, &mut core.encoded)?;
-    core.full = true;
+    (core.full, core.warm) = (true, true);
     Ok(())
+}
+
+impl Core {
+    /// Sets memory aside for the next call, unless all that it takes is there.
+    fn memory(&self) -> Result<Option<Grant>, Failure> {
+        (!self.warm).then(|| self.limits.encoder(self.encoder.camera())).transpose()
+    }
 }
 
 /// Takes a frame in.
@@ -794,6 +866,8 @@ impl Place {
     fn write(&self, core: &Core) -> Result<(), Failure> {
         let Encoded { packet, stats, pose, .. } = &core.encoded;
         if packet.len() > self.size {
+            // SAFETY: not null, and valid as the maker of this promised.
+            unsafe { *self.written = packet.len() };
             return Err(Failure::Room { needed: packet.len(), found: self.size });
         }
         // SAFETY: the place has `size` bytes, as the maker of this promised.

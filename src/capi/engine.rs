@@ -1,16 +1,28 @@
 //! The engine's handle.
 
 use std::ffi::{CStr, c_char, c_void};
+use std::time::Duration;
 
 use crate::Engine;
 use crate::vulkan::DeviceOptions;
 
 use super::handle::{Handle, Opaque};
+use super::limits::{Limits, engine_bytes};
 use super::log::{Log, NVSP_LOG_INFO, NVSP_LOG_WARNING, nvsp_log_callback};
+use super::memory::Grant;
 use super::status::*;
 use super::structs::{Out, read, versioned};
+use super::thread::{ThreadStart, nvsp_thread_callback};
 
-/// An opened Vulkan device with all pipelines built. Any number of threads may use it at once.
+/// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
+///
+/// ```c
+/// nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+/// nvsp_engine *engine = NULL;
+/// options.log = print_to_stderr;
+/// options.watchdog_milliseconds = 5000;
+/// if (nvsp_engine_create(&options, &engine) != NVSP_OK) return 1;
+/// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_engine {
     _opaque: [u8; 0],
@@ -24,12 +36,34 @@ impl Opaque for nvsp_engine {
 #[derive(Clone)]
 pub(super) struct EngineContent {
     pub engine: Engine,
+    /// How it was opened.
+    pub how: OpenOptions,
+}
+
+/// An engine's options, read.
+#[derive(Clone)]
+pub(super) struct OpenOptions {
+    pub limits: Limits,
+    pub threads: ThreadStart,
     options: DeviceOptions,
+}
+
+impl OpenOptions {
+    /// Opens the device.
+    fn open(self) -> Result<EngineContent, Failure> {
+        Ok(EngineContent { engine: Engine::new(&self.options)?, how: self })
+    }
 }
 
 /// Run under the Khronos validation layer, which must be installed. Its messages are logged as
 /// warnings when the engine is destroyed or reopened. For tests; slow.
-pub const NVSP_ENGINE_VALIDATION: u32 = 1;
+pub const NVSP_ENGINE_VALIDATION: u32 = 2048;
+
+/// For nvsp_engine_options.watchdog_milliseconds: wait as long as the device takes.
+pub const NVSP_WATCHDOG_NONE: u32 = u32::MAX;
+
+/// The watchdog's time by default, milliseconds. A CPU driver may take seconds to compile what a frame needs first.
+const WATCHDOG: u64 = 60_000;
 
 /// How to open an engine; all zero: the best device, nothing logged.
 #[allow(non_camel_case_types)]
@@ -45,14 +79,39 @@ pub struct nvsp_engine_options {
     pub device: *const c_char,
     /// Receives messages. NULL: nothing is logged.
     pub log: nvsp_log_callback,
-    /// Passed to `log` as it is.
+    /// Passed to `log` as it is. What it points to must outlive every handle made with the engine, not the engine's own
+    /// alone: priors, encoders and decoders log, too, and their threads.
     pub log_user: *mut c_void,
     /// NVSP_ENGINE_* bits.
     pub flags: u32,
+    /// Most pixels of a picture, width times height. Encoders and decoders refuse larger ones with NVSP_ERR_LIMIT, and
+    /// take no memory for them. 0: 16,777,216, which is 4096 by 4096.
+    pub frame_size_limit: u32,
+    /// Most bytes of host memory that opening a prior, an encoder or a decoder may take. A call that may need more
+    /// fails with NVSP_ERR_MEMORY before it takes any. 0: no limit.
+    pub host_memory_limit: u64,
+    /// Most bytes of device memory that everything made with the engine may use together. A call that needs more fails
+    /// with NVSP_ERR_MEMORY. 0: no limit.
+    pub device_memory_limit: u64,
+    /// Called on each thread that the library starts: one per encoder and one per decoder, by its first
+    /// nvsp_encode_begin or nvsp_decode_begin. NULL: nothing is called.
+    pub thread_start: nvsp_thread_callback,
+    /// Passed to `thread_start` as it is. What it points to must outlive every handle made with the engine.
+    pub thread_start_user: *mut c_void,
+    /// Longest that the library waits for one piece of work on the device, milliseconds: a frame is one to a few pieces.
+    /// If it takes longer, the call fails with NVSP_ERR_DEVICE_LOST, and so does every later call on what was made with
+    /// the engine. All handles can then be destroyed as usual; the memory that the device may still use is never given
+    /// back. 0: 60,000. NVSP_WATCHDOG_NONE: no bound.
+    pub watchdog_milliseconds: u32,
     /// Zero.
     pub reserved: u32,
+    /// What nvsp_engine_get_pipeline_cache gave on an earlier start, so that the driver need not compile again. Read during
+    /// nvsp_engine_create. Bytes that are damaged, or of another device or driver, are left aside. NULL: none.
+    pub pipeline_cache: *const u8,
+    /// Bytes of it.
+    pub pipeline_cache_size: usize,
 }
-versioned!(nvsp_engine_options, 40);
+versioned!(nvsp_engine_options, 96);
 
 /// A device in words, and the memory it gave.
 #[allow(non_camel_case_types)]
@@ -93,8 +152,8 @@ pub unsafe extern "C" fn nvsp_engine_create(
         return NVSP_ERR_NULL;
     }
     // SAFETY: as the caller promises.
-    let (log, options) = match unsafe { device_options(options) } {
-        Ok(options) => options,
+    let (log, made) = match unsafe { device_options(options) } {
+        Ok(made) => made,
         Err(failure) => return failure.status(),
     };
     // A handle without content: a failure goes through the same fence as that of every other call.
@@ -102,7 +161,8 @@ pub unsafe extern "C" fn nvsp_engine_create(
     // SAFETY: the handle was just made, and is destroyed at once.
     unsafe {
         let status = Handle::call(fence, |()| {
-            let content = EngineContent { engine: Engine::new(&options)?, options };
+            let _memory = Grant::take("an engine", engine_bytes(), u64::MAX)?;
+            let content = made.open()?;
             log.write(NVSP_LOG_INFO, &content.engine.device().to_string());
             *engine = nvsp_engine::address(Handle::boxed(content, log));
             Ok(NVSP_OK)
@@ -118,7 +178,7 @@ pub unsafe extern "C" fn nvsp_engine_create(
 /// As for [`nvsp_engine_create`].
 unsafe fn device_options(
     options: *const nvsp_engine_options,
-) -> Result<(Log, DeviceOptions), Failure> {
+) -> Result<(Log, OpenOptions), Failure> {
     // SAFETY: as the caller promises; a name that is not NULL ends in NUL.
     let (options, device) = unsafe {
         let options = read(options)?;
@@ -126,15 +186,42 @@ unsafe fn device_options(
         (options, name)
     };
     let log = Log::new(options.log, options.log_user);
-    if options.flags & !NVSP_ENGINE_VALIDATION != 0 || options.reserved != 0 {
-        return Err(Failure::argument("nvsp_engine_options.flags"));
+    if options.flags & !NVSP_ENGINE_VALIDATION != 0 {
+        return Err(Failure::argument("nvsp_engine_options.flags: unknown bits"));
     }
     let name = |name: &CStr| name.to_str().map(str::to_owned);
     let device = device
         .map(name)
         .transpose()
         .map_err(|_| Failure::argument("nvsp_engine_options.device is no UTF-8"))?;
-    Ok((log, DeviceOptions { device, validation: options.flags & NVSP_ENGINE_VALIDATION != 0 }))
+    let given = |limit: u64| if limit == 0 { u64::MAX } else { limit };
+    let limits = Limits {
+        frame_pixels: match options.frame_size_limit {
+            0 => u32::MAX,
+            pixels => pixels,
+        },
+        host_bytes: given(options.host_memory_limit),
+    };
+    let validation = options.flags & NVSP_ENGINE_VALIDATION != 0;
+    let memory_limit = options.device_memory_limit;
+    let threads = ThreadStart { callback: options.thread_start, user: options.thread_start_user };
+    let watchdog = match options.watchdog_milliseconds {
+        0 => Some(Duration::from_millis(WATCHDOG)),
+        NVSP_WATCHDOG_NONE => None,
+        milliseconds => Some(Duration::from_millis(milliseconds.into())),
+    };
+    if options.reserved != 0 {
+        return Err(Failure::argument("nvsp_engine_options.reserved: not zero"));
+    }
+    let (cache, size) = (options.pipeline_cache, options.pipeline_cache_size);
+    // SAFETY: as the caller promises.
+    let cache = unsafe { super::image::slice(cache, size, "nvsp_engine_options.pipeline_cache")? };
+    let mut pipeline_cache = Vec::new();
+    let refused = |_| Failure::at(NVSP_ERR_MEMORY, "a copy of the pipeline cache");
+    pipeline_cache.try_reserve_exact(cache.len()).map_err(refused)?;
+    pipeline_cache.extend_from_slice(cache);
+    let options = DeviceOptions { device, validation, memory_limit, watchdog, pipeline_cache };
+    Ok((log, OpenOptions { limits, threads, options }))
 }
 
 /// Opens the device again, with the options that the engine was made with. Call it after NVSP_ERR_DEVICE_LOST. What was
@@ -152,11 +239,11 @@ pub unsafe extern "C" fn nvsp_engine_reopen(engine: *mut nvsp_engine) -> nvsp_st
     // SAFETY: as the caller promises.
     unsafe {
         Handle::share(nvsp_engine::handle(engine), |handle, content| {
-            let EngineContent { engine: old, options } = content;
-            log_validation(handle, &old);
-            let engine = Engine::new(&options)?;
-            handle.log().write(NVSP_LOG_INFO, &engine.device().to_string());
-            handle.replace(EngineContent { engine, options });
+            log_validation(handle, &content.engine);
+            let _memory = Grant::take("an engine", engine_bytes(), u64::MAX)?;
+            let opened = content.how.open()?;
+            handle.log().write(NVSP_LOG_INFO, &opened.engine.device().to_string());
+            handle.replace(opened);
             Ok(NVSP_OK)
         })
     }
@@ -193,6 +280,44 @@ pub unsafe extern "C" fn nvsp_engine_get_info(
         })
     }
 }
+
+/// Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next start.
+/// Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+///
+/// # Safety
+/// - `engine`: a live engine. Not NULL.
+/// - `bytes`: receives the data. Yours, of `size` bytes. NULL only if `size` is 0.
+/// - `size`: bytes of `bytes`.
+/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_engine_get_pipeline_cache(
+    engine: *const nvsp_engine,
+    bytes: *mut u8,
+    size: usize,
+    written: *mut usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::share(nvsp_engine::handle(engine), |_, content| {
+            if written.is_null() || (bytes.is_null() && size > 0) {
+                return Err(Failure::null("bytes or written"));
+            }
+            let _memory = Grant::take("the pipeline cache", CACHE, content.how.limits.host_bytes)?;
+            let data = content.engine.vulkan().pipeline_cache()?;
+            *written = data.len();
+            if data.len() > size {
+                return Err(Failure::Room { needed: data.len(), found: size });
+            }
+            bytes.copy_from_nonoverlapping(data.as_ptr(), data.len());
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Bytes that a copy of the pipeline cache may take.
+const CACHE: u64 = 32 << 20;
 
 /// Copies the text of the last failed call on the engine into `text`, or of the last failure to
 /// make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the
@@ -238,7 +363,7 @@ fn log_validation(handle: &Handle<EngineContent>, engine: &Engine) {
 }
 
 /// Writes a text that ends in NUL. If it is too long, cuts it after a whole character.
-fn write_text(text: &str, to: &mut [c_char]) {
+pub(super) fn write_text(text: &str, to: &mut [c_char]) {
     let end = text.floor_char_boundary(to.len() - 1);
     for (to, byte) in to.iter_mut().zip(text[..end].bytes().chain([0])) {
         *to = byte as c_char;

@@ -7,7 +7,7 @@ use super::status::*;
 use super::structs::{read, versioned};
 
 /// For nvsp_frame_info.given: `time` is the frame's.
-pub const NVSP_FRAME_TIME: u32 = 1;
+pub const NVSP_GIVEN_TIME: u32 = 256;
 
 /// What is known of a frame besides its image; all zero: nothing. Read during the call only.
 #[allow(non_camel_case_types)]
@@ -26,10 +26,10 @@ pub struct nvsp_frame_info {
     pub hint_covariance: *const f64,
     /// Seconds from the time of the hint to the time of the frame; 0 or more.
     pub hint_age: f64,
-    /// When the frame was taken, seconds on a clock of yours. Used if `given` has NVSP_FRAME_TIME. A later frame must
+    /// When the frame was taken, seconds on a clock of yours. Used if `given` has NVSP_GIVEN_TIME. A later frame must
     /// not have an earlier time. After nvsp_encoder_reset any time is allowed again.
     pub time: f64,
-    /// NVSP_FRAME_TIME, or 0.
+    /// NVSP_GIVEN_TIME, or 0.
     pub given: u32,
     /// Zero.
     pub reserved: u32,
@@ -46,15 +46,15 @@ pub(super) unsafe fn known(info: *const nvsp_frame_info) -> Result<Known, Failur
         let info = read(info)?;
         (info, hint(&info)?)
     };
-    if info.given & !NVSP_FRAME_TIME != 0 {
+    if info.given & !NVSP_GIVEN_TIME != 0 {
         return Err(Failure::argument("nvsp_frame_info.given: unknown bits"));
     }
     if info.reserved != 0 {
         return Err(Failure::argument("nvsp_frame_info.reserved: not zero"));
     }
-    let timed = info.given & NVSP_FRAME_TIME != 0;
+    let timed = info.given & NVSP_GIVEN_TIME != 0;
     if !timed && info.time != 0.0 {
-        let what = "nvsp_frame_info.time: stated, but NVSP_FRAME_TIME is not in `given`";
+        let what = "nvsp_frame_info.time: stated, but NVSP_GIVEN_TIME is not in `given`";
         return Err(Failure::argument(what));
     }
     Ok(Known { hint, time: timed.then_some(info.time) })
@@ -70,7 +70,10 @@ unsafe fn hint(info: &nvsp_frame_info) -> Result<Option<Hint>, Failure> {
         let covariance = info.hint_covariance.cast::<[[f64; 6]; 6]>();
         (image::pose(info.hint), (!covariance.is_null()).then(|| covariance.read_unaligned()))
     };
-    let Ok(pose) = pose else { return Err(Failure::argument(NO_POSE)) };
+    let pose = pose.map_err(|failure| match failure.status() {
+        NVSP_ERR_ARGUMENT => Failure::argument(NO_POSE),
+        _ => failure,
+    })?;
     let Some(pose) = pose else {
         return match covariance {
             Some(_) => Err(Failure::argument("nvsp_frame_info.hint_covariance: without a hint")),
@@ -87,6 +90,9 @@ unsafe fn hint(info: &nvsp_frame_info) -> Result<Option<Hint>, Failure> {
 pub(super) fn refused(error: Error) -> Failure {
     Failure::argument(match error {
         Error::HintPose { .. } => NO_POSE,
+        Error::HintFar { .. } => {
+            "nvsp_frame_info.hint: farther from the prior than a million times its spread"
+        }
         Error::HintCovariance { .. } => {
             "nvsp_frame_info.hint_covariance: not finite, symmetric and positive semidefinite"
         }

@@ -12,8 +12,14 @@ use super::status::*;
 /// failure.
 pub(super) struct Handle<T> {
     content: Mutex<T>,
-    failure: Mutex<Text>,
+    failure: Mutex<LastFailure>,
     log: Log,
+}
+
+/// The text of the last failure, and how often it came in a row.
+struct LastFailure {
+    text: Text,
+    times: u64,
 }
 
 /// A type of the header that C knows by address alone. It is tied to what its handle holds, so that a cast to another
@@ -62,7 +68,8 @@ impl Text {
 impl<T> Handle<T> {
     /// Makes a handle for C to hold; [`Handle::destroy`] takes it back.
     pub(super) fn boxed(content: T, log: Log) -> *mut Handle<T> {
-        let failure = Mutex::new(Text { bytes: [0; TEXT], len: 0 });
+        let text = Text { bytes: [0; TEXT], len: 0 };
+        let failure = Mutex::new(LastFailure { text, times: 0 });
         Box::into_raw(Box::new(Handle { content: Mutex::new(content), failure, log }))
     }
 
@@ -135,13 +142,36 @@ impl<T> Handle<T> {
         failure.status()
     }
 
-    /// Keeps a failure's text and logs it.
+    /// Keeps a failure's text and logs it. If it is the same as the last one, it is only counted: the log gets a line
+    /// when the count reaches 10, 100 and so on, and a last one before another text.
     pub(super) fn note(&self, failure: &Failure) {
         let mut text = Text { bytes: [0; TEXT], len: 0 };
         // Writing to a Text never fails.
         let _ = write!(text, "{failure}");
+        let mut last = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        if last.times > 0 && last.text.as_str() == text.as_str() {
+            last.times += 1;
+            let times = last.times;
+            drop(last);
+            if times >= 10 && 10_u64.pow(times.ilog10()) == times {
+                self.log_count(text.as_str(), times);
+            }
+            return;
+        }
+        let LastFailure { text: before, times } =
+            std::mem::replace(&mut *last, LastFailure { text, times: 1 });
+        let mut text = Text { bytes: [0; TEXT], len: 0 };
+        let _ = write!(text, "{}", last.text.as_str());
+        drop(last);
+        if times > 1 && 10_u64.pow(times.ilog10()) != times {
+            self.log_count(before.as_str(), times);
+        }
         self.log.write(NVSP_LOG_ERROR, text.as_str());
-        *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = text;
+    }
+
+    /// Logs how often a failure came in a row.
+    fn log_count(&self, text: &str, times: u64) {
+        self.log.write(NVSP_LOG_ERROR, &format!("{times} times in a row: {text}"));
     }
 
     /// Copies the text of the last failure, ending in NUL, and cut if it is too long.
@@ -162,6 +192,7 @@ impl<T> Handle<T> {
             return NVSP_ERR_BUFFER_TOO_SMALL;
         }
         let failure = handle.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        let failure = &failure.text;
         let mut end = failure.len.min(size - 1);
         while !failure.as_str().is_char_boundary(end) {
             end -= 1;
@@ -186,6 +217,12 @@ impl<T> Handle<T> {
             let _ = catch_unwind(AssertUnwindSafe(|| drop(handle)));
         }
     }
+}
+
+/// Runs a call that has no handle to keep a text in.
+pub(super) fn fence(body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp_status {
+    let caught = catch_unwind(AssertUnwindSafe(body));
+    caught.map_or(NVSP_ERR_INTERNAL, |done| done.unwrap_or_else(|failure| failure.status()))
 }
 
 #[cfg(test)]

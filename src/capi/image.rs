@@ -4,6 +4,7 @@ use crate::image::{Colour, ImageView, PixelFormat, write_picture};
 use crate::{Camera, Picture, Pose};
 
 use super::status::*;
+use super::structs::{NVSP_ABI_VERSION, Out, read, versioned};
 
 /// Three bytes per pixel: red, green, blue.
 pub const NVSP_FORMAT_RGB8: u32 = 1;
@@ -31,6 +32,10 @@ pub const NVSP_COLOUR_BT709_FULL: u32 = 3;
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_image {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
     /// NVSP_FORMAT_*.
     pub format: u32,
     /// NVSP_COLOUR_*; used for NV12 and I420 only.
@@ -46,52 +51,79 @@ pub struct nvsp_image {
     /// Bytes of each plane. Nothing beyond them is read.
     pub sizes: [usize; 3],
 }
+versioned!(nvsp_image, 96);
 
-/// A place for a picture.
+/// A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if it
+/// fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_picture {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
     /// NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8 or NVSP_FORMAT_RGBA8.
     pub format: u32,
+    /// Receives the picture's width, pixels.
+    pub width: u32,
+    /// Receives the picture's height, pixels.
+    pub height: u32,
     /// Zero.
     pub reserved: u32,
-    /// First byte.
+    /// First byte. NULL only if `size` is 0.
     pub pixels: *mut u8,
-    /// Bytes from one row to the next. Bytes after a row's pixels are left as they are.
+    /// Bytes from one row to the next; 0: rows without padding. Bytes after a row's pixels are left as they are.
     pub stride: usize,
     /// Bytes of the place. Nothing beyond them is written.
     pub size: usize,
+    /// Receives how many bytes the picture needs with this format and stride.
+    pub needed: usize,
 }
+versioned!(nvsp_picture, 56);
 
-/// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers
-/// [0, 1) x [0, 1).
+/// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device refuses
+/// sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells the limit.
+/// Every device that Vulkan 1.2 allows takes 2048 by 2048.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_camera {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
     /// Pixels, 1 to 4096.
     pub width: u32,
     /// Pixels, 1 to 4096.
     pub height: u32,
-    /// Focal lengths, pixels, above 0.
+    /// Focal length along x, pixels, 0.01 to 1,000,000.
     pub fx: f32,
+    /// Focal length along y, pixels, 0.01 to 1,000,000.
     pub fy: f32,
-    /// Principal point, pixels.
+    /// Principal point, x, pixels from the left edge, -1,000,000 to 1,000,000.
     pub cx: f32,
+    /// Principal point, y, pixels from the upper edge, -1,000,000 to 1,000,000.
     pub cy: f32,
 }
+versioned!(nvsp_camera, 32);
 
-/// Where a camera stands: x_camera = R x_world + t.
+/// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as by
+/// NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_pose {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
     /// Quaternion of R: w, x, y, z. Any length but zero.
     pub rotation: [f64; 4],
     /// t, in the prior's unit.
     pub translation: [f64; 3],
 }
+versioned!(nvsp_pose, 64);
 
 /// The bytes at a pointer; an empty slice if `size` is 0.
 ///
@@ -129,14 +161,14 @@ pub(super) unsafe fn slice_mut<'a>(
     }
 }
 
-fn format(code: u32) -> Result<PixelFormat, Failure> {
+fn format(code: u32, field: &'static str) -> Result<PixelFormat, Failure> {
     match code {
         NVSP_FORMAT_RGB8 => Ok(PixelFormat::Rgb8),
         NVSP_FORMAT_BGR8 => Ok(PixelFormat::Bgr8),
         NVSP_FORMAT_RGBA8 => Ok(PixelFormat::Rgba8),
         NVSP_FORMAT_NV12 => Ok(PixelFormat::Nv12),
         NVSP_FORMAT_I420 => Ok(PixelFormat::I420),
-        _ => Err(Failure::argument("format")),
+        _ => Err(Failure::argument(field)),
     }
 }
 
@@ -164,9 +196,12 @@ fn colour(code: u32) -> Result<Colour, Failure> {
 /// `image` is null or valid, and its planes have as many bytes as it says, which nobody changes for
 /// as long as the view is in use.
 pub(super) unsafe fn view<'a>(image: *const nvsp_image) -> Result<ImageView<'a>, Failure> {
+    if image.is_null() {
+        return Err(Failure::null("image"));
+    }
     // SAFETY: as the caller promises.
-    let image = unsafe { image.as_ref() }.ok_or(Failure::null("image"))?;
-    let format = format(image.format)?;
+    let image = unsafe { read(image)? };
+    let format = format(image.format, "nvsp_image.format")?;
     let count = plane_count(format);
     let colour = if count > 1 { colour(image.colour)? } else { Colour::default() };
     let mut planes: [&[u8]; 3] = [&[]; 3];
@@ -177,20 +212,20 @@ pub(super) unsafe fn view<'a>(image: *const nvsp_image) -> Result<ImageView<'a>,
         // SAFETY: as the caller promises.
         *plane = unsafe { slice(image.planes[i], image.sizes[i], "nvsp_image.sizes")? };
     }
-    let nvsp_image { width, height, strides, .. } = *image;
+    let nvsp_image { width, height, strides, .. } = image;
     Ok(ImageView { width, height, format, colour, planes, strides })
 }
 
-/// Writes a picture to the caller's place.
+/// Writes a picture to the caller's place, and how large it is.
 ///
 /// # Safety
 /// `place` is valid, and has as many bytes as it says, which nobody else uses.
-pub(super) unsafe fn write(picture: &Picture, place: *const nvsp_picture) -> Result<(), Failure> {
+pub(super) unsafe fn write(picture: &Picture, place: *mut nvsp_picture) -> Result<(), Failure> {
     // SAFETY: as the caller promises.
-    let place = unsafe { place.as_ref() }.ok_or(Failure::null("picture"))?;
-    let format = format(place.format)?;
+    let (out, mut place) = unsafe { (Out::required(place)?, read(place)?) };
+    let format = format(place.format, "nvsp_picture.format")?;
     if place.reserved != 0 {
-        return Err(Failure::argument("nvsp_picture.reserved"));
+        return Err(Failure::argument("nvsp_picture.reserved: not zero"));
     }
     let bytes = match format {
         PixelFormat::Rgb8 | PixelFormat::Bgr8 => 3,
@@ -200,40 +235,73 @@ pub(super) unsafe fn write(picture: &Picture, place: *const nvsp_picture) -> Res
         }
     };
     let row = picture.width as usize * bytes;
-    if place.stride < row {
-        return Err(Failure::argument("nvsp_picture.stride"));
+    let stride = if place.stride == 0 { row } else { place.stride };
+    if stride < row {
+        return Err(Failure::argument("nvsp_picture.stride: below a row of pixels"));
     }
-    let needed = place.stride.saturating_mul(picture.height as usize - 1).saturating_add(row);
+    let needed = stride.saturating_mul(picture.height as usize - 1).saturating_add(row);
+    (place.width, place.height, place.needed) = (picture.width, picture.height, needed);
     if place.size < needed {
+        out.write(&place);
         return Err(Failure::Room { needed, found: place.size });
     }
     // SAFETY: as the caller promises.
     let into = unsafe { slice_mut(place.pixels, place.size, "nvsp_picture.pixels")? };
-    Ok(write_picture(picture, format, place.stride, into)?)
+    write_picture(picture, format, stride, into)?;
+    out.write(&place);
+    Ok(())
 }
 
 /// # Safety
 /// `camera` is null or valid.
 pub(super) unsafe fn camera(camera: *const nvsp_camera) -> Result<Camera, Failure> {
+    if camera.is_null() {
+        return Err(Failure::null("camera"));
+    }
     // SAFETY: as the caller promises.
-    let camera = unsafe { camera.as_ref() }.ok_or(Failure::null("camera"))?;
-    let nvsp_camera { width, height, fx, fy, cx, cy } = *camera;
+    let nvsp_camera { width, height, fx, fy, cx, cy, .. } = unsafe { read(camera)? };
     let camera = Camera { width, height, fx, fy, cx, cy };
     camera.check().map_err(crate::Error::from)?;
-    Ok(camera)
+    let (focal, centre) = (0.01..=FAR, -FAR..=FAR);
+    let field = if !focal.contains(&fx) {
+        "nvsp_camera.fx"
+    } else if !focal.contains(&fy) {
+        "nvsp_camera.fy"
+    } else if !centre.contains(&cx) {
+        "nvsp_camera.cx"
+    } else if !centre.contains(&cy) {
+        "nvsp_camera.cy"
+    } else {
+        return Ok(camera);
+    };
+    Err(Failure::at(NVSP_ERR_CAMERA, field))
 }
+
+/// What no camera's intrinsics reach, pixels.
+const FAR: f32 = 1e6;
 
 /// A pose from outside, if there is one.
 ///
 /// # Safety
 /// `pose` is null or valid.
 pub(super) unsafe fn pose(pose: *const nvsp_pose) -> Result<Option<Pose>, Failure> {
+    if pose.is_null() {
+        return Ok(None);
+    }
     // SAFETY: as the caller promises.
-    let Some(pose) = (unsafe { pose.as_ref() }) else { return Ok(None) };
+    let pose = unsafe { read(pose)? };
     let pose = Pose::from_wxyz(pose.rotation, pose.translation);
     pose.map(Some).ok_or(Failure::argument("a pose that is no rigid motion"))
 }
 
 pub(super) fn pose_out(pose: &Pose) -> nvsp_pose {
-    nvsp_pose { rotation: pose.wxyz(), translation: pose.translation.into() }
+    nvsp_pose { rotation: pose.wxyz(), translation: pose.translation.into(), ..NO_POSE }
 }
+
+/// A pose of zeros, set up.
+pub(super) const NO_POSE: nvsp_pose = nvsp_pose {
+    struct_size: size_of::<nvsp_pose>() as u32,
+    abi_version: NVSP_ABI_VERSION,
+    rotation: [0.0; 4],
+    translation: [0.0; 3],
+};

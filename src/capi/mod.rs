@@ -5,15 +5,19 @@
 //! status codes with a text, panics are caught, and nothing is written unless all of it succeeded.
 
 mod decoder;
+mod device;
 mod encoder;
 mod engine;
 mod frame;
 mod handle;
 mod image;
+mod limits;
 mod log;
+mod memory;
 mod modem;
 mod prior;
 mod status;
 mod structs;
+mod thread;
 mod version;
 mod worker;

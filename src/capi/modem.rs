@@ -3,15 +3,23 @@
 use std::ffi::c_char;
 use std::ptr::null_mut;
 
-use crate::modem::{Pushed, Reassembler, ReassemblerOptions, Received, Splitter, frame_count};
+use crate::modem::{
+    ModemError, Pushed, Reassembler, ReassemblerOptions, Received, Splitter, frame_count,
+};
 
-use super::handle::{Handle, Opaque};
+use super::handle::{Handle, Opaque, fence};
 use super::image::{slice, slice_mut};
 use super::log::Log;
 use super::status::*;
 use super::structs::{Out, read, versioned};
 
-/// Puts packets together from modem frames. One thread at a time may use it.
+/// Puts packets together from modem frames. One thread at a time may use it. Example:
+///
+/// ```c
+/// nvsp_reassembly state = NVSP_INITIALIZER(nvsp_reassembly);
+/// if (nvsp_reassembler_push(reassembler, frame, size, &state) == NVSP_OK && state.event == NVSP_EVENT_COMPLETE)
+///     status = nvsp_reassembler_fetch(reassembler, packet, sizeof packet, &bytes, NULL);
+/// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_reassembler {
     _opaque: [u8; 0],
@@ -32,7 +40,7 @@ pub const NVSP_MTU_256: u32 = 256;
 pub const NVSP_MTU_1024: u32 = 1024;
 
 /// The modem hands over no damaged frames: a packet's first frame then counts as sound to its end.
-pub const NVSP_MODEM_CHECKS: u32 = 1;
+pub const NVSP_MODEM_CHECKS: u32 = 1024;
 
 /// How to put packets together.
 #[allow(non_camel_case_types)]
@@ -115,12 +123,6 @@ pub struct nvsp_reassembler_statistics {
 }
 versioned!(nvsp_reassembler_statistics, 64);
 
-/// Runs a call that has no handle to keep a text in.
-fn fence(body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp_status {
-    let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(body));
-    caught.map_or(NVSP_ERR_INTERNAL, |done| done.unwrap_or_else(|failure| failure.status()))
-}
-
 /// Tells how many modem frames a packet takes. The first one costs no bytes, each other one costs
 /// four. Allocates nothing; any thread may call it.
 ///
@@ -162,7 +164,7 @@ pub unsafe extern "C" fn nvsp_modem_frame_count(
 /// - `index`: which modem frame, from 0.
 /// - `frame`: receives the modem frame. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `frame`; `mtu` always suffices.
-/// - `written`: receives the modem frame's length, bytes. Not NULL.
+/// - `written`: receives the modem frame's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_modem_frame(
     packet: *const u8,
@@ -181,7 +183,13 @@ pub unsafe extern "C" fn nvsp_modem_frame(
         let (packet, frame) =
             unsafe { (slice(packet, packet_size, "packet")?, slice_mut(frame, size, "frame")?) };
         let splitter = Splitter::new(packet, mtu as usize)?;
-        let len = splitter.write(index as usize, frame).map_err(Failure::from_buffer)?;
+        let len = splitter.write(index as usize, frame).map_err(|error| {
+            if let ModemError::Buffer { needed, .. } = error {
+                // SAFETY: not null, and valid as the caller promises.
+                unsafe { *written = needed };
+            }
+            Failure::from_buffer(error)
+        })?;
         // SAFETY: not null, and valid as the caller promises.
         unsafe { *written = len };
         Ok(NVSP_OK)
@@ -211,7 +219,7 @@ pub unsafe extern "C" fn nvsp_reassembler_create(
         // SAFETY: as the caller promises.
         let options = unsafe { read(options)? };
         if options.flags & !NVSP_MODEM_CHECKS != 0 {
-            return Err(Failure::argument("nvsp_reassembler_options.flags"));
+            return Err(Failure::argument("nvsp_reassembler_options.flags: unknown bits"));
         }
         let mut how = ReassemblerOptions::new(mtu as usize);
         how.modem_checks = options.flags & NVSP_MODEM_CHECKS != 0;
@@ -276,7 +284,7 @@ pub unsafe extern "C" fn nvsp_reassembler_push(
 /// - `reassembler`: a live reassembler. Not NULL.
 /// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_reassembler_options.max_packet_bytes always suffices.
-/// - `written`: receives the number of bytes. Not NULL.
+/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 /// - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_fetch(
@@ -298,6 +306,7 @@ pub unsafe extern "C" fn nvsp_reassembler_fetch(
             let newest = newest.ok_or(nothing)?;
             let needed = newest.bytes.len();
             if size < needed {
+                *written = needed;
                 return Err(Failure::Room { needed, found: size });
             }
             packet.copy_from_nonoverlapping(newest.bytes.as_ptr(), needed);
@@ -316,9 +325,10 @@ pub unsafe extern "C" fn nvsp_reassembler_fetch(
 ///
 /// # Safety
 /// - `reassembler`: a live reassembler. Not NULL.
-/// - `indices`: receives the indices. Yours, of `room` numbers. Not NULL.
-/// - `room`: most indices.
-/// - `count`: receives how many were written. Not NULL.
+/// - `indices`: receives the first indices, as many as there is room for. Yours, of `room` numbers. NULL only if `room`
+///   is 0.
+/// - `room`: most indices to write.
+/// - `count`: receives how many are missing in all, which may be more than `room`. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_reassembler_missing(
     reassembler: *mut nvsp_reassembler,
@@ -329,17 +339,19 @@ pub unsafe extern "C" fn nvsp_reassembler_missing(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_reassembler::handle(reassembler), |content| {
-            if indices.is_null() || count.is_null() {
+            if (indices.is_null() && room > 0) || count.is_null() {
                 return Err(Failure::null("indices or count"));
             }
             let nothing = Failure::at(NVSP_ERR_STATE, "no first frame of a packet came");
             let newest = content.newest().ok_or(nothing)?;
-            let mut written = 0;
-            for index in newest.missing().take(room as usize) {
-                *indices.add(written) = index as u32;
-                written += 1;
+            let mut missing = 0;
+            for index in newest.missing() {
+                if missing < room as usize {
+                    *indices.add(missing) = index as u32;
+                }
+                missing += 1;
             }
-            *count = written as u32;
+            *count = missing as u32;
             Ok(NVSP_OK)
         })
     }

@@ -1,21 +1,35 @@
 //! The prior's handle.
 
 use std::ffi::{CStr, OsStr, c_char};
+use std::io::Read;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::sync::Arc;
 
 use crate::image::{Preprocessing, WhiteBalance};
+use crate::prior::{KeyFrames, PriorClaims};
 use crate::render::Scene;
-use crate::{Prior, RenderOverrides};
+use crate::{Camera, Prior, RenderOverrides};
 
 use super::engine::{EngineContent, nvsp_engine};
 use super::handle::{Handle, Opaque};
+use super::image::nvsp_camera;
+use super::limits::{self, Limits};
 use super::log::{NVSP_LOG_INFO, NVSP_LOG_WARNING};
+use super::memory::Grant;
 use super::status::*;
 use super::structs::{Out, read, versioned};
 
-/// A trained scene on the device. Any number of threads, encoders and decoders may use it at once.
+/// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
+///
+/// ```c
+/// nvsp_prior *prior = NULL;
+/// if (nvsp_prior_open(engine, "reef.nvsg", NULL, &prior) != NVSP_OK) {
+///     char text[512];
+///     nvsp_engine_last_error(engine, text, sizeof text);
+///     fputs(text, stderr);
+/// }
+/// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_prior {
     _opaque: [u8; 0],
@@ -33,13 +47,22 @@ pub(super) struct PriorContent {
 }
 
 /// `near_plane` is given.
-pub const NVSP_PRIOR_NEAR: u32 = 1;
+pub const NVSP_PRIOR_NEAR: u32 = 4096;
 /// `alpha_max` is given.
-pub const NVSP_PRIOR_ALPHA_MAX: u32 = 2;
+pub const NVSP_PRIOR_ALPHA_MAX: u32 = 8192;
 /// `antialiased` is given.
-pub const NVSP_PRIOR_ANTIALIASED: u32 = 4;
+pub const NVSP_PRIOR_ANTIALIASED: u32 = 16384;
 /// `background` is given.
-pub const NVSP_PRIOR_BACKGROUND: u32 = 8;
+pub const NVSP_PRIOR_BACKGROUND: u32 = 32768;
+
+impl PriorContent {
+    /// The prior on the engine's device.
+    pub(super) fn scene_of(self, engine: &EngineContent) -> Result<Arc<Scene>, Failure> {
+        let what = "prior: opened with another engine, or before nvsp_engine_reopen";
+        let here = self.scene.is_on(engine.engine.vulkan());
+        here.then_some(self.scene).ok_or(Failure::argument(what))
+    }
+}
 
 /// Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
 /// must give the same.
@@ -86,13 +109,13 @@ pub struct nvsp_prior_info {
     pub dropped: u32,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
-    /// Near plane in use.
+    /// Near plane in use, the prior's unit.
     pub near_plane: f32,
-    /// Clamp of alpha in use.
+    /// Clamp of alpha in use, between 0 and 1.
     pub alpha_max: f32,
-    /// Whether the anti-aliased mode is in use.
+    /// 1: the anti-aliased mode is in use; else 0.
     pub antialiased: u32,
-    /// Background in use.
+    /// Background in use, linear RGB, 0 to 1.
     pub background: [f32; 3],
     /// Median position of the splats, the prior's unit.
     pub centre: [f32; 3],
@@ -109,7 +132,34 @@ pub struct nvsp_prior_info {
     /// Its clip limit, 1 to 256; 0: none.
     pub clahe_clip_limit: f32,
 }
-versioned!(nvsp_prior_info, 68, 80);
+versioned!(nvsp_prior_info, 80);
+
+/// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than the
+/// device memory was made for makes a frame take more.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_memory_estimate {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Splats that the file claims.
+    pub splats: u64,
+    /// Host memory while the prior is opened.
+    pub prior_host: u64,
+    /// Device memory of the prior; while it is opened, as much again if the device has a memory of its own.
+    pub prior_device: u64,
+    /// Host memory of an encoder; 0 without a camera.
+    pub encoder_host: u64,
+    /// Device memory of an encoder; 0 without a camera.
+    pub encoder_device: u64,
+    /// Host memory of a decoder; 0 without a camera.
+    pub decoder_host: u64,
+    /// Device memory of a decoder; 0 without a camera.
+    pub decoder_device: u64,
+}
+versioned!(nvsp_memory_estimate, 64);
 
 /// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
 /// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
@@ -153,7 +203,7 @@ pub unsafe extern "C" fn nvsp_prior_open(
                 return Err(Failure::null("path"));
             }
             let path = Path::new(OsStr::from_bytes(CStr::from_ptr(path).to_bytes()));
-            Ok(move |overrides: &RenderOverrides| Prior::open(path, overrides))
+            Ok(Source::File(path))
         })
     }
 }
@@ -180,9 +230,39 @@ pub unsafe extern "C" fn nvsp_prior_open_memory(
     // SAFETY: as the caller promises.
     unsafe {
         open(engine, options, prior, || {
-            let bytes = super::image::slice(bytes, size, "bytes")?;
-            Ok(move |overrides: &RenderOverrides| Prior::from_bytes(bytes, "memory", overrides))
+            Ok(Source::Memory(super::image::slice(bytes, size, "bytes")?))
         })
+    }
+}
+
+/// Where a prior's content is.
+enum Source<'a> {
+    File(&'a Path),
+    Memory(&'a [u8]),
+}
+
+impl Source<'_> {
+    /// Sets memory aside, then reads the prior. The memory is needed until the prior is on the device.
+    fn read(self, overrides: &RenderOverrides, limits: &Limits) -> Result<(Prior, Grant), Failure> {
+        match self {
+            Source::Memory(bytes) => {
+                let grant = limits.prior(bytes, 0)?;
+                let prior = Prior::from_bytes(bytes, "memory", overrides);
+                Ok((prior.map_err(crate::Error::from)?, grant))
+            }
+            Source::File(path) => {
+                let size = std::fs::metadata(path).map_or(0, |file| file.len());
+                let bytes = {
+                    let _memory = limits.file(size)?;
+                    Prior::read_file(path).map_err(crate::Error::from)?
+                };
+                let keys = KeyFrames::path_beside(path);
+                let keys = std::fs::metadata(keys).map_or(0, |file| file.len());
+                let grant = limits.prior(&bytes, keys)?;
+                let prior = Prior::from_file(path, bytes, overrides);
+                Ok((prior.map_err(crate::Error::from)?, grant))
+            }
+        }
     }
 }
 
@@ -190,15 +270,12 @@ pub unsafe extern "C" fn nvsp_prior_open_memory(
 ///
 /// # Safety
 /// As for [`nvsp_prior_open`].
-unsafe fn open<Read>(
+unsafe fn open<'a>(
     engine: *mut nvsp_engine,
     options: *const nvsp_prior_options,
     prior: *mut *mut nvsp_prior,
-    source: impl FnOnce() -> Result<Read, Failure>,
-) -> nvsp_status
-where
-    Read: FnOnce(&RenderOverrides) -> Result<Prior, crate::prior::PriorError>,
-{
+    source: impl FnOnce() -> Result<Source<'a>, Failure>,
+) -> nvsp_status {
     // SAFETY: as the caller promises; the place for the handle is checked before it is written.
     unsafe {
         Handle::share(nvsp_engine::handle(engine), |handle, content| {
@@ -206,7 +283,7 @@ where
                 return Err(Failure::null("prior"));
             }
             let overrides = overrides(&read(options)?)?;
-            let loaded = source()?(&overrides).map_err(crate::Error::from)?;
+            let (loaded, _memory) = source()?.read(&overrides, &content.how.limits)?;
             log_load(handle, &loaded);
             let scene = content.engine.upload(&loaded)?;
             let content = PriorContent { scene, info: info_of(&loaded) };
@@ -222,6 +299,32 @@ fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
         NVSP_PRIOR_NEAR | NVSP_PRIOR_ALPHA_MAX | NVSP_PRIOR_ANTIALIASED | NVSP_PRIOR_BACKGROUND;
     if given & !known != 0 {
         return Err(Failure::argument("nvsp_prior_options.given"));
+    }
+    let stated = [
+        (
+            near_plane != 0.0,
+            NVSP_PRIOR_NEAR,
+            "nvsp_prior_options.near_plane: its bit is not in `given`",
+        ),
+        (
+            alpha_max != 0.0,
+            NVSP_PRIOR_ALPHA_MAX,
+            "nvsp_prior_options.alpha_max: its bit is not in `given`",
+        ),
+        (
+            antialiased != 0,
+            NVSP_PRIOR_ANTIALIASED,
+            "nvsp_prior_options.antialiased: its bit is not in `given`",
+        ),
+        (
+            background != [0.0; 3],
+            NVSP_PRIOR_BACKGROUND,
+            "nvsp_prior_options.background: its bit is not in `given`",
+        ),
+    ];
+    // A NaN differs from 0, so it is stated.
+    if let Some((_, _, what)) = stated.into_iter().find(|(set, bit, _)| *set && given & bit == 0) {
+        return Err(Failure::argument(what));
     }
     Ok(RenderOverrides {
         near: (given & NVSP_PRIOR_NEAR != 0).then_some(near_plane),
@@ -264,6 +367,67 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
         },
         clahe_tiles: clahe.map_or(0, |clahe| clahe.tiles().into()),
         clahe_clip_limit: clahe.map_or(0.0, |clahe| clahe.clip_limit()),
+    }
+}
+
+/// Estimates the memory that a prior takes, before it is loaded, from the first 64 KiB of its file: what
+/// nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
+/// Opens no device. Allocates; any thread may call it.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR
+/// if the file is no PLY file and no compact prior.
+///
+/// # Safety
+/// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
+/// - `camera`: the camera of encoders and decoders. Read during the call. NULL: their memory is not wanted.
+/// - `estimate`: receives the estimate, set up by NVSP_INIT. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_prior_estimate(
+    path: *const c_char,
+    camera: *const nvsp_camera,
+    estimate: *mut nvsp_memory_estimate,
+) -> nvsp_status {
+    super::handle::fence(|| {
+        if path.is_null() {
+            return Err(Failure::null("path"));
+        }
+        // SAFETY: as the caller promises.
+        let (out, camera, path) = unsafe {
+            let out = Out::required(estimate)?;
+            let camera = (!camera.is_null()).then(|| super::image::camera(camera)).transpose()?;
+            (out, camera, Path::new(OsStr::from_bytes(CStr::from_ptr(path).to_bytes())))
+        };
+        let unread = |error| crate::Error::from(crate::prior::PriorError::Read(error));
+        let mut start = [0; 1 << 16];
+        let mut file = std::fs::File::open(path).map_err(unread)?;
+        let size = file.metadata().map_err(unread)?.len();
+        let mut read = 0;
+        while read < start.len() {
+            match file.read(&mut start[read..]).map_err(unread)? {
+                0 => break,
+                more => read += more,
+            }
+        }
+        let unknown = Failure::at(NVSP_ERR_PRIOR, "no PLY file and no compact prior");
+        let claims = PriorClaims::of_start(&start[..read], size).ok_or(unknown)?;
+        out.write(&estimate_of(&claims, camera));
+        Ok(NVSP_OK)
+    })
+}
+
+fn estimate_of(claims: &PriorClaims, camera: Option<Camera>) -> nvsp_memory_estimate {
+    let of = |bytes: fn(u32, u32) -> u64| camera.map_or(0, |c| bytes(c.width, c.height));
+    let splats = camera.map_or(0, |_| claims.splats * limits::WORKSPACE);
+    nvsp_memory_estimate {
+        struct_size: 0,
+        abi_version: 0,
+        splats: claims.splats,
+        prior_host: limits::prior(claims) + claims.bytes,
+        prior_device: claims.device_bytes(),
+        encoder_host: of(limits::encoder),
+        encoder_device: of(limits::encoder_device) + splats,
+        decoder_host: of(limits::decoder),
+        decoder_device: of(limits::decoder_device) + splats,
     }
 }
 

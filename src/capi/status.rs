@@ -24,9 +24,10 @@ pub const NVSP_ERR_ARGUMENT: nvsp_status = -2;
 pub const NVSP_ERR_STRUCT_SIZE: nvsp_status = -3;
 /// A structure was made for an ABI version that this library does not speak.
 pub const NVSP_ERR_ABI_VERSION: nvsp_status = -4;
-/// The destination is too small; the text tells how many bytes are needed.
+/// The destination is too small. What else the call writes tells how many bytes are needed: `written`, or
+/// nvsp_picture.needed.
 pub const NVSP_ERR_BUFFER_TOO_SMALL: nvsp_status = -5;
-/// Another thread is inside a call on this handle, or a frame that was begun is not finished.
+/// Another thread is inside a call on this handle.
 pub const NVSP_ERR_BUSY: nvsp_status = -6;
 /// There is nothing to finish or to fetch.
 pub const NVSP_ERR_STATE: nvsp_status = -7;
@@ -34,7 +35,8 @@ pub const NVSP_ERR_STATE: nvsp_status = -7;
 pub const NVSP_ERR_POISONED: nvsp_status = -8;
 /// No Vulkan loader, or no device that fits; the text says what was found and what to install.
 pub const NVSP_ERR_NO_DEVICE: nvsp_status = -9;
-/// The device was lost. See nvsp_engine_reopen.
+/// The device was lost, or did not end its work within nvsp_engine_options.watchdog_milliseconds. See
+/// nvsp_engine_reopen.
 pub const NVSP_ERR_DEVICE_LOST: nvsp_status = -10;
 /// Host or device memory could not be allocated. The text names the buffer and its size.
 pub const NVSP_ERR_MEMORY: nvsp_status = -11;
@@ -65,6 +67,13 @@ pub const NVSP_ERR_RESIDUAL: nvsp_status = -22;
 pub const NVSP_ERR_MODEM: nvsp_status = -23;
 /// A fault of the library itself. The handle cannot be used any more.
 pub const NVSP_ERR_INTERNAL: nvsp_status = -24;
+/// A picture has more pixels than nvsp_engine_options.frame_size_limit allows.
+pub const NVSP_ERR_LIMIT: nvsp_status = -25;
+/// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it.
+pub const NVSP_ERR_UNFINISHED: nvsp_status = -26;
+/// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or looks
+/// like one by chance. Update this side.
+pub const NVSP_ERR_NEWER: nvsp_status = -27;
 
 /// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 ///
@@ -103,6 +112,9 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_RESIDUAL => c"the difference picture is damaged",
         NVSP_ERR_MODEM => c"no modem frame of a packet",
         NVSP_ERR_INTERNAL => c"a fault inside the library",
+        NVSP_ERR_LIMIT => c"above the limit that you set",
+        NVSP_ERR_UNFINISHED => c"what was begun is not finished",
+        NVSP_ERR_NEWER => c"of a newer format than this library knows",
         _ => c"no status of this library",
     }
 }
@@ -116,6 +128,9 @@ pub(super) enum Failure {
     /// The destination is too small.
     #[error("the destination has {found} bytes, but {needed} are needed")]
     Room { needed: usize, found: usize },
+    /// A call's host memory is above the limit, or the system does not have it.
+    #[error("no memory for {what}: it may take {bytes} bytes of host memory{}", limit_text(*limit))]
+    Memory { what: &'static str, bytes: u64, limit: u64 },
     /// An error of the library.
     #[error(transparent)]
     Library(#[from] crate::Error),
@@ -149,7 +164,10 @@ impl Failure {
         match self {
             Failure::Boundary { status, .. } => *status,
             Failure::Room { .. } => NVSP_ERR_BUFFER_TOO_SMALL,
+            Failure::Memory { .. } => NVSP_ERR_MEMORY,
             Failure::Library(error) => of_library(error),
+            Failure::Modem(ModemError::Memory(_)) => NVSP_ERR_MEMORY,
+            Failure::Modem(ModemError::Packet(PacketError::Version(_))) => NVSP_ERR_NEWER,
             Failure::Modem(_) => NVSP_ERR_MODEM,
         }
     }
@@ -167,6 +185,10 @@ impl From<PixelError> for Failure {
     }
 }
 
+fn limit_text(limit: u64) -> String {
+    if limit == u64::MAX { String::new() } else { format!("; the limit is {limit}") }
+}
+
 /// The status of a library's error.
 pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
     use crate::Error as E;
@@ -175,7 +197,9 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         E::Prior(error) => of_prior(error),
         E::PriorChanged { .. } => NVSP_ERR_OTHER_PRIOR,
         E::Camera(_) => NVSP_ERR_CAMERA,
+        E::FrameTooLarge { .. } => NVSP_ERR_LIMIT,
         E::Packet(PacketError::Prior { .. }) => NVSP_ERR_OTHER_PRIOR,
+        E::Packet(PacketError::Version(_) | PacketError::Coder(_)) => NVSP_ERR_NEWER,
         E::Packet(error) if error.part() == Some(crate::packet::Part::Residual) => {
             NVSP_ERR_RESIDUAL
         }
@@ -185,6 +209,7 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         E::Budget { .. } => NVSP_ERR_BUDGET,
         E::NoStart { .. } => NVSP_ERR_NO_START,
         E::HintPose { .. }
+        | E::HintFar { .. }
         | E::HintCovariance { .. }
         | E::HintAge { .. }
         | E::FrameTime { .. }
@@ -200,7 +225,7 @@ fn of_vulkan(error: &vulkan::Error) -> nvsp_status {
         E::NoLoader(_) | E::NoDevice { .. } | E::UnknownDevice { .. } | E::NoValidationLayer => {
             NVSP_ERR_NO_DEVICE
         }
-        E::DeviceLost { .. } => NVSP_ERR_DEVICE_LOST,
+        E::DeviceLost { .. } | E::Hung { .. } => NVSP_ERR_DEVICE_LOST,
         error if error.is_out_of_memory() => NVSP_ERR_MEMORY,
         _ => NVSP_ERR_VULKAN,
     }
@@ -209,8 +234,12 @@ fn of_vulkan(error: &vulkan::Error) -> nvsp_status {
 fn of_prior(error: &PriorError) -> nvsp_status {
     match error {
         PriorError::InFile { error, .. } => of_prior(error),
+        PriorError::Read(error) if error.kind() == std::io::ErrorKind::OutOfMemory => {
+            NVSP_ERR_MEMORY
+        }
         PriorError::Read(_) => NVSP_ERR_FILE,
         PriorError::Option { .. } => NVSP_ERR_ARGUMENT,
+        PriorError::Newer { .. } => NVSP_ERR_NEWER,
         _ => NVSP_ERR_PRIOR,
     }
 }
@@ -221,11 +250,14 @@ mod tests {
 
     use super::*;
 
+    /// The last one there is.
+    const LAST: nvsp_status = NVSP_ERR_NEWER;
+
     #[test]
     fn every_status_has_a_text_of_its_own() {
-        let texts: HashSet<_> = (NVSP_ERR_INTERNAL..=NVSP_PENDING).map(text).collect();
-        assert_eq!(texts.len() as i32, NVSP_PENDING - NVSP_ERR_INTERNAL + 1);
-        for other in [NVSP_ERR_INTERNAL - 1, NVSP_PENDING + 1, i32::MIN, i32::MAX] {
+        let texts: HashSet<_> = (LAST..=NVSP_PENDING).map(text).collect();
+        assert_eq!(texts.len() as i32, NVSP_PENDING - LAST + 1);
+        for other in [LAST - 1, NVSP_PENDING + 1, i32::MIN, i32::MAX] {
             assert!(!texts.contains(text(other)));
         }
     }

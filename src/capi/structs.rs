@@ -9,6 +9,18 @@ use super::status::*;
 
 /// Version of the ABI that this header describes.
 pub const NVSP_ABI_VERSION: u32 = 1;
+/// Version of the library that this header came with; nvsp_version gives that of the library in use. First number.
+#[allow(dead_code)] // For C alone.
+pub const NVSP_VERSION_MAJOR: u32 = 0;
+/// Second number.
+#[allow(dead_code)] // For C alone.
+pub const NVSP_VERSION_MINOR: u32 = 1;
+/// Third number.
+#[allow(dead_code)] // For C alone.
+pub const NVSP_VERSION_PATCH: u32 = 0;
+/// The three in one number, for comparisons: 1,000,000 major + 1,000 minor + patch.
+#[allow(dead_code)] // For C alone.
+pub const NVSP_VERSION_NUMBER: u32 = 1000;
 
 /// Bytes of the two fields that all these structures begin with.
 const HEAD: usize = 8;
@@ -150,18 +162,16 @@ impl<T: Versioned> Out<T> {
     }
 }
 
-/// Implements [`Versioned`] for a structure that had `$first_size` bytes in its first version and has `$size` now.
+/// Implements [`Versioned`] for a structure that has had `$first_size` bytes since its first version.
 macro_rules! versioned {
     ($name:ident, $first_size:expr) => {
-        versioned!($name, $first_size, $first_size);
-    };
-    ($name:ident, $first_size:expr, $size:expr) => {
         // SAFETY: its definition stands above, with numbers and pointers only.
         unsafe impl crate::capi::structs::Versioned for $name {
             const FIRST_SIZE: usize = $first_size;
             const NAME: &'static str = stringify!($name);
         }
-        const _: () = assert!(size_of::<$name>() == $size, "the size in this version");
+        #[cfg(target_pointer_width = "64")]
+        const _: () = assert!(size_of::<$name>() == $first_size, "the size in this version");
     };
 }
 pub(super) use versioned;

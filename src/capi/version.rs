@@ -22,3 +22,47 @@ pub extern "C" fn nvsp_version() -> *const c_char {
 pub extern "C" fn nvsp_abi_version() -> u32 {
     NVSP_ABI_VERSION
 }
+
+/// Returns the library's version as one number, as NVSP_VERSION_NUMBER has it for the header.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_version_number() -> u32 {
+    super::structs::NVSP_VERSION_NUMBER
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::structs::*;
+
+    #[test]
+    fn the_header_has_the_version_of_the_package() {
+        let numbers = (NVSP_VERSION_MAJOR, NVSP_VERSION_MINOR, NVSP_VERSION_PATCH);
+        let (major, minor, patch) = numbers;
+        assert_eq!(env!("CARGO_PKG_VERSION"), format!("{major}.{minor}.{patch}"));
+        assert_eq!(NVSP_VERSION_NUMBER, 1_000_000 * major + 1000 * minor + patch);
+    }
+
+    #[test]
+    fn no_two_flags_have_one_value() {
+        use super::super::{decoder, encoder, engine, frame, modem, prior};
+        let flags = [
+            encoder::NVSP_FRAME_UNCERTAIN,
+            encoder::NVSP_FRAME_RATE_MISSED,
+            encoder::NVSP_FRAME_UNDETERMINED,
+            encoder::NVSP_FRAME_NOT_PORTABLE,
+            decoder::NVSP_DECODED_SAME_RENDER,
+            decoder::NVSP_DECODED_OTHER_RENDER,
+            decoder::NVSP_HEADER_POSE,
+            decoder::NVSP_HEADER_SHORT,
+            decoder::NVSP_DECODE_START,
+            frame::NVSP_GIVEN_TIME,
+            modem::NVSP_MODEM_CHECKS,
+            engine::NVSP_ENGINE_VALIDATION,
+            prior::NVSP_PRIOR_NEAR,
+            prior::NVSP_PRIOR_ALPHA_MAX,
+            prior::NVSP_PRIOR_ANTIALIASED,
+            prior::NVSP_PRIOR_BACKGROUND,
+        ];
+        let all = flags.iter().fold(0, |all, flag| all | flag);
+        assert_eq!(all.count_ones() as usize, flags.len());
+    }
+}

@@ -1,18 +1,23 @@
 //! A thread of its own for the work, so that a control loop need not wait for it.
 
+use std::ffi::CStr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::status::*;
+use super::thread::{Thread, ThreadStart};
 
 /// A job that is done again and again on `C`, on the caller's thread or on one beside it.
 pub(super) struct Worker<C> {
     shared: Arc<Shared<C>>,
     /// Started when it is first needed.
-    thread: Option<JoinHandle<()>>,
+    thread: Option<Thread>,
     job: Job<C>,
+    /// What to do with the core after an outcome that nobody took.
+    dropped: fn(&mut C),
+    name: &'static CStr,
+    start: ThreadStart,
 }
 
 pub(super) type Job<C> = fn(&mut C) -> Result<(), Failure>;
@@ -28,6 +33,8 @@ enum State {
     Idle,
     /// Begun.
     Asked,
+    /// Begun, but nobody wants the outcome.
+    Cancelled,
     /// Ended, the outcome not taken yet.
     Done(Result<(), Failure>),
     /// The thread is to end.
@@ -40,6 +47,17 @@ impl<C> Shared<C> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Keeps an outcome; `false`: nobody wants it.
+    fn end(&self, outcome: Result<(), Failure>) -> bool {
+        let mut state = self.state();
+        let wanted = matches!(*state, State::Asked);
+        if wanted {
+            *state = State::Done(outcome);
+            self.changed.notify_all();
+        }
+        wanted
+    }
+
     fn set(&self, state: State) {
         *self.state() = state;
         self.changed.notify_all();
@@ -47,20 +65,26 @@ impl<C> Shared<C> {
 }
 
 impl<C: Send + 'static> Worker<C> {
-    pub(super) fn new(core: C, job: Job<C>) -> Worker<C> {
+    /// `name` and `start` are for the thread.
+    pub(super) fn new(
+        core: C,
+        (job, dropped): (Job<C>, fn(&mut C)),
+        name: &'static CStr,
+        start: ThreadStart,
+    ) -> Worker<C> {
         let (state, changed) = (Mutex::new(State::Idle), Condvar::new());
         let shared = Arc::new(Shared { state, changed, core: Mutex::new(core) });
-        Worker { shared, thread: None, job }
+        Worker { shared, thread: None, job, dropped, name, start }
     }
 
     /// What the job works on. Fails while the job runs.
     pub(super) fn core(&self) -> Result<MutexGuard<'_, C>, Failure> {
-        if matches!(*self.shared.state(), State::Asked) {
-            return Err(Failure::at(NVSP_ERR_BUSY, "the job that was begun is not finished"));
+        if matches!(*self.shared.state(), State::Asked | State::Cancelled) {
+            return Err(Failure::at(NVSP_ERR_UNFINISHED, "finish it or cancel it"));
         }
         self.shared.core.try_lock().map_err(|error| match error {
             TryLockError::Poisoned(_) => Failure::at(NVSP_ERR_POISONED, "the job failed before"),
-            TryLockError::WouldBlock => Failure::at(NVSP_ERR_BUSY, "the job is ending"),
+            TryLockError::WouldBlock => Failure::at(NVSP_ERR_UNFINISHED, "it is ending"),
         })
     }
 
@@ -93,10 +117,9 @@ impl<C: Send + 'static> Worker<C> {
         }
         if self.thread.is_none() {
             let (shared, job) = (self.shared.clone(), self.job);
-            let thread = std::thread::Builder::new().name("nvsprior".into());
-            let started = thread.spawn(move || serve(&shared, job));
-            let failed = |_| Failure::at(NVSP_ERR_MEMORY, "a thread cannot be started");
-            self.thread = Some(started.map_err(failed)?);
+            let dropped = self.dropped;
+            let body = move || serve(&shared, job, dropped);
+            self.thread = Some(Thread::spawn(self.name, self.start, body)?);
         }
         self.shared.set(State::Asked);
         Ok(())
@@ -104,15 +127,33 @@ impl<C: Send + 'static> Worker<C> {
 
     /// Tells whether there is an outcome to take. Waits for it, at most `timeout`.
     pub(super) fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
-        let asked = |state: &mut State| matches!(state, State::Asked);
+        let asked = |state: &mut State| matches!(state, State::Asked | State::Cancelled);
         let changed = &self.shared.changed;
         let (state, _) = changed
             .wait_timeout_while(self.shared.state(), timeout, asked)
             .unwrap_or_else(PoisonError::into_inner);
         match *state {
-            State::Asked => Ok(NVSP_PENDING),
+            State::Asked | State::Cancelled => Ok(NVSP_PENDING),
             State::Done(_) => Ok(NVSP_OK),
             State::Idle | State::Quit => Err(Failure::at(NVSP_ERR_STATE, "nothing was begun")),
+        }
+    }
+
+    /// Drops the job that was begun, or its outcome. Tells whether it has ended; if it has not, it ends by itself.
+    pub(super) fn cancel(&mut self) -> Result<nvsp_status, Failure> {
+        let mut state = self.shared.state();
+        match *state {
+            State::Idle | State::Quit => Ok(NVSP_OK),
+            State::Asked | State::Cancelled => {
+                *state = State::Cancelled;
+                Ok(NVSP_PENDING)
+            }
+            State::Done(_) => {
+                *state = State::Idle;
+                drop(state);
+                (self.dropped)(&mut *self.core()?);
+                Ok(NVSP_OK)
+            }
         }
     }
 
@@ -141,21 +182,21 @@ impl<C> Drop for Worker<C> {
     /// Waits for a job that was begun.
     fn drop(&mut self) {
         if let Some(thread) = self.thread.take() {
-            let asked = |state: &mut State| matches!(state, State::Asked);
+            let asked = |state: &mut State| matches!(state, State::Asked | State::Cancelled);
             let changed = &self.shared.changed;
             let ended = changed.wait_while(self.shared.state(), asked);
             *ended.unwrap_or_else(PoisonError::into_inner) = State::Quit;
             changed.notify_all();
             // The thread catches what the job panics with.
-            let _ = thread.join();
+            drop(thread);
         }
     }
 }
 
 /// The thread: does the job whenever it is asked for.
-fn serve<C>(shared: &Shared<C>, job: Job<C>) {
+fn serve<C>(shared: &Shared<C>, job: Job<C>, dropped: fn(&mut C)) {
     loop {
-        let rest = |state: &mut State| !matches!(state, State::Asked | State::Quit);
+        let rest = |state: &mut State| matches!(state, State::Idle | State::Done(_));
         let state = shared.changed.wait_while(shared.state(), rest);
         if matches!(*state.unwrap_or_else(PoisonError::into_inner), State::Quit) {
             return;
@@ -166,7 +207,14 @@ fn serve<C>(shared: &Shared<C>, job: Job<C>) {
             Err(_) => Err(Failure::at(NVSP_ERR_POISONED, "the job failed before")),
         }));
         let panicked = |_| Err(Failure::at(NVSP_ERR_INTERNAL, "please report it"));
-        shared.set(State::Done(outcome.unwrap_or_else(panicked)));
+        let outcome = outcome.unwrap_or_else(panicked);
+        if shared.end(outcome) {
+            continue;
+        }
+        if let Ok(mut core) = shared.core.lock() {
+            dropped(&mut core);
+        }
+        shared.set(State::Idle);
     }
 }
 
@@ -186,13 +234,18 @@ mod tests {
         }
     }
 
+    fn worker(core: u32, job: Job<u32>) -> Worker<u32> {
+        let start = ThreadStart { callback: None, user: std::ptr::null_mut() };
+        Worker::new(core, (job, |core| *core += 100), c"nvsp-test", start)
+    }
+
     fn status<R>(result: Result<R, Failure>) -> Option<nvsp_status> {
         result.err().map(|failure| failure.status())
     }
 
     #[test]
     fn outcomes_are_taken_once_and_failures_end_their_job_only() {
-        let mut worker = Worker::new(0, count);
+        let mut worker = worker(0, count);
         assert_eq!(status(worker.wait(Duration::ZERO)), Some(NVSP_ERR_STATE));
         worker.begin(|_| Ok(())).unwrap();
         assert_eq!(worker.wait(LONG).unwrap(), NVSP_OK);
@@ -216,7 +269,7 @@ mod tests {
 
     #[test]
     fn a_panic_on_the_thread_is_told_and_ends_the_worker() {
-        let mut worker = Worker::new(4, count);
+        let mut worker = worker(4, count);
         worker.begin(|_| Ok(())).unwrap();
         worker.wait(LONG).unwrap();
         assert_eq!(status(worker.take(|_| Ok(()))), Some(NVSP_ERR_INTERNAL));
@@ -229,13 +282,40 @@ mod tests {
             std::thread::sleep(Duration::from_millis(200));
             Ok(())
         }
-        let mut worker = Worker::new(0, slow);
+        let mut worker = worker(0, slow);
         worker.begin(|_| Ok(())).unwrap();
-        assert_eq!(status(worker.core()), Some(NVSP_ERR_BUSY));
-        assert_eq!(status(worker.begin(|_| Ok(()))), Some(NVSP_ERR_BUSY));
+        assert_eq!(status(worker.core()), Some(NVSP_ERR_UNFINISHED));
+        assert_eq!(status(worker.begin(|_| Ok(()))), Some(NVSP_ERR_UNFINISHED));
         assert_eq!(worker.take(|_| Ok(())).unwrap(), NVSP_PENDING);
         assert_eq!(worker.wait(LONG).unwrap(), NVSP_OK);
         worker.begin(|_| Ok(())).unwrap();
+        drop(worker); // Waits, and does not hang.
+    }
+
+    #[test]
+    fn what_is_cancelled_ends_without_an_outcome() {
+        fn slow(core: &mut u32) -> Result<(), Failure> {
+            std::thread::sleep(Duration::from_millis(100));
+            *core += 1;
+            Ok(())
+        }
+        let mut worker = worker(0, slow);
+        assert_eq!(worker.cancel().unwrap(), NVSP_OK, "nothing was begun");
+        worker.begin(|_| Ok(())).unwrap();
+        assert_eq!(worker.cancel().unwrap(), NVSP_PENDING);
+        assert_eq!(status(worker.begin(|_| Ok(()))), Some(NVSP_ERR_UNFINISHED));
+        assert_eq!(
+            status(worker.wait(LONG)),
+            Some(NVSP_ERR_STATE),
+            "it ended, and nothing is left"
+        );
+        assert_eq!(*worker.core().unwrap(), 101);
+        worker.begin(|_| Ok(())).unwrap();
+        assert_eq!(worker.wait(LONG).unwrap(), NVSP_OK);
+        assert_eq!(worker.cancel().unwrap(), NVSP_OK);
+        assert_eq!(*worker.core().unwrap(), 202);
+        worker.begin(|_| Ok(())).unwrap();
+        worker.cancel().unwrap();
         drop(worker); // Waits, and does not hang.
     }
 }

@@ -2,6 +2,8 @@
 
 use crate::packet::{Extent, sound_len};
 
+use super::ModemError;
+use super::error::filled;
 use super::fragment::{Fragment, binding};
 use super::layout::Layout;
 
@@ -53,9 +55,9 @@ impl Assembly {
         layout.start(frames) + frames * size_of::<bool>()
     }
 
-    pub(super) fn new(layout: Layout, frames: usize) -> Assembly {
-        let bytes = vec![0; layout.start(frames)];
-        Assembly { layout, bytes, there: vec![false; frames], packet: None }
+    pub(super) fn new(layout: Layout, frames: usize) -> Result<Assembly, ModemError> {
+        let (bytes, there) = (filled(layout.start(frames), 0)?, filled(frames, false)?);
+        Ok(Assembly { layout, bytes, there, packet: None })
     }
 
     pub(super) fn state(&self) -> Option<&State> {

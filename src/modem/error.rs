@@ -77,7 +77,19 @@ pub enum ModemError {
     /// The first frame of a packet whose place a newer one has taken.
     #[error("packet of frame number {0} comes again after a newer one took its place")]
     Late(u32),
+    /// The system does not have the memory that a reassembler takes.
+    #[error("no memory for reassembly: {0} bytes")]
+    Memory(usize),
     /// The first frame contradicts the one that is there, and later frames vouch for that one.
     #[error("first frame of frame number {0}: differs from the one that its packet's checks match")]
     Contradicts(u32),
+}
+
+/// `count` values, in memory that may be refused.
+pub(super) fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>, ModemError> {
+    let mut values = Vec::new();
+    let refused = |_| ModemError::Memory(count.saturating_mul(size_of::<T>()));
+    values.try_reserve_exact(count).map_err(refused)?;
+    values.resize(count, value);
+    Ok(values)
 }

@@ -1,5 +1,6 @@
 //! A packet slot: what is held of packets whose frame numbers end in the same two bits.
 
+use super::ModemError;
 use super::assembly::{Assembly, Bond};
 use super::fragment::Fragment;
 use super::layout::Layout;
@@ -18,9 +19,9 @@ impl PacketSlot {
         Assembly::memory(layout, frames) + Waiting::memory(layout, frames)
     }
 
-    pub(super) fn new(layout: Layout, tag: usize, frames: usize) -> PacketSlot {
-        let packet = Assembly::new(layout, frames);
-        PacketSlot { packet, waiting: Waiting::new(layout, tag, frames) }
+    pub(super) fn new(layout: Layout, tag: usize, frames: usize) -> Result<PacketSlot, ModemError> {
+        let packet = Assembly::new(layout, frames)?;
+        Ok(PacketSlot { packet, waiting: Waiting::new(layout, tag, frames)? })
     }
 
     /// Takes a later frame of this tag.

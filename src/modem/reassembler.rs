@@ -105,15 +105,17 @@ impl Reassembler {
     /// Allocates [`ReassemblerOptions::memory`].
     ///
     /// # Errors
-    /// If the MTU is outside 31 to 65,535 bytes.
+    /// If the MTU is outside 31 to 65,535 bytes, or the system does not have the memory.
     pub fn new(options: ReassemblerOptions) -> Result<Reassembler, ModemError> {
         let layout = Layout::new(options.mtu)?;
         let room = options.frames(layout);
+        let slot = |tag| PacketSlot::new(layout, tag, room);
+        let slots = [slot(0)?, slot(1)?, slot(2)?, slot(3)?];
         Ok(Reassembler {
             layout,
             modem_checks: options.modem_checks,
             room,
-            slots: std::array::from_fn(|tag| PacketSlot::new(layout, tag, room)),
+            slots,
             newest: None,
             gone: [None; GONE],
             oldest_gone: 0,

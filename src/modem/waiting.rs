@@ -1,5 +1,7 @@
 //! Fragment frames that belong to no packet at hand: their first frame may be yet to come.
 
+use super::ModemError;
+use super::error::filled;
 use super::fragment::Fragment;
 use super::layout::Layout;
 
@@ -38,9 +40,9 @@ impl Waiting {
         (frames - 1) * (layout.full() + size_of::<Option<Held>>())
     }
 
-    pub(super) fn new(layout: Layout, tag: usize, frames: usize) -> Waiting {
-        let data = vec![0; (frames - 1) * layout.full()];
-        Waiting { layout, tag, data, frames: vec![None; frames - 1], count: 0 }
+    pub(super) fn new(layout: Layout, tag: usize, frames: usize) -> Result<Waiting, ModemError> {
+        let data = filled((frames - 1) * layout.full(), 0)?;
+        Ok(Waiting { layout, tag, data, frames: filled(frames - 1, None)?, count: 0 })
     }
 
     /// Frames that wait.

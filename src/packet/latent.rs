@@ -264,8 +264,19 @@ pub(super) fn check_start(bytes: &[u8]) -> Result<Form, PacketError> {
             }
             Ok(Form::Short)
         }
-        version => Err(PacketError::Version(version)),
+        // Garbage begins so, too: a newer packet is one whose check matches where later versions promise it.
+        version if is_later(bytes) => Err(PacketError::Version(version)),
+        _ => Err(PacketError::Check(Part::Latent)),
     }
+}
+
+/// Whether a check matches at one of the places where later versions keep it.
+fn is_later(bytes: &[u8]) -> bool {
+    let forms = [Form::Short, Form::Full(PoseProfile::Compact), Form::Full(PoseProfile::Paper)];
+    forms.into_iter().any(|form| {
+        let part = bytes.get(..form.latent_len()).and_then(|part| part.split_last_chunk());
+        part.is_some_and(|(part, check)| crc16(&[part]) == u16::from_le_bytes(*check))
+    })
 }
 
 /// Finds the frame number nearest to `last`, among those that are `frame` modulo `frames`. All are modulo

@@ -59,6 +59,10 @@
 //! The residual's check covers the latent part too. So a residual is never added to the picture of
 //! another frame. Bytes after the last part are ignored: modems pad.
 //!
+//! **Later versions** keep the first byte's high four bits, and end their latent part with the CRC-16 of all bytes before
+//! it, after 19, 31 or 43 bytes. So a packet of a later version is told from garbage ([`PacketError::Version`]), by a
+//! check that one random packet in 21,845 of such a first byte passes.
+//!
 //! A decoder cannot use a packet if it holds no camera with the packet's tag. It must not use a
 //! packet of another prior ([`Session::check`]).
 //!

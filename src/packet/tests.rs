@@ -239,7 +239,12 @@ fn names_what_is_wrong() {
         Packet::decode(&bytes).unwrap_err()
     };
     assert_eq!(with(0, 0x52), PacketError::Magic(0x52));
-    assert_eq!(with(0, 0xB3), PacketError::Version(3));
+    assert_eq!(with(0, 0xB3), PacketError::Check(Part::Latent));
+    let mut later = bytes.clone();
+    later[0] = 0xB3;
+    let check = super::bytes::crc16(&[&later[..29]]).to_le_bytes();
+    later[29..31].copy_from_slice(&check);
+    assert_eq!(Packet::decode(&later).unwrap_err(), PacketError::Version(3));
     assert_eq!(with(0, 0xB4), PacketError::Profile(1));
     assert_eq!(with(1, 0), PacketError::Profile(0));
     assert_eq!(with(5, 0), PacketError::Check(Part::Latent));

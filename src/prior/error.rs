@@ -112,6 +112,16 @@ pub enum PriorError {
         /// Entries that the positions and the degree ask for.
         expected: usize,
     },
+    /// The file is of a newer version of its format.
+    #[error("{format} of version {version}; this program reads version {known}: update it")]
+    Newer {
+        /// The format.
+        format: &'static str,
+        /// The file's version.
+        version: u32,
+        /// The newest version that is known here.
+        known: u32,
+    },
     /// A field of a binary format cannot be used.
     #[error("{format}, byte {offset}: {reason}")]
     Field {

@@ -3,6 +3,7 @@
 pub mod analysis;
 mod beside;
 mod check;
+mod claims;
 pub mod coder_tables;
 pub mod compact;
 #[cfg(feature = "formats")]
@@ -28,6 +29,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 pub use check::{Dropped, Fault, INFINITE_LOGIT, MAX_COEFFICIENT, MAX_LOG_SCALE};
+pub use claims::PriorClaims;
 pub use coverage::Covering;
 pub use error::PriorError;
 pub use frame::PriorFrame;
@@ -290,11 +292,25 @@ impl Prior {
     /// `overrides` replaces them. Key frames come from the file at [`KeyFrames::path_beside`] if there is one, else
     /// from the prior's own file. Coder tables come from [`coder_tables::path_beside`] in the same way.
     pub fn open(path: &Path, overrides: &RenderOverrides) -> Result<Prior, PriorError> {
+        Prior::from_file(path, Prior::read_file(path)?, overrides)
+    }
+
+    /// Reads the content of a prior's file. If it is of another format, reads only its first bytes.
+    pub fn read_file(path: &Path) -> Result<Vec<u8>, PriorError> {
         let name = path.display().to_string();
-        let bytes = read_prior_file(path).map_err(|e| PriorError::Read(e).in_file(&name))?;
+        read_prior_file(path).map_err(|e| PriorError::Read(e).in_file(&name))
+    }
+
+    /// As [`Prior::open`], from the content of the file at `path`.
+    pub fn from_file(
+        path: &Path,
+        bytes: Vec<u8>,
+        overrides: &RenderOverrides,
+    ) -> Result<Prior, PriorError> {
         let (key_frames, tables) =
             (KeyFrames::open_beside(path)?, coder_tables::open_beside(path)?);
-        let mut prior = Prior::from_bytes(&bytes, &name, overrides)?;
+        let mut prior = Prior::from_bytes(&bytes, &path.display().to_string(), overrides)?;
+        drop(bytes);
         if let Some(key_frames) = key_frames {
             prior.set_key_frames(key_frames, PartSource::Beside);
         }

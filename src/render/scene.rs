@@ -66,6 +66,11 @@ impl Scene {
         })
     }
 
+    /// Whether it is on this very device, as it was opened.
+    pub fn is_on(&self, device: &Device) -> bool {
+        self.splats.geometry.is_on(device)
+    }
+
     /// What was uploaded, and what was not.
     pub fn analysis(&self) -> &PriorAnalysis {
         &self.analysis

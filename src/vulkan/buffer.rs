@@ -32,13 +32,19 @@ pub struct Buffer {
 pub(super) struct Shared {
     pub raw: vk::Buffer,
     allocation: Option<Allocation>,
+    bytes: u64,
     device: Arc<Inner>,
 }
 
 impl Drop for Shared {
     fn drop(&mut self) {
+        if self.device.hung() {
+            std::mem::forget(self.allocation.take());
+            return;
+        }
         // SAFETY: submissions wait for their end, and recorded commands hold this handle.
         unsafe { self.device.device.destroy_buffer(self.raw, None) };
+        self.device.give_back(self.bytes);
         if let (Some(allocation), Ok(mut allocator)) =
             (self.allocation.take(), self.device.allocator.lock())
             && let Some(allocator) = allocator.as_mut()
@@ -106,10 +112,12 @@ impl Buffer {
         let info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
         let inner = &device.inner;
         inner.check()?;
+        inner.take(name, bytes)?;
         // SAFETY: a valid description.
         let raw = unsafe { inner.device.create_buffer(&info, None) }
+            .inspect_err(|_| inner.give_back(bytes))
             .map_err(Error::of("vkCreateBuffer"))?;
-        let mut shared = Shared { raw, allocation: None, device: inner.clone() };
+        let mut shared = Shared { raw, allocation: None, bytes, device: inner.clone() };
         shared.allocate(name, bytes, memory)?;
         Ok(Buffer { shared: Arc::new(shared), name, bytes })
     }
@@ -131,6 +139,11 @@ impl Buffer {
         recorder.copy(&upload, &buffer)?;
         recorder.finish()?.run()?;
         Ok(buffer)
+    }
+
+    /// Whether it was made on this very device, as it was opened.
+    pub(crate) fn is_on(&self, device: &Device) -> bool {
+        Arc::ptr_eq(&self.shared.device, &device.inner)
     }
 
     /// Size in bytes.

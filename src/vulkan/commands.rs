@@ -62,6 +62,9 @@ const QUERIES: u32 = 1024;
 
 impl Drop for Commands {
     fn drop(&mut self) {
+        if self.device.hung() {
+            return;
+        }
         let device = &self.device.device;
         // SAFETY: `run` waits for the end, so nothing is in flight; null handles are allowed.
         unsafe {
@@ -336,7 +339,7 @@ impl Commands {
         Ok(())
     }
 
-    /// Submits and waits for the end.
+    /// Submits and waits for the end, as long as the watchdog allows.
     pub fn run(&mut self) -> Result<(), Error> {
         self.device.check()?;
         let ended = self.submit();
@@ -358,9 +361,11 @@ impl Commands {
                 .queue_submit(*queue, &submits, self.fence)
                 .map_err(Error::of("vkQueueSubmit"))?;
             drop(queue);
-            device
-                .wait_for_fences(&fences, true, u64::MAX)
-                .map_err(Error::of("vkWaitForFences"))?;
+            let watchdog = self.device.watchdog;
+            device.wait_for_fences(&fences, true, watchdog).map_err(|result| match result {
+                vk::Result::TIMEOUT => Error::Hung { milliseconds: watchdog / 1_000_000 },
+                result => Error::of("vkWaitForFences")(result),
+            })?;
             device.reset_fences(&fences).map_err(Error::of("vkResetFences"))
         }
     }

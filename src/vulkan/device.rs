@@ -1,13 +1,15 @@
 //! Instance, device and queue.
 
 use std::ffi::{CStr, CString, c_void};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::mem::ManuallyDrop;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use ash::{Entry, ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
-use super::Error;
+use super::{Error, cache};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
@@ -19,6 +21,14 @@ pub struct DeviceOptions {
     pub device: Option<String>,
     /// Run under the Khronos validation layer and keep its messages.
     pub validation: bool,
+    /// Most bytes of device memory in all buffers together; 0: all that the device has.
+    pub memory_limit: u64,
+    /// Longest that one submission may take. What takes longer counts as a lost device ([`Error::Hung`]), and what the
+    /// device may still use is then never freed: buffers, pipelines, the device itself. `None`: no bound.
+    pub watchdog: Option<Duration>,
+    /// What [`Device::pipeline_cache`] gave before, so that the driver need not compile again; empty: nothing. Data of
+    /// another driver, or damaged data, is left aside.
+    pub pipeline_cache: Vec<u8>,
 }
 
 /// What kind of device it is, the preferred one first.
@@ -169,7 +179,16 @@ pub(super) struct Inner {
     pub timestamps: bool,
     /// A call found the device lost: none after it gets that far.
     lost: AtomicBool,
-    instance: Instance,
+    /// A call waited for the device in vain: it may still use all that was made on it.
+    hung: AtomicBool,
+    /// Longest that a submission may take, nanoseconds.
+    pub watchdog: u64,
+    /// Bytes in buffers, and the most that there may be.
+    taken: AtomicU64,
+    memory_limit: u64,
+    /// Null if the driver makes none.
+    pub pipeline_cache: vk::PipelineCache,
+    instance: ManuallyDrop<Instance>,
 }
 
 struct Instance {
@@ -201,23 +220,57 @@ impl Inner {
         }
     }
 
+    /// Counts a buffer's bytes. Refuses them if all buffers together would pass the limit.
+    pub fn take(&self, buffer: &'static str, bytes: u64) -> Result<(), Error> {
+        let limit = self.memory_limit;
+        let sum = |taken: u64| taken.checked_add(bytes).filter(|sum| *sum <= limit);
+        match self.taken.fetch_update(Ordering::Relaxed, Ordering::Relaxed, sum) {
+            Ok(_) => Ok(()),
+            Err(taken) => {
+                let reason = format!("{taken} bytes are in use, the limit is {limit}");
+                Err(Error::Memory { buffer, bytes, reason })
+            }
+        }
+    }
+
+    /// The bytes of a buffer are free again.
+    pub fn give_back(&self, bytes: u64) {
+        self.taken.fetch_sub(bytes, Ordering::Relaxed);
+    }
+
     /// Takes note if a call found the device lost.
     pub fn note<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
-        if let Err(Error::DeviceLost { .. }) = result {
+        if let Err(Error::DeviceLost { .. } | Error::Hung { .. }) = result {
             self.lost.store(true, Ordering::Relaxed);
         }
+        if let Err(Error::Hung { .. }) = result {
+            self.hung.store(true, Ordering::Relaxed);
+        }
         result
+    }
+
+    /// Whether the device may still use what was made on it, so that nothing may be freed.
+    pub fn hung(&self) -> bool {
+        self.hung.load(Ordering::Relaxed)
     }
 }
 
 impl Drop for Inner {
     fn drop(&mut self) {
-        // The allocator frees its memory through the device.
-        if let Ok(allocator) = self.allocator.get_mut() {
-            allocator.take();
+        let allocator = self.allocator.get_mut().unwrap_or_else(|e| e.into_inner()).take();
+        if self.hung() {
+            // The driver's code may still run on them: they stay, the loader library too.
+            std::mem::forget(allocator);
+            return;
         }
-        // SAFETY: buffers, kernels and commands hold this Inner, so all are gone.
-        unsafe { self.device.destroy_device(None) };
+        // It frees its memory through the device.
+        drop(allocator);
+        // SAFETY: buffers, kernels and commands hold this Inner, so all are gone. The instance goes last, once.
+        unsafe {
+            self.device.destroy_pipeline_cache(self.pipeline_cache, None);
+            self.device.destroy_device(None);
+            ManuallyDrop::drop(&mut self.instance);
+        }
     }
 }
 
@@ -254,8 +307,10 @@ impl Device {
                 return Err(Error::Memory { buffer: "allocator", bytes: 0, reason });
             }
         };
+        let pipeline_cache = cache::open(&device, &options.pipeline_cache);
         Ok(Device {
             inner: Arc::new(Inner {
+                pipeline_cache,
                 allocator: Mutex::new(Some(allocator)),
                 queue: Mutex::new(queue),
                 queue_family,
@@ -264,7 +319,16 @@ impl Device {
                 timestamp_period: limits.timestamp_period,
                 timestamps,
                 lost: AtomicBool::new(false),
-                instance,
+                hung: AtomicBool::new(false),
+                watchdog: options
+                    .watchdog
+                    .map_or(u64::MAX, |time| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)),
+                taken: AtomicU64::new(0),
+                memory_limit: match options.memory_limit {
+                    0 => u64::MAX,
+                    limit => limit,
+                },
+                instance: ManuallyDrop::new(instance),
             }),
         })
     }
@@ -274,6 +338,12 @@ impl Device {
         if let Some(inner) = Arc::get_mut(&mut self.inner) {
             inner.info.portable = portable;
         }
+    }
+
+    /// What the driver has compiled so far, for [`DeviceOptions::pipeline_cache`] of the next start. It ends in a check.
+    pub fn pipeline_cache(&self) -> Result<Vec<u8>, Error> {
+        self.inner.check()?;
+        cache::read(&self.inner.device, self.inner.pipeline_cache)
     }
 
     /// What the device says of itself.

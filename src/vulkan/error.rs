@@ -48,6 +48,12 @@ pub enum Error {
         /// Name of the Vulkan function that noticed.
         call: &'static str,
     },
+    /// The device did not end its work in time. It counts as lost, and what it may still use is never freed.
+    #[error("the device did not end its work within {milliseconds} ms, the time of the watchdog")]
+    Hung {
+        /// The watchdog's time.
+        milliseconds: u64,
+    },
     /// Memory could not be had.
     #[error("no memory for buffer {buffer} of {bytes} bytes: {reason}")]
     Memory {

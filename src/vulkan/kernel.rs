@@ -26,6 +26,9 @@ pub(super) struct Pipeline {
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
+        if self.device.hung() {
+            return;
+        }
         let device = &self.device.device;
         // SAFETY: recorded commands hold this Pipeline, so none uses it any more. Destroying a null
         // handle, left by a construction that failed, is allowed.
@@ -127,7 +130,7 @@ impl Pipeline {
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
         // SAFETY: layout and module are valid; the module may go once the pipeline is made.
         let made = unsafe {
-            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None);
+            let made = device.create_compute_pipelines(self.device.pipeline_cache, &[info], None);
             device.destroy_shader_module(module, None);
             made
         };

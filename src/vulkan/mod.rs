@@ -3,6 +3,7 @@
 //! returns when the device has finished.
 
 mod buffer;
+mod cache;
 mod commands;
 mod device;
 mod error;

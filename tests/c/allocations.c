@@ -148,7 +148,7 @@ static void whole_way(int number) {
     const int turn = 2 * dive.frames - 2, at = number % turn;
     const nvsp_image image = scene_image(&dive, at < dive.frames ? at : turn - at);
     const nvsp_pose *hint = number == 0 ? &dive.poses[0] : NULL;
-    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     nvsp_header header;
     nvsp_decoded info;
     nvsp_frame_stats stats;

@@ -77,10 +77,15 @@ void scene_read(scene *scene, const char *folder) {
     memset(scene, 0, sizeof *scene);
     snprintf(scene->prior, sizeof scene->prior, "%s/prior.ply", folder);
     snprintf(scene->other_prior, sizeof scene->other_prior, "%s/other.ply", folder);
+    snprintf(scene->compact_prior, sizeof scene->compact_prior, "%s/prior.nvsg", folder);
     snprintf(scene->preprocessed_prior, sizeof scene->preprocessed_prior, "%s/preprocessed.ply", folder);
     char path[600];
     snprintf(path, sizeof path, "%s/scene.txt", folder);
     FILE *file = fopen(path, "r");
+    MUST(NVSP_INIT(&scene->camera));
+    for (int i = 0; i < MAX_FRAMES; i++) {
+        MUST(NVSP_INIT(&scene->poses[i]));
+    }
     nvsp_camera *camera = &scene->camera;
     if (file == NULL
         || fscanf(file, "%u,%u,%f,%f,%f,%f", &camera->width, &camera->height, &camera->fx, &camera->fy,
@@ -114,7 +119,7 @@ void scene_free(scene *scene) {
 
 nvsp_image scene_image(const scene *scene, int frame) {
     const size_t row = (size_t)scene->camera.width * 3;
-    return (nvsp_image){.format = NVSP_FORMAT_RGB8,
+    return (nvsp_image){NVSP_HEAD(nvsp_image), .format = NVSP_FORMAT_RGB8,
                         .width = scene->camera.width,
                         .height = scene->camera.height,
                         .planes = {scene->pixels[frame]},
@@ -155,8 +160,7 @@ void rig_close(rig *rig) {
 
 nvsp_picture place_of(uint8_t *pixels, uint32_t width, uint32_t height) {
     const size_t row = (size_t)width * 3;
-    return (nvsp_picture){
-        .format = NVSP_FORMAT_RGB8, .pixels = pixels, .stride = row, .size = row * height};
+    return (nvsp_picture){NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8, .pixels = pixels, .stride = row, .size = row * height};
 }
 
 void encode_all(rig *rig, const scene *scene, packet *packets) {

@@ -32,7 +32,7 @@ int few(void);
 
 // The folder that tests/capi writes.
 typedef struct scene {
-    char prior[512], other_prior[512], preprocessed_prior[512];  // Paths.
+    char prior[512], other_prior[512], preprocessed_prior[512], compact_prior[512];  // Paths.
     nvsp_camera camera;
     int frames;
     nvsp_pose poses[MAX_FRAMES];

@@ -16,15 +16,15 @@ static void encode_dive(void) {
         MUST(nvsp_encode(both.encoder, &image, i == 0 ? &dive.poses[0] : NULL, packets[i].bytes, room,
                          &packets[i].size, NULL));
         shown[i] = malloc(dive.size);
-        const nvsp_picture place = place_of(shown[i], dive.camera.width, dive.camera.height);
+        nvsp_picture place = place_of(shown[i], dive.camera.width, dive.camera.height);
         MUST(nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &place));
     }
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_get_picture(both.encoder, 2, &(nvsp_picture){.format = 1}));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_get_picture(both.encoder, 2, &(nvsp_picture){NVSP_HEAD(nvsp_picture), .format = 1}));
 }
 
 static void the_encoders_pictures(void) {
     uint8_t *pixels = malloc(dive.size);
-    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     for (int i = 0; i < dive.frames; i++) {
         nvsp_decoded info;
         MUST(NVSP_INIT(&info));
@@ -121,7 +121,7 @@ static void place_with_padding(uint32_t format, size_t padding) {
     const size_t size = stride * (rows - 1) + width * step;
     uint8_t *pixels = malloc(size + 64);
     memset(pixels, 0xa5, size + 64);
-    const nvsp_picture place = {.format = format, .pixels = pixels, .stride = stride, .size = size};
+    nvsp_picture place = {NVSP_HEAD(nvsp_picture), .format = format, .pixels = pixels, .stride = stride, .size = size};
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, packets[0].bytes, packets[0].size, 0, &place, NULL));
     int same = 1;
     for (size_t y = 0; y < rows; y++) {
@@ -141,26 +141,27 @@ static void place_with_padding(uint32_t format, size_t padding) {
 static void unsound_places(void) {
     uint8_t *pixels = malloc(dive.size);
     memset(pixels, 0xa5, dive.size);
-    const nvsp_picture sound = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_picture sound = place_of(pixels, dive.camera.width, dive.camera.height);
     const packet one = packets[0];
-    const struct {
+#define PLACE(f, r, p, s, n) \
+    {NVSP_HEAD(nvsp_picture), .format = f, .reserved = r, .pixels = p, .stride = s, .size = n}
+    struct {
         nvsp_status status;
         nvsp_picture place;
     } places[] = {
-        {NVSP_ERR_NULL, {sound.format, 0, NULL, sound.stride, sound.size}},
-        {NVSP_ERR_ARGUMENT, {0, 0, pixels, sound.stride, sound.size}},
-        {NVSP_ERR_ARGUMENT, {NVSP_FORMAT_NV12, 0, pixels, sound.stride, sound.size}},
-        {NVSP_ERR_ARGUMENT, {NVSP_FORMAT_I420, 0, pixels, sound.stride, sound.size}},
-        {NVSP_ERR_ARGUMENT, {99, 0, pixels, sound.stride, sound.size}},
-        {NVSP_ERR_ARGUMENT, {sound.format, 1, pixels, sound.stride, sound.size}},
-        {NVSP_ERR_ARGUMENT, {sound.format, 0, pixels, 0, sound.size}},
-        {NVSP_ERR_ARGUMENT, {sound.format, 0, pixels, sound.stride - 1, sound.size}},
-        {NVSP_ERR_ARGUMENT, {NVSP_FORMAT_RGBA8, 0, pixels, sound.stride, sound.size}},
-        {NVSP_ERR_ARGUMENT, {sound.format, 0, pixels, sound.stride, SIZE_MAX}},
-        {NVSP_ERR_BUFFER_TOO_SMALL, {sound.format, 0, pixels, sound.stride, sound.size - 1}},
-        {NVSP_ERR_BUFFER_TOO_SMALL, {sound.format, 0, pixels, sound.stride, 0}},
-        {NVSP_ERR_BUFFER_TOO_SMALL, {sound.format, 0, pixels, SIZE_MAX, sound.size}},
-        {NVSP_ERR_BUFFER_TOO_SMALL, {sound.format, 0, pixels, SIZE_MAX / 53, sound.size}},
+        {NVSP_ERR_NULL, PLACE(sound.format, 0, NULL, sound.stride, sound.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(0, 0, pixels, sound.stride, sound.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_NV12, 0, pixels, sound.stride, sound.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_I420, 0, pixels, sound.stride, sound.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(99, 0, pixels, sound.stride, sound.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(sound.format, 1, pixels, sound.stride, sound.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(sound.format, 0, pixels, sound.stride - 1, sound.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_RGBA8, 0, pixels, sound.stride, sound.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(sound.format, 0, pixels, sound.stride, SIZE_MAX)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, sound.stride, sound.size - 1)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, sound.stride, 0)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, SIZE_MAX, sound.size)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, SIZE_MAX / 53, sound.size)},
     };
     for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
         EXPECT(places[i].status,
@@ -168,7 +169,17 @@ static void unsound_places(void) {
         EXPECT(places[i].status,
                nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &places[i].place));
         CHECK(all_are(pixels, 0xa5, dive.size));
+        if (places[i].status == NVSP_ERR_BUFFER_TOO_SMALL) {
+            CHECK(places[i].place.width == dive.camera.width && places[i].place.height == dive.camera.height);
+            CHECK(places[i].place.needed > places[i].place.size);
+        } else {
+            CHECK(places[i].place.needed == 0);
+        }
     }
+    // A place without pixels asks for the size. A stride of 0 is that of rows without padding.
+    nvsp_picture asks = {NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8};
+    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &asks));
+    CHECK(asks.needed == dive.size);
     // The picture that had no room is still there, once.
     EXPECT(NVSP_OK, nvsp_decode_finish(both.decoder, &sound, NULL));
     CHECK(memcmp(pixels, shown[0], dive.size) == 0);
@@ -179,7 +190,7 @@ static void unsound_places(void) {
 static void begun_and_finished(void) {
     nvsp_decoder *decoder = NULL;
     uint8_t *pixels = malloc(dive.size);
-    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
     EXPECT(NVSP_ERR_STATE, nvsp_decode_poll(decoder));
     EXPECT(NVSP_ERR_STATE, nvsp_decode_wait(decoder, 1));
@@ -191,7 +202,7 @@ static void begun_and_finished(void) {
         MUST(NVSP_INIT(&info));
         EXPECT(NVSP_OK, nvsp_decode_begin(decoder, bytes, packets[i].size, 0));
         free(bytes);  // Not needed any more.
-        EXPECT(NVSP_ERR_BUSY, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
+        EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
         EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
         EXPECT(NVSP_OK, nvsp_decode_poll(decoder));
         EXPECT(NVSP_OK, nvsp_decode_finish(decoder, &place, &info));
@@ -235,8 +246,8 @@ static void unknown_to_the_topside(void) {
 // difference picture.
 static void starts_of_packets(void) {
     uint8_t *render = malloc(dive.size), *pixels = malloc(dive.size);
-    const nvsp_picture render_place = place_of(render, dive.camera.width, dive.camera.height);
-    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_picture render_place = place_of(render, dive.camera.width, dive.camera.height);
+    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     const packet one = packets[1];
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, 19, 0, &render_place, NULL));
     uint32_t rows = 0;

@@ -1,6 +1,10 @@
 // Encoding: what a call writes, into which memory, and what an error leaves unchanged.
 
+#define NVSP_NO_ATTRIBUTES  // NULL is tested, too.
+
 #include "common.h"
+
+#include <math.h>
 
 static scene dive;
 static rig both;
@@ -23,7 +27,7 @@ static void nothing_yet(void) {
     size_t written = 77;
     memset(bytes, 0xa5, sizeof bytes);
     memset(pixels, 0xa5, dive.size);
-    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     const nvsp_image image = scene_image(&dive, 0);
     EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
     EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(encoder, 1));
@@ -53,7 +57,7 @@ static void nothing_yet(void) {
     nvsp_encoder_destroy(encoder);
 }
 
-// A packet that does not fit is kept, and nothing is written. The error says how many bytes it takes.
+// A packet that does not fit is kept, and nothing is written but how many bytes it takes.
 static void short_buffers(void) {
     nvsp_encoder *encoder = new_encoder(NULL);
     uint8_t bytes[4096];
@@ -69,7 +73,7 @@ static void short_buffers(void) {
         EXPECT(NVSP_ERR_BUFFER_TOO_SMALL,
                nvsp_encode_finish(encoder, bytes, rooms[i], &written, &stats));
     }
-    CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes) && stats.bytes == 0);
+    CHECK(written == packets[0].size && all_are(bytes, 0xa5, sizeof bytes) && stats.bytes == 0);
     char text[512], needed[32];
     MUST(nvsp_encoder_last_error(encoder, text, sizeof text));
     snprintf(needed, sizeof needed, "%zu", packets[0].size);
@@ -85,17 +89,17 @@ static void short_buffers(void) {
 static void busy_with(nvsp_encoder *encoder, const nvsp_image *image) {
     uint8_t bytes[4096];
     size_t written = 77;
-    const nvsp_picture place = {.format = NVSP_FORMAT_RGB8};
-    EXPECT(NVSP_ERR_BUSY, nvsp_encode_begin(encoder, image, NULL));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encode(encoder, image, NULL, bytes, sizeof bytes, &written, NULL));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_set_rate(encoder, NVSP_RATE_QUALITY, 50));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_set_camera(encoder, &dive.camera));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_reopen(encoder, both.engine, both.prior));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_reset(encoder));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encode_begin_frame(encoder, image, NULL));
-    EXPECT(NVSP_ERR_BUSY,
+    nvsp_picture place = {NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8};
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encode_begin(encoder, image, NULL));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encode(encoder, image, NULL, bytes, sizeof bytes, &written, NULL));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_set_rate(encoder, NVSP_RATE_QUALITY, 50));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_set_camera(encoder, &dive.camera));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_reopen(encoder, both.engine, both.prior));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_reset(encoder));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encode_begin_frame(encoder, image, NULL));
+    EXPECT(NVSP_ERR_UNFINISHED,
            nvsp_encode_frame(encoder, image, NULL, bytes, sizeof bytes, &written, NULL));
-    EXPECT(NVSP_ERR_BUSY, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
+    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
     EXPECT(NVSP_PENDING, nvsp_encode_finish(encoder, bytes, sizeof bytes, &written, NULL));
     EXPECT(NVSP_PENDING, nvsp_encode_poll(encoder));
     EXPECT(NVSP_PENDING, nvsp_encode_wait(encoder, 0));
@@ -155,7 +159,7 @@ static void known_frames(int all) {
             info.hint_covariance = i == 0 ? covariance : NULL;
             info.hint_age = i == 0 ? 0.2 : 0;
             info.time = -3 + 0.5 * i;
-            info.given = NVSP_FRAME_TIME;
+            info.given = NVSP_GIVEN_TIME;
         }
         size_t size = 0;
         if (i % 2 == 0) {
@@ -230,7 +234,7 @@ static void refused_times(nvsp_encoder *encoder, double last) {
     const double times[] = {last - 0.001, strtod("nan", NULL), strtod("-inf", NULL)};
     nvsp_frame_info info;
     MUST(NVSP_INIT(&info));
-    info.given = NVSP_FRAME_TIME;
+    info.given = NVSP_GIVEN_TIME;
     for (int i = 0; i < 3; i++) {
         info.time = times[i];
         refused(encoder, &info, "nvsp_frame_info.time");
@@ -238,9 +242,9 @@ static void refused_times(nvsp_encoder *encoder, double last) {
     info.time = last;
     info.given = 0;
     refused(encoder, &info, "nvsp_frame_info.time");
-    info.given = NVSP_FRAME_TIME | 2;
+    info.given = NVSP_GIVEN_TIME | 2;
     refused(encoder, &info, "nvsp_frame_info.given");
-    info.given = NVSP_FRAME_TIME;
+    info.given = NVSP_GIVEN_TIME;
     info.reserved = 1;
     refused(encoder, &info, "nvsp_frame_info.reserved");
 }
@@ -253,7 +257,7 @@ static void refused_and_reset(void) {
     nvsp_frame_info info;
     MUST(NVSP_INIT(&info));
     info.hint = &dive.poses[0];
-    info.given = NVSP_FRAME_TIME;
+    info.given = NVSP_GIVEN_TIME;
     info.time = 20;
     nvsp_image image = scene_image(&dive, 0);
     MUST(nvsp_encode_frame(plain, &image, &info, expected, sizeof expected, &wanted, NULL));
@@ -404,8 +408,8 @@ static void webp(void) {
     EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, NULL));
     CHECK(!is_packet(0, bytes, size));
     uint8_t *shown = malloc(dive.size), *decoded = malloc(dive.size);
-    const nvsp_picture shown_place = place_of(shown, dive.camera.width, dive.camera.height);
-    const nvsp_picture place = place_of(decoded, dive.camera.width, dive.camera.height);
+    nvsp_picture shown_place = place_of(shown, dive.camera.width, dive.camera.height);
+    nvsp_picture place = place_of(decoded, dive.camera.width, dive.camera.height);
     EXPECT(NVSP_OK, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &shown_place));
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, &place, NULL));
     CHECK(memcmp(shown, decoded, dive.size) == 0);
@@ -465,7 +469,7 @@ static void preprocessing(void) {
     CHECK(size == wanted && memcmp(bytes, expected, size) == 0);
     // The decoder needs no preprocessing, and shows the treated picture.
     uint8_t *shown = malloc(dive.size);
-    const nvsp_picture place = place_of(shown, dive.camera.width, dive.camera.height);
+    nvsp_picture place = place_of(shown, dive.camera.width, dive.camera.height);
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, &place, NULL));
     CHECK(psnr(shown, dive.treated, dive.size) > psnr(shown, dive.pixels[0], dive.size));
     free(shown);
@@ -521,7 +525,7 @@ static void another_camera(void) {
     const uint32_t widths[] = {64, 96, 48};
     for (int i = 0; i < 3; i++) {
         const nvsp_camera camera = scaled_camera(&dive, widths[i]);
-        const nvsp_picture place = place_of(pixels, camera.width, camera.height);
+        nvsp_picture place = place_of(pixels, camera.width, camera.height);
         nvsp_header header;
         MUST(NVSP_INIT(&header));
         size_t size = 0;
@@ -571,6 +575,133 @@ static void order_of_ends(void) {
     rig_close(&ends);
 }
 
+static long lines;
+static const uint8_t bytes_of_none[1];
+
+static void count_lines(void *user, int32_t level, const char *message) {
+    (void)user;
+    lines += level == NVSP_LOG_ERROR;
+    CHECK(strlen(message) > 3);
+}
+
+// What a caller states must make sense, and the text names the field.
+static void named(nvsp_status wanted, nvsp_status found, const nvsp_engine *engine, const char *field) {
+    char text[512];
+    EXPECT(wanted, found);
+    EXPECT(NVSP_OK, nvsp_engine_last_error(engine, text, sizeof text));
+    if (!CHECK(strstr(text, field) != NULL)) {
+        fprintf(stderr, "    %s is not in: %s\n", field, text);
+    }
+}
+
+static void absurd_numbers(void) {
+    nvsp_encoder *made = NULL;
+    nvsp_prior *prior = NULL;
+    const float rates[][2] = {{NVSP_RATE_PSNR, -5},       {NVSP_RATE_PSNR, 0},         {NVSP_RATE_PSNR, INFINITY},
+                              {NVSP_RATE_DEFAULT, 30},    {NVSP_RATE_NONE, 1},         {NVSP_RATE_BYTES, -1},
+                              {NVSP_RATE_QUALITY, NAN},   {NVSP_RATE_QUALITY, 100.5f}, {NVSP_RATE_DEFAULT, NAN}};
+    for (size_t i = 0; i < sizeof rates / sizeof *rates; i++) {
+        nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
+        options.rate = (uint32_t)rates[i][0];
+        options.rate_value = rates[i][1];
+        named(NVSP_ERR_ARGUMENT, nvsp_encoder_create(both.engine, both.prior, &dive.camera, &options, &made),
+              both.engine, "rate_value");
+        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_set_rate(both.encoder, options.rate, options.rate_value));
+    }
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
+    options.threshold = INFINITY;
+    named(NVSP_ERR_ARGUMENT, nvsp_encoder_create(both.engine, both.prior, &dive.camera, &options, &made),
+          both.engine, "threshold");
+    const float bad[] = {-1e9f, 1e9f, NAN, INFINITY};
+    for (int i = 0; i < 16; i++) {
+        const char *const names[] = {"fx", "fy", "cx", "cy"};
+        nvsp_camera camera = dive.camera;
+        float *const fields[] = {&camera.fx, &camera.fy, &camera.cx, &camera.cy};
+        *fields[i / 4] = bad[i % 4];
+        named(NVSP_ERR_CAMERA, nvsp_encoder_create(both.engine, both.prior, &camera, NULL, &made), both.engine,
+              names[i / 4]);
+        EXPECT(NVSP_ERR_CAMERA, nvsp_encoder_set_camera(both.encoder, &camera));
+        EXPECT(NVSP_ERR_CAMERA, nvsp_decoder_add_camera(both.decoder, &camera));
+    }
+    for (int i = 0; i < 4; i++) {
+        const char *const names[] = {"near_plane", "alpha_max", "antialiased", "background"};
+        nvsp_prior_options render = NVSP_INITIALIZER(nvsp_prior_options);
+        render.near_plane = i == 0 ? 0.3f : 0;
+        render.alpha_max = i == 1 ? 0.9f : 0;
+        render.antialiased = i == 2;
+        render.background[2] = i == 3 ? NAN : 0;
+        named(NVSP_ERR_ARGUMENT, nvsp_prior_open(both.engine, dive.prior, &render, &prior), both.engine, names[i]);
+    }
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t bytes[4096];
+    size_t written = 77;
+    char text[512];
+    for (int i = 0; i < 7; i++) {
+        nvsp_pose hint = dive.poses[0];
+        double *const numbers[] = {&hint.rotation[0],    &hint.rotation[3],    &hint.translation[0],
+                                   &hint.translation[1], &hint.translation[2], &hint.translation[0],
+                                   &hint.translation[2]};
+        *numbers[i] = i < 2 ? NAN : i < 5 ? 1e30 : -1e30;
+        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode(both.encoder, &image, &hint, bytes, sizeof bytes, &written, NULL));
+        EXPECT(NVSP_OK, nvsp_encoder_last_error(both.encoder, text, sizeof text));
+        CHECK(strstr(text, i < 2 ? "pose" : "hint") != NULL);
+        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(both.encoder, &image, &hint));
+    }
+    CHECK(written == 77 && made == NULL && prior == NULL);
+}
+
+// A prior belongs to its engine; above the limits nothing is made; repeated errors are counted, not repeated.
+static void another_engine(void) {
+    nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+    nvsp_engine *other = NULL;
+    nvsp_prior *prior = NULL;
+    nvsp_encoder *encoder = NULL;
+    nvsp_decoder *decoder = NULL;
+    options.log = count_lines;
+    options.frame_size_limit = dive.camera.width * dive.camera.height;
+    options.host_memory_limit = 64 << 20;
+    MUST(nvsp_engine_create(&options, &other));
+    MUST(nvsp_prior_open(other, dive.prior, NULL, &prior));
+    named(NVSP_ERR_ARGUMENT, nvsp_encoder_create(other, both.prior, &dive.camera, NULL, &encoder), other, "prior");
+    named(NVSP_ERR_ARGUMENT, nvsp_decoder_create(other, both.prior, &decoder), other, "prior");
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_reopen(both.encoder, other, both.prior));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_reopen(both.decoder, both.engine, prior));
+    MUST(nvsp_decoder_create(other, prior, &decoder));
+    const nvsp_camera large = scaled_camera(&dive, dive.camera.width + 16);
+    named(NVSP_ERR_LIMIT, nvsp_encoder_create(other, prior, &large, NULL, &encoder), other, "pixels");
+    EXPECT(NVSP_ERR_LIMIT, nvsp_decoder_add_camera(decoder, &large));
+    EXPECT(NVSP_OK, nvsp_decoder_add_camera(decoder, &dive.camera));
+    CHECK(encoder == NULL);
+    lines = 0;
+    for (int i = 0; i < 100000; i++) {
+        CHECK(nvsp_decode_poll(decoder) == NVSP_ERR_STATE);
+    }
+    CHECK(lines == 6);  // The first, then its counts: 10, 100 and so on.
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode(decoder, bytes_of_none, 1, 99, NULL, NULL));
+    CHECK(lines == 7);
+    nvsp_decoder_destroy(decoder);
+    nvsp_prior_destroy(prior);
+    nvsp_engine_destroy(other);
+
+    // A limit that nothing fits into.
+    options.host_memory_limit = 1000;
+    MUST(nvsp_engine_create(&options, &other));
+    named(NVSP_ERR_MEMORY, nvsp_prior_open(other, dive.prior, NULL, &prior), other, "limit is");
+    nvsp_engine_destroy(other);
+    options.host_memory_limit = 0;
+    options.frame_size_limit = 0;
+    options.device_memory_limit = 2000000;
+    const nvsp_camera wide = scaled_camera(&dive, 640);
+    MUST(nvsp_engine_create(&options, &other));
+    nvsp_prior *small = NULL;
+    nvsp_encoder *none = NULL;
+    MUST(nvsp_prior_open(other, dive.prior, NULL, &small));
+    named(NVSP_ERR_MEMORY, nvsp_encoder_create(other, small, &wide, NULL, &none), other, "limit is 2000000");
+    CHECK(none == NULL);
+    nvsp_prior_destroy(small);
+    nvsp_engine_destroy(other);
+}
+
 int main(int argc, char **argv) {
     if (argc != 2) {
         give_up("usage: encoding SCENE");
@@ -594,6 +725,8 @@ int main(int argc, char **argv) {
     options_and_cameras();
     another_camera();
     order_of_ends();
+    absurd_numbers();
+    another_engine();
     for (int i = 0; i < dive.frames; i++) {
         free(packets[i].bytes);
     }

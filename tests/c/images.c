@@ -15,7 +15,7 @@ static size_t encode(const nvsp_image *image, const nvsp_encoder_options *option
     MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, options, &encoder));
     EXPECT(NVSP_OK, nvsp_encode(encoder, image, &dive.poses[0], bytes, room, &size, NULL));
     if (shown != NULL) {
-        const nvsp_picture place = place_of(shown, dive.camera.width, dive.camera.height);
+        nvsp_picture place = place_of(shown, dive.camera.width, dive.camera.height);
         EXPECT(NVSP_OK, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
     }
     nvsp_encoder_destroy(encoder);
@@ -35,7 +35,7 @@ static nvsp_image reordered(uint32_t format, size_t padding, uint8_t **bytes) {
             to[format == NVSP_FORMAT_BGR8 ? 2 - c : c] = dive.pixels[0][3 * i + c];
         }
     }
-    return (nvsp_image){.format = format,
+    return (nvsp_image){NVSP_HEAD(nvsp_image), .format = format,
                         .width = width,
                         .height = height,
                         .planes = {*bytes},
@@ -71,7 +71,7 @@ static void scaled(void) {
         const size_t x = i % (2 * width), y = i / (2 * width);
         memcpy(bytes + 3 * i, dive.pixels[0] + 3 * (y / 2 * width + x / 2), 3);
     }
-    const nvsp_image doubled = {.format = NVSP_FORMAT_RGB8,
+    const nvsp_image doubled = {NVSP_HEAD(nvsp_image), .format = NVSP_FORMAT_RGB8,
                                 .width = 2 * dive.camera.width,
                                 .height = 2 * dive.camera.height,
                                 .planes = {bytes},
@@ -134,7 +134,7 @@ static void planes_of_yuv(void) {
             uv[2 * i + 1] = v[i];
         }
         for (uint32_t said = 0; said < count; said++) {
-            const nvsp_image i420 = {.format = NVSP_FORMAT_I420,
+            const nvsp_image i420 = {NVSP_HEAD(nvsp_image), .format = NVSP_FORMAT_I420,
                                      .colour = said,
                                      .width = width,
                                      .height = height,

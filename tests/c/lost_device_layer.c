@@ -1,9 +1,15 @@
-// A Vulkan layer that loses the device. The variable NVSP_LOSE_SUBMIT holds a number; the call of vkQueueSubmit with
+// A Vulkan layer that loses the device, or never ends its work. The variable NVSP_LOSE_SUBMIT holds a number; the call of vkQueueSubmit with
 // that number returns VK_ERROR_DEVICE_LOST. Call 1 is the first one that finds the variable set. Without the variable
 // no call fails.
+//
+// While the variable NVSP_HANG_WAITS is set, no fence is signalled: vkWaitForFences gives VK_TIMEOUT when its time is
+// over, and never returns if it has no bound.
+
+#define _GNU_SOURCE
 
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <vulkan/vk_layer.h>
 #include <vulkan/vulkan.h>
 
@@ -13,6 +19,7 @@
 static PFN_vkGetInstanceProcAddr next_instance;
 static PFN_vkGetDeviceProcAddr next_device;
 static PFN_vkQueueSubmit next_submit;
+static PFN_vkWaitForFences next_wait;
 static VkInstance instance_of_all;
 static int submits;
 
@@ -24,6 +31,17 @@ static VKAPI_ATTR VkResult VKAPI_CALL submit(VkQueue queue, uint32_t count, cons
         return VK_ERROR_DEVICE_LOST;
     }
     return next_submit(queue, count, infos, fence);
+}
+
+static VKAPI_ATTR VkResult VKAPI_CALL wait_for_fences(VkDevice device, uint32_t count, const VkFence *fences,
+                                                      VkBool32 all, uint64_t timeout) {
+    if (getenv("NVSP_HANG_WAITS") == NULL) {
+        return next_wait(device, count, fences, all, timeout);
+    }
+    const uint64_t second = 1000000000;
+    const struct timespec time = {(time_t)(timeout / second), (long)(timeout % second)};
+    nanosleep(&time, NULL);
+    return VK_TIMEOUT;
 }
 
 // Finds the loader's link to the next layer in the chain of structures that the loader passes.
@@ -68,6 +86,7 @@ static VKAPI_ATTR VkResult VKAPI_CALL create_device(VkPhysicalDevice physical,
     const VkResult result = create(physical, info, allocator, device);
     if (result == VK_SUCCESS) {
         next_submit = (PFN_vkQueueSubmit)next_device(*device, "vkQueueSubmit");
+        next_wait = (PFN_vkWaitForFences)next_device(*device, "vkWaitForFences");
     }
     return result;
 }
@@ -78,6 +97,9 @@ EXPORT VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL vkGetDeviceProcAddr(VkDevice dev
     }
     if (strcmp(name, "vkQueueSubmit") == 0) {
         return (PFN_vkVoidFunction)submit;
+    }
+    if (strcmp(name, "vkWaitForFences") == 0) {
+        return (PFN_vkVoidFunction)wait_for_fences;
     }
     return next_device(device, name);
 }
@@ -93,6 +115,7 @@ EXPORT VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL vkGetInstanceProcAddr(VkInstance
         {"vkCreateInstance", (PFN_vkVoidFunction)create_instance},
         {"vkCreateDevice", (PFN_vkVoidFunction)create_device},
         {"vkQueueSubmit", (PFN_vkVoidFunction)submit},
+        {"vkWaitForFences", (PFN_vkVoidFunction)wait_for_fences},
     };
     for (size_t i = 0; i < sizeof own / sizeof *own; i++) {
         if (strcmp(name, own[i].name) == 0) {

@@ -1,6 +1,8 @@
 // Passes NULL for every pointer of every function in turn. A pointer that must not be NULL gives
 // NVSP_ERR_NULL, and nothing is written through the others.
 
+#define NVSP_NO_ATTRIBUTES  // NULL is what is tested.
+
 #include "common.h"
 
 static scene dive;
@@ -49,7 +51,7 @@ static void encoders(void) {
 
     nvsp_encoder *encoder = both.encoder;
     const nvsp_image image = scene_image(&dive, 0);
-    const nvsp_picture place = {.format = NVSP_FORMAT_RGB8};
+    nvsp_picture place = {NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8};
     uint8_t bytes[4096];
     char text[64];
     size_t written = 77;
@@ -70,6 +72,15 @@ static void encoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_encode(encoder, &image, pose, NULL, 0, &written, &stats));
     EXPECT(NVSP_ERR_NULL, nvsp_encode(encoder, &image, pose, bytes, size, NULL, &stats));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(NULL, &image, pose));
+    EXPECT(NVSP_ERR_NULL, nvsp_encode_cancel(NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_set_allocator(NULL));
+    nvsp_memory_estimate estimate = NVSP_INITIALIZER(nvsp_memory_estimate);
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_estimate(NULL, camera, &estimate));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_estimate(dive.prior, camera, NULL));
+    EXPECT(NVSP_OK, nvsp_device_get_info(0, NULL, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_get_pipeline_cache(NULL, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_get_pipeline_cache(both.engine, NULL, 9, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_engine_get_pipeline_cache(both.engine, bytes, sizeof bytes, NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(encoder, NULL, pose));
     nvsp_frame_info info;
     MUST(NVSP_INIT(&info));
@@ -119,6 +130,7 @@ static void decoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_decode(decoder, first.bytes, first.size, 0, &place, &info));
     CHECK(info.width == 0);
     EXPECT(NVSP_OK, nvsp_decode(decoder, first.bytes, first.size, 0, NULL, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_decode_cancel(NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_begin(NULL, first.bytes, first.size, 0));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_begin(decoder, NULL, first.size, 0));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_poll(NULL));

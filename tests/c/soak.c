@@ -41,7 +41,7 @@ static void whole_way(int number) {
     const int turn = 2 * dive.frames - 2, at = number % turn;
     const nvsp_image image = scene_image(&dive, at < dive.frames ? at : turn - at);
     const nvsp_camera camera = scaled_camera(&dive, 64);
-    const nvsp_picture place = place_of(pixels, camera.width, camera.height);
+    nvsp_picture place = place_of(pixels, camera.width, camera.height);
     size_t size = 0;
     MUST(nvsp_encode(both.encoder, &image, number == 0 ? &dive.poses[0] : NULL, bytes, sizeof bytes,
                      &size, NULL));

@@ -1,5 +1,8 @@
 // Structures of every size and version, through every function that takes one.
 
+#define _GNU_SOURCE
+#define NVSP_NO_ATTRIBUTES  // NULL is what is tested.
+
 #include "common.h"
 
 static scene dive;
@@ -76,7 +79,7 @@ static nvsp_status begun_info(void *structure) {
 static nvsp_status decoded(void *structure) {
     uint8_t *pixels = malloc(dive.size);
     memset(pixels, 0xa5, dive.size);
-    const nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     const nvsp_status status = nvsp_decode(both.decoder, first.bytes, first.size, 0, &place, structure);
     CHECK((status == NVSP_OK) != all_are(pixels, 0xa5, dive.size));
     free(pixels);
@@ -112,6 +115,10 @@ static nvsp_status statistics(void *structure) {
     return nvsp_reassembler_get_statistics(reassembler, structure);
 }
 
+static nvsp_status device_info(void *structure) { return nvsp_device_get_info(0, structure, NULL); }
+
+static nvsp_status estimate(void *structure) { return nvsp_prior_estimate(dive.prior, &dive.camera, structure); }
+
 static const struct {
     size_t size;
     caller call;
@@ -121,9 +128,11 @@ static const struct {
 } structures[] = {
     {sizeof(nvsp_engine_options), engine_options, 0, 0},
     {sizeof(nvsp_engine_info), engine_info, 1, 0},
+    {sizeof(nvsp_device_info), device_info, 1, 0},
+    {sizeof(nvsp_memory_estimate), estimate, 1, 0},
     {sizeof(nvsp_prior_options), prior_options, 0, 0},
-    {sizeof(nvsp_prior_info), prior_info, 1, 68},
-    {sizeof(nvsp_encoder_options), encoder_options, 0, 48},
+    {sizeof(nvsp_prior_info), prior_info, 1, 0},
+    {sizeof(nvsp_encoder_options), encoder_options, 0, 0},
     {sizeof(nvsp_frame_info), frame_info, 0, 0},
     {sizeof(nvsp_frame_info), begun_info, 0, 0},
     {sizeof(nvsp_frame_stats), frame_stats, 1, 0},
@@ -201,6 +210,166 @@ static void newer(caller call, size_t size, int output) {
     free(words);
 }
 
+static nvsp_camera camera;
+static nvsp_pose pose;
+static nvsp_image image;
+static nvsp_picture picture;
+
+static nvsp_status camera_in(void *structure) { return nvsp_decoder_add_camera(both.decoder, structure); }
+
+static nvsp_status encode_with(const void *frame, const void *hint) {
+    uint8_t bytes[4096];
+    size_t written = 77;
+    const nvsp_status status = nvsp_encode(both.encoder, frame, hint, bytes, sizeof bytes, &written, NULL);
+    CHECK((status == NVSP_OK) == (written != 77));
+    return status;
+}
+
+static nvsp_status image_in(void *structure) { return encode_with(structure, &pose); }
+
+static nvsp_status pose_in(void *structure) { return encode_with(&image, structure); }
+
+static nvsp_status picture_in(void *structure) {
+    return nvsp_decode(both.decoder, first.bytes, first.size, 0, structure, NULL);
+}
+
+// Structures that mean nothing if they are all zero: they are sound ones with another head, or with more after them.
+static void others(void) {
+    camera = dive.camera;
+    pose = dive.poses[0];
+    image = scene_image(&dive, 0);
+    uint8_t *pixels = malloc(dive.size);
+    picture = place_of(pixels, camera.width, camera.height);
+    const struct {
+        const void *sound;
+        size_t size;
+        caller call;
+    } all[] = {
+        {&camera, sizeof camera, camera_in},
+        {&pose, sizeof pose, pose_in},
+        {&image, sizeof image, image_in},
+        {&picture, sizeof picture, picture_in},
+    };
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        const size_t size = all[i].size;
+        uint32_t *words = calloc(1, size + 24);
+        memcpy(words, all[i].sound, size);
+        EXPECT(NVSP_OK, all[i].call(words));
+        words[0] = (uint32_t)size + 24;
+        EXPECT(NVSP_OK, all[i].call(words));
+        memcpy(words, all[i].sound, size);
+        words[0] = (uint32_t)size + 24;
+        ((uint8_t *)words)[size + 23] = 1;
+        EXPECT(NVSP_ERR_STRUCT_SIZE, all[i].call(words));
+        const uint32_t bad[] = {0, 7, (uint32_t)size - 1, 4097, UINT32_MAX};
+        for (size_t b = 0; b < sizeof bad / sizeof *bad; b++) {
+            words[0] = bad[b];
+            EXPECT(NVSP_ERR_STRUCT_SIZE, all[i].call(words));
+        }
+        words[0] = (uint32_t)size;
+        words[1] = NVSP_ABI_VERSION + 1;
+        EXPECT(NVSP_ERR_ABI_VERSION, all[i].call(words));
+        free(words);
+    }
+    // A pose that the library gives is one to give back.
+    nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
+    uint8_t bytes[4096];
+    size_t written = 0;
+    MUST(nvsp_encode(both.encoder, &image, &pose, bytes, sizeof bytes, &written, &stats));
+    EXPECT(NVSP_OK, encode_with(&image, &stats.pose));
+    free(pixels);
+}
+
+static uint64_t memory_used(nvsp_engine *engine) {
+    nvsp_engine_info info = NVSP_INITIALIZER(nvsp_engine_info);
+    MUST(nvsp_engine_get_info(engine, &info));
+    return info.memory_used;
+}
+
+static void devices(void) {
+    nvsp_device_info info = NVSP_INITIALIZER(nvsp_device_info);
+    uint32_t count = 0, fit = 0;
+    EXPECT(NVSP_OK, nvsp_device_get_info(0, &info, &count));
+    CHECK(count > 0);
+    for (uint32_t i = 0; i < count; i++) {
+        EXPECT(NVSP_OK, nvsp_device_get_info(i, &info, NULL));
+        CHECK(info.name[0] != 0 && info.driver[0] != 0 && info.vulkan_major > 0 && info.memory > 0);
+        CHECK(info.kind >= NVSP_DEVICE_DISCRETE_GPU && info.kind <= NVSP_DEVICE_OTHER);
+        fit += info.unfit[0] == 0;
+    }
+    CHECK(fit > 0);
+    uint32_t again = 0;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_device_get_info(count, &info, &again));
+    CHECK(again == count);
+}
+
+// What is taken is within the estimate, and the estimate is no wild guess.
+static void estimates(void) {
+    const uint32_t widths[] = {96, 320};
+    for (int i = 0; i < 2; i++) {
+        const nvsp_camera size = scaled_camera(&dive, widths[i]);
+        nvsp_memory_estimate found = NVSP_INITIALIZER(nvsp_memory_estimate);
+        EXPECT(NVSP_OK, nvsp_prior_estimate(dive.prior, &size, &found));
+        nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+        options.host_memory_limit = found.prior_host;
+        if (options.host_memory_limit < found.encoder_host) {
+            options.host_memory_limit = found.encoder_host;
+        }
+        rig own = {0};
+        MUST(nvsp_engine_create(&options, &own.engine));
+        MUST(nvsp_prior_open(own.engine, dive.prior, NULL, &own.prior));
+        const uint64_t prior = memory_used(own.engine);
+        CHECK(prior > 0 && prior <= found.prior_device && found.prior_device < 2 * prior);
+        MUST(nvsp_encoder_create(own.engine, own.prior, &size, NULL, &own.encoder));
+        uint8_t bytes[65536];
+        size_t written = 0;
+        const nvsp_image frame = scene_image(&dive, 0);
+        MUST(nvsp_encode(own.encoder, &frame, &dive.poses[0], bytes, sizeof bytes, &written, NULL));
+        const uint64_t encoder = memory_used(own.engine) - prior;
+        CHECK(encoder <= found.encoder_device && found.encoder_device < 3 * encoder);
+        MUST(nvsp_decoder_create(own.engine, own.prior, &own.decoder));
+        MUST(nvsp_decode(own.decoder, bytes, written, 0, NULL, NULL));
+        const uint64_t decoder = memory_used(own.engine) - prior - encoder;
+        CHECK(decoder <= found.decoder_device && found.decoder_device < 3 * decoder);
+        rig_close(&own);
+    }
+    nvsp_memory_estimate found = NVSP_INITIALIZER(nvsp_memory_estimate);
+    EXPECT(NVSP_OK, nvsp_prior_estimate(dive.compact_prior, NULL, &found));
+    CHECK(found.splats > 0 && found.prior_device > 0 && found.encoder_device == 0);
+    char path[600];
+    snprintf(path, sizeof path, "%s.none", dive.prior);
+    EXPECT(NVSP_ERR_FILE, nvsp_prior_estimate(path, NULL, &found));
+    EXPECT(NVSP_ERR_PRIOR, nvsp_prior_estimate("/dev/zero", NULL, &found));
+}
+
+// What the driver compiled is taken back, and garbage in its place does no harm.
+static void pipeline_cache(void) {
+    size_t size = 77, again = 77;
+    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_engine_get_pipeline_cache(both.engine, NULL, 0, &size));
+    CHECK(size > 4 && size != 77);
+    uint8_t *bytes = malloc(size);
+    EXPECT(NVSP_OK, nvsp_engine_get_pipeline_cache(both.engine, bytes, size, &again));
+    CHECK(again == size);
+    for (int i = 0; i < 4; i++) {
+        nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+        nvsp_engine *engine = NULL;
+        options.pipeline_cache = bytes;
+        options.pipeline_cache_size = i == 2 ? size / 2 : i == 3 ? 3 : size;
+        bytes[size / 2] ^= (uint8_t)(i == 1);
+        EXPECT(NVSP_OK, nvsp_engine_create(&options, &engine));
+        nvsp_engine_destroy(engine);
+    }
+    free(bytes);
+}
+
+static void versions(void) {
+    char text[32];
+    snprintf(text, sizeof text, "%d.%d.%d", NVSP_VERSION_MAJOR, NVSP_VERSION_MINOR, NVSP_VERSION_PATCH);
+    CHECK(strcmp(text, nvsp_version()) == 0);
+    CHECK(nvsp_version_number() == NVSP_VERSION_NUMBER);
+    CHECK(nvsp_abi_version() == NVSP_ABI_VERSION);
+}
+
 static void initialising(void) {
     uint32_t words[4] = {9, 9, 9, 9};
     EXPECT(NVSP_ERR_NULL, nvsp_struct_init(NULL, 16, NVSP_ABI_VERSION));
@@ -213,11 +382,54 @@ static void initialising(void) {
     CHECK(words[0] == 12 && words[1] == NVSP_ABI_VERSION && words[2] == 0 && words[3] == 9);
 }
 
+static _Atomic long blocks, taken;
+
+static void *allocate(void *user, size_t size, size_t alignment) {
+    CHECK(user == &dive && alignment > 0 && (alignment & (alignment - 1)) == 0);
+    void *block = NULL;
+    if (posix_memalign(&block, alignment < sizeof(void *) ? sizeof(void *) : alignment, size) != 0) {
+        return NULL;
+    }
+    blocks++;
+    taken++;
+    return block;
+}
+
+static void release(void *user, void *block, size_t size, size_t alignment) {
+    CHECK(user == &dive && block != NULL && size > 0 && alignment > 0);
+    blocks--;
+    free(block);
+}
+
+// All host memory of the library comes from the caller's functions and goes back to them.
+static void allocators(void) {
+    nvsp_allocator own = NVSP_INITIALIZER(nvsp_allocator);
+    EXPECT(NVSP_ERR_NULL, nvsp_set_allocator(NULL));
+    own.allocate = allocate;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(&own));
+    own.release = release;
+    own.user = &dive;
+    EXPECT(NVSP_OK, nvsp_set_allocator(&own));
+    rig held;
+    rig_open(&held, &dive);
+    CHECK(taken > 100 && blocks > 10);
+    EXPECT(NVSP_ERR_STATE, nvsp_set_allocator(&own));
+    rig_close(&held);
+    CHECK(blocks == 0);
+    const nvsp_allocator none = NVSP_INITIALIZER(nvsp_allocator);
+    EXPECT(NVSP_OK, nvsp_set_allocator(&none));
+    const long before = taken;
+    rig_open(&held, &dive);
+    rig_close(&held);
+    CHECK(taken == before);
+}
+
 int main(int argc, char **argv) {
     if (argc != 2) {
         give_up("usage: structs SCENE");
     }
     scene_read(&dive, argv[1]);
+    allocators();
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
     packet packets[MAX_FRAMES];
@@ -227,6 +439,11 @@ int main(int argc, char **argv) {
     MUST(nvsp_reassembler_push(reassembler, first.bytes, 64, NULL));
 
     initialising();
+    versions();
+    others();
+    devices();
+    estimates();
+    pipeline_cache();
     for (size_t i = 0; i < sizeof structures / sizeof *structures; i++) {
         const size_t size = structures[i].size, first = structures[i].first;
         refusals(structures[i].call, size, first == 0 ? size : first);

@@ -5,6 +5,8 @@
 #include "common.h"
 
 #include <pthread.h>
+#include <sched.h>
+#include <signal.h>
 #include <stdatomic.h>
 #include <unistd.h>
 
@@ -48,7 +50,7 @@ static atomic_int over, intrusions;
 // Calls on a handle that another thread uses. The call is refused, or done if that thread is between two calls.
 static void *intrude(void *unused) {
     (void)unused;
-    const nvsp_image image = {0};
+    const nvsp_image image = NVSP_INITIALIZER(nvsp_image);
     nvsp_reassembly state;
     MUST(NVSP_INIT(&state));
     while (!over) {
@@ -63,7 +65,8 @@ static void *intrude(void *unused) {
         };
         for (size_t i = 0; i < sizeof statuses / sizeof *statuses; i++) {
             intrusions += statuses[i] == NVSP_ERR_BUSY;
-            CHECK(statuses[i] == NVSP_ERR_BUSY || statuses[i] == NVSP_ERR_STATE
+            CHECK(statuses[i] == NVSP_ERR_BUSY || statuses[i] == NVSP_ERR_UNFINISHED
+                  || statuses[i] == NVSP_ERR_STATE
                   || statuses[i] == NVSP_ERR_ARGUMENT || statuses[i] == NVSP_ERR_PACKET
                   || statuses[i] == NVSP_OK);
         }
@@ -100,11 +103,62 @@ static void intruded_upon(void) {
     CHECK(intrusions > 0);
 }
 
+static int started;
+
+// Runs on the library's own threads.
+static void on_start(void *user, const char *name) {
+    sigset_t blocked;
+    char own[16];
+    pthread_sigmask(SIG_SETMASK, NULL, &blocked);
+    CHECK(sigismember(&blocked, SIGTERM) == 1 && sigismember(&blocked, SIGALRM) == 1
+          && sigismember(&blocked, SIGUSR1) == 1 && sigismember(&blocked, SIGSEGV) == 0);
+    CHECK(pthread_getname_np(pthread_self(), own, sizeof own) == 0 && strcmp(own, name) == 0);
+    CHECK(strcmp(name, "nvsp-encoder") == 0 || strcmp(name, "nvsp-decoder") == 0);
+    CHECK(!pthread_equal(pthread_self(), *(const pthread_t *)user));
+    cpu_set_t first;
+    CPU_ZERO(&first);
+    CPU_SET(0, &first);
+    sched_setaffinity(0, sizeof first, &first);
+    pthread_setname_np(pthread_self(), "of the caller");
+    started++;
+}
+
+// Each thread calls the callback once, before its first work. The caller's own signals stay as they were.
+static void threads_that_start(void) {
+    pthread_t self = pthread_self();
+    nvsp_engine_options options;
+    MUST(NVSP_INIT(&options));
+    options.thread_start = on_start;
+    options.thread_start_user = &self;
+    rig own = {0};
+    MUST(nvsp_engine_create(&options, &own.engine));
+    MUST(nvsp_prior_open(own.engine, dive.prior, NULL, &own.prior));
+    rig_add(&own, &dive.camera, NULL);
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t bytes[4096];
+    size_t size = 0;
+    for (int i = 0; i < 2; i++) {
+        MUST(nvsp_encode_begin(own.encoder, &image, &dive.poses[0]));
+        MUST(nvsp_encode_wait(own.encoder, 600000));
+        MUST(nvsp_encode_finish(own.encoder, bytes, sizeof bytes, &size, NULL));
+        CHECK(started == (i == 0 ? 1 : 2));
+        MUST(nvsp_decode_begin(own.decoder, bytes, size, 0));
+        MUST(nvsp_decode_wait(own.decoder, 600000));
+        MUST(nvsp_decode_finish(own.decoder, NULL, NULL));
+        CHECK(started == 2);
+    }
+    sigset_t blocked;
+    pthread_sigmask(SIG_SETMASK, NULL, &blocked);
+    CHECK(sigismember(&blocked, SIGTERM) == 0);
+    rig_close(&own);
+}
+
 int main(int argc, char **argv) {
     if (argc != 2) {
         give_up("usage: threads SCENE");
     }
     scene_read(&dive, argv[1]);
+    threads_that_start();
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
     encode_all(&both, &dive, packets);

@@ -38,10 +38,16 @@ programs! {
     reassembly: [];
     garbage: [];
     allocations: [];
+    no_memory: [];
     soak: ["200"];
 }
 
 #[test]
 fn lost_device() {
     programs::run_with_layer("lost_device", "lost_device_layer");
+}
+
+#[test]
+fn hung_device() {
+    programs::run_with_layer("hung_device", "lost_device_layer");
 }

@@ -76,7 +76,8 @@ fn library() -> &'static Path {
         let mut cargo = Command::new(env!("CARGO"));
         cargo.current_dir(root()).args(["rustc", "-p", "nvsprior", "--lib"]);
         cargo.args(["--crate-type", "cdylib", "--no-default-features", "--features", "capi"]);
-        succeeds(cargo.arg("--target-dir").arg(target));
+        // As cargo-c does, so that the library has its own allocator.
+        succeeds(cargo.arg("--target-dir").arg(target).args(["--", "--cfg", "cargo_c"]));
         target.join("debug")
     })
 }

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
-use nvsprior::prior::KeyFrames;
+use nvsprior::prior::{KeyFrames, compact};
 use nvsprior::render::Plan;
-use nvsprior::{Camera, Engine, Picture};
+use nvsprior::{Camera, Engine, Picture, Prior};
 
 use crate::wall;
 
@@ -27,7 +27,7 @@ pub fn folder() -> &'static Path {
     })
 }
 
-/// Writes `prior.ply`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on; `preprocessed.ply`, the
+/// Writes `prior.ply`, `prior.nvsg`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on; `preprocessed.ply`, the
 /// same prior with a preprocessing, and `treated-0.ppm`, the first frame as that leaves it; and `scene.txt`: one line
 /// with the camera (width,height,fx,fy,cx,cy), then one line per frame with its pose (qw,qx,qy,qz,tx,ty,tz).
 fn write(folder: &Path) {
@@ -35,6 +35,7 @@ fn write(folder: &Path) {
     let prior = wall::wall(1);
     let other = folder.join("other.ply");
     wall::write_prior(&folder.join("prior.ply"), &prior);
+    write_compact(&folder.join("prior.nvsg"), &prior);
     wall::write_prior(&other, &wall::wall(2));
     let key_frames = (0..3).map(|t| wall::pose(f64::from(t))).collect();
     let key_frames = KeyFrames::new(key_frames).unwrap();
@@ -64,6 +65,13 @@ fn write(folder: &Path) {
         writeln!(text, "{}", numbers.join(",")).unwrap();
     }
     std::fs::write(folder.join("scene.txt"), text).unwrap();
+}
+
+/// The prior in the compact format. Its splats are rounded, so it is another prior.
+fn write_compact(path: &Path, prior: &Prior) {
+    let file = std::fs::File::create(path).unwrap();
+    let (none, fine) = (&KeyFrames::NONE, &compact::Quantisation::default());
+    compact::write(prior.splats(), prior.options(), none, fine, file).unwrap();
 }
 
 /// Something that the prior does not know.

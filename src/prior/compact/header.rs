@@ -50,7 +50,8 @@ impl Header {
         let float = |at| f32::from_le_bytes(word(at));
         let triple = |at| [float(at), float(at + 4), float(at + 8)];
         if bytes[4] != VERSION {
-            return Err(refusal(4, format!("version {} of the format", bytes[4])));
+            let (version, known) = (bytes[4].into(), VERSION.into());
+            return Err(PriorError::Newer { format: super::FORMAT, version, known });
         }
         let sh_degree = u32::from(bytes[5]);
         if sh_degree > Splats::MAX_SH_DEGREE {

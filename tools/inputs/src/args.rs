@@ -65,7 +65,8 @@ pub struct DeviceArgs {
 impl DeviceArgs {
     /// Opens the engine and names the device in one line.
     pub fn open(&self) -> anyhow::Result<Engine> {
-        let options = DeviceOptions { device: self.device.clone(), validation: self.validate };
+        let (device, validation) = (self.device.clone(), self.validate);
+        let options = DeviceOptions { device, validation, ..DeviceOptions::default() };
         let engine = Engine::new(&options)?;
         eprintln!("device: {}", engine.device());
         Ok(engine)

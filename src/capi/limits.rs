@@ -1,0 +1,99 @@
+//! How much memory calls may take: what a caller allows, and what each call needs at most.
+
+use crate::Camera;
+use crate::prior::{KeyFrames, PriorClaims};
+
+use super::memory::Grant;
+use super::status::Failure;
+
+/// What an engine's options allow everything that is made with it.
+#[derive(Clone, Copy)]
+pub(super) struct Limits {
+    /// Most pixels of a picture.
+    pub frame_pixels: u32,
+    /// Most bytes of host memory that a prior, an encoder or a decoder may take.
+    pub host_bytes: u64,
+}
+
+impl Limits {
+    /// Refuses a picture that is too large.
+    pub(super) fn check(&self, width: u32, height: u32) -> Result<(), Failure> {
+        if u64::from(width) * u64::from(height) > u64::from(self.frame_pixels) {
+            let limit = self.frame_pixels;
+            return Err(crate::Error::FrameTooLarge { width, height, limit }.into());
+        }
+        Ok(())
+    }
+
+    /// Sets memory aside for an encoder of this camera, after its size was checked.
+    pub(super) fn encoder(&self, camera: &Camera) -> Result<Grant, Failure> {
+        self.check(camera.width, camera.height)?;
+        Grant::take("an encoder", encoder(camera.width, camera.height), self.host_bytes)
+    }
+
+    /// Sets memory aside for decoding pictures of this size.
+    pub(super) fn decoder(&self, (width, height): (u32, u32)) -> Result<Grant, Failure> {
+        self.check(width, height)?;
+        Grant::take("a decoder", decoder(width, height), self.host_bytes)
+    }
+
+    /// Sets memory aside for reading a file of `size` bytes. Reading itself grows its memory by steps.
+    pub(super) fn file(&self, size: u64) -> Result<Grant, Failure> {
+        Grant::take("a prior's file", 2 * size + SMALL, self.host_bytes.saturating_add(SMALL))
+    }
+
+    /// Sets memory aside for a prior of this content, with key frames in a file of `keys` bytes beside it.
+    pub(super) fn prior(&self, bytes: &[u8], keys: u64) -> Result<Grant, Failure> {
+        let needed = PriorClaims::of(bytes).map_or(PRIOR, |claims| prior(&claims));
+        // The text, which grows by steps as it is read, its words and the poses. A longer file is refused.
+        let keys = 4 * keys.min(LONGEST_KEYS);
+        Grant::take("a prior", needed + keys, self.host_bytes)
+    }
+}
+
+/// Bytes that every call may take besides: lists of the driver's objects, texts, threads.
+const SMALL: u64 = 1 << 20;
+
+/// Opening a device: shader modules, lists of the driver's extensions and memory types.
+pub(super) fn engine_bytes() -> u64 {
+    8 * SMALL
+}
+
+/// Most bytes of a file of key frames.
+const LONGEST_KEYS: u64 = 256 * (KeyFrames::MAX as u64 + 1);
+
+/// A prior besides its splats: coder tables beside it, pipelines.
+const PRIOR: u64 = 8 * SMALL;
+
+/// Opening a prior, besides the content of its file.
+pub(super) fn prior(claims: &PriorClaims) -> u64 {
+    claims.host_bytes() + PRIOR
+}
+
+/// Device memory of an encoder or a decoder for each splat, bytes; measured: 102.
+pub(super) const WORKSPACE: u64 = 112;
+
+/// Device memory of an encoder besides [`WORKSPACE`]; measured: 0.5 MB and 70 bytes per pixel.
+pub(super) fn encoder_device(width: u32, height: u32) -> u64 {
+    SMALL + 80 * pixels(width, height)
+}
+
+/// Device memory of a decoder besides [`WORKSPACE`]; measured: 0.5 MB and 61 bytes per pixel.
+pub(super) fn decoder_device(width: u32, height: u32) -> u64 {
+    SMALL + 72 * pixels(width, height)
+}
+
+/// An encoder of pictures of this size, and its first frame.
+pub(super) fn encoder(width: u32, height: u32) -> u64 {
+    8 * SMALL + 256 * pixels(width, height)
+}
+
+/// Decoding pictures of this size.
+pub(super) fn decoder(width: u32, height: u32) -> u64 {
+    4 * SMALL + 128 * pixels(width, height)
+}
+
+/// Pixels, with sides rounded up as the coders do.
+fn pixels(width: u32, height: u32) -> u64 {
+    u64::from(width.next_multiple_of(16)) * u64::from(height.next_multiple_of(16))
+}

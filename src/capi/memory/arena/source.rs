@@ -1,0 +1,105 @@
+//! Where memory comes from: the caller's functions, or the system's.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::ffi::c_void;
+use std::mem::transmute;
+use std::ptr::null_mut;
+use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
+
+use crate::capi::memory::nvsp_allocator;
+
+type Allocate = unsafe extern "C" fn(*mut c_void, usize, usize) -> *mut c_void;
+type Release = unsafe extern "C" fn(*mut c_void, *mut c_void, usize, usize);
+
+static ALLOCATE: AtomicPtr<c_void> = AtomicPtr::new(null_mut());
+static RELEASE: AtomicPtr<c_void> = AtomicPtr::new(null_mut());
+static USER: AtomicPtr<c_void> = AtomicPtr::new(null_mut());
+/// Blocks that are out.
+static BLOCKS: AtomicUsize = AtomicUsize::new(0);
+
+/// Takes the caller's functions, unless blocks are out: each must go back to where it came from.
+#[cfg_attr(not(cargo_c), allow(dead_code))] // Only the C library has this allocator.
+pub(in crate::capi::memory) fn set(allocator: &nvsp_allocator) -> bool {
+    if BLOCKS.load(Ordering::Acquire) > 0 {
+        return false;
+    }
+    let pointer = |function: Option<*mut c_void>| function.unwrap_or(null_mut());
+    RELEASE.store(pointer(allocator.release.map(|f| f as *mut c_void)), Ordering::Release);
+    USER.store(allocator.user, Ordering::Release);
+    ALLOCATE.store(pointer(allocator.allocate.map(|f| f as *mut c_void)), Ordering::Release);
+    true
+}
+
+pub(super) struct Source;
+
+// SAFETY: the system's allocator, or functions that the header asks to be one. Nothing here allocates or unwinds.
+unsafe impl GlobalAlloc for Source {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        let function = ALLOCATE.load(Ordering::Acquire);
+        let block = if function.is_null() {
+            // SAFETY: as the caller promises.
+            unsafe { System.alloc(layout) }
+        } else {
+            // SAFETY: `set` stored a function of this type.
+            let allocate = unsafe { transmute::<*mut c_void, Allocate>(function) };
+            let user = USER.load(Ordering::Acquire);
+            // SAFETY: the header asks for a function that takes any size and power of two.
+            unsafe { allocate(user, layout.size(), layout.align()).cast() }
+        };
+        if !block.is_null() {
+            BLOCKS.fetch_add(1, Ordering::Relaxed);
+        }
+        block
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        if ALLOCATE.load(Ordering::Acquire).is_null() {
+            // SAFETY: as the caller promises.
+            let block = unsafe { System.alloc_zeroed(layout) };
+            if !block.is_null() {
+                BLOCKS.fetch_add(1, Ordering::Relaxed);
+            }
+            return block;
+        }
+        // SAFETY: as the caller promises; the block has the layout's size.
+        unsafe {
+            let block = self.alloc(layout);
+            if !block.is_null() {
+                block.write_bytes(0, layout.size());
+            }
+            block
+        }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        let function = RELEASE.load(Ordering::Acquire);
+        if function.is_null() {
+            // SAFETY: as the caller promises.
+            unsafe { System.dealloc(block, layout) };
+        } else {
+            // SAFETY: `set` stored a function of this type, and gave the block by its counterpart.
+            unsafe {
+                let release = transmute::<*mut c_void, Release>(function);
+                release(USER.load(Ordering::Acquire), block.cast(), layout.size(), layout.align());
+            }
+        }
+        BLOCKS.fetch_sub(1, Ordering::Release);
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        if ALLOCATE.load(Ordering::Acquire).is_null() {
+            // SAFETY: as the caller promises.
+            return unsafe { System.realloc(block, layout, size) };
+        }
+        // SAFETY: the caller promises a size that is no more than a layout takes. Both blocks have the bytes that are
+        // copied. The old one goes back only if there is a new one.
+        unsafe {
+            let moved = self.alloc(Layout::from_size_align_unchecked(size, layout.align()));
+            if !moved.is_null() {
+                moved.copy_from_nonoverlapping(block, layout.size().min(size));
+                self.dealloc(block, layout);
+            }
+            moved
+        }
+    }
+}

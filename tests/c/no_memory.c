@@ -1,0 +1,354 @@
+// A host without memory: the calls that take memory give NVSP_ERR_MEMORY, and work again once there is some.
+//
+// This program's own malloc, calloc and so on replace the C library's. Calls from within libnvsprior.so fail on demand:
+// the n-th one alone, or the n-th one and all after it. Calls of the Vulkan loader and driver never fail here, as a
+// driver may end the process then: Mesa's does.
+//
+// As a second part the program runs itself under limited address space. There the driver's calls fail too. So what the
+// driver compiles is compiled before the limit is set.
+
+#define _GNU_SOURCE
+
+#include "common.h"
+
+#include <errno.h>
+#include <link.h>
+#include <malloc.h>
+#include <stdatomic.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+void *__libc_malloc(size_t size);
+void *__libc_calloc(size_t count, size_t size);
+void *__libc_realloc(void *block, size_t size);
+void *__libc_memalign(size_t alignment, size_t size);
+void __libc_free(void *block);
+
+// Where the code of libnvsprior.so lies.
+static uintptr_t code_start, code_end;
+
+// Which calls fail; 0: none. Calls are counted while `armed` is set.
+static atomic_long fail_at, fail_from, calls;
+static atomic_int armed;
+
+static int find_code(struct dl_phdr_info *info, size_t size, void *unused) {
+    (void)size, (void)unused;
+    const char *slash = info->dlpi_name == NULL ? NULL : strrchr(info->dlpi_name, '/');
+    if (slash == NULL || strncmp(slash + 1, "libnvsprior", 11) != 0) {
+        return 0;
+    }
+    for (int i = 0; i < info->dlpi_phnum; i++) {
+        const ElfW(Phdr) *header = &info->dlpi_phdr[i];
+        if (header->p_type == PT_LOAD && (header->p_flags & PF_X)) {
+            code_start = info->dlpi_addr + header->p_vaddr;
+            code_end = code_start + header->p_memsz;
+        }
+    }
+    return 1;
+}
+
+static int from_library(const void *caller) {
+    return atomic_load(&armed) && (uintptr_t)caller >= code_start && (uintptr_t)caller < code_end;
+}
+
+// Whether a call fails.
+static int refused(const void *caller) {
+    if (!from_library(caller)) {
+        return 0;
+    }
+    const long call = atomic_fetch_add(&calls, 1) + 1;
+    const long from = atomic_load(&fail_from);
+    return call == atomic_load(&fail_at) || (from != 0 && call >= from);
+}
+
+void *malloc(size_t size) {
+    return refused(__builtin_return_address(0)) ? NULL : __libc_malloc(size);
+}
+
+void *calloc(size_t number, size_t size) {
+    return refused(__builtin_return_address(0)) ? NULL : __libc_calloc(number, size);
+}
+
+void *realloc(void *block, size_t size) {
+    return refused(__builtin_return_address(0)) ? NULL : __libc_realloc(block, size);
+}
+
+void *memalign(size_t alignment, size_t size) {
+    return refused(__builtin_return_address(0)) ? NULL : __libc_memalign(alignment, size);
+}
+
+void *aligned_alloc(size_t alignment, size_t size) {
+    return refused(__builtin_return_address(0)) ? NULL : __libc_memalign(alignment, size);
+}
+
+int posix_memalign(void **block, size_t alignment, size_t size) {
+    void *made = refused(__builtin_return_address(0)) ? NULL : __libc_memalign(alignment, size);
+    if (made == NULL) {
+        return ENOMEM;
+    }
+    *block = made;
+    return 0;
+}
+
+void free(void *block) { __libc_free(block); }
+
+static scene dive;
+static rig both;
+static packet packets[MAX_FRAMES];
+
+// What is tried: each makes something, and undoes it.
+static nvsp_status try_reassembler(void) {
+    nvsp_reassembler *made = NULL;
+    nvsp_reassembler_options options;
+    MUST(NVSP_INIT(&options));
+    options.max_packet_bytes = 16 << 20;
+    const nvsp_status status = nvsp_reassembler_create(65535, &options, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    nvsp_reassembler_destroy(made);
+    return status;
+}
+
+static nvsp_status try_prior(void) {
+    nvsp_prior *made = NULL;
+    const nvsp_status status = nvsp_prior_open(both.engine, dive.prior, NULL, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    nvsp_prior_destroy(made);
+    return status;
+}
+
+static nvsp_status try_compact_prior(void) {
+    nvsp_prior *made = NULL;
+    const nvsp_status status = nvsp_prior_open(both.engine, dive.compact_prior, NULL, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    nvsp_prior_destroy(made);
+    return status;
+}
+
+static nvsp_status encode_with(const nvsp_camera *camera) {
+    nvsp_encoder *made = NULL;
+    nvsp_status status = nvsp_encoder_create(both.engine, both.prior, camera, NULL, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    if (status == NVSP_OK) {
+        const nvsp_image image = scene_image(&dive, 0);
+        uint8_t bytes[65536];
+        size_t written = 77;
+        status = nvsp_encode(made, &image, &dive.poses[0], bytes, sizeof bytes, &written, NULL);
+        CHECK((status == NVSP_OK) == (written != 77));
+        if (status == NVSP_OK && camera == &dive.camera) {
+            CHECK(written == packets[0].size && memcmp(bytes, packets[0].bytes, written) == 0);
+        }
+    }
+    nvsp_encoder_destroy(made);
+    return status;
+}
+
+static nvsp_status try_encoder(void) { return encode_with(&dive.camera); }
+
+static nvsp_status try_large_encoder(void) {
+    const nvsp_camera large = scaled_camera(&dive, 640);
+    return encode_with(&large);
+}
+
+static nvsp_status decode_with(nvsp_decoder *decoder, const uint8_t *bytes, size_t size) {
+    nvsp_status status = nvsp_decode_begin(decoder, bytes, size, 0);
+    if (status == NVSP_OK) {
+        MUST(nvsp_decode_wait(decoder, 600000));
+        status = nvsp_decode_finish(decoder, NULL, NULL);
+    }
+    return status;
+}
+
+// On the decoder's own thread.
+static nvsp_status try_decoder(void) {
+    nvsp_decoder *made = NULL;
+    nvsp_status status = nvsp_decoder_create(both.engine, both.prior, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    if (status == NVSP_OK) {
+        status = decode_with(made, packets[0].bytes, packets[0].size);
+    }
+    nvsp_decoder_destroy(made);
+    return status;
+}
+
+// A sound packet of 49 bytes that names a picture of 2048 by 2048.
+static uint8_t hostile[49];
+
+static uint16_t crc16(uint16_t crc, const uint8_t *bytes, size_t size) {
+    for (size_t i = 0; i < size; i++) {
+        crc ^= (uint16_t)(bytes[i] << 8);
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (uint16_t)(crc & 0x8000 ? crc << 1 ^ 0x1021 : crc << 1);
+        }
+    }
+    return crc;
+}
+
+// The first packet with another size and camera, without a difference picture: src/packet/mod.rs has the format.
+static void make_hostile(void) {
+    const uint32_t side = 2047, size = side | side << 12;
+    const float camera[4] = {2000, 2000, 1024, 1024};
+    memcpy(hostile, packets[0].bytes, 31);
+    hostile[1] = 1 | 1 << 3;
+    for (int i = 0; i < 3; i++) {
+        hostile[9 + i] = (uint8_t)(size >> 8 * i);
+    }
+    memcpy(hostile + 31, camera, 16);
+    const uint16_t check = crc16(crc16(0xffff, hostile + 9, 3), hostile + 31, 16);
+    memcpy(hostile + 47, &check, 2);
+    hostile[28] = (uint8_t)check;
+    const uint16_t latent = crc16(0xffff, hostile, 29);
+    memcpy(hostile + 29, &latent, 2);
+}
+
+static nvsp_status try_hostile(void) {
+    nvsp_decoder *made = NULL;
+    nvsp_status status = nvsp_decoder_create(both.engine, both.prior, &made);
+    if (status == NVSP_OK) {
+        status = nvsp_decode(made, hostile, sizeof hostile, 0, NULL, NULL);
+    }
+    nvsp_decoder_destroy(made);
+    return status;
+}
+
+static nvsp_status try_engine(void) {
+    nvsp_engine *made = NULL;
+    const nvsp_status status = nvsp_engine_create(NULL, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    nvsp_engine_destroy(made);
+    return status;
+}
+
+static const struct attempt {
+    const char *name;
+    nvsp_status (*call)(void);
+    int most;  // Places at which calls are made to fail, at most.
+    int large;  // Whether it takes more than what is left over from before.
+} attempts[] = {
+    {"reassembler", try_reassembler, 1000, 1},
+    {"prior", try_prior, 400, 1},
+    {"compact prior", try_compact_prior, 400, 1},
+    {"encoder", try_encoder, 400, 1},
+    {"decoder", try_decoder, 400, 0},
+    {"hostile packet", try_hostile, 40, 1},
+    {"engine", try_engine, 12, 1},
+    {"large encoder", try_large_encoder, 12, 1},
+};
+#define ATTEMPTS (sizeof attempts / sizeof *attempts)
+
+static nvsp_status with_failures(const struct attempt *attempt, long at, long from) {
+    atomic_store(&calls, 0);
+    atomic_store(&fail_at, at);
+    atomic_store(&fail_from, from);
+    atomic_store(&armed, 1);
+    const nvsp_status status = attempt->call();
+    atomic_store(&armed, 0);
+    return status;
+}
+
+static void every_call_fails(const struct attempt *attempt) {
+    EXPECT(NVSP_OK, attempt->call());
+    EXPECT(NVSP_OK, with_failures(attempt, 0, 0));
+    const long count = atomic_load(&calls), few_places = attempt->most < 40;
+    const long step = few() ? count / 8 + 1 : (count + attempt->most - 1) / attempt->most;
+    long tried = 0, ended[2] = {0, 0};
+    // Every one of the first calls: they set memory aside.
+    for (long n = 1; n <= count; n += n < 32 && !few_places ? 1 : step, tried++) {
+        for (int lasting = 0; lasting < 2; lasting++) {
+            const nvsp_status status = with_failures(attempt, lasting ? 0 : n, lasting ? n : 0);
+            CHECK(status == NVSP_OK || status == NVSP_ERR_MEMORY);
+            ended[lasting] += status == NVSP_ERR_MEMORY;
+        }
+    }
+    EXPECT(NVSP_OK, attempt->call());
+    printf("%-14s %5ld calls, %3ld of them made to fail: NVSP_ERR_MEMORY at %ld if one fails, at %ld if all fail from "
+           "there on\n",
+           attempt->name, count, tried, ended[0], ended[1]);
+    CHECK((few_places || ended[0] > 0) && ended[1] > 0);
+}
+
+static void open_all(const char *folder) {
+    scene_read(&dive, folder);
+    rig_open(&both, &dive);
+    rig_add(&both, &dive.camera, NULL);
+    encode_all(&both, &dive, packets);
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, packets[0].bytes, packets[0].size, 0, NULL, NULL));
+    make_hostile();
+}
+
+static void close_all(void) {
+    for (int i = 0; i < dive.frames; i++) {
+        free(packets[i].bytes);
+    }
+    rig_close(&both);
+    scene_free(&dive);
+}
+
+// The bytes of address space that the process has now.
+static size_t address_space(void) {
+    FILE *file = fopen("/proc/self/statm", "r");
+    unsigned long pages = 0;
+    if (file == NULL || fscanf(file, "%lu", &pages) != 1) {
+        give_up("no /proc/self/statm");
+    }
+    fclose(file);
+    return pages * (size_t)sysconf(_SC_PAGESIZE);
+}
+
+// In a process of its own: what an attempt comes to if only so much more address space is left.
+static int limited(const char *folder, const char *which, const char *kibibytes) {
+    const struct attempt *attempt = &attempts[atoi(which)];
+    open_all(folder);
+    MUST(attempt->call());
+    malloc_trim(0);
+    const size_t limit = address_space() + ((size_t)atol(kibibytes) << 10);
+    const struct rlimit space = {limit, limit};
+    if (setrlimit(RLIMIT_AS, &space) != 0) {
+        give_up("setrlimit");
+    }
+    const nvsp_status status = attempt->call();
+    return status == NVSP_OK ? 0 : status == NVSP_ERR_MEMORY ? 1 : 2;
+}
+
+static void under_limits(const char *program, const char *folder, size_t which) {
+    const int largest = 1 << 21;
+    int ends[3] = {0, 0, 0}, killed = 0;
+    for (int kibibytes = 64; kibibytes <= largest; kibibytes *= few() ? 32 : 3) {
+        char command[2000];
+        snprintf(command, sizeof command, "'%s' '%s' %zu %d >/dev/null", program, folder, which, kibibytes);
+        const int ended = system(command);
+        const int code = WIFEXITED(ended) ? WEXITSTATUS(ended) : 99;
+        if (code <= 1) {
+            ends[code]++;
+        } else if (code == 2) {
+            ends[2]++;
+        } else {
+            killed++;
+            printf("%s with %d KiB: ended with %d\n", attempts[which].name, kibibytes, code);
+        }
+    }
+    printf("%-14s under limits: %d sound, %d NVSP_ERR_MEMORY, %d another error, %d killed\n", attempts[which].name,
+           ends[0], ends[1], ends[2], killed);
+    CHECK(ends[0] > 0 && ends[2] == 0 && killed == 0);
+    CHECK(ends[1] > 0 || !attempts[which].large);
+}
+
+int main(int argc, char **argv) {
+    if (argc == 4) {
+        return limited(argv[1], argv[2], argv[3]);
+    }
+    if (argc != 2) {
+        give_up("usage: no_memory SCENE");
+    }
+    dl_iterate_phdr(find_code, NULL);
+    CHECK(code_end > code_start);
+    open_all(argv[1]);
+    for (size_t i = 0; i < ATTEMPTS; i++) {
+        every_call_fails(&attempts[i]);
+    }
+    close_all();
+    for (size_t i = 0; i < 6; i++) {
+        under_limits(argv[0], argv[1], i);
+    }
+    return report("no_memory");
+}
