@@ -4,10 +4,10 @@
 SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 # The oldest glibc of the boards that the library is shipped for: JetPack 5.
 GLIBC ?= 2.31
-BUILT := $(or $(CARGO_TARGET_DIR),target)
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo demo-prior test c-test lint lib install uninstall package portability package-test firmware cross-aarch64 shaders \
+.PHONY: help demo demo-prior test c-test lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test \
+	shaders \
 	shaders-check shader-toolchain clean
 
 help:
@@ -24,6 +24,9 @@ help:
 	@echo "make portability    the same pictures on Mesa, old and new, and SwiftShader; fetches the drivers"
 	@echo "make package        the crates as they are published, each built from its packed file"
 	@echo "make package-test   programs against the installed library, shared and static"
+	@echo "make deb            Debian packages for amd64 and arm64, in target/debian/: docs/packaging.md"
+	@echo "make deb-test       installs, uses and removes them in a Debian of their own"
+	@echo "make licences       the list of what is linked in, after a change of dependencies; needs cargo-about"
 	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/cross-build.md"
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
@@ -74,14 +77,25 @@ package-test:
 
 firmware:
 	@scripts/setup.sh lib c glibc
-	GLIBC=$(GLIBC) KEEP=$(BUILT)/nvsprior-firmware-$(shell uname -m) scripts/package-test.sh firmware
+	GLIBC=$(GLIBC) KEEP=target/nvsprior-firmware-$(shell uname -m) scripts/package-test.sh firmware
 
 cross-aarch64:
 	@scripts/setup.sh lib c cross glibc
-	GLIBC=$(GLIBC) KEEP=$(BUILT)/nvsprior-firmware-aarch64 \
+	GLIBC=$(GLIBC) KEEP=target/nvsprior-firmware-aarch64 \
 		scripts/package-test.sh firmware aarch64-unknown-linux-gnu
 	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
 	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet
+
+licences:
+	scripts/licences.py write
+
+deb:
+	@scripts/setup.sh lib cross glibc deb
+	scripts/deb.sh $(DEB_ARCHITECTURES)
+
+deb-test:
+	@scripts/setup.sh lib c run deb
+	scripts/deb-test.sh
 
 shader-toolchain:
 	@scripts/setup.sh shaders

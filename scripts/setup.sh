@@ -1,6 +1,6 @@
 #!/bin/sh
 # Installs what is missing on Debian or Ubuntu, after saying so; explains what to do elsewhere.
-# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross] [glibc]
+# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross] [glibc] [deb]
 set -eu
 
 missing=""
@@ -46,6 +46,12 @@ for part in "$@"; do
         ;;
     glibc) # Building it for an old glibc: scripts/zig-linker.sh.
         python3 -c 'import ensurepip' 2>/dev/null || need python3-venv
+        ;;
+    deb) # Debian packages, and a system to try them in.
+        any /usr/share/perl5/Debian/Debhelper || need debhelper
+        command -v help2man >/dev/null || need help2man
+        command -v lintian >/dev/null || need lintian
+        command -v mmdebstrap >/dev/null || need mmdebstrap
         ;;
     esac
 done

@@ -1,0 +1,155 @@
+#!/usr/bin/env python3
+"""The licences of all that is linked into the library and into the program, as Debian's copyright files.
+
+Usage: licences.py write   runs cargo-about (minutes) and writes packaging/licences/*.copyright
+       licences.py check   fails if a crate is linked in that these files do not name
+
+Debian's form: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
+"""
+import json
+import pathlib
+import re
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+FOLDER = ROOT / "packaging" / "licences"
+# What is linked, the manifest and features that say so, and the package whose dependencies are checked.
+PARTS = {
+    "library": ("Cargo.toml", "nvsprior", ["--no-default-features", "--features", "capi"]),
+    "program": ("tools/cli/Cargo.toml", "nvsprior-cli", []),
+}
+TARGETS = ["x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu"]
+OURS = re.compile(r"nvsprior(-.*)?$")
+
+HEAD = """Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
+Upstream-Name: nvsprior
+Comment: Written by scripts/licences.py. After nvsprior's own files come those of the crates that
+ are linked in or generate code for it, in vendor/ of the source archive, then what the compilers add.
+
+Files: *
+Copyright: The nvsprior authors
+License: Expat or Apache-2.0
+
+Files: vendor/libwebp-sys/vendor/*
+Copyright: 2010 Google Inc.
+License: BSD-3-clause-libwebp
+"""
+
+TAIL = """Files: rust-standard-library/*
+Copyright: The Rust Project contributors
+License: Expat or Apache-2.0
+Comment: Rust's standard library, part of the compiled code. What it is made of in turn is in
+ rust-standard-library.html beside this file.
+
+Files: llvm-libunwind/*
+Copyright: The LLVM Project contributors
+License: Apache-2.0 with LLVM-exception
+Comment: LLVM's libunwind, which Zig links into the compiled code.
+
+"""
+
+
+def field(text):
+    """A text as the continuation lines of a field."""
+    return "".join(f" {line}\n" if line.strip() else " .\n" for line in text.strip("\n").expandtabs().splitlines())
+
+
+def holders(text, crates):
+    """The copyright notices within a licence's text, or else the crates' authors."""
+    found = []
+    for line in text.splitlines():
+        match = re.match(r"\s*Copyright\s+(\(c\)|©)?\s*(\d{4}.*|\(c\).*|The .*)", line, re.IGNORECASE)
+        if match and "[yyyy]" not in line and "{yyyy}" not in line:
+            found.append(match.group(2).strip())
+    return found or ["The authors of " + ", ".join(crates)]
+
+
+def common(name):
+    """A licence that every Debian system has in full."""
+    return f"On Debian systems the full text is in /usr/share/common-licenses/{name}.\n"
+
+
+def stanzas(licences):
+    for number, licence in enumerate(licences, 1):
+        crates = sorted({used["crate"]["name"] for used in licence["used_by"]} - {"nvsprior"})
+        crates = [name for name in crates if not OURS.match(name)]
+        if not crates:
+            continue
+        text = licence["text"]
+        if licence["id"] == "Apache-2.0":
+            body = common("Apache-2.0")
+        else:
+            body = text
+        yield (
+            "Files: " + " ".join(f"vendor/{name}/*" for name in crates) + "\n"
+            + "Copyright: " + "\n           ".join(holders(text, crates)) + "\n"
+            + f"License: {licence['id'].replace(' ', '-')}-{number}\n"
+            + field(body) + "\n"
+        )
+
+
+def about(manifest, features):
+    command = ["cargo-about", "generate", "--format", "json", "--config", str(FOLDER / "about.toml"),
+               "--manifest-path", str(ROOT / manifest), "--locked", *features]
+    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
+
+
+def libwebp():
+    """The folder of libwebp's source, in its crate."""
+    listed = json.loads(subprocess.run(["cargo", "metadata", "--format-version", "1", "--locked"], check=True, cwd=ROOT,
+                                       stdout=subprocess.PIPE).stdout)
+    manifest = next(crate["manifest_path"] for crate in listed["packages"] if crate["name"] == "libwebp-sys")
+    return pathlib.Path(manifest).parent / "vendor"
+
+
+def write(part, report):
+    # The paragraph of each licence that the head and the tail name.
+    folder = libwebp()
+    webp = (folder / "COPYING").read_text() + "\n" + (folder / "PATENTS").read_text()
+    expat = (ROOT / "LICENSE-MIT").read_text().split("\n\n", 2)[2]
+    exception = FOLDER.joinpath("LLVM-exception.txt").read_text()
+    licences = (
+        "License: Expat\n" + field(expat) + "\nLicense: Apache-2.0\n" + field(common("Apache-2.0"))
+        + "\nLicense: BSD-3-clause-libwebp\n" + field(webp)
+        + "\nLicense: Apache-2.0 with LLVM-exception\n" + field(common("Apache-2.0") + "\n" + exception)
+    )
+    named = sorted({f"{used['crate']['name']} {used['crate']['version']}" for licence in report["licenses"]
+                    for used in licence["used_by"] if not OURS.match(used["crate"]["name"])})
+    crates = "Comment: Crates and versions:\n" + field("\n".join(named)) + "\n"
+    head = HEAD.replace("Comment: Written", crates.rstrip("\n") + "\n .\n Written", 1)
+    (FOLDER / f"{part}.copyright").write_text(head + "\n" + "".join(stanzas(report["licenses"])) + TAIL + licences)
+    print(f"{part}: {len(named)} crates, {len(report['licenses'])} texts")
+
+
+def linked(package, features):
+    """The crates that a package links in, or that generate code for it: name and version."""
+    lines = set()
+    for target in TARGETS:
+        command = ["cargo", "tree", "--locked", "--edges", "normal", "--prefix", "none", "--format", "{p}",
+                   "--target", target, "--package", package, *features]
+        lines |= set(subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.PIPE, text=True).stdout.splitlines())
+    crates = {tuple(line.split()[:2]) for line in lines if line}
+    return sorted(f"{name} {version[1:]}" for name, version in crates if not OURS.match(name))
+
+
+def check(part, package, features):
+    text = (FOLDER / f"{part}.copyright").read_text()
+    named = {line.strip() for line in text.split("\nFiles:", 1)[0].splitlines()}
+    missing = [crate for crate in linked(package, features) if crate not in named]
+    if missing:
+        sys.exit(f"packaging/licences/{part}.copyright lacks {', '.join(missing)}: run `make licences`")
+    print(f"{part}: every crate that is linked in is named")
+
+
+def main():
+    if sys.argv[1:] not in (["write"], ["check"]):
+        sys.exit(__doc__)
+    for part, (manifest, package, features) in PARTS.items():
+        if sys.argv[1] == "write":
+            write(part, about(manifest, features))
+        else:
+            check(part, package, features)
+
+
+main()

@@ -1,0 +1,33 @@
+#!/bin/sh
+# Writes the manual pages of the program and of its subcommands, from what they print for --help.
+# Usage: man-pages.sh PROGRAM TARGET DIR; a program of a foreign target runs under QEMU.
+set -eu
+[ $# = 3 ] || { echo "usage: man-pages.sh PROGRAM TARGET DIR" >&2; exit 2; }
+program=$1
+run=""
+if [ "$2" != "$(rustc --print host-tuple)" ]; then
+    run="qemu-${2%%-*} -L /usr/$(echo "$2" | sed 's/-unknown//') "
+fi
+dir=$3
+mkdir -p "$dir"
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+
+# help2man takes the page's name from the file's.
+page() { # Name, subcommand.
+    printf '#!/bin/sh\nexec %s"%s" %s "$@"\n' "$run" "$program" "$2" > "$scratch/$1"
+    chmod +x "$scratch/$1"
+    # The first line says what it is for. It begins with a capital and may end with a full stop.
+    about=$("$scratch/$1" -h | head -n 1 | sed 's/\.$//')
+    help2man --no-info --section=1 --manual="nvsprior" --source="$version" --version-string="$version" \
+        --name="$about" "$scratch/$1" > "$dir/$1.1"
+}
+printf '#!/bin/sh\nexec %s"%s" "$@"\n' "$run" "$program" > "$scratch/run"
+chmod +x "$scratch/run"
+version=$("$scratch/run" --version)
+page nvsprior ""
+subcommands=$("$scratch/run" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z-]*\) .*/\1/p' | grep -v '^help$')
+for name in $subcommands; do
+    page "nvsprior-$name" "$name"
+done
+echo "manual pages: $(echo "$subcommands" | wc -l) subcommands"
