@@ -7,7 +7,7 @@ GLIBC ?= 2.31
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
 .PHONY: help demo demo-prior test c-test lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test \
-	shaders \
+	dist dist-test subproject-test abi-check abi-baseline shaders \
 	shaders-check shader-toolchain clean
 
 help:
@@ -26,6 +26,10 @@ help:
 	@echo "make package-test   programs against the installed library, shared and static"
 	@echo "make deb            Debian packages for amd64 and arm64, in target/debian/: docs/packaging.md"
 	@echo "make deb-test       installs, uses and removes them in a Debian of their own"
+	@echo "make dist           the source archive with all crates, and recipes for Conan and vcpkg, in target/dist/"
+	@echo "make dist-test      builds the library from it without a network"
+	@echo "make subproject-test  a program with nvsprior as a subproject of CMake and of Meson"
+	@echo "make abi-check      compares the C library's ABI with the committed one; make abi-baseline renews that"
 	@echo "make licences       the list of what is linked in, after a change of dependencies; needs cargo-about"
 	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/cross-build.md"
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
@@ -85,6 +89,26 @@ cross-aarch64:
 		scripts/package-test.sh firmware aarch64-unknown-linux-gnu
 	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
 	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet
+
+dist:
+	scripts/dist.sh
+
+dist-test: dist
+	@scripts/setup.sh lib c
+	scripts/dist-test.sh
+
+subproject-test:
+	@scripts/setup.sh lib c meson
+	scripts/subproject-test.sh
+
+abi-check:
+	@scripts/setup.sh c
+	scripts/abi.sh selftest
+	scripts/abi.sh check
+
+abi-baseline:
+	@scripts/setup.sh c
+	scripts/abi.sh baseline
 
 licences:
 	scripts/licences.py write

@@ -7,7 +7,7 @@
 # output if a group fails.
 set -eu
 cd "$(dirname "$0")/.."
-quick="library header symbols readme examples c_programs"
+quick="library header symbols abi readme examples c_programs"
 case ${1:-quick} in
 quick) groups=$quick ;;
 full) groups="$quick sanitizers memcheck soak" ;;
@@ -50,6 +50,12 @@ symbols() {
     nm -D --defined-only "$prefix/lib/libnvsprior.so" | sed 's/.* //' | LC_ALL=C sort > "$work/symbols"
     diff -u tests/c/symbols.txt "$work/symbols"
     echo "$(wc -l < "$work/symbols") functions"
+}
+
+# The ABI against the committed one: `make abi-baseline` renews that.
+abi() {
+    scripts/abi.sh selftest
+    scripts/abi.sh check
 }
 
 # README's program: the text between the fences after the comment that names this script.

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Writes the source archive, target/dist/nvsprior-VERSION.tar.xz: the last commit, with all crates, so that it builds
-# without a network. Prints its SHA-256 and SHA-512, which recipes ask for.
+# without a network. Beside it: the recipes for Conan and vcpkg, with its address and checksums.
+# Usage: [ADDRESS=file://...] dist.sh; ADDRESS is where the archive will lie, this folder if it is not given.
 set -eu
 cd "$(dirname "$0")/.."
 version=$(sed -n '/^\[package\]/,/^\[/s/^version = "\(.*\)"/\1/p' Cargo.toml)
@@ -11,12 +12,20 @@ name=nvsprior-$version
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 git archive --prefix="$name/" HEAD | tar -x -C "$scratch"
-(cd "$scratch/$name" && mkdir .cargo && cargo vendor --quiet --locked vendor > .cargo/config.toml)
-# A C compiler's own choice of Cargo's home must not matter: the crates are here.
-grep -q '^directory = "vendor"' "$scratch/$name/.cargo/config.toml"
+(cd "$scratch/$name" && mkdir .cargo && cargo vendor --locked vendor > .cargo/config.toml 2> "$scratch/log") ||
+    { cat "$scratch/log" >&2; exit 1; }
 
 mkdir -p "$out"
 tar -C "$scratch" --sort=name --mtime="@$(git log -1 --format=%ct)" --owner=0 --group=0 --numeric-owner \
     --mode=u=rwX,go=rX -c "$name" | xz -T0 -6 > "$out/$name.tar.xz"
 echo "$out/$name.tar.xz: $(wc -c < "$out/$name.tar.xz") bytes, $(ls "$scratch/$name/vendor" | wc -l) crates"
-(cd "$out" && sha256sum "$name.tar.xz" && sha512sum "$name.tar.xz")
+
+# The recipes.
+url=${ADDRESS:-file://$out}/$name.tar.xz
+sha256=$(sha256sum "$out/$name.tar.xz" | cut -d ' ' -f 1)
+sha512=$(sha512sum "$out/$name.tar.xz" | cut -d ' ' -f 1)
+rm -rf "$out/conan" "$out/vcpkg"
+cp -r packaging/conan packaging/vcpkg "$out/"
+printf 'sources:\n  "%s":\n    url: "%s"\n    sha256: "%s"\n' "$version" "$url" "$sha256" > "$out/conan/conandata.yml"
+sed -i -e "s|@VERSION@|$version|" -e "s|@URL@|$url|" -e "s|@SHA512@|$sha512|" "$out"/vcpkg/*
+echo "$out/conan, $out/vcpkg: $url, SHA-256 $sha256"

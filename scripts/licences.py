@@ -59,7 +59,7 @@ def holders(text, crates):
     """The copyright notices within a licence's text, or else the crates' authors."""
     found = []
     for line in text.splitlines():
-        match = re.match(r"\s*Copyright\s+(\(c\)|©)?\s*(\d{4}.*|\(c\).*|The .*)", line, re.IGNORECASE)
+        match = re.match(r"[\s/*#;]*Copyright\s+(\(c\)|©)?\s*(\d{4}.*|\(c\).*|The .*)", line, re.IGNORECASE)
         if match and "[yyyy]" not in line and "{yyyy}" not in line:
             found.append(match.group(2).strip())
     return found or ["The authors of " + ", ".join(crates)]

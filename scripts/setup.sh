@@ -1,6 +1,6 @@
 #!/bin/sh
 # Installs what is missing on Debian or Ubuntu, after saying so; explains what to do elsewhere.
-# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross] [glibc] [deb]
+# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross] [glibc] [deb] [meson]
 set -eu
 
 missing=""
@@ -36,6 +36,7 @@ for part in "$@"; do
         done
         any /usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.asan-*.a || need libclang-rt-dev
         any /usr/include/vulkan/vulkan.h || need libvulkan-dev
+        command -v abidiff >/dev/null || need abigail-tools
         crate cbindgen@0.29.4 cbindgen
         ;;
     cross) # Building it for 64-bit ARM, and running it.
@@ -52,6 +53,9 @@ for part in "$@"; do
         command -v help2man >/dev/null || need help2man
         command -v lintian >/dev/null || need lintian
         command -v mmdebstrap >/dev/null || need mmdebstrap
+        ;;
+    meson)
+        command -v meson >/dev/null || need meson
         ;;
     esac
 done

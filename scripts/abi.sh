@@ -1,0 +1,97 @@
+#!/bin/sh
+# The C library's ABI, compared with the committed one by libabigail. Usage: abi.sh check|baseline|selftest
+#
+# check     fails if a program that was built with the baseline's header may not run with this one's library: a function
+#           gone or with other parameters, a structure laid out differently, a constant with another value. What may
+#           come: functions, constants, and fields at the end of a structure that begins with struct_size.
+# baseline  writes packaging/abi/ anew. After a release only what check lets pass may change.
+# selftest  shows that check fails if it should.
+#
+# What is compared is the header: a library in C is made that has its functions. c-test.sh checks the rest: that the
+# header is that of the sources, that the real library exports the functions, and that sizes are the same in both.
+set -eu
+cd "$(dirname "$0")/.."
+baseline=packaging/abi
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+
+# A header's ABI and constants, into a folder.
+describe() { # Header, folder.
+    mkdir -p "$2"
+    cp "$1" "$2/nvsprior.h"
+    # One line for each function, without the names of parameters; then a body for each.
+    (
+        cd "$2"
+        gcc -std=gnu2x -fsyntax-only -aux-info functions -x c nvsprior.h
+        { echo '#include "nvsprior.h"'; sed -n '/nvsprior\.h:/s/^.*\*\/ extern \(.*\);.*/\1 { __builtin_trap(); }/p' functions; } \
+            > library.c
+        gcc -std=gnu2x -g -O0 -fPIC -shared -Wl,-soname,libnvsprior.so.1 library.c -o libnvsprior.so
+        abidw --no-comp-dir-path --no-corpus-path --no-show-locs --no-elf-needed libnvsprior.so --out-file abi.xml
+        # The version of a header is no promise.
+        gcc -dM -E -x c nvsprior.h | grep '^#define NVSP_' | grep -v '^#define NVSP_\(H\|[A-Z_]*VERSION[A-Z_]*\) \|(' |
+            LC_ALL=C sort > constants
+    )
+}
+
+# Whether a header may follow the baseline.
+compatible() { # Folder of the baseline, folder of the header.
+    growing=$(awk '/^(typedef )?struct .*\{/ { name = $0; sub(/.*struct /, "", name); sub(/ .*/, "", name); first = 1; next }
+        first && NF && $1 !~ /^\/\// { if ($0 ~ / struct_size;/) print name; first = 0 }' "$2/nvsprior.h" | paste -sd '|')
+    cat > "$scratch/growth" <<END
+[suppress_type]
+  type_kind = struct
+  name_regexp = ^($growing)\$
+  has_data_member_inserted_at = end
+END
+    failed=0
+    abidiff --no-added-syms --suppressions "$scratch/growth" "$1/abi.xml" "$2/abi.xml" > "$scratch/report" || failed=1
+    LC_ALL=C comm -23 "$1/constants" "$2/constants" > "$scratch/gone"
+    [ ! -s "$scratch/gone" ] || failed=1
+    return $failed
+}
+
+check() {
+    describe include/nvsprior.h "$scratch/now"
+    nm -D --defined-only "$scratch/now/libnvsprior.so" | sed 's/.* //' | LC_ALL=C sort | diff tests/c/symbols.txt - ||
+        { echo "abi: the header's functions are not those of tests/c/symbols.txt" >&2; exit 1; }
+    compatible "$baseline" "$scratch/now" || {
+        cat "$scratch/report" >&2
+        sed 's/^/gone or of another value: /' "$scratch/gone" >&2
+        echo "abi: programs built with the baseline may not run with this library. Before the first release:" >&2
+        echo "make abi-baseline. After it: change it back, or raise NVSP_ABI_VERSION and the soname." >&2
+        exit 1
+    }
+    echo "$(wc -l < tests/c/symbols.txt) functions and $(wc -l < "$baseline/constants") constants as in the baseline"
+}
+
+# Each change breaks programs, but for the last, which does not.
+selftest() {
+    describe include/nvsprior.h "$scratch/base"
+    change() { # A name, what must come of it, a sed script.
+        sed "$3" include/nvsprior.h > "$scratch/changed.h"
+        ! cmp -s include/nvsprior.h "$scratch/changed.h" || { echo "abi: $1 changes nothing" >&2; exit 1; }
+        describe "$scratch/changed.h" "$scratch/$1"
+        result=fails
+        ! compatible "$scratch/base" "$scratch/$1" || result=passes
+        [ "$result" = "$2" ] || { echo "abi: $1 $result" >&2; cat "$scratch/report" >&2; exit 1; }
+    }
+    change constant fails 's/^#define NVSP_FORMAT_BGR8 2$/#define NVSP_FORMAT_BGR8 7/'
+    change removed fails 's/^const char \*nvsp_version(void);$//'
+    change parameter fails 's/^const char \*nvsp_status_text(nvsp_status status);$/const char *nvsp_status_text(int64_t status);/'
+    change field fails '/^typedef struct nvsp_pose {/,/^}/s/double translation/float translation/'
+    change grown fails '/^typedef struct nvsp_pose {/,/^}/s/^}/    float more;\n}/'
+    change added passes 's/^const char \*nvsp_version(void);$/&\nint nvsp_new(void);/'
+    change tail passes '/^typedef struct nvsp_engine_options {/,/^}/s/^}/    uint64_t more;\n}/'
+    echo "five changes that break programs are found, two that do not pass"
+}
+
+case ${1:-} in
+check | selftest) "$1" ;;
+baseline)
+    describe include/nvsprior.h "$scratch/now"
+    mkdir -p "$baseline"
+    cp "$scratch/now/abi.xml" "$scratch/now/constants" "$baseline/"
+    echo "$baseline: $(wc -c < "$baseline/abi.xml") bytes, $(wc -l < "$baseline/constants") constants"
+    ;;
+*) echo "usage: abi.sh check|baseline|selftest" >&2; exit 2 ;;
+esac
