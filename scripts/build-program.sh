@@ -9,7 +9,8 @@ name=$(echo "$target" | tr 'a-z-' 'A-Z_')
 if [ -n "${GLIBC:-}" ]; then
     linker=$(scripts/zig-linker.sh "$target" "$GLIBC")
     export "CC_$(echo "$target" | tr - _)=$linker"
-    export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}/glibc-$GLIBC"
+    # Not the library's folder: cargo-c builds with other flags, and each would build all anew after the other.
+    export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}/glibc-$GLIBC-program"
 elif [ "$target" != "$(rustc --print host-tuple)" ]; then
     linker=$(echo "$target" | sed 's/-unknown//')-gcc
 fi
