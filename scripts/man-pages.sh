@@ -2,6 +2,7 @@
 # Writes the manual pages of the program and of its subcommands, from what they print for --help.
 # Usage: man-pages.sh PROGRAM TARGET DIR; a program of a foreign target runs under QEMU.
 set -eu
+export LC_ALL=C.UTF-8
 [ $# = 3 ] || { echo "usage: man-pages.sh PROGRAM TARGET DIR" >&2; exit 2; }
 program=$1
 run=""
@@ -13,14 +14,15 @@ mkdir -p "$dir"
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 
-# help2man takes the page's name from the file's.
+# help2man would take the page's name from the usage: the same for all.
 page() { # Name, subcommand.
     printf '#!/bin/sh\nexec %s"%s" %s "$@"\n' "$run" "$program" "$2" > "$scratch/$1"
     chmod +x "$scratch/$1"
     # The first line says what it is for. It begins with a capital and may end with a full stop.
     about=$("$scratch/$1" -h | head -n 1 | sed 's/\.$//')
+    printf '[name]\n%s \\- %s\n' "$1" "$about" > "$scratch/name"
     help2man --no-info --section=1 --manual="nvsprior" --source="$version" --version-string="$version" \
-        --name="$about" "$scratch/$1" > "$dir/$1.1"
+        --include="$scratch/name" "$scratch/$1" > "$dir/$1.1"
 }
 printf '#!/bin/sh\nexec %s"%s" "$@"\n' "$run" "$program" > "$scratch/run"
 chmod +x "$scratch/run"
