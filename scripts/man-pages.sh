@@ -16,7 +16,8 @@ trap 'rm -rf "$scratch"' EXIT
 
 # help2man would take the page's name from the usage: the same for all.
 page() { # Name, subcommand.
-    printf '#!/bin/sh\nexec %s"%s" %s "$@"\n' "$run" "$program" "$2" > "$scratch/$1"
+    # In ASCII: help2man takes no other characters without Perl's gettext.
+    printf '#!/bin/sh\n%s"%s" %s "$@" | iconv -f UTF-8 -t ASCII//TRANSLIT\n' "$run" "$program" "$2" > "$scratch/$1"
     chmod +x "$scratch/$1"
     # The first line says what it is for. It begins with a capital and may end with a full stop.
     about=$("$scratch/$1" -h | head -n 1 | sed 's/\.$//')
@@ -28,7 +29,7 @@ printf '#!/bin/sh\nexec %s"%s" "$@"\n' "$run" "$program" > "$scratch/run"
 chmod +x "$scratch/run"
 version=$("$scratch/run" --version)
 page nvsprior ""
-subcommands=$("$scratch/run" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z-]*\) .*/\1/p' | grep -v '^help$')
+subcommands=$("$scratch/run" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z][a-z-]*\) .*/\1/p' | grep -v '^help$')
 for name in $subcommands; do
     page "nvsprior-$name" "$name"
 done
