@@ -114,7 +114,7 @@ licences:
 	scripts/licences.py write
 
 deb:
-	@scripts/setup.sh lib cross glibc deb
+	@scripts/setup.sh lib $(if $(findstring arm64,$(or $(DEB_ARCHITECTURES),arm64)),cross) glibc deb
 	scripts/deb.sh $(DEB_ARCHITECTURES)
 
 deb-test:

@@ -14,6 +14,10 @@ libdir=${LIBDIR:-$prefix/lib}
 includedir=${INCLUDEDIR:-$prefix/include}
 destdir=${DESTDIR:-}
 
+case $target in
+*-musl*) echo "install: cargo-c's libraries for musl export nothing: docs/packaging.md" >&2; exit 1 ;;
+esac
+
 # For a foreign target, Debian's cross compiler of that name, unless the environment names another.
 binutils=""
 name=$(echo "$target" | tr 'a-z-' 'A-Z_')

@@ -53,6 +53,7 @@ for part in "$@"; do
         command -v help2man >/dev/null || need help2man
         command -v lintian >/dev/null || need lintian
         command -v mmdebstrap >/dev/null || need mmdebstrap
+        command -v dpkg-buildpackage >/dev/null || need dpkg-dev
         ;;
     meson)
         command -v meson >/dev/null || need meson
