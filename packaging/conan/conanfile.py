@@ -22,6 +22,10 @@ class Nvsprior(ConanFile):
     options = {"shared": [True, False], "profile": ["release", "firmware"], "glibc": ["host", "ANY"]}
     default_options = {"shared": True, "profile": "release", "glibc": "host"}
 
+    def set_version(self):
+        # The version of the archive that conandata.yml names.
+        self.version = self.version or next(iter(self.conan_data["sources"]))
+
     def configure(self):
         self.settings.rm_safe("compiler.cppstd")
         self.settings.rm_safe("compiler.libcxx")
