@@ -39,10 +39,11 @@ demo:
 	@scripts/setup.sh run
 	cargo run --release --bin nvsprior -- demo --out demo-out
 
+# The loss is the one that the prior in the tree was trained with.
 demo-prior:
 	@scripts/setup.sh run
 	cargo run --release --bin nvsprior -- demo --mapping-run --out target/demo-prior
-	cargo run --release --bin nvsprior -- map --cameras target/demo-prior/M1/cameras.json --splats 60000 \
+	cargo run --release --bin nvsprior -- map --cameras target/demo-prior/M1/cameras.json --splats 60000 --knee 0 \
 		--out tools/basin/prior.nvsg --report target/demo-prior/report
 
 test:
