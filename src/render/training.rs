@@ -29,8 +29,9 @@ use super::workspace::Workspace;
 pub use crate::training::{FADING, Training};
 pub use memory::{Fits, NoRoom, Shortage, TrainingMemory};
 
-/// Tiles that a splat shows in, on average: there is room for so many from the start, if they are not very many.
-const PAIRS_PER_SPLAT: u32 = 8;
+/// Tiles that a splat shows in, on average: there is room for so many from the start, if they are not very many. On the
+/// reef it is one to three.
+const PAIRS_PER_SPLAT: u32 = 5;
 
 /// What is trained.
 #[derive(Clone, Debug)]

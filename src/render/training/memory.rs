@@ -14,7 +14,7 @@ use super::{PAIRS_PER_SPLAT, TrainingPlan, first_pairs, with_room};
 pub struct TrainingMemory {
     /// From the start.
     pub start: u64,
-    /// At most, while a splat shows in eight tiles on average, or in fewer.
+    /// At most, while a splat shows in five tiles on average, or in fewer.
     pub peak: u64,
 }
 
