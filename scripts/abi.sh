@@ -35,8 +35,11 @@ describe() { # Header, folder.
 
 # Whether a header may follow the baseline.
 compatible() { # Folder of the baseline, folder of the header.
+    # A structure that stands within another one may not grow: what comes after it would move.
+    sed -n 's/^  struct \(nvsp_[a-z_]*\) [a-z_]*;.*/\1/p' "$2/nvsprior.h" | LC_ALL=C sort -u > "$scratch/within"
     growing=$(awk '/^(typedef )?struct .*\{/ { name = $0; sub(/.*struct /, "", name); sub(/ .*/, "", name); first = 1; next }
-        first && NF && $1 !~ /^\/\// { if ($0 ~ / struct_size;/) print name; first = 0 }' "$2/nvsprior.h" | paste -sd '|')
+        first && NF && $1 !~ /^\/\// { if ($0 ~ / struct_size;/) print name; first = 0 }' "$2/nvsprior.h" |
+        LC_ALL=C sort | LC_ALL=C comm -23 - "$scratch/within" | paste -sd '|')
     cat > "$scratch/growth" <<END
 [suppress_type]
   type_kind = struct

@@ -139,9 +139,17 @@ nvsp_camera scaled_camera(const scene *scene, uint32_t width) {
     return camera;
 }
 
+nvsp_engine_options patient_options(void) {
+    nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+    // Under a memory checker the CPU driver takes minutes.
+    options.watchdog_milliseconds = few() ? NVSP_WATCHDOG_NONE : 0;
+    return options;
+}
+
 void rig_open(rig *rig, const scene *scene) {
+    const nvsp_engine_options options = patient_options();
     memset(rig, 0, sizeof *rig);
-    MUST(nvsp_engine_create(NULL, &rig->engine));
+    MUST(nvsp_engine_create(&options, &rig->engine));
     MUST(nvsp_prior_open(rig->engine, scene->prior, NULL, &rig->prior));
 }
 

@@ -58,6 +58,9 @@ typedef struct rig {
     nvsp_decoder *decoder;
 } rig;
 
+// Defaults; without a watchdog if NVSP_TEST_FEW is set.
+nvsp_engine_options patient_options(void);
+
 // Opens engine and prior, without a log; `rig_add` makes encoder and decoder.
 void rig_open(rig *rig, const scene *scene);
 void rig_add(rig *rig, const nvsp_camera *camera, const nvsp_encoder_options *options);

@@ -280,8 +280,7 @@ static void count_messages(void *user, int32_t level, const char *message) {
 }
 
 static void messages(void) {
-    nvsp_engine_options options;
-    MUST(NVSP_INIT(&options));
+    nvsp_engine_options options = patient_options();
     options.log = count_messages;
     options.log_user = logged;
     rig link = {0};

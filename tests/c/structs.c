@@ -310,7 +310,7 @@ static void estimates(void) {
         const nvsp_camera size = scaled_camera(&dive, widths[i]);
         nvsp_memory_estimate found = NVSP_INITIALIZER(nvsp_memory_estimate);
         EXPECT(NVSP_OK, nvsp_prior_estimate(dive.prior, &size, &found));
-        nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+        nvsp_engine_options options = patient_options();
         options.host_memory_limit = found.prior_host;
         if (options.host_memory_limit < found.encoder_host) {
             options.host_memory_limit = found.encoder_host;
@@ -351,7 +351,7 @@ static void pipeline_cache(void) {
     EXPECT(NVSP_OK, nvsp_engine_get_pipeline_cache(both.engine, bytes, size, &again));
     CHECK(again == size);
     for (int i = 0; i < 4; i++) {
-        nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+        nvsp_engine_options options = patient_options();
         nvsp_engine *engine = NULL;
         options.pipeline_cache = bytes;
         options.pipeline_cache_size = i == 2 ? size / 2 : i == 3 ? 3 : size;

@@ -16,6 +16,13 @@ pub fn run(name: &str, arguments: &[&str]) {
     }
 }
 
+/// As [`run`], but the program repeats things less often.
+pub fn run_few(name: &str) {
+    if let Some(program) = build(name) {
+        succeeds(Command::new(program).env("NVSP_TEST_FEW", "1").arg(scene::folder()));
+    }
+}
+
 /// As [`run`], under a Vulkan layer of `tests/c`.
 pub fn run_with_layer(name: &str, layer: &str) {
     if !Path::new("/usr/include/vulkan/vk_layer.h").exists() {
