@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use nvsprior::prior::{PriorError, Splats};
+use nvsprior::prior::{PriorError, PriorFrame, Splats};
 use nvsprior::random::Random;
 use nvsprior::render::{Jacobian, NormalEquations, Plan, SortPrecision};
 use nvsprior::tracking::RefineOptions;
@@ -263,9 +263,17 @@ fn send(engine: &Engine, prior: &Prior, scene: &Extreme, seed: u64) -> Result<()
     let rate = one_of(&mut random, &[None, Some(Rate::Quality(10.0)), Some(Rate::Bytes(300))]);
     let options = EncoderOptions { refine, rate, ..EncoderOptions::default() };
     let mut encoder = Encoder::new(engine, &uploaded, camera, options)?;
-    let encoded = match encoder.encode(&frame, Some(pose.stepped(offset))) {
+    let start = pose.stepped(offset);
+    let encoded = match encoder.encode(&frame, Some(start)) {
         // If no packet can hold the pose, an error must say so.
         Err(Error::Packet(_)) => return Ok(()),
+        // A start beyond a million spreads is refused, and no other.
+        Err(Error::HintFar { .. }) => {
+            let PriorFrame { centre, spread } = prior.frame();
+            let centre = glam::Vec3::from(centre).as_dvec3();
+            let spreads = (start.centre() - centre).length() / f64::from(spread);
+            return ensure(spreads > 1e6, || format!("refused: a start at {spreads:e} spreads"));
+        }
         encoded => encoded?,
     };
     ensure(encoded.pose.is_finite(), || "the pose found is no number".into())?;
