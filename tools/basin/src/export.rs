@@ -33,7 +33,7 @@ mod tests {
     #[test]
     fn a_run_comes_back_from_disk() {
         let folder = tempfile::tempdir().unwrap();
-        let frames: Vec<_> = inspection_run(Run::T1, 2, Conditions::BASIN).collect();
+        let frames: Vec<_> = inspection_run(Run::T1, 2, Conditions::CALM).collect();
         let mut count = 0;
         write_run(folder.path(), "t1", frames.clone().into_iter(), |_| count += 1).unwrap();
         assert_eq!(count, 2);

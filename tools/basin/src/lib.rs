@@ -1,9 +1,11 @@
-//! The basin: a scene of the paper's kind that the program draws itself, seen through water
-//! on a mapping run and two inspection runs. It shares no code with the splat renderer.
+//! Scenes that the program draws itself, seen through water on mapping runs and inspection runs. The basin is of the
+//! paper's kind; the quay is one that nothing in the library was trained on. They share no code with the splat renderer.
 
+mod basin;
 mod export;
 mod material;
 mod noise;
+mod quay;
 mod safety_line;
 mod scene;
 mod sensor;
@@ -29,19 +31,107 @@ pub const CAMERA: Camera =
 /// The prior: trained from the pictures of the mapping run M1 by `nvsprior map` (`make demo-prior`), .nvsg.
 pub const PRIOR: &[u8] = include_bytes!("../prior.nvsg");
 
+/// A place with a mapping run and inspection runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Site {
+    /// An indoor basin with a structure of oil barrels.
+    Basin,
+    /// A harbour's wall of sheet piles, in green water.
+    Quay,
+}
+
+impl Site {
+    /// All of them.
+    pub const ALL: [Site; 2] = [Site::Basin, Site::Quay];
+
+    /// The mapping run's name.
+    pub fn mapping_run_name(self) -> &'static str {
+        match self {
+            Site::Basin => "M1",
+            Site::Quay => "M2",
+        }
+    }
+
+    fn mapped(self) -> Scene {
+        match self {
+            Site::Basin => basin::mapped(),
+            Site::Quay => quay::mapped(),
+        }
+    }
+
+    fn mapping_poses(self) -> Vec<Pose> {
+        match self {
+            Site::Basin => trajectory::basin::mapping_poses(),
+            Site::Quay => trajectory::quay::mapping_poses(),
+        }
+    }
+}
+
 /// The inspection runs, some time after the mapping run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Run {
-    /// The scene as mapped.
+    /// The basin as mapped.
     T1,
     /// With a new metallic object beside the structure and the vehicle's safety line in view.
     T2,
+    /// The quay on another day: other light, more silt, and after some frames a crab pot with its buoy.
+    T3,
+}
+
+impl Run {
+    /// All of them.
+    pub const ALL: [Run; 3] = [Run::T1, Run::T2, Run::T3];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Run::T1 => "T1",
+            Run::T2 => "T2",
+            Run::T3 => "T3",
+        }
+    }
+
+    /// Where it is.
+    pub fn site(self) -> Site {
+        match self {
+            Run::T1 | Run::T2 => Site::Basin,
+            Run::T3 => Site::Quay,
+        }
+    }
+
+    /// What stands there, without the safety line.
+    fn scene(self) -> Scene {
+        match self {
+            Run::T1 => basin::mapped(),
+            Run::T2 => basin::with_new_object(),
+            Run::T3 => quay::later(),
+        }
+    }
+
+    /// Tells the runs' noise apart.
+    fn tag(self) -> u32 {
+        match self {
+            Run::T1 => 1,
+            Run::T2 => 2,
+            Run::T3 => 5,
+        }
+    }
+
+    /// Where the camera is, `time` seconds into the run.
+    fn pose(self, time: f64) -> Pose {
+        use trajectory::basin::{Track, inspection_pose};
+        match self {
+            Run::T1 => inspection_pose(&Track::T1, time),
+            Run::T2 => inspection_pose(&Track::T2, time),
+            Run::T3 => trajectory::quay::inspection_pose(time),
+        }
+    }
 }
 
 /// What may make a frame differ from the still scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Conditions {
-    /// Height of the moving caustics relative to the lamps' light.
+    /// Height of the moving caustics relative to the direct light.
     pub caustics: f32,
     /// Specks of marine snow in each frame.
     pub snow: u32,
@@ -50,8 +140,8 @@ pub struct Conditions {
 }
 
 impl Conditions {
-    /// A calm indoor basin.
-    pub const BASIN: Conditions = Conditions { caustics: 0.10, snow: 6, noise: 1.0 };
+    /// Calm water with little in it.
+    pub const CALM: Conditions = Conditions { caustics: 0.10, snow: 6, noise: 1.0 };
 }
 
 /// A picture of a run.
@@ -67,12 +157,16 @@ pub struct DemoFrame {
     pub time: f64,
 }
 
-/// The frames of the mapping run M1, each drawn when asked for.
-pub fn mapping_run(conditions: Conditions) -> impl ExactSizeIterator<Item = DemoFrame> {
-    let scene = Scene::mapped();
-    trajectory::mapping_poses().into_iter().enumerate().map(move |(index, pose)| {
+/// The frames of a site's mapping run, each drawn when asked for.
+pub fn mapping_run(site: Site, conditions: Conditions) -> impl ExactSizeIterator<Item = DemoFrame> {
+    let scene = site.mapped();
+    let tag = match site {
+        Site::Basin => 0,
+        Site::Quay => 4,
+    };
+    site.mapping_poses().into_iter().enumerate().map(move |(index, pose)| {
         // The mapping run takes its time: a picture every 4 seconds.
-        draw(&scene, &conditions, pose, index, 4.0 * index as f64, 0)
+        draw(&scene, &conditions, pose, index, 4.0 * index as f64, tag)
     })
 }
 
@@ -82,33 +176,28 @@ pub fn inspection_run(
     frames: usize,
     conditions: Conditions,
 ) -> impl ExactSizeIterator<Item = DemoFrame> {
-    let (scene, tag) = match run {
-        Run::T1 => (Scene::mapped(), 1),
-        Run::T2 => (Scene::with_new_object(), 2),
-    };
+    let scene = run.scene();
     (0..frames).map(move |index| {
         let time = index as f64 / FRAME_RATE;
-        let pose = trajectory::inspection_pose(run, time);
+        let pose = run.pose(time);
+        let draw = |scene: &Scene| draw(scene, &conditions, pose, index, time, run.tag());
         match run {
-            Run::T1 => draw(&scene, &conditions, pose, index, time, tag),
-            Run::T2 => {
-                let seen = scene.clone().with(safety_line::solids(&pose, time));
-                draw(&seen, &conditions, pose, index, time, tag)
-            }
+            Run::T2 => draw(&scene.clone().with(safety_line::solids(&pose, time))),
+            Run::T1 | Run::T3 => draw(&scene),
         }
     })
 }
 
-/// Views of the scene as mapped, from anywhere in the free water: the first `count` of a fixed sequence. Each is drawn
+/// Views of the basin as mapped, from anywhere in the free water: the first `count` of a fixed sequence. Each is drawn
 /// when asked for.
 pub fn random_views(
     count: usize,
     conditions: Conditions,
 ) -> impl ExactSizeIterator<Item = DemoFrame> {
-    let scene = Scene::mapped();
+    let scene = basin::mapped();
     let mut random = Random::new(VIEWS_SEED);
     let even = std::iter::repeat_with(|| random.even());
-    let poses: Vec<Pose> = trajectory::random_poses(even).take(count).collect();
+    let poses: Vec<Pose> = trajectory::basin::random_poses(even).take(count).collect();
     poses
         .into_iter()
         .enumerate()
@@ -147,9 +236,9 @@ mod tests {
     fn runs_are_the_same_every_time_and_on_any_number_of_threads() {
         let draw = |threads, run| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| inspection_run(run, 2, Conditions::BASIN).nth(1).unwrap().picture)
+            pool.install(|| inspection_run(run, 2, Conditions::CALM).nth(1).unwrap().picture)
         };
-        for run in [Run::T1, Run::T2] {
+        for run in Run::ALL {
             assert_eq!(draw(1, run), draw(3, run));
         }
         assert_ne!(draw(2, Run::T1), draw(2, Run::T2));
@@ -157,18 +246,39 @@ mod tests {
 
     #[test]
     fn conditions_disturb_the_still_scene_a_little() {
-        let first = |conditions| mapping_run(conditions).next().unwrap().picture;
-        let psnr = first(Conditions::BASIN).psnr(&first(STILL));
-        assert!((30.0..45.0).contains(&psnr), "{psnr} dB");
+        for site in Site::ALL {
+            let first = |conditions| mapping_run(site, conditions).next().unwrap().picture;
+            let psnr = first(Conditions::CALM).psnr(&first(STILL));
+            assert!((30.0..45.0).contains(&psnr), "{site:?}: {psnr} dB");
+        }
     }
 
     #[test]
     fn the_line_and_the_object_show_in_t2() {
         let frame = inspection_run(Run::T2, 1, STILL).next().unwrap();
-        let empty = draw(&Scene::mapped(), &STILL, frame.pose, 0, frame.time, 2);
-        let changed =
-            std::iter::zip(frame.picture.data.chunks_exact(3), empty.picture.data.chunks_exact(3));
-        let changed = changed.filter(|(a, b)| a[0].abs_diff(b[0]) > 20).count();
+        let empty = draw(&basin::mapped(), &STILL, frame.pose, 0, frame.time, 2);
+        let changed = changed(&frame.picture, &empty.picture);
         assert!((1000..15_000).contains(&changed), "{changed} pixels");
+    }
+
+    #[test]
+    fn the_crab_pot_shows_in_later_frames_of_t3_only() {
+        let mut scene = quay::mapped();
+        scene.water = quay::later().water;
+        let changed: Vec<usize> = inspection_run(Run::T3, 12, STILL)
+            .enumerate()
+            .map(|(i, frame)| {
+                let empty = draw(&scene, &STILL, frame.pose, i, frame.time, Run::T3.tag());
+                changed(&frame.picture, &empty.picture)
+            })
+            .collect();
+        assert_eq!(changed[..3], [0; 3]);
+        assert!(changed[8..].iter().all(|changed| (500..15_000).contains(changed)), "{changed:?}");
+    }
+
+    /// Pixels that differ by more than noise.
+    fn changed(a: &Picture, b: &Picture) -> usize {
+        let pixels = std::iter::zip(a.data.chunks_exact(3), b.data.chunks_exact(3));
+        pixels.filter(|(a, b)| a[0].abs_diff(b[0]) > 20).count()
     }
 }

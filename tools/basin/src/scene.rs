@@ -1,29 +1,18 @@
-//! The scene: a basin with a yellow structure of six piles of three oil barrels, joined by pipes.
-//!
-//! World axes: x and y level, z up, metres; the structure stands about the origin on the floor
-//! z = 0 and fills 3.9 × 4.6 × 3.0 m.
+//! A scene: solids, and the water that they are seen through.
 
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 
-use super::solid::{Group, Material, Ray, Shape, Solid};
-
-/// Half sides of the structure's plan, metres.
-pub const HALF_PLAN: [f32; 2] = [1.95, 2.3];
-/// Height of the structure, metres.
-pub const STRUCTURE_HEIGHT: f32 = 3.0;
-/// Lower and upper corner of the water body.
-pub const BASIN: (Vec3, Vec3) = (Vec3::new(-6.2, -6.6, 0.0), Vec3::new(6.2, 6.6, 5.6));
-
-const BARREL_RADIUS: f32 = 0.29;
-const BARREL_HEIGHT: f32 = 0.92;
-const SLAB_HEIGHT: f32 = 0.12;
-const PIPE_RADIUS: f32 = 0.055;
+use super::solid::{Group, Ray, Solid};
+use super::water::Water;
 
 /// Everything that stands still in the picture.
 #[derive(Clone)]
 pub struct Scene {
-    groups: Vec<Group>,
-    basin: Group,
+    /// What may cast shadows, in groups that rays can pass by.
+    pub groups: Vec<Group>,
+    /// Floor, water surface and walls. They cast no shadows.
+    pub enclosure: Group,
+    pub water: Water,
 }
 
 /// Where a ray ends.
@@ -36,37 +25,23 @@ pub struct Hit<'a> {
 }
 
 impl Scene {
-    /// The scene of the mapping run and of T1.
-    pub fn mapped() -> Scene {
-        let mut groups: Vec<Group> = pile_feet().enumerate().map(pile).collect();
-        groups.extend(pipes().map(|pipe| Group::new(vec![pipe])));
-        Scene { groups, basin: basin() }
-    }
-
-    /// The scene of T2: a metallic object of 1.0 × 0.25 × 0.25 m stands beside the structure.
-    pub fn with_new_object() -> Scene {
-        let half = Vec3::new(0.125, 0.125, 0.5);
-        let centre = Vec3::new(HALF_PLAN[0] + 0.45, 0.35, half.z);
-        Scene::mapped().with(vec![Solid::block(centre, half, 0.35, Material::Steel, 1)])
-    }
-
     /// The scene with a group of solids more.
     pub fn with(mut self, solids: Vec<Solid>) -> Scene {
         self.groups.push(Group::new(solids));
         self
     }
 
-    /// All solids, the basin's floor, walls and water surface last.
+    /// All solids, the enclosure's last.
     #[cfg(test)]
     pub fn solids(&self) -> impl Iterator<Item = &Solid> {
-        self.groups.iter().flat_map(|g| &g.solids).chain(&self.basin.solids)
+        self.groups.iter().flat_map(|g| &g.solids).chain(&self.enclosure.solids)
     }
 
-    /// The nearest surface along a ray. `None` only for rays from outside the basin.
+    /// The nearest surface along a ray. `None` if the ray ends in open water.
     pub fn hit(&self, ray: &Ray) -> Option<Hit<'_>> {
         let mut nearest = f32::INFINITY;
         let mut found = None;
-        let groups = self.groups.iter().chain([&self.basin]);
+        let groups = self.groups.iter().chain([&self.enclosure]);
         for group in groups {
             if !group.may_hit(ray, nearest) {
                 continue;
@@ -86,7 +61,7 @@ impl Scene {
         })
     }
 
-    /// Whether something of the structure lies along the ray.
+    /// Whether something casts a shadow along the ray.
     pub fn shadowed(&self, ray: &Ray) -> bool {
         let mut near = self.groups.iter().filter(|g| g.may_hit(ray, f32::INFINITY));
         near.any(|g| g.solids.iter().any(|s| s.hit(ray, f32::INFINITY).is_some()))
@@ -96,82 +71,19 @@ impl Scene {
     pub fn distance(&self, p: Vec3, reach: f32) -> f32 {
         let near = self.groups.iter().filter(|g| g.distance_to_bounds(p) < reach);
         near.flat_map(|g| &g.solids)
-            .chain(&self.basin.solids)
+            .chain(&self.enclosure.solids)
             .fold(reach, |d, s| d.min(s.distance(p)))
     }
 }
 
-/// Floor, water surface and four walls, as blocks around the water body.
-fn basin() -> Group {
-    let (low, high) = BASIN;
-    let (centre, half) = ((low + high) / 2.0, (high - low) / 2.0);
-    let slab = |axis: usize, side: f32, material, seed| {
-        let mut c = centre;
-        let mut h = half + 0.5;
-        h[axis] = 0.5;
-        c[axis] += side * (half[axis] + 0.5);
-        Solid { shape: Shape::Block { half: h }, material, centre: c, axes: Mat3::IDENTITY, seed }
-    };
-    Group::new(vec![
-        slab(2, -1.0, Material::Floor, 0),
-        slab(2, 1.0, Material::WaterSurface, 0),
-        slab(0, -1.0, Material::Wall, 1),
-        slab(0, 1.0, Material::Wall, 2),
-        slab(1, -1.0, Material::Wall, 3),
-        slab(1, 1.0, Material::Wall, 4),
-    ])
-}
-
-/// Centres of the six piles on the floor: two columns along x, three rows along y.
-fn pile_feet() -> impl Iterator<Item = Vec3> {
-    let half = HALF_PLAN.map(|h| h - BARREL_RADIUS);
-    [-1.0, 0.0, 1.0]
-        .into_iter()
-        .flat_map(move |y| [-1.0, 1.0].map(|x| Vec3::new(x * half[0], y * half[1], 0.0)))
-}
-
-/// A foot, three barrels and a cap.
-fn pile((index, foot): (usize, Vec3)) -> Group {
-    let seed = 16 * index as u32;
-    let part = |low: f32, high: f32, radius, material, part: u32| {
-        Solid::cylinder(foot + Vec3::Z * low, foot + Vec3::Z * high, radius, material, seed + part)
-    };
-    let barrel = |i: u32| {
-        let low = SLAB_HEIGHT + i as f32 * BARREL_HEIGHT;
-        part(low, low + BARREL_HEIGHT, BARREL_RADIUS, Material::Barrel, i)
-    };
-    let cap = STRUCTURE_HEIGHT - SLAB_HEIGHT;
-    Group::new(vec![
-        part(0.0, SLAB_HEIGHT, BARREL_RADIUS * 0.98, Material::Concrete, 3),
-        barrel(0),
-        barrel(1),
-        barrel(2),
-        part(cap, STRUCTURE_HEIGHT, BARREL_RADIUS * 0.9, Material::Concrete, 4),
-    ])
-}
-
-/// Level pipes between neighbouring piles at three heights, and braces across the long sides.
-fn pipes() -> impl Iterator<Item = Solid> {
-    let feet: Vec<Vec3> = pile_feet().collect();
-    let across = [(0, 1), (2, 3), (4, 5)];
-    let along = [(0, 2), (2, 4), (1, 3), (3, 5)];
-    let level = [0.55, 1.5, 2.62]
-        .into_iter()
-        .flat_map(move |z| across.into_iter().chain(along).map(move |pair| (pair, z, z)));
-    let braces = [((0, 2), 0.4, 2.4), ((2, 4), 2.4, 0.4), ((1, 3), 2.4, 0.4), ((3, 5), 0.4, 2.4)];
-    level.chain(braces).enumerate().map(move |(i, ((a, b), z_a, z_b))| {
-        let (from, to) = (feet[a] + Vec3::Z * z_a, feet[b] + Vec3::Z * z_b);
-        Solid::cylinder(from, to, PIPE_RADIUS, Material::Pipe, 256 + i as u32)
-    })
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::basin;
     use super::*;
 
     #[test]
     fn rays_meet_floor_barrel_and_wall_where_they_stand() {
-        let scene = Scene::mapped();
+        let scene = basin::mapped();
         let depth = |origin, direction| scene.hit(&Ray { origin, direction }).unwrap().t;
         assert!((depth(Vec3::new(3.5, 0.0, 2.0), -Vec3::Z) - 2.0).abs() < 1e-5);
         // Onto the outermost point of the middle pile of the side x > 0.
@@ -180,26 +92,13 @@ mod tests {
     }
 
     #[test]
-    fn the_structure_has_the_size_it_claims() {
-        let scene = Scene::mapped();
-        let (low, high) = scene
-            .groups
-            .iter()
-            .flat_map(|g| &g.solids)
-            .map(Solid::bounds)
-            .reduce(|(a, b), (low, high)| (a.min(low), b.max(high)))
-            .unwrap();
-        assert!((high - low - Vec3::new(3.9, 4.6, 3.0)).abs().max_element() < 1e-4);
-    }
-
-    #[test]
     fn distance_sees_solids_and_walls_within_reach() {
-        let scene = Scene::mapped();
+        let scene = basin::mapped();
         assert!((scene.distance(Vec3::new(2.45, 0.0, 1.0), 2.0) - 0.5).abs() < 1e-5);
         assert!(scene.distance(Vec3::new(1.66, 0.0, 1.5), 2.0) < -0.2);
         assert_eq!(scene.distance(Vec3::new(4.0, 0.0, 2.8), 1.0), 1.0);
         let object = Vec3::new(2.4, 0.35, 0.5);
-        assert!(Scene::with_new_object().distance(object, 1.0) < 0.0);
+        assert!(basin::with_new_object().distance(object, 1.0) < 0.0);
         assert!(scene.distance(object, 1.0) > 0.0);
     }
 }

@@ -1,4 +1,4 @@
-//! Solids of the scene: exact ray hits and signed distances of cylinders and blocks.
+//! Solids of the scene: ray hits and signed distances of cylinders, blocks and ellipsoids.
 
 use glam::{Mat3, Vec3};
 
@@ -35,6 +35,26 @@ pub enum Material {
     Steel,
     /// The vehicle's safety line.
     SafetyLine,
+    /// Steel of the quay's wall.
+    SheetPile,
+    /// Sand with shells.
+    Seabed,
+    /// A stone at the wall's foot.
+    Stone,
+    /// A fender.
+    Rubber,
+    /// Iron: chains and fittings.
+    Chain,
+    /// A wooden pile.
+    Timber,
+    /// Rails and rungs.
+    Ladder,
+    /// An anode.
+    Zinc,
+    /// Bars and line of the crab pot, which only T3 has.
+    Pot,
+    /// Its buoy.
+    Buoy,
 }
 
 /// A shape about the origin of its own axes, in metres.
@@ -44,6 +64,8 @@ pub enum Shape {
     Cylinder { radius: f32, half_length: f32 },
     /// Half sides along the local axes.
     Block { half: Vec3 },
+    /// Half axes along the local ones.
+    Ellipsoid { half: Vec3 },
 }
 
 /// A shape placed in the world.
@@ -90,13 +112,19 @@ impl Solid {
         self.axes.transpose() * (p - self.centre)
     }
 
-    /// Signed distance of a world point, negative inside.
+    /// Signed distance of a world point, negative inside. Of an ellipsoid an estimate, which is right near its surface.
     pub fn distance(&self, p: Vec3) -> f32 {
         let q = self.to_local(p).abs();
         let beyond = match self.shape {
             Shape::Block { half } => q - half,
             Shape::Cylinder { radius, half_length } => {
                 Vec3::new(q.truncate().length() - radius, q.z - half_length, f32::MIN)
+            }
+            Shape::Ellipsoid { half } => {
+                let (scaled, slope) = ((q / half).length(), (q / (half * half)).length());
+                // At the centre the slope says nothing.
+                let estimate = scaled * (scaled - 1.0) / slope.max(1e-6);
+                return if scaled > 0.0 { estimate } else { -half.min_element() };
             }
         };
         beyond.max(Vec3::ZERO).length() + beyond.max_element().min(0.0)
@@ -109,6 +137,7 @@ impl Solid {
         let hit = match self.shape {
             Shape::Block { half } => hit_block(o, d, half),
             Shape::Cylinder { radius, half_length } => hit_cylinder(o, d, radius, half_length),
+            Shape::Ellipsoid { half } => hit_ellipsoid(o, d, half),
         }?;
         (hit.t > 0.0 && hit.t < limit).then_some(hit)
     }
@@ -116,7 +145,7 @@ impl Solid {
     /// Corners of the axis-aligned box around the solid.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         let half = match self.shape {
-            Shape::Block { half } => half,
+            Shape::Block { half } | Shape::Ellipsoid { half } => half,
             Shape::Cylinder { radius, half_length } => Vec3::new(radius, radius, half_length),
         };
         let axes = [self.axes.x_axis, self.axes.y_axis, self.axes.z_axis];
@@ -157,6 +186,18 @@ fn hit_cylinder(o: Vec3, d: Vec3, radius: f32, half_length: f32) -> Option<Solid
         .then_some(SolidHit { t, local_normal: Vec3::Z * side })
 }
 
+fn hit_ellipsoid(o: Vec3, d: Vec3, half: Vec3) -> Option<SolidHit> {
+    let (o1, d1) = (o / half, d / half);
+    let (a, b, c) = (d1.length_squared(), o1.dot(d1), o1.length_squared() - 1.0);
+    let discriminant = b * b - a * c;
+    if discriminant < 0.0 {
+        return None;
+    }
+    let t = (-b - discriminant.sqrt()) / a;
+    let local_normal = ((o + d * t) / (half * half)).normalize();
+    Some(SolidHit { t, local_normal })
+}
+
 /// Solids inside one axis-aligned bounding box.
 #[derive(Clone)]
 pub struct Group {
@@ -191,11 +232,18 @@ impl Group {
 mod tests {
     use super::*;
 
-    fn solids() -> [Solid; 2] {
+    fn solids() -> [Solid; 3] {
         let (from, to) = (Vec3::new(0.1, -0.2, 0.4), Vec3::new(1.0, 0.5, 1.2));
         [
             Solid::cylinder(from, to, 0.3, Material::Pipe, 0),
             Solid::block(Vec3::splat(0.5), Vec3::new(0.4, 0.2, 0.6), 0.7, Material::Steel, 0),
+            Solid {
+                shape: Shape::Ellipsoid { half: Vec3::new(0.5, 0.3, 0.4) },
+                material: Material::Stone,
+                centre: Vec3::new(0.2, 0.1, 0.3),
+                axes: Mat3::from_rotation_x(0.4),
+                seed: 0,
+            },
         ]
     }
 
@@ -216,7 +264,7 @@ mod tests {
                 hits += 1;
             }
         }
-        assert!(hits > 600, "{hits}");
+        assert!(hits > 900, "{hits}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::material::{Spot, albedo};
 use super::scene::Scene;
 use super::solid::Ray;
-use super::water::{LAMP_COUNT, Light, VEIL, through_water};
+use super::water::{LAMP_COUNT, Light};
 
 /// Samples per pixel: a 2 × 2 grid, each lit by a lamp of its own.
 const SAMPLES: [(f32, f32); LAMP_COUNT] = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)];
@@ -55,25 +55,26 @@ pub fn draw(scene: &Scene, camera: &Camera, pose: &Pose, light: &Light) -> Vec<V
 
 fn sample(scene: &Scene, eye: &Eye, light: &Light, lamp: usize, x: f32, y: f32) -> Vec3 {
     let ray = eye.ray(x, y);
-    let Some(hit) = scene.hit(&ray) else { return VEIL };
+    let Some(hit) = scene.hit(&ray) else { return scene.water.veil };
     // Samples are half a pixel apart. A slanting surface stretches them, up to a limit.
     let slant = hit.normal.dot(ray.direction).abs().max(0.3);
     let footprint = 0.5 * hit.t / (eye.camera.fx * slant);
     let spot = Spot { solid: hit.solid, position: hit.position, normal: hit.normal, footprint };
     let reflected = albedo(&spot) * light.on(scene, hit.position, hit.normal, lamp);
-    through_water(reflected, hit.t)
+    scene.water.through(reflected, hit.t)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::CAMERA;
-    use super::super::trajectory::mapping_poses;
+    use super::super::{CAMERA, Site};
     use super::*;
 
     #[test]
     fn rays_end_at_points_that_project_back_onto_their_pixels() {
-        let scene = Scene::mapped();
-        for pose in mapping_poses() {
+        for (scene, pose) in Site::ALL.iter().flat_map(|site| {
+            let scene = site.mapped();
+            site.mapping_poses().into_iter().map(move |pose| (scene.clone(), pose))
+        }) {
             let eye = Eye::new(&CAMERA, &pose);
             for (x, y) in [(3.5, 4.5), (160.0, 90.0), (310.0, 20.0), (77.0, 171.0)] {
                 let ray = eye.ray(x, y);

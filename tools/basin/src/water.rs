@@ -3,33 +3,87 @@
 
 use glam::{Vec2, Vec3};
 
+use super::basin::BASIN;
 use super::noise::value_noise;
-use super::scene::{BASIN, Scene};
+use super::quay;
+use super::scene::Scene;
 use super::solid::Ray;
 
-/// Loss of a surface's radiance along the line of sight, `β_d`, per metre and channel.
-const ATTENUATION: Vec3 = Vec3::new(0.19, 0.07, 0.06);
-/// Growth of the veil along the line of sight, `β_b`, per metre and channel.
-const BACKSCATTER: Vec3 = Vec3::new(0.16, 0.12, 0.11);
-/// Radiance of water without end, `B∞`, linear RGB.
-pub const VEIL: Vec3 = Vec3::new(0.012, 0.070, 0.095);
-/// Loss of the light on its way down from the surface, per metre and channel.
-const DOWNWELLING: Vec3 = Vec3::new(0.09, 0.03, 0.025);
-/// Directions towards the hall's four lamps (before normalisation).
-const LAMPS: [Vec3; LAMP_COUNT] = [
-    Vec3::new(0.35, 0.10, 1.0),
-    Vec3::new(0.25, 0.42, 1.0),
-    Vec3::new(-0.05, 0.30, 1.0),
-    Vec3::new(0.08, -0.02, 1.0),
-];
-
-/// Number of lamps above the basin.
+/// Number of directions that direct light comes from.
 pub const LAMP_COUNT: usize = 4;
 
-/// Radiance after `range` metres of water: `C = J exp(−β_d z) + B∞ (1 − exp(−β_b z))`
-/// (Akkaynak and Treibitz, "A Revised Underwater Image Formation Model", CVPR 2018, eq. 20).
-pub fn through_water(radiance: Vec3, range: f32) -> Vec3 {
-    radiance * (-ATTENUATION * range).exp() + VEIL * (Vec3::ONE - (-BACKSCATTER * range).exp())
+/// A body of water, and the light above it. Vectors have a value for each channel, linear RGB.
+#[derive(Clone)]
+pub struct Water {
+    /// Loss of a surface's radiance along the line of sight, `β_d`, per metre.
+    pub attenuation: Vec3,
+    /// Growth of the veil along the line of sight, `β_b`, per metre.
+    pub backscatter: Vec3,
+    /// Radiance of water without end, `B∞`.
+    pub veil: Vec3,
+    /// Loss of the light on its way down from the surface, per metre.
+    pub downwelling: Vec3,
+    /// Height of the surface, metres.
+    pub surface: f32,
+    /// Directions towards the direct light (before normalisation).
+    pub lamps: [Vec3; LAMP_COUNT],
+    /// All light, beside that of the basin's lamps.
+    pub light: f32,
+}
+
+impl Water {
+    /// Clear tap water, below a hall's four lamps.
+    pub const BASIN: Water = Water {
+        attenuation: Vec3::new(0.19, 0.07, 0.06),
+        backscatter: Vec3::new(0.16, 0.12, 0.11),
+        veil: Vec3::new(0.012, 0.070, 0.095),
+        downwelling: Vec3::new(0.09, 0.03, 0.025),
+        surface: BASIN.1.z,
+        lamps: [
+            Vec3::new(0.35, 0.10, 1.0),
+            Vec3::new(0.25, 0.42, 1.0),
+            Vec3::new(-0.05, 0.30, 1.0),
+            Vec3::new(0.08, -0.02, 1.0),
+        ],
+        light: 1.0,
+    };
+
+    /// Green harbour water. The sun stands over the water; waves spread its light.
+    pub const HARBOUR: Water = Water {
+        attenuation: Vec3::new(0.30, 0.11, 0.19),
+        backscatter: Vec3::new(0.26, 0.20, 0.22),
+        veil: Vec3::new(0.020, 0.080, 0.045),
+        downwelling: Vec3::new(0.15, 0.05, 0.09),
+        surface: quay::DEPTH,
+        lamps: [
+            Vec3::new(0.85, 0.30, 1.0),
+            Vec3::new(0.70, 0.42, 1.0),
+            Vec3::new(0.78, 0.22, 1.0),
+            Vec3::new(0.62, 0.34, 1.0),
+        ],
+        light: 1.5,
+    };
+
+    /// The same harbour on another day: more silt, and the sun further along.
+    pub const HARBOUR_LATER: Water = Water {
+        attenuation: Vec3::new(0.32, 0.12, 0.205),
+        backscatter: Vec3::new(0.28, 0.215, 0.235),
+        lamps: [
+            Vec3::new(0.88, 0.16, 1.0),
+            Vec3::new(0.73, 0.28, 1.0),
+            Vec3::new(0.81, 0.08, 1.0),
+            Vec3::new(0.65, 0.20, 1.0),
+        ],
+        light: 1.4,
+        ..Water::HARBOUR
+    };
+
+    /// Radiance after `range` metres: `C = J exp(−β_d z) + B∞ (1 − exp(−β_b z))`
+    /// (Akkaynak and Treibitz, "A Revised Underwater Image Formation Model", CVPR 2018, eq. 20).
+    pub fn through(&self, radiance: Vec3, range: f32) -> Vec3 {
+        let veil = self.veil * (Vec3::ONE - (-self.backscatter * range).exp());
+        radiance * (-self.attenuation * range).exp() + veil
+    }
 }
 
 /// The light at one moment.
@@ -37,7 +91,7 @@ pub fn through_water(radiance: Vec3, range: f32) -> Vec3 {
 pub struct Light {
     /// Seconds since the run began; moves the caustics.
     pub time: f32,
-    /// Height of the caustics relative to the lamps' light.
+    /// Height of the caustics relative to the direct light.
     pub caustics: f32,
 }
 
@@ -49,14 +103,16 @@ impl Light {
         let reach = 0.35;
         let open = scene.distance(outside + normal * reach, reach).max(0.0) / reach;
         let diffuse = (0.50 + 0.22 * normal.z) * (0.4 + 0.6 * open);
-        let direction = LAMPS[lamp].normalize();
+        let water = &scene.water;
+        let direction = water.lamps[lamp].normalize();
         let facing = normal.dot(direction);
         let lit = facing > 0.0 && !scene.shadowed(&Ray { origin: outside, direction });
         let direct = if lit { 0.95 * facing * self.caustic(position, direction) } else { 0.0 };
-        (-DOWNWELLING * (BASIN.1.z - position.z)).exp() * (diffuse + direct)
+        let depth = water.surface - position.z;
+        (-water.downwelling * depth).exp() * (diffuse + direct) * water.light
     }
 
-    /// Waves focus the lamps' light: bright ridges that drift, with a mean of about 1.
+    /// Waves focus the direct light: bright ridges that drift, with a mean of about 1.
     fn caustic(&self, position: Vec3, direction: Vec3) -> f32 {
         if self.caustics == 0.0 {
             return 1.0;
@@ -74,19 +130,22 @@ impl Light {
 
 #[cfg(test)]
 mod tests {
+    use super::super::basin;
     use super::*;
 
     #[test]
     fn water_keeps_the_near_and_veils_the_far() {
         let red = Vec3::new(0.8, 0.1, 0.1);
-        assert_eq!(through_water(red, 0.0), red);
-        assert!((through_water(red, 1e3) - VEIL).abs().max_element() < 1e-6);
-        assert!(through_water(red, 3.0).x < 0.6 * red.x);
+        for water in [Water::BASIN, Water::HARBOUR, Water::HARBOUR_LATER] {
+            assert_eq!(water.through(red, 0.0), red);
+            assert!((water.through(red, 1e3) - water.veil).abs().max_element() < 1e-6);
+            assert!(water.through(red, 3.0).x < 0.6 * red.x);
+        }
     }
 
     #[test]
     fn the_structure_casts_shadows_and_caustics_average_out() {
-        let scene = Scene::mapped();
+        let scene = basin::mapped();
         let light = Light { time: 0.0, caustics: 0.0 };
         let open = light.on(&scene, Vec3::new(4.5, -4.0, 0.0), Vec3::Z, 0);
         let beneath = light.on(&scene, Vec3::new(1.3, 1.9, 0.0), Vec3::Z, 0);

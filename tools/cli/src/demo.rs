@@ -16,7 +16,7 @@ use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
 
 use crate::sheet::{self, SheetRow};
-use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Run};
+use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Run, Site};
 use nvsprior_inputs::args::{DeviceArgs, progress};
 use nvsprior_inputs::{frame_file, values};
 use table::{Table, TableRow};
@@ -41,11 +41,32 @@ pub struct Args {
     /// cameras (`nvsprior bench --lost`)
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = values::count)]
     views: usize,
-    /// Only draws the mapping run M1, that the prior was trained from
+    /// Which scene. The quay has no prior yet: its inspection run T3 is drawn, and not encoded
+    #[arg(long, value_enum, value_name = "SITE", default_value = "basin")]
+    site: SiteArg,
+    /// Only draws the site's mapping run, M1 or M2, that a prior is trained from
     #[arg(long)]
     mapping_run: bool,
     #[command(flatten)]
     device: DeviceArgs,
+}
+
+/// Name of a site.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum SiteArg {
+    /// A structure of oil barrels in an indoor basin
+    Basin,
+    /// A harbour's wall of sheet piles, in green water
+    Quay,
+}
+
+impl From<SiteArg> for Site {
+    fn from(site: SiteArg) -> Site {
+        match site {
+            SiteArg::Basin => Site::Basin,
+            SiteArg::Quay => Site::Quay,
+        }
+    }
 }
 
 /// A frame starts from the one before if the mean squared error there is below this.
@@ -55,24 +76,38 @@ const FIRST_OFFSET: [f64; 6] = [0.08, -0.06, 0.10, 0.035, -0.044, 0.026];
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     values::make_folder("--out", &args.out)?;
+    let site = args.site.into();
     if args.mapping_run {
-        return draw_mapping_run(&args.out.join("M1"));
+        return draw_mapping_run(&args.out, site);
     }
+    match site {
+        Site::Basin => encode_basin(args),
+        Site::Quay => {
+            draw_run(&args.out, Run::T3, args.frames.get())?;
+            println!("the inspection run is in {}", args.out.join(Run::T3.name()).display());
+            Ok(())
+        }
+    }
+}
+
+/// The whole job, on the site whose prior comes with the program.
+fn encode_basin(args: &Args) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let prior_file = args.out.join("prior.ply");
     let prior = write_prior(&prior_file)?;
     let scene = engine.upload(&prior)?;
     let mut tables = String::new();
-    for (run, name) in [(Run::T1, "T1"), (Run::T2, "T2")] {
-        let frames = draw_run(&args.out.join(name), run, name, args.frames.get())?;
-        let dive = Dive { args, name, engine: &engine, scene: &scene, prior: &prior_file };
+    for run in [Run::T1, Run::T2] {
+        let frames = draw_run(&args.out, run, args.frames.get())?;
+        let dive =
+            Dive { args, name: run.name(), engine: &engine, scene: &scene, prior: &prior_file };
         let table = dive.table(&frames)?;
         println!("\n{table}");
         tables += &format!("{table}\n");
     }
     if args.views > 0 {
         let bar = progress(args.views, "drawing random views");
-        let views = nvsprior_basin::random_views(args.views, Conditions::BASIN);
+        let views = nvsprior_basin::random_views(args.views, Conditions::CALM);
         nvsprior_basin::write_run(&args.out.join("views"), "views", views, |_| bar.inc(1))?;
         bar.finish_and_clear();
     }
@@ -82,11 +117,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)
 }
 
-/// Draws the mapping run into a folder.
-fn draw_mapping_run(folder: &Path) -> anyhow::Result<()> {
-    let run = nvsprior_basin::mapping_run(Conditions::BASIN);
-    let bar = progress(run.len(), "drawing the mapping run M1");
-    nvsprior_basin::write_run(folder, "M1", run, |_| bar.inc(1))?;
+/// Draws a mapping run into a folder of its name.
+fn draw_mapping_run(out: &Path, site: Site) -> anyhow::Result<()> {
+    let name = site.mapping_run_name();
+    let folder = out.join(name);
+    let run = nvsprior_basin::mapping_run(site, Conditions::CALM);
+    let bar = progress(run.len(), "drawing the mapping run");
+    nvsprior_basin::write_run(&folder, name, run, |_| bar.inc(1))?;
     bar.finish_and_clear();
     println!("the mapping run is in {}", folder.display());
     Ok(())
@@ -110,17 +147,12 @@ fn write_prior(path: &Path) -> anyhow::Result<Prior> {
     Ok(prior)
 }
 
-/// Draws an inspection run and writes it with its camera file, as `nvsprior encode` reads it.
-fn draw_run(
-    folder: &Path,
-    run: Run,
-    name: &'static str,
-    count: usize,
-) -> anyhow::Result<Vec<DemoFrame>> {
+/// Draws an inspection run into a folder of its name, with its camera file, as `nvsprior encode` reads it.
+fn draw_run(out: &Path, run: Run, count: usize) -> anyhow::Result<Vec<DemoFrame>> {
     let bar = progress(count, "drawing an inspection run");
     let mut frames = Vec::new();
-    let drawn = nvsprior_basin::inspection_run(run, count, Conditions::BASIN);
-    nvsprior_basin::write_run(folder, name, drawn, |frame| {
+    let drawn = nvsprior_basin::inspection_run(run, count, Conditions::CALM);
+    nvsprior_basin::write_run(&out.join(run.name()), run.name(), drawn, |frame| {
         frames.push(frame.clone());
         bar.inc(1);
     })?;

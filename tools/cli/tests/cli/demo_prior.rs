@@ -1,10 +1,11 @@
-//! The demo's prior, as it comes with the program, against the basin's runs.
+//! The demo: its prior, as it comes with the program, against the basin's runs; and the site without one.
 
 use nvsprior::render::Plan;
 use nvsprior::{Encoder, EncoderOptions, Picture, Prior};
 use nvsprior_basin::{CAMERA, Conditions, Run, inspection_run};
 
 use crate::common::engine;
+use crate::dive::Dive;
 
 /// A new object and a safety line come into view: the search must not follow them away from the scene.
 #[test]
@@ -17,7 +18,7 @@ fn a_new_object_does_not_draw_the_search_away() {
     let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
     let mut render = Picture::new(CAMERA.width, CAMERA.height);
-    for (index, frame) in inspection_run(Run::T2, 5, Conditions::BASIN).enumerate() {
+    for (index, frame) in inspection_run(Run::T2, 5, Conditions::CALM).enumerate() {
         renderer.picture(&frame.pose, &mut render).unwrap();
         let at_the_true_pose = render.psnr(&frame.picture);
         let stats =
@@ -28,4 +29,15 @@ fn a_new_object_does_not_draw_the_search_away() {
             stats.render_psnr
         );
     }
+}
+
+#[test]
+fn the_quay_is_drawn_and_not_encoded() {
+    let dive = Dive::new();
+    dive.run("demo --site quay --frames 2 --out quay").ends_with(0);
+    let folder = dive.path("quay");
+    let cameras = std::fs::read_to_string(folder.join("T3/cameras.json")).unwrap();
+    assert_eq!(cameras.matches(".png").count(), 2);
+    assert_eq!(std::fs::read_dir(folder.join("T3/T3")).unwrap().count(), 2);
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use nvsprior::{Pose, Prior};
-use nvsprior_basin::{Conditions, mapping_run};
+use nvsprior_basin::{Conditions, Site, mapping_run};
 use nvsprior_inputs::structure::{DEPTH, Lenses, Matching, Progress, StructureOptions, find_poses};
 
 use crate::dive::{Dive, Run, save};
@@ -274,7 +274,7 @@ fn colmap_finds_the_poses_of_the_demos_mapping_run() {
     let pictures = dive.path("m1");
     std::fs::create_dir(&pictures).unwrap();
     let mut known = HashMap::new();
-    for frame in mapping_run(Conditions::BASIN) {
+    for frame in mapping_run(Site::Basin, Conditions::CALM) {
         save(&frame.picture, &pictures.join(&frame.name));
         known.insert(frame.name, frame.pose);
     }
