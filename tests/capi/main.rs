@@ -35,6 +35,8 @@ programs! {
     encoding: [];
     decoding: [];
     threads: [];
+    given_device: [];
+    dmabuf: [];
     reassembly: [];
     garbage: [];
     allocations: [];
