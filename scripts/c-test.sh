@@ -11,7 +11,7 @@ cd "$(dirname "$0")/.."
 quick="library header symbols abi readme examples c_programs"
 case ${1:-quick} in
 quick) groups=$quick ;;
-full) groups="$quick sanitizers memcheck soak" ;;
+full) groups="$quick figures sanitizers memcheck soak" ;;
 *) groups=$* ;;
 esac
 
@@ -150,6 +150,12 @@ c_programs() {
             "$work/programs/$name" "$scene"
     done
     echo "$programs allocations no_memory lost_device hung_device"
+}
+
+# What docs/c-libraries.md states: time of the calling thread, of a poll, size, allocations.
+figures() {
+    compile programs gcc figures ""
+    "$work/programs/figures" "$scene"
 }
 
 # Each allocation of the calls that take memory fails once, alone and with all after it.

@@ -105,6 +105,9 @@ pub struct nvsp_vulkan {
 }
 versioned!(nvsp_vulkan, 88);
 
+/// What [`nvsp_vulkan_loader`] is if it is not NULL.
+type Loader = unsafe extern "C" fn(*mut VkInstance_T, *const c_char) -> nvsp_vulkan_function;
+
 /// The caller's lock of a queue.
 struct Callbacks {
     lock: unsafe extern "C" fn(*mut c_void),
@@ -173,7 +176,9 @@ pub(super) unsafe fn given(vulkan: *const nvsp_vulkan) -> Result<Option<GivenDev
     // loader's function has the same type here and there: the system's own calling convention is C's.
     unsafe {
         let handles = DeviceHandles {
-            get_instance_proc_addr: std::mem::transmute::<_, vk::PFN_vkGetInstanceProcAddr>(loader),
+            get_instance_proc_addr: std::mem::transmute::<Loader, vk::PFN_vkGetInstanceProcAddr>(
+                loader,
+            ),
             api_version: vulkan.api_version,
             instance: vk::Instance::from_raw(vulkan.instance as u64),
             physical_device: vk::PhysicalDevice::from_raw(vulkan.physical_device as u64),

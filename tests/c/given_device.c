@@ -291,8 +291,8 @@ static void on_own_device(const packet *expected, const uint8_t *shown, VkBool32
     rig_add(&both, &dive.camera, NULL);
     pthread_t thread;
     locks = rounds = stop = 0;
-    if (locked) {
-        pthread_create(&thread, NULL, beside, NULL);
+    if (locked && pthread_create(&thread, NULL, beside, NULL) != 0) {
+        give_up("no thread");
     }
     // The engine's own handle goes first: the others keep what they need.
     nvsp_engine_destroy(both.engine);

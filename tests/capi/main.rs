@@ -49,6 +49,12 @@ fn no_memory() {
     programs::run_few("no_memory");
 }
 
+/// The figures mean something for an optimised library only; that frames take no memory holds for this one, too.
+#[test]
+fn figures() {
+    programs::run_few("figures");
+}
+
 #[test]
 fn lost_device() {
     programs::run_with_layer("lost_device", "lost_device_layer");
