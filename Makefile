@@ -6,7 +6,7 @@ SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 GLIBC ?= 2.31
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo demo-prior test c-test lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test \
+.PHONY: help demo demo-prior test c-test c-test-memory lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test \
 	dist dist-test subproject-test abi-check abi-baseline shaders \
 	shaders-check shader-toolchain clean
 
@@ -15,6 +15,7 @@ help:
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
 	@echo "make test           all tests"
 	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
+	@echo "make c-test-memory  the same programs without memory: every allocation fails once, many limits; an hour"
 	@echo "make lint           formatting and clippy"
 	@echo "make lib            the C library, in target/"
 	@echo "make install        the C library with header, pkg-config and CMake files, to PREFIX"
@@ -53,6 +54,10 @@ test:
 c-test:
 	@scripts/setup.sh run lib c
 	scripts/c-test.sh full
+
+c-test-memory:
+	@scripts/setup.sh run lib c
+	scripts/c-test.sh library c_programs every_allocation limits
 
 lint:
 	cargo fmt --all --check

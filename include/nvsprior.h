@@ -319,6 +319,18 @@ template <class Structure> inline Structure nvsp_initialized() {
 // first were forgotten; they may come again.
 #define NVSP_EVENT_DAMAGED 5
 
+// What VkDevice points to.
+typedef struct VkDevice_T VkDevice_T;
+
+// What VkInstance points to.
+typedef struct VkInstance_T VkInstance_T;
+
+// What VkPhysicalDevice points to.
+typedef struct VkPhysicalDevice_T VkPhysicalDevice_T;
+
+// What VkQueue points to.
+typedef struct VkQueue_T VkQueue_T;
+
 // Decodes packets, in any order. One thread at a time may use it. Example:
 //
 //     nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
@@ -328,6 +340,20 @@ template <class Structure> inline Structure nvsp_initialized() {
 //     picture.size = picture.needed;
 //     status = nvsp_decode_finish(decoder, &picture, NULL);
 typedef struct nvsp_decoder nvsp_decoder;
+
+// A DMA-BUF that frames are read from; import each buffer of a camera's ring once. Any number of threads may use it at
+// once. Example, for a frame of V4L2 in NV12, whose buffer VIDIOC_EXPBUF exported:
+//
+//     nvsp_dmabuf *buffer = NULL;
+//     if (nvsp_dmabuf_import(engine, fd, 0, &buffer) != NVSP_OK) return 1;
+//     nvsp_image image = NVSP_INITIALIZER(nvsp_image);
+//     image.format = NVSP_FORMAT_NV12;
+//     image.width = 1920;
+//     image.height = 1080;
+//     image.dmabufs[0] = buffer;
+//     image.offsets[1] = 1080 * stride;
+//     image.strides[0] = image.strides[1] = stride;
+typedef struct nvsp_dmabuf nvsp_dmabuf;
 
 // Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
 //
@@ -423,6 +449,66 @@ typedef void (*nvsp_log_callback)(void *user, int32_t level, const char *message
 // must not unwind.
 typedef void (*nvsp_thread_callback)(void *user, const char *name);
 
+// PFN_vkVoidFunction.
+typedef void (*nvsp_vulkan_function)(void);
+
+// PFN_vkGetInstanceProcAddr.
+typedef nvsp_vulkan_function (*nvsp_vulkan_loader)(struct VkInstance_T *instance, const char *name);
+
+// Takes or gives back the lock of a queue. Called on any thread that is inside the library, and on the library's own;
+// both on the same one. It must not call the library, and must not unwind.
+typedef void (*nvsp_queue_callback)(void *user);
+
+// A Vulkan device that you have made, for an engine to work on beside your own work. It needs Vulkan 1.2, the feature
+// vulkanMemoryModel, and a queue that computes; no extensions. With the feature shaderInt64 CPU devices are faster. The
+// types are those of Vulkan's own header. What an engine makes on the device is gone when the last handle made with it
+// is destroyed. Until then keep instance and device; the library destroys neither. Example:
+//
+//     nvsp_vulkan vulkan = NVSP_INITIALIZER(nvsp_vulkan);
+//     vulkan.get_instance_proc_addr = vkGetInstanceProcAddr;
+//     vulkan.api_version = VK_API_VERSION_1_2;
+//     vulkan.instance = instance;
+//     vulkan.physical_device = physical_device;
+//     vulkan.device = device;
+//     vulkan.features = &features; // A VkPhysicalDeviceFeatures2, as it was VkDeviceCreateInfo.pNext.
+//     vulkan.queue = queue;
+//     vulkan.queue_family = family;
+//     vulkan.lock_queue = lock;
+//     vulkan.unlock_queue = unlock;
+//     vulkan.queue_user = &mutex;
+//     options.vulkan = &vulkan;
+typedef struct nvsp_vulkan {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // vkGetInstanceProcAddr of your loader. The library finds all other functions through it. Not NULL.
+  nvsp_vulkan_loader get_instance_proc_addr;
+  // A VkInstance. Not NULL.
+  struct VkInstance_T *instance;
+  // A VkPhysicalDevice of it. Not NULL.
+  struct VkPhysicalDevice_T *physical_device;
+  // A VkDevice made of that. Not NULL.
+  struct VkDevice_T *device;
+  // A VkPhysicalDeviceFeatures2 with its chain: what VkDeviceCreateInfo.pNext was when the device was made. The library
+  // reads shaderInt64 of it, and vulkanMemoryModel of a VkPhysicalDeviceVulkan12Features or a
+  // VkPhysicalDeviceVulkanMemoryModelFeatures. Read during the call. Not NULL.
+  const void *features;
+  // A VkQueue of the device. Not NULL.
+  struct VkQueue_T *queue;
+  // The index of the queue's family.
+  uint32_t queue_family;
+  // VkApplicationInfo.apiVersion of the instance, VK_API_VERSION_1_2 or newer.
+  uint32_t api_version;
+  // Called before the library submits work to the queue, as Vulkan lets one thread at a time use a queue. It waits until
+  // no other thread uses it. NULL: nobody else uses the queue until the last handle made with the engine is destroyed.
+  nvsp_queue_callback lock_queue;
+  // Called after it. NULL if `lock_queue` is.
+  nvsp_queue_callback unlock_queue;
+  // Passed to both as it is. What it points to must outlive every handle made with the engine.
+  void *queue_user;
+} nvsp_vulkan;
+
 // How to open an engine; all zero: the best device, nothing logged.
 typedef struct nvsp_engine_options {
   // Set by NVSP_INIT.
@@ -465,6 +551,9 @@ typedef struct nvsp_engine_options {
   const uint8_t *pipeline_cache;
   // Bytes of it.
   size_t pipeline_cache_size;
+  // A Vulkan device of yours to work on. Read during nvsp_engine_create. `device` is then NULL, and NVSP_ENGINE_VALIDATION
+  // not set: validation is your instance's. NULL: the library opens a device of its own.
+  const struct nvsp_vulkan *vulkan;
 } nvsp_engine_options;
 
 // A device in words, and the memory it gave.
@@ -641,12 +730,17 @@ typedef struct nvsp_image {
   uint32_t width;
   // Pixels, 1 to 16384.
   uint32_t height;
-  // First byte of each plane that the format has.
+  // First byte of each plane that the format has. All NULL if the planes lie in `dmabufs`.
   const uint8_t *planes[3];
   // Bytes from one row to the next, of each plane.
   size_t strides[3];
-  // Bytes of each plane. Nothing beyond them is read.
+  // Bytes of each plane. Nothing beyond them is read. For a plane in a DMA-BUF 0 means up to its end.
   size_t sizes[3];
+  // The DMA-BUF that each plane lies in, which nobody may write during the call. NULL, except for the first: the
+  // first's. All NULL: the image lies at `planes`.
+  const struct nvsp_dmabuf *dmabufs[3];
+  // Where each plane begins in its DMA-BUF, bytes. 0 if there is none.
+  size_t offsets[3];
 } nvsp_image;
 
 // Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as by
@@ -920,7 +1014,7 @@ typedef struct nvsp_reassembler_statistics {
 // No picture can be rendered with this camera.
 #define NVSP_ERR_CAMERA -15
 
-// An image's size, shape, strides or planes do not fit.
+// An image's size, shape, strides or planes do not fit, or its DMA-BUF is still being written.
 #define NVSP_ERR_IMAGE -16
 
 // The first frame came without a pose to start from, and the prior has no key frames.
@@ -957,6 +1051,9 @@ typedef struct nvsp_reassembler_statistics {
 // A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or looks
 // like one by chance. Update this side.
 #define NVSP_ERR_NEWER -27
+
+// The system, a driver or an engine cannot do this; the text says what is missing.
+#define NVSP_ERR_UNSUPPORTED -28
 
 #ifdef __cplusplus
 extern "C" {
@@ -1019,8 +1116,8 @@ nvsp_status nvsp_device_get_info(uint32_t number,
 // Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
 // options' `log`, as there is no handle to ask yet.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown
-// flags, or a name that is no UTF-8), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown flags, a name that is
+// no UTF-8, or fields that exclude each other), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 //
 // Parameters:
 // - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
@@ -1036,7 +1133,8 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 // their state. Then destroy the old prior. If the device cannot be opened, the engine does not change; try again
 // later.
 //
-// Fails as nvsp_engine_create does.
+// Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one, and a
+// new engine with it.
 //
 // Parameters:
 // - `engine`: a live engine. Not NULL.
@@ -1082,7 +1180,7 @@ nvsp_status nvsp_engine_get_pipeline_cache(const struct nvsp_engine *engine,
 nvsp_status nvsp_engine_last_error(const struct nvsp_engine *engine, char *text, size_t size) NVSP_NONNULL(1, 2);
 
 // Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
-// the last of them is gone.
+// the last of them is gone, unless you gave it.
 //
 // Parameters:
 // - `engine`: a live engine that no other thread uses. Do not use it afterwards. NULL is allowed.
@@ -1180,6 +1278,33 @@ nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, si
 // Parameters:
 // - `prior`: a live prior that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_prior_destroy(struct nvsp_prior *prior);
+
+// Imports a DMA-BUF, to read frames from it without a copy. The rows of its pixels lie one after the other
+// (DRM_FORMAT_MOD_LINEAR, "pitch linear"). Surfaces in a layout of the hardware's own, such as NVIDIA's block-linear
+// NVMM surfaces, must be converted first: on a Jetson nvvidconv or NvBufSurfTransform does it. The library maps the
+// buffer for reading and keeps a copy of the descriptor. Needs no extension of the Vulkan device. Allocates.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are none),
+// NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY; the text is
+// the engine's.
+//
+// Parameters:
+// - `engine`: a live engine, whose log and last error tell of failures. Not NULL.
+// - `fd`: a file descriptor of the DMA-BUF. You may close it after the call.
+// - `modifier`: the DRM format modifier of its pixels: 0, which is DRM_FORMAT_MOD_LINEAR. V4L2 has no modifiers: its
+//   formats without a name of their own for a layout are linear.
+// - `dmabuf`: receives the buffer, which nvsp_dmabuf_destroy ends. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_dmabuf_import(const struct nvsp_engine *engine,
+                               int32_t fd,
+                               uint64_t modifier,
+                               struct nvsp_dmabuf **dmabuf) NVSP_NONNULL(1, 4);
+
+// Ends a DMA-BUF; NULL is allowed. Its descriptor is closed and its memory unmapped.
+//
+// Parameters:
+// - `dmabuf`: a live DMA-BUF that no call uses. Do not use it afterwards. NULL is allowed.
+void nvsp_dmabuf_destroy(struct nvsp_dmabuf *dmabuf);
 
 // Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
 // allocates on the host what depends on its content and options, and has the driver compile; so encode one at the quay.
@@ -1297,7 +1422,7 @@ size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 // driver.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-// NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
+// NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
 // NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: the encoder then acts as if it had not
 // seen the frame. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the packet is then kept until the
 // next frame is encoded, and nvsp_encode_finish fetches it.
@@ -1353,7 +1478,7 @@ nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
 // encoder fail with NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish,
 // nvsp_encode_cancel and nvsp_encoder_destroy.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
 // NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
 //
 // Parameters:

@@ -1,7 +1,8 @@
 #!/bin/sh
 # Tests the C library as a vendor gets it: installed into a folder, with its header, the examples, and the programs of
 # tests/c. Usage: c-test.sh [quick|full|GROUP...]; full adds sanitizers, valgrind and a soak. If you name groups,
-# `library` must have installed the library before, except for sanitizers, memcheck, memcheck_all and soak.
+# `library` must have installed the library before, except for sanitizers, memcheck, memcheck_all and soak; and
+# `c_programs` must have compiled the programs for every_allocation and limits.
 #
 # Each group's output goes to a file. The script prints one line per group, and the end of the
 # output if a group fails.
@@ -10,7 +11,7 @@ cd "$(dirname "$0")/.."
 quick="library header symbols abi readme examples c_programs"
 case ${1:-quick} in
 quick) groups=$quick ;;
-full) groups="$quick sanitizers memcheck soak" ;;
+full) groups="$quick figures sanitizers memcheck soak" ;;
 *) groups=$* ;;
 esac
 
@@ -18,7 +19,7 @@ target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 work=$target/c-test
 prefix=$work/prefix
 scene=$target/tmp/c-scene
-programs="structs nulls images encoding decoding threads reassembly garbage"
+programs="structs nulls images encoding decoding threads reassembly garbage given_device dmabuf"
 export PKG_CONFIG_PATH="$prefix/lib/pkgconfig"
 c_flags="-std=c11 -Wall -Wextra -Wpedantic -Werror -O1 -g -pthread"
 example_flags="-Wall -Wextra -Wpedantic -Werror -O1"
@@ -126,9 +127,11 @@ run_examples() {
 # Compiles a program of tests/c: folder, compiler, name, flags.
 compile() {
     mkdir -p "$work/$1"
+    # One program makes a Vulkan device itself.
+    vulkan=$([ "$3" != given_device ] || echo -lvulkan)
     # shellcheck disable=SC2086
     $2 $c_flags $4 -I "$prefix/include" "tests/c/$3.c" tests/c/common.c -o "$work/$1/$3" \
-        -L "$prefix/lib" -lnvsprior -lm -ldl -Wl,-rpath,"$prefix/lib"
+        -L "$prefix/lib" -lnvsprior $vulkan -lm -ldl -Wl,-rpath,"$prefix/lib"
 }
 
 c_programs() {
@@ -147,6 +150,22 @@ c_programs() {
             "$work/programs/$name" "$scene"
     done
     echo "$programs allocations no_memory lost_device hung_device"
+}
+
+# What docs/c-libraries.md states: time of the calling thread, of a poll, size, allocations.
+figures() {
+    compile programs gcc figures ""
+    "$work/programs/figures" "$scene"
+}
+
+# Each allocation of the calls that take memory fails once, alone and with all after it.
+every_allocation() {
+    NVSP_TEST_EVERY=1 "$work/programs/no_memory" "$scene"
+}
+
+# The programs under limits of address space.
+limits() {
+    C_PROGRAMS=$programs scripts/c-memory.sh
 }
 
 # The programs under AddressSanitizer and UndefinedBehaviorSanitizer. The library is built as usual. It uses the same

@@ -525,7 +525,7 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 /// driver.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-/// NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
+/// NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
 /// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: the encoder then acts as if it had not
 /// seen the frame. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the packet is then kept until the
 /// next frame is encoded, and nvsp_encode_finish fetches it.
@@ -601,7 +601,7 @@ pub unsafe extern "C" fn nvsp_encode_frame(
 /// encoder fail with NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish,
 /// nvsp_encode_cancel and nvsp_encoder_destroy.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
 /// NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
 ///
 /// # Safety

@@ -13,6 +13,7 @@ use super::memory::Grant;
 use super::status::*;
 use super::structs::{Out, read, versioned};
 use super::thread::{ThreadStart, nvsp_thread_callback};
+use super::vulkan::{given, nvsp_vulkan};
 
 /// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
 ///
@@ -110,8 +111,11 @@ pub struct nvsp_engine_options {
     pub pipeline_cache: *const u8,
     /// Bytes of it.
     pub pipeline_cache_size: usize,
+    /// A Vulkan device of yours to work on. Read during nvsp_engine_create. `device` is then NULL, and NVSP_ENGINE_VALIDATION
+    /// not set: validation is your instance's. NULL: the library opens a device of its own.
+    pub vulkan: *const nvsp_vulkan,
 }
-versioned!(nvsp_engine_options, 96);
+versioned!(nvsp_engine_options, 104);
 
 /// A device in words, and the memory it gave.
 #[allow(non_camel_case_types)]
@@ -136,8 +140,8 @@ versioned!(nvsp_engine_info, 288);
 /// Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
 /// options' `log`, as there is no handle to ask yet.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown
-/// flags, or a name that is no UTF-8), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown flags, a name that is
+/// no UTF-8, or fields that exclude each other), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 ///
 /// # Safety
 /// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
@@ -152,15 +156,17 @@ pub unsafe extern "C" fn nvsp_engine_create(
         return NVSP_ERR_NULL;
     }
     // SAFETY: as the caller promises.
-    let (log, made) = match unsafe { device_options(options) } {
-        Ok(made) => made,
+    let options = match unsafe { read(options) } {
+        Ok(options) => options,
         Err(failure) => return failure.status(),
     };
+    let log = Log::new(options.log, options.log_user);
     // A handle without content: a failure goes through the same fence as that of every other call.
     let fence = Handle::boxed((), log);
     // SAFETY: the handle was just made, and is destroyed at once.
     unsafe {
         let status = Handle::call(fence, |()| {
+            let made = open_options(&options)?;
             let _memory = Grant::take("an engine", engine_bytes(), u64::MAX)?;
             let content = made.open()?;
             log.write(NVSP_LOG_INFO, &content.engine.device().to_string());
@@ -176,16 +182,9 @@ pub unsafe extern "C" fn nvsp_engine_create(
 ///
 /// # Safety
 /// As for [`nvsp_engine_create`].
-unsafe fn device_options(
-    options: *const nvsp_engine_options,
-) -> Result<(Log, OpenOptions), Failure> {
+unsafe fn open_options(options: &nvsp_engine_options) -> Result<OpenOptions, Failure> {
     // SAFETY: as the caller promises; a name that is not NULL ends in NUL.
-    let (options, device) = unsafe {
-        let options = read(options)?;
-        let name = (!options.device.is_null()).then(|| CStr::from_ptr(options.device));
-        (options, name)
-    };
-    let log = Log::new(options.log, options.log_user);
+    let device = unsafe { (!options.device.is_null()).then(|| CStr::from_ptr(options.device)) };
     if options.flags & !NVSP_ENGINE_VALIDATION != 0 {
         return Err(Failure::argument("nvsp_engine_options.flags: unknown bits"));
     }
@@ -194,13 +193,13 @@ unsafe fn device_options(
         .map(name)
         .transpose()
         .map_err(|_| Failure::argument("nvsp_engine_options.device is no UTF-8"))?;
-    let given = |limit: u64| if limit == 0 { u64::MAX } else { limit };
+    let or_none = |limit: u64| if limit == 0 { u64::MAX } else { limit };
     let limits = Limits {
         frame_pixels: match options.frame_size_limit {
             0 => u32::MAX,
             pixels => pixels,
         },
-        host_bytes: given(options.host_memory_limit),
+        host_bytes: or_none(options.host_memory_limit),
     };
     let validation = options.flags & NVSP_ENGINE_VALIDATION != 0;
     let memory_limit = options.device_memory_limit;
@@ -220,8 +219,16 @@ unsafe fn device_options(
     let refused = |_| Failure::at(NVSP_ERR_MEMORY, "a copy of the pipeline cache");
     pipeline_cache.try_reserve_exact(cache.len()).map_err(refused)?;
     pipeline_cache.extend_from_slice(cache);
-    let options = DeviceOptions { device, validation, memory_limit, watchdog, pipeline_cache };
-    Ok((log, OpenOptions { limits, threads, options }))
+    // SAFETY: as the caller promises.
+    let given = unsafe { given(options.vulkan)? };
+    if given.is_some() && (validation || device.is_some()) {
+        return Err(Failure::argument(
+            "nvsp_engine_options.vulkan with device or NVSP_ENGINE_VALIDATION",
+        ));
+    }
+    let options =
+        DeviceOptions { device, validation, memory_limit, watchdog, pipeline_cache, given };
+    Ok(OpenOptions { limits, threads, options })
 }
 
 /// Opens the device again, with the options that the engine was made with. Call it after NVSP_ERR_DEVICE_LOST. What was
@@ -230,7 +237,8 @@ unsafe fn device_options(
 /// their state. Then destroy the old prior. If the device cannot be opened, the engine does not change; try again
 /// later.
 ///
-/// Fails as nvsp_engine_create does.
+/// Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one, and a
+/// new engine with it.
 ///
 /// # Safety
 /// - `engine`: a live engine. Not NULL.
@@ -239,6 +247,12 @@ pub unsafe extern "C" fn nvsp_engine_reopen(engine: *mut nvsp_engine) -> nvsp_st
     // SAFETY: as the caller promises.
     unsafe {
         Handle::share(nvsp_engine::handle(engine), |handle, content| {
+            if content.how.options.given.is_some() {
+                return Err(Failure::at(
+                    NVSP_ERR_UNSUPPORTED,
+                    "the device is yours: make a new one, and an engine with it",
+                ));
+            }
             log_validation(handle, &content.engine);
             let _memory = Grant::take("an engine", engine_bytes(), u64::MAX)?;
             let opened = content.how.open()?;
@@ -340,7 +354,7 @@ pub unsafe extern "C" fn nvsp_engine_last_error(
 }
 
 /// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
-/// the last of them is gone.
+/// the last of them is gone, unless you gave it.
 ///
 /// # Safety
 /// - `engine`: a live engine that no other thread uses. Do not use it afterwards. NULL is allowed.

@@ -1,8 +1,11 @@
 //! Images, pictures, cameras and poses as C hands them over.
 
+use std::ops::Deref;
+
 use crate::image::{Colour, ImageView, PixelFormat, write_picture};
 use crate::{Camera, Picture, Pose};
 
+use super::dmabuf::{self, Places, Reading, nvsp_dmabuf};
 use super::status::*;
 use super::structs::{NVSP_ABI_VERSION, Out, read, versioned};
 
@@ -44,14 +47,19 @@ pub struct nvsp_image {
     pub width: u32,
     /// Pixels, 1 to 16384.
     pub height: u32,
-    /// First byte of each plane that the format has.
+    /// First byte of each plane that the format has. All NULL if the planes lie in `dmabufs`.
     pub planes: [*const u8; 3],
     /// Bytes from one row to the next, of each plane.
     pub strides: [usize; 3],
-    /// Bytes of each plane. Nothing beyond them is read.
+    /// Bytes of each plane. Nothing beyond them is read. For a plane in a DMA-BUF 0 means up to its end.
     pub sizes: [usize; 3],
+    /// The DMA-BUF that each plane lies in, which nobody may write during the call. NULL, except for the first: the
+    /// first's. All NULL: the image lies at `planes`.
+    pub dmabufs: [*const nvsp_dmabuf; 3],
+    /// Where each plane begins in its DMA-BUF, bytes. 0 if there is none.
+    pub offsets: [usize; 3],
 }
-versioned!(nvsp_image, 96);
+versioned!(nvsp_image, 144);
 
 /// A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if it
 /// fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
@@ -191,11 +199,26 @@ fn colour(code: u32) -> Result<Colour, Failure> {
 }
 
 /// An image as the converter takes it.
+pub(super) struct View<'a> {
+    image: ImageView<'a>,
+    /// Keeps the planes readable that lie in DMA-BUFs.
+    _readings: [Option<Reading>; 3],
+}
+
+impl<'a> Deref for View<'a> {
+    type Target = ImageView<'a>;
+
+    fn deref(&self) -> &ImageView<'a> {
+        &self.image
+    }
+}
+
+/// Reads an image.
 ///
 /// # Safety
 /// `image` is null or valid, and its planes have as many bytes as it says, which nobody changes for
 /// as long as the view is in use.
-pub(super) unsafe fn view<'a>(image: *const nvsp_image) -> Result<ImageView<'a>, Failure> {
+pub(super) unsafe fn view<'a>(image: *const nvsp_image) -> Result<View<'a>, Failure> {
     if image.is_null() {
         return Err(Failure::null("image"));
     }
@@ -204,16 +227,38 @@ pub(super) unsafe fn view<'a>(image: *const nvsp_image) -> Result<ImageView<'a>,
     let format = format(image.format, "nvsp_image.format")?;
     let count = plane_count(format);
     let colour = if count > 1 { colour(image.colour)? } else { Colour::default() };
+    // SAFETY: as the caller promises.
+    let (planes, _readings) = unsafe { planes(&image, count)? };
+    let nvsp_image { width, height, strides, .. } = image;
+    let image = ImageView { width, height, format, colour, planes, strides };
+    Ok(View { image, _readings })
+}
+
+/// The bytes of an image's planes.
+///
+/// # Safety
+/// As for [`view`].
+unsafe fn planes<'a>(image: &nvsp_image, count: usize) -> Result<dmabuf::Planes<'a>, Failure> {
+    let nvsp_image { dmabufs, offsets, sizes, .. } = *image;
+    if dmabufs.iter().any(|buffer| !buffer.is_null()) {
+        if image.planes.iter().any(|plane| !plane.is_null()) {
+            return Err(Failure::argument("nvsp_image: planes and dmabufs"));
+        }
+        // SAFETY: as the caller promises.
+        return unsafe { dmabuf::planes(&Places { dmabufs, offsets, sizes }, count) };
+    }
+    if offsets != [0; 3] {
+        return Err(Failure::argument("nvsp_image.offsets: without dmabufs"));
+    }
     let mut planes: [&[u8]; 3] = [&[]; 3];
     for (i, plane) in planes.iter_mut().enumerate().take(count) {
         if image.planes[i].is_null() {
             return Err(Failure::null("nvsp_image.planes"));
         }
         // SAFETY: as the caller promises.
-        *plane = unsafe { slice(image.planes[i], image.sizes[i], "nvsp_image.sizes")? };
+        *plane = unsafe { slice(image.planes[i], sizes[i], "nvsp_image.sizes")? };
     }
-    let nvsp_image { width, height, strides, .. } = image;
-    Ok(ImageView { width, height, format, colour, planes, strides })
+    Ok((planes, [None, None, None]))
 }
 
 /// Writes a picture to the caller's place, and how large it is.

@@ -6,6 +6,7 @@
 
 mod decoder;
 mod device;
+mod dmabuf;
 mod encoder;
 mod engine;
 mod frame;
@@ -20,4 +21,5 @@ mod status;
 mod structs;
 mod thread;
 mod version;
+mod vulkan;
 mod worker;

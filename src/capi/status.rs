@@ -8,6 +8,8 @@ use crate::packet::PacketError;
 use crate::prior::PriorError;
 use crate::vulkan;
 
+use super::dmabuf::Modifier;
+
 /// What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
 #[allow(non_camel_case_types)]
 pub type nvsp_status = i32;
@@ -48,7 +50,7 @@ pub const NVSP_ERR_FILE: nvsp_status = -13;
 pub const NVSP_ERR_PRIOR: nvsp_status = -14;
 /// No picture can be rendered with this camera.
 pub const NVSP_ERR_CAMERA: nvsp_status = -15;
-/// An image's size, shape, strides or planes do not fit.
+/// An image's size, shape, strides or planes do not fit, or its DMA-BUF is still being written.
 pub const NVSP_ERR_IMAGE: nvsp_status = -16;
 /// The first frame came without a pose to start from, and the prior has no key frames.
 pub const NVSP_ERR_NO_START: nvsp_status = -17;
@@ -74,6 +76,8 @@ pub const NVSP_ERR_UNFINISHED: nvsp_status = -26;
 /// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or looks
 /// like one by chance. Update this side.
 pub const NVSP_ERR_NEWER: nvsp_status = -27;
+/// The system, a driver or an engine cannot do this; the text says what is missing.
+pub const NVSP_ERR_UNSUPPORTED: nvsp_status = -28;
 
 /// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 ///
@@ -115,6 +119,7 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_LIMIT => c"above the limit that you set",
         NVSP_ERR_UNFINISHED => c"what was begun is not finished",
         NVSP_ERR_NEWER => c"of a newer format than this library knows",
+        NVSP_ERR_UNSUPPORTED => c"not supported here",
         _ => c"no status of this library",
     }
 }
@@ -131,6 +136,9 @@ pub(super) enum Failure {
     /// A call's host memory is above the limit, or the system does not have it.
     #[error("no memory for {what}: it may take {bytes} bytes of host memory{}", limit_text(*limit))]
     Memory { what: &'static str, bytes: u64, limit: u64 },
+    /// Pixels in a layout that cannot be read.
+    #[error("{0}; only DRM_FORMAT_MOD_LINEAR, 0, can be read: convert the frame to it first")]
+    Modifier(Modifier),
     /// An error of the library.
     #[error(transparent)]
     Library(#[from] crate::Error),
@@ -165,6 +173,7 @@ impl Failure {
             Failure::Boundary { status, .. } => *status,
             Failure::Room { .. } => NVSP_ERR_BUFFER_TOO_SMALL,
             Failure::Memory { .. } => NVSP_ERR_MEMORY,
+            Failure::Modifier(_) => NVSP_ERR_UNSUPPORTED,
             Failure::Library(error) => of_library(error),
             Failure::Modem(ModemError::Memory(_)) => NVSP_ERR_MEMORY,
             Failure::Modem(ModemError::Packet(PacketError::Version(_))) => NVSP_ERR_NEWER,
@@ -222,9 +231,11 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
 fn of_vulkan(error: &vulkan::Error) -> nvsp_status {
     use vulkan::Error as E;
     match error {
-        E::NoLoader(_) | E::NoDevice { .. } | E::UnknownDevice { .. } | E::NoValidationLayer => {
-            NVSP_ERR_NO_DEVICE
-        }
+        E::NoLoader(_)
+        | E::NoDevice { .. }
+        | E::UnknownDevice { .. }
+        | E::GivenDevice { .. }
+        | E::NoValidationLayer => NVSP_ERR_NO_DEVICE,
         E::DeviceLost { .. } | E::Hung { .. } => NVSP_ERR_DEVICE_LOST,
         error if error.is_out_of_memory() => NVSP_ERR_MEMORY,
         _ => NVSP_ERR_VULKAN,
@@ -251,7 +262,7 @@ mod tests {
     use super::*;
 
     /// The last one there is.
-    const LAST: nvsp_status = NVSP_ERR_NEWER;
+    const LAST: nvsp_status = NVSP_ERR_UNSUPPORTED;
 
     #[test]
     fn every_status_has_a_text_of_its_own() {

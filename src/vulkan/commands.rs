@@ -351,14 +351,12 @@ impl Commands {
         let buffers = [self.buffer];
         let submits = [vk::SubmitInfo::default().command_buffers(&buffers)];
         let fences = [self.fence];
-        // A poisoned lock means that another thread panicked between two Vulkan calls; the queue
-        // itself is still whole.
-        let queue = self.device.queue.lock().unwrap_or_else(|e| e.into_inner());
+        let queue = self.device.hold_queue();
         // SAFETY: `&mut self`: this command buffer is not in flight; the queue is held for the
         // submission alone; the fence is unsignalled before and reset after.
         unsafe {
             device
-                .queue_submit(*queue, &submits, self.fence)
+                .queue_submit(*queue.raw, &submits, self.fence)
                 .map_err(Error::of("vkQueueSubmit"))?;
             drop(queue);
             let watchdog = self.device.watchdog;

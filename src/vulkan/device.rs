@@ -3,13 +3,13 @@
 use std::ffi::{CStr, CString, c_void};
 use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use ash::{Entry, ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
-use super::{Error, cache};
+use super::{Error, GivenDevice, QueueLock, cache};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
@@ -29,6 +29,8 @@ pub struct DeviceOptions {
     /// What [`Device::pipeline_cache`] gave before, so that the driver need not compile again; empty: nothing. Data of
     /// another driver, or damaged data, is left aside.
     pub pipeline_cache: Vec<u8>,
+    /// A device that the program has made, to use rather than open one. `device` and `validation` are left aside.
+    pub given: Option<GivenDevice>,
 }
 
 /// What kind of device it is, the preferred one first.
@@ -170,7 +172,9 @@ pub struct Device {
 pub(super) struct Inner {
     // Dropped by hand, in this order, before the device and the instance.
     pub allocator: Mutex<Option<Allocator>>,
-    pub queue: Mutex<vk::Queue>,
+    queue: Mutex<vk::Queue>,
+    /// The program's own lock of a queue that it gave.
+    queue_lock: Option<Arc<dyn QueueLock>>,
     pub queue_family: u32,
     pub device: ash::Device,
     pub info: DeviceInfo,
@@ -191,16 +195,31 @@ pub(super) struct Inner {
     instance: ManuallyDrop<Instance>,
 }
 
-struct Instance {
+/// A device and what it was opened with.
+pub(super) struct Opened {
+    pub instance: Instance,
+    pub physical: vk::PhysicalDevice,
+    pub device: ash::Device,
+    pub queue: vk::Queue,
+    pub queue_family: u32,
+    pub info: DeviceInfo,
+}
+
+pub(super) struct Instance {
+    /// Whether the program made it, and the device: they are not destroyed then.
+    given: bool,
     messages: Arc<Mutex<Vec<String>>>,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    instance: ash::Instance,
+    pub instance: ash::Instance,
     // The loader library must outlive every call through it.
     _entry: Entry,
 }
 
 impl Drop for Instance {
     fn drop(&mut self) {
+        if self.given {
+            return;
+        }
         // SAFETY: the device is gone (Inner drops it first), and nothing else uses the instance.
         unsafe {
             if let Some((debug, messenger)) = self.messenger.take() {
@@ -211,7 +230,32 @@ impl Drop for Instance {
     }
 }
 
+/// The queue, held for a submission.
+pub(super) struct HeldQueue<'a> {
+    pub raw: MutexGuard<'a, vk::Queue>,
+    lock: Option<&'a dyn QueueLock>,
+}
+
+impl Drop for HeldQueue<'_> {
+    fn drop(&mut self) {
+        if let Some(lock) = self.lock {
+            lock.unlock();
+        }
+    }
+}
+
 impl Inner {
+    /// Waits for the queue.
+    pub fn hold_queue(&self) -> HeldQueue<'_> {
+        // A poisoned lock means that another thread panicked between two Vulkan calls; the queue itself is still whole.
+        let raw = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
+        let lock = self.queue_lock.as_deref();
+        if let Some(lock) = lock {
+            lock.lock();
+        }
+        HeldQueue { raw, lock }
+    }
+
     /// Refuses a device that was lost: drivers need not say so again.
     pub fn check(&self) -> Result<(), Error> {
         match self.lost.load(Ordering::Relaxed) {
@@ -268,22 +312,22 @@ impl Drop for Inner {
         // SAFETY: buffers, kernels and commands hold this Inner, so all are gone. The instance goes last, once.
         unsafe {
             self.device.destroy_pipeline_cache(self.pipeline_cache, None);
-            self.device.destroy_device(None);
+            if !self.instance.given {
+                self.device.destroy_device(None);
+            }
             ManuallyDrop::drop(&mut self.instance);
         }
     }
 }
 
 impl Device {
-    /// Opens the best device, or the one asked for.
+    /// Opens the best device, or the one asked for, or takes the one given.
     pub fn open(options: &DeviceOptions) -> Result<Device, Error> {
-        // SAFETY: the library loaded is the system's Vulkan loader.
-        let entry = unsafe { Entry::load() }.map_err(|e| Error::NoLoader(e.to_string()))?;
-        let instance = Instance::new(entry, options.validation)?;
-        let (physical, queue_family, info) = instance.choose(options.device.as_deref())?;
-        let device = instance.open(physical, queue_family)?;
-        // SAFETY: the queue family was asked for when the device was made.
-        let queue = unsafe { device.get_device_queue(queue_family, 0) };
+        let Opened { instance, physical, device, queue, queue_family, info } = match &options.given
+        {
+            Some(given) => given.open()?,
+            None => Opened::own(options)?,
+        };
         // SAFETY: `physical` is a device of this instance.
         let limits = unsafe { instance.instance.get_physical_device_properties(physical) }.limits;
         // SAFETY: as above.
@@ -301,8 +345,10 @@ impl Device {
         let allocator = match allocator {
             Ok(allocator) => allocator,
             Err(e) => {
-                // SAFETY: nothing was made on the device yet.
-                unsafe { device.destroy_device(None) };
+                if !instance.given {
+                    // SAFETY: nothing was made on the device yet.
+                    unsafe { device.destroy_device(None) };
+                }
                 let reason = e.to_string();
                 return Err(Error::Memory { buffer: "allocator", bytes: 0, reason });
             }
@@ -313,6 +359,7 @@ impl Device {
                 pipeline_cache,
                 allocator: Mutex::new(Some(allocator)),
                 queue: Mutex::new(queue),
+                queue_lock: options.given.as_ref().and_then(|given| given.lock.clone()),
                 queue_family,
                 device,
                 info,
@@ -394,7 +441,26 @@ fn is_the_one(wanted: &str, index: usize, info: &DeviceInfo) -> bool {
     }
 }
 
+impl Opened {
+    fn own(options: &DeviceOptions) -> Result<Opened, Error> {
+        // SAFETY: the library loaded is the system's Vulkan loader.
+        let entry = unsafe { Entry::load() }.map_err(|e| Error::NoLoader(e.to_string()))?;
+        let instance = Instance::new(entry, options.validation)?;
+        let (physical, queue_family, info) = instance.choose(options.device.as_deref())?;
+        let device = instance.open(physical, queue_family)?;
+        // SAFETY: the queue family was asked for when the device was made.
+        let queue = unsafe { device.get_device_queue(queue_family, 0) };
+        Ok(Opened { instance, physical, device, queue, queue_family, info })
+    }
+}
+
 impl Instance {
+    /// One that the program made.
+    pub(super) fn given(entry: Entry, instance: ash::Instance) -> Instance {
+        let messages = Arc::default();
+        Instance { given: true, messages, messenger: None, instance, _entry: entry }
+    }
+
     fn new(entry: Entry, validation: bool) -> Result<Instance, Error> {
         let app = vk::ApplicationInfo::default()
             .application_name(c"nvsprior")
@@ -424,8 +490,13 @@ impl Instance {
             }
             result => Error::of("vkCreateInstance")(result),
         })?;
-        let mut this =
-            Instance { messages: Default::default(), messenger: None, instance, _entry: entry };
+        let mut this = Instance {
+            given: false,
+            messages: Arc::default(),
+            messenger: None,
+            instance,
+            _entry: entry,
+        };
         if validation {
             this.listen()?;
         }
@@ -478,7 +549,7 @@ impl Instance {
         })
     }
 
-    fn devices(&self) -> Result<Vec<vk::PhysicalDevice>, Error> {
+    pub(super) fn devices(&self) -> Result<Vec<vk::PhysicalDevice>, Error> {
         // SAFETY: a plain query.
         unsafe { self.instance.enumerate_physical_devices() }
             .map_err(Error::of("vkEnumeratePhysicalDevices"))
@@ -495,7 +566,7 @@ impl Instance {
         }
     }
 
-    fn describe(&self, device: vk::PhysicalDevice) -> DeviceInfo {
+    pub(super) fn describe(&self, device: vk::PhysicalDevice) -> DeviceInfo {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
@@ -540,7 +611,7 @@ impl Instance {
     }
 
     /// A compute queue family of a device that fits, or why it does not.
-    fn queue_family(&self, device: vk::PhysicalDevice) -> Result<u32, &'static str> {
+    pub(super) fn queue_family(&self, device: vk::PhysicalDevice) -> Result<u32, &'static str> {
         // SAFETY: plain queries on a device of this instance.
         let (properties, families) = unsafe {
             (

@@ -31,6 +31,12 @@ pub enum Error {
         /// Numbers and names of the devices.
         found: String,
     },
+    /// The device that the program gave cannot run the engine.
+    #[error("the given device does not fit: {reason}")]
+    GivenDevice {
+        /// Why.
+        reason: String,
+    },
     /// Validation was asked for and its layer is not installed.
     #[error("validation layer VK_LAYER_KHRONOS_validation is not installed")]
     NoValidationLayer,

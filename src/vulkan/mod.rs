@@ -7,11 +7,15 @@ mod cache;
 mod commands;
 mod device;
 mod error;
+mod given;
 mod kernel;
 mod spirv;
 
+// The types of a given device's handles.
+pub use ash;
 pub use buffer::{Buffer, Memory};
 pub use commands::{Commands, Recorder, StageTime, Timing};
 pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions, ListedDevice, MemoryUse, devices};
 pub use error::Error;
+pub use given::{DeviceHandles, EnabledFeatures, GivenDevice, QueueLock};
 pub use kernel::{Code, Kernel};

@@ -74,6 +74,11 @@ static void encoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(NULL, &image, pose));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_cancel(NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_set_allocator(NULL));
+    nvsp_dmabuf *dmabuf = NULL;
+    EXPECT(NVSP_ERR_NULL, nvsp_dmabuf_import(NULL, 0, 0, &dmabuf));
+    EXPECT(NVSP_ERR_NULL, nvsp_dmabuf_import(both.engine, 0, 0, NULL));
+    nvsp_dmabuf_destroy(NULL);
+    CHECK(dmabuf == NULL);
     nvsp_memory_estimate estimate = NVSP_INITIALIZER(nvsp_memory_estimate);
     EXPECT(NVSP_ERR_NULL, nvsp_prior_estimate(NULL, camera, &estimate));
     EXPECT(NVSP_ERR_NULL, nvsp_prior_estimate(dive.prior, camera, NULL));

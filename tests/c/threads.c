@@ -35,10 +35,16 @@ static void *alone(void *unused) {
     return NULL;
 }
 
+static void start(pthread_t *thread, void *(*body)(void *)) {
+    if (pthread_create(thread, NULL, body, NULL) != 0) {
+        give_up("no thread");
+    }
+}
+
 static void side_by_side(void) {
     pthread_t threads[3];
     for (int i = 0; i < 3; i++) {
-        CHECK(pthread_create(&threads[i], NULL, alone, NULL) == 0);
+        start(&threads[i], alone);
     }
     for (int i = 0; i < 3; i++) {
         pthread_join(threads[i], NULL);
@@ -81,7 +87,7 @@ static void *intrude(void *unused) {
 // use is repeated.
 static void intruded_upon(void) {
     pthread_t thread;
-    CHECK(pthread_create(&thread, NULL, intrude, NULL) == 0);
+    start(&thread, intrude);
     uint8_t bytes[4096];
     for (int i = 0; i < dive.frames; i++) {
         const nvsp_image image = scene_image(&dive, i);

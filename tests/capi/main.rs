@@ -35,6 +35,8 @@ programs! {
     encoding: [];
     decoding: [];
     threads: [];
+    given_device: [];
+    dmabuf: [];
     reassembly: [];
     garbage: [];
     allocations: [];
@@ -45,6 +47,12 @@ programs! {
 #[test]
 fn no_memory() {
     programs::run_few("no_memory");
+}
+
+/// The figures mean something for an optimised library only; that frames take no memory holds for this one, too.
+#[test]
+fn figures() {
+    programs::run_few("figures");
 }
 
 #[test]

@@ -59,10 +59,19 @@ fn compiler() -> Command {
     cc
 }
 
+/// Whether a program makes a Vulkan device itself.
+fn uses_vulkan(name: &str) -> bool {
+    name == "given_device"
+}
+
 /// Builds a program and returns its path; `None` if there is no C compiler.
 fn build(name: &str) -> Option<PathBuf> {
     if compiler().arg("--version").output().is_err() {
         println!("skipped: {name}, as there is no C compiler");
+        return None;
+    }
+    if uses_vulkan(name) && !Path::new("/usr/include/vulkan/vulkan.h").exists() {
+        println!("skipped: {name}, as the Vulkan headers (libvulkan-dev) are not installed");
         return None;
     }
     let library = library();
@@ -70,7 +79,11 @@ fn build(name: &str) -> Option<PathBuf> {
     let mut cc = compiler();
     cc.arg(source(name)).arg(source("common")).arg("-o").arg(&program);
     cc.arg("-L").arg(library).arg(format!("-Wl,-rpath,{}", library.display()));
-    succeeds(cc.args(["-lnvsprior", "-lm", "-ldl"]));
+    cc.args(["-lnvsprior", "-lm", "-ldl"]);
+    if uses_vulkan(name) {
+        cc.arg("-lvulkan");
+    }
+    succeeds(&mut cc);
     Some(program)
 }
 

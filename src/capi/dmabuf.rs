@@ -1,0 +1,269 @@
+//! Frames in DMA-BUFs: buffers of cameras, decoders and GPUs, shared by file descriptor.
+//!
+//! The conversion to RGB runs on the CPU. So a buffer is mapped, once, and each frame is read in place between the two
+//! ioctls that keep the CPU's caches true. That works with every exporter whose buffers can be mapped, and asks nothing of
+//! the Vulkan device.
+
+use std::fmt;
+use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
+use std::ptr::null_mut;
+use std::sync::Arc;
+
+use super::engine::nvsp_engine;
+use super::handle::{Handle, Opaque};
+use super::status::*;
+
+/// A DMA-BUF that frames are read from; import each buffer of a camera's ring once. Any number of threads may use it at
+/// once. Example, for a frame of V4L2 in NV12, whose buffer VIDIOC_EXPBUF exported:
+///
+/// ```c
+/// nvsp_dmabuf *buffer = NULL;
+/// if (nvsp_dmabuf_import(engine, fd, 0, &buffer) != NVSP_OK) return 1;
+/// nvsp_image image = NVSP_INITIALIZER(nvsp_image);
+/// image.format = NVSP_FORMAT_NV12;
+/// image.width = 1920;
+/// image.height = 1080;
+/// image.dmabufs[0] = buffer;
+/// image.offsets[1] = 1080 * stride;
+/// image.strides[0] = image.strides[1] = stride;
+/// ```
+#[allow(non_camel_case_types)]
+pub struct nvsp_dmabuf {
+    _opaque: [u8; 0],
+}
+
+impl Opaque for nvsp_dmabuf {
+    type Content = Arc<Mapping>;
+}
+
+/// A buffer in this process.
+pub(super) struct Mapping {
+    fd: OwnedFd,
+    start: *mut libc::c_void,
+    size: usize,
+}
+
+// SAFETY: only read, by any thread.
+unsafe impl Send for Mapping {}
+// SAFETY: as above.
+unsafe impl Sync for Mapping {}
+
+impl Drop for Mapping {
+    fn drop(&mut self) {
+        // SAFETY: what `map` mapped, and no view is left: each holds this.
+        unsafe { libc::munmap(self.start, self.size) };
+    }
+}
+
+/// `DMA_BUF_IOCTL_SYNC`, of linux/dma-buf.h.
+const SYNC: u64 = 0x4008_6200;
+const SYNC_READ: u64 = 1;
+const SYNC_END: u64 = 4;
+/// The kernel asks to try again if a signal came; no more often than this.
+const TRIES: usize = 1000;
+
+/// Begins or ends reading by the CPU. On failure the system's error.
+fn sync(fd: RawFd, flags: u64) -> Result<(), i32> {
+    let mut error = 0;
+    for _ in 0..TRIES {
+        // SAFETY: a descriptor that is open, and the structure that the call asks for: one u64.
+        if unsafe { libc::ioctl(fd, SYNC as _, &raw const flags) } == 0 {
+            return Ok(());
+        }
+        error = system_error();
+        if error != libc::EINTR && error != libc::EAGAIN {
+            break;
+        }
+    }
+    Err(error)
+}
+
+fn system_error() -> i32 {
+    std::io::Error::last_os_error().raw_os_error().unwrap_or(0)
+}
+
+impl Mapping {
+    fn new(fd: RawFd) -> Result<Mapping, Failure> {
+        // SAFETY: any number may be asked for.
+        let copy = unsafe { libc::fcntl(fd, libc::F_DUPFD_CLOEXEC, 0) };
+        if copy < 0 {
+            return Err(match system_error() {
+                libc::EBADF => Failure::argument("fd: not open"),
+                _ => Failure::at(NVSP_ERR_MEMORY, "no file descriptor is left"),
+            });
+        }
+        // SAFETY: just made, for this alone.
+        let fd = unsafe { OwnedFd::from_raw_fd(copy) };
+        sync(copy, SYNC_READ).and_then(|()| sync(copy, SYNC_READ | SYNC_END)).map_err(|error| {
+            match error {
+                libc::ENOTTY | libc::EINVAL | libc::ENOSYS => Failure::argument("fd: no DMA-BUF"),
+                _ => Failure::at(NVSP_ERR_UNSUPPORTED, "fd: the CPU may not read this DMA-BUF"),
+            }
+        })?;
+        // SAFETY: an open descriptor. Nobody reads a DMA-BUF from a place.
+        let size = unsafe { libc::lseek(copy, 0, libc::SEEK_END) };
+        let size = usize::try_from(size).ok().filter(|size| *size > 0);
+        let size = size.ok_or(Failure::at(NVSP_ERR_UNSUPPORTED, "fd: a DMA-BUF without a size"))?;
+        let (read, shared) = (libc::PROT_READ, libc::MAP_SHARED);
+        // SAFETY: at an address that the system chooses.
+        let start = unsafe { libc::mmap(null_mut(), size, read, shared, copy, 0) };
+        if start == libc::MAP_FAILED {
+            return Err(match system_error() {
+                libc::ENOMEM => Failure::at(NVSP_ERR_MEMORY, "no address space for a DMA-BUF"),
+                _ => Failure::at(NVSP_ERR_UNSUPPORTED, "fd: this DMA-BUF cannot be mapped"),
+            });
+        }
+        Ok(Mapping { fd, start, size })
+    }
+}
+
+/// A buffer while the CPU reads it.
+pub(super) struct Reading(Arc<Mapping>);
+
+impl Reading {
+    /// Begins to read. Does not wait for what is still being written.
+    fn new(mapping: Arc<Mapping>) -> Result<Reading, Failure> {
+        let fd = mapping.fd.as_raw_fd();
+        let mut events = libc::pollfd { fd, events: libc::POLLIN, revents: 0 };
+        // SAFETY: one descriptor.
+        if unsafe { libc::poll(&raw mut events, 1, 0) } == 0 {
+            return Err(Failure::at(NVSP_ERR_IMAGE, "nvsp_image.dmabufs: still being written"));
+        }
+        sync(fd, SYNC_READ).map_err(|_| {
+            Failure::at(NVSP_ERR_UNSUPPORTED, "nvsp_image.dmabufs: the CPU may not read it now")
+        })?;
+        Ok(Reading(mapping))
+    }
+
+    /// The bytes from `offset` on, at most `size`; 0: to the end.
+    ///
+    /// # Safety
+    /// The slice is not used after this, and nobody writes the buffer meanwhile.
+    unsafe fn bytes<'a>(&self, offset: usize, size: usize) -> Result<&'a [u8], Failure> {
+        let Mapping { start, size: all, .. } = *self.0;
+        let Some(rest) = all.checked_sub(offset) else {
+            return Err(Failure::at(NVSP_ERR_IMAGE, "nvsp_image.offsets: beyond the DMA-BUF"));
+        };
+        if size > rest {
+            return Err(Failure::at(NVSP_ERR_IMAGE, "nvsp_image.sizes: beyond the DMA-BUF"));
+        }
+        let size = if size == 0 { rest } else { size };
+        // SAFETY: within the mapping, which stays as long as this does.
+        Ok(unsafe { std::slice::from_raw_parts(start.cast::<u8>().add(offset), size) })
+    }
+}
+
+impl Drop for Reading {
+    fn drop(&mut self) {
+        // The bytes were read; there is nobody to tell.
+        let _ = sync(self.0.fd.as_raw_fd(), SYNC_READ | SYNC_END);
+    }
+}
+
+/// What an image's planes lie in, as C says it.
+pub(super) struct Places {
+    pub dmabufs: [*const nvsp_dmabuf; 3],
+    pub offsets: [usize; 3],
+    pub sizes: [usize; 3],
+}
+
+/// The planes' bytes, and what keeps them readable.
+pub(super) type Planes<'a> = ([&'a [u8]; 3], [Option<Reading>; 3]);
+
+/// Begins to read the first `count` planes of an image.
+///
+/// # Safety
+/// The handles are NULL or live. The bytes are not used after the second result is dropped, and nobody writes the buffers
+/// before.
+pub(super) unsafe fn planes<'a>(places: &Places, count: usize) -> Result<Planes<'a>, Failure> {
+    let Places { dmabufs, offsets, sizes } = places;
+    let (mut planes, mut readings): Planes = ([&[]; 3], [None, None, None]);
+    for i in 0..count {
+        // Planes without a buffer of their own lie in the first one's.
+        let of = |i: usize| if dmabufs[i].is_null() { dmabufs[0] } else { dmabufs[i] };
+        let first = (0..i).find(|&earlier| of(earlier) == of(i)).unwrap_or(i);
+        if first == i {
+            // SAFETY: as the caller promises.
+            let handle = unsafe { nvsp_dmabuf::handle(of(i)).as_ref() };
+            let handle = handle.ok_or(Failure::null("nvsp_image.dmabufs"))?;
+            readings[i] = Some(Reading::new(handle.get())?);
+        }
+        if let Some(reading) = &readings[first] {
+            // SAFETY: as the caller promises.
+            planes[i] = unsafe { reading.bytes(offsets[i], sizes[i])? };
+        }
+    }
+    Ok((planes, readings))
+}
+
+/// A layout of pixels that only its maker's hardware reads: a DRM format modifier.
+#[derive(Debug)]
+pub(super) struct Modifier(pub u64);
+
+impl fmt::Display for Modifier {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let owner = match self.0 >> 56 {
+            _ if self.0 == 0x00ff_ffff_ffff_ffff => "DRM_FORMAT_MOD_INVALID, an unknown layout",
+            0x01 => "a layout of Intel's",
+            0x02 => "a layout of AMD's",
+            0x03 => "a layout of NVIDIA's, such as block-linear",
+            0x04 => "a layout of Samsung's",
+            0x05 => "a layout of Qualcomm's",
+            0x06 => "a layout of Vivante's",
+            0x07 => "a layout of Broadcom's",
+            0x08 => "a layout of Arm's, such as AFBC",
+            0x09 => "a layout of Allwinner's",
+            0x0a => "a layout of Amlogic's",
+            _ => "an unknown layout",
+        };
+        write!(f, "modifier {:#018x}: {owner}", self.0)
+    }
+}
+
+/// Imports a DMA-BUF, to read frames from it without a copy. The rows of its pixels lie one after the other
+/// (DRM_FORMAT_MOD_LINEAR, "pitch linear"). Surfaces in a layout of the hardware's own, such as NVIDIA's block-linear
+/// NVMM surfaces, must be converted first: on a Jetson nvvidconv or NvBufSurfTransform does it. The library maps the
+/// buffer for reading and keeps a copy of the descriptor. Needs no extension of the Vulkan device. Allocates.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are none),
+/// NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY; the text is
+/// the engine's.
+///
+/// # Safety
+/// - `engine`: a live engine, whose log and last error tell of failures. Not NULL.
+/// - `fd`: a file descriptor of the DMA-BUF. You may close it after the call.
+/// - `modifier`: the DRM format modifier of its pixels: 0, which is DRM_FORMAT_MOD_LINEAR. V4L2 has no modifiers: its
+///   formats without a name of their own for a layout are linear.
+/// - `dmabuf`: receives the buffer, which nvsp_dmabuf_destroy ends. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_dmabuf_import(
+    engine: *const nvsp_engine,
+    fd: i32,
+    modifier: u64,
+    dmabuf: *mut *mut nvsp_dmabuf,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::share(nvsp_engine::handle(engine), |handle, _| {
+            if dmabuf.is_null() {
+                return Err(Failure::null("dmabuf"));
+            }
+            if modifier != 0 {
+                return Err(Failure::Modifier(Modifier(modifier)));
+            }
+            let content = Arc::new(Mapping::new(fd)?);
+            *dmabuf = nvsp_dmabuf::address(Handle::boxed(content, handle.log()));
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Ends a DMA-BUF; NULL is allowed. Its descriptor is closed and its memory unmapped.
+///
+/// # Safety
+/// - `dmabuf`: a live DMA-BUF that no call uses. Do not use it afterwards. NULL is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_dmabuf_destroy(dmabuf: *mut nvsp_dmabuf) {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::destroy(nvsp_dmabuf::handle(dmabuf).cast_mut()) }
+}
