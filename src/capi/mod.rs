@@ -11,6 +11,7 @@ mod engine;
 mod frame;
 mod handle;
 mod image;
+mod lens;
 mod limits;
 mod log;
 mod memory;
