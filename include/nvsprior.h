@@ -272,6 +272,13 @@ template <class Structure> inline Structure nvsp_initialized() {
 // The prior's render alone.
 #define NVSP_PICTURE_RENDER 1
 
+// Brown-Conrady, OpenCV's usual model. `coefficients` in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6, of which the
+// first 4, the first 5 or all 8 are given.
+#define NVSP_LENS_BROWN_CONRADY 1
+
+// Kannala-Brandt, as in OpenCV's module `fisheye`. `coefficients`: k1, k2, k3, k4.
+#define NVSP_LENS_FISHEYE 2
+
 // For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives it. If the
 // difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
 // picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
@@ -716,7 +723,7 @@ typedef struct nvsp_encoder_options {
 } nvsp_encoder_options;
 
 // A camera's image; read during the call only. If its size is not the camera's, it is scaled to
-// it. Its shape must be the camera's (1 % is tolerated).
+// it. Its shape must be the camera's (1 % is tolerated). With a lens its size must be the lens's.
 typedef struct nvsp_image {
   // Set by NVSP_INIT.
   uint32_t struct_size;
@@ -849,6 +856,52 @@ typedef struct nvsp_picture {
   // Receives how many bytes the picture needs with this format and stride.
   size_t needed;
 } nvsp_picture;
+
+// A lens with distortion, as OpenCV's calibration gives it. Pixel (0, 0) covers [0, 1) x [0, 1). OpenCV's own
+// calibration puts pixel centres at integers: add 0.5 to its cx and cy.
+typedef struct nvsp_lens {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // NVSP_LENS_*.
+  uint32_t model;
+  // How many of `coefficients` are given; the others are zero.
+  uint32_t count;
+  // Width of the images, pixels, 1 to 16384.
+  uint32_t width;
+  // Height of the images, pixels, 1 to 16384.
+  uint32_t height;
+  // Focal length along x, pixels of the images.
+  double fx;
+  // Focal length along y, pixels of the images.
+  double fy;
+  // Principal point, x, pixels from the left edge of the images. It must lie on them.
+  double cx;
+  // Principal point, y, pixels from the upper edge of the images. It must lie on them.
+  double cy;
+  // The distortion, without unit; see `model`.
+  double coefficients[8];
+} nvsp_lens;
+
+// Which pixels of an encoder's images count: one byte per pixel, white counts (128 to 255), black does not (0 to 127).
+// Read during the call only.
+typedef struct nvsp_mask {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Pixels, 1 to 16384. With a lens its width; without one of the camera's shape (1 % is tolerated).
+  uint32_t width;
+  // Pixels, 1 to 16384; as `width`.
+  uint32_t height;
+  // First byte, of the upper left pixel.
+  const uint8_t *pixels;
+  // Bytes from one row to the next.
+  size_t stride;
+  // Bytes in all. Nothing beyond them is read.
+  size_t size;
+} nvsp_mask;
 
 // What decoding a packet gave besides the picture.
 typedef struct nvsp_decoded {
@@ -1350,17 +1403,18 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
 NVSP_CHECKED
 nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
-// Sets another camera, or another size, for all frames from here on; the next packet carries it.
-// Allocates as nvsp_encoder_create does. If it fails, the old camera stays.
+// Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
+// Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
+// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
 // NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
+nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder,
+                                    const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
 
 // Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. With them the encoder
 // finds a camera that it has lost. Without this call they are rendered while a frame is lost, as many as
@@ -1582,6 +1636,61 @@ nvsp_status nvsp_encoder_last_error(const struct nvsp_encoder *encoder, char *te
 // Parameters:
 // - `encoder`: a live encoder that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
+
+// Sets the lens that all images from here on were taken through. Each image is freed of its distortion as it is read,
+// in the pass that scales it: the encoder's camera stays a pinhole, and packets are about that one. Images must then
+// have the lens's size. The camera may see more than the lens: pixels that the lens does not show count as masked, see
+// nvsp_encoder_set_mask. A pixel is the mean of what its footprint on the image covers: the image is first reduced by
+// area averaging to about the camera's resolution, then sampled with linear interpolation, at most one reduced pixel
+// apart. All of it is integer arithmetic on a map that is made here, so that an image gives the same picture on every
+// machine. Allocates the map, at most 4 bytes per pixel of the lens and 48 per pixel of the camera; no frame allocates
+// for it. If the call fails, the lens before stays. Example:
+//
+//     nvsp_lens lens = NVSP_INITIALIZER(nvsp_lens);
+//     lens.model = NVSP_LENS_BROWN_CONRADY;
+//     lens.width = 1920;
+//     lens.height = 1080;
+//     lens.fx = 1335.4, lens.fy = 1334.9, lens.cx = 962.5, lens.cy = 538.1;
+//     lens.count = 5; /* k1, k2, p1, p2, k3 */
+//     memcpy(lens.coefficients, calibration, 5 * sizeof(double));
+//     status = nvsp_encoder_set_lens(encoder, &lens);
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
+// NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the image that
+// has no ray, as the distortion folds the image over itself nearer to its middle. It is also given if camera and lens
+// see nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
+//
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `lens`: set up by NVSP_INIT. Read during the call. NULL: no lens from here on, images are of a pinhole camera.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
+                                  const struct nvsp_lens *lens) NVSP_NONNULL(1);
+
+// Sets which pixels of all images from here on count. Mask what shows the vehicle itself: its arm, its frame, a lamp.
+// Masked pixels count neither in the search for the pose nor in nvsp_frame_stats, and no bytes are spent on them: the
+// topside shows the prior's render there, but for what a coarse coding spreads from beside them. It may change from
+// frame to frame, such as with the arm. With a lens, it masks pixels of the lens's images. If the camera's size
+// changes, it is scaled; a pixel counts if all that it shows counts. Allocates two bytes per pixel of the mask and 48
+// per pixel of the camera. If the call fails, the mask before stays. Example:
+//
+//     nvsp_mask mask = NVSP_INITIALIZER(nvsp_mask);
+//     mask.width = mask.stride = 640;
+//     mask.height = 360;
+//     mask.pixels = arm; /* 0 where the arm is, else 255 */
+//     mask.size = 640 * 360;
+//     status = nvsp_encoder_set_mask(encoder, &mask);
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_IMAGE (size, stride or bytes),
+// NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its size is not the
+// lens's, its shape not the camera's, or no pixel counts.
+//
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `mask`: set up by NVSP_INIT. The structure and its pixels are read during the call. NULL: all pixels count.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder,
+                                  const struct nvsp_mask *mask) NVSP_NONNULL(1);
 
 // Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 // for its pictures.

@@ -14,12 +14,12 @@ pub struct FrameStats {
     pub bytes: usize,
     /// Bytes of its latent part.
     pub latent_bytes: usize,
-    /// PSNR of the render at the quantised pose against the treated frame, dB.
+    /// PSNR of the render at the quantised pose against the treated frame, over the pixels that count, dB.
     ///
     /// The frame is treated as the prior's [`preprocessing`](crate::Prior::preprocessing) says, if it has one. Do not
     /// compare this figure with that of a prior of another preprocessing: both the picture and its contrast differ.
     pub render_psnr: f64,
-    /// PSNR of what the topside will show against the treated frame, dB.
+    /// PSNR of what the topside will show against the treated frame, over the pixels that count, dB.
     pub psnr: f64,
     /// Renders at full resolution, all of them: judging the start, refining, the final picture.
     pub full_renders: u32,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::image::{Preprocessing, Preprocessor};
+use crate::image::{Mask, Preprocessing, Preprocessor};
 use crate::packet::{Latent, PoseProfile, QuantisedPose};
 use crate::render::{Plan, Scene};
 use crate::residual::{ResidualCoder, ResidualEncoder, ResidualSetup};
@@ -47,6 +47,9 @@ pub struct EncoderOptions {
     pub frames_treated: bool,
 }
 
+/// A difference picture's value for no difference.
+const NO_DIFFERENCE: u8 = 128;
+
 /// Spreads of the prior beyond which no pose from outside can lie.
 const FAR: f64 = 1e6;
 
@@ -75,6 +78,8 @@ pub struct Encoder {
     camera: Camera,
     options: EncoderOptions,
     tracker: Tracker,
+    /// Which pixels of frames count; `None`: all do.
+    mask: Option<Arc<Mask>>,
     /// Treats frames as the prior's pictures were.
     preprocessor: Preprocessor,
     residual: ResidualEncoder,
@@ -107,6 +112,7 @@ impl Encoder {
             camera: *camera,
             frame: options.first_frame,
             tracker,
+            mask: None,
             preprocessor: preprocessor(scene, &options),
             residual: ResidualEncoder::new(&residual_setup(
                 engine,
@@ -123,8 +129,27 @@ impl Encoder {
         })
     }
 
-    /// Sets another camera, or another size, for all frames from here on. Poses carry over.
+    /// Sets which pixels of frames count from here on; `None`: all do. The others, such as those that show the vehicle's
+    /// own arm, count neither in the search nor in the PSNR. Their difference is zero: the topside shows the prior's
+    /// render there, but for what a coarse coding spreads from beside them.
+    ///
+    /// # Errors
+    /// If the mask has not the camera's size, or no pixel counts. The mask before then stays.
+    pub fn set_mask(&mut self, mask: Option<&Mask>) -> Result<(), Error> {
+        self.mask = checked(mask.cloned(), &self.camera)?;
+        self.tracker.set_mask(self.mask.clone());
+        Ok(())
+    }
+
+    /// Sets another camera, or another size, for all frames from here on. Poses carry over. The mask is scaled with it.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<(), Error> {
+        let mask = self.mask.as_ref().map(|mask| mask.resized(camera.width, camera.height));
+        self.set_view(camera, mask)
+    }
+
+    /// Sets camera and mask. If it fails, both stay.
+    pub(crate) fn set_view(&mut self, camera: &Camera, mask: Option<Mask>) -> Result<(), Error> {
+        let mask = checked(mask, camera)?;
         if *camera != self.camera {
             let objective = objective(&self.engine, &self.scene, camera, &self.options)?;
             self.tracker.replace(objective);
@@ -136,6 +161,8 @@ impl Encoder {
             }
             self.camera_age = None;
         }
+        self.mask = mask;
+        self.tracker.set_mask(self.mask.clone());
         Ok(())
     }
 
@@ -157,6 +184,7 @@ impl Encoder {
             return Err(Error::PriorChanged { expected, found });
         }
         self.tracker.replace(objective(engine, scene, &self.camera, &self.options)?);
+        self.tracker.set_mask(self.mask.clone());
         (self.engine, self.scene) = (engine.clone(), scene.clone());
         self.preprocessor = preprocessor(scene, &self.options);
         self.residual = ResidualEncoder::new(&self.residual_setup());
@@ -207,7 +235,8 @@ impl Encoder {
         done
     }
 
-    /// The last frame that [`encode`](Self::encode) searched a pose for, as it was treated. Empty before the first. It is
+    /// The last frame that [`encode`](Self::encode) searched a pose for, as it was treated; where it is masked it shows
+    /// the render. Empty before the first. It is
     /// not kept in a [`Pipeline`](crate::Pipeline).
     pub fn treated_frame(&self) -> &Picture {
         &self.tracked.frame
@@ -241,7 +270,11 @@ impl Encoder {
         let profile = if short { PoseProfile::Short } else { self.options.profile };
         self.tracker.set_profile(profile.word());
         tracked.frame.clone_from(frame);
-        self.preprocessor.apply(&mut tracked.frame);
+        tracked.mask.clone_from(&self.mask);
+        self.preprocessor.apply_by(&mut tracked.frame, self.mask.as_deref());
+        if let Some(mask) = &self.mask {
+            mask.level_out(&mut tracked.frame);
+        }
         let found = self.tracker.track(&tracked.frame, known)?;
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
@@ -254,6 +287,12 @@ impl Encoder {
         tracked.render.data.copy_from_slice(renderer.rendered());
         tracked.difference.resize(frame.width, frame.height);
         tracked.difference.data.copy_from_slice(renderer.difference());
+        if let Some(mask) = &self.mask {
+            let render = &tracked.render.data;
+            let as_render = |at: usize, rgb: &mut [u8]| rgb.copy_from_slice(&render[at..at + 3]);
+            mask.each_masked(&mut tracked.frame.data, as_render);
+            mask.each_masked(&mut tracked.difference.data, |_, rgb| rgb.fill(NO_DIFFERENCE));
+        }
         tracked.pose = pose.dequantise(&self.scene.frame());
         let latent = Latent {
             portable: self.engine.device().portable,
@@ -362,6 +401,19 @@ impl Encoder {
     /// Evaluations of the last frame's refinement, in order: error against run time.
     pub fn trace(&self) -> &[Evaluation] {
         self.tracker.trace()
+    }
+}
+
+/// A mask, if it masks anything.
+fn checked(mask: Option<Mask>, camera: &Camera) -> Result<Option<Arc<Mask>>, Error> {
+    let Some(mask) = mask else { return Ok(None) };
+    let (expected, found) = ((camera.width, camera.height), (mask.width, mask.height));
+    if expected != found || mask.data.len() != camera.pixels() {
+        return Err(Error::MaskSize { expected, found });
+    }
+    match mask.count() {
+        0 => Err(Error::MaskEmpty),
+        count => Ok((count < mask.data.len()).then(|| Arc::new(mask))),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The library's error.
 
-use crate::geometry::CameraError;
+use crate::geometry::{CameraError, LensError};
 use crate::image::PixelError;
 use crate::packet::PacketError;
 use crate::prior::PriorError;
@@ -18,6 +18,9 @@ pub enum Error {
     /// A camera that cannot be rendered with.
     #[error(transparent)]
     Camera(#[from] CameraError),
+    /// A lens that frames cannot be freed of.
+    #[error(transparent)]
+    Lens(#[from] LensError),
     /// A packet.
     #[error(transparent)]
     Packet(#[from] PacketError),
@@ -45,6 +48,17 @@ pub enum Error {
         /// The frame's.
         found: (u32, u32),
     },
+    /// A mask's size is not the camera's.
+    #[error("mask of {}×{} pixels for a camera of {}×{}", found.0, found.1, expected.0, expected.1)]
+    MaskSize {
+        /// The camera's width and height.
+        expected: (u32, u32),
+        /// The mask's.
+        found: (u32, u32),
+    },
+    /// A mask leaves nothing of the frames.
+    #[error("a mask by which no pixel counts; white (128 and more) counts, black does not")]
+    MaskEmpty,
     /// A byte budget cannot hold a packet without any residual.
     #[error("a budget of {budget} bytes: pose and camera alone take {needed}")]
     Budget {

@@ -1,7 +1,9 @@
 //! A tracked frame: its pose is found and drawn, its difference is not coded yet.
 
+use std::sync::Arc;
 use std::time::Instant;
 
+use crate::image::{Mask, psnr_of_mse};
 use crate::packet::{Latent, RenderCheck, Residual};
 use crate::residual::{ResidualEncoder, ResidualSetup};
 use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
@@ -9,8 +11,10 @@ use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
 /// What a frame's packet is made of. Buffers are kept from frame to frame.
 #[derive(Default)]
 pub(crate) struct TrackedFrame {
-    /// The frame, as the prior's preprocessing left it.
+    /// The frame, as the prior's preprocessing left it. Where it is masked it shows the render.
     pub frame: Picture,
+    /// Which pixels count; `None`: all do.
+    pub mask: Option<Arc<Mask>>,
     pub render: Picture,
     /// See [`crate::residual::difference`].
     pub difference: Picture,
@@ -39,11 +43,12 @@ impl TrackedFrame {
         let rate_kept = self.write_packet(latent, residual, encoded)?;
         encoded.pose = self.pose;
         std::mem::swap(&mut encoded.stats, &mut self.stats);
+        let [render_psnr, psnr] =
+            [&self.render, &encoded.picture].map(|picture| self.psnr(picture));
         let stats = &mut encoded.stats;
         stats.bytes = encoded.packet.len();
         stats.latent_bytes = latent.encoded_len();
-        stats.render_psnr = self.render.psnr(&self.frame);
-        stats.psnr = encoded.picture.psnr(&self.frame);
+        (stats.render_psnr, stats.psnr) = (render_psnr, psnr);
         stats.rate_kept = rate_kept;
         stats.code_milliseconds = since.elapsed().as_secs_f64() * 1e3;
         stats.milliseconds = stats.refine_milliseconds + stats.code_milliseconds;
@@ -55,6 +60,25 @@ impl TrackedFrame {
         Ok(())
     }
 
+    /// A picture's PSNR against what counts of the frame, dB.
+    fn psnr(&self, picture: &Picture) -> f64 {
+        match &self.mask {
+            Some(mask) => psnr_of_mse(mask.mse(picture, &self.frame)),
+            None => picture.psnr(&self.frame),
+        }
+    }
+
+    /// The rate as the coder knows it: it measures the PSNR over all pixels, of which those that are masked have no error
+    /// to speak of.
+    fn coders_rate(&self) -> Option<Rate> {
+        match (self.rate, &self.mask) {
+            (Some(Rate::Psnr(target)), Some(mask)) => {
+                Some(Rate::Psnr(target + psnr_of_mse(mask.share())))
+            }
+            (rate, _) => rate,
+        }
+    }
+
     /// Returns whether the rate was kept.
     fn write_packet(
         &mut self,
@@ -64,7 +88,7 @@ impl TrackedFrame {
     ) -> Result<bool, Error> {
         let render = self.checked.then(|| RenderCheck::of(&self.render));
         let mut packet = Packet { latent, camera: self.camera, render, residual: Residual::None };
-        let Some(rate) = self.rate else {
+        let Some(rate) = self.coders_rate() else {
             encoded.picture.clone_from(&self.render);
             packet.write(&mut encoded.packet)?;
             return Ok(true);

@@ -13,6 +13,7 @@ use super::engine::nvsp_engine;
 use super::frame::{self, nvsp_frame_info};
 use super::handle::{Handle, Opaque};
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
+use super::lens::Seen;
 use super::limits::Limits;
 use super::memory::Grant;
 use super::prior::nvsp_prior;
@@ -38,16 +39,18 @@ impl Opaque for nvsp_encoder {
 
 /// What an encoder works on.
 pub(super) struct Core {
-    encoder: Encoder,
-    converter: Converter,
-    frame: Picture,
+    pub encoder: Encoder,
+    pub converter: Converter,
+    /// What the converter and the encoder's mask are made of.
+    pub seen: Seen,
+    pub frame: Picture,
     known: Known,
     encoded: Encoded,
     /// Whether `encoded` holds a frame.
     full: bool,
-    limits: Limits,
+    pub limits: Limits,
     /// Whether a frame was encoded since the encoder last took memory: the first one takes some too.
-    warm: bool,
+    pub warm: bool,
 }
 
 type Content = Worker<Core>;
@@ -262,6 +265,7 @@ pub unsafe extern "C" fn nvsp_encoder_create(
             let core = Core {
                 encoder: made,
                 converter: Converter::new(camera.width, camera.height)?,
+                seen: Seen::default(),
                 frame: Picture::new(camera.width, camera.height),
                 known: Known::default(),
                 encoded: Encoded::with_room(camera.width, camera.height),
@@ -391,10 +395,10 @@ pub unsafe extern "C" fn nvsp_encoder_announce(encoder: *mut nvsp_encoder) -> nv
     }
 }
 
-/// Sets another camera, or another size, for all frames from here on; the next packet carries it.
-/// Allocates as nvsp_encoder_create does. If it fails, the old camera stays.
+/// Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
+/// Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
 /// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Safety
@@ -410,12 +414,8 @@ pub unsafe extern "C" fn nvsp_encoder_set_camera(
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let camera = image::camera(camera)?;
             let mut core = content.core()?;
-            let _memory = core.limits.encoder(&camera)?;
-            let converter = Converter::new(camera.width, camera.height)?;
-            core.encoder.set_camera(&camera)?;
-            core.warm = false;
-            core.converter = converter;
-            core.frame.resize(camera.width, camera.height);
+            let seen = core.seen.clone();
+            core.look(seen, camera)?;
             Ok(NVSP_OK)
         })
     }

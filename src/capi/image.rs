@@ -30,7 +30,7 @@ pub const NVSP_COLOUR_BT709_LIMITED: u32 = 2;
 pub const NVSP_COLOUR_BT709_FULL: u32 = 3;
 
 /// A camera's image; read during the call only. If its size is not the camera's, it is scaled to
-/// it. Its shape must be the camera's (1 % is tolerated).
+/// it. Its shape must be the camera's (1 % is tolerated). With a lens its size must be the lens's.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]

@@ -1,6 +1,7 @@
 //! How much memory calls may take: what a caller allows, and what each call needs at most.
 
 use crate::Camera;
+use crate::image::ImageView;
 use crate::prior::{KeyFrames, PriorClaims};
 
 use super::memory::Grant;
@@ -29,6 +30,21 @@ impl Limits {
     pub(super) fn encoder(&self, camera: &Camera) -> Result<Grant, Failure> {
         self.check(camera.width, camera.height)?;
         Grant::take("an encoder", encoder(camera.width, camera.height), self.host_bytes)
+    }
+
+    /// Sets memory aside for reading a mask of this size, as far as it can be one.
+    pub(super) fn mask(&self, width: u32, height: u32) -> Result<Grant, Failure> {
+        let most = u64::from(ImageView::MAX_SIDE);
+        let bytes = u64::from(width).min(most) * u64::from(height).min(most);
+        Grant::take("a mask", bytes + SMALL, self.host_bytes)
+    }
+
+    /// Sets memory aside for what an encoder's images are seen through, and for another camera unless it stays the
+    /// same.
+    pub(super) fn seen(&self, camera: &Camera, seen: u64, same: bool) -> Result<Grant, Failure> {
+        self.check(camera.width, camera.height)?;
+        let own = if same { SMALL } else { encoder(camera.width, camera.height) };
+        Grant::take("an encoder's camera, lens and mask", own + seen, self.host_bytes)
     }
 
     /// Sets memory aside for decoding pictures of this size.

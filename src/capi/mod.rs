@@ -12,6 +12,7 @@ mod engine;
 mod frame;
 mod handle;
 mod image;
+mod lens;
 mod limits;
 mod log;
 mod memory;

@@ -207,6 +207,7 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         E::PriorChanged { .. } => NVSP_ERR_OTHER_PRIOR,
         E::Camera(_) => NVSP_ERR_CAMERA,
         E::FrameTooLarge { .. } => NVSP_ERR_LIMIT,
+        E::Lens(_) | E::MaskSize { .. } | E::MaskEmpty => NVSP_ERR_ARGUMENT,
         E::Packet(PacketError::Prior { .. }) => NVSP_ERR_OTHER_PRIOR,
         E::Packet(PacketError::Version(_) | PacketError::Coder(_)) => NVSP_ERR_NEWER,
         E::Packet(error) if error.part() == Some(crate::packet::Part::Residual) => {

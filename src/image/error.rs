@@ -44,6 +44,14 @@ pub enum PixelError {
         /// The image's.
         found: (u32, u32),
     },
+    /// An image has another size than its lens is for.
+    #[error("image of {}×{}, but the lens is for images of {}×{}", found.0, found.1, expected.0, expected.1)]
+    LensSize {
+        /// Width and height that the lens states.
+        expected: (u32, u32),
+        /// The image's.
+        found: (u32, u32),
+    },
     /// Pictures are not written in this format.
     #[error("pictures are written as Rgb8, Bgr8 or Rgba8, not as {0:?}")]
     NotWritten(PixelFormat),

@@ -1,6 +1,8 @@
+use glam::DVec2;
 use proptest::prelude::*;
 
 use super::*;
+use crate::geometry::{Distortion, Footprint, Intrinsics, Lens, LensError};
 use crate::{Camera, Picture};
 
 const FORMATS: [PixelFormat; 5] = [
@@ -266,6 +268,200 @@ fn a_second_image_of_the_size_allocates_nothing() {
         .unwrap();
     converter.convert(&image(2).view(), &mut picture).unwrap();
     assert_eq!(picture, image(2).converted(32, 18));
+}
+
+/// Lenses of each kind for images of 120×80.
+fn lenses() -> [Lens; 4] {
+    let intrinsics = Intrinsics { width: 120, height: 80, fx: 85.0, fy: 86.0, cx: 61.0, cy: 39.0 };
+    let distortions = [
+        Distortion::brown(&[-0.28, 0.07, 0.004, -0.003, 0.01]).unwrap(),
+        Distortion::brown(&[0.345, 0.382, 0.0, 0.0]).unwrap(),
+        Distortion::brown(&[0.5, 0.1, -0.002, 0.001, 0.02, 0.8, 0.2, 0.05]).unwrap(),
+        Distortion::Fisheye([-0.03, 0.01, -0.004, 0.001]),
+    ];
+    distortions.map(|distortion| Lens::new(intrinsics, distortion).unwrap())
+}
+
+/// The mean over a footprint of a reduced picture, interpolated linearly between the middles of its pixels, as
+/// [`Converter`]'s comment defines it. `scale`: sides of the reduced picture by those of the image.
+fn over_footprint(picture: &Picture, footprint: &Footprint, scale: DVec2) -> [f64; 3] {
+    let value = |x: i64, y: i64, c: usize| {
+        let x = x.clamp(0, i64::from(picture.width) - 1) as usize;
+        let y = y.clamp(0, i64::from(picture.height) - 1) as usize;
+        f64::from(picture.data[3 * (y * picture.width as usize + x) + c])
+    };
+    let sides = [footprint.sides.x_axis, footprint.sides.y_axis].map(|side| side * scale);
+    // Sides are rounded to 2⁻¹⁶ pixels before they are measured.
+    let rounded = |side: f64| (side * 65_536.0).round() / 65_536.0;
+    let count = |side: DVec2| (rounded(side.abs().max_element()) - 1.0 / 32.0).ceil() as i32;
+    let [n, m] = sides.map(|side| count(side).max(1));
+    let mut sums = [0.0; 3];
+    for i in 0..n {
+        for j in 0..m {
+            let part = |k: i32, n: i32| (f64::from(k) + 0.5) / f64::from(n) - 0.5;
+            let at = footprint.centre * scale + sides[0] * part(i, n) + sides[1] * part(j, m) - 0.5;
+            let (x, y) = (at.x.floor(), at.y.floor());
+            let (u, v) = (at.x - x, at.y - y);
+            let (x, y) = (x as i64, y as i64);
+            for (c, sum) in sums.iter_mut().enumerate() {
+                let along = |y| value(x, y, c) * (1.0 - u) + value(x + 1, y, c) * u;
+                *sum += along(y) * (1.0 - v) + along(y + 1) * v;
+            }
+        }
+    }
+    sums.map(|sum| sum / f64::from(n * m))
+}
+
+#[test]
+fn undistorted_pixels_are_means_over_their_footprints() {
+    // At the lens's own size, at a half and at a fifth: images are reduced by 1, 1 or 2, and 4 or 5.
+    for (lens, width) in lenses().iter().flat_map(|lens| [120, 60, 24].map(|w| (lens, w))) {
+        let camera = lens.pinhole_at(width);
+        let mut converter = Converter::undistorting(lens, &camera).unwrap();
+        assert_eq!(converter.covered().unwrap().share(), 1.0, "the pinhole shows nothing else");
+        let mut least = f64::INFINITY;
+        lens.each_footprint(&camera, |_, footprint| {
+            least = least.min(footprint.sides.x_axis.length()).min(footprint.sides.y_axis.length());
+        });
+        let factor = (least + 0.01).floor().max(1.0);
+        assert!(width > 24 || factor >= 3.0, "{factor}");
+        for format in FORMATS {
+            let image = Image::noise(format, 120, 80, 5, u64::from(width));
+            let (w, h) = (120u32.div_ceil(factor as u32), 80u32.div_ceil(factor as u32));
+            let scale = DVec2::new(f64::from(w) / 120.0, f64::from(h) / 80.0);
+            let mut reduced = Picture::new(w, h);
+            super::scaler::Scaler::new(w, h).scale_image(&image.view(), &mut reduced);
+            let mut found = Picture::new(0, 0);
+            converter.convert(&image.view(), &mut found).unwrap();
+            lens.each_footprint(&camera, |pixel, footprint| {
+                let expected = over_footprint(&reduced, &footprint, scale);
+                for (c, expected) in expected.iter().enumerate() {
+                    let found = f64::from(found.data[3 * pixel + c]);
+                    let off = (found - expected).abs();
+                    assert!(off < 0.7, "{format:?} {width} {pixel}: {found}, not {expected}");
+                }
+            });
+        }
+    }
+}
+
+/// A smooth pattern of the ray, in one channel.
+fn pattern(ray: DVec2) -> f64 {
+    127.5 * (1.0 + 0.5 * (20.0 * ray.x).sin() + 0.5 * (17.0 * ray.y).cos()).min(2.0)
+}
+
+#[test]
+fn undistorted_pictures_are_what_a_pinhole_would_have_seen() {
+    for lens in lenses() {
+        let mut image = Image::noise(PixelFormat::Rgb8, 120, 80, 0, 1);
+        for (i, rgb) in image.planes[0].chunks_exact_mut(3).enumerate() {
+            let pixel = DVec2::new((i % 120) as f64, (i / 120) as f64) + 0.5;
+            let ray = lens.ray(pixel).expect("a ray for each pixel");
+            rgb.fill(pattern(ray).round() as u8);
+        }
+        for width in [120, 60] {
+            let camera = lens.pinhole_at(width);
+            let mut found = Picture::new(0, 0);
+            let mut converter = Converter::undistorting(&lens, &camera).unwrap();
+            converter.convert(&image.view(), &mut found).unwrap();
+            let mut due = Picture::new(camera.width, camera.height);
+            for (i, rgb) in due.data.chunks_exact_mut(3).enumerate() {
+                let (x, y) = (i as u32 % camera.width, i as u32 / camera.width);
+                let x = (f64::from(x) + 0.5 - f64::from(camera.cx)) / f64::from(camera.fx);
+                let y = (f64::from(y) + 0.5 - f64::from(camera.cy)) / f64::from(camera.fy);
+                rgb.fill(pattern(DVec2::new(x, y)).round() as u8);
+            }
+            let psnr = found.psnr(&due);
+            assert!(psnr > 36.0, "{lens:?} at {width}: {psnr} dB");
+        }
+    }
+}
+
+#[test]
+fn fine_stripes_do_not_alias_through_a_lens() {
+    for lens in lenses() {
+        let mut image = Image::noise(PixelFormat::Rgb8, 120, 80, 0, 1);
+        for (i, rgb) in image.planes[0].chunks_exact_mut(3).enumerate() {
+            rgb.fill(if i % 120 % 2 == 0 { 255 } else { 0 });
+        }
+        let camera = lens.pinhole_at(20);
+        let mut found = Picture::new(0, 0);
+        Converter::undistorting(&lens, &camera)
+            .unwrap()
+            .convert(&image.view(), &mut found)
+            .unwrap();
+        let worst = found.data.iter().map(|v| v.abs_diff(128)).max().unwrap();
+        assert!(worst < 40, "{lens:?}: {worst}");
+    }
+}
+
+#[test]
+fn what_the_lens_does_not_show_is_black_and_not_covered() {
+    let [lens, ..] = lenses();
+    let own = lens.pinhole();
+    let camera = Camera { fx: 0.7 * own.fx, fy: 0.7 * own.fy, ..own };
+    let mut converter = Converter::undistorting(&lens, &camera).unwrap();
+    let covered = converter.covered().unwrap().clone();
+    assert!(covered.share() > 0.4 && covered.share() < 0.9, "{}", covered.share());
+    assert!(covered.data[40 * 120 + 60] && !covered.data[0] && !covered.data[120 * 80 - 1]);
+    let mut image = Image::noise(PixelFormat::Rgb8, 120, 80, 0, 2);
+    image.planes[0].fill(200);
+    let mut found = Picture::new(0, 0);
+    converter.convert(&image.view(), &mut found).unwrap();
+    for (rgb, covered) in found.data.chunks_exact(3).zip(&covered.data) {
+        assert_eq!(rgb, if *covered { [200; 3] } else { [0; 3] });
+    }
+}
+
+#[test]
+fn an_image_through_a_lens_allocates_nothing() {
+    let [lens, ..] = lenses();
+    let camera = lens.pinhole_at(60);
+    let mut converter = Converter::undistorting(&lens, &camera).unwrap();
+    let mut picture = Picture::new(camera.width, camera.height);
+    let (buffers, data) = (converter.buffers(), picture.data.as_ptr());
+    for format in FORMATS {
+        converter.convert(&Image::noise(format, 120, 80, 3, 3).view(), &mut picture).unwrap();
+        assert_eq!((converter.buffers(), picture.data.as_ptr()), (buffers.clone(), data));
+    }
+}
+
+/// The same bytes on every machine.
+#[test]
+fn golden_undistortions() {
+    let checks = lenses().map(|lens| {
+        let image = Image::noise(PixelFormat::I420, 120, 80, 1, 9);
+        let mut picture = Picture::new(0, 0);
+        let pictures = [120, 50, 24].map(|width| {
+            let camera = lens.pinhole_at(width);
+            let mut converter = Converter::undistorting(&lens, &camera).unwrap();
+            converter.convert(&image.view(), &mut picture).unwrap();
+            picture.data.clone()
+        });
+        crc32fast::hash(&pictures.concat())
+    });
+    assert_eq!(checks, [0x4cae6ed2, 0x4c4fc507, 0x9588e71d, 0x625886c0]);
+}
+
+#[test]
+fn lenses_that_do_not_fit_are_refused() {
+    let [lens, ..] = lenses();
+    let mut converter = Converter::undistorting(&lens, &lens.pinhole()).unwrap();
+    let mut picture = Picture::new(3, 3);
+    let small = Image::noise(PixelFormat::Rgb8, 60, 40, 0, 1);
+    let refused = converter.convert(&small.view(), &mut picture).unwrap_err();
+    assert_eq!(refused.to_string(), "image of 60×40, but the lens is for images of 120×80");
+    assert_eq!((picture.width, picture.height), (3, 3));
+    // It looks past the picture.
+    let aside = Camera { cx: 1e5, ..lens.pinhole() };
+    assert!(matches!(Converter::undistorting(&lens, &aside), Err(LensError::Nothing)));
+    let large = Intrinsics { width: 20_000, height: 8, fx: 85.0, fy: 86.0, cx: 61.0, cy: 3.0 };
+    let large = Lens::new(large, Distortion::None).unwrap();
+    assert!(matches!(Converter::undistorting(&large, &aside), Err(LensError::Side { .. })));
+    let folds = Intrinsics { width: 120, height: 80, fx: 40.0, fy: 40.0, cx: 60.0, cy: 40.0 };
+    let folds = Lens::new(folds, Distortion::brown(&[-0.5, 0.0, 0.0, 0.0]).unwrap()).unwrap();
+    let refused = Converter::undistorting(&folds, &folds.pinhole()).map(|_| ()).unwrap_err();
+    assert!(refused.to_string().starts_with("the picture's corner (0, 0) has no ray"), "{refused}");
 }
 
 #[test]

@@ -103,6 +103,9 @@ impl Plane {
     }
 }
 
+/// The one plane of a gray picture, such as a mask's.
+pub(super) const GRAY: Plane = Plane { name: "gray", step: 1, pixels: 1, components: &[0] };
+
 /// Refuses sides of zero or above `max`.
 pub(super) fn check_size(width: u32, height: u32, max: u32) -> Result<(), PixelError> {
     if (1..=max).contains(&width) && (1..=max).contains(&height) {

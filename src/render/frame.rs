@@ -3,6 +3,7 @@
 use bytemuck::Zeroable;
 
 use crate::Picture;
+use crate::image::Mask;
 use crate::search::{Anchor, PoseCode, Program, Search};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
@@ -30,6 +31,8 @@ pub(crate) struct FrameBuffers {
     /// How the frame's light becomes the prior's: see [`FlatField`].
     pub light: Buffer,
     light_floats: Vec<f32>,
+    /// Which pixels do not count: see stage `pyramid`.
+    pub mask: Buffer,
     pub difference: Buffer,
     pub search_asked: Buffer,
     pub search: Buffer,
@@ -60,7 +63,9 @@ impl FrameBuffers {
         let [width, height] = camera.map_or([0, 0], |c| [c.width, c.height].map(|v| v as usize));
         let field = FlatField::new(width, height);
         let light = Buffer::new::<f32>(device, "light", field.room(), Memory::Upload)?;
+        let mask_words = 1 + (width * height).div_ceil(32);
         let mut frame = FrameBuffers {
+            mask: Buffer::new::<u32>(device, "mask", mask_words, Memory::Upload)?,
             light_floats: Vec::with_capacity(field.room()),
             light,
             bytes: Buffer::new::<u32>(device, "8-bit frame", words, Memory::Upload)?,
@@ -71,6 +76,7 @@ impl FrameBuffers {
             coded_read: Buffer::new::<Coded>(device, "pose code read back", 1, Memory::Readback)?,
         };
         frame.set_light(&Correction::NONE, &field);
+        frame.set_mask(None);
         Ok(frame)
     }
 
@@ -78,6 +84,19 @@ impl FrameBuffers {
     pub fn set_light(&mut self, correction: &Correction, field: &FlatField) {
         field.floats(correction, &mut self.light_floats);
         self.light.write(&self.light_floats);
+    }
+
+    /// Which pixels of frames count; `None`: all do.
+    pub fn set_mask(&mut self, mask: Option<&Mask>) {
+        let Some(mask) = mask else {
+            self.mask.write(&[0u32]);
+            return;
+        };
+        let word = |pixels: &[bool]| {
+            pixels.iter().rev().fold(0u32, |word, counts| word << 1 | u32::from(!counts))
+        };
+        let words: Vec<u32> = std::iter::once(1).chain(mask.data.chunks(32).map(word)).collect();
+        self.mask.write(&words);
     }
 
     /// Asks for a search.

@@ -59,7 +59,7 @@ kernels! {
     bin_scan = bin_scan(3, 1), in lockstep: bin_scan_lockstep;
     bin_emit = bin_emit(8, 1), in lockstep: bin_emit_lockstep;
     reduce = reduce(3, 0);
-    pyramid = pyramid(3, 6);
+    pyramid = pyramid(4, 6);
     solve = solve(7, 1);
     decode_pose = decode_pose(3, 0);
     quantize_rgb8 = quantize_rgb8(3, 0);

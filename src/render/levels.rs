@@ -19,6 +19,8 @@ pub(crate) struct Level {
     pub factor: u32,
     /// The stages' parameters, except the pose.
     pub params: Params,
+    /// Pixels that count, by the frame's mask.
+    pub counted: usize,
 }
 
 /// Buffers of all levels, and how many workgroups share the splats. Each buffer is as large as the largest level needs,
@@ -72,7 +74,7 @@ pub struct NormalEquations {
     pub jtr: [f64; 6],
     /// Σ r².
     pub square: f64,
-    /// Number of residuals: three a pixel.
+    /// Number of residuals: three a pixel that counts.
     pub residuals: usize,
 }
 
@@ -116,7 +118,7 @@ impl LevelBuffers {
             if camera.width > 0 && camera.height > 0 {
                 let params = prototype(&splats.options, splats.count, &camera, factor, floats);
                 floats += 3 * camera.pixels() as u32;
-                levels.push(Level { camera, factor, params });
+                levels.push(Level { camera, factor, params, counted: camera.pixels() });
             }
         }
         let most = |count: fn(&Level) -> usize| levels.iter().map(count).max().unwrap_or(0);
@@ -190,7 +192,7 @@ impl LevelBuffers {
         for (to, from) in sums.iter_mut().zip(self.sums.read::<f32>(SUMS as usize)) {
             *to = f64::from(*from);
         }
-        NormalEquations::from_sums(&sums, self.sizes[level].camera.pixels() * 3)
+        NormalEquations::from_sums(&sums, self.sizes[level].counted.max(1) * 3)
     }
 }
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use bytemuck::Zeroable;
 
+use crate::image::Mask;
 use crate::search::{PoseCode, Program, Search};
 use crate::shared::{CELL, Counters, PIXEL};
 use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
@@ -365,6 +366,30 @@ impl Renderer {
         let side = |length: u32| (length / CELL) as usize;
         assert_eq!(field.size(), [side(camera.width), side(camera.height)], "cells");
         self.frame.as_mut().expect("only planned frames are lit").set_light(correction, field);
+    }
+
+    /// Sets which pixels of pictures count in searches and evaluations from here on; `None`: all do. A pixel of a level
+    /// counts if all that it shows does.
+    ///
+    /// # Panics
+    /// If the plan knows no frame, or the mask is not of the size of level 0.
+    pub fn set_mask(&mut self, mask: Option<&Mask>) {
+        let camera = *self.camera(0);
+        let fits = |mask: &Mask| {
+            (mask.width, mask.height, mask.data.len())
+                == (camera.width, camera.height, camera.pixels())
+        };
+        assert!(mask.is_none_or(fits), "a mask of level 0's size");
+        for level in &mut self.levels.sizes {
+            let counted = mask.map(|mask| mask.reduced(level.factor).count());
+            level.counted = counted.unwrap_or(level.camera.pixels());
+        }
+        self.frame.as_mut().expect("only planned frames are masked").set_mask(mask);
+    }
+
+    /// Pixels of a level that count.
+    pub fn counted(&self, level: usize) -> usize {
+        self.levels.sizes[level].counted
     }
 
     /// Reduces the camera's picture to all levels, for evaluations that the host asks for.

@@ -104,12 +104,12 @@ impl Stages<'_> {
     /// The camera's frame at every level.
     pub fn pyramid(&self, r: &mut Recorder, frame: &FrameBuffers) -> Result<(), Error> {
         let frame_width = self.levels.sizes[0].camera.width;
-        for Level { camera, factor, params } in &self.levels.sizes {
+        for Level { camera, factor, params, .. } in &self.levels.sizes {
             let pixels = camera.pixels() as u32;
             let scale = 1.0 / (255.0 * (factor * factor) as f32);
             let push =
                 [frame_width, *factor, camera.width, pixels, params.frame_offset, scale.to_bits()];
-            let buffers = [&frame.bytes, &self.levels.frame, &frame.light];
+            let buffers = [&frame.bytes, &self.levels.frame, &frame.light, &frame.mask];
             // Uses the second axis too: 4096×4096 pixels take more workgroups than some devices allow along one axis.
             let groups = pixels.div_ceil(GROUP);
             let down = groups.div_ceil(GROUP);

@@ -6,7 +6,9 @@
 //! looks for other poses unless nearly all agrees.
 
 use std::ops::Range;
+use std::sync::Arc;
 
+use crate::image::Mask;
 use crate::render::{Cell, Correction, FlatField};
 
 /// Side of a block, pixels of half the picture's size.
@@ -74,6 +76,7 @@ pub struct Comparison {
     blocks: Vec<Sums>,
     /// Room for the errors of blocks.
     errors: Vec<f64>,
+    mask: Option<Arc<Mask>>,
 }
 
 impl Comparison {
@@ -82,7 +85,16 @@ impl Comparison {
         let (columns, rows) = (width / (2 * BLOCK), height / (2 * BLOCK));
         let count = columns * rows;
         let (blocks, errors) = (Vec::with_capacity(count), Vec::with_capacity(count));
-        Comparison { width, columns, rows, blocks, errors }
+        Comparison { width, columns, rows, blocks, errors, mask: None }
+    }
+
+    /// Sets which pixels of frames count from here on; `None`: all do. A block of which less than half counts is left
+    /// out.
+    ///
+    /// # Panics
+    /// Comparing, if the mask has not the pictures' size.
+    pub fn set_mask(&mut self, mask: Option<Arc<Mask>>) {
+        self.mask = mask;
     }
 
     /// Compares two 8-bit RGB pictures, row by row.
@@ -90,13 +102,21 @@ impl Comparison {
     /// # Panics
     /// If a picture has fewer bytes than its size takes.
     pub fn compare(&mut self, frame: &[u8], render: &[u8]) -> Agreement {
-        let (mut seen, mut agreeing, mut score) = (0.0, 0.0, 0.0);
+        let (mut compared, mut seen, mut agreeing, mut score) = (0.0, 0.0, 0.0, 0.0);
         let mut light = [Sums::default(); 3];
         self.blocks.clear();
         for row in 0..self.rows {
             for column in 0..self.columns {
                 let (left, top) = (2 * BLOCK * column, 2 * BLOCK * row);
-                let Block { channels, luma } = Block::of(frame, render, self.width, left, top);
+                let mask = self.mask.as_deref();
+                let Some(Block { channels, luma }) =
+                    Block::of(frame, render, mask, self.width, left, top)
+                else {
+                    // It agrees with nothing, and has no error.
+                    self.blocks.push(Sums::default());
+                    continue;
+                };
+                compared += 1.0;
                 let (weight, correlation) = (luma.render_deviation(), luma.correlation());
                 seen += weight;
                 score += weight * correlation.max(0.0);
@@ -107,8 +127,7 @@ impl Comparison {
                 self.blocks.push(luma);
             }
         }
-        let blocks = self.blocks.len() as f64;
-        let tells = blocks >= BLOCKS && seen > PLAIN * blocks;
+        let tells = compared >= BLOCKS && seen > PLAIN * compared;
         let share = |of: f64| if tells { of / seen } else { 0.0 };
         let correction = if tells { correction(&light) } else { None };
         let sharpness = if tells { light[GREEN].sharpness() } else { f64::NAN };
@@ -308,11 +327,24 @@ struct Block {
 }
 
 impl Block {
-    fn of(frame: &[u8], render: &[u8], width: usize, left: usize, top: usize) -> Block {
+    /// `None` if less than half of it counts.
+    fn of(
+        frame: &[u8],
+        render: &[u8],
+        mask: Option<&Mask>,
+        width: usize,
+        left: usize,
+        top: usize,
+    ) -> Option<Block> {
         let mut block = Block { channels: [Sums::default(); 3], luma: Sums::default() };
         for y in (top..top + 2 * BLOCK).step_by(2) {
             for x in (left..left + 2 * BLOCK).step_by(2) {
-                let at = 3 * (y * width + x);
+                let first = y * width + x;
+                let four = [first, first + 1, first + width, first + width + 1];
+                if mask.is_some_and(|mask| !four.iter().all(|pixel| mask.data[*pixel])) {
+                    continue;
+                }
+                let at = 3 * first;
                 let (f, r) = (mean(frame, at, width), mean(render, at, width));
                 for (channel, sums) in block.channels.iter_mut().enumerate() {
                     sums.note(f[channel], r[channel]);
@@ -322,7 +354,7 @@ impl Block {
                 block.channels[GREEN].render_fine += fine(render, at + GREEN, width);
             }
         }
-        block
+        (2.0 * block.luma.count >= (BLOCK * BLOCK) as f64).then_some(block)
     }
 }
 

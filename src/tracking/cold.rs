@@ -1,5 +1,6 @@
 //! Starts of a frame if only a rough pose is known.
 
+use crate::image::Mask;
 use crate::render::Correction;
 use crate::shared::PIXEL;
 use crate::vulkan::Error;
@@ -15,6 +16,8 @@ pub(super) struct ColdStart {
     pyramid: Pyramid,
     hypotheses: Hypotheses,
     level: usize,
+    /// Which pixels of the level count; `None`: all do.
+    mask: Option<Mask>,
     starts: Vec<Pose>,
     /// See [`ColdStart::error`].
     error: f64,
@@ -27,9 +30,15 @@ impl ColdStart {
             pyramid: Pyramid::new(&objective.camera(0), &[objective.factor(level)]),
             hypotheses: Hypotheses::new(&objective.camera(level)),
             level,
+            mask: None,
             starts: Vec::with_capacity(Hypotheses::MOST + 1),
             error: f64::NAN,
         }
+    }
+
+    /// Sets which pixels of frames count from here on. The frames themselves must be level where none does.
+    pub fn set_mask(&mut self, objective: &Objective, mask: Option<&Mask>) {
+        self.mask = mask.map(|mask| mask.reduced(objective.factor(self.level)));
     }
 
     /// The best hypotheses, at most `most`. The start itself is ranked among them.
@@ -44,7 +53,7 @@ impl ColdStart {
         let correction = *objective.correction();
         let render = objective.renderer().draw_level(self.level, start)?;
         let render = &render[..render.len() / PIXEL as usize * PIXEL as usize];
-        self.error = mse(render, self.pyramid.level(0), &correction);
+        self.error = mse(render, self.pyramid.level(0), &correction, self.mask.as_ref());
         let proposals = self.hypotheses.propose(self.pyramid.level(0), render, start);
         self.starts.clear();
         self.starts.extend(proposals.iter().take(most).map(|proposal| proposal.pose));
@@ -58,11 +67,13 @@ impl ColdStart {
 }
 
 /// Mean squared error of a render, five floats per pixel, against a frame, three floats per pixel, whose light is
-/// corrected.
-fn mse(render: &[f32], frame: &[f32], correction: &Correction) -> f64 {
+/// corrected. Only pixels that count.
+fn mse(render: &[f32], frame: &[f32], correction: &Correction, mask: Option<&Mask>) -> f64 {
     let pixels = render.chunks_exact(PIXEL as usize).zip(frame.chunks_exact(3));
     let square = |(r, f): (&[f32], &[f32])| -> f64 {
         (0..3).map(|c| f64::from(r[c] - correction.of(c, f[c])).powi(2)).sum()
     };
-    pixels.map(square).sum::<f64>() / frame.len() as f64
+    let Some(mask) = mask else { return pixels.map(square).sum::<f64>() / frame.len() as f64 };
+    let counted = pixels.zip(&mask.data).filter(|(_, counts)| **counts);
+    counted.map(|(pixel, _)| square(pixel)).sum::<f64>() / (3 * mask.count().max(1)) as f64
 }

@@ -1,7 +1,9 @@
 //! The objective: a frame against the prior's renders, with its derivatives.
 
+use std::sync::Arc;
 use std::time::Instant;
 
+use crate::image::Mask;
 use crate::render::{Correction, FlatField, Jacobian, NormalEquations, Renderer};
 use crate::search::LEVELS;
 use crate::vulkan::Error;
@@ -46,6 +48,7 @@ pub struct Objective {
     picture: Picture,
     correction: Correction,
     field: FlatField,
+    mask: Option<Arc<Mask>>,
 }
 
 impl Objective {
@@ -63,6 +66,7 @@ impl Objective {
             reduced: false,
             observability,
             correction: Correction::NONE,
+            mask: None,
         }
     }
 
@@ -76,6 +80,16 @@ impl Objective {
         self.renderer.set_picture(frame);
         self.picture.clone_from(frame);
         (self.reduced, self.observability) = (false, Observability::default());
+    }
+
+    /// Sets which pixels of frames count from here on; `None`: all do.
+    ///
+    /// # Panics
+    /// If it has not the size of level 0.
+    pub fn set_mask(&mut self, mask: Option<Arc<Mask>>) {
+        self.renderer.set_mask(mask.as_deref());
+        self.mask = mask;
+        self.reduced = false;
     }
 
     /// The bytes of the frame, and of the 8-bit picture drawn last.
@@ -116,20 +130,24 @@ impl Objective {
     /// Mean squared error of the 8-bit picture drawn last, values in [0, 1]. The frame's light is corrected, and masked
     /// pixels add nothing.
     pub(super) fn error(&self) -> f64 {
-        if self.correction == Correction::NONE && !self.field.is_on() {
+        let mask = self.mask.as_deref();
+        if self.correction == Correction::NONE && !self.field.is_on() && mask.is_none() {
             return mse(self.renderer.difference());
         }
         let width = self.picture.width as usize;
         let pixels =
             self.picture.data.chunks_exact(3).zip(self.renderer.rendered().chunks_exact(3));
         let square = |(i, (frame, render)): (usize, (&[u8], &[u8]))| -> f64 {
+            if mask.is_some_and(|mask| !mask.data[i]) {
+                return 0.0;
+            }
             let lit = |c: usize| self.correction.of(c, f32::from(frame[c]) / 255.0);
             let (x, y) = ((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
             let Some(rgb) = self.field.of([lit(0), lit(1), lit(2)], x, y) else { return 0.0 };
             let off = |c: usize| f64::from(rgb[c] - f32::from(render[c]) / 255.0);
             (0..3).map(|c| off(c).powi(2)).sum()
         };
-        pixels.enumerate().map(square).sum::<f64>() / self.picture.data.len() as f64
+        pixels.enumerate().map(square).sum::<f64>() / self.residuals()[0]
     }
 
     /// The normal equations at a pose. If the pose is not finite, or the device returns a value
@@ -169,7 +187,7 @@ impl Objective {
 
     /// Number of residuals of each level.
     pub(super) fn residuals(&self) -> [f64; LEVELS] {
-        let count = |level| (self.renderer.camera(level).pixels() * 3) as f64;
+        let count = |level| (self.renderer.counted(level).max(1) * 3) as f64;
         std::array::from_fn(|level| if level < self.levels() { count(level) } else { 1.0 })
     }
 

@@ -214,6 +214,8 @@ static nvsp_camera camera;
 static nvsp_pose pose;
 static nvsp_image image;
 static nvsp_picture picture;
+static nvsp_lens lens;
+static nvsp_mask mask;
 
 static nvsp_status camera_in(void *structure) { return nvsp_decoder_add_camera(both.decoder, structure); }
 
@@ -233,6 +235,18 @@ static nvsp_status picture_in(void *structure) {
     return nvsp_decode(both.decoder, first.bytes, first.size, 0, structure, NULL);
 }
 
+static nvsp_status lens_in(void *structure) {
+    const nvsp_status status = nvsp_encoder_set_lens(both.encoder, structure);
+    MUST(nvsp_encoder_set_lens(both.encoder, NULL));
+    return status;
+}
+
+static nvsp_status mask_in(void *structure) {
+    const nvsp_status status = nvsp_encoder_set_mask(both.encoder, structure);
+    MUST(nvsp_encoder_set_mask(both.encoder, NULL));
+    return status;
+}
+
 // Structures that mean nothing if they are all zero: they are sound ones with another head, or with more after them.
 static void others(void) {
     camera = dive.camera;
@@ -240,6 +254,11 @@ static void others(void) {
     image = scene_image(&dive, 0);
     uint8_t *pixels = malloc(dive.size);
     picture = place_of(pixels, camera.width, camera.height);
+    memset(pixels, 255, dive.size);
+    lens = (nvsp_lens){NVSP_HEAD(nvsp_lens), .model = NVSP_LENS_FISHEYE, .count = 4, .width = camera.width,
+                       .height = camera.height, .fx = 78, .fy = 78, .cx = 48, .cy = 27};
+    mask = (nvsp_mask){NVSP_HEAD(nvsp_mask), .width = camera.width, .height = camera.height, .pixels = pixels,
+                       .stride = camera.width, .size = dive.size};
     const struct {
         const void *sound;
         size_t size;
@@ -249,6 +268,8 @@ static void others(void) {
         {&pose, sizeof pose, pose_in},
         {&image, sizeof image, image_in},
         {&picture, sizeof picture, picture_in},
+        {&lens, sizeof lens, lens_in},
+        {&mask, sizeof mask, mask_in},
     };
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         const size_t size = all[i].size;

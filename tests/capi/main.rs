@@ -33,6 +33,7 @@ programs! {
     nulls: [];
     images: [];
     encoding: [];
+    lens_and_mask: [];
     decoding: [];
     threads: [];
     given_device: [];

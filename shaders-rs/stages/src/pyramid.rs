@@ -1,5 +1,6 @@
 //! Stage `pyramid`: one level of the camera's frame, reduced by area averaging, as floats in [0, 1]. Its light is
-//! brought to the prior's, and pixels that do not count are masked.
+//! brought to the prior's. Pixels of cells that do not count are masked, and those of which the frame's mask covers a
+//! part.
 
 use crate::shared::{CELL, GROUP, LIGHT, MASKED, max};
 use spirv_std::glam::{UVec3, Vec3};
@@ -28,7 +29,12 @@ pub fn byte(words: &[u32], at: u32) -> u32 {
     (words[(at / 4) as usize] >> (8 * (at % 4))) & 0xff
 }
 
-/// One invocation per pixel of the level.
+/// Whether a pixel of the frame is masked: bit `pixel` of the words after the first.
+fn masked(mask: &[u32], pixel: u32) -> bool {
+    (mask[(1 + pixel / 32) as usize] >> (pixel % 32)) & 1 == 1
+}
+
+/// One invocation per pixel of the level. The first word of `mask` is 0 if it masks no pixel.
 #[spirv(compute(threads(256)))]
 pub fn pyramid(
     #[spirv(global_invocation_id)] id: UVec3,
@@ -37,6 +43,7 @@ pub fn pyramid(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] bytes: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] frame: &mut [f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] light: &[f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] mask: &[u32],
 ) {
     let pixel = id.y * groups.x * GROUP + id.x;
     if pixel >= reduction.pixels {
@@ -45,15 +52,20 @@ pub fn pyramid(
     let factor = reduction.factor;
     let (x, y) = (pixel % reduction.width, pixel / reduction.width);
     let (mut red, mut green, mut blue) = (0, 0, 0);
+    let (has_mask, mut counts) = (mask[0] != 0, true);
     let mut row = 0;
     while row < factor {
-        let mut at = ((y * factor + row) * reduction.frame_width + x * factor) * 3;
-        let end = at + 3 * factor;
-        while at < end {
+        let mut source = (y * factor + row) * reduction.frame_width + x * factor;
+        let end = source + factor;
+        while source < end {
+            let at = source * 3;
             red += byte(bytes, at);
             green += byte(bytes, at + 1);
             blue += byte(bytes, at + 2);
-            at += 3;
+            if has_mask {
+                counts &= !masked(mask, source);
+            }
+            source += 1;
         }
         row += 1;
     }
@@ -69,6 +81,9 @@ pub fn pyramid(
     if cells.columns > 0 {
         let (u, v) = (cells_across(x, factor), cells_across(y, factor));
         rgb = cells.corrected(light, rgb, u, v);
+    }
+    if !counts {
+        rgb = Vec3::splat(MASKED);
     }
     frame[to] = rgb.x;
     frame[to + 1] = rgb.y;

@@ -1,5 +1,7 @@
 //! Contrast-limited adaptive histogram equalisation of the luma.
 
+use std::ops::Range;
+
 use super::Clahe;
 use crate::Picture;
 
@@ -34,36 +36,56 @@ impl Equaliser {
         Equaliser { clahe, sides: Default::default(), luma: Vec::new(), curves }
     }
 
-    /// Equalises a picture of at least one pixel.
-    pub fn apply(&mut self, picture: &mut Picture) {
+    /// Equalises a picture of at least one pixel. `counts`: which pixels make the histograms; `None`: all do.
+    pub fn apply(&mut self, picture: &mut Picture, counts: Option<&[bool]>) {
         let sides = [picture.height, picture.width];
         for (side, pixels) in self.sides.iter_mut().zip(sides) {
             side.fit(pixels, self.clahe.tiles.into());
         }
         self.luma.clear();
         self.luma.extend(picture.data.chunks_exact(3).map(luma));
-        self.fit_curves();
+        self.fit_curves(counts);
         self.map(picture);
     }
 
-    /// Makes the tiles' curves.
-    fn fit_curves(&mut self) {
+    /// Makes the tiles' curves. A tile of which no pixel counts has that of the whole picture.
+    fn fit_curves(&mut self, counts: Option<&[bool]>) {
         let [down, across] = &self.sides;
         let clip_limit = (self.clahe.clip_limit * 256.0) as u64;
         self.curves.clear();
         for rows in 0..down.tiles() {
             for columns in 0..across.tiles() {
-                let mut histogram = [0u32; LEVELS];
-                for y in down.span(rows) {
-                    let row = &self.luma[y * across.pixels()..(y + 1) * across.pixels()];
-                    for level in &row[across.span(columns)] {
+                let mut histogram = self.histogram(down.span(rows), across.span(columns), counts);
+                if histogram.iter().all(|count| *count == 0) {
+                    histogram = self.histogram(0..down.pixels(), 0..across.pixels(), counts);
+                }
+                self.curves.push(curve(&histogram, clip_limit));
+            }
+        }
+    }
+
+    /// The histogram of a part of the picture.
+    fn histogram(
+        &self,
+        rows: Range<usize>,
+        columns: Range<usize>,
+        counts: Option<&[bool]>,
+    ) -> [u32; LEVELS] {
+        let width = self.sides[1].pixels();
+        let mut histogram = [0; LEVELS];
+        for y in rows {
+            let row = y * width + columns.start..y * width + columns.end;
+            match counts {
+                None => self.luma[row].iter().for_each(|v| histogram[usize::from(*v)] += 1),
+                Some(counts) => {
+                    let pixels = self.luma[row.clone()].iter().zip(&counts[row]);
+                    for (level, _) in pixels.filter(|(_, counts)| **counts) {
                         histogram[usize::from(*level)] += 1;
                     }
                 }
-                let area = down.span(rows).len() * across.span(columns).len();
-                self.curves.push(curve(&histogram, area as u64, clip_limit));
             }
         }
+        histogram
     }
 
     /// Maps each pixel by the curves of the four tiles around it.
@@ -111,7 +133,8 @@ fn luma(rgb: &[u8]) -> u8 {
 
 /// A tile's curve: the sums of its histogram, clipped and brought to 0..=255. What is clipped is spread evenly over all
 /// bins. `clip_limit` in 1/256 of the mean bin.
-fn curve(histogram: &[u32; LEVELS], area: u64, clip_limit: u64) -> Curve {
+fn curve(histogram: &[u32; LEVELS], clip_limit: u64) -> Curve {
+    let area: u64 = histogram.iter().map(|count| u64::from(*count)).sum();
     // In 2⁻¹⁶ pixels the limit is a whole number. An area is below 2³², so that all products stay below 2⁶⁴.
     let clipped = histogram.map(|count| (u64::from(count) << 16).min(clip_limit * area));
     let excess = (area << 16) - clipped.iter().sum::<u64>();

@@ -11,7 +11,7 @@ mod white_balance;
 
 use std::fmt;
 
-use super::Picture;
+use super::{Mask, Picture};
 use clahe::Equaliser;
 
 /// How camera pictures are treated. White balance comes first, then CLAHE.
@@ -153,16 +153,28 @@ impl Preprocessor {
     /// # Panics
     /// If the picture has not `width · height · 3` bytes.
     pub fn apply(&mut self, picture: &mut Picture) {
+        self.apply_by(picture, None);
+    }
+
+    /// Treats a picture as [`apply`](Self::apply) does, by those of its pixels that count: the others take part in no
+    /// mean and no histogram. `None`: all count.
+    ///
+    /// # Panics
+    /// If the picture has not `width · height · 3` bytes, or the mask another size.
+    pub fn apply_by(&mut self, picture: &mut Picture, mask: Option<&Mask>) {
+        let sizes = (picture.width, picture.height);
+        assert!(mask.is_none_or(|m| (m.width, m.height) == sizes), "size of the mask");
+        let counts = mask.map(|mask| &mask.data[..]);
         let expected = picture.width as usize * picture.height as usize * 3;
         assert_eq!(picture.data.len(), expected, "bytes of the picture");
         if picture.data.is_empty() {
             return;
         }
         if self.white_balance == WhiteBalance::GrayWorld {
-            white_balance::gray_world(&mut picture.data);
+            white_balance::gray_world(&mut picture.data, counts);
         }
         if let Some(equaliser) = &mut self.equaliser {
-            equaliser.apply(picture);
+            equaliser.apply(picture, counts);
         }
     }
 }

@@ -255,6 +255,33 @@ fn nothing_is_allocated_for_a_picture_no_larger_than_before() {
     preprocessor.apply(&mut Picture::new(0, 7));
 }
 
+#[test]
+fn what_is_masked_changes_nothing_else() {
+    let plain = murky(97, 61, 5);
+    let mut mask = Mask::all(97, 61);
+    for (at, counts) in mask.data.iter_mut().enumerate() {
+        *counts = at % 97 + at / 97 < 90;
+    }
+    let treated_by = |arm: [u8; 3]| {
+        let mut picture = plain.clone();
+        mask.each_masked(&mut picture.data, |_, rgb| rgb.copy_from_slice(&arm));
+        let mut without = picture.clone();
+        Preprocessor::new(&BOTH).apply(&mut without);
+        Preprocessor::new(&BOTH).apply_by(&mut picture, Some(&mask));
+        for treated in [&mut picture, &mut without] {
+            mask.each_masked(&mut treated.data, |_, rgb| rgb.fill(0));
+        }
+        (picture, without)
+    };
+    let (bright, bright_without) = treated_by([250, 240, 10]);
+    let (dark, dark_without) = treated_by([0, 0, 0]);
+    assert_eq!(bright, dark, "the arm's colour does not matter");
+    assert_ne!(bright_without, dark_without, "without the mask it does");
+    let mut all = plain.clone();
+    Preprocessor::new(&BOTH).apply_by(&mut all, Some(&Mask::all(97, 61)));
+    assert_eq!(all, treated(&plain, &BOTH));
+}
+
 proptest! {
     #[test]
     fn one_colour_stays_one_colour(

@@ -5,9 +5,9 @@ use super::WhiteBalance;
 /// Fractional bits of gains.
 const GAIN_BITS: u32 = 12;
 
-/// Brings the means of red, green and blue to their common mean.
-pub(super) fn gray_world(rgb: &mut [u8]) {
-    let tables = gains(rgb).map(table);
+/// Brings the means of red, green and blue to their common mean. `counts`: which pixels make the means; `None`: all do.
+pub(super) fn gray_world(rgb: &mut [u8], counts: Option<&[bool]>) {
+    let tables = gains(rgb, counts).map(table);
     for pixel in rgb.chunks_exact_mut(3) {
         for (value, table) in pixel.iter_mut().zip(&tables) {
             *value = table[usize::from(*value)];
@@ -16,9 +16,10 @@ pub(super) fn gray_world(rgb: &mut [u8]) {
 }
 
 /// The gain of each channel.
-fn gains(rgb: &[u8]) -> [u32; 3] {
+fn gains(rgb: &[u8], counts: Option<&[bool]>) -> [u32; 3] {
     let mut sums = [0u64; 3];
-    for pixel in rgb.chunks_exact(3) {
+    let counted = |pixel: usize| counts.is_none_or(|counts| counts[pixel]);
+    for (_, pixel) in rgb.chunks_exact(3).enumerate().filter(|(index, _)| counted(*index)) {
         for (sum, value) in sums.iter_mut().zip(pixel) {
             *sum += u64::from(*value);
         }

@@ -14,6 +14,7 @@ mod resection;
 
 use glam::DVec3;
 
+use crate::image::Mask;
 use crate::shared::PIXEL;
 use crate::vulkan::Error;
 use crate::{Camera, Picture, Pose};
@@ -60,6 +61,9 @@ const ROUNDS: usize = 3;
 /// Pictures are not looked at in more detail than this width, pixels.
 const WIDTH: u32 = 320;
 
+/// Corners this close to a masked pixel are left out, pixels.
+const MASK_EDGE: f32 = 3.0;
+
 /// A pose that may be the frame's, and how many of the frame's corners it explains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
@@ -81,6 +85,8 @@ pub struct Relocaliser {
     key_features: usize,
     landmarks: Landmarks,
     extractor: Extractor,
+    /// Which pixels of the frame count, at the level; `None`: all do.
+    mask: Option<Mask>,
     resection: Resection,
     luma: Vec<f32>,
     frame: Vec<Feature>,
@@ -120,6 +126,7 @@ impl Relocaliser {
             key_features,
             landmarks: Landmarks::with_room(key_frames.len(), key_features),
             extractor: Extractor::new(width, height, FEATURES),
+            mask: None,
             resection: Resection::new(&camera, room),
             luma: vec![0.0; camera.pixels()],
             frame: Vec::with_capacity(room),
@@ -174,6 +181,15 @@ impl Relocaliser {
                 * rows.map(|rgb| luma(&[rgb[0].into(), rgb[1].into(), rgb[2].into()])).sum::<f32>();
         }
         self.extractor.extract(&self.luma, &mut self.frame);
+        if let Some(mask) = &self.mask {
+            self.frame.retain(|feature| counts_around(mask, feature.place));
+        }
+    }
+
+    /// Sets which pixels of frames count from here on; `None`: all do. The frames themselves must be level where none
+    /// does.
+    pub fn set_mask(&mut self, mask: Option<&Mask>) {
+        self.mask = mask.map(|mask| mask.reduced(self.factor as u32));
     }
 
     /// Poses that the key frames rendered so far propose for the frame, best first.
@@ -347,6 +363,15 @@ impl Relocaliser {
             point: vector(&self.points[at]),
         }));
     }
+}
+
+/// Whether all pixels around a place count: else the mask's edge may have made the corner.
+fn counts_around(mask: &Mask, [x, y]: [f32; 2]) -> bool {
+    let span = |at: f32, side: u32| {
+        (at - MASK_EDGE).max(0.0) as usize..=((at + MASK_EDGE) as usize).min(side as usize - 1)
+    };
+    let (columns, width) = (span(x, mask.width), mask.width as usize);
+    span(y, mask.height).all(|y| columns.clone().all(|x| mask.data[y * width + x]))
 }
 
 /// Pairs of descriptors that are each other's nearest.

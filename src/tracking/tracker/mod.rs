@@ -3,6 +3,9 @@
 mod afresh;
 mod judgement;
 
+use std::sync::Arc;
+
+use crate::image::Mask;
 use crate::render::Correction;
 use crate::render::levels::{anchor, placement};
 use crate::search::{PoseCode, STARTS, quantised};
@@ -101,7 +104,18 @@ impl Tracker {
         self.profile = profile;
     }
 
-    /// Goes on with another camera or device. Poses carry over. Key frames are rendered again.
+    /// Sets which pixels of frames count from here on; `None`: all do. The others of a frame must all have one colour.
+    ///
+    /// # Panics
+    /// If it has not the camera's size.
+    pub fn set_mask(&mut self, mask: Option<Arc<Mask>>) {
+        self.cold.set_mask(&self.objective, mask.as_deref());
+        self.relocaliser.set_mask(mask.as_deref());
+        self.comparison.set_mask(mask.clone());
+        self.objective.set_mask(mask);
+    }
+
+    /// Goes on with another camera or device. Poses carry over. Key frames are rendered again. All pixels count again.
     pub fn replace(&mut self, mut objective: Objective) {
         self.cold = ColdStart::new(&objective);
         self.relocaliser = relocaliser(&mut objective, &self.options);

@@ -15,9 +15,9 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use nvsprior::Pose;
 
-use crate::lens::{Lens, LensError};
 use crate::points::Point;
 use model::Model;
+use nvsprior::geometry::{Lens, LensError};
 
 /// A sparse model.
 #[derive(Clone, Debug, PartialEq)]

@@ -10,8 +10,8 @@ use nvsprior::Pose;
 use crate::camera_file::{CameraFileError, PosedFile, with_ending};
 use crate::colmap::{ColmapError, ColmapModel};
 use crate::frame_file::FrameFileError;
-use crate::lens::{Lens, LensError};
 use crate::points::{Point, PointsError, read_points};
+use nvsprior::geometry::{Lens, LensError};
 
 /// A picture that was taken at a known pose.
 #[derive(Clone, Debug)]

@@ -6,8 +6,8 @@ use serde_json::Value;
 
 use super::{CameraFileError, Entry, PINHOLE_MODELS, entries, parse_root, read_text, with_ending};
 use crate::colmap::unit_pose;
-use crate::lens::{Distortion, Intrinsics, Lens};
 use crate::posed::PosedInput;
+use nvsprior::geometry::{Distortion, Intrinsics, Lens};
 
 /// What a camera file says of pictures that have poses.
 pub(crate) struct PosedFile {

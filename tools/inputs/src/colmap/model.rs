@@ -1,7 +1,7 @@
 //! COLMAP's camera models.
 
 use super::{CameraRecord, ColmapFault};
-use crate::lens::{Distortion, Intrinsics, Lens};
+use nvsprior::geometry::{Distortion, Intrinsics, Lens};
 
 /// A camera model that is read.
 pub struct Model {

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::lens::{Distortion, Intrinsics};
+use nvsprior::geometry::{Distortion, Intrinsics};
 
 /// A model's files' contents: cameras, images, points3D.
 type Files = [Vec<u8>; 3];

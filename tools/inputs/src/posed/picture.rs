@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use image::imageops::FilterType;
+use nvsprior::geometry::{Lens, LensError};
+use nvsprior::image::Mask;
 use nvsprior::{Camera, Picture};
 
 use super::{PosedError, PosedInput};
 use crate::frame_file::{FrameFileError, open_image, same_shape};
-use crate::lens::{Lens, LensError, Mask};
+use crate::undistort::undistort;
 
 impl PosedInput {
     /// Reads the picture (PNG, JPEG or WebP), undistorts it and brings it to the camera's size, in
@@ -28,10 +30,10 @@ impl PosedInput {
             let grey = open_image(path)?.to_luma8();
             let lens = self.lens_for(grey.dimensions(), path)?;
             let failed = |error| PosedError::Lens { path: path.clone(), error };
-            let white = lens.undistort_mask(grey.as_raw(), to).map_err(failed)?;
-            for (counts, white) in counts.data.iter_mut().zip(white.data) {
-                *counts &= white;
-            }
+            let (width, height) = grey.dimensions();
+            let white = grey.as_raw().iter().map(|value| *value >= Mask::WHITE).collect();
+            let white = Mask { width, height, data: white };
+            counts.intersect(&white.undistorted(&lens, to).map_err(failed)?);
         }
         Ok((picture, counts))
     }
@@ -44,7 +46,7 @@ impl PosedInput {
         let lens = self.lens_for((width, height), &self.file)?;
         if !lens.is_only_resized(to) {
             let found = Picture { width, height, data: found.into_raw() };
-            return lens.undistort(&found, to).map_err(failed);
+            return undistort(&lens, &found, to).map_err(failed);
         }
         let found = if (width, height) == (to.width, to.height) {
             found

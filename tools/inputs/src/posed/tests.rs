@@ -4,7 +4,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::frame_file::{read_frame, write_png};
-use crate::lens::Distortion;
+use nvsprior::geometry::Distortion;
 
 /// A folder with pictures `images/a.png`, `images/b.png` of 40×30, grey of 50 and 200.
 fn dive() -> TempDir {

@@ -57,7 +57,7 @@ mod tests {
     use nvsprior::Pose;
 
     use super::*;
-    use crate::lens::{Distortion, Intrinsics, Lens};
+    use nvsprior::geometry::{Distortion, Intrinsics, Lens};
 
     fn input(z: f64) -> PosedInput {
         let intrinsics =

@@ -1,5 +1,6 @@
 //! The other work of a frame against the host: the pyramid, the search, the 8-bit pictures.
 
+use nvsprior::image::Mask;
 use nvsprior::render::{Cell, Correction, FlatField, Jacobian, Plan, Renderer, to_byte};
 use nvsprior::tracking::{GaussNewtonOptions, Pyramid};
 use nvsprior::{Camera, Engine, Picture, Pose, residual};
@@ -99,6 +100,43 @@ fn the_light_of_the_pyramid_is_the_host_s() {
             assert!((a - b).abs() < 1e-5 * b.abs().max(1.0), "level {level}: {a}, {b}");
         }
         assert_eq!(reduced.jtj, set.jtj, "level {level}: the same pixels count");
+    }
+    assert_silent(&engine);
+}
+
+/// Blocks of which the mask covers a part do not count.
+#[test]
+fn the_mask_of_the_pyramid_is_the_host_s() {
+    let engine = common::engine();
+    let mut renderer = renderer(&engine, 96);
+    let frame = noise(96);
+    let mut pyramid = Pyramid::new(&camera(), &FACTORS);
+    pyramid.set(&frame);
+    // A bar, an edge, and single pixels.
+    let mut mask = Mask::all(150, 83);
+    for (i, counts) in mask.data.iter_mut().enumerate() {
+        let (x, y) = (i % 150, i / 150);
+        *counts = !((40..63).contains(&x) || x + 2 * y > 240 || i % 1013 == 5);
+    }
+    let pose = random_pose(96);
+    for (level, factor) in FACTORS.into_iter().enumerate() {
+        let reduced = mask.reduced(factor);
+        let mut host = pyramid.level(level).to_vec();
+        let pixels = host.chunks_exact_mut(3).zip(&reduced.data);
+        pixels.filter(|(_, counts)| !**counts).for_each(|(rgb, _)| rgb.fill(MASKED));
+        renderer.set_mask(Some(&mask));
+        assert_eq!(renderer.counted(level), reduced.count());
+        renderer.set_picture(&frame);
+        renderer.reduce_picture().unwrap();
+        let masked = renderer.normal_equations(level, Jacobian::Flow, &pose).unwrap();
+        renderer.set_frame(level, &host);
+        let set = renderer.normal_equations(level, Jacobian::Flow, &pose).unwrap();
+        assert_eq!(masked, set, "level {level}");
+        assert_eq!(masked.residuals, 3 * reduced.count());
+        renderer.set_mask(None);
+        renderer.reduce_picture().unwrap();
+        let all = renderer.normal_equations(level, Jacobian::Flow, &pose).unwrap();
+        assert!(all.square > masked.square && all.residuals > masked.residuals);
     }
     assert_silent(&engine);
 }

@@ -7,15 +7,16 @@
 //! integers: add 0.5 to its `cx` and `cy` before they go into one of those files.
 //!
 //! **Formulas** are those of OpenCV's documentation, modules `calib3d` ("Detailed Description") and
-//! `fisheye`; COLMAP's models of the same names are the same.
+//! `fisheye`; COLMAP's models of the same names are the same. Tangents are libm's, so that a lens is
+//! the same on every machine.
 
-mod undistort;
+mod footprint;
 
-use glam::DVec2;
-use nvsprior::Camera;
-use nvsprior::geometry::CameraError;
+use glam::{DMat2, DVec2};
 
-pub use undistort::Mask;
+use super::{Camera, CameraError};
+
+pub use footprint::Footprint;
 
 /// Size and pinhole intrinsics of a picture, pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,6 +56,8 @@ pub struct Lens {
     distortion: Distortion,
     /// Longest ray that is mapped; beyond it the picture would fold over itself.
     longest: f64,
+    /// Whether it would fold nowhere in front of the camera.
+    unfolded: bool,
     pinhole: Camera,
 }
 
@@ -62,8 +65,8 @@ pub struct Lens {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Their texts tell.
 pub enum LensError {
-    #[error("picture size {width}×{height}: sides must lie in 1..={}", Lens::MAX_SIDE)]
-    Side { width: u32, height: u32 },
+    #[error("lens for pictures of {width}×{height}: sides must lie in 1..={max}")]
+    Side { width: u32, height: u32, max: u32 },
     #[error("lens {name} = {value}: must be finite, focal lengths positive")]
     Intrinsic { name: &'static str, value: f64 },
     #[error("distortion coefficient {value}: must be finite")]
@@ -80,6 +83,15 @@ pub enum LensError {
         its coefficients and their order"
     )]
     Folds,
+    #[error(
+        "the picture's corner ({x}, {y}) has no ray: nearer to the middle the distortion folds the \
+        picture over itself; check the values of its coefficients and their order, fx and fy"
+    )]
+    NoRay { x: u32, y: u32 },
+    #[error(
+        "no pixel of the camera's picture shows anything of the lens's; check fx, fy, cx and cy of both"
+    )]
+    Nothing,
     #[error("the picture is {}×{}, its lens is for {}×{}", found.0, found.1, expected.0, expected.1)]
     Size { found: (u32, u32), expected: (u32, u32) },
     #[error(transparent)]
@@ -96,6 +108,10 @@ const SCAN: (f64, f64) = (89.95, 0.05);
 
 /// Points on each side of a picture at which its edge is checked.
 const EDGE_POINTS: u32 = 256;
+
+/// Newton's steps for the ray of a pixel, and how close to the pixel they must come, pixels.
+const STEPS: usize = 40;
+const CLOSE: f64 = 1e-6;
 
 impl Distortion {
     /// Brown-Conrady from 4, 5 or 8 coefficients in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6.
@@ -133,7 +149,7 @@ impl Distortion {
                 if under > 0.0 { over / under } else { f64::NAN }
             }
             Distortion::Fisheye([k1, k2, k3, k4]) => {
-                let angle = length.atan();
+                let angle = libm::atan(length);
                 let s = angle * angle;
                 let bent = angle * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))));
                 if length > 0.0 { bent / length } else { 1.0 }
@@ -151,20 +167,28 @@ impl Distortion {
         radial + DVec2::new(x, y)
     }
 
-    /// The longest ray up to which longer rays stay longer; 0 if there is none.
-    fn longest_ray(&self) -> f64 {
+    /// How the distorted ray changes with the ray.
+    fn slope(&self, ray: DVec2) -> DMat2 {
+        let small = 1e-6 * ray.length().max(1e-3);
+        let along = |step: DVec2| (self.apply(ray + step) - self.apply(ray - step)) / (2.0 * small);
+        DMat2::from_cols(along(DVec2::X * small), along(DVec2::Y * small))
+    }
+
+    /// The longest ray up to which longer rays stay longer; 0 if there is none. Then whether that is as far aside as a
+    /// pinhole's rays go.
+    fn longest_ray(&self) -> (f64, bool) {
         let (end, step) = SCAN;
         let (mut longest, mut reached) = (0.0, 0.0);
         for i in 1..=(end / step) as u32 {
-            let length = (f64::from(i) * step).to_radians().tan();
+            let length = libm::tan((f64::from(i) * step).to_radians());
             let bent = length * self.factor(length);
             // A NaN ends it, too.
             if !(bent > reached && bent.is_finite()) {
-                break;
+                return (longest, false);
             }
             (longest, reached) = (length, bent);
         }
-        longest
+        (longest, true)
     }
 }
 
@@ -178,12 +202,12 @@ impl Lens {
         distortion.check()?;
         let none = matches!(distortion, Distortion::Brown(k) if k.iter().all(|v| *v == 0.0));
         let distortion = if none { Distortion::None } else { distortion };
-        let longest = distortion.longest_ray();
+        let (longest, unfolded) = distortion.longest_ray();
         if longest == 0.0 {
             return Err(LensError::Folds);
         }
         let pinhole = camera(&intrinsics, 1.0);
-        let mut lens = Lens { intrinsics, distortion, longest, pinhole };
+        let mut lens = Lens { intrinsics, distortion, longest, unfolded, pinhole };
         if distortion != Distortion::None {
             let Intrinsics { cx, cy, .. } = intrinsics;
             if !lens.shows(DVec2::new(cx, cy), 0.0) {
@@ -198,6 +222,11 @@ impl Lens {
     /// Its size and pinhole intrinsics.
     pub fn intrinsics(&self) -> &Intrinsics {
         &self.intrinsics
+    }
+
+    /// Width and height of its pictures, pixels.
+    pub fn size(&self) -> (u32, u32) {
+        (self.intrinsics.width, self.intrinsics.height)
     }
 
     /// Its distortion.
@@ -215,6 +244,54 @@ impl Lens {
         let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
         let pixel = self.distortion.apply(ray) * DVec2::new(fx, fy) + DVec2::new(cx, cy);
         pixel.is_finite().then_some(pixel)
+    }
+
+    /// The ray that meets the picture's plane at a pixel, by Newton's method. `None` if there is none, or if the method
+    /// does not find it.
+    pub fn ray(&self, pixel: DVec2) -> Option<DVec2> {
+        let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
+        let wanted = (pixel - DVec2::new(cx, cy)) / DVec2::new(fx, fy);
+        let mut ray =
+            wanted * (self.undistorted_length(wanted.length())? / wanted.length().max(1e-300));
+        for _ in 0..STEPS {
+            let rest = wanted - self.distortion.apply(ray);
+            if (rest * DVec2::new(fx, fy)).length() < CLOSE {
+                break;
+            }
+            ray += self.distortion.slope(ray).inverse() * rest;
+        }
+        let found = self.distort(ray)?;
+        ((found - pixel).length() < CLOSE).then_some(ray)
+    }
+
+    /// The length of the ray that becomes one of this length, tangential terms left out, by halving; `None` if it is
+    /// longer than all that are mapped.
+    fn undistorted_length(&self, wanted: f64) -> Option<f64> {
+        let (mut low, mut high) = (0.0, self.longest);
+        if !(high * self.distortion.factor(high) >= wanted) {
+            return None;
+        }
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            if middle * self.distortion.factor(middle) < wanted {
+                low = middle
+            } else {
+                high = middle
+            }
+        }
+        Some(high)
+    }
+
+    /// Refuses a lens that folds the picture over itself within the picture: one of its corners has no ray. A fisheye's
+    /// corners may look more than a right angle aside; then they need no ray.
+    pub fn check_corners(&self) -> Result<(), LensError> {
+        let Intrinsics { width, height, .. } = self.intrinsics;
+        for (x, y) in [(0, 0), (width, 0), (0, height), (width, height)] {
+            if !self.unfolded && self.ray(DVec2::new(x.into(), y.into())).is_none() {
+                return Err(LensError::NoRay { x, y });
+            }
+        }
+        Ok(())
     }
 
     /// The camera of the undistorted pictures, at the size of the distorted ones.
@@ -268,7 +345,7 @@ impl Lens {
         let fits = |factor: f64| {
             edge.iter().all(|ray| self.distort(*ray / factor).is_some_and(|p| self.shows(p, 0.0)))
         };
-        let widest = self.longest.min(MAX_ANGLE.to_radians().tan());
+        let widest = self.longest.min(libm::tan(MAX_ANGLE.to_radians()));
         let longest = edge.iter().map(|ray| ray.length()).fold(0.0, f64::max);
         // A little more than needed, for the camera's rounding to f32.
         let mut low = longest / widest * (1.0 + 1e-6);
@@ -307,7 +384,7 @@ fn check_intrinsics(intrinsics: &Intrinsics) -> Result<(), LensError> {
     let Intrinsics { width, height, fx, fy, cx, cy } = *intrinsics;
     let sides = 1..=Lens::MAX_SIDE;
     if !sides.contains(&width) || !sides.contains(&height) {
-        return Err(LensError::Side { width, height });
+        return Err(LensError::Side { width, height, max: Lens::MAX_SIDE });
     }
     let bad_focal =
         [("fx", fx), ("fy", fy)].into_iter().find(|(_, v)| !(v.is_finite() && *v > 0.0));

@@ -1,0 +1,274 @@
+//! The lens that an encoder's frames were taken through, and the mask of what counts of them.
+
+use std::sync::Arc;
+
+use crate::geometry::{Distortion, Intrinsics, Lens};
+use crate::image::{Converter, Mask};
+use crate::{Camera, Error};
+
+use super::encoder::{Core, nvsp_encoder};
+use super::handle::{Handle, Opaque};
+use super::image::slice;
+use super::status::*;
+use super::structs::{read, versioned};
+
+/// Brown-Conrady, OpenCV's usual model. `coefficients` in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6, of which the
+/// first 4, the first 5 or all 8 are given.
+pub const NVSP_LENS_BROWN_CONRADY: u32 = 1;
+/// Kannala-Brandt, as in OpenCV's module `fisheye`. `coefficients`: k1, k2, k3, k4.
+pub const NVSP_LENS_FISHEYE: u32 = 2;
+
+/// A lens with distortion, as OpenCV's calibration gives it. Pixel (0, 0) covers [0, 1) x [0, 1). OpenCV's own
+/// calibration puts pixel centres at integers: add 0.5 to its cx and cy.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_lens {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// NVSP_LENS_*.
+    pub model: u32,
+    /// How many of `coefficients` are given; the others are zero.
+    pub count: u32,
+    /// Width of the images, pixels, 1 to 16384.
+    pub width: u32,
+    /// Height of the images, pixels, 1 to 16384.
+    pub height: u32,
+    /// Focal length along x, pixels of the images.
+    pub fx: f64,
+    /// Focal length along y, pixels of the images.
+    pub fy: f64,
+    /// Principal point, x, pixels from the left edge of the images. It must lie on them.
+    pub cx: f64,
+    /// Principal point, y, pixels from the upper edge of the images. It must lie on them.
+    pub cy: f64,
+    /// The distortion, without unit; see `model`.
+    pub coefficients: [f64; 8],
+}
+versioned!(nvsp_lens, 120);
+
+/// Which pixels of an encoder's images count: one byte per pixel, white counts (128 to 255), black does not (0 to 127).
+/// Read during the call only.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_mask {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Pixels, 1 to 16384. With a lens its width; without one of the camera's shape (1 % is tolerated).
+    pub width: u32,
+    /// Pixels, 1 to 16384; as `width`.
+    pub height: u32,
+    /// First byte, of the upper left pixel.
+    pub pixels: *const u8,
+    /// Bytes from one row to the next.
+    pub stride: usize,
+    /// Bytes in all. Nothing beyond them is read.
+    pub size: usize,
+}
+versioned!(nvsp_mask, 40);
+
+/// What an encoder's images are seen through.
+#[derive(Clone, Default)]
+pub(super) struct Seen {
+    pub lens: Option<Lens>,
+    /// Of the lens's size; without one, of the camera's shape.
+    pub mask: Option<Arc<Mask>>,
+}
+
+/// Bytes of a pixel of the lens's images, and of one of the camera's, that a converter and a mask take at most.
+const LENS_PIXEL: u64 = 4;
+const CAMERA_PIXEL: u64 = 48;
+/// Bytes of the rows and columns of both.
+const SIDES: u64 = 256;
+
+impl Seen {
+    /// What makes the encoder's pictures, and which of their pixels count.
+    pub fn through(&self, camera: &Camera) -> Result<(Converter, Option<Mask>), Failure> {
+        let Some(lens) = &self.lens else {
+            let converter = Converter::new(camera.width, camera.height)?;
+            let mask = self.mask.as_ref().map(|mask| shaped(mask, camera)).transpose()?;
+            return Ok((converter, mask));
+        };
+        let converter = Converter::undistorting(lens, camera).map_err(Error::from)?;
+        let mask = match &self.mask {
+            Some(mask) if (mask.width, mask.height) != lens.size() => {
+                let what = "nvsp_mask.width, height: not those of the lens";
+                return Err(Failure::argument(what));
+            }
+            Some(mask) => Some(mask.undistorted(lens, camera).map_err(Error::from)?),
+            None => converter.covered().cloned(),
+        };
+        Ok((converter, mask))
+    }
+
+    /// Host memory that [`Seen::through`] takes at most, and what it keeps; bytes.
+    pub fn bytes(&self, camera: &Camera) -> u64 {
+        let area = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
+        let own = |(width, height): (u32, u32)| {
+            LENS_PIXEL * area((width, height)) + SIDES * (u64::from(width) + u64::from(height))
+        };
+        let size = (camera.width, camera.height);
+        let mask = self.mask.as_ref().map_or(0, |mask| area((mask.width, mask.height)));
+        match &self.lens {
+            Some(lens) => own(lens.size()) + CAMERA_PIXEL * area(size) + own(size) + mask,
+            None if mask > 0 => CAMERA_PIXEL * area(size) + mask,
+            None => 0,
+        }
+    }
+}
+
+/// A mask of the camera's shape at the camera's size.
+fn shaped(mask: &Mask, camera: &Camera) -> Result<Mask, Failure> {
+    let wide = u64::from(mask.width) * u64::from(camera.height);
+    let high = u64::from(mask.height) * u64::from(camera.width);
+    if wide.abs_diff(high) * 100 > high {
+        return Err(Failure::argument("nvsp_mask.width, height: not of the camera's shape"));
+    }
+    Ok(mask.resized(camera.width, camera.height))
+}
+
+/// Sets the lens that all images from here on were taken through. Each image is freed of its distortion as it is read,
+/// in the pass that scales it: the encoder's camera stays a pinhole, and packets are about that one. Images must then
+/// have the lens's size. The camera may see more than the lens: pixels that the lens does not show count as masked, see
+/// nvsp_encoder_set_mask. A pixel is the mean of what its footprint on the image covers: the image is first reduced by
+/// area averaging to about the camera's resolution, then sampled with linear interpolation, at most one reduced pixel
+/// apart. All of it is integer arithmetic on a map that is made here, so that an image gives the same picture on every
+/// machine. Allocates the map, at most 4 bytes per pixel of the lens and 48 per pixel of the camera; no frame allocates
+/// for it. If the call fails, the lens before stays. Example:
+///
+/// ```c
+/// nvsp_lens lens = NVSP_INITIALIZER(nvsp_lens);
+/// lens.model = NVSP_LENS_BROWN_CONRADY;
+/// lens.width = 1920;
+/// lens.height = 1080;
+/// lens.fx = 1335.4, lens.fy = 1334.9, lens.cx = 962.5, lens.cy = 538.1;
+/// lens.count = 5; /* k1, k2, p1, p2, k3 */
+/// memcpy(lens.coefficients, calibration, 5 * sizeof(double));
+/// status = nvsp_encoder_set_lens(encoder, &lens);
+/// ```
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
+/// NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the image that
+/// has no ray, as the distortion folds the image over itself nearer to its middle. It is also given if camera and lens
+/// see nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
+///
+/// # Safety
+/// - `encoder`: a live encoder. Not NULL.
+/// - `lens`: set up by NVSP_INIT. Read during the call. NULL: no lens from here on, images are of a pinhole camera.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_set_lens(
+    encoder: *mut nvsp_encoder,
+    lens: *const nvsp_lens,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
+            let lens = if lens.is_null() { None } else { Some(checked(&read(lens)?)?) };
+            let mut core = content.core()?;
+            core.see(|seen| seen.lens = lens)?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Sets which pixels of all images from here on count. Mask what shows the vehicle itself: its arm, its frame, a lamp.
+/// Masked pixels count neither in the search for the pose nor in nvsp_frame_stats, and no bytes are spent on them: the
+/// topside shows the prior's render there, but for what a coarse coding spreads from beside them. It may change from
+/// frame to frame, such as with the arm. With a lens, it masks pixels of the lens's images. If the camera's size
+/// changes, it is scaled; a pixel counts if all that it shows counts. Allocates two bytes per pixel of the mask and 48
+/// per pixel of the camera. If the call fails, the mask before stays. Example:
+///
+/// ```c
+/// nvsp_mask mask = NVSP_INITIALIZER(nvsp_mask);
+/// mask.width = mask.stride = 640;
+/// mask.height = 360;
+/// mask.pixels = arm; /* 0 where the arm is, else 255 */
+/// mask.size = 640 * 360;
+/// status = nvsp_encoder_set_mask(encoder, &mask);
+/// ```
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_IMAGE (size, stride or bytes),
+/// NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its size is not the
+/// lens's, its shape not the camera's, or no pixel counts.
+///
+/// # Safety
+/// - `encoder`: a live encoder. Not NULL.
+/// - `mask`: set up by NVSP_INIT. The structure and its pixels are read during the call. NULL: all pixels count.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_set_mask(
+    encoder: *mut nvsp_encoder,
+    mask: *const nvsp_mask,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
+            let mut core = content.core()?;
+            if mask.is_null() {
+                core.see(|seen| seen.mask = None)?;
+                return Ok(NVSP_OK);
+            }
+            let nvsp_mask { width, height, pixels, stride, size, .. } = read(mask)?;
+            let bytes = slice(pixels, size, "nvsp_mask.pixels")?;
+            let own = core.limits.mask(width, height)?;
+            let mask = Mask::from_gray(width, height, bytes, stride)?;
+            drop(own);
+            core.see(|seen| seen.mask = Some(Arc::new(mask)))?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// The lens that a caller states.
+fn checked(lens: &nvsp_lens) -> Result<Lens, Failure> {
+    let nvsp_lens { model, count, width, height, fx, fy, cx, cy, coefficients, .. } = *lens;
+    let max = crate::image::ImageView::MAX_SIDE;
+    if !(1..=max).contains(&width) || !(1..=max).contains(&height) {
+        return Err(Failure::argument("nvsp_lens.width, height: must lie in 1 to 16384"));
+    }
+    let fits = match model {
+        NVSP_LENS_BROWN_CONRADY => [4, 5, 8].contains(&count),
+        NVSP_LENS_FISHEYE => count == 4,
+        _ => return Err(Failure::argument("nvsp_lens.model")),
+    };
+    if !fits {
+        let what = "nvsp_lens.count: 4, 5 or 8 for Brown-Conrady, 4 for a fisheye";
+        return Err(Failure::argument(what));
+    }
+    let (given, rest) = coefficients.split_at(count as usize);
+    if rest.iter().any(|value| *value != 0.0) {
+        return Err(Failure::argument("nvsp_lens.coefficients: not zero beyond `count`"));
+    }
+    let distortion = match model {
+        NVSP_LENS_FISHEYE => Distortion::Fisheye([given[0], given[1], given[2], given[3]]),
+        _ => Distortion::brown(given).map_err(Error::from)?,
+    };
+    let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
+    Ok(Lens::new(intrinsics, distortion).map_err(Error::from)?)
+}
+
+impl Core {
+    /// Changes what images are seen through. If it fails, nothing changes.
+    fn see(&mut self, change: impl FnOnce(&mut Seen)) -> Result<(), Failure> {
+        let mut seen = self.seen.clone();
+        change(&mut seen);
+        let camera = *self.encoder.camera();
+        self.look(seen, camera)
+    }
+
+    /// Sets camera and what images are seen through. If it fails, nothing changes.
+    pub(super) fn look(&mut self, seen: Seen, camera: Camera) -> Result<(), Failure> {
+        let same_camera = camera == *self.encoder.camera();
+        let _memory = self.limits.seen(&camera, seen.bytes(&camera), same_camera)?;
+        let (converter, mask) = seen.through(&camera)?;
+        self.encoder.set_view(&camera, mask)?;
+        self.warm &= same_camera;
+        (self.seen, self.converter) = (seen, converter);
+        self.frame.resize(camera.width, camera.height);
+        Ok(())
+    }
+}
