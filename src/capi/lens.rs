@@ -214,9 +214,10 @@ pub unsafe extern "C" fn nvsp_encoder_set_mask(
             }
             let nvsp_mask { width, height, pixels, stride, size, .. } = read(mask)?;
             let bytes = slice(pixels, size, "nvsp_mask.pixels")?;
-            let own = core.limits.mask(width, height)?;
-            let mask = Mask::from_gray(width, height, bytes, stride)?;
-            drop(own);
+            let mask = {
+                let _memory = core.limits.mask(width, height)?;
+                Mask::from_gray(width, height, bytes, stride)?
+            };
             core.see(|seen| seen.mask = Some(Arc::new(mask)))?;
             Ok(NVSP_OK)
         })
