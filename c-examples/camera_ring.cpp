@@ -34,7 +34,9 @@ struct Nv12 {
                 height,
                 {y.data(), uv.data(), nullptr},
                 {width, size_t{2} * ((width + 1) / 2), 0},
-                {y.size(), uv.size(), 0}};
+                {y.size(), uv.size(), 0},
+                {nullptr, nullptr, nullptr},
+                {0, 0, 0}};
     }
 };
 

@@ -720,6 +720,10 @@ typedef struct nvsp_encoder_options {
   // Not 0: images come already treated as nvsp_prior_info.white_balance and clahe_tiles say, so they are encoded as
   // they are. 0: the encoder treats them, whatever their format, after it has brought them to the camera's size.
   uint32_t frames_treated;
+  // Not 0: two frames may be under way at once, see nvsp_encode_begin. While one thread codes the difference picture of
+  // a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
+  // the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
+  uint32_t pipelined;
 } nvsp_encoder_options;
 
 // A camera's image; read during the call only. If its size is not the camera's, it is scaled to
@@ -1525,12 +1529,29 @@ nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
                               struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
 
 // Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that it
-// was given, drops a packet of an earlier frame that was not fetched, and reads the image: it converts it to RGB and
-// scales it to the camera's size. The first such call starts the thread, which blocks all signals. The prior's
-// preprocessing, the search and the coding are the other thread's work. The call neither waits for the device nor
-// allocates, except for the thread. Afterwards the image is yours again. Until the frame is finished, other calls on the
-// encoder fail with NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish,
-// nvsp_encode_cancel and nvsp_encoder_destroy.
+// was given and reads the image: it converts it to RGB and scales it to the camera's size. The first such call starts
+// the thread, which blocks all signals. The prior's preprocessing, the search and the coding are the other thread's
+// work. The call neither waits for the device nor allocates, except for the thread. Afterwards the image is yours again.
+//
+// Until nvsp_encode_finish or nvsp_encode_cancel ends the frame, other calls on the encoder fail with
+// NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait and nvsp_encoder_destroy. So no packet is dropped
+// unless you say so. Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next frame.
+//
+// With nvsp_encoder_options.pipelined a second frame may be begun at any time while one is under way or not fetched.
+// No packet is dropped then: a third frame fails with NVSP_ERR_UNFINISHED. Frames end in the order in which they were
+// begun; nvsp_encode_poll, nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while no
+// frame is searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished
+// last. If coding a frame fails, it counts as one whose packet was lost on the way. Host memory is taken up to the
+// third frame. Example, which is always one packet behind:
+//
+//     while (next_image(&image)) {
+//         status = nvsp_encode_begin(encoder, &image, NULL); /* the first with a hint */
+//         if (status == NVSP_OK && ++begun == 2) {
+//             while (nvsp_encode_wait(encoder, 20) == NVSP_PENDING) steer();
+//             status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
+//             begun--;
+//         }
+//     }
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
 // NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
@@ -1595,9 +1616,9 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
                                size_t *written,
                                struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4);
 
-// Drops the frame that was begun, or a packet that was not fetched. Never waits: returns NVSP_OK if the encoder is free
-// again, else NVSP_PENDING. The device then still works on the frame, at most as long as the watchdog allows; its packet
-// is dropped when it has ended. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or
+// Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
+// NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long as
+// the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or
 // nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped counts as one whose packet was lost on the
 // way: its number is used up, its pose may be where the next frame starts, and the next packet names prior and camera in
 // full. Returns NVSP_OK, too, if nothing was begun.
@@ -1761,9 +1782,9 @@ nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         struct nvsp_decoded *info) NVSP_NONNULL(1, 2);
 
 // Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
-// packet; it does not wait. The first such call starts the thread. Until the packet is finished, other calls on the
-// decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait, nvsp_decode_finish,
-// nvsp_decode_cancel and nvsp_decoder_destroy.
+// packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_decode_cancel ends
+// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait and
+// nvsp_decoder_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next packet.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or
 // NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its status.

@@ -118,21 +118,41 @@ impl Drop for Pipeline {
     }
 }
 
-/// What the coding thread does.
-fn code(parcels: &Receiver<Parcel>, back: &SyncSender<Parcel>) {
-    let mut kept: Option<(ResidualSetup, ResidualEncoder)> = None;
-    while let Ok(mut parcel) = parcels.recv() {
-        let Parcel { tracked, encoded, failure } = &mut parcel;
+/// Codes the differences of tracked frames. Keeps the coder for as long as frames ask for the same.
+#[derive(Default)]
+pub(crate) struct Coder(Option<(ResidualSetup, ResidualEncoder)>);
+
+impl Coder {
+    /// Whether the frame needs another coder than the one before.
+    #[cfg(feature = "capi")]
+    pub fn changes(&self, tracked: &TrackedFrame) -> bool {
+        let same = |(own, _): &(ResidualSetup, _)| {
+            tracked.residual.as_ref().is_some_and(|setup| own.is_as(setup))
+        };
+        !self.0.as_ref().is_some_and(same)
+    }
+
+    /// See [`TrackedFrame::encode`].
+    pub fn code(&mut self, tracked: &mut TrackedFrame, encoded: &mut Encoded) -> Result<(), Error> {
         // A frame that was tracked has it.
-        let Some(setup) = tracked.residual.take() else { return };
-        let (_, coder) = match kept.take() {
-            Some(same) if same.0.is_as(&setup) => kept.insert(same),
+        let setup = tracked.residual.take().ok_or(Error::CoderGone)?;
+        let (_, coder) = match self.0.take() {
+            Some(same) if same.0.is_as(&setup) => self.0.insert(same),
             _ => {
                 let coder = ResidualEncoder::new(&setup);
-                kept.insert((setup, coder))
+                self.0.insert((setup, coder))
             }
         };
-        *failure = tracked.encode(coder, encoded).err();
+        tracked.encode(coder, encoded)
+    }
+}
+
+/// What the coding thread does.
+fn code(parcels: &Receiver<Parcel>, back: &SyncSender<Parcel>) {
+    let mut coder = Coder::default();
+    while let Ok(mut parcel) = parcels.recv() {
+        let Parcel { tracked, encoded, failure } = &mut parcel;
+        *failure = coder.code(tracked, encoded).err();
         if back.send(parcel).is_err() {
             return;
         }

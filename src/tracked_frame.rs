@@ -31,6 +31,14 @@ pub(crate) struct TrackedFrame {
 }
 
 impl TrackedFrame {
+    /// Makes one that has room for every frame of a size.
+    #[cfg(feature = "capi")]
+    pub fn with_room(width: u32, height: u32) -> TrackedFrame {
+        let picture = || Picture::new(width, height);
+        let (frame, render, difference) = (picture(), picture(), picture());
+        TrackedFrame { frame, render, difference, ..TrackedFrame::default() }
+    }
+
     /// Codes the frame's difference picture, and writes the packet and the picture that the topside will show. Moves
     /// the render to `encoded`.
     pub fn encode(

@@ -258,9 +258,9 @@ pub unsafe extern "C" fn nvsp_decode(
 }
 
 /// Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
-/// packet; it does not wait. The first such call starts the thread. Until the packet is finished, other calls on the
-/// decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait, nvsp_decode_finish,
-/// nvsp_decode_cancel and nvsp_decoder_destroy.
+/// packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_decode_cancel ends
+/// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait and
+/// nvsp_decoder_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next packet.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or
 /// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its status.

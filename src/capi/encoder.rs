@@ -1,11 +1,13 @@
 //! The encoder's handle.
 
 use std::ffi::c_char;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::image::Converter;
 use crate::packet::PoseProfile;
 use crate::residual::ResidualCoder;
+use crate::tracked_frame::TrackedFrame;
 use crate::tracking::{Optimizer, StartKind, Stop};
 use crate::{Encoded, Encoder, EncoderOptions, Known, Picture, Rate, packet_bound};
 
@@ -16,9 +18,11 @@ use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
 use super::lens::Seen;
 use super::limits::Limits;
 use super::memory::Grant;
+use super::pipelined::{COLD, Pipelined};
 use super::prior::nvsp_prior;
 use super::status::*;
 use super::structs::{Out, read, versioned};
+use super::work::{Given, Work};
 use super::worker::Worker;
 
 /// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
@@ -40,20 +44,21 @@ impl Opaque for nvsp_encoder {
 /// What an encoder works on.
 pub(super) struct Core {
     pub encoder: Encoder,
-    pub converter: Converter,
+    pub converter: Arc<Mutex<Converter>>,
     /// What the converter and the encoder's mask are made of.
     pub seen: Seen,
     pub frame: Picture,
     known: Known,
-    encoded: Encoded,
+    pub encoded: Encoded,
     /// Whether `encoded` holds a frame.
-    full: bool,
+    pub full: bool,
     pub limits: Limits,
-    /// Whether a frame was encoded since the encoder last took memory: the first one takes some too.
-    pub warm: bool,
+    /// Frames that still take memory, and how many do after the encoder itself took some.
+    cold: usize,
+    most_cold: usize,
 }
 
-type Content = Worker<Core>;
+type Content = Work;
 
 /// Quality 10.
 pub const NVSP_RATE_DEFAULT: u32 = 0;
@@ -135,8 +140,12 @@ pub struct nvsp_encoder_options {
     /// Not 0: images come already treated as nvsp_prior_info.white_balance and clahe_tiles say, so they are encoded as
     /// they are. 0: the encoder treats them, whatever their format, after it has brought them to the camera's size.
     pub frames_treated: u32,
+    /// Not 0: two frames may be under way at once, see nvsp_encode_begin. While one thread codes the difference picture of
+    /// a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
+    /// the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
+    pub pipelined: u32,
 }
-versioned!(nvsp_encoder_options, 60);
+versioned!(nvsp_encoder_options, 64);
 
 /// The picture does not confirm the pose.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -258,25 +267,35 @@ pub unsafe extern "C" fn nvsp_encoder_create(
             let prior = nvsp_prior::handle(prior).as_ref();
             let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
             let camera = image::camera(camera)?;
-            let options = encoder_options(&read(options)?)?;
+            let options = read(options)?;
+            let pipelined = options.pipelined != 0;
+            let options = encoder_options(&options)?;
             let limits = engine.how.limits;
-            let _memory = limits.encoder(&camera)?;
+            let _memory =
+                if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
             let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
+            let converter = Converter::new(camera.width, camera.height)?;
+            let converter = Arc::new(Mutex::new(converter));
+            let most_cold = if pipelined { COLD } else { 1 };
             let core = Core {
                 encoder: made,
-                converter: Converter::new(camera.width, camera.height)?,
+                converter: converter.clone(),
                 seen: Seen::default(),
                 frame: Picture::new(camera.width, camera.height),
                 known: Known::default(),
                 encoded: Encoded::with_room(camera.width, camera.height),
                 full: false,
                 limits,
-                warm: false,
+                cold: most_cold,
+                most_cold,
             };
-            *encoder = nvsp_encoder::address(Handle::boxed(
-                Worker::new(core, (encode, dropped), c"nvsp-encoder", engine.how.threads),
-                handle.log(),
-            ));
+            let start = engine.how.threads;
+            let work = if pipelined {
+                Work::Pipelined(Box::new(Pipelined::new(core, start)), converter)
+            } else {
+                Work::OneByOne(Worker::new(core, (encode, dropped), c"nvsp-encoder", start))
+            };
+            *encoder = nvsp_encoder::address(Handle::boxed(work, handle.log()));
             Ok(NVSP_OK)
         })
     }
@@ -478,7 +497,7 @@ pub unsafe extern "C" fn nvsp_encoder_reopen(
             let engine = engine.ok_or(Failure::null("engine"))?.get();
             let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
             let mut core = content.core()?;
-            core.warm = false;
+            core.chill();
             let _memory = core.memory()?;
             core.encoder.move_to(&engine.engine, &scene)?;
             Ok(NVSP_OK)
@@ -594,12 +613,31 @@ pub unsafe extern "C" fn nvsp_encode_frame(
 }
 
 /// Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that it
-/// was given, drops a packet of an earlier frame that was not fetched, and reads the image: it converts it to RGB and
-/// scales it to the camera's size. The first such call starts the thread, which blocks all signals. The prior's
-/// preprocessing, the search and the coding are the other thread's work. The call neither waits for the device nor
-/// allocates, except for the thread. Afterwards the image is yours again. Until the frame is finished, other calls on the
-/// encoder fail with NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait, nvsp_encode_finish,
-/// nvsp_encode_cancel and nvsp_encoder_destroy.
+/// was given and reads the image: it converts it to RGB and scales it to the camera's size. The first such call starts
+/// the thread, which blocks all signals. The prior's preprocessing, the search and the coding are the other thread's
+/// work. The call neither waits for the device nor allocates, except for the thread. Afterwards the image is yours again.
+///
+/// Until nvsp_encode_finish or nvsp_encode_cancel ends the frame, other calls on the encoder fail with
+/// NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait and nvsp_encoder_destroy. So no packet is dropped
+/// unless you say so. Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next frame.
+///
+/// With nvsp_encoder_options.pipelined a second frame may be begun at any time while one is under way or not fetched.
+/// No packet is dropped then: a third frame fails with NVSP_ERR_UNFINISHED. Frames end in the order in which they were
+/// begun; nvsp_encode_poll, nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while no
+/// frame is searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished
+/// last. If coding a frame fails, it counts as one whose packet was lost on the way. Host memory is taken up to the
+/// third frame. Example, which is always one packet behind:
+///
+/// ```c
+/// while (next_image(&image)) {
+///     status = nvsp_encode_begin(encoder, &image, NULL); /* the first with a hint */
+///     if (status == NVSP_OK && ++begun == 2) {
+///         while (nvsp_encode_wait(encoder, 20) == NVSP_PENDING) steer();
+///         status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
+///         begun--;
+///     }
+/// }
+/// ```
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
 /// NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
@@ -617,7 +655,7 @@ pub unsafe extern "C" fn nvsp_encode_begin(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
-            content.begin(|core| prepare(core, image, image::pose(hint)?.into()))?;
+            content.begin(|| given(image, image::pose(hint)?.into()))?;
             Ok(NVSP_OK)
         })
     }
@@ -641,7 +679,7 @@ pub unsafe extern "C" fn nvsp_encode_begin_frame(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
-            content.begin(|core| prepare(core, image, frame::known(info)?))?;
+            content.begin(|| given(image, frame::known(info)?))?;
             Ok(NVSP_OK)
         })
     }
@@ -699,14 +737,14 @@ pub unsafe extern "C" fn nvsp_encode_finish(
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let place = Place::new(packet, size, written, stats)?;
-            content.take(|core| place.write(core))
+            content.take(|encoded| place.write(encoded))
         })
     }
 }
 
-/// Drops the frame that was begun, or a packet that was not fetched. Never waits: returns NVSP_OK if the encoder is free
-/// again, else NVSP_PENDING. The device then still works on the frame, at most as long as the watchdog allows; its packet
-/// is dropped when it has ended. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or
+/// Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
+/// NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long as
+/// the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or
 /// nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped counts as one whose packet was lost on the
 /// way: its number is used up, its pose may be where the next frame starts, and the next packet names prior and camera in
 /// full. Returns NVSP_OK, too, if nothing was begun.
@@ -744,16 +782,14 @@ pub unsafe extern "C" fn nvsp_encoder_get_picture(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let core = content.core()?;
-            if !core.full {
-                return Err(Failure::at(NVSP_ERR_STATE, "no frame was encoded"));
-            }
-            let from = match which {
-                NVSP_PICTURE_SHOWN => &core.encoded.picture,
-                NVSP_PICTURE_RENDER => &core.encoded.render,
-                _ => return Err(Failure::argument("which picture")),
-            };
-            image::write(from, picture)?;
+            content.with_last(|encoded| {
+                let from = match which {
+                    NVSP_PICTURE_SHOWN => &encoded.picture,
+                    NVSP_PICTURE_RENDER => &encoded.render,
+                    _ => return Err(Failure::argument("which picture")),
+                };
+                image::write(from, picture)
+            })?;
             Ok(NVSP_OK)
         })
     }
@@ -795,28 +831,52 @@ fn encode(core: &mut Core) -> Result<(), Failure> {
     core.full = false;
     let _memory = core.memory()?;
     core.encoder.encode_into(&core.frame, core.known, &mut core.encoded)?;
-    (core.full, core.warm) = (true, true);
+    (core.full, core.cold) = (true, 0);
     Ok(())
 }
 
 impl Core {
     /// Sets memory aside for the next call, unless all that it takes is there.
     fn memory(&self) -> Result<Option<Grant>, Failure> {
-        (!self.warm).then(|| self.limits.encoder(self.encoder.camera())).transpose()
+        (self.cold > 0).then(|| self.limits.encoder(self.encoder.camera())).transpose()
+    }
+
+    /// The next frames take memory again.
+    pub(super) fn chill(&mut self) {
+        self.cold = self.most_cold;
+    }
+
+    /// Takes a frame in.
+    pub(super) fn take_in(&mut self, given: Given) -> Result<(), Failure> {
+        self.encoder.check_known(&given.known).map_err(frame::refused)?;
+        let mut converter = self.converter.lock().unwrap_or_else(PoisonError::into_inner);
+        converter.convert(&given.view, &mut self.frame)?;
+        self.known = given.known;
+        Ok(())
+    }
+
+    /// The first half of a frame, if another thread codes its difference picture.
+    pub(super) fn track(
+        &mut self,
+        frame: &Picture,
+        known: &Known,
+        tracked: &mut TrackedFrame,
+    ) -> Result<(), Failure> {
+        let _memory = self.memory()?;
+        self.encoder.check_known(known).map_err(frame::refused)?;
+        self.encoder.track_next(frame, known, tracked)?;
+        self.cold = self.cold.saturating_sub(1);
+        Ok(())
     }
 }
 
-/// Takes a frame in.
+/// A frame as the caller gives it.
 ///
 /// # Safety
-/// `image` is null or valid.
-unsafe fn prepare(core: &mut Core, image: *const nvsp_image, known: Known) -> Result<(), Failure> {
-    // SAFETY: as the caller promises; the view ends with this call.
-    let view = unsafe { image::view(image)? };
-    core.encoder.check_known(&known).map_err(frame::refused)?;
-    core.converter.convert(&view, &mut core.frame)?;
-    core.known = known;
-    Ok(())
+/// `image` is null or valid, and its planes do not change for as long as the result is in use.
+unsafe fn given<'a>(image: *const nvsp_image, known: Known) -> Result<Given<'a>, Failure> {
+    // SAFETY: as the caller promises.
+    Ok(Given { view: unsafe { image::view(image)? }, known })
 }
 
 /// Takes a frame in, encodes it and writes its packet. `known` reads what the caller knows of it.
@@ -824,14 +884,14 @@ unsafe fn prepare(core: &mut Core, image: *const nvsp_image, known: Known) -> Re
 /// # Safety
 /// `image` is null or valid.
 unsafe fn encode_now(
-    worker: &mut Worker<Core>,
+    work: &mut Work,
     image: *const nvsp_image,
     place: Place,
     known: impl FnOnce() -> Result<Known, Failure>,
 ) -> Result<nvsp_status, Failure> {
     // SAFETY: as the caller promises.
-    worker.run(|core| unsafe { prepare(core, image, known()?) })?;
-    worker.take(|core| place.write(core))
+    work.run(|| unsafe { given(image, known()?) })?;
+    work.take(|encoded| place.write(encoded))
 }
 
 /// Checked places for a packet and its figures.
@@ -863,8 +923,8 @@ impl Place {
     }
 
     /// Writes all of it, or nothing.
-    fn write(&self, core: &Core) -> Result<(), Failure> {
-        let Encoded { packet, stats, pose, .. } = &core.encoded;
+    fn write(&self, encoded: &Encoded) -> Result<(), Failure> {
+        let Encoded { packet, stats, pose, .. } = encoded;
         if packet.len() > self.size {
             // SAFETY: not null, and valid as the maker of this promised.
             unsafe { *self.written = packet.len() };

@@ -1,6 +1,6 @@
 //! The lens that an encoder's frames were taken through, and the mask of what counts of them.
 
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 
 use crate::geometry::{Distortion, Intrinsics, Lens};
 use crate::image::{Converter, Mask};
@@ -267,8 +267,11 @@ impl Core {
         let _memory = self.limits.seen(&camera, seen.bytes(&camera), same_camera)?;
         let (converter, mask) = seen.through(&camera)?;
         self.encoder.set_view(&camera, mask)?;
-        self.warm &= same_camera;
-        (self.seen, self.converter) = (seen, converter);
+        if !same_camera {
+            self.chill();
+        }
+        self.seen = seen;
+        *self.converter.lock().unwrap_or_else(PoisonError::into_inner) = converter;
         self.frame.resize(camera.width, camera.height);
         Ok(())
     }

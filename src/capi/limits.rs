@@ -32,6 +32,17 @@ impl Limits {
         Grant::take("an encoder", encoder(camera.width, camera.height), self.host_bytes)
     }
 
+    /// Sets memory aside for an encoder that has two frames under way.
+    pub(super) fn pipelined(&self, camera: &Camera) -> Result<Grant, Failure> {
+        self.check(camera.width, camera.height)?;
+        Grant::take("an encoder", 2 * encoder(camera.width, camera.height), self.host_bytes)
+    }
+
+    /// Sets memory aside for coding difference pictures of this size.
+    pub(super) fn coder(&self, (width, height): (u32, u32)) -> Result<Grant, Failure> {
+        Grant::take("a coder of difference pictures", encoder(width, height), self.host_bytes)
+    }
+
     /// Sets memory aside for reading a mask of this size, as far as it can be one.
     pub(super) fn mask(&self, width: u32, height: u32) -> Result<Grant, Failure> {
         let most = u64::from(ImageView::MAX_SIDE);

@@ -35,8 +35,10 @@ enum State {
     Asked,
     /// Begun, but nobody wants the outcome.
     Cancelled,
-    /// Ended, the outcome not taken yet.
-    Done(Result<(), Failure>),
+    /// Begun and ended. The outcome is the caller's to take or to cancel: no other call may drop it.
+    Ended(Result<(), Failure>),
+    /// An outcome that could not be handed over. The next job drops it.
+    Kept,
     /// The thread is to end.
     Quit,
 }
@@ -52,7 +54,7 @@ impl<C> Shared<C> {
         let mut state = self.state();
         let wanted = matches!(*state, State::Asked);
         if wanted {
-            *state = State::Done(outcome);
+            *state = State::Ended(outcome);
             self.changed.notify_all();
         }
         wanted
@@ -77,19 +79,22 @@ impl<C: Send + 'static> Worker<C> {
         Worker { shared, thread: None, job, dropped, name, start }
     }
 
-    /// What the job works on. Fails while the job runs.
+    /// What the job works on. Fails from the job's beginning until its outcome is taken or cancelled.
     pub(super) fn core(&self) -> Result<MutexGuard<'_, C>, Failure> {
-        if matches!(*self.shared.state(), State::Asked | State::Cancelled) {
+        if !matches!(*self.shared.state(), State::Idle | State::Kept) {
             return Err(Failure::at(NVSP_ERR_UNFINISHED, "finish it or cancel it"));
         }
+        self.lock()
+    }
+
+    fn lock(&self) -> Result<MutexGuard<'_, C>, Failure> {
         self.shared.core.try_lock().map_err(|error| match error {
             TryLockError::Poisoned(_) => Failure::at(NVSP_ERR_POISONED, "the job failed before"),
             TryLockError::WouldBlock => Failure::at(NVSP_ERR_UNFINISHED, "it is ending"),
         })
     }
 
-    /// Does the job on this thread. Once the job is prepared, an earlier outcome that was not taken
-    /// is dropped.
+    /// Does the job on this thread. Once the job is prepared, an outcome that was kept is dropped.
     pub(super) fn run(
         &mut self,
         prepare: impl FnOnce(&mut C) -> Result<(), Failure>,
@@ -101,11 +106,12 @@ impl<C: Send + 'static> Worker<C> {
             self.shared.set(State::Idle);
             job(&mut core)?;
         }
-        self.shared.set(State::Done(Ok(())));
+        self.shared.set(State::Kept);
         Ok(())
     }
 
-    /// Prepares the job on this thread. The other thread then does it.
+    /// Prepares the job on this thread. The other thread then does it. Once the job is prepared, an outcome that was
+    /// kept is dropped.
     pub(super) fn begin(
         &mut self,
         prepare: impl FnOnce(&mut C) -> Result<(), Failure>,
@@ -134,7 +140,7 @@ impl<C: Send + 'static> Worker<C> {
             .unwrap_or_else(PoisonError::into_inner);
         match *state {
             State::Asked | State::Cancelled => Ok(NVSP_PENDING),
-            State::Done(_) => Ok(NVSP_OK),
+            State::Ended(_) | State::Kept => Ok(NVSP_OK),
             State::Idle | State::Quit => Err(Failure::at(NVSP_ERR_STATE, "nothing was begun")),
         }
     }
@@ -148,17 +154,16 @@ impl<C: Send + 'static> Worker<C> {
                 *state = State::Cancelled;
                 Ok(NVSP_PENDING)
             }
-            State::Done(_) => {
+            State::Ended(_) | State::Kept => {
                 *state = State::Idle;
                 drop(state);
-                (self.dropped)(&mut *self.core()?);
+                (self.dropped)(&mut *self.lock()?);
                 Ok(NVSP_OK)
             }
         }
     }
 
-    /// Takes the outcome: the job's error, or what `fetch` makes of the core. If `fetch` fails,
-    /// the outcome stays.
+    /// Takes the outcome: the job's error, or what `fetch` makes of the core. If `fetch` fails, the outcome is kept.
     pub(super) fn take(
         &mut self,
         fetch: impl FnOnce(&C) -> Result<(), Failure>,
@@ -167,12 +172,12 @@ impl<C: Send + 'static> Worker<C> {
             return Ok(NVSP_PENDING);
         }
         let done = std::mem::replace(&mut *self.shared.state(), State::Idle);
-        if let State::Done(Err(failure)) = done {
+        if let State::Ended(Err(failure)) = done {
             return Err(failure);
         }
-        let fetched = self.core().and_then(|core| fetch(&core));
+        let fetched = self.lock().and_then(|core| fetch(&core));
         if fetched.is_err() {
-            self.shared.set(State::Done(Ok(())));
+            self.shared.set(State::Kept);
         }
         fetched.map(|()| NVSP_OK)
     }
@@ -196,7 +201,7 @@ impl<C> Drop for Worker<C> {
 /// The thread: does the job whenever it is asked for.
 fn serve<C>(shared: &Shared<C>, job: Job<C>, dropped: fn(&mut C)) {
     loop {
-        let rest = |state: &mut State| matches!(state, State::Idle | State::Done(_));
+        let rest = |state: &mut State| matches!(state, State::Idle | State::Ended(_) | State::Kept);
         let state = shared.changed.wait_while(shared.state(), rest);
         if matches!(*state.unwrap_or_else(PoisonError::into_inner), State::Quit) {
             return;
@@ -262,9 +267,23 @@ mod tests {
         worker.begin(|_| Ok(())).unwrap();
         assert_eq!(worker.wait(LONG).unwrap(), NVSP_OK);
         assert_eq!(status(worker.take(|_| Ok(()))), Some(NVSP_ERR_ARGUMENT));
+        assert_eq!(*worker.core().unwrap(), 3);
+    }
+
+    #[test]
+    fn only_an_outcome_that_could_not_be_handed_over_is_dropped_by_the_next_job() {
+        let mut worker = worker(10, count);
+        worker.begin(|_| Ok(())).unwrap();
+        assert_eq!(worker.wait(LONG).unwrap(), NVSP_OK);
+        assert_eq!(status(worker.core()), Some(NVSP_ERR_UNFINISHED));
+        assert_eq!(status(worker.begin(|_| Ok(()))), Some(NVSP_ERR_UNFINISHED));
+        assert_eq!(status(worker.run(|_| Ok(()))), Some(NVSP_ERR_UNFINISHED));
+        assert_eq!(status(worker.take(|_| Err(Failure::Room { needed: 2, found: 1 }))), Some(-5));
+        assert_eq!(*worker.core().unwrap(), 11);
         worker.begin(|_| Ok(())).unwrap();
         worker.wait(LONG).unwrap();
-        assert_eq!(*worker.core().unwrap(), 4);
+        worker.take(|_| Ok(())).unwrap();
+        assert_eq!(*worker.core().unwrap(), 12);
     }
 
     #[test]
@@ -288,6 +307,7 @@ mod tests {
         assert_eq!(status(worker.begin(|_| Ok(()))), Some(NVSP_ERR_UNFINISHED));
         assert_eq!(worker.take(|_| Ok(())).unwrap(), NVSP_PENDING);
         assert_eq!(worker.wait(LONG).unwrap(), NVSP_OK);
+        assert_eq!(worker.take(|_| Ok(())).unwrap(), NVSP_OK);
         worker.begin(|_| Ok(())).unwrap();
         drop(worker); // Waits, and does not hang.
     }

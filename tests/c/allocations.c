@@ -185,6 +185,39 @@ static void whole_way(int number) {
     MUST(nvsp_decode(both.decoder, arrived, size - size / 3, NVSP_DECODE_START, &place, &info));
 }
 
+// Two frames under way at once, through a lens, with a mask.
+static void two_at_once(void) {
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
+    options.pipelined = 1;
+    options.camera_interval = 10;
+    rig_add(&both, &dive.camera, &options);
+    nvsp_lens lens = {NVSP_HEAD(nvsp_lens), .model = NVSP_LENS_FISHEYE, .count = 4, .width = dive.camera.width,
+                      .height = dive.camera.height, .fx = 78, .fy = 78, .cx = 48, .cy = 27};
+    MUST(nvsp_encoder_set_lens(both.encoder, &lens));
+    memset(pixels, 255, dive.size);
+    memset(pixels, 0, 20);
+    const nvsp_mask mask = {NVSP_HEAD(nvsp_mask), .width = dive.camera.width, .height = dive.camera.height,
+                            .pixels = pixels, .stride = dive.camera.width, .size = dive.size};
+    MUST(nvsp_encoder_set_mask(both.encoder, &mask));
+    for (int frame = 0; frame < 24; frame++) {
+        const nvsp_image image = scene_image(&dive, frame % dive.frames);
+        if (frame == 4) {
+            start_counting();
+        }
+        MUST(nvsp_encode_begin(both.encoder, &image, frame == 0 ? &dive.poses[0] : NULL));
+        if (frame > 0) {
+            size_t size = 0;
+            MUST(nvsp_encode_wait(both.encoder, 60000));
+            MUST(nvsp_encode_finish(both.encoder, sent, sizeof sent, &size, NULL));
+        }
+    }
+    CHECK(stop_counting("two frames at once, through a lens") == 0);
+    nvsp_encoder_destroy(both.encoder);
+    nvsp_decoder_destroy(both.decoder);
+    both.encoder = NULL;
+    both.decoder = NULL;
+}
+
 int main(int argc, char **argv) {
     if (argc != 2) {
         give_up("usage: allocations SCENE");
@@ -227,6 +260,7 @@ int main(int argc, char **argv) {
         both.encoder = NULL;
         both.decoder = NULL;
     }
+    two_at_once();
     CHECK(uncounted > 0);
     free(pixels);
     rig_close(&both);

@@ -205,6 +205,7 @@ static void begun_and_finished(void) {
         EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
         EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
         EXPECT(NVSP_OK, nvsp_decode_poll(decoder));
+        EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
         EXPECT(NVSP_OK, nvsp_decode_finish(decoder, &place, &info));
         CHECK(memcmp(pixels, shown[i], dive.size) == 0 && info.frame == (uint32_t)i);
     }

@@ -34,6 +34,7 @@ programs! {
     images: [];
     encoding: [];
     lens_and_mask: [];
+    pipelined: [];
     decoding: [];
     threads: [];
     given_device: [];
