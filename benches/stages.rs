@@ -52,6 +52,7 @@ fn render(criterion: &mut Criterion) {
             jacobians,
             search: None,
             sort_precision: Default::default(),
+            depths: false,
             profiled: false,
         };
         let mut renderer = engine.renderer(&scene, &camera, plan).expect("a renderer");

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use crate::packet::{Latent, RenderCheck, Residual, Salvage, Session};
+use crate::packet::{Latent, Reference, RenderCheck, Residual, Salvage, Session};
 use crate::render::{Plan, Renderer, Scene};
-use crate::residual::ResidualDecoder;
+use crate::residual::{ResidualDecoder, StreamFrame, Vantage};
 use crate::{Camera, Engine, Error, Packet, Picture, Pose};
 
 /// A decoded frame.
@@ -28,6 +28,12 @@ pub struct Decoded {
     /// Rows, from the top, that the residual reached; the others are the render alone. A wavelet payload reaches all
     /// rows; the more of it arrived, the finer they are.
     pub rows: u32,
+    /// Number of the frame whose residual this one's leans on; `None`: it stands alone. If that frame is missing, `damage`
+    /// says so.
+    pub reference: Option<u32>,
+    /// Later frames of the stream may lean on this one: it came in full. Tell the vehicle, if there is a return channel:
+    /// [`Encoder::acknowledge`](crate::Encoder::acknowledge).
+    pub kept: bool,
     /// Why a part of the packet could not be used.
     pub damage: Option<Error>,
 }
@@ -49,6 +55,28 @@ struct CameraDecoder {
     camera: Camera,
     renderer: Renderer,
     residual: ResidualDecoder,
+    /// Of the render's pixels, if the frame leans on another.
+    depths: Vec<f32>,
+}
+
+/// A packet that is to be decoded.
+struct Arrived<'a> {
+    salvage: &'a Salvage<'a>,
+    trust: Trust,
+    frame: u32,
+    /// Both devices are.
+    portable: bool,
+}
+
+impl Arrived<'_> {
+    /// What its residual leans on, as far as the residual is used.
+    fn reference(&self) -> Option<Reference> {
+        match (&self.salvage.residual, &self.salvage.residual_start) {
+            (Ok(Residual::Stream { reference, .. }), _) => *reference,
+            (Err(_), Some(start)) if self.trust == Trust::Start => start.reference,
+            _ => None,
+        }
+    }
 }
 
 /// What is known of a packet's bytes.
@@ -101,6 +129,26 @@ impl Decoder {
         };
         let ready = self.camera_decoder.as_ref().is_some_and(|view| view.camera == camera);
         (!ready).then_some((camera.width, camera.height))
+    }
+
+    /// The picture size of a packet, if it is the first of a stream from a camera: decoding it then takes memory for the
+    /// frames that others lean on. `None` also as for [`Decoder::size_to_prepare`].
+    pub fn stream_to_prepare(&self, bytes: &[u8]) -> Option<(u32, u32)> {
+        let Salvage { latent, camera, residual, residual_start, .. } =
+            Packet::salvage(bytes).ok()?;
+        let is_stream = match residual {
+            Ok(residual) => matches!(residual, Residual::Stream { .. }),
+            Err(_) => residual_start.is_some_and(|start| start.reference.is_some()),
+        };
+        if !is_stream {
+            return None;
+        }
+        let camera = match camera {
+            Ok(Some(camera)) => camera,
+            _ => *self.camera_of(&latent)?,
+        };
+        let ready = |view: &CameraDecoder| view.camera == camera && !view.depths.is_empty();
+        (!self.camera_decoder.as_ref().is_some_and(ready)).then_some((camera.width, camera.height))
     }
 
     /// Goes on with another engine, after the device of the old one was lost. `scene` is the same
@@ -164,13 +212,19 @@ impl Decoder {
         let view = self.camera_decoder(&latent, frame)?;
         let Camera { width, height, .. } = view.camera;
         decoded.picture.resize(width, height);
-        view.renderer.coded_picture(&latent.pose.words(), &mut decoded.picture)?;
+        let portable = latent.portable && here;
+        let arrived = Arrived { salvage: &salvage, trust, frame, portable };
+        let vantage = view.draw(&latent, &arrived, &mut decoded.picture)?;
+        let behind = arrived.reference().map(|reference| u32::from(reference.distance));
+        decoded.reference = behind.map(|by| frame.wrapping_sub(by) % Latent::FRAMES);
         (decoded.frame, decoded.pose) = (frame, pose);
         decoded.uncertain = latent.uncertain;
-        decoded.portable = latent.portable && here;
+        decoded.portable = portable;
         let told = salvage.render.as_ref().ok().copied().flatten();
         decoded.same_render = told.map(|check| check == RenderCheck::of(&decoded.picture));
-        let rows = view.add_residual(&salvage, trust, decoded.portable, &mut decoded.picture);
+        let rows = view.add_residual(&arrived, &vantage, &mut decoded.picture);
+        let whole = matches!(salvage.residual, Ok(Residual::Stream { .. })) && rows.is_ok();
+        decoded.kept = whole && portable;
         (decoded.damage, decoded.rows) = match rows {
             Ok((rows, damage)) => (damage.or(camera_damage), rows),
             Err(error) => (Some(error), 0),
@@ -197,11 +251,13 @@ impl Decoder {
             },
         };
         let camera = *self.camera_of(latent).ok_or_else(unknown)?;
+        let plan = Plan { depths: true, ..Plan::picture() };
         let view = match self.camera_decoder.take() {
             Some(view) if view.camera == camera => view,
             _ => CameraDecoder {
                 camera,
-                renderer: self.engine.renderer(&self.scene, &camera, Plan::picture())?,
+                renderer: self.engine.renderer(&self.scene, &camera, plan)?,
+                depths: Vec::new(),
                 residual: ResidualDecoder::new(
                     camera.width,
                     camera.height,
@@ -214,22 +270,58 @@ impl Decoder {
 }
 
 impl CameraDecoder {
+    /// Draws the render; with depths, if it takes them to add the residual. Returns where it is seen from.
+    fn draw(
+        &mut self,
+        latent: &Latent,
+        arrived: &Arrived,
+        picture: &mut Picture,
+    ) -> Result<Vantage, Error> {
+        let code = latent.pose.words();
+        let vantage = Vantage { camera: self.camera, placement: self.renderer.placed(&code) };
+        let leans = |reference| self.residual.holds(reference, arrived.frame, &vantage);
+        let deep = arrived.portable && arrived.reference().is_some_and(leans);
+        match deep {
+            true => self.renderer.draw_coded_deep(&code)?,
+            false => self.renderer.draw_coded(&code)?,
+        }
+        picture.data.copy_from_slice(self.renderer.rendered());
+        if deep {
+            self.depths.clear();
+            self.depths.extend(self.renderer.depths());
+        } else if matches!(arrived.salvage.residual, Ok(Residual::Stream { .. })) {
+            // Room is made with the first frame of a stream.
+            self.depths.resize(self.camera.pixels(), 0.0);
+        }
+        Ok(vantage)
+    }
+
     /// Turns the render into the picture. Returns the rows that a residual reached, and what was damaged.
     fn add_residual(
         &mut self,
-        salvage: &Salvage,
-        trust: Trust,
-        portable: bool,
+        arrived: &Arrived,
+        vantage: &Vantage,
         picture: &mut Picture,
     ) -> Result<(u32, Option<Error>), Error> {
+        let Arrived { salvage, trust, frame, portable } = *arrived;
+        let stream = StreamFrame { frame, vantage, depths: &self.depths };
         match (&salvage.residual, &salvage.residual_start) {
             (Ok(Residual::None | Residual::Omitted), _) => Ok((0, None)),
+            (Ok(Residual::Stream { reference, payload }), _) => {
+                self.residual.add_in_stream(*reference, payload, &stream, portable, picture)?;
+                Ok((picture.height, None))
+            }
             (Ok(residual), _) => {
                 self.residual.add(residual, portable, picture)?;
                 Ok((picture.height, None))
             }
             (Err(error), Some(start)) if trust == Trust::Start => {
-                let rows = self.residual.add_start(start, portable, picture)?;
+                let rows = match start.reference {
+                    Some(_) => {
+                        self.residual.add_start_in_stream(start, &stream, portable, picture)?
+                    }
+                    None => self.residual.add_start(start, portable, picture)?,
+                };
                 Ok((rows, Some(error.clone().into())))
             }
             (Err(error), _) => Err(error.clone().into()),

@@ -40,6 +40,8 @@ pub struct FrameStats {
     pub stop: Stop,
     /// Which directions of the pose the picture determines, and how well.
     pub observability: Observability,
+    /// Number of the frame whose residual this one's leans on; `None`: it stands alone.
+    pub reference: Option<u32>,
     /// Whether the residual's rate was kept; true if no residual was asked for.
     pub rate_kept: bool,
     /// Whether the picture confirms the pose. While it does not, the pose is looked for again at every

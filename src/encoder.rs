@@ -6,8 +6,8 @@ use std::time::Instant;
 use crate::image::{Mask, Preprocessing, Preprocessor};
 use crate::packet::{Latent, PoseProfile, QuantisedPose};
 use crate::render::{Plan, Scene};
-use crate::residual::{ResidualCoder, ResidualEncoder, ResidualSetup};
-use crate::tracked_frame::TrackedFrame;
+use crate::residual::{Acknowledged, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Vantage};
+use crate::tracked_frame::{TrackedFrame, TrackedStream};
 use crate::tracking::{Evaluation, Found, Known, Objective, Optimizer, RefineOptions, Tracker};
 use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
 
@@ -25,6 +25,9 @@ pub struct EncoderOptions {
     pub rate: Option<Rate>,
     /// The coder of the difference picture.
     pub residual: ResidualCoder,
+    /// Whether difference pictures lean on those of earlier frames. They do not if the device is not portable: the topside
+    /// could not know what they lean on.
+    pub mode: Mode,
     /// How poses are written.
     pub profile: PoseProfile,
     /// A packet has the short form if an earlier packet stated its prior and camera: a latent part of 19 bytes in place
@@ -60,6 +63,7 @@ impl Default for EncoderOptions {
             threshold: 1e-3,
             rate: Some(Rate::Quality(10.0)),
             residual: ResidualCoder::default(),
+            mode: Mode::default(),
             profile: PoseProfile::Compact,
             short: true,
             camera_interval: 64,
@@ -91,6 +95,10 @@ pub struct Encoder {
     camera_age: Option<u32>,
     /// The next packet has the full form, whatever else.
     full_due: bool,
+    /// No frame of the stream may lean on one before the next.
+    stream_ended: bool,
+    /// What the topside is known to hold.
+    acknowledged: Acknowledged,
     /// The last time that a frame stated.
     time: Option<f64>,
 }
@@ -103,6 +111,9 @@ impl Encoder {
         camera: &Camera,
         options: EncoderOptions,
     ) -> Result<Encoder, Error> {
+        if options.mode != Mode::Intra && options.residual != ResidualCoder::Wavelet {
+            return Err(Error::StreamCoder);
+        }
         let objective = objective(engine, scene, camera, &options)?;
         let (threshold, profile) = (options.threshold, options.profile.word());
         let tracker = Tracker::new(objective, options.refine, threshold, profile);
@@ -125,6 +136,8 @@ impl Encoder {
             renders_before: Vec::new(),
             camera_age: None,
             full_due: true,
+            stream_ended: false,
+            acknowledged: Acknowledged::default(),
             time: None,
         })
     }
@@ -171,6 +184,13 @@ impl Encoder {
         self.options.rate = rate;
     }
 
+    /// Tells the encoder that the topside has decoded a frame in full, residual and all:
+    /// [`Decoded::kept`](crate::Decoded::kept). In a stream of [`Structure::Acknowledged`] later frames lean on it. `frame`
+    /// may be modulo 2²⁴. Frames that are unknown, or too old to be leaned on, change nothing.
+    pub fn acknowledge(&mut self, frame: u32) {
+        self.acknowledged.add(frame);
+    }
+
     /// The setup of the coder for a camera's difference pictures.
     pub(crate) fn residual_setup(&self) -> ResidualSetup {
         residual_setup(&self.engine, &self.scene, &self.camera, self.options.residual)
@@ -191,9 +211,11 @@ impl Encoder {
         Ok(())
     }
 
-    /// Gives the next packet the full form and the camera. Call it if a topside asks what the packets are about.
+    /// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside asks
+    /// what the packets are about, or if a packet was not sent.
     pub fn announce(&mut self) {
         self.camera_age = None;
+        self.stream_ended = true;
     }
 
     /// The camera of the next frame.
@@ -278,6 +300,7 @@ impl Encoder {
         let found = self.tracker.track(&tracked.frame, known)?;
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
+        self.set_stream(&pose, tracked);
         let lost_frames = self.lost_frames_with(&found);
         let camera = self.camera_due().then_some(self.camera);
         tracked.checked = self.check_due();
@@ -309,6 +332,7 @@ impl Encoder {
         stats.renders.extend(renders.map(|(after, before)| after - before));
         stats.full_renders = stats.renders[0];
         stats.frame = self.frame;
+        stats.reference = None;
         stats.start = found.start;
         stats.stop = found.outcome.stop;
         stats.submissions = found.submissions;
@@ -320,6 +344,25 @@ impl Encoder {
         Ok(found)
     }
 
+    /// States what the frame may lean on.
+    fn set_stream(&mut self, pose: &QuantisedPose, tracked: &mut TrackedFrame) {
+        let renderer = self.tracker.objective().renderer();
+        tracked.depths.clear();
+        tracked.stream = match self.options.mode {
+            Mode::Stream(structure) if self.engine.device().portable => {
+                tracked.depths.extend(renderer.depths());
+                let placement = renderer.placed(&pose.words());
+                Some(TrackedStream {
+                    vantage: Vantage { camera: self.camera, placement },
+                    structure,
+                    acknowledged: self.acknowledged,
+                    first: self.stream_ended,
+                })
+            }
+            _ => None,
+        };
+    }
+
     /// [`lost_frames`](crate::FrameStats::lost_frames) of the next frame.
     fn lost_frames_with(&self, found: &Found) -> u32 {
         if found.certain { 0 } else { self.tracker.lost_frames().saturating_add(1) }
@@ -329,7 +372,7 @@ impl Encoder {
     fn keep(&mut self, tracked: &TrackedFrame, found: &Found, known: &Known) {
         let sent = tracked.camera.is_some();
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
-        self.full_due = false;
+        (self.full_due, self.stream_ended) = (false, false);
         self.frame = self.frame.wrapping_add(1);
         self.time = known.time.or(self.time);
         self.tracker.keep(found);
@@ -341,6 +384,8 @@ impl Encoder {
         self.tracker.reset();
         self.time = None;
         self.full_due = true;
+        self.stream_ended = true;
+        self.acknowledged = Acknowledged::default();
     }
 
     /// Renders up to `most` of the prior's key frames that are not rendered yet, and returns how many are left. With
@@ -378,7 +423,11 @@ impl Encoder {
             return Ok(QuantisedPose::of_words(code)?);
         }
         let pose = QuantisedPose::quantise(&found.outcome.pose, &self.scene.frame(), profile)?;
-        self.tracker.objective().renderer().draw_coded(&pose.words())?;
+        let renderer = self.tracker.objective().renderer();
+        match self.options.mode {
+            Mode::Intra => renderer.draw_coded(&pose.words())?,
+            Mode::Stream(_) => renderer.draw_coded_deep(&pose.words())?,
+        }
         Ok(pose)
     }
 
@@ -452,6 +501,7 @@ fn objective(
         jacobians: if search { Vec::new() } else { vec![jacobian] },
         search: search.then_some(jacobian),
         sort_precision: options.refine.sort_precision,
+        depths: options.mode != Mode::Intra,
         profiled: false,
     };
     Ok(Objective::new(engine.renderer(scene, camera, plan)?))

@@ -59,6 +59,9 @@ pub enum Error {
     /// A mask leaves nothing of the frames.
     #[error("a mask by which no pixel counts; white (128 and more) counts, black does not")]
     MaskEmpty,
+    /// A stream was asked for with a coder that knows none.
+    #[error("streams take the wavelet coder: choose it, or code every frame by itself")]
+    StreamCoder,
     /// A byte budget cannot hold a packet without any residual.
     #[error("a budget of {budget} bytes: pose and camera alone take {needed}")]
     Budget {

@@ -65,5 +65,5 @@ pub use image::Picture;
 pub use packet::Packet;
 pub use pipeline::Pipeline;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
-pub use residual::Rate;
+pub use residual::{Mode, Rate, Structure};
 pub use tracking::{Hint, Known};

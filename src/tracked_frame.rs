@@ -5,7 +5,9 @@ use std::time::Instant;
 
 use crate::image::{Mask, psnr_of_mse};
 use crate::packet::{Latent, RenderCheck, Residual};
-use crate::residual::{ResidualEncoder, ResidualSetup};
+use crate::residual::{
+    Acknowledged, InStream, ResidualEncoder, ResidualSetup, StreamFrame, Structure, Vantage,
+};
 use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
 
 /// What a frame's packet is made of. Buffers are kept from frame to frame.
@@ -25,9 +27,23 @@ pub(crate) struct TrackedFrame {
     pub rate: Option<Rate>,
     /// What codes the difference.
     pub residual: Option<ResidualSetup>,
+    /// What it may lean on; `None`: it is coded by itself.
+    pub stream: Option<TrackedStream>,
+    /// Depths of the render; in streams only.
+    pub depths: Vec<f32>,
     pub pose: Pose,
     /// As far as they are known.
     pub stats: FrameStats,
+}
+
+/// What a frame of a stream may lean on.
+#[derive(Clone, Copy)]
+pub(crate) struct TrackedStream {
+    pub vantage: Vantage,
+    pub structure: Structure,
+    pub acknowledged: Acknowledged,
+    /// Frames before it are forgotten.
+    pub first: bool,
 }
 
 impl TrackedFrame {
@@ -110,10 +126,40 @@ impl TrackedFrame {
         let (frame, render, difference) = (&self.frame, &self.render, &mut self.difference);
         // The coder counts the check of the full form.
         let others = needed - packet.latent.spared_check();
-        let coded = residual.encode_difference(frame, render, difference, rate, others)?;
+        let in_stream = self.stream.as_ref().map(|stream| InStream {
+            frame: StreamFrame {
+                frame: self.stats.frame,
+                vantage: &stream.vantage,
+                depths: &self.depths,
+            },
+            structure: stream.structure,
+            acknowledged: &stream.acknowledged,
+        });
+        if self.stream.as_ref().is_none_or(|stream| stream.first) {
+            residual.forget();
+        }
+        let coded = match &in_stream {
+            Some(stream) => residual.encode_in_stream(frame, render, rate, others, stream)?,
+            None => residual.encode_difference(frame, render, difference, rate, others)?,
+        };
         packet.residual = coded.residual;
+        let reached = coded.reached;
         encoded.picture.clone_from(coded.reconstruction);
         packet.write(&mut encoded.packet)?;
-        Ok(coded.reached)
+        self.stats.reference = reference_of(&packet.residual, self.stats.frame);
+        if let Some(stream) = in_stream {
+            residual.keep(&stream.frame, &self.render);
+        }
+        Ok(reached)
+    }
+}
+
+/// The frame that a residual leans on.
+fn reference_of(residual: &Residual, frame: u32) -> Option<u32> {
+    match residual {
+        Residual::Stream { reference: Some(reference), .. } => {
+            Some(frame.wrapping_sub(reference.distance.into()))
+        }
+        _ => None,
     }
 }

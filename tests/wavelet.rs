@@ -63,6 +63,7 @@ fn a_payload_cut_at_any_byte_gives_a_picture_that_grows_finer() {
     let last = camera.psnr(&decode(&payload, &render));
     for len in 0..payload.len() {
         let start = ResidualStart {
+            reference: None,
             coder: Coder::Wavelet,
             payload: &payload[..len],
             payload_len: payload.len(),
@@ -209,7 +210,7 @@ proptest! {
         let mut shown = render.clone();
         if cut {
             let start =
-                ResidualStart { coder: Coder::Wavelet, payload: &bytes, payload_len: 1000 };
+                ResidualStart { coder: Coder::Wavelet, reference: None, payload: &bytes, payload_len: 1000 };
             prop_assert!(decoder().add_start(&start, true, &mut shown).is_ok());
         } else {
             decode(&bytes, &render);

@@ -58,6 +58,12 @@ pub const NVSP_DECODED_SAME_RENDER: u32 = 8;
 /// The render is not the vehicle's: the vehicle's device, or its driver, rounds differently.
 pub const NVSP_DECODED_OTHER_RENDER: u32 = 16;
 
+/// The frame is one of a stream, and its difference picture leans on that of nvsp_decoded.reference.
+pub const NVSP_DECODED_LEANS: u32 = 8192;
+/// The frame is one of a stream and came in full: later ones may lean on it. If there is a return channel, tell the
+/// vehicle: nvsp_encoder_acknowledge.
+pub const NVSP_DECODED_KEPT: u32 = 16384;
+
 /// What decoding a packet gave besides the picture.
 #[allow(non_camel_case_types)]
 #[repr(C)]
@@ -79,10 +85,15 @@ pub struct nvsp_decoded {
     /// alone. The start of a wavelet payload reaches all rows.
     pub rows: u32,
     /// NVSP_OK, or what was wrong with a part of the packet that the picture does without:
-    /// NVSP_ERR_RESIDUAL (the difference picture) or NVSP_ERR_PACKET (the camera).
+    /// NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_REFERENCE (the frame that it leans on is missing) or
+    /// NVSP_ERR_PACKET (the camera).
     pub damage: nvsp_status,
     /// The pose.
     pub pose: nvsp_pose,
+    /// With NVSP_DECODED_LEANS: the number of the frame that the difference picture leans on, modulo 2^24; else 0.
+    pub reference: u32,
+    /// Zero.
+    pub reserved: u32,
 }
 versioned!(nvsp_decoded, 96);
 
@@ -219,7 +230,8 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 
 /// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
 /// a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
-/// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host. The
+/// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and from
+/// the first packet of a stream on 1 MiB and 160 bytes per pixel more. The
 /// pixels are those of the packet's picture, with sides rounded up to multiples of 16.
 ///
 /// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
@@ -466,6 +478,8 @@ fn dropped(_: &mut Core) {}
 fn decode(core: &mut Core) -> Result<(), Failure> {
     let size = core.decoder.size_to_prepare(&core.packet);
     let _memory = size.map(|size| core.limits.decoder(size)).transpose()?;
+    let size = core.decoder.stream_to_prepare(&core.packet);
+    let _stream = size.map(|size| core.limits.stream(size)).transpose()?;
     Ok(core.decoder.decode_into(&core.packet, core.trust, &mut core.decoded)?)
 }
 
@@ -530,10 +544,14 @@ unsafe fn fetch(
         height: decoded.picture.height,
         flags: if decoded.uncertain { super::encoder::NVSP_FRAME_UNCERTAIN } else { 0 }
             | if decoded.portable { 0 } else { super::encoder::NVSP_FRAME_NOT_PORTABLE }
+            | if decoded.reference.is_some() { NVSP_DECODED_LEANS } else { 0 }
+            | if decoded.kept { NVSP_DECODED_KEPT } else { 0 }
             | render,
         rows: decoded.rows,
         damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),
         pose: image::pose_out(&decoded.pose),
+        reference: decoded.reference.unwrap_or(0),
+        reserved: 0,
     });
     Ok(())
 }

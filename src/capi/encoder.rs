@@ -9,7 +9,9 @@ use crate::packet::PoseProfile;
 use crate::residual::ResidualCoder;
 use crate::tracked_frame::TrackedFrame;
 use crate::tracking::{Optimizer, StartKind, Stop};
-use crate::{Encoded, Encoder, EncoderOptions, Known, Picture, Rate, packet_bound};
+use crate::{
+    Encoded, Encoder, EncoderOptions, Known, Mode, Picture, Rate, Structure, packet_bound,
+};
 
 use super::engine::nvsp_engine;
 use super::frame::{self, nvsp_frame_info};
@@ -95,6 +97,24 @@ pub const NVSP_RESIDUAL_WAVELET: u32 = 0;
 /// WebP codes the difference picture, as in the paper.
 pub const NVSP_RESIDUAL_WEBP: u32 = 1;
 
+/// Every frame stands alone: a lost packet costs its own frame.
+pub const NVSP_MODE_INTRA: u32 = 0;
+/// The difference pictures of frames lean on those of earlier ones, and take fewer bytes. A frame whose reference is missing
+/// is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
+pub const NVSP_MODE_STREAM: u32 = 1;
+
+/// A frame leans on the one before. Saves most; a lost packet spoils all frames up to the next key frame.
+pub const NVSP_STRUCTURE_CHAIN: u32 = 0;
+/// Layers: every other frame is leaned on by none, and every fourth by more. A lost packet spoils fewer frames.
+pub const NVSP_STRUCTURE_LAYERS: u32 = 1;
+/// A frame leans on the last key frame. A lost packet costs its own frame, unless it is the key frame.
+pub const NVSP_STRUCTURE_KEYS: u32 = 2;
+/// A frame leans on the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own frame.
+pub const NVSP_STRUCTURE_ACKNOWLEDGED: u32 = 3;
+
+/// For nvsp_encoder_options.key_every: no key frames after the first.
+pub const NVSP_KEY_ONCE: u32 = u32::MAX;
+
 /// For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
 pub const NVSP_CAMERA_ONCE: u32 = u32::MAX;
 
@@ -144,6 +164,14 @@ pub struct nvsp_encoder_options {
     /// a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
     /// the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
     pub pipelined: u32,
+    /// NVSP_MODE_*: whether difference pictures lean on those of earlier frames. NVSP_MODE_STREAM takes the wavelet coder,
+    /// and about 160 more bytes of host memory per pixel. If the device is not portable, all frames stand alone.
+    pub mode: u32,
+    /// NVSP_STRUCTURE_*: the frame that others lean on, with NVSP_MODE_STREAM.
+    pub structure: u32,
+    /// With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which stands alone, comes
+    /// after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
+    pub key_every: u32,
 }
 versioned!(nvsp_encoder_options, 64);
 
@@ -231,8 +259,8 @@ pub struct nvsp_frame_stats {
     /// Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
     /// certain.
     pub lost_frames: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// How many frames before this one the frame came that its difference picture leans on; 0: it stands alone.
+    pub leans_on: u32,
 }
 versioned!(nvsp_frame_stats, 192);
 
@@ -270,7 +298,8 @@ pub unsafe extern "C" fn nvsp_encoder_create(
             let options = read(options)?;
             let pipelined = options.pipelined != 0;
             let options = encoder_options(&options)?;
-            let limits = engine.how.limits;
+            let stream = options.mode != Mode::Intra;
+            let limits = Limits { stream, ..engine.how.limits };
             let _memory =
                 if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
             let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
@@ -329,6 +358,7 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         NVSP_RESIDUAL_WEBP => ResidualCoder::Webp,
         _ => return Err(Failure::argument("nvsp_encoder_options.residual")),
     };
+    made.mode = mode(options)?;
     match options.levels {
         0 => {}
         levels @ 1..=6 => made.factors = (0..levels).map(|level| 1 << level).collect(),
@@ -350,6 +380,29 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         _ => return Err(Failure::argument("nvsp_encoder_options.threshold")),
     }
     Ok(made)
+}
+
+fn mode(options: &nvsp_encoder_options) -> Result<Mode, Failure> {
+    let key_every = match options.key_every {
+        0 => 16,
+        NVSP_KEY_ONCE => 0,
+        frames => frames,
+    };
+    let structure = match options.structure {
+        NVSP_STRUCTURE_CHAIN => Structure::Chain { key_every },
+        NVSP_STRUCTURE_LAYERS => Structure::Layers { key_every },
+        NVSP_STRUCTURE_KEYS => Structure::Keys { key_every },
+        NVSP_STRUCTURE_ACKNOWLEDGED => Structure::Acknowledged,
+        _ => return Err(Failure::argument("nvsp_encoder_options.structure")),
+    };
+    match options.mode {
+        NVSP_MODE_INTRA => Ok(Mode::Intra),
+        NVSP_MODE_STREAM if options.residual != NVSP_RESIDUAL_WAVELET => Err(Failure::argument(
+            "nvsp_encoder_options.mode: NVSP_MODE_STREAM takes the wavelet coder",
+        )),
+        NVSP_MODE_STREAM => Ok(Mode::Stream(structure)),
+        _ => Err(Failure::argument("nvsp_encoder_options.mode")),
+    }
 }
 
 /// The rate that `mode` and `value` state; `fields` names both in errors.
@@ -397,7 +450,8 @@ pub unsafe extern "C" fn nvsp_encoder_set_rate(
     }
 }
 
-/// Gives the next packet the full form and the camera. Call it if a topside asks what the packets are about.
+/// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside asks what
+/// the packets are about, or if a packet was not sent.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
@@ -409,6 +463,30 @@ pub unsafe extern "C" fn nvsp_encoder_announce(encoder: *mut nvsp_encoder) -> nv
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             content.core()?.encoder.announce();
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
+/// NVSP_STRUCTURE_ACKNOWLEDGED later frames lean on it; else nothing changes. Nor does anything if the frame is unknown or
+/// too old: the last 32 can be leaned on.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins) or
+/// NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `encoder`: a live encoder. Not NULL.
+/// - `frame`: nvsp_decoded.frame.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_acknowledge(
+    encoder: *mut nvsp_encoder,
+    frame: u32,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
+            content.core()?.encoder.acknowledge(frame);
             Ok(NVSP_OK)
         })
     }
@@ -969,7 +1047,7 @@ impl Place {
             pose_deviation: stats.observability.pose_deviation(),
             pose_condition: stats.observability.condition,
             lost_frames: stats.lost_frames,
-            reserved: 0,
+            leans_on: stats.reference.map_or(0, |reference| stats.frame.wrapping_sub(reference)),
         });
         Ok(())
     }

@@ -200,6 +200,7 @@ unsafe fn open_options(options: &nvsp_engine_options) -> Result<OpenOptions, Fai
             pixels => pixels,
         },
         host_bytes: or_none(options.host_memory_limit),
+        stream: false,
     };
     let validation = options.flags & NVSP_ENGINE_VALIDATION != 0;
     let memory_limit = options.device_memory_limit;

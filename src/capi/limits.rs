@@ -14,6 +14,8 @@ pub(super) struct Limits {
     pub frame_pixels: u32,
     /// Most bytes of host memory that a prior, an encoder or a decoder may take.
     pub host_bytes: u64,
+    /// What is made is for a stream.
+    pub stream: bool,
 }
 
 impl Limits {
@@ -29,18 +31,20 @@ impl Limits {
     /// Sets memory aside for an encoder of this camera, after its size was checked.
     pub(super) fn encoder(&self, camera: &Camera) -> Result<Grant, Failure> {
         self.check(camera.width, camera.height)?;
-        Grant::take("an encoder", encoder(camera.width, camera.height), self.host_bytes)
+        Grant::take("an encoder", self.encoder_bytes(camera.width, camera.height), self.host_bytes)
     }
 
     /// Sets memory aside for an encoder that has two frames under way.
     pub(super) fn pipelined(&self, camera: &Camera) -> Result<Grant, Failure> {
         self.check(camera.width, camera.height)?;
-        Grant::take("an encoder", 2 * encoder(camera.width, camera.height), self.host_bytes)
+        let bytes = 2 * self.encoder_bytes(camera.width, camera.height);
+        Grant::take("an encoder", bytes, self.host_bytes)
     }
 
     /// Sets memory aside for coding difference pictures of this size.
     pub(super) fn coder(&self, (width, height): (u32, u32)) -> Result<Grant, Failure> {
-        Grant::take("a coder of difference pictures", encoder(width, height), self.host_bytes)
+        let bytes = self.encoder_bytes(width, height);
+        Grant::take("a coder of difference pictures", bytes, self.host_bytes)
     }
 
     /// Sets memory aside for reading a mask of this size, as far as it can be one.
@@ -54,7 +58,7 @@ impl Limits {
     /// same.
     pub(super) fn seen(&self, camera: &Camera, seen: u64, same: bool) -> Result<Grant, Failure> {
         self.check(camera.width, camera.height)?;
-        let own = if same { SMALL } else { encoder(camera.width, camera.height) };
+        let own = if same { SMALL } else { self.encoder_bytes(camera.width, camera.height) };
         Grant::take("an encoder's camera, lens and mask", own + seen, self.host_bytes)
     }
 
@@ -62,6 +66,15 @@ impl Limits {
     pub(super) fn decoder(&self, (width, height): (u32, u32)) -> Result<Grant, Failure> {
         self.check(width, height)?;
         Grant::take("a decoder", decoder(width, height), self.host_bytes)
+    }
+
+    /// Sets memory aside for the first packet of a stream of this size.
+    pub(super) fn stream(&self, (width, height): (u32, u32)) -> Result<Grant, Failure> {
+        Grant::take("the frames of a stream", stream(width, height), self.host_bytes)
+    }
+
+    fn encoder_bytes(&self, width: u32, height: u32) -> u64 {
+        encoder(width, height) + if self.stream { stream(width, height) } else { 0 }
     }
 
     /// Sets memory aside for reading a file of `size` bytes. Reading itself grows its memory by steps.
@@ -118,6 +131,11 @@ pub(super) fn encoder(width: u32, height: u32) -> u64 {
 /// Decoding pictures of this size.
 pub(super) fn decoder(width: u32, height: u32) -> u64 {
     4 * SMALL + 128 * pixels(width, height)
+}
+
+/// What an encoder or a decoder of a stream takes besides: 32 frames of 3 bytes per pixel, 12 planes of 4.
+pub(super) fn stream(width: u32, height: u32) -> u64 {
+    SMALL + 160 * pixels(width, height)
 }
 
 /// Pixels, with sides rounded up as the coders do.

@@ -6,6 +6,7 @@ use crate::image::PixelError;
 use crate::modem::ModemError;
 use crate::packet::PacketError;
 use crate::prior::PriorError;
+use crate::residual::ResidualError;
 use crate::vulkan;
 
 use super::dmabuf::Modifier;
@@ -78,6 +79,9 @@ pub const NVSP_ERR_UNFINISHED: nvsp_status = -26;
 pub const NVSP_ERR_NEWER: nvsp_status = -27;
 /// The system, a driver or an engine cannot do this; the text says what is missing.
 pub const NVSP_ERR_UNSUPPORTED: nvsp_status = -28;
+/// The frame that a difference picture leans on is missing, came in part, or is of another stream. Only
+/// nvsp_decoded.damage has it.
+pub const NVSP_ERR_REFERENCE: nvsp_status = -29;
 
 /// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 ///
@@ -120,6 +124,7 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_UNFINISHED => c"what was begun is not finished",
         NVSP_ERR_NEWER => c"of a newer format than this library knows",
         NVSP_ERR_UNSUPPORTED => c"not supported here",
+        NVSP_ERR_REFERENCE => c"the frame that a difference picture leans on is missing",
         _ => c"no status of this library",
     }
 }
@@ -207,13 +212,14 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         E::PriorChanged { .. } => NVSP_ERR_OTHER_PRIOR,
         E::Camera(_) => NVSP_ERR_CAMERA,
         E::FrameTooLarge { .. } => NVSP_ERR_LIMIT,
-        E::Lens(_) | E::MaskSize { .. } | E::MaskEmpty => NVSP_ERR_ARGUMENT,
+        E::Lens(_) | E::MaskSize { .. } | E::MaskEmpty | E::StreamCoder => NVSP_ERR_ARGUMENT,
         E::Packet(PacketError::Prior { .. }) => NVSP_ERR_OTHER_PRIOR,
         E::Packet(PacketError::Version(_) | PacketError::Coder(_)) => NVSP_ERR_NEWER,
         E::Packet(error) if error.part() == Some(crate::packet::Part::Residual) => {
             NVSP_ERR_RESIDUAL
         }
         E::Packet(_) => NVSP_ERR_PACKET,
+        E::Residual(ResidualError::ReferenceMissing { .. }) => NVSP_ERR_REFERENCE,
         E::Residual(_) => NVSP_ERR_RESIDUAL,
         E::Pixels(_) | E::FrameSize { .. } => NVSP_ERR_IMAGE,
         E::Budget { .. } => NVSP_ERR_BUDGET,
@@ -263,7 +269,7 @@ mod tests {
     use super::*;
 
     /// The last one there is.
-    const LAST: nvsp_status = NVSP_ERR_UNSUPPORTED;
+    const LAST: nvsp_status = NVSP_ERR_REFERENCE;
 
     #[test]
     fn every_status_has_a_text_of_its_own() {

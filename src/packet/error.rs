@@ -34,7 +34,9 @@ impl PacketError {
     pub fn part(&self) -> Option<Part> {
         match self {
             PacketError::TooShort { part, .. } | PacketError::Check(part) => Some(*part),
-            PacketError::Coder(_) | PacketError::PayloadLength => Some(Part::Residual),
+            PacketError::Coder(_) | PacketError::Reference(_) | PacketError::PayloadLength => {
+                Some(Part::Residual)
+            }
             PacketError::Camera(_) | PacketError::CameraTag { .. } => Some(Part::Camera),
             _ => None,
         }
@@ -105,6 +107,9 @@ pub enum PacketError {
     /// The residual's coder is not known.
     #[error("unknown residual coder {0}")]
     Coder(u8),
+    /// A stream's residual ends before it has named its reference.
+    #[error("residual part: {0} bytes, too few to name the frame that it leans on")]
+    Reference(usize),
     /// The residual's length does not fit its field.
     #[error("residual part: length beyond {max} bytes", max = super::residual::MAX_PAYLOAD)]
     PayloadLength,

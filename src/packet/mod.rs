@@ -21,7 +21,7 @@
 //! | 0–1 | pose profile: 1 compact, 2 paper, 3 short |
 //! | 2 | the pose is not certain: the picture does not confirm it |
 //! | 3 | the camera part follows |
-//! | 4–6 | residual: 0 none asked for, 1 left out as the budget holds none, 2 and up its [`Coder`] |
+//! | 4–6 | residual: 0 none asked for, 1 left out as the budget holds none, 2 to 4 its [`Coder`], 5 of a stream |
 //! | 7 | the render part follows |
 //!
 //! It has 31 bytes in the compact profile, one frame of the smallest modems, and 43 in the paper's.
@@ -56,6 +56,21 @@
 //! | 4 | CRC-32 (IEEE) of the latent part, the length and the payload; after the full form |
 //! | 2 | CRC-16/IBM-3740 of the latent part's CRC-32, the length and the payload; after the short form |
 //!
+//! The payload of a frame of a stream begins with what it leans on. Then come the wavelet coder's bytes:
+//!
+//! | bytes | reference |
+//! |---|---|
+//! | 1 | how many frames before this one it came, 1 to 255; 0: the frame stands alone, and the tag is not there |
+//! | 2 | its tag, see below |
+//!
+//! A *reference* is a frame of the stream that both sides hold: what the topside shows of it, less its render. The tag
+//! tells it from a frame of the same number that is of another stream, or came in part. It is the CRC-32 (IEEE) of these
+//! bytes, high half and low half combined by exclusive or: fx, fy, cx, cy and the placement (unit quaternion w, x, y, z,
+//! then translation, as the stage `decode_pose` has them), each as f32; then the difference picture, row by row, as
+//! `clamp(shown − render, −128, 127) + 128`. Only packets whose residual is of a stream can be leaned on, and only if all of
+//! the residual arrived. Frame numbers of references are told apart modulo 2¹⁶. Both sides hold the last 32 frames of a
+//! stream.
+//!
 //! The residual's check covers the latent part too. So a residual is never added to the picture of
 //! another frame. Bytes after the last part are ignored: modems pad.
 //!
@@ -80,6 +95,7 @@
 //! | one bit of a residual's payload or check | never missed | never missed |
 //! | one bit of a residual's length | 1 in 2³² | 1 in 65,536 |
 //! | a random residual part, or that of another packet | 1 in 2³² | 1 in 65,536 |
+//! | a reference of the right number and another stream | 1 in 65,536 | 1 in 65,536 |
 //! | a prior that is not the vehicle's | 1 in 2³² | 1 in 256 per known camera |
 //! | a camera that is not the vehicle's | 1 in 256 | 1 in 256 |
 //!
@@ -112,7 +128,7 @@ pub use extent::{Extent, sound_len};
 pub use latent::Latent;
 pub use pose::{PoseProfile, QuantisedPose};
 pub use render::RenderCheck;
-pub use residual::{Coder, Residual, ResidualStart, residual_part_len};
+pub use residual::{Coder, Reference, Residual, ResidualStart, residual_part_len};
 pub use session::{Session, session_tag};
 
 /// Length of the latent part in the paper's profile, the longer one, bytes.
@@ -185,22 +201,14 @@ impl<'a> Packet<'a> {
             let part = render::encode(check, &bytes[..latent_len]);
             bytes.extend_from_slice(&part);
         }
-        if let Residual::Coded { payload, .. } = &self.residual {
-            residual::write(payload, latent_len, Check::of(self.latent.form()), bytes)?;
-        }
-        Ok(())
+        residual::write(&self.residual, latent_len, Check::of(self.latent.form()), bytes)
     }
 
     /// Length of [`Packet::encode`]'s bytes.
     pub fn encoded_len(&self) -> usize {
         let camera = if self.camera.is_some() { CAMERA_PART_LEN } else { 0 };
         let render = if self.render.is_some() { RENDER_PART_LEN } else { 0 };
-        let residual = match &self.residual {
-            Residual::None | Residual::Omitted => 0,
-            Residual::Coded { payload, .. } => {
-                residual::len_with(payload.len(), Check::of(self.latent.form()))
-            }
-        };
+        let residual = residual::encoded_len(&self.residual, Check::of(self.latent.form()));
         self.latent.encoded_len() + camera + render + residual
     }
 

@@ -51,6 +51,8 @@ impl Check {
 
 const CODE_NONE: u8 = 0;
 const CODE_OMITTED: u8 = 1;
+/// [`Residual::Stream`]: coded by the wavelet coder.
+const CODE_STREAM: u8 = 5;
 
 /// How a difference picture is coded; the number is the code in a packet's flags.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +65,42 @@ pub enum Coder {
     /// The wavelet coder: see [`crate::residual::wavelet`]. If its form or its generic tables change, it must take
     /// another number: a topside with other tables would decode garbage.
     Wavelet = 4,
+}
+
+/// The frame that a residual leans on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reference {
+    /// How many frames before this one, 1 to 255.
+    pub distance: u8,
+    /// Check of what that frame's residual was decoded to, of its camera and its pose. It tells a frame of the same
+    /// number from another stream.
+    pub tag: u16,
+}
+
+impl Reference {
+    /// Bytes in front of the payload of a stream's frame.
+    pub fn encoded_len(reference: Option<Reference>) -> usize {
+        if reference.is_some() { 3 } else { 1 }
+    }
+
+    /// These bytes, and zeros.
+    fn bytes(reference: Option<Reference>) -> [u8; 3] {
+        let Reference { distance, tag } = reference.unwrap_or(Reference { distance: 0, tag: 0 });
+        let [low, high] = tag.to_le_bytes();
+        [distance, low, high]
+    }
+
+    /// Reads them; the rest is the payload. `None` if they are not all there.
+    fn read(bytes: &[u8]) -> Option<(Option<Reference>, &[u8])> {
+        match bytes {
+            [0, payload @ ..] => Some((None, payload)),
+            [distance, low, high, payload @ ..] => {
+                let tag = u16::from_le_bytes([*low, *high]);
+                Some((Some(Reference { distance: *distance, tag }), payload))
+            }
+            _ => None,
+        }
+    }
 }
 
 /// The difference picture of a packet.
@@ -79,6 +117,13 @@ pub enum Residual<'a> {
         /// Its bytes.
         payload: &'a [u8],
     },
+    /// A difference picture of a stream, coded by the wavelet coder. Later frames may lean on it.
+    Stream {
+        /// The frame that it leans on; `None`: it stands alone.
+        reference: Option<Reference>,
+        /// Its bytes.
+        payload: &'a [u8],
+    },
 }
 
 /// The start of a coded difference picture whose end is missing.
@@ -86,6 +131,8 @@ pub enum Residual<'a> {
 pub struct ResidualStart<'a> {
     /// How it is coded.
     pub coder: Coder,
+    /// The frame that it leans on, if it does.
+    pub reference: Option<Reference>,
     /// Its first bytes. No check covers them.
     pub payload: &'a [u8],
     /// How many bytes it has in all.
@@ -98,8 +145,24 @@ pub fn residual_part_len(payload: usize) -> usize {
     len_with(payload, Check::Crc32)
 }
 
+/// Bytes in front of the payload, and the payload; `None` if there is no part.
+fn content<'a>(residual: &Residual<'a>) -> Option<([u8; 3], usize, &'a [u8])> {
+    match *residual {
+        Residual::None | Residual::Omitted => None,
+        Residual::Coded { payload, .. } => Some(([0; 3], 0, payload)),
+        Residual::Stream { reference, payload } => {
+            Some((Reference::bytes(reference), Reference::encoded_len(reference), payload))
+        }
+    }
+}
+
+/// Length of a residual's part, bytes.
+pub(super) fn encoded_len(residual: &Residual, check: Check) -> usize {
+    content(residual).map_or(0, |(_, front, payload)| len_with(front + payload.len(), check))
+}
+
 /// Length of the part that holds a payload, bytes.
-pub(super) fn len_with(payload: usize, check: Check) -> usize {
+fn len_with(payload: usize, check: Check) -> usize {
     length_field(payload).count() + payload + check.len()
 }
 
@@ -109,21 +172,25 @@ pub(super) fn code_of(residual: &Residual) -> u8 {
         Residual::None => CODE_NONE,
         Residual::Omitted => CODE_OMITTED,
         Residual::Coded { coder, .. } => *coder as u8,
+        Residual::Stream { .. } => CODE_STREAM,
     }
 }
 
-/// Appends the part to a packet that begins with `latent_len` bytes of latent part.
+/// Appends the part, if there is one, to a packet that begins with `latent_len` bytes of latent part.
 pub(super) fn write(
-    payload: &[u8],
+    residual: &Residual,
     latent_len: usize,
     check: Check,
     packet: &mut Vec<u8>,
 ) -> Result<(), PacketError> {
-    if payload.len() > MAX_PAYLOAD {
+    let Some((bytes, front, payload)) = content(residual) else { return Ok(()) };
+    let length = front + payload.len();
+    if length > MAX_PAYLOAD {
         return Err(PacketError::PayloadLength);
     }
     let start = packet.len();
-    packet.extend(length_field(payload.len()));
+    packet.extend(length_field(length));
+    packet.extend_from_slice(&bytes[..front]);
     packet.extend_from_slice(payload);
     let bytes = check.bytes(&packet[..latent_len], &packet[start..]);
     packet.extend_from_slice(&bytes[..check.len()]);
@@ -142,22 +209,33 @@ pub(super) fn decode<'a>(
         CODE_OMITTED => return (Ok(Residual::Omitted), None),
         code if code == Coder::Vp8 as u8 => Coder::Vp8,
         code if code == Coder::WebP as u8 => Coder::WebP,
-        code if code == Coder::Wavelet as u8 => Coder::Wavelet,
+        code if code == Coder::Wavelet as u8 || code == CODE_STREAM => Coder::Wavelet,
         code => return (Err(PacketError::Coder(code)), None),
     };
+    let is_stream = code == CODE_STREAM;
     match checked(bytes, latent, check) {
+        Ok((_, payload)) if is_stream => (stream(payload), None),
         Ok((_, payload)) => (Ok(Residual::Coded { coder, payload }), None),
-        Err(error) => (Err(error), start(coder, bytes, check)),
+        Err(error) => (Err(error), start(coder, is_stream, bytes, check)),
+    }
+}
+
+/// A stream's residual of all bytes of its part.
+fn stream(bytes: &[u8]) -> Result<Residual<'_>, PacketError> {
+    match Reference::read(bytes) {
+        Some((reference, payload)) => Ok(Residual::Stream { reference, payload }),
+        None => Err(PacketError::Reference(bytes.len())),
     }
 }
 
 /// The start of a payload whose end is missing.
-fn start(coder: Coder, bytes: &[u8], check: Check) -> Option<ResidualStart<'_>> {
+fn start(coder: Coder, is_stream: bool, bytes: &[u8], check: Check) -> Option<ResidualStart<'_>> {
     let (payload_len, field) = read_length(bytes).ok()?;
     let end = field + payload_len;
     let cut = bytes.len() < end + check.len();
     let payload = &bytes[field..bytes.len().min(end)];
-    cut.then_some(ResidualStart { coder, payload, payload_len })
+    let (reference, payload) = if is_stream { Reference::read(payload)? } else { (None, payload) };
+    cut.then_some(ResidualStart { coder, reference, payload, payload_len })
 }
 
 /// Whether the flags say that a residual part follows, perhaps of an unknown coder.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bytemuck::Zeroable;
 
 use crate::image::Mask;
-use crate::search::{PoseCode, Program, Search};
-use crate::shared::{CELL, Counters, PIXEL};
+use crate::search::{self, Placement, PoseCode, Program, Search};
+use crate::shared::{self, CELL, Counters, PIXEL};
 use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
@@ -41,6 +41,8 @@ pub struct Plan {
     pub search: Option<Jacobian>,
     /// How finely the search's evaluations tell depths apart.
     pub sort_precision: SortPrecision,
+    /// Pictures at coded poses come with depths: those of a search, and those of [`Renderer::draw_coded_deep`].
+    pub depths: bool,
     /// Have the device time each stage.
     pub profiled: bool,
 }
@@ -53,6 +55,7 @@ impl Plan {
             jacobians: Vec::new(),
             search: None,
             sort_precision: SortPrecision::default(),
+            depths: false,
             profiled: false,
         }
     }
@@ -71,6 +74,8 @@ pub enum Job {
     Picture,
     /// The picture in 8 bits, at a coded pose.
     Coded,
+    /// The same, and its depths.
+    CodedDeep,
     /// The camera's frame, reduced to all levels.
     Pyramid,
     /// The normal equations.
@@ -117,6 +122,9 @@ fn room_for(pairs: u32, storage_range: u64) -> u32 {
     pairs.saturating_add(pairs / 4).min(most).max(pairs)
 }
 
+/// A pixel that shows less than this share of light has no depth to speak of.
+const LEAST_SHOWN: f32 = 1e-3;
+
 /// Submissions after which a search is given up. The search's own limits let none need as many.
 const MOST_SUBMISSIONS: u32 = 64;
 
@@ -153,6 +161,7 @@ impl Renderer {
 
     fn record_all(&self, work: &Workspace) -> Result<Vec<(Job, Commands)>, Error> {
         let mut jobs = vec![Job::Draw, Job::Picture, Job::Coded];
+        jobs.extend(self.plan.depths.then_some(Job::CodedDeep));
         jobs.extend(self.plan.jacobians.iter().map(|jacobian| Job::Sums(*jacobian)));
         jobs.extend(self.frame.is_some().then_some(Job::Pyramid));
         if self.plan.search.is_some() {
@@ -185,7 +194,8 @@ impl Renderer {
 
     fn search_stages<'a>(&self, stages: Stages<'a>, frame: &'a FrameBuffers) -> SearchStages<'a> {
         let jacobian = self.plan.search.unwrap_or(Jacobian::Flow);
-        SearchStages { stages, frame, jacobian, sort_precision: self.plan.sort_precision }
+        let Plan { sort_precision, depths, .. } = self.plan;
+        SearchStages { stages, frame, jacobian, sort_precision, depths }
     }
 
     /// What the host asks for at one pose.
@@ -203,12 +213,11 @@ impl Renderer {
                 stages.reduce(r)?;
             }
             _ => {
-                if job == Job::Coded {
+                if job != Job::Picture {
                     r.copy(&self.bytes.coded_asked, &self.bytes.coded)?;
                     stages.decode_pose(r, pass)?;
                 }
-                stages.picture(r, Channels::Colour, pass)?;
-                stages.quantize_rgb8(r, pass)?;
+                stages.final_picture(r, job == Job::CodedDeep, pass)?;
                 if let Some(frame) = &self.frame {
                     stages.difference(r, frame, pass)?;
                 }
@@ -325,8 +334,35 @@ impl Renderer {
     /// As [`coded_picture`](Self::coded_picture), but [`rendered`](Self::rendered) reads the
     /// picture. If the plan knows frames, also takes the difference from the picture set.
     pub fn draw_coded(&mut self, code: &PoseCode) -> Result<(), Error> {
+        self.run_coded(code, Job::Coded)
+    }
+
+    /// As [`draw_coded`](Self::draw_coded), and [`depths`](Self::depths) reads the depths.
+    ///
+    /// # Panics
+    /// If the plan knows no depths.
+    pub fn draw_coded_deep(&mut self, code: &PoseCode) -> Result<(), Error> {
+        self.run_coded(code, Job::CodedDeep)
+    }
+
+    fn run_coded(&mut self, code: &PoseCode, job: Job) -> Result<(), Error> {
         self.bytes.coded_asked.write(&[Coded { anchor: anchor(&self.scene), code: *code }]);
-        self.run(0, Job::Coded, &Pose::IDENTITY)
+        self.run(0, job, &Pose::IDENTITY)
+    }
+
+    /// Mean depth of what each pixel of the picture drawn last shows, row by row: the same bits on every portable device.
+    /// It is meant for pictures at coded poses that were drawn with depths. A pixel that shows next to nothing has
+    /// any depth, 0 for one.
+    pub fn depths(&self) -> impl Iterator<Item = f32> {
+        let floats = self.levels.image_read.read::<f32>(self.camera(0).pixels() * PIXEL as usize);
+        floats
+            .chunks_exact(PIXEL as usize)
+            .map(|pixel| pixel[3] / shared::max(1.0 - pixel[4], LEAST_SHOWN))
+    }
+
+    /// Where a packet's pose puts the camera, as numbers that are the same on every device.
+    pub fn placed(&self, code: &PoseCode) -> Placement {
+        search::placed(code, &anchor(&self.scene))
     }
 
     /// The 8-bit picture drawn last, RGB.

@@ -42,6 +42,8 @@ pub(crate) struct SearchStages<'a> {
     pub frame: &'a FrameBuffers,
     pub jacobian: Jacobian,
     pub sort_precision: SortPrecision,
+    /// The final picture comes with depths.
+    pub depths: bool,
 }
 
 impl SearchStages<'_> {
@@ -74,8 +76,7 @@ impl SearchStages<'_> {
     fn record_pictures(&self, r: &mut Recorder) -> Result<(), Error> {
         let (stages, pass) = (&self.stages, Pass::Picture);
         stages.decode_pose(r, pass)?;
-        stages.picture(r, Channels::Colour, pass)?;
-        stages.quantize_rgb8(r, pass)?;
+        stages.final_picture(r, self.depths, pass)?;
         stages.difference(r, self.frame, pass)
     }
 
@@ -131,6 +132,17 @@ impl Stages<'_> {
     pub fn picture(&self, r: &mut Recorder, channels: Channels, pass: Pass) -> Result<(), Error> {
         self.tile_lists(r, SortPrecision::Exact, pass)?;
         self.splat(r, channels, pass)
+    }
+
+    /// The picture in 8 bits, from the splats on; and, if they are wanted, its depths, for the host to read.
+    pub fn final_picture(&self, r: &mut Recorder, depths: bool, pass: Pass) -> Result<(), Error> {
+        let channels = if depths { Channels::All } else { Channels::Colour };
+        self.picture(r, channels, pass)?;
+        self.quantize_rgb8(r, pass)?;
+        if depths {
+            r.copy(&self.levels.image, &self.levels.image_read)?;
+        }
+        Ok(())
     }
 
     /// Each tile's share of the normal equations, from the splats on.

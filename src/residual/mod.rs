@@ -7,17 +7,24 @@ mod difference;
 #[allow(unsafe_code)] // It wraps a C codec; each block says why it is sound.
 mod libwebp;
 mod rate;
+mod references;
+mod stream;
+mod warp;
 pub mod wavelet;
 mod webp;
 mod webp_rate;
 
 use crate::Picture;
-use crate::packet::{Coder, Residual, ResidualStart};
+use crate::packet::{Coder, Latent, Reference, Residual, ResidualStart};
 
+use stream::StreamDecoder;
 use wavelet::{Tables, Tail, WaveletDecoder};
 
 pub use difference::{add, difference};
-pub use rate::{CodedResidual, Rate, ResidualCoder, ResidualEncoder, ResidualSetup};
+pub use rate::{CodedResidual, InStream, Rate, ResidualCoder, ResidualEncoder, ResidualSetup};
+pub use references::REFERENCES;
+pub use stream::{Acknowledged, Mode, StreamFrame, Structure};
+pub use warp::Vantage;
 pub use webp::Webp;
 
 /// Why a residual cannot be coded or decoded.
@@ -52,6 +59,25 @@ pub enum ResidualError {
         "residual payload: it needs the encoder's render, but one of the two devices is not portable"
     )]
     OtherRender,
+    /// The frame that a stream's residual leans on is not there, or is not the one that the encoder had.
+    #[error(
+        "frame {frame}: its residual leans on that of frame {reference}, which is missing, came in part, or is of \
+         another stream"
+    )]
+    ReferenceMissing {
+        /// Number of the frame, modulo 2²⁴.
+        frame: u32,
+        /// Number of its reference.
+        reference: u32,
+    },
+    /// There is not one depth for each pixel.
+    #[error("{found} depths, but {expected} are due")]
+    Depths {
+        /// Pixels.
+        expected: usize,
+        /// Depths.
+        found: usize,
+    },
     /// The payload is no picture of the expected kind.
     #[error("residual payload: {0}")]
     Payload(&'static str),
@@ -67,6 +93,7 @@ pub fn max_payload_len(width: u32, height: u32) -> usize {
 pub struct ResidualDecoder {
     wavelet: WaveletDecoder,
     webp: Webp,
+    stream: StreamDecoder,
     difference: Picture,
 }
 
@@ -76,6 +103,7 @@ impl ResidualDecoder {
         ResidualDecoder {
             wavelet: WaveletDecoder::new(width, height, tables),
             webp: Webp::new(width, height),
+            stream: StreamDecoder::default(),
             difference: Picture::new(width, height),
         }
     }
@@ -91,7 +119,12 @@ impl ResidualDecoder {
         portable: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
-        let Residual::Coded { coder, payload } = *residual else { return Ok(()) };
+        let (coder, payload) = match *residual {
+            Residual::None | Residual::Omitted => return Ok(()),
+            Residual::Coded { coder, payload } => (coder, payload),
+            Residual::Stream { reference: None, payload } => (Coder::Wavelet, payload),
+            Residual::Stream { reference: Some(_), .. } => return Err(OUT_OF_STREAM),
+        };
         check_size(&self.difference, render)?;
         match coder {
             Coder::Wavelet => self.wavelet.add(payload, Tail::Zeros, portable, render),
@@ -103,6 +136,75 @@ impl ResidualDecoder {
         }
     }
 
+    /// Whether the frame that another one leans on is there, and the same as the encoder's.
+    pub fn holds(&self, reference: Reference, frame: u32, vantage: &Vantage) -> bool {
+        self.stream.holds(reference, frame, vantage)
+    }
+
+    /// As [`ResidualDecoder::add`], for a stream's residual that came whole. Later frames may lean on the frame if the
+    /// render is the encoder's. `frame` needs depths only if the residual leans on another.
+    ///
+    /// # Errors
+    /// As for [`ResidualDecoder::add`]. If the reference is missing.
+    pub fn add_in_stream(
+        &mut self,
+        reference: Option<Reference>,
+        payload: &[u8],
+        frame: &StreamFrame,
+        portable: bool,
+        render: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        check_size(&self.difference, render)?;
+        self.wavelet.prepare_lean();
+        self.stream.set_render(frame, render);
+        self.add_wavelet(reference, payload, Tail::Zeros, frame, portable, render)?;
+        if portable {
+            self.stream.keep(frame, render);
+        }
+        Ok(())
+    }
+
+    /// As [`ResidualDecoder::add_start`], for a stream's residual. No frame can lean on it.
+    ///
+    /// # Errors
+    /// As for [`ResidualDecoder::add_in_stream`].
+    pub fn add_start_in_stream(
+        &mut self,
+        start: &ResidualStart,
+        frame: &StreamFrame,
+        portable: bool,
+        render: &mut Picture,
+    ) -> Result<u32, ResidualError> {
+        check_size(&self.difference, render)?;
+        let ResidualStart { reference, payload, .. } = *start;
+        self.add_wavelet(reference, payload, Tail::Unknown, frame, portable, render)?;
+        Ok(render.height)
+    }
+
+    fn add_wavelet(
+        &mut self,
+        reference: Option<Reference>,
+        payload: &[u8],
+        tail: Tail,
+        frame: &StreamFrame,
+        portable: bool,
+        render: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        let Some(reference) = reference else {
+            return self.wavelet.add(payload, tail, portable, render);
+        };
+        if !portable {
+            return Err(ResidualError::OtherRender);
+        }
+        if !self.stream.holds(reference, frame.frame, frame.vantage) {
+            let reference = frame.frame.wrapping_sub(reference.distance.into()) % Latent::FRAMES;
+            return Err(ResidualError::ReferenceMissing { frame: frame.frame, reference });
+        }
+        frame.check(render)?;
+        let warped = self.stream.warped(reference, frame);
+        self.wavelet.add_leaning(payload, tail, portable, warped, render)
+    }
+
     /// As [`ResidualDecoder::add`], with the start of a payload. Returns the number of rows that it reaches. A wavelet
     /// payload reaches all rows; the longer its start, the finer they are.
     pub fn add_start(
@@ -112,6 +214,9 @@ impl ResidualDecoder {
         render: &mut Picture,
     ) -> Result<u32, ResidualError> {
         check_size(&self.difference, render)?;
+        if start.reference.is_some() {
+            return Err(OUT_OF_STREAM);
+        }
         if start.coder == Coder::Wavelet {
             self.wavelet.add(start.payload, Tail::Unknown, portable, render)?;
             return Ok(render.height);
@@ -122,6 +227,9 @@ impl ResidualDecoder {
         Ok(rows as u32)
     }
 }
+
+const OUT_OF_STREAM: ResidualError =
+    ResidualError::Payload("it leans on another frame of its stream");
 
 /// Checks that a picture is whole and has the size of another.
 fn check_size(of: &Picture, picture: &Picture) -> Result<(), ResidualError> {

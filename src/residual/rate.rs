@@ -6,6 +6,7 @@ use crate::Picture;
 use crate::packet::Residual;
 
 use super::difference::difference_into;
+use super::stream::{Acknowledged, StreamEncoder, StreamFrame, Structure};
 use super::wavelet::{RateEncoder, Tables};
 use super::webp_rate::WebpEncoder;
 use super::{ResidualError, check_size};
@@ -58,6 +59,17 @@ pub(super) struct Choice {
     pub probes: u32,
 }
 
+/// A frame of a stream, and what it may lean on.
+#[derive(Clone, Copy)]
+pub struct InStream<'a> {
+    /// The frame.
+    pub frame: StreamFrame<'a>,
+    /// Which frame it leans on.
+    pub structure: Structure,
+    /// The frames that the topside is known to hold.
+    pub acknowledged: &'a Acknowledged,
+}
+
 /// Which coder codes difference pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ResidualCoder {
@@ -71,6 +83,9 @@ pub enum ResidualCoder {
 /// Codes difference pictures of one size, in memory of its own.
 pub struct ResidualEncoder {
     coder: AnyEncoder,
+    stream: StreamEncoder,
+    /// The last frame has a residual, which later ones may lean on.
+    keepable: bool,
     /// A picture of the size that is coded.
     difference: Picture,
 }
@@ -121,7 +136,8 @@ impl ResidualEncoder {
             }
             ResidualCoder::Webp => AnyEncoder::Webp(Box::new(WebpEncoder::new(width, height))),
         };
-        ResidualEncoder { coder, difference: Picture::new(width, height) }
+        let difference = Picture::new(width, height);
+        ResidualEncoder { coder, stream: StreamEncoder::default(), keepable: false, difference }
     }
 
     /// Codes what the camera saw and the render did not. `overhead`: the length of everything else that counts against
@@ -141,7 +157,7 @@ impl ResidualEncoder {
         if matches!(self.coder, AnyEncoder::Webp(_)) {
             difference_into(camera, render, &mut self.difference);
         }
-        self.encode_own(camera, render, rate, overhead)
+        self.encode_own(camera, render, rate, overhead, None)
     }
 
     /// As [`ResidualEncoder::encode`], for the bytes of [`super::difference()`]. Swaps `difference` for another picture
@@ -158,7 +174,41 @@ impl ResidualEncoder {
         check_size(&self.difference, render)?;
         check_size(&self.difference, difference)?;
         std::mem::swap(&mut self.difference, difference);
-        self.encode_own(camera, render, rate, overhead)
+        self.encode_own(camera, render, rate, overhead, None)
+    }
+
+    /// As [`ResidualEncoder::encode`], as a frame of a stream: it may lean on frames that were [kept](Self::keep).
+    /// [`ResidualCoder::Webp`] codes it by itself.
+    pub fn encode_in_stream<'a>(
+        &'a mut self,
+        camera: &Picture,
+        render: &'a Picture,
+        rate: Rate,
+        overhead: usize,
+        stream: &InStream,
+    ) -> Result<CodedResidual<'a>, ResidualError> {
+        check_size(&self.difference, camera)?;
+        check_size(&self.difference, render)?;
+        stream.frame.check(&self.difference)?;
+        if matches!(self.coder, AnyEncoder::Webp(_)) {
+            difference_into(camera, render, &mut self.difference);
+        }
+        self.encode_own(camera, render, rate, overhead, Some(stream))
+    }
+
+    /// Lets later frames lean on the one that was just coded. Call it if its packet was made.
+    pub fn keep(&mut self, frame: &StreamFrame, render: &Picture) {
+        if let AnyEncoder::Wavelet(coder) = &self.coder
+            && self.keepable
+        {
+            let (residual, shown, _) = coder.coded();
+            self.stream.keep(frame, &residual, shown, render);
+        }
+    }
+
+    /// Forgets the frames that were kept: the next one stands alone.
+    pub fn forget(&mut self) {
+        self.stream.clear();
     }
 
     fn encode_own<'a>(
@@ -167,15 +217,23 @@ impl ResidualEncoder {
         render: &'a Picture,
         rate: Rate,
         overhead: usize,
+        stream: Option<&InStream>,
     ) -> Result<CodedResidual<'a>, ResidualError> {
+        self.keepable = false;
         rate.check()?;
         let choice = match &mut self.coder {
-            AnyEncoder::Wavelet(coder) => coder.encode(camera, render, rate, overhead),
+            AnyEncoder::Wavelet(coder) => {
+                let leanable = stream.map(|InStream { frame, structure, acknowledged }| {
+                    self.stream.leanable(frame, *structure, acknowledged)
+                });
+                coder.encode(camera, render, rate, overhead, leanable.as_ref())
+            }
             AnyEncoder::Webp(coder) => {
                 coder.encode(camera, render, &self.difference, rate, overhead)?
             }
         };
         let Choice { residual, reached, probes } = choice;
+        self.keepable = stream.is_some() && residual.is_ok();
         let (residual, reconstruction, psnr) = match (residual, &self.coder) {
             (Err(none), _) => (none, render, camera.psnr(render)),
             (Ok(()), AnyEncoder::Wavelet(coder)) => coder.coded(),

@@ -116,7 +116,7 @@ impl Webp {
         into: &mut Picture,
     ) -> Result<usize, ResidualError> {
         check_shape(into)?;
-        let ResidualStart { coder, payload, payload_len } = *start;
+        let ResidualStart { coder, payload, payload_len, .. } = *start;
         let file = match coder {
             Coder::WebP => payload,
             Coder::Vp8 => {
@@ -302,6 +302,7 @@ mod tests {
                     coder,
                     payload: &payload[..payload.len() / 2],
                     payload_len: payload.len(),
+                    reference: None,
                 };
                 let _ = webp.decode_start(&start, &mut Picture::new(width, height));
             }
@@ -325,6 +326,7 @@ mod tests {
                 coder: Coder::Vp8,
                 payload: &payload[..len],
                 payload_len: payload.len(),
+                reference: None,
             };
             let mut into = Picture::new(96, 80);
             let Ok(rows) = webp.decode_start(&start, &mut into) else {
@@ -353,7 +355,7 @@ mod tests {
             let mut into = Picture::new(16, 16);
             for coder in [Coder::Vp8, Coder::WebP] {
                 let payload_len = payload.len() + more;
-                let start = ResidualStart { coder, payload: &payload, payload_len };
+                let start = ResidualStart { coder, reference: None, payload: &payload, payload_len };
                 if let Ok(rows) = Webp::new(16, 16).decode_start(&start, &mut into) {
                     prop_assert!(rows <= 16);
                 }

@@ -5,12 +5,12 @@
 
 use super::fixed::{ONE, log_size};
 use super::frame::Frame;
-use super::geometry::{Geometry, Orientation, PLANES};
+use super::geometry::{Geometry, Orientation, PLANES, Planes};
 use super::render::RenderBands;
 use super::step::Step;
 
 /// The step at which both ways are compared: amid those in use.
-const COMPARED_AT: u8 = 36;
+pub const COMPARED_AT: u8 = 36;
 /// Coefficients below this cost nothing, as features.
 const DEAD: i32 = 45;
 /// The render must cost so many bits more, and one part in [`PART`].
@@ -18,7 +18,7 @@ const BITS: i64 = 8;
 const PART: i64 = 16;
 
 /// Chooses, and makes the difference that of what is predicted.
-pub fn choose(frame: &mut Frame, difference: &mut [Vec<i32>; PLANES]) {
+pub fn choose(frame: &mut Frame, difference: &mut Planes) {
     let (columns, rows) = frame.geometry.sizes[frame.geometry.levels];
     for by in 0..rows {
         for bx in 0..columns {
@@ -40,7 +40,7 @@ pub fn choose(frame: &mut Frame, difference: &mut [Vec<i32>; PLANES]) {
     }
 }
 
-fn add(difference: &mut [Vec<i32>; PLANES], render: &RenderBands, plane: usize, index: usize) {
+fn add(difference: &mut Planes, render: &RenderBands, plane: usize, index: usize) {
     let value = &mut difference[plane][index];
     *value = value.wrapping_add(render.planes[plane][index]);
 }
@@ -48,7 +48,7 @@ fn add(difference: &mut [Vec<i32>; PLANES], render: &RenderBands, plane: usize, 
 /// Whether coefficients cost less beside the render than without it.
 fn is_useful(
     frame: &Frame,
-    difference: &[Vec<i32>; PLANES],
+    difference: &Planes,
     visit: impl FnOnce(&Geometry, &mut dyn FnMut(usize, usize, i64)),
 ) -> bool {
     let (mut with, mut without) = (0, 0);
@@ -61,13 +61,13 @@ fn is_useful(
 }
 
 /// Bits of a coefficient, as a feature.
-fn cost(lifted: i32, scale: i64) -> i64 {
+pub fn cost(lifted: i32, scale: i64) -> i64 {
     let size = ((i64::from(lifted) * scale) >> 16).abs().min(1 << 24) as i32;
     if size < DEAD { 0 } else { i64::from(log_size(size) + 3 * ONE) }
 }
 
 /// Calls with every coefficient of the coarsest low band: plane, index, and [`Step::per_unit`].
-fn visit_low(geometry: &Geometry, call: &mut dyn FnMut(usize, usize, i64)) {
+pub fn visit_low(geometry: &Geometry, call: &mut dyn FnMut(usize, usize, i64)) {
     let band = geometry.band(geometry.levels, Orientation::Low);
     let scale = Step::new(COMPARED_AT).per_unit(geometry.norm(&band));
     for index in band.rows(geometry).flatten() {
@@ -76,7 +76,7 @@ fn visit_low(geometry: &Geometry, call: &mut dyn FnMut(usize, usize, i64)) {
 }
 
 /// Calls with every detail coefficient of a block: plane, index, and [`Step::per_unit`].
-fn visit_details(
+pub fn visit_details(
     geometry: &Geometry,
     (bx, by): (usize, usize),
     mut call: impl FnMut(usize, usize, i64),

@@ -22,6 +22,14 @@ pub fn to_planes(value: impl Fn(usize) -> [i32; 3], planes: [&mut [i32]; PLANES]
     }
 }
 
+/// The planes of one pixel, of which red, green and blue have as many binary places.
+pub fn fine_to_planes(rgb: [i32; 3]) -> [i32; PLANES] {
+    ROTATION.map(|row| {
+        let sum = row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2];
+        (sum + (1 << (PLACES - 1))) >> PLACES
+    })
+}
+
 /// Red, green and blue of a pixel's three planes, rounded to whole levels.
 pub fn to_rgb(planes: [i32; PLANES]) -> [i32; 3] {
     let places = PLACES + FRACTION;

@@ -4,8 +4,11 @@ use crate::Picture;
 
 use super::super::ResidualError;
 use super::bits::Reader;
+use super::encoder::WaveletEncoder;
 use super::frame::Frame;
+use super::geometry::Planes;
 use super::header::Header;
+use super::lean::Lean;
 use super::pass::Pass;
 use super::predictor::Predictor;
 use super::range_coder::{RangeDecoder, Tail};
@@ -16,6 +19,8 @@ pub struct WaveletDecoder {
     frame: Frame,
     predictor: Predictor,
     pass: Pass,
+    /// What leans on references; room is made for the first frame of a stream.
+    lean: Option<Box<Lean>>,
 }
 
 impl WaveletDecoder {
@@ -23,7 +28,13 @@ impl WaveletDecoder {
     pub fn new(width: u32, height: u32, tables: &Tables) -> WaveletDecoder {
         let frame = Frame::new(width, height);
         let pass = Pass::new(&frame.geometry);
-        WaveletDecoder { frame, predictor: Predictor::new(tables), pass }
+        WaveletDecoder { frame, predictor: Predictor::new(tables), pass, lean: None }
+    }
+
+    /// Makes room for payloads that lean on references.
+    pub fn prepare_lean(&mut self) {
+        let lean = || Box::new(Lean::new(&self.frame.geometry));
+        self.lean.get_or_insert_with(lean);
     }
 
     /// Adds a payload to its render, of the decoder's size. Of a payload that was cut short, what is there is added.
@@ -38,12 +49,59 @@ impl WaveletDecoder {
         portable: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
-        let WaveletDecoder { frame, predictor, pass } = self;
+        self.add_leaning(payload, tail, portable, None, render)
+    }
+
+    /// As [`WaveletDecoder::add`], for a payload that leans on a reference. `warped`: the reference's planes in this view.
+    ///
+    /// # Errors
+    /// As for [`WaveletDecoder::add`]. All payloads that lean need the encoder's render.
+    pub fn add_leaning(
+        &mut self,
+        payload: &[u8],
+        tail: Tail,
+        portable: bool,
+        warped: Option<&Planes>,
+        render: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        if let Some(warped) = warped {
+            self.prepare_lean();
+            let Frame { geometry, scratch, .. } = &mut self.frame;
+            self.lean.iter_mut().for_each(|lean| lean.set(geometry, warped, scratch));
+        }
+        self.add_prepared(payload, tail, portable, warped.is_some(), render)
+    }
+
+    /// Decodes what an encoder has written of its frame, or the start of it.
+    pub(super) fn add_own(
+        &mut self,
+        encoder: &WaveletEncoder,
+        payload: &[u8],
+        render: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        let leaning = encoder.leaning();
+        if let Some(leaning) = leaning {
+            self.prepare_lean();
+            self.lean.iter_mut().for_each(|lean| lean.set_as(leaning));
+        }
+        self.add_prepared(payload, Tail::Zeros, true, leaning.is_some(), render)
+    }
+
+    /// `leans`: the reference was set.
+    fn add_prepared(
+        &mut self,
+        payload: &[u8],
+        tail: Tail,
+        portable: bool,
+        leans: bool,
+        render: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        let WaveletDecoder { frame, predictor, pass, lean } = self;
         let mut decoder = RangeDecoder::new(payload, tail);
         let Some(header) = Header::read(&mut frame.predicted, &mut decoder) else {
             return Ok(());
         };
-        if header.sees_render && !portable {
+        if (header.sees_render || leans) && !portable {
             return Err(ResidualError::OtherRender);
         }
         if header.cut {
@@ -51,10 +109,17 @@ impl WaveletDecoder {
         }
         (frame.sees_render, frame.step) = (header.sees_render, header.step);
         frame.low_predicted = header.low_predicted;
+        let mut leaned = None;
+        if let Some(lean) = lean.as_mut().filter(|_| leans) {
+            if lean.read(&frame.geometry, &mut decoder, &mut frame.scratch).is_none() {
+                return Ok(());
+            }
+            leaned = Some(lean.picture());
+        }
         frame.set_render(render);
         let mut reader = Reader { decoder, predictor };
         pass.run(frame, predictor, header.finest, &mut reader);
-        pass.add_to(&mut render.data);
+        pass.add_to(leaned, &mut render.data);
         Ok(())
     }
 }

@@ -10,8 +10,9 @@ use super::context::BandContext;
 use super::fineness::Fineness;
 use super::frame::Frame;
 use super::gains::{Gains, LevelGains};
-use super::geometry::{Geometry, PLANES};
+use super::geometry::{Geometry, PLANES, Planes};
 use super::header::Header;
+use super::lean::Lean;
 use super::lifting::{self, FRACTION};
 use super::model::Model;
 use super::pass::{Due, Finest, Pass, Source};
@@ -38,6 +39,10 @@ pub struct WaveletEncoder {
     chosen: [Vec<i16>; PLANES],
     gains: LevelGains,
     pass: Pass,
+    /// What leans on references; room is made for the first frame of a stream.
+    lean: Option<Box<Lean>>,
+    /// The frame that was set leans on one.
+    leans: bool,
 }
 
 impl WaveletEncoder {
@@ -52,6 +57,8 @@ impl WaveletEncoder {
             gains: LevelGains::default(),
             pass: Pass::new(&frame.geometry),
             predictor: Predictor::new(tables),
+            lean: None,
+            leans: false,
             frame,
         }
     }
@@ -59,7 +66,28 @@ impl WaveletEncoder {
     /// Takes a camera picture and its render, both of the encoder's size. `sees_render`: the topside draws the same
     /// render, byte for byte.
     pub fn set(&mut self, camera: &Picture, render: &Picture, sees_render: bool) {
-        let WaveletEncoder { frame, difference, .. } = self;
+        self.set_leaning(camera, render, sees_render, None);
+    }
+
+    /// Makes room for leaning on references.
+    pub fn prepare_lean(&mut self) {
+        let lean = || Box::new(Lean::new(&self.frame.geometry));
+        self.lean.get_or_insert_with(lean);
+    }
+
+    /// As [`WaveletEncoder::set`], beside a reference's planes, warped to the view. Whether it is leaned on: only if that
+    /// pays.
+    pub fn set_leaning(
+        &mut self,
+        camera: &Picture,
+        render: &Picture,
+        sees_render: bool,
+        warped: Option<&Planes>,
+    ) -> bool {
+        if warped.is_some() {
+            self.prepare_lean();
+        }
+        let WaveletEncoder { frame, difference, lean, .. } = self;
         frame.sees_render = sees_render;
         frame.set_render(render);
         let pixel = |i: usize| {
@@ -73,7 +101,15 @@ impl WaveletEncoder {
                 lifting::forward(plane, &frame.geometry, level, &mut frame.scratch);
             }
         }
+        self.leans = match (warped, lean) {
+            (Some(warped), Some(lean)) => {
+                lean.set(&frame.geometry, warped, &mut frame.scratch);
+                lean.choose(frame, difference)
+            }
+            _ => false,
+        };
         blocks::choose(frame, difference);
+        self.leans
     }
 
     /// The coarsest step at which a rough model of the coded frame is good enough.
@@ -118,13 +154,16 @@ impl WaveletEncoder {
     /// Whether there was room for all.
     pub(super) fn write(&mut self, cut: bool, bytes: &mut Vec<u8>) -> bool {
         bytes.clear();
-        let WaveletEncoder { frame, predictor, chosen, gains, pass, .. } = self;
+        let WaveletEncoder { frame, predictor, chosen, gains, pass, lean, leans, .. } = self;
         let finest = finest(&frame.geometry, |plane, i| chosen[plane][i] != 0);
         let Frame { sees_render, step, low_predicted, .. } = *frame;
         let header = Header { cut, sees_render, step, finest, low_predicted };
         let most = bytes.capacity();
         let mut encoder = RangeEncoder::new(bytes, most);
         header.write(&frame.predicted, &mut encoder);
+        if let Some(lean) = lean.as_ref().filter(|_| *leans) {
+            lean.write(&mut encoder);
+        }
         let mut writer = Writer { encoder, predictor, chosen, gains };
         pass.run(frame, predictor, finest, &mut writer);
         writer.encoder.finish()
@@ -145,7 +184,12 @@ impl WaveletEncoder {
 
     /// Adds what was chosen or coded last to the render.
     pub fn add_to(&self, render: &mut Picture) {
-        self.pass.add_to(&mut render.data);
+        self.pass.add_to(self.leaning().map(Lean::picture), &mut render.data);
+    }
+
+    /// What the frame that was set leans on.
+    pub(super) fn leaning(&self) -> Option<&Lean> {
+        self.lean.as_deref().filter(|_| self.leans)
     }
 }
 

@@ -40,11 +40,7 @@ impl Header {
         let some = blocks.contains(&false);
         encoder.put(some, SOME_BLOCKS);
         if some {
-            let mut chance = BlockChance::new();
-            for predicted in blocks {
-                encoder.put(*predicted, chance.one());
-                chance.learn(*predicted);
-            }
+            write_blocks(blocks, encoder);
         }
     }
 
@@ -60,17 +56,32 @@ impl Header {
         }
         blocks.fill(true);
         if decoder.get(SOME_BLOCKS)? {
-            let mut chance = BlockChance::new();
-            for predicted in &mut *blocks {
-                *predicted = decoder.get(chance.one())?;
-                chance.learn(*predicted);
-            }
+            read_blocks(blocks, decoder)?;
         }
         Some(Header { cut, sees_render, step, finest, low_predicted })
     }
 }
 
 const _: () = assert!(MAX_LEVELS + 1 < 8);
+
+/// Writes a bit of each block.
+pub fn write_blocks(blocks: &[bool], encoder: &mut RangeEncoder) {
+    let mut chance = BlockChance::new();
+    for predicted in blocks {
+        encoder.put(*predicted, chance.one());
+        chance.learn(*predicted);
+    }
+}
+
+/// Reads them.
+pub fn read_blocks(blocks: &mut [bool], decoder: &mut RangeDecoder) -> Option<()> {
+    let mut chance = BlockChance::new();
+    for predicted in blocks {
+        *predicted = decoder.get(chance.one())?;
+        chance.learn(*predicted);
+    }
+    Some(())
+}
 
 /// Chance that the next block is predicted, by how many were.
 struct BlockChance {

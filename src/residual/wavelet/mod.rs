@@ -9,7 +9,7 @@
 mod bits;
 mod blocks;
 mod choose;
-mod colour;
+pub(super) mod colour;
 mod context;
 mod decoder;
 mod encoder;
@@ -19,6 +19,7 @@ mod frame;
 mod gains;
 mod geometry;
 mod header;
+mod lean;
 mod lifting;
 mod model;
 mod network;
@@ -35,6 +36,8 @@ pub use range_coder::Tail;
 
 pub use decoder::WaveletDecoder;
 pub use encoder::WaveletEncoder;
+pub use geometry::Planes;
+pub(super) use lifting::FRACTION;
 pub(super) use rate::RateEncoder;
 pub use step::{STEPS, Step};
 pub use tables::{Tables, TablesError};

@@ -8,7 +8,7 @@ use super::context::{BandContext, Inputs};
 use super::fixed::FEATURE_PLACES;
 use super::frame::Frame;
 use super::gains::Gains;
-use super::geometry::{Band, Geometry, Orientation, PLANES};
+use super::geometry::{Band, Geometry, Orientation, PLANES, Planes};
 use super::lifting::{self, Scratch};
 use super::predictor::Predictor;
 use super::quantised::Quantised;
@@ -204,13 +204,24 @@ impl Pass {
         }
     }
 
-    /// Adds the decoded difference to a render.
-    pub fn add_to(&self, render: &mut [u8]) {
+    /// Adds the decoded difference to a render, and what was predicted of it from a reference.
+    pub fn add_to(&self, leaned: Option<&Planes>, render: &mut [u8]) {
         let [a, b, c] = &self.decoded;
-        for (((pixel, a), b), c) in render.chunks_exact_mut(3).zip(a).zip(b).zip(c) {
-            for (to, difference) in pixel.iter_mut().zip(colour::to_rgb([*a, *b, *c])) {
-                *to = (i32::from(*to) + difference).clamp(0, 255) as u8;
-            }
+        let planes = a.iter().zip(b).zip(c).map(|((a, b), c)| [*a, *b, *c]);
+        let Some([d, e, f]) = leaned else { return add(planes, render) };
+        let leaned = d.iter().zip(e).zip(f).map(|((d, e), f)| [*d, *e, *f]);
+        let sum = |(a, b): ([i32; PLANES], [i32; PLANES])| {
+            std::array::from_fn(|plane| a[plane].wrapping_add(b[plane]))
+        };
+        add(planes.zip(leaned).map(sum), render);
+    }
+}
+
+/// Adds planes to a picture, pixel by pixel.
+fn add(planes: impl Iterator<Item = [i32; PLANES]>, picture: &mut [u8]) {
+    for (pixel, planes) in picture.chunks_exact_mut(3).zip(planes) {
+        for (to, difference) in pixel.iter_mut().zip(colour::to_rgb(planes)) {
+            *to = (i32::from(*to) + difference).clamp(0, 255) as u8;
         }
     }
 }

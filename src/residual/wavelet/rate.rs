@@ -1,13 +1,13 @@
 //! The wavelet coder at a rate: by quality, by a budget, or by the picture wanted.
 
 use crate::Picture;
-use crate::packet::{Coder, Residual, residual_part_len};
+use crate::packet::{Coder, Reference, Residual, residual_part_len};
 
 use super::super::rate::{Choice, Rate};
 use super::decoder::WaveletDecoder;
 use super::encoder::WaveletEncoder;
 use super::fineness::{Bracket, Fineness};
-use super::range_coder::Tail;
+use super::geometry::Planes;
 use super::tables::Tables;
 
 /// Most codings of a frame.
@@ -25,7 +25,12 @@ pub struct RateEncoder {
     best: Coding,
     trial: Coding,
     probes: u32,
+    /// What a frame of a stream leans on.
+    stream: Option<Option<Reference>>,
 }
+
+/// What a frame may lean on: the reference, and its planes, warped to the view.
+pub type Leanable<'a> = Option<(Reference, &'a Planes)>;
 
 /// A payload, and what it shows.
 struct Coding {
@@ -54,23 +59,31 @@ impl RateEncoder {
             best: Coding::new(width, height),
             trial: Coding::new(width, height),
             probes: 0,
+            stream: None,
         }
     }
 
-    /// Codes a frame of the encoder's size; the outcome is in [`RateEncoder::coded`].
+    /// Codes a frame of the encoder's size; the outcome is in [`RateEncoder::coded`]. `stream`: the frame is one of a
+    /// stream, and may lean on a reference if there is one.
     pub fn encode(
         &mut self,
         camera: &Picture,
         render: &Picture,
         rate: Rate,
         overhead: usize,
+        stream: Option<&Leanable>,
     ) -> Choice {
+        self.stream = stream.map(|_| None);
+        if stream.is_some() {
+            self.encoder.prepare_lean();
+            self.decoder.prepare_lean();
+        }
         self.probes = 0;
         let plain = camera.psnr(render);
         if matches!(rate, Rate::Psnr(target) if plain >= target) {
             return Choice { residual: Err(Residual::None), reached: true, probes: 0 };
         }
-        self.encoder.set(camera, render, self.portable);
+        let overhead = overhead + self.set(camera, render, stream);
         let (coded, reached) = match rate {
             Rate::Quality(quality) => {
                 self.choose(camera, render, Fineness::of_quality(quality));
@@ -98,7 +111,24 @@ impl RateEncoder {
     /// What was coded, the picture that it makes, and its PSNR, dB.
     pub fn coded(&self) -> (Residual<'_>, &Picture, f64) {
         let Coding { payload, reconstruction, psnr } = &self.best;
-        (Residual::Coded { coder: Coder::Wavelet, payload }, reconstruction, *psnr)
+        let residual = match self.stream {
+            Some(reference) => Residual::Stream { reference, payload },
+            None => Residual::Coded { coder: Coder::Wavelet, payload },
+        };
+        (residual, reconstruction, *psnr)
+    }
+
+    /// Takes a frame, and chooses whether it leans. Returns the bytes that a stream's frame takes more.
+    fn set(&mut self, camera: &Picture, render: &Picture, stream: Option<&Leanable>) -> usize {
+        let Some(leanable) = stream else {
+            self.encoder.set(camera, render, self.portable);
+            return 0;
+        };
+        let (reference, warped) = (*leanable).unzip();
+        let leans = self.encoder.set_leaning(camera, render, self.portable, warped);
+        let reference = reference.filter(|_| leans);
+        self.stream = Some(reference);
+        Reference::encoded_len(reference)
     }
 
     /// Chooses coefficients; the picture and its PSNR are in `trial`.
@@ -199,7 +229,7 @@ impl RateEncoder {
         trial.payload.truncate(most);
         trial.reconstruction.clone_from(render);
         // It fails only if the render is not the encoder's own.
-        let _ = self.decoder.add(&trial.payload, Tail::Zeros, true, &mut trial.reconstruction);
+        let _ = self.decoder.add_own(&self.encoder, &trial.payload, &mut trial.reconstruction);
         trial.psnr = camera.psnr(&trial.reconstruction);
         if trial.psnr > self.best.psnr {
             self.keep();

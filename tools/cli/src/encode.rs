@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::residual::ResidualCoder;
-use nvsprior::{Encoder, EncoderOptions, Rate};
+use nvsprior::{Encoder, EncoderOptions, Mode, Rate, Structure};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
@@ -34,6 +34,8 @@ pub struct Args {
     frames_treated: bool,
     #[command(flatten)]
     rate: RateArgs,
+    #[command(flatten)]
+    mode: ModeArgs,
     /// Folder for the packets, NAME.nvsp; made if it is missing
     #[arg(long, value_name = "DIR")]
     packets: PathBuf,
@@ -98,6 +100,48 @@ struct RateArgs {
     /// the camera have it, and the others take 19
     #[arg(long)]
     full_latent: bool,
+}
+
+/// Whether difference pictures lean on earlier ones.
+#[derive(clap::Args)]
+struct ModeArgs {
+    /// `intra`: every difference picture by itself; `stream`: they lean on earlier ones, and take fewer bytes. A frame
+    /// whose reference is missing is shown as the render alone. Needs the wavelet coder
+    #[arg(long, value_enum, default_value = "intra")]
+    mode: ModeArg,
+    /// Of a stream: a difference picture by itself, a key frame, every N frames, so that a loss ends there; 0: no more
+    /// after the first
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::count)]
+    key_every: usize,
+    /// Of a stream: the frame that others lean on. `chain`: the one before; `layers`: every other frame on one further
+    /// back, so that fewer depend on each; `keys`: the last key frame
+    #[arg(long, value_enum, default_value = "chain")]
+    structure: StructureArg,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum ModeArg {
+    Intra,
+    Stream,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum StructureArg {
+    Chain,
+    Layers,
+    Keys,
+}
+
+impl ModeArgs {
+    fn mode(&self) -> Mode {
+        let key_every = self.key_every.try_into().unwrap_or(0);
+        match (self.mode, self.structure) {
+            (ModeArg::Intra, _) => Mode::Intra,
+            (_, StructureArg::Chain) => Mode::Stream(Structure::Chain { key_every }),
+            (_, StructureArg::Layers) => Mode::Stream(Structure::Layers { key_every }),
+            (_, StructureArg::Keys) => Mode::Stream(Structure::Keys { key_every }),
+        }
+    }
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -182,6 +226,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut options = args.refine.options();
     options.rate = args.rate.rate();
     options.residual = args.rate.coder();
+    options.mode = args.mode.mode();
     options.check_interval = args.rate.render_check;
     options.short = !args.rate.full_latent;
     options.frames_treated = args.frames_treated;

@@ -52,6 +52,8 @@ fn frame(row: &Row) -> Value {
         "portable": s.portable,
         "lost_frames": s.lost_frames,
         "rate_kept": s.rate_kept,
+        // The frame that its difference picture leans on.
+        "reference": s.reference,
         // Infinite ones become null.
         "pose_deviation": s.observability.pose_deviation(),
         "open_directions": s.observability.undetermined().count(),
@@ -77,13 +79,14 @@ pub fn print(rows: &[Row]) {
     );
     for Row { file, stats: s, .. } in rows {
         println!(
-            "{file:24} {:7} {:9.2} {:9.2} {:8} {:9.1}  {}{}{}",
+            "{file:24} {:7} {:9.2} {:9.2} {:8} {:9.1}  {}{}{}{}",
             s.bytes,
             s.render_psnr,
             s.psnr,
             s.full_renders,
             s.milliseconds,
             s.start.name(),
+            s.reference.map_or(String::new(), |frame| format!(", leans on frame {frame}")),
             if s.certain { "" } else { ", NOT CERTAIN" },
             if s.rate_kept { "" } else { ", rate not kept" },
         );

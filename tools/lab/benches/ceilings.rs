@@ -432,6 +432,7 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
         jacobians,
         search: None,
         sort_precision: Default::default(),
+        depths: false,
         profiled: true,
     };
     let mut renderer = engine.renderer(&seen.scene, &seen.camera, plan)?;

@@ -117,6 +117,7 @@ fn alone(context: &Context, job: Job) -> anyhow::Result<Vec<StageTime>> {
         jacobians,
         search: None,
         sort_precision: Default::default(),
+        depths: false,
         profiled: true,
     };
     let mut renderer = context.engine.renderer(&context.scene, camera, plan)?;
@@ -147,6 +148,7 @@ fn search(context: &Context) -> anyhow::Result<Search> {
         jacobians: Vec::new(),
         search: Some(refine.jacobian()),
         sort_precision: Default::default(),
+        depths: false,
         profiled: true,
     };
     let last = (context.shots.len() - 1).min(2);

@@ -118,6 +118,7 @@ impl Scenario {
             jacobians: vec![jacobian],
             search: Some(jacobian),
             sort_precision,
+            depths: false,
             profiled: false,
         };
         let mut renderer = bench.engine.renderer(&scene, &self.camera, plan)?;

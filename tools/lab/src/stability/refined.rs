@@ -46,6 +46,7 @@ impl Sought<'_> {
             jacobians: if search { Vec::new() } else { vec![refine.jacobian()] },
             search: search.then_some(refine.jacobian()),
             sort_precision: refine.sort_precision,
+            depths: false,
             profiled: false,
         };
         let scene = bench.engine.upload(self.prior)?;

@@ -23,6 +23,7 @@ fn renderer(engine: &Engine, seed: u64) -> Renderer {
         jacobians: vec![Jacobian::Flow],
         search: Some(Jacobian::Flow),
         sort_precision: Default::default(),
+        depths: false,
         profiled: false,
     };
     engine.renderer(&scene, &camera(), plan).unwrap()

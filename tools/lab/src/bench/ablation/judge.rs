@@ -56,7 +56,7 @@ impl Judge {
         let coded = residual.encode(picture, render, QUALITY, 0);
         let coded = coded.with_context(|| format!("coding the difference from {file}"))?;
         let bytes = match coded.residual {
-            Residual::Coded { payload, .. } => payload.len(),
+            Residual::Coded { payload, .. } | Residual::Stream { payload, .. } => payload.len(),
             Residual::None | Residual::Omitted => 0,
         };
         Ok(Verdict { energy, bytes })

@@ -56,6 +56,7 @@ impl Estimator {
             jacobians: Vec::new(),
             search: Some(refine.jacobian()),
             sort_precision: Default::default(),
+            depths: false,
             profiled: false,
         };
         let renderer = context.engine.renderer(&context.scene, &context.shots[0].camera, plan)?;

@@ -1,0 +1,277 @@
+//! Streams: frames whose difference pictures lean on those of earlier frames.
+
+use crate::Picture;
+use crate::packet::{Latent, Reference, Residual};
+
+use super::ResidualError;
+use super::references::{Kept, REFERENCES, References, frames_behind};
+use super::warp::{Vantage, warp};
+use super::wavelet::Planes;
+
+/// Whether frames lean on earlier ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// Every frame by itself: a lost packet costs its frame alone.
+    #[default]
+    Intra,
+    /// Frames lean on earlier ones, and take fewer bytes. A frame whose reference is missing is shown as the render alone.
+    Stream(Structure),
+}
+
+/// Which frame a frame of a stream leans on. A frame stands alone if there is no such frame among the last 32, or if
+/// leaning saves nothing; it then counts as a key frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Structure {
+    /// The newest frame that the topside has acknowledged: see [`Encoder::acknowledge`](crate::Encoder::acknowledge). No
+    /// loss costs more than its frame. It takes a return channel; the longer its delay, the less is saved.
+    Acknowledged,
+    /// The frame before. It saves most; a loss costs all frames up to the next key frame.
+    Chain {
+        /// A key frame, which stands alone, comes after this many frames; 0: no more after the first.
+        key_every: u32,
+    },
+    /// Layers: of four frames, the first leans on the first of the four before, the third on the first, and the second
+    /// and the fourth on the one before. A loss of one of the latter costs its frame alone.
+    Layers {
+        /// As for a chain.
+        key_every: u32,
+    },
+    /// The last key frame. A loss costs its frame alone, unless it is the key frame.
+    Keys {
+        /// As for a chain.
+        key_every: u32,
+    },
+}
+
+/// Frames between two of the lowest layer.
+const LAYERED: u32 = 4;
+
+impl Structure {
+    /// Whether a frame may lean on a kept one. `position`: its number of frames after the last key frame.
+    fn suits(self, position: u32, kept: &Kept, acknowledged: &Acknowledged) -> bool {
+        match self {
+            Structure::Acknowledged => acknowledged.contains(kept.frame),
+            Structure::Chain { .. } => true,
+            Structure::Layers { .. } => {
+                let layer = 1 << position.trailing_zeros().min(LAYERED.ilog2());
+                kept.position.is_multiple_of(layer)
+            }
+            Structure::Keys { .. } => kept.position == 0,
+        }
+    }
+
+    fn key_every(self) -> u32 {
+        match self {
+            Structure::Acknowledged => 0,
+            Structure::Chain { key_every }
+            | Structure::Layers { key_every }
+            | Structure::Keys { key_every } => key_every,
+        }
+    }
+}
+
+/// The frames that were acknowledged last.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Acknowledged {
+    frames: [Option<u32>; REFERENCES],
+    next: usize,
+}
+
+impl Acknowledged {
+    /// Adds a frame, modulo 2²⁴, in place of the one added longest ago.
+    pub fn add(&mut self, frame: u32) {
+        let frame = frame % Latent::FRAMES;
+        if !self.contains(frame) {
+            self.frames[self.next] = Some(frame);
+            self.next = (self.next + 1) % REFERENCES;
+        }
+    }
+
+    fn contains(&self, frame: u32) -> bool {
+        self.frames.contains(&Some(frame % Latent::FRAMES))
+    }
+}
+
+/// What a frame of a stream is coded with beyond its pictures.
+#[derive(Clone, Copy)]
+pub struct StreamFrame<'a> {
+    /// Its number.
+    pub frame: u32,
+    /// Where it was seen from, as its packet says it.
+    pub vantage: &'a Vantage,
+    /// Depths of the render's pixels, row by row: see [`Renderer::depths`](crate::render::Renderer::depths).
+    pub depths: &'a [f32],
+}
+
+impl StreamFrame<'_> {
+    /// Checks that it has the size of a picture, and a depth for every pixel.
+    pub(super) fn check(&self, of: &Picture) -> Result<(), ResidualError> {
+        let camera = &self.vantage.camera;
+        let (expected, found) = ((of.width, of.height), (camera.width, camera.height));
+        if expected != found {
+            return Err(ResidualError::Size { expected, found });
+        }
+        let (expected, found) = (camera.pixels(), self.depths.len());
+        if expected == found { Ok(()) } else { Err(ResidualError::Depths { expected, found }) }
+    }
+}
+
+/// What an encoder of a stream remembers.
+#[derive(Default)]
+pub(super) struct StreamEncoder {
+    references: References,
+    /// Number of the last frame that stands alone.
+    key: Option<u32>,
+    warped: Planes,
+}
+
+impl StreamEncoder {
+    /// Forgets all frames.
+    pub fn clear(&mut self) {
+        self.references.clear();
+        self.key = None;
+    }
+
+    /// Makes room for frames of a view.
+    pub fn prepare(&mut self, vantage: &Vantage) {
+        prepare(&mut self.warped, vantage);
+        self.references.prepare(vantage);
+    }
+
+    /// What a frame may lean on, warped to its view.
+    pub fn leanable(
+        &mut self,
+        frame: &StreamFrame,
+        structure: Structure,
+        acknowledged: &Acknowledged,
+    ) -> Option<(Reference, &Planes)> {
+        self.prepare(frame.vantage);
+        let position = frames_behind(self.key?, frame.frame);
+        let key_every = structure.key_every();
+        if key_every > 0 && position >= key_every {
+            return None;
+        }
+        let suits = |kept: &Kept| structure.suits(position, kept, acknowledged);
+        let (reference, kept) = self.references.newest(frame.frame, suits)?;
+        warp(&kept.difference, &kept.vantage, frame.vantage, frame.depths, &mut self.warped);
+        Some((reference, &self.warped))
+    }
+
+    /// Remembers a coded frame, if later ones may lean on it.
+    pub fn keep(
+        &mut self,
+        frame: &StreamFrame,
+        residual: &Residual,
+        shown: &Picture,
+        render: &Picture,
+    ) {
+        let Residual::Stream { reference, .. } = residual else { return };
+        if reference.is_none() {
+            self.key = Some(frame.frame);
+        }
+        let position = self.key.map_or(0, |key| frames_behind(key, frame.frame));
+        self.references.keep(frame, position, shown, render);
+    }
+}
+
+/// What a decoder of a stream remembers.
+#[derive(Default)]
+pub(super) struct StreamDecoder {
+    references: References,
+    warped: Planes,
+    /// The render of the frame under way.
+    render: Picture,
+}
+
+impl StreamDecoder {
+    /// Whether a frame's reference is there, and the same as the encoder's.
+    pub fn holds(&self, reference: Reference, frame: u32, vantage: &Vantage) -> bool {
+        self.references.find(reference, frame, vantage).is_some()
+    }
+
+    /// A reference, warped to a frame's view. `None` if it is missing.
+    pub fn warped(&mut self, reference: Reference, frame: &StreamFrame) -> Option<&Planes> {
+        prepare(&mut self.warped, frame.vantage);
+        let kept = self.references.find(reference, frame.frame, frame.vantage)?;
+        warp(&kept.difference, &kept.vantage, frame.vantage, frame.depths, &mut self.warped);
+        Some(&self.warped)
+    }
+
+    /// Takes the render of a frame, before anything is added to it.
+    pub fn set_render(&mut self, frame: &StreamFrame, render: &Picture) {
+        prepare(&mut self.warped, frame.vantage);
+        self.references.prepare(frame.vantage);
+        self.render.clone_from(render);
+    }
+
+    /// Remembers a frame that was decoded in full.
+    pub fn keep(&mut self, frame: &StreamFrame, shown: &Picture) {
+        self.references.keep(frame, 0, shown, &self.render);
+    }
+}
+
+/// Gives planes the size of a view.
+fn prepare(planes: &mut Planes, vantage: &Vantage) {
+    planes.iter_mut().for_each(|plane| plane.resize(vantage.camera.pixels(), 0));
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Camera;
+    use crate::search::Placement;
+
+    use super::*;
+
+    fn vantage() -> Vantage {
+        let camera = Camera { width: 8, height: 6, fx: 9.0, fy: 9.0, cx: 4.0, cy: 3.0 };
+        let placement = Placement { rotation: [1.0, 0.0, 0.0, 0.0], translation: [0.0; 3] };
+        Vantage { camera, placement }
+    }
+
+    /// The distances that a structure chooses over frames that all lean if they can.
+    fn distances(structure: Structure, frames: u32, heard: impl Fn(u32) -> Option<u32>) -> Vec<u8> {
+        let (mut encoder, mut acknowledged) = (StreamEncoder::default(), Acknowledged::default());
+        let (vantage, picture) = (vantage(), Picture::new(8, 6));
+        let first = Latent::FRAMES - 3;
+        let number = |i: u32| first.wrapping_add(i) % Latent::FRAMES;
+        let distances = (0..frames).map(|i| {
+            let frame = StreamFrame { frame: number(i), vantage: &vantage, depths: &[1.0; 48] };
+            heard(i).map(number).into_iter().for_each(|frame| acknowledged.add(frame));
+            let reference = encoder.leanable(&frame, structure, &acknowledged).map(|(r, _)| r);
+            let residual = Residual::Stream { reference, payload: &[] };
+            encoder.keep(&frame, &residual, &picture, &picture);
+            reference.map_or(0, |reference| reference.distance)
+        });
+        distances.collect()
+    }
+
+    #[test]
+    fn a_chain_leans_on_the_frame_before_up_to_the_next_key() {
+        let found = distances(Structure::Chain { key_every: 4 }, 9, |_| None);
+        assert_eq!(found, [0, 1, 1, 1, 0, 1, 1, 1, 0]);
+        let endless = distances(Structure::Chain { key_every: 0 }, 100, |_| None);
+        assert_eq!(endless.iter().filter(|distance| **distance == 0).count(), 1);
+    }
+
+    #[test]
+    fn others_lean_on_the_key() {
+        let found = distances(Structure::Keys { key_every: 4 }, 9, |_| None);
+        assert_eq!(found, [0, 1, 2, 3, 0, 1, 2, 3, 0]);
+        // Beyond the frames that are remembered there is nothing to lean on.
+        let far = distances(Structure::Keys { key_every: 0 }, 40, |_| None);
+        assert_eq!((far[31], far[32], far[33]), (31, 0, 1));
+    }
+
+    #[test]
+    fn layers_lean_on_lower_ones() {
+        let found = distances(Structure::Layers { key_every: 10 }, 12, |_| None);
+        assert_eq!(found, [0, 1, 2, 1, 4, 1, 2, 1, 4, 1, 0, 1]);
+    }
+
+    #[test]
+    fn only_acknowledged_frames_are_leaned_on() {
+        let found = distances(Structure::Acknowledged, 8, |i| [4, 7].contains(&i).then(|| i - 3));
+        assert_eq!(found, [0, 0, 0, 0, 3, 4, 5, 3]);
+        assert_eq!(distances(Structure::Acknowledged, 3, |_| None), [0, 0, 0]);
+    }
+}

@@ -1,0 +1,262 @@
+//! A reference's difference picture, moved to where it shows in another view.
+//!
+//! Both sides do this, so all of it is portable: sums, products and quotients of f64, which every processor rounds in the
+//! same way, then integers.
+
+use crate::search::Placement;
+use crate::{Camera, Picture};
+
+use super::wavelet::{FRACTION, Planes, colour};
+
+/// Where a picture was seen from, in numbers that are the same on every device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vantage {
+    /// The camera.
+    pub camera: Camera,
+    /// Its pose, as packets carry it.
+    pub placement: Placement,
+}
+
+/// Places between two pixels that are told apart.
+const PLACES: usize = 64;
+/// Binary places of the weights.
+const WEIGHT_PLACES: u32 = 9;
+/// Weights of the four pixels around a place between the second and the third (Catmull and Rom's cubic).
+const WEIGHTS: [[i32; 4]; PLACES] = weights();
+/// Nearer than this nothing is seen, the prior's unit.
+const NEAREST: f64 = 1e-3;
+/// A difference picture's value for no difference.
+const NONE: i32 = 128;
+
+/// From the pixels of one view to places in another.
+struct Motion {
+    /// Rows of the rotation, and the translation.
+    rows: [[f64; 3]; 3],
+    translation: [f64; 3],
+    focal: [f64; 2],
+    principal: [f64; 2],
+}
+
+impl Motion {
+    fn new(from: &Vantage, to: &Vantage) -> Motion {
+        let (a, b) = (matrix(&from.placement), matrix(&to.placement));
+        let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
+        // X_to = B X + t_b and X_from = A X + t_a, so X_from = A Bᵀ (X_to − t_b) + t_a.
+        let rows = a.map(|row| [dot(row, b[0]), dot(row, b[1]), dot(row, b[2])]);
+        let [t_from, t_to] = [from, to].map(|v| v.placement.translation.map(f64::from));
+        let turned = rows.map(|row| dot(row, t_to));
+        let translation = [t_from[0] - turned[0], t_from[1] - turned[1], t_from[2] - turned[2]];
+        let Camera { fx, fy, cx, cy, .. } = to.camera;
+        let (focal, principal) = ([fx, fy].map(f64::from), [cx, cy].map(f64::from));
+        Motion { rows, translation, focal, principal }
+    }
+
+    /// Where a pixel of the view, at a depth, lies among the other view's pixels: its first whole column and row, counted
+    /// from pixel centres, and the parts beyond. `None` if it is not seen there.
+    fn place(&self, x: usize, y: usize, depth: f32, size: (usize, usize)) -> Option<Place> {
+        let [[fx, fy], [cx, cy]] = [self.focal, self.principal];
+        let depth = f64::from(depth);
+        let point = [(x as f64 + 0.5 - cx) / fx * depth, (y as f64 + 0.5 - cy) / fy * depth, depth];
+        let [px, py, pz] = std::array::from_fn(|i| {
+            let row = self.rows[i];
+            row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + self.translation[i]
+        });
+        // Numbers that are none are not seen either.
+        if !(pz > NEAREST) {
+            return None;
+        }
+        let column = part_of(px / pz * fx + cx - 0.5, size.0)?;
+        let row = part_of(py / pz * fy + cy - 0.5, size.1)?;
+        Some(Place { column, row })
+    }
+}
+
+/// A place along both axes: a whole pixel, and 64ths beyond it.
+struct Place {
+    column: (isize, usize),
+    row: (isize, usize),
+}
+
+/// A coordinate as whole pixels and the part beyond. `None` if it lies outside.
+fn part_of(coordinate: f64, len: usize) -> Option<(isize, usize)> {
+    if !(coordinate > -0.5 && coordinate < len as f64 - 0.5) {
+        return None;
+    }
+    // Above zero, where a conversion rounds down.
+    let places = ((coordinate + 1.0) * PLACES as f64 + 0.5) as usize;
+    Some(((places / PLACES) as isize - 1, places % PLACES))
+}
+
+/// A placement's rotation, by rows.
+fn matrix(placement: &Placement) -> [[f64; 3]; 3] {
+    let [w, x, y, z] = placement.rotation.map(f64::from);
+    [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+}
+
+const fn weights() -> [[i32; 4]; PLACES] {
+    let one = PLACES as i64;
+    // Numerators of the cubic, over 2 · 64³; in binary places of the weight that is divided by this.
+    let divisor = 2 * one * one * one >> WEIGHT_PLACES;
+    let mut table = [[0; 4]; PLACES];
+    let mut f = 0;
+    while f < PLACES {
+        let t = f as i64;
+        let cubic = [
+            ((-t + 2 * one) * t - one * one) * t,
+            ((3 * t - 5 * one) * t) * t + 2 * one * one * one,
+            ((-3 * t + 4 * one) * t + one * one) * t,
+            ((t - one) * t) * t,
+        ];
+        let mut k = 0;
+        let mut sum = 0;
+        while k < 4 {
+            table[f][k] = (cubic[k] + divisor / 2).div_euclid(divisor) as i32;
+            sum += table[f][k];
+            k += 1;
+        }
+        // What rounding left, to the nearer pixel.
+        table[f][if 2 * f < PLACES { 1 } else { 2 }] += (1 << WEIGHT_PLACES) - sum;
+        f += 1;
+    }
+    table
+}
+
+/// Writes the planes of a difference picture that was seen from `from`, as they show from `to`, whose pixels have
+/// `depths`. What was not seen is zero.
+///
+/// # Panics
+/// If the difference has not the size of both cameras, or there are fewer depths than pixels.
+pub fn warp(difference: &Picture, from: &Vantage, to: &Vantage, depths: &[f32], into: &mut Planes) {
+    let Camera { width, height, .. } = to.camera;
+    assert_eq!((difference.width, difference.height), (width, height), "size of the reference");
+    let (width, height) = (width as usize, height as usize);
+    let motion = Motion::new(from, to);
+    for (y, depths) in depths.chunks(width).enumerate().take(height) {
+        for (x, depth) in depths.iter().enumerate() {
+            let rgb = match motion.place(x, y, *depth, (width, height)) {
+                Some(place) => sample(difference, &place),
+                None => [0; 3],
+            };
+            for (plane, value) in into.iter_mut().zip(colour::fine_to_planes(rgb)) {
+                plane[y * width + x] = value;
+            }
+        }
+    }
+}
+
+/// The difference at a place, in [`FRACTION`] binary places.
+fn sample(difference: &Picture, place: &Place) -> [i32; 3] {
+    let (width, height) = (difference.width as isize, difference.height as isize);
+    let ((column, x), (row, y)) = (place.column, place.row);
+    let inside = column >= 1 && column + 2 < width;
+    let mut sums = [0; 3];
+    for (k, down) in WEIGHTS[y].into_iter().enumerate() {
+        let row = (row - 1 + k as isize).clamp(0, height - 1) * width;
+        let mut along = [0; 3];
+        let mut add = |pixel: &[u8], weight: i32| {
+            for (sum, value) in along.iter_mut().zip(pixel) {
+                *sum += weight * (i32::from(*value) - NONE);
+            }
+        };
+        if inside {
+            let from = &difference.data[3 * (row + column - 1) as usize..][..12];
+            for (pixel, weight) in from.as_chunks::<3>().0.iter().zip(WEIGHTS[x]) {
+                add(pixel, weight);
+            }
+        } else {
+            for (i, weight) in WEIGHTS[x].into_iter().enumerate() {
+                let column = (column - 1 + i as isize).clamp(0, width - 1);
+                add(&difference.data[3 * (row + column) as usize..][..3], weight);
+            }
+        }
+        for (sum, along) in sums.iter_mut().zip(along) {
+            *sum += down * along;
+        }
+    }
+    const SPARE: u32 = 2 * WEIGHT_PLACES - FRACTION;
+    sums.map(|sum| (sum + (1 << (SPARE - 1))) >> SPARE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> Camera {
+        Camera { width: 40, height: 24, fx: 30.0, fy: 31.0, cx: 20.5, cy: 11.5 }
+    }
+
+    fn vantage(rotation: [f32; 4], translation: [f32; 3]) -> Vantage {
+        Vantage { camera: camera(), placement: Placement { rotation, translation } }
+    }
+
+    fn planes() -> Planes {
+        std::array::from_fn(|_| vec![7; 40 * 24])
+    }
+
+    /// A smooth difference picture.
+    fn picture() -> Picture {
+        let mut picture = Picture::new(40, 24);
+        for (i, rgb) in picture.data.chunks_exact_mut(3).enumerate() {
+            let (x, y) = ((i % 40) as i32, (i / 40) as i32);
+            rgb.copy_from_slice(&[100 + 2 * x, 150 - 3 * y, 128 + x - y].map(|v| v as u8));
+        }
+        picture
+    }
+
+    #[test]
+    fn weights_sum_to_one() {
+        for weights in WEIGHTS {
+            assert_eq!(weights.iter().sum::<i32>(), 1 << WEIGHT_PLACES);
+        }
+        assert_eq!(WEIGHTS[0], [0, 512, 0, 0]);
+        assert_eq!(WEIGHTS[32], [-32, 288, 288, -32]);
+    }
+
+    #[test]
+    fn the_same_view_gives_the_same_picture() {
+        let here = vantage([0.6, 0.0, 0.8, 0.0], [3.0, -1.0, 2.0]);
+        let (picture, mut warped, mut plain) = (picture(), planes(), planes());
+        warp(&picture, &here, &here, &[4.0; 40 * 24], &mut warped);
+        let value = |i: usize| std::array::from_fn(|c| i32::from(picture.data[3 * i + c]) - NONE);
+        let [a, b, c] = &mut plain;
+        colour::to_planes(value, [a, b, c]);
+        for (warped, plain) in warped.iter().flatten().zip(plain.iter().flatten()) {
+            // Rotations are unit quaternions to f32's rounding.
+            assert!((warped - plain).abs() <= 3, "{warped} {plain}");
+        }
+    }
+
+    #[test]
+    fn a_step_sideways_shifts_by_the_parallax() {
+        // The camera of the new view stands 0.4 to the right: what it sees lay 0.4 · 30 / 4 = 3 pixels further right before.
+        let (before, now) = (vantage([1.0, 0.0, 0.0, 0.0], [0.0; 3]), [1.0, 0.0, 0.0, 0.0]);
+        let now = vantage(now, [-0.4, 0.0, 0.0]);
+        let (picture, mut warped, mut still) = (picture(), planes(), planes());
+        warp(&picture, &before, &now, &[4.0; 40 * 24], &mut warped);
+        warp(&picture, &before, &before, &[4.0; 40 * 24], &mut still);
+        for y in 0..24 {
+            for x in 0..36 {
+                let (found, due) = (warped[0][y * 40 + x], still[0][y * 40 + x + 3]);
+                assert!((found - due).abs() <= 2, "{x} {y}: {found} {due}");
+            }
+            assert_eq!(warped[0][y * 40 + 38], 0, "nothing was seen there");
+        }
+    }
+
+    #[test]
+    fn any_numbers_give_a_picture() {
+        let odd = [f32::NAN, f32::INFINITY, -1.0, 0.0, f32::MAX, 1e-30, 5.0];
+        let depths: Vec<f32> = (0..40 * 24).map(|i| odd[i % odd.len()]).collect();
+        let mut into = planes();
+        for value in odd {
+            let far = vantage([1.0, 0.0, value, 0.0], [value, 0.0, 1.0]);
+            let here = vantage([1.0, 0.0, 0.0, 0.0], [0.0; 3]);
+            warp(&picture(), &far, &here, &depths, &mut into);
+            warp(&picture(), &here, &far, &depths, &mut into);
+        }
+    }
+}

@@ -1,0 +1,316 @@
+//! What is predicted from an earlier frame's difference picture.
+//!
+//! That picture comes warped to this view. Each of its coefficients is multiplied by a factor that depends on its band
+//! and on the *age* of the reference: the light moves on, and fine details of it first. The encoder chooses the age that
+//! fits, and blocks in which nothing is predicted: what the frame shows there was hidden before, or has changed.
+
+use super::blocks;
+use super::frame::Frame;
+use super::geometry::{Geometry, Orientation, PLANES, Planes};
+use super::lifting::{self, Scratch};
+use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
+use super::step::Step;
+use super::tables::RANKS;
+
+/// Ages that are told apart.
+const AGES: usize = 8;
+/// Binary places of a factor.
+const PLACES: u32 = 8;
+
+/// By age, plane and rank of the band.
+const FACTORS: [[[u8; RANKS]; PLANES]; AGES] = ages();
+
+/// Factors of a reference one frame old at 15 fps, fitted on the reef's training frames: 1024ths.
+const ONE_FRAME: [[u32; RANKS]; PLANES] = [
+    [962, 903, 842, 684, 680, 772, 854],
+    [1016, 571, 797, 877, 821, 889, 922],
+    [938, 459, 587, 691, 817, 899, 898],
+];
+/// The ages, in halves of that.
+const HALVES: [u32; AGES] = [1, 2, 3, 4, 6, 8, 12, 20];
+
+/// A factor fades as a power of the age.
+const fn ages() -> [[[u8; RANKS]; PLANES]; AGES] {
+    let mut factors = [[[0; RANKS]; PLANES]; AGES];
+    let mut age = 0;
+    while age < AGES {
+        let mut plane = 0;
+        while plane < PLANES {
+            let mut rank = 0;
+            while rank < RANKS {
+                let root = root(ONE_FRAME[plane][rank]);
+                let (mut power, mut half) = (1 << 20, 0);
+                while half < HALVES[age] {
+                    power = (power * root) >> 20;
+                    half += 1;
+                }
+                let places = 20 - PLACES;
+                factors[age][plane][rank] = ((power + (1 << (places - 1))) >> places) as u8;
+                rank += 1;
+            }
+            plane += 1;
+        }
+        age += 1;
+    }
+    factors
+}
+
+/// Square root of a number of 1024ths, in 20 binary places.
+const fn root(value: u32) -> u64 {
+    let square = (value as u64) << 30;
+    let (mut low, mut high) = (0, 1 << 20);
+    while high - low > 1 {
+        let middle = (low + high) / 2;
+        if middle * middle <= square { low = middle } else { high = middle }
+    }
+    low
+}
+
+/// What a payload says of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Says {
+    age: usize,
+    /// The coarsest low band is predicted.
+    low: bool,
+}
+
+/// A prediction, and what it is made of.
+pub struct Lean {
+    /// Coefficients of the warped reference.
+    warped: Planes,
+    /// First the prediction's coefficients, in the end its picture.
+    predicted: Planes,
+    says: Says,
+    /// By block: its details are predicted.
+    blocks: Vec<bool>,
+}
+
+/// Energies of a band: of the difference, of the reference, and their product.
+#[derive(Clone, Copy, Default)]
+struct Energies {
+    difference: f64,
+    product: f64,
+    reference: f64,
+    count: f64,
+}
+
+impl Energies {
+    /// About how many bits the band takes, at a factor.
+    fn bits(&self, factor: f64) -> f64 {
+        let left = self.difference - factor * (2.0 * self.product - factor * self.reference);
+        0.5 * self.count * libm::log2(1.0 + left.max(0.0) / self.count.max(1.0))
+    }
+}
+
+/// Chance that the low band is not predicted, and that some blocks are not.
+const LOW_PLAIN: Probability = 1 << 12;
+const SOME_BLOCKS: Probability = 1 << 13;
+
+impl Lean {
+    /// For pictures of a size.
+    pub fn new(geometry: &Geometry) -> Lean {
+        let planes = || std::array::from_fn(|_| vec![0; geometry.len()]);
+        let (columns, rows) = geometry.sizes[geometry.levels];
+        let blocks = vec![true; columns * rows];
+        Lean { warped: planes(), predicted: planes(), says: Says::default(), blocks }
+    }
+
+    /// The prediction's picture, to be added to what is decoded.
+    pub fn picture(&self) -> &Planes {
+        &self.predicted
+    }
+
+    /// Takes a warped reference.
+    pub fn set(&mut self, geometry: &Geometry, warped: &Planes, scratch: &mut Scratch) {
+        for (own, warped) in self.warped.iter_mut().zip(warped) {
+            own.copy_from_slice(warped);
+            (0..geometry.levels).for_each(|level| lifting::forward(own, geometry, level, scratch));
+        }
+    }
+
+    /// Takes the reference of another prediction of this size.
+    pub fn set_as(&mut self, other: &Lean) {
+        for (own, other) in self.warped.iter_mut().zip(&other.warped) {
+            own.copy_from_slice(other);
+        }
+    }
+
+    /// Chooses what to predict of a difference, and takes it out. Whether that pays; if not, the difference stays.
+    pub fn choose(&mut self, frame: &mut Frame, difference: &mut Planes) -> bool {
+        self.says = Says { age: self.best_age(&frame.geometry, difference), low: true };
+        self.blocks.fill(true);
+        self.predict(&frame.geometry);
+        if !self.choose_blocks(&frame.geometry, difference) {
+            return false;
+        }
+        for (difference, predicted) in difference.iter_mut().zip(&self.predicted) {
+            for (to, predicted) in difference.iter_mut().zip(predicted) {
+                *to = to.wrapping_sub(*predicted);
+            }
+        }
+        self.to_picture(&frame.geometry, &mut frame.scratch);
+        true
+    }
+
+    /// The age at which least is left.
+    fn best_age(&self, geometry: &Geometry, difference: &Planes) -> usize {
+        let energies = self.energies(geometry, difference);
+        let bits = |age: usize| {
+            let factors = FACTORS[age].iter().flatten();
+            let of = |(energies, factor): (&Energies, &u8)| {
+                energies.bits(f64::from(*factor) / f64::from(1 << PLACES))
+            };
+            energies.iter().flatten().zip(factors).map(of).sum::<f64>()
+        };
+        (0..AGES).min_by(|a, b| bits(*a).total_cmp(&bits(*b))).unwrap_or(0)
+    }
+
+    /// By plane and rank, in steps.
+    fn energies(&self, geometry: &Geometry, difference: &Planes) -> [[Energies; RANKS]; PLANES] {
+        let mut energies = [[Energies::default(); RANKS]; PLANES];
+        for band in geometry.bands() {
+            let scale = Step::new(blocks::COMPARED_AT).per_unit(geometry.norm(&band));
+            let scale = scale as f64 / f64::from(1u32 << 22);
+            for plane in 0..PLANES {
+                let energies = &mut energies[plane][band.rank()];
+                for row in band.rows(geometry) {
+                    let pairs = difference[plane][row.clone()].iter().zip(&self.warped[plane][row]);
+                    for (difference, reference) in pairs {
+                        let [d, r] = [difference, reference].map(|v| f64::from(*v) * scale);
+                        energies.difference += d * d;
+                        energies.product += d * r;
+                        energies.reference += r * r;
+                    }
+                }
+                energies.count += (band.width * band.height) as f64;
+            }
+        }
+        energies
+    }
+
+    /// Multiplies the reference's coefficients by the factors of the age.
+    fn predict(&mut self, geometry: &Geometry) {
+        for band in geometry.bands() {
+            for plane in 0..PLANES {
+                let factor = i32::from(FACTORS[self.says.age][plane][band.rank()]);
+                for row in band.rows(geometry) {
+                    let from = &self.warped[plane][row.clone()];
+                    for (to, value) in self.predicted[plane][row].iter_mut().zip(from) {
+                        *to = (value * factor + (1 << (PLACES - 1))) >> PLACES;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Drops the prediction of blocks that it makes no cheaper. Whether all in all it pays.
+    fn choose_blocks(&mut self, geometry: &Geometry, difference: &Planes) -> bool {
+        let (columns, rows) = geometry.sizes[geometry.levels];
+        let predicted = &self.predicted;
+        let gain = |visit: &dyn Fn(&mut dyn FnMut(usize, usize, i64))| {
+            let mut gain = 0;
+            visit(&mut |plane, index, scale| {
+                let (value, predicted) = (difference[plane][index], predicted[plane][index]);
+                gain += blocks::cost(value, scale);
+                gain -= blocks::cost(value.wrapping_sub(predicted), scale);
+            });
+            gain
+        };
+        let mut all = 0;
+        for by in 0..rows {
+            for bx in 0..columns {
+                let gain = gain(&|call| blocks::visit_details(geometry, (bx, by), call));
+                self.blocks[by * columns + bx] = gain >= 0;
+                all += gain.max(0);
+            }
+        }
+        let low = gain(&|call| blocks::visit_low(geometry, call));
+        self.says.low = low >= 0;
+        self.drop_blocks(geometry);
+        all + low.max(0) > i64::from(LEAST_GAIN)
+    }
+
+    /// Zeroes the prediction where there is to be none.
+    fn drop_blocks(&mut self, geometry: &Geometry) {
+        if self.says.low && !self.blocks.contains(&false) {
+            return;
+        }
+        for band in geometry.bands() {
+            for (y, row) in band.rows(geometry).enumerate() {
+                for (x, index) in row.enumerate() {
+                    let keeps = match band.orientation {
+                        Orientation::Low => self.says.low,
+                        _ => self.blocks[geometry.block(&band, x, y)],
+                    };
+                    if !keeps {
+                        self.predicted.iter_mut().for_each(|plane| plane[index] = 0);
+                    }
+                }
+            }
+        }
+    }
+
+    fn to_picture(&mut self, geometry: &Geometry, scratch: &mut Scratch) {
+        for plane in &mut self.predicted {
+            for level in (0..geometry.levels).rev() {
+                lifting::inverse(plane, geometry, level, scratch);
+            }
+        }
+    }
+
+    /// Writes what was chosen.
+    pub fn write(&self, encoder: &mut RangeEncoder) {
+        for bit in (0..AGES.ilog2()).rev() {
+            encoder.put(self.says.age >> bit & 1 > 0, EVEN);
+        }
+        encoder.put(!self.says.low, LOW_PLAIN);
+        let some = self.blocks.contains(&false);
+        encoder.put(some, SOME_BLOCKS);
+        if some {
+            super::header::write_blocks(&self.blocks, encoder);
+        }
+    }
+
+    /// Reads it, and makes the prediction's picture from the reference that was set.
+    pub fn read(
+        &mut self,
+        geometry: &Geometry,
+        decoder: &mut RangeDecoder,
+        scratch: &mut Scratch,
+    ) -> Option<()> {
+        let mut age = 0;
+        for _ in 0..AGES.ilog2() {
+            age = age << 1 | usize::from(decoder.get(EVEN)?);
+        }
+        let low = !decoder.get(LOW_PLAIN)?;
+        self.blocks.fill(true);
+        if decoder.get(SOME_BLOCKS)? {
+            super::header::read_blocks(&mut self.blocks, decoder)?;
+        }
+        self.says = Says { age, low };
+        self.predict(geometry);
+        self.drop_blocks(geometry);
+        self.to_picture(geometry, scratch);
+        Some(())
+    }
+}
+
+/// What a prediction must save, features of bits: some four bytes name the reference.
+const LEAST_GAIN: i32 = 32 * super::fixed::ONE;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn factors_fade() {
+        assert_eq!(FACTORS[1][0], [240, 226, 210, 171, 170, 193, 213]);
+        for age in 1..AGES {
+            for (older, newer) in
+                FACTORS[age].iter().flatten().zip(FACTORS[age - 1].iter().flatten())
+            {
+                assert!(older <= newer);
+            }
+        }
+    }
+}
