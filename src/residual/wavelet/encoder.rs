@@ -12,7 +12,7 @@ use super::frame::Frame;
 use super::gains::{Gains, LevelGains};
 use super::geometry::{Geometry, PLANES, Planes};
 use super::header::Header;
-use super::lean::Lean;
+use super::lean::{Lean, Pays};
 use super::lifting::{self, FRACTION};
 use super::model::Model;
 use super::pass::{Due, Finest, Pass, Source};
@@ -75,15 +75,15 @@ impl WaveletEncoder {
         self.lean.get_or_insert_with(lean);
     }
 
-    /// As [`WaveletEncoder::set`], beside a reference's planes, warped to the view. Whether it is leaned on: only if that
-    /// pays.
+    /// As [`WaveletEncoder::set`], beside a reference's planes, warped to the view. It is leaned on unless that surely
+    /// does not pay.
     pub fn set_leaning(
         &mut self,
         camera: &Picture,
         render: &Picture,
         sees_render: bool,
         warped: Option<&Planes>,
-    ) -> bool {
+    ) -> Pays {
         if warped.is_some() {
             self.prepare_lean();
         }
@@ -101,15 +101,16 @@ impl WaveletEncoder {
                 lifting::forward(plane, &frame.geometry, level, &mut frame.scratch);
             }
         }
-        self.leans = match (warped, lean) {
+        let pays = match (warped, lean) {
             (Some(warped), Some(lean)) => {
                 lean.set(&frame.geometry, warped, &mut frame.scratch);
                 lean.choose(frame, difference)
             }
-            _ => false,
+            _ => Pays::No,
         };
         blocks::choose(frame, difference);
-        self.leans
+        self.leans = pays != Pays::No;
+        pays
     }
 
     /// The coarsest step at which a rough model of the coded frame is good enough.

@@ -8,12 +8,15 @@ use super::decoder::WaveletDecoder;
 use super::encoder::WaveletEncoder;
 use super::fineness::{Bracket, Fineness};
 use super::geometry::Planes;
+use super::lean::Pays;
 use super::tables::Tables;
 
 /// Most codings of a frame.
 const MOST_PROBES: u32 = 10;
 /// A PSNR may lie above its target by this much, dB.
 const PSNR_SLACK: f64 = 0.05;
+/// Bytes of a reference, beyond those of a stream's frame that stands alone.
+const REFERENCE_BYTES: f64 = 2.0;
 /// Share of a budget that is used at least.
 const USED: f64 = 0.98;
 
@@ -83,7 +86,7 @@ impl RateEncoder {
         if matches!(rate, Rate::Psnr(target) if plain >= target) {
             return Choice { residual: Err(Residual::None), reached: true, probes: 0 };
         }
-        let overhead = overhead + self.set(camera, render, stream);
+        let overhead = overhead + self.set(camera, render, rate, stream);
         let (coded, reached) = match rate {
             Rate::Quality(quality) => {
                 self.choose(camera, render, Fineness::of_quality(quality));
@@ -119,16 +122,52 @@ impl RateEncoder {
     }
 
     /// Takes a frame, and chooses whether it leans. Returns the bytes that a stream's frame takes more.
-    fn set(&mut self, camera: &Picture, render: &Picture, stream: Option<&Leanable>) -> usize {
+    fn set(
+        &mut self,
+        camera: &Picture,
+        render: &Picture,
+        rate: Rate,
+        stream: Option<&Leanable>,
+    ) -> usize {
         let Some(leanable) = stream else {
             self.encoder.set(camera, render, self.portable);
             return 0;
         };
         let (reference, warped) = (*leanable).unzip();
-        let leans = self.encoder.set_leaning(camera, render, self.portable, warped);
-        let reference = reference.filter(|_| leans);
+        let mut pays = self.encoder.set_leaning(camera, render, self.portable, warped);
+        if pays == Pays::Perhaps {
+            let fineness = self.guess(rate);
+            let leaning = self.price(camera, render, fineness) + 8.0 * REFERENCE_BYTES;
+            self.encoder.set(camera, render, self.portable);
+            let alone = self.price(camera, render, fineness);
+            pays = match leaning < alone {
+                true => self.encoder.set_leaning(camera, render, self.portable, warped),
+                false => Pays::No,
+            };
+        }
+        let reference = reference.filter(|_| pays != Pays::No);
         self.stream = Some(reference);
         Reference::encoded_len(reference)
+    }
+
+    /// About how finely a rate asks for.
+    fn guess(&mut self, rate: Rate) -> Fineness {
+        match rate {
+            Rate::Quality(quality) => Fineness::of_quality(quality),
+            Rate::Bytes(bytes) => self.encoder.guess(|model| model.bytes >= bytes as f64),
+            Rate::Psnr(target) => self.encoder.guess(|model| model.psnr >= target),
+        }
+    }
+
+    /// What a coding comes to: its bits, and its error in the bits that it is worth.
+    fn price(&mut self, camera: &Picture, render: &Picture, fineness: Fineness) -> f64 {
+        self.choose(camera, render, fineness);
+        self.write(false);
+        let Coding { payload, reconstruction, .. } = &self.trial;
+        let step = fineness.step().value();
+        let values = camera.data.len() as f64;
+        let error = camera.mse(reconstruction) * 65_025.0 * values / (step * step);
+        8.0 * payload.len() as f64 + error / f64::from(fineness.lambda())
     }
 
     /// Chooses coefficients; the picture and its PSNR are in `trial`.
