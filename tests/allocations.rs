@@ -8,7 +8,10 @@ use std::alloc::System;
 use nvsprior::image::{Clahe, Preprocessing, WhiteBalance};
 use nvsprior::prior::KeyFrames;
 use nvsprior::tracking::Optimizer;
-use nvsprior::{Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Picture, Rate, Trust};
+use nvsprior::{
+    Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Mode, Picture, Rate, Structure,
+    Trust,
+};
 use scene::{CAMERA, clean_frame, pose, wall};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
@@ -68,6 +71,12 @@ fn frames_after_the_first_take_nothing_from_the_heap() {
     for rate in [None, Some(Rate::Quality(60.0)), Some(Rate::Bytes(300)), Some(Rate::Psnr(36.0))] {
         let options = EncoderOptions { rate, camera_interval: 2, ..EncoderOptions::default() };
         assert_eq!(heap_calls(&engine, &frames, options), 0, "{rate:?}");
+    }
+    for structure in [Structure::Chain { key_every: 2 }, Structure::Keys { key_every: 0 }] {
+        let rate = Some(Rate::Quality(60.0));
+        let mode = Mode::Stream(structure);
+        let options = EncoderOptions { rate, mode, ..EncoderOptions::default() };
+        assert_eq!(heap_calls(&engine, &frames, options), 0, "{structure:?}");
     }
     let (white_balance, clahe) = (WhiteBalance::GrayWorld, Some(Clahe::default()));
     let treated = Preprocessing { white_balance, clahe };

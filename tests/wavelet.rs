@@ -2,12 +2,13 @@
 
 use std::sync::{Arc, OnceLock};
 
-use nvsprior::Picture;
-use nvsprior::packet::{Coder, Residual, ResidualStart};
+use nvsprior::packet::{Coder, Reference, Residual, ResidualStart};
 use nvsprior::residual::wavelet::Tables;
 use nvsprior::residual::{
-    Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualError, ResidualSetup,
+    Acknowledged, InStream, Placement, Rate, ResidualCoder, ResidualDecoder, ResidualEncoder,
+    ResidualError, ResidualSetup, StreamFrame, Structure, Vantage,
 };
+use nvsprior::{Camera, Picture};
 use proptest::prelude::*;
 
 const SIZE: (u32, u32) = (96, 54);
@@ -203,7 +204,160 @@ const GOLDEN: [(usize, u32, u32); 5] = [
     (768, 2_516_252_077, 3_170_582_830),
 ];
 
+/// Where the frames of a slow pan are seen from.
+fn vantage(frame: u32) -> Vantage {
+    let camera = Camera { width: SIZE.0, height: SIZE.1, fx: 80.0, fy: 80.0, cx: 48.0, cy: 27.0 };
+    let placement =
+        Placement { rotation: [1.0, 0.0, 0.0, 0.0], translation: [frame as f32 * -0.1, 0.0, 0.0] };
+    Vantage { camera, placement }
+}
+
+/// A wall that slants: nearer on the right.
+fn depths() -> Vec<f32> {
+    let columns = SIZE.0 as usize;
+    (0..columns * SIZE.1 as usize).map(|i| 5.0 - (i % columns) as f32 / 64.0).collect()
+}
+
+/// A camera picture and its render: the same light on both, and a patch that moves with the scene.
+fn panned(frame: u32) -> (Picture, Picture) {
+    let shift = 2 * frame as i32;
+    let mut camera = shapes(SIZE.0, SIZE.1, 80, shift);
+    for (i, rgb) in camera.data.chunks_exact_mut(3).enumerate() {
+        let (x, y) = (i as i32 % SIZE.0 as i32 + shift, i as i32 / SIZE.0 as i32);
+        if (30..60).contains(&x) && (10..30).contains(&y) {
+            rgb.copy_from_slice(&[200, (3 * x) as u8, (5 * y) as u8]);
+        }
+    }
+    (camera, shapes(SIZE.0, SIZE.1, 100, shift))
+}
+
+/// Check sums of a stream's payloads and pictures are the same on every processor, and the decoder shows what the
+/// encoder says.
+#[test]
+fn streams_are_the_same_on_every_processor() {
+    let (depths, mut encoder, mut decoder) = (depths(), encoder(true), decoder());
+    let acknowledged = Acknowledged::default();
+    let rates = [
+        Rate::Quality(40.0),
+        Rate::Quality(40.0),
+        Rate::Bytes(300),
+        Rate::Psnr(33.0),
+        Rate::Quality(70.0),
+    ];
+    let made: Vec<_> = rates
+        .into_iter()
+        .enumerate()
+        .map(|(i, rate)| {
+            let number = i as u32;
+            let (camera, render) = panned(number);
+            let vantage = vantage(number);
+            let frame = StreamFrame { frame: number, vantage: &vantage, depths: &depths };
+            let structure = Structure::Chain { key_every: 0 };
+            let stream = InStream { frame, structure, acknowledged: &acknowledged };
+            let coded = encoder.encode_in_stream(&camera, &render, rate, 0, &stream).unwrap();
+            let Residual::Stream { reference, payload } = coded.residual else {
+                panic!("{coded:?}")
+            };
+            let mut shown = render.clone();
+            decoder.add_in_stream(reference, payload, &frame, true, &mut shown).unwrap();
+            assert!(shown == *coded.reconstruction, "frame {number}");
+            let distance = reference.map_or(0, |reference| reference.distance);
+            let tag = reference.map_or(0, |reference| reference.tag);
+            let made = (
+                distance,
+                tag,
+                payload.len(),
+                crc32fast::hash(payload),
+                crc32fast::hash(&shown.data),
+            );
+            encoder.keep(&frame, &render);
+            made
+        })
+        .collect();
+    assert_eq!(made, GOLDEN_STREAM);
+}
+
+/// Distance and tag of the reference, length of the payload, its check sum, the picture's.
+const GOLDEN_STREAM: [(u8, u16, usize, u32, u32); 5] = [(0, 0, 0, 0, 0); 5];
+
+/// A decoder that holds frame 0 of a stream, and how later ones name it.
+fn decoder_in_stream() -> (ResidualDecoder, Reference) {
+    let (mut encoder, mut decoder) = (encoder(true), decoder());
+    let (depths, vantage, acknowledged) = (depths(), vantage(0), Acknowledged::default());
+    let mut frame = StreamFrame { frame: 0, vantage: &vantage, depths: &depths };
+    let structure = Structure::Chain { key_every: 0 };
+    let (camera, render) = panned(0);
+    for number in 0..2 {
+        frame.frame = number;
+        let stream = InStream { frame, structure, acknowledged: &acknowledged };
+        let rate = Rate::Quality(40.0);
+        let coded = encoder.encode_in_stream(&camera, &render, rate, 0, &stream).unwrap();
+        let Residual::Stream { reference, payload } = coded.residual else { panic!("{coded:?}") };
+        if let Some(reference) = reference {
+            return (decoder, reference);
+        }
+        decoder.add_in_stream(None, payload, &frame, true, &mut render.clone()).unwrap();
+        encoder.keep(&frame, &render);
+    }
+    panic!("the same frame again leans on the first")
+}
+
+#[test]
+fn a_reference_must_be_there_and_the_same() {
+    let (mut decoder, reference) = decoder_in_stream();
+    let (depths, vantage, (_, render)) = (depths(), vantage(1), panned(1));
+    let frame = StreamFrame { frame: 1, vantage: &vantage, depths: &depths };
+    let mut shown = render.clone();
+    assert!(decoder.holds(reference, 1, &vantage));
+    let missing = ResidualError::ReferenceMissing { frame: 1, reference: 0 };
+    let other = Reference { tag: !reference.tag, ..reference };
+    let found = decoder.add_in_stream(Some(other), &[1, 2, 3], &frame, true, &mut shown);
+    assert_eq!(found, Err(missing));
+    let far = Reference { distance: 5, ..reference };
+    let found = decoder.add_in_stream(Some(far), &[1, 2, 3], &frame, true, &mut shown);
+    // Frame numbers go back beyond zero.
+    assert_eq!(found, Err(ResidualError::ReferenceMissing { frame: 1, reference: (1 << 24) - 4 }));
+    // A device that is not portable cannot know what a frame leans on.
+    let found = decoder.add_in_stream(Some(reference), &[1, 2, 3], &frame, false, &mut shown);
+    assert_eq!(found, Err(ResidualError::OtherRender));
+    let few = StreamFrame { depths: &depths[1..], ..frame };
+    let found = decoder.add_in_stream(Some(reference), &[1, 2, 3], &few, true, &mut shown);
+    assert_eq!(
+        found,
+        Err(ResidualError::Depths { expected: depths.len(), found: depths.len() - 1 })
+    );
+    let residual = Residual::Stream { reference: Some(reference), payload: &[1, 2, 3] };
+    assert!(decoder.add(&residual, true, &mut shown).is_err());
+    assert!(shown == render, "nothing changes on an error");
+    assert!(decoder.add_in_stream(Some(reference), &[1, 2, 3], &frame, true, &mut shown).is_ok());
+}
+
 proptest! {
+    #[test]
+    fn any_bytes_in_a_stream_give_a_picture(
+        payloads in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..120), 1..4),
+        distance in 1u8..4,
+        cut: bool,
+        odd in 0usize..4,
+    ) {
+        let (mut decoder, reference) = decoder_in_stream();
+        let mut depths = depths();
+        depths[odd * 100] = [f32::NAN, f32::INFINITY, -1.0, 0.0][odd];
+        for (i, payload) in payloads.iter().enumerate() {
+            let vantage = vantage(i as u32 + 1);
+            let frame = StreamFrame { frame: u32::from(distance), vantage: &vantage, depths: &depths };
+            let reference = Some(Reference { distance, ..reference });
+            let (_, mut shown) = panned(1);
+            if cut {
+                let start =
+                    ResidualStart { coder: Coder::Wavelet, reference, payload, payload_len: 1000 };
+                prop_assert!(decoder.add_start_in_stream(&start, &frame, true, &mut shown).is_ok());
+            } else {
+                prop_assert!(decoder.add_in_stream(reference, payload, &frame, true, &mut shown).is_ok());
+            }
+        }
+    }
+
     #[test]
     fn any_bytes_give_a_picture(bytes in proptest::collection::vec(any::<u8>(), 0..200), cut: bool) {
         let (_, render) = pair();

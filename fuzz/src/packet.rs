@@ -1,10 +1,10 @@
 //! Packets and the difference pictures in them: any bytes must give an error or a picture.
 //!
 //! Random bytes hardly ever match a check. So the first byte of the input says which checks to make right first.
-use nvsprior::packet::{CAMERA_PART_LEN, SHORT_LATENT_LEN, Session};
-use nvsprior::residual::ResidualDecoder;
+use nvsprior::packet::{CAMERA_PART_LEN, Residual, SHORT_LATENT_LEN, Salvage, Session};
 use nvsprior::residual::wavelet::Tables;
-use nvsprior::{Packet, Picture};
+use nvsprior::residual::{Placement, ResidualDecoder, StreamFrame, Vantage};
+use nvsprior::{Camera, Packet, Picture};
 
 /// Pixels of a picture that is decoded here.
 const PIXELS: u32 = 64 * 64;
@@ -35,10 +35,37 @@ pub fn run(input: &[u8]) {
     if let Ok(residual) = &salvage.residual {
         let _ = decoder.add(residual, true, &mut picture);
     }
+    add_in_stream(&salvage, &mut decoder, &mut picture);
     if let Some(start) = &salvage.residual_start
         && let Ok(rows) = decoder.add_start(start, true, &mut picture)
     {
         assert!(rows <= height);
+    }
+}
+
+/// The residual as one of a stream, three times: later ones lean on the first, and on each other.
+fn add_in_stream(salvage: &Salvage, decoder: &mut ResidualDecoder, picture: &mut Picture) {
+    let (width, height) = (picture.width, picture.height);
+    let (fx, cx, cy) = (width as f32, width as f32 / 2.0, height as f32 / 2.0);
+    let camera = Camera { width, height, fx, fy: fx, cx, cy };
+    // Any numbers, from the packet's own bytes.
+    let words = salvage.latent.pose.words().words.map(|word| word as f32 / 131_072.0);
+    let placement = Placement {
+        rotation: [words[3], words[4], words[5], words[6]],
+        translation: [words[0], words[1], words[2]],
+    };
+    let depths: Vec<f32> = (0..width * height).map(|i| words[i as usize % 7] * 8.0).collect();
+    let vantage = Vantage { camera, placement };
+    for number in 0..3 {
+        let frame = StreamFrame { frame: number, vantage: &vantage, depths: &depths };
+        if let Ok(Residual::Stream { reference, payload }) = salvage.residual {
+            let _ = decoder.add_in_stream(None, payload, &frame, true, picture);
+            let frame = StreamFrame { frame: number + 1, ..frame };
+            let _ = decoder.add_in_stream(reference, payload, &frame, true, picture);
+        }
+        if let Some(start) = &salvage.residual_start {
+            let _ = decoder.add_start_in_stream(start, &frame, true, picture);
+        }
     }
 }
 

@@ -95,7 +95,7 @@ pub struct nvsp_decoded {
     /// Zero.
     pub reserved: u32,
 }
-versioned!(nvsp_decoded, 96);
+versioned!(nvsp_decoded, 104);
 
 /// `pose` is given.
 pub const NVSP_HEADER_POSE: u32 = 32;
@@ -231,8 +231,8 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 /// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
 /// a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
 /// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and from
-/// the first packet of a stream on 1 MiB and 160 bytes per pixel more. The
-/// pixels are those of the packet's picture, with sides rounded up to multiples of 16.
+/// the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with sides rounded
+/// up to multiples of 16.
 ///
 /// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
 /// device and driver.

@@ -165,15 +165,17 @@ pub struct nvsp_encoder_options {
     /// the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
     pub pipelined: u32,
     /// NVSP_MODE_*: whether difference pictures lean on those of earlier frames. NVSP_MODE_STREAM takes the wavelet coder,
-    /// and about 160 more bytes of host memory per pixel. If the device is not portable, all frames stand alone.
+    /// and about 224 more bytes of host memory per pixel. If the device is not portable, all frames stand alone.
     pub mode: u32,
     /// NVSP_STRUCTURE_*: the frame that others lean on, with NVSP_MODE_STREAM.
     pub structure: u32,
     /// With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which stands alone, comes
     /// after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
     pub key_every: u32,
+    /// Zero.
+    pub reserved: u32,
 }
-versioned!(nvsp_encoder_options, 64);
+versioned!(nvsp_encoder_options, 80);
 
 /// The picture does not confirm the pose.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -359,6 +361,9 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         _ => return Err(Failure::argument("nvsp_encoder_options.residual")),
     };
     made.mode = mode(options)?;
+    if options.reserved != 0 {
+        return Err(Failure::argument("nvsp_encoder_options.reserved: not 0"));
+    }
     match options.levels {
         0 => {}
         levels @ 1..=6 => made.factors = (0..levels).map(|level| 1 << level).collect(),

@@ -70,11 +70,11 @@ impl Limits {
 
     /// Sets memory aside for the first packet of a stream of this size.
     pub(super) fn stream(&self, (width, height): (u32, u32)) -> Result<Grant, Failure> {
-        Grant::take("the frames of a stream", stream(width, height), self.host_bytes)
+        Grant::take("the frames of a stream", stream_decoder(width, height), self.host_bytes)
     }
 
     fn encoder_bytes(&self, width: u32, height: u32) -> u64 {
-        encoder(width, height) + if self.stream { stream(width, height) } else { 0 }
+        encoder(width, height) + if self.stream { stream_encoder(width, height) } else { 0 }
     }
 
     /// Sets memory aside for reading a file of `size` bytes. Reading itself grows its memory by steps.
@@ -133,9 +133,14 @@ pub(super) fn decoder(width: u32, height: u32) -> u64 {
     4 * SMALL + 128 * pixels(width, height)
 }
 
-/// What an encoder or a decoder of a stream takes besides: 32 frames of 3 bytes per pixel, 12 planes of 4.
-pub(super) fn stream(width: u32, height: u32) -> u64 {
-    SMALL + 160 * pixels(width, height)
+/// What an encoder of a stream takes besides: 32 frames of 3 bytes per pixel, 27 planes of 4, depths.
+pub(super) fn stream_encoder(width: u32, height: u32) -> u64 {
+    SMALL + 224 * pixels(width, height)
+}
+
+/// What a decoder takes besides, from the first packet of a stream on: the frames, 15 planes, a picture, depths.
+pub(super) fn stream_decoder(width: u32, height: u32) -> u64 {
+    SMALL + 176 * pixels(width, height)
 }
 
 /// Pixels, with sides rounded up as the coders do.

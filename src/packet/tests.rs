@@ -33,6 +33,45 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+fn leaning(payload: &[u8]) -> Residual<'_> {
+    Residual::Stream { reference: Some(Reference { distance: 7, tag: 0x0201 }), payload }
+}
+
+fn alone(payload: &[u8]) -> Residual<'_> {
+    Residual::Stream { reference: None, payload }
+}
+
+#[test]
+fn a_stream_names_its_references() {
+    for residual in [leaning(b"difference"), alone(b"")] {
+        let bytes = packet(PoseProfile::Short, false, residual).encode().unwrap();
+        // The part's length counts the reference.
+        let Residual::Stream { reference, payload } = residual else { unreachable!() };
+        let front = Reference::encoded_len(reference);
+        assert_eq!(usize::from(bytes[SHORT_LATENT_LEN]), front + payload.len());
+        // Without its end the start is there, and what it leans on, as soon as that has come.
+        for len in SHORT_LATENT_LEN..bytes.len() {
+            let start = Packet::salvage(&bytes[..len]).unwrap().residual_start;
+            let come = len.saturating_sub(SHORT_LATENT_LEN + 1);
+            assert_eq!(start.is_some(), come >= front);
+            if let Some(start) = start {
+                assert_eq!((start.coder, start.reference), (Coder::Wavelet, reference));
+                assert_eq!(start.payload, &payload[..(come - front).min(payload.len())]);
+            }
+        }
+    }
+    // A part that ends before it has named its reference.
+    let none = packet(PoseProfile::Short, false, alone(b"")).encode().unwrap();
+    for part in [&[][..], &[3], &[3, 1]] {
+        let mut bytes = none[..SHORT_LATENT_LEN].to_vec();
+        let as_coded = Residual::Coded { coder: Coder::Wavelet, payload: part };
+        residual::write(&as_coded, SHORT_LATENT_LEN, Check::Crc16, &mut bytes).unwrap();
+        let found = Packet::salvage(&bytes).unwrap().residual;
+        assert_eq!(found, Err(PacketError::Reference(part.len())));
+        assert_eq!(found.unwrap_err().part(), Some(Part::Residual));
+    }
+}
+
 /// Pins the wire format: a change here is a new version of it.
 #[test]
 fn golden_packets() {
@@ -72,6 +111,8 @@ fn golden_packets() {
             packet(Short, false, coded(b"difference")),
             "b42704039d9a00a8f81bcf9252125252125f330a646966666572656e6365a1b7",
         ),
+        (packet(Short, false, leaning(b"difference")), "GOLDEN1"),
+        (packet(Compact, false, alone(b"difference")), "GOLDEN2"),
     ];
     for (packet, expected) in cases {
         let bytes = packet.encode().unwrap();
@@ -357,7 +398,15 @@ fn any_residual() -> impl Strategy<Value = Residual<'static>> {
         Just(Residual::Omitted),
         (payload, prop_oneof![Just(Coder::Vp8), Just(Coder::WebP)])
             .prop_map(|(payload, coder)| Residual::Coded { coder, payload: payload.leak() }),
+        (proptest::collection::vec(any::<u8>(), 0..400), any_reference()).prop_map(
+            |(payload, reference)| Residual::Stream { reference, payload: payload.leak() }
+        ),
     ]
+}
+
+fn any_reference() -> impl Strategy<Value = Option<Reference>> {
+    let reference = (1u8.., any::<u16>());
+    prop::option::of(reference.prop_map(|(distance, tag)| Reference { distance, tag }))
 }
 
 fn any_profile() -> impl Strategy<Value = PoseProfile> {

@@ -24,7 +24,7 @@ pub use difference::{add, difference};
 pub use rate::{CodedResidual, InStream, Rate, ResidualCoder, ResidualEncoder, ResidualSetup};
 pub use references::REFERENCES;
 pub use stream::{Acknowledged, Mode, StreamFrame, Structure};
-pub use warp::Vantage;
+pub use warp::{Placement, Vantage, warp};
 pub use webp::Webp;
 
 /// Why a residual cannot be coded or decoded.

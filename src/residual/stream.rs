@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(found, [0, 1, 2, 3, 0, 1, 2, 3, 0]);
         // Beyond the frames that are remembered there is nothing to lean on.
         let far = distances(Structure::Keys { key_every: 0 }, 40, |_| None);
-        assert_eq!((far[31], far[32], far[33]), (31, 0, 1));
+        assert_eq!((far[31], far[32], far[33], far[34]), (31, 32, 0, 1));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! Both sides do this, so all of it is portable: sums, products and quotients of f64, which every processor rounds in the
 //! same way, then integers.
 
-use crate::search::Placement;
+pub use crate::search::Placement;
 use crate::{Camera, Picture};
 
 use super::wavelet::{FRACTION, Planes, colour};

@@ -35,6 +35,7 @@ programs! {
     encoding: [];
     lens_and_mask: [];
     pipelined: [];
+    stream: [];
     decoding: [];
     threads: [];
     given_device: [];

@@ -7,6 +7,7 @@ use super::fixed::{FEATURE_PLACES, LARGEST, ONE, log_count, log_size};
 use super::frame::Frame;
 use super::gains::Seen;
 use super::geometry::{Band, PLANES};
+use super::lean::Lean;
 use super::lifting::FRACTION;
 use super::network::{COUNT_INPUTS, classes};
 use super::predictor::{BandBias, MagnitudeInputs, Predictor, SignInputs};
@@ -206,14 +207,28 @@ impl<'a> BandContext<'a> {
         Seen { own, guess: ((i64::from(own) * i64::from(light)) >> 8) as i32 }
     }
 
+    /// What is predicted of the coefficient, in place of where it lies and of its sign in the second plane.
+    fn leaned(&self, lean: &Lean, x: usize, y: usize, magnitude: &mut [i16], sign: &mut [i16]) {
+        let (predicted, around) = lean.around(self.plane, self.index(x, y));
+        let predicted = scaled(predicted, self.scale);
+        magnitude[18] = bounded(log_size(predicted));
+        magnitude[19] = bounded(log_size(scaled(around, self.scale)));
+        sign[8] = clamped(predicted, 3);
+    }
+
     /// The render and the decoded coarser picture: inputs 18 to 32.
     fn pictures(&self, x: usize, y: usize, magnitude: &mut [i16], sign: &mut [i16]) {
         let Frame { geometry, render, predicted, sees_render, .. } = self.frame;
         let (width, height) = geometry.sizes[self.band.level];
         let (gx, gy) = (x.min(width - 1), y.min(height - 1));
         let known = *sees_render && predicted[geometry.block(&self.band, x, y)];
-        magnitude[18] = ((2 * y + 1) * 32 / self.band.height.max(1)) as i16 - 32;
-        magnitude[19] = ((2 * x + 1) * 32 / self.band.width.max(1)) as i16 - 32;
+        match self.frame.leaning() {
+            Some(lean) => self.leaned(lean, x, y, magnitude, sign),
+            None => {
+                magnitude[18] = ((2 * y + 1) * 32 / self.band.height.max(1)) as i16 - 32;
+                magnitude[19] = ((2 * x + 1) * 32 / self.band.width.max(1)) as i16 - 32;
+            }
+        }
         magnitude[20] = self.log_step;
         if self.band.level == 0 {
             return;

@@ -10,17 +10,15 @@ use super::geometry::Planes;
 use super::header::Header;
 use super::lean::Lean;
 use super::pass::Pass;
-use super::predictor::Predictor;
+use super::predictor::Predictors;
 use super::range_coder::{RangeDecoder, Tail};
 use super::tables::Tables;
 
 /// Decodes the pictures of one size, in memory of its own.
 pub struct WaveletDecoder {
     frame: Frame,
-    predictor: Predictor,
+    predictors: Predictors,
     pass: Pass,
-    /// What leans on references; room is made for the first frame of a stream.
-    lean: Option<Box<Lean>>,
 }
 
 impl WaveletDecoder {
@@ -28,13 +26,12 @@ impl WaveletDecoder {
     pub fn new(width: u32, height: u32, tables: &Tables) -> WaveletDecoder {
         let frame = Frame::new(width, height);
         let pass = Pass::new(&frame.geometry);
-        WaveletDecoder { frame, predictor: Predictor::new(tables), pass, lean: None }
+        WaveletDecoder { frame, predictors: Predictors::new(tables, &Tables::stream()), pass }
     }
 
     /// Makes room for payloads that lean on references.
     pub fn prepare_lean(&mut self) {
-        let lean = || Box::new(Lean::new(&self.frame.geometry));
-        self.lean.get_or_insert_with(lean);
+        self.frame.prepare_lean();
     }
 
     /// Adds a payload to its render, of the decoder's size. Of a payload that was cut short, what is there is added.
@@ -66,8 +63,8 @@ impl WaveletDecoder {
     ) -> Result<(), ResidualError> {
         if let Some(warped) = warped {
             self.prepare_lean();
-            let Frame { geometry, scratch, .. } = &mut self.frame;
-            self.lean.iter_mut().for_each(|lean| lean.set(geometry, warped, scratch));
+            let Frame { geometry, scratch, lean, .. } = &mut self.frame;
+            lean.iter_mut().for_each(|lean| lean.set(geometry, warped, scratch));
         }
         self.add_prepared(payload, tail, portable, warped.is_some(), render)
     }
@@ -82,7 +79,7 @@ impl WaveletDecoder {
         let leaning = encoder.leaning();
         if let Some(leaning) = leaning {
             self.prepare_lean();
-            self.lean.iter_mut().for_each(|lean| lean.set_as(leaning));
+            self.frame.lean.iter_mut().for_each(|lean| lean.set_as(leaning));
         }
         self.add_prepared(payload, Tail::Zeros, true, leaning.is_some(), render)
     }
@@ -96,7 +93,7 @@ impl WaveletDecoder {
         leans: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
-        let WaveletDecoder { frame, predictor, pass, lean } = self;
+        let WaveletDecoder { frame, predictors, pass } = self;
         let mut decoder = RangeDecoder::new(payload, tail);
         let Some(header) = Header::read(&mut frame.predicted, &mut decoder) else {
             return Ok(());
@@ -109,17 +106,17 @@ impl WaveletDecoder {
         }
         (frame.sees_render, frame.step) = (header.sees_render, header.step);
         frame.low_predicted = header.low_predicted;
-        let mut leaned = None;
-        if let Some(lean) = lean.as_mut().filter(|_| leans) {
-            if lean.read(&frame.geometry, &mut decoder, &mut frame.scratch).is_none() {
-                return Ok(());
-            }
-            leaned = Some(lean.picture());
+        frame.leans = leans;
+        if let Some(lean) = frame.lean.as_mut().filter(|_| leans)
+            && lean.read(&frame.geometry, &mut decoder, &mut frame.scratch).is_none()
+        {
+            return Ok(());
         }
         frame.set_render(render);
+        let predictor = predictors.of(frame);
         let mut reader = Reader { decoder, predictor };
         pass.run(frame, predictor, header.finest, &mut reader);
-        pass.add_to(leaned, &mut render.data);
+        pass.add_to(frame.leaning().map(Lean::picture), &mut render.data);
         Ok(())
     }
 }

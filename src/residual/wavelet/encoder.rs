@@ -16,7 +16,7 @@ use super::lean::{Lean, Pays};
 use super::lifting::{self, FRACTION};
 use super::model::Model;
 use super::pass::{Due, Finest, Pass, Source};
-use super::predictor::Predictor;
+use super::predictor::{Predictor, Predictors};
 use super::quantised::Quantised;
 use super::range_coder::RangeEncoder;
 use super::step::Step;
@@ -30,7 +30,7 @@ const WORTH_A_LOOK: f32 = 0.9;
 /// Codes the pictures of one size, in memory of its own.
 pub struct WaveletEncoder {
     frame: Frame,
-    predictor: Predictor,
+    predictors: Predictors,
     /// Lifted planes of the difference.
     difference: [Vec<i32>; PLANES],
     /// The same in quantiser steps.
@@ -39,10 +39,6 @@ pub struct WaveletEncoder {
     chosen: [Vec<i16>; PLANES],
     gains: LevelGains,
     pass: Pass,
-    /// What leans on references; room is made for the first frame of a stream.
-    lean: Option<Box<Lean>>,
-    /// The frame that was set leans on one.
-    leans: bool,
 }
 
 impl WaveletEncoder {
@@ -56,9 +52,7 @@ impl WaveletEncoder {
             chosen: std::array::from_fn(|_| vec![0; len]),
             gains: LevelGains::default(),
             pass: Pass::new(&frame.geometry),
-            predictor: Predictor::new(tables),
-            lean: None,
-            leans: false,
+            predictors: Predictors::new(tables, &Tables::stream()),
             frame,
         }
     }
@@ -71,8 +65,12 @@ impl WaveletEncoder {
 
     /// Makes room for leaning on references.
     pub fn prepare_lean(&mut self) {
-        let lean = || Box::new(Lean::new(&self.frame.geometry));
-        self.lean.get_or_insert_with(lean);
+        self.frame.prepare_lean();
+    }
+
+    /// Sets the tables of frames that lean.
+    pub(super) fn set_stream_tables(&mut self, tables: &Tables) {
+        self.predictors.leaning = Predictor::new(tables);
     }
 
     /// As [`WaveletEncoder::set`], beside a reference's planes, warped to the view. It is leaned on unless that surely
@@ -87,7 +85,7 @@ impl WaveletEncoder {
         if warped.is_some() {
             self.prepare_lean();
         }
-        let WaveletEncoder { frame, difference, lean, .. } = self;
+        let WaveletEncoder { frame, difference, .. } = self;
         frame.sees_render = sees_render;
         frame.set_render(render);
         let pixel = |i: usize| {
@@ -101,15 +99,15 @@ impl WaveletEncoder {
                 lifting::forward(plane, &frame.geometry, level, &mut frame.scratch);
             }
         }
-        let pays = match (warped, lean) {
+        let pays = match (warped, &mut frame.lean) {
             (Some(warped), Some(lean)) => {
                 lean.set(&frame.geometry, warped, &mut frame.scratch);
-                lean.choose(frame, difference)
+                lean.choose(&frame.geometry, difference, &mut frame.scratch)
             }
             _ => Pays::No,
         };
+        frame.leans = pays != Pays::No;
         blocks::choose(frame, difference);
-        self.leans = pays != Pays::No;
         pays
     }
 
@@ -125,7 +123,8 @@ impl WaveletEncoder {
     pub(super) fn choose(&mut self, step: Step, lambda: f32) {
         self.frame.step = step;
         self.want(step);
-        let WaveletEncoder { frame, predictor, wanted, chosen, gains, pass, .. } = self;
+        let WaveletEncoder { frame, predictors, wanted, chosen, gains, pass, .. } = self;
+        let predictor = predictors.of(frame);
         *gains = LevelGains::default();
         let finest = finest(&frame.geometry, |plane, i| wanted[plane][i].abs() > WORTH_A_LOOK);
         let mut chooser = Chooser { wanted, lambda, predictor, gains };
@@ -155,14 +154,15 @@ impl WaveletEncoder {
     /// Whether there was room for all.
     pub(super) fn write(&mut self, cut: bool, bytes: &mut Vec<u8>) -> bool {
         bytes.clear();
-        let WaveletEncoder { frame, predictor, chosen, gains, pass, lean, leans, .. } = self;
+        let WaveletEncoder { frame, predictors, chosen, gains, pass, .. } = self;
+        let predictor = predictors.of(frame);
         let finest = finest(&frame.geometry, |plane, i| chosen[plane][i] != 0);
         let Frame { sees_render, step, low_predicted, .. } = *frame;
         let header = Header { cut, sees_render, step, finest, low_predicted };
         let most = bytes.capacity();
         let mut encoder = RangeEncoder::new(bytes, most);
         header.write(&frame.predicted, &mut encoder);
-        if let Some(lean) = lean.as_ref().filter(|_| *leans) {
+        if let Some(lean) = frame.leaning() {
             lean.write(&mut encoder);
         }
         let mut writer = Writer { encoder, predictor, chosen, gains };
@@ -172,7 +172,8 @@ impl WaveletEncoder {
 
     /// Shows the coefficients chosen last: each one's value, and what was wanted, steps.
     pub(super) fn show(&mut self, visit: impl FnMut(&Due, i16, f32)) {
-        let WaveletEncoder { frame, predictor, wanted, chosen, gains, pass, .. } = self;
+        let WaveletEncoder { frame, predictors, wanted, chosen, gains, pass, .. } = self;
+        let predictor = predictors.of(frame);
         let finest = finest(&frame.geometry, |plane, i| chosen[plane][i] != 0);
         pass.run(frame, predictor, finest, &mut Show { wanted, chosen, gains, visit });
     }
@@ -185,12 +186,12 @@ impl WaveletEncoder {
 
     /// Adds what was chosen or coded last to the render.
     pub fn add_to(&self, render: &mut Picture) {
-        self.pass.add_to(self.leaning().map(Lean::picture), &mut render.data);
+        self.pass.add_to(self.frame.leaning().map(Lean::picture), &mut render.data);
     }
 
     /// What the frame that was set leans on.
     pub(super) fn leaning(&self) -> Option<&Lean> {
-        self.lean.as_deref().filter(|_| self.leans)
+        self.frame.leaning()
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::Picture;
 
 use super::geometry::{Band, Geometry, Orientation};
+use super::lean::Lean;
 use super::lifting::Scratch;
 use super::render::RenderBands;
 use super::step::Step;
@@ -21,6 +22,10 @@ pub struct Frame {
     pub sees_render: bool,
     /// The quantiser.
     pub step: Step,
+    /// What is predicted from a reference; room is made for the first frame of a stream.
+    pub lean: Option<Box<Lean>>,
+    /// The frame leans on a reference.
+    pub leans: bool,
     /// Room for the transform.
     pub scratch: Scratch,
 }
@@ -36,9 +41,22 @@ impl Frame {
             low_predicted: true,
             sees_render: true,
             step: Step::new(0),
+            lean: None,
+            leans: false,
             scratch: Scratch::new(&geometry),
             geometry,
         }
+    }
+
+    /// Makes room for leaning on references.
+    pub fn prepare_lean(&mut self) {
+        let lean = || Box::new(Lean::new(&self.geometry));
+        self.lean.get_or_insert_with(lean);
+    }
+
+    /// What the frame leans on.
+    pub fn leaning(&self) -> Option<&Lean> {
+        self.lean.as_deref().filter(|_| self.leans)
     }
 
     /// Takes a render of the frame's size.

@@ -5,10 +5,10 @@
 //! fits, and blocks in which nothing is predicted: what the frame shows there was hidden before, or has changed.
 
 use super::blocks;
-use super::frame::Frame;
 use super::geometry::{Geometry, Orientation, PLANES, Planes};
 use super::lifting::{self, Scratch};
 use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
+use super::render::box_mean;
 use super::step::Step;
 use super::tables::RANKS;
 
@@ -45,7 +45,8 @@ const fn ages() -> [[[u8; RANKS]; PLANES]; AGES] {
                     quarter += 1;
                 }
                 let places = 20 - PLACES;
-                factors[age][plane][rank] = ((power + (1 << (places - 1))) >> places) as u8;
+                let factor = (power + (1 << (places - 1))) >> places;
+                factors[age][plane][rank] = if factor > 255 { 255 } else { factor as u8 };
                 rank += 1;
             }
             plane += 1;
@@ -105,11 +106,16 @@ impl Pays {
 pub struct Lean {
     /// Coefficients of the warped reference.
     warped: Planes,
-    /// First the prediction's coefficients, in the end its picture.
+    /// The prediction's coefficients.
     predicted: Planes,
+    /// Mean magnitude over a coefficient and its eight neighbours, of the same band or not.
+    energy: Planes,
+    /// The prediction's picture.
+    picture: Planes,
     says: Says,
     /// By block: its details are predicted.
     blocks: Vec<bool>,
+    row: Vec<i32>,
 }
 
 /// Energies of a band: of the difference, of the reference, and their product.
@@ -139,12 +145,19 @@ impl Lean {
         let planes = || std::array::from_fn(|_| vec![0; geometry.len()]);
         let (columns, rows) = geometry.sizes[geometry.levels];
         let blocks = vec![true; columns * rows];
-        Lean { warped: planes(), predicted: planes(), says: Says::default(), blocks }
+        let (warped, predicted, energy, picture) = (planes(), planes(), planes(), planes());
+        let (says, row) = (Says::default(), vec![0; 3 * geometry.width]);
+        Lean { warped, predicted, energy, picture, says, blocks, row }
     }
 
     /// The prediction's picture, to be added to what is decoded.
     pub fn picture(&self) -> &Planes {
-        &self.predicted
+        &self.picture
+    }
+
+    /// A coefficient of the prediction, and the mean magnitude around it.
+    pub fn around(&self, plane: usize, index: usize) -> (i32, i32) {
+        (self.predicted[plane][index], self.energy[plane][index])
     }
 
     /// Takes a warped reference.
@@ -163,11 +176,16 @@ impl Lean {
     }
 
     /// Chooses what to predict of a difference, and takes it out, unless it surely does not pay.
-    pub fn choose(&mut self, frame: &mut Frame, difference: &mut Planes) -> Pays {
-        self.says = Says { age: self.best_age(&frame.geometry, difference), low: true };
+    pub fn choose(
+        &mut self,
+        geometry: &Geometry,
+        difference: &mut Planes,
+        scratch: &mut Scratch,
+    ) -> Pays {
+        self.says = Says { age: self.best_age(geometry, difference), low: true };
         self.blocks.fill(true);
-        self.predict(&frame.geometry);
-        let pays = self.choose_blocks(&frame.geometry, difference);
+        self.predict(geometry);
+        let pays = self.choose_blocks(geometry, difference);
         if pays == Pays::No {
             return pays;
         }
@@ -176,7 +194,7 @@ impl Lean {
                 *to = to.wrapping_sub(*predicted);
             }
         }
-        self.to_picture(&frame.geometry, &mut frame.scratch);
+        self.finish(geometry, scratch);
         pays
     }
 
@@ -281,10 +299,14 @@ impl Lean {
         }
     }
 
-    fn to_picture(&mut self, geometry: &Geometry, scratch: &mut Scratch) {
-        for plane in &mut self.predicted {
+    /// Makes what contexts look at, and the picture.
+    fn finish(&mut self, geometry: &Geometry, scratch: &mut Scratch) {
+        let Lean { predicted, energy, picture, row, .. } = self;
+        for ((predicted, energy), picture) in predicted.iter().zip(energy).zip(picture) {
+            box_mean(predicted, geometry, row, energy);
+            picture.copy_from_slice(predicted);
             for level in (0..geometry.levels).rev() {
-                lifting::inverse(plane, geometry, level, scratch);
+                lifting::inverse(picture, geometry, level, scratch);
             }
         }
     }
@@ -321,7 +343,7 @@ impl Lean {
         self.says = Says { age, low };
         self.predict(geometry);
         self.drop_blocks(geometry);
-        self.to_picture(geometry, scratch);
+        self.finish(geometry, scratch);
         Some(())
     }
 }
@@ -332,12 +354,14 @@ mod tests {
 
     #[test]
     fn factors_fade() {
-        assert_eq!(FACTORS[1][0], [240, 226, 210, 171, 170, 193, 213]);
-        for age in 1..AGES {
-            for (older, newer) in
-                FACTORS[age].iter().flatten().zip(FACTORS[age - 1].iter().flatten())
-            {
-                assert!(older <= newer);
+        for age in 0..AGES {
+            for plane in 0..PLANES {
+                for rank in 0..RANKS {
+                    let one = f64::from(ONE_FRAME[plane][rank]) / 1024.0;
+                    let due = 256.0 * one.powf(f64::from(QUARTERS[age]) / 4.0);
+                    let found = f64::from(FACTORS[age][plane][rank]);
+                    assert!((found - due.min(255.0)).abs() < 1.0, "{age} {plane} {rank}: {found} {due}");
+                }
             }
         }
     }

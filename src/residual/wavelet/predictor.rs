@@ -1,6 +1,7 @@
 //! What the tables say of a coefficient: chances of its bits, their costs, and its value.
 
 use super::fixed::FEATURE_PLACES;
+use super::frame::Frame;
 use super::network::{
     COUNT_INPUTS, HIDDEN, HIDDEN_2, HIDDEN_QUIET, HIDDEN_SIGN, LARGEST_HIDDEN, LARGEST_LOGIT,
     LOGIT_PLACES, LOGITS, Logit, MAGNITUDE_INPUTS, Networks, QUIET_INPUTS, SIGN_INPUTS,
@@ -90,6 +91,25 @@ pub struct Predictor {
     pub offsets: Offsets,
     /// Chances of logits.
     pub chances: Chances,
+}
+
+/// One for each kind of frame.
+pub struct Predictors {
+    alone: Predictor,
+    /// Of frames that lean on a reference.
+    pub leaning: Predictor,
+}
+
+impl Predictors {
+    /// Of the tables of frames that stand alone, and of those that lean.
+    pub fn new(alone: &Tables, leaning: &Tables) -> Predictors {
+        Predictors { alone: Predictor::new(alone), leaning: Predictor::new(leaning) }
+    }
+
+    /// The one of a frame.
+    pub fn of(&self, frame: &Frame) -> &Predictor {
+        if frame.leans { &self.leaning } else { &self.alone }
+    }
 }
 
 impl Predictor {

@@ -59,7 +59,7 @@ impl RenderBands {
 }
 
 /// Mean magnitude over three by three values; those beyond the edge count as zero.
-fn box_mean(plane: &[i32], geometry: &Geometry, rows: &mut [i32], into: &mut [i32]) {
+pub fn box_mean(plane: &[i32], geometry: &Geometry, rows: &mut [i32], into: &mut [i32]) {
     let width = geometry.width;
     rows.fill(0);
     for y in 0..=geometry.height {

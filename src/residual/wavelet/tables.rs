@@ -45,6 +45,22 @@ impl Tables {
         Tables::read(include_bytes!("generic.nvt")).unwrap_or_else(|_| Tables::zero())
     }
 
+    /// Those of frames that lean on a reference. They come with the library.
+    pub fn stream() -> Tables {
+        Tables::read(include_bytes!("stream.nvt")).unwrap_or_else(|_| Tables::zero())
+    }
+
+    /// Tables of frames that stand alone, as a beginning for tables of frames that lean: what inputs mean there that have
+    /// another meaning here is forgotten.
+    pub fn for_stream(&self) -> Tables {
+        let mut tables = self.clone();
+        let networks = &mut tables.networks;
+        networks.magnitude_1[18..20].fill([0; _]);
+        networks.quiet_1[..2].fill([0; _]);
+        networks.sign_1[8] = [0; _];
+        tables
+    }
+
     /// Tables that know nothing: all bits at even odds.
     pub fn zero() -> Tables {
         Tables {

@@ -4,6 +4,7 @@ use super::encoder::LAMBDA;
 use super::{Step, Tables, WaveletEncoder};
 
 pub use super::bits::UNARY;
+pub use super::lean::Pays;
 pub use super::network::{
     CLASSES, COUNT_INPUTS, FEATURE_SCALE, HIDDEN, HIDDEN_2, HIDDEN_QUIET, HIDDEN_SIGN, LOGITS,
     MAGNITUDE_INPUTS, Networks, QUIET_INPUTS, SIGN_INPUTS, WEIGHT_SCALE, classes,
@@ -33,6 +34,12 @@ impl Sampler {
     /// For pictures of a size, coded with tables.
     pub fn new(width: u32, height: u32, tables: &Tables) -> Sampler {
         Sampler { encoder: WaveletEncoder::new(width, height, tables) }
+    }
+
+    /// For frames that lean on references, too.
+    pub fn with_stream(mut self, tables: &Tables) -> Sampler {
+        self.encoder.set_stream_tables(tables);
+        self
     }
 
     /// The encoder.

@@ -3,6 +3,7 @@
 mod examples;
 mod float_networks;
 mod optimiser;
+mod stream;
 mod vary;
 
 use nvsprior::Picture;
@@ -14,6 +15,8 @@ use examples::{Collector, Example};
 use float_networks::{quantise, random_weights};
 use nvsprior::random::Random;
 use vary::vary;
+
+pub use stream::{RunFrame, measure_stream, train_stream_tables};
 
 /// A frame and its render, as the encoder has them.
 pub struct Pair {

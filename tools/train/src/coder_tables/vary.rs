@@ -20,16 +20,30 @@ pub fn vary(pair: &Pair, all: &[Pair], random: &mut Random) -> Pair {
         mirror(&mut camera);
         mirror(&mut render);
     }
-    if random.bits().is_multiple_of(4) {
-        let gain = random.within(0.5, 1.4);
-        let offset = random.within(-20.0, 20.0);
-        let cast: [f32; 3] = random.triple(0.85, 1.15);
-        for (i, value) in camera.data.iter_mut().enumerate() {
+    Light::some(random).apply(&mut camera);
+    Pair { camera, render }
+}
+
+/// Other light, or none.
+pub struct Light(Option<(f32, f32, [f32; 3])>);
+
+impl Light {
+    /// In one case of four another one.
+    pub fn some(random: &mut Random) -> Light {
+        Light(random.bits().is_multiple_of(4).then(|| {
+            let gain = random.within(0.5, 1.4);
+            (gain, random.within(-20.0, 20.0), random.triple(0.85, 1.15))
+        }))
+    }
+
+    /// Lights a picture so.
+    pub fn apply(&self, picture: &mut Picture) {
+        let Some((gain, offset, cast)) = self.0 else { return };
+        for (i, value) in picture.data.iter_mut().enumerate() {
             *value =
                 (f32::from(*value) * gain * cast[i % 3] + offset).round().clamp(0.0, 255.0) as u8;
         }
     }
-    Pair { camera, render }
 }
 
 /// A render that shows nothing.
@@ -40,7 +54,7 @@ fn grey(of: &Picture) -> Picture {
 }
 
 /// Exchanges left and right.
-fn mirror(picture: &mut Picture) {
+pub fn mirror(picture: &mut Picture) {
     let width = picture.width as usize;
     for row in picture.data.chunks_mut(width * 3) {
         for x in 0..width / 2 {

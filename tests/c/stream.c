@@ -1,0 +1,176 @@
+// Streams: frames that lean on frames, and those whose reference is missing.
+
+#define NVSP_NO_ATTRIBUTES  // NULL is tested, too.
+
+#include "common.h"
+
+static scene dive;
+static rig both;
+
+static nvsp_encoder_options stream_options(uint32_t structure, uint32_t key_every) {
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
+    options.mode = NVSP_MODE_STREAM;
+    options.structure = structure;
+    options.key_every = key_every;
+    options.rate = NVSP_RATE_QUALITY;
+    options.rate_value = 30;
+    return options;
+}
+
+static nvsp_encoder *new_encoder(const nvsp_encoder_options *options) {
+    nvsp_encoder *encoder = NULL;
+    MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, options, &encoder));
+    return encoder;
+}
+
+// The packets of all frames, the pictures that the topside is to show, and how far back each leans.
+typedef struct run {
+    packet packets[MAX_FRAMES];
+    uint8_t *shown[MAX_FRAMES];
+    uint32_t leans_on[MAX_FRAMES];
+} run;
+
+static void encode_frame(nvsp_encoder *encoder, int frame, run *run) {
+    const nvsp_image image = scene_image(&dive, frame);
+    nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
+    run->packets[frame].bytes = malloc(8192);
+    run->shown[frame] = malloc(dive.size);
+    MUST(nvsp_encode(encoder, &image, frame == 0 ? &dive.poses[0] : NULL, run->packets[frame].bytes, 8192,
+                     &run->packets[frame].size, &stats));
+    nvsp_picture place = place_of(run->shown[frame], dive.camera.width, dive.camera.height);
+    MUST(nvsp_encoder_get_picture(encoder, &place));
+    run->leans_on[frame] = stats.leans_on;
+}
+
+static void free_run(run *run) {
+    for (int i = 0; i < dive.frames; i++) {
+        free(run->packets[i].bytes);
+        free(run->shown[i]);
+    }
+}
+
+// Decodes a packet, and tells what came of it.
+static nvsp_decoded decode(const run *run, int frame, int whole) {
+    uint8_t *pixels = malloc(dive.size);
+    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_decoded decoded = NVSP_INITIALIZER(nvsp_decoded);
+    const packet *packet = &run->packets[frame];
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, packet->bytes, packet->size, 0, &place, &decoded));
+    CHECK((memcmp(pixels, run->shown[frame], dive.size) == 0) == whole);
+    const int leans = run->leans_on[frame] > 0;
+    CHECK(((decoded.flags & NVSP_DECODED_LEANS) != 0) == leans);
+    CHECK(decoded.reference == (leans ? (uint32_t)frame - run->leans_on[frame] : 0));
+    CHECK(((decoded.flags & NVSP_DECODED_KEPT) != 0) == whole);
+    CHECK(decoded.damage == (whole ? NVSP_OK : NVSP_ERR_REFERENCE));
+    CHECK(decoded.rows == (whole ? dive.camera.height : 0));
+    free(pixels);
+    return decoded;
+}
+
+static void a_chain_and_a_loss(void) {
+    const nvsp_encoder_options options = stream_options(NVSP_STRUCTURE_CHAIN, 5);
+    nvsp_encoder *encoder = new_encoder(&options);
+    run chain = {0};
+    for (int i = 0; i < dive.frames; i++) {
+        encode_frame(encoder, i, &chain);
+        CHECK(i % 5 > 0 || chain.leans_on[i] == 0);
+    }
+    CHECK(chain.leans_on[1] == 1 && chain.leans_on[2] == 1);
+    for (int i = 0; i < dive.frames; i++) {
+        decode(&chain, i, 1);
+    }
+    // A topside that has nothing of it: the second frame is lost.
+    nvsp_decoder_destroy(both.decoder);
+    MUST(nvsp_decoder_create(both.engine, both.prior, &both.decoder));
+    decode(&chain, 0, 1);
+    int lost = 1;
+    for (int i = 2; i < dive.frames; i++) {
+        lost = lost && chain.leans_on[i] > 0;
+        decode(&chain, i, !lost);
+    }
+    // It comes after all.
+    decode(&chain, 1, 1);
+    decode(&chain, 2, 1);
+    nvsp_encoder_destroy(encoder);
+    free_run(&chain);
+}
+
+static void acknowledged_frames_are_leaned_on(void) {
+    const nvsp_encoder_options options = stream_options(NVSP_STRUCTURE_ACKNOWLEDGED, 0);
+    nvsp_encoder *encoder = new_encoder(&options);
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_acknowledge(NULL, 0));
+    run run = {0};
+    encode_frame(encoder, 0, &run);
+    encode_frame(encoder, 1, &run);
+    CHECK(run.leans_on[0] == 0 && run.leans_on[1] == 0);
+    const nvsp_decoded first = decode(&run, 0, 1);
+    EXPECT(NVSP_OK, nvsp_encoder_acknowledge(encoder, first.frame));
+    EXPECT(NVSP_OK, nvsp_encoder_acknowledge(encoder, 12345));
+    encode_frame(encoder, 2, &run);
+    CHECK(run.leans_on[2] == 2);
+    decode(&run, 2, 1);
+    // The next one stands alone, if that is asked for.
+    EXPECT(NVSP_OK, nvsp_encoder_announce(encoder));
+    encode_frame(encoder, 3, &run);
+    CHECK(run.leans_on[3] == 0);
+    nvsp_encoder_destroy(encoder);
+    free_run(&run);
+}
+
+// The packets of two frames under way are those of one, and a frame that was cancelled is none that others lean on.
+static void pipelined(void) {
+    nvsp_encoder_options options = stream_options(NVSP_STRUCTURE_CHAIN, NVSP_KEY_ONCE);
+    options.pipelined = 1;
+    nvsp_encoder *encoder = new_encoder(&options);
+    run run = {0};
+    for (int i = 0; i < 3; i++) {
+        encode_frame(encoder, i, &run);
+        decode(&run, i, 1);
+    }
+    CHECK(run.leans_on[1] == 1 && run.leans_on[2] == 1);
+    const nvsp_image image = scene_image(&dive, 3);
+    MUST(nvsp_encode_begin(encoder, &image, NULL));
+    MUST(nvsp_encode_wait(encoder, 60000));
+    MUST(nvsp_encode_cancel(encoder));
+    nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
+    uint8_t bytes[8192];
+    size_t size = 0;
+    MUST(nvsp_encode(encoder, &image, NULL, bytes, sizeof bytes, &size, &stats));
+    CHECK(stats.leans_on == 0);
+    nvsp_encoder_destroy(encoder);
+    free_run(&run);
+}
+
+static void refusals(void) {
+    nvsp_encoder_options wrong[4];
+    for (int i = 0; i < 4; i++) {
+        wrong[i] = stream_options(NVSP_STRUCTURE_CHAIN, 0);
+    }
+    wrong[0].mode = 2;
+    wrong[1].structure = 4;
+    wrong[2].residual = NVSP_RESIDUAL_WEBP;
+    wrong[3].mode = UINT32_MAX;
+    for (int i = 0; i < 4; i++) {
+        nvsp_encoder *encoder = NULL;
+        EXPECT(NVSP_ERR_ARGUMENT,
+               nvsp_encoder_create(both.engine, both.prior, &dive.camera, &wrong[i], &encoder));
+        CHECK(encoder == NULL);
+    }
+    CHECK(strstr(nvsp_status_text(NVSP_ERR_REFERENCE), "leans") != NULL);
+}
+
+int main(int argc, char **argv) {
+    if (argc < 2) {
+        give_up("usage: stream FOLDER");
+    }
+    scene_read(&dive, argv[1]);
+    rig_open(&both, &dive);
+    rig_add(&both, &dive.camera, NULL);
+    a_chain_and_a_loss();
+    acknowledged_frames_are_leaned_on();
+    pipelined();
+    refusals();
+    rig_close(&both);
+    scene_free(&dive);
+    return report("stream");
+}

@@ -1,0 +1,157 @@
+//! Training the tables of frames that lean on earlier ones.
+
+use nvsprior::Picture;
+use nvsprior::random::Random;
+use nvsprior::residual::wavelet::training::{Pays, Sampler};
+use nvsprior::residual::wavelet::{Planes, Step, Tables};
+use nvsprior::residual::{Vantage, difference, warp};
+use rayon::prelude::*;
+
+use super::examples::{Collector, Example};
+use super::float_networks::{self, quantise};
+use super::{STEPS, TableOptions, TableProgress, offsets, optimiser, vary};
+
+/// A frame of a run, with all that a later one needs to lean on it.
+#[derive(Clone)]
+pub struct RunFrame {
+    /// What the camera saw.
+    pub camera: Picture,
+    /// What the prior shows at the pose found.
+    pub render: Picture,
+    /// The pose.
+    pub vantage: Vantage,
+    /// Depths of the render.
+    pub depths: Vec<f32>,
+}
+
+/// How many frames later a frame leans on another.
+const DISTANCES: [usize; 6] = [1, 1, 1, 2, 3, 5];
+/// Frames in a row that are coded at once.
+const LENGTH: usize = 12;
+
+/// Trains tables of frames that lean, from those of frames that stand alone. `runs`: frames in order, at some 15 a second.
+pub fn train_stream_tables(
+    runs: &[Vec<RunFrame>],
+    options: &TableOptions,
+    mut progress: impl FnMut(TableProgress),
+) -> Tables {
+    let mut random = Random::new(options.seed);
+    let alone = Tables::generic();
+    let mut tables = alone.for_stream();
+    let mut weights = float_networks::weights_of(&tables);
+    let chains = chains(runs);
+    for round in 0..options.rounds {
+        let seeds: Vec<_> = chains.iter().map(|_| random.bits()).collect();
+        let of_chain = |(chain, seed): (&&[RunFrame], &u64)| {
+            (0..options.steps_per_frame as u64)
+                .flat_map(|again| collect(chain, &alone, &tables, &mut Random::new(seed ^ again)))
+                .collect::<Vec<_>>()
+        };
+        let examples: Vec<Vec<_>> = chains.par_iter().zip(&seeds).map(of_chain).collect();
+        let examples: Vec<_> = examples.into_iter().flatten().collect();
+        offsets(&examples, &mut tables);
+        let bits = optimiser::fit(&mut weights, &examples, options.epochs, &mut random);
+        quantise(&weights, &mut tables);
+        let frames = chains.iter().map(|chain| chain.len()).sum::<usize>();
+        let coded = (frames * options.steps_per_frame).max(1);
+        progress(TableProgress { round, examples: examples.len(), bits: bits / coded as f64 });
+    }
+    tables
+}
+
+/// Parts of the runs, overlapping by half.
+fn chains(runs: &[Vec<RunFrame>]) -> Vec<&[RunFrame]> {
+    let starts = |run: &[RunFrame]| (0..run.len().saturating_sub(LENGTH / 2)).step_by(LENGTH / 2);
+    let chain = |run: &'_ Vec<RunFrame>, start: usize| start..run.len().min(start + LENGTH);
+    runs.iter().flat_map(|run| starts(run).map(move |at| &run[chain(run, at)])).collect()
+}
+
+/// Codes a chain of frames in a closed loop, and gives the coefficients of those that lean.
+fn collect(
+    chain: &[RunFrame],
+    alone: &Tables,
+    tables: &Tables,
+    random: &mut Random,
+) -> Vec<Example> {
+    let Picture { width, height, .. } = chain[0].camera;
+    let mut collector = Collector::new(random.bits());
+    let mut sampler = Sampler::new(width, height, alone).with_stream(tables);
+    let distance = DISTANCES[(random.bits() % DISTANCES.len() as u64) as usize];
+    let span = u64::from(STEPS.end - STEPS.start);
+    let step = Step::new(STEPS.start + (random.bits() % span) as u8);
+    let mirrored = random.bits().is_multiple_of(2);
+    let light = vary::Light::some(random);
+    let mut warped: Planes = std::array::from_fn(|_| vec![0; (width * height) as usize]);
+    let mut before: Option<(Picture, Vantage)> = None;
+    for frame in chain.iter().step_by(distance) {
+        let mut frame = if mirrored { frame.mirrored() } else { frame.clone() };
+        light.apply(&mut frame.camera);
+        let leanable = before.as_ref().map(|(reference, from)| {
+            warp(reference, from, &frame.vantage, &frame.depths, &mut warped);
+            &warped
+        });
+        let encoder = sampler.encoder();
+        let pays = encoder.set_leaning(&frame.camera, &frame.render, true, leanable);
+        let first = collector.examples.len();
+        sampler.visit(step, |sample| {
+            if pays != Pays::No {
+                collector.take(sample);
+            }
+        });
+        collector.even_out(first);
+        let mut shown = frame.render.clone();
+        sampler.encoder().add_to(&mut shown);
+        before = Some((difference(&shown, &frame.render), frame.vantage));
+    }
+    collector.examples
+}
+
+impl RunFrame {
+    /// The frame as a mirror shows it.
+    fn mirrored(&self) -> RunFrame {
+        let mut frame = self.clone();
+        vary::mirror(&mut frame.camera);
+        vary::mirror(&mut frame.render);
+        let width = frame.camera.width;
+        frame.depths.chunks_mut(width as usize).for_each(<[f32]>::reverse);
+        let Vantage { camera, placement } = &mut frame.vantage;
+        camera.cx = width as f32 - camera.cx;
+        let [w, x, y, z] = placement.rotation;
+        placement.rotation = [w, x, -y, -z];
+        placement.translation[0] = -placement.translation[0];
+        frame
+    }
+}
+
+/// Mean bytes and PSNR of frames that lean on the one `distance` before, closed loop.
+pub fn measure_stream(
+    run: &[RunFrame],
+    tables: &Tables,
+    step: Step,
+    distance: usize,
+) -> (f64, f64) {
+    let Picture { width, height, .. } = run[0].camera;
+    let mut sampler = Sampler::new(width, height, &Tables::generic()).with_stream(tables);
+    let mut bytes = Vec::with_capacity(8 * run[0].camera.data.len() + 64);
+    let mut warped: Planes = std::array::from_fn(|_| vec![0; (width * height) as usize]);
+    let mut before: Option<(Picture, Vantage)> = None;
+    let (mut sum, mut psnr, mut count) = (0.0, 0.0, 0.0);
+    for frame in run.iter().step_by(distance) {
+        let leanable = before.as_ref().map(|(reference, from)| {
+            warp(reference, from, &frame.vantage, &frame.depths, &mut warped);
+            &warped
+        });
+        let leans = leanable.is_some();
+        sampler.encoder().set_leaning(&frame.camera, &frame.render, true, leanable);
+        sampler.encoder().encode(step, &mut bytes);
+        let mut shown = frame.render.clone();
+        sampler.encoder().add_to(&mut shown);
+        if leans {
+            sum += bytes.len() as f64;
+            psnr += shown.psnr(&frame.camera);
+            count += 1.0;
+        }
+        before = Some((difference(&shown, &frame.render), frame.vantage));
+    }
+    (sum / f64::max(count, 1.0), psnr / f64::max(count, 1.0))
+}
