@@ -215,6 +215,28 @@ template <class Structure> inline Structure nvsp_initialized() {
 // WebP codes the difference picture, as in the paper.
 #define NVSP_RESIDUAL_WEBP 1
 
+// Every frame stands alone: a lost packet costs its own frame.
+#define NVSP_MODE_INTRA 0
+
+// The difference pictures of frames lean on those of earlier ones, and take fewer bytes. A frame whose reference is missing
+// is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
+#define NVSP_MODE_STREAM 1
+
+// A frame leans on the one before. Saves most; a lost packet spoils all frames up to the next key frame.
+#define NVSP_STRUCTURE_CHAIN 0
+
+// Layers: every other frame is leaned on by none, and every fourth by more. A lost packet spoils fewer frames.
+#define NVSP_STRUCTURE_LAYERS 1
+
+// A frame leans on the last key frame. A lost packet costs its own frame, unless it is the key frame.
+#define NVSP_STRUCTURE_KEYS 2
+
+// A frame leans on the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own frame.
+#define NVSP_STRUCTURE_ACKNOWLEDGED 3
+
+// For nvsp_encoder_options.key_every: no key frames after the first.
+#define NVSP_KEY_ONCE UINT32_MAX
+
 // For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
 #define NVSP_CAMERA_ONCE UINT32_MAX
 
@@ -291,6 +313,13 @@ template <class Structure> inline Structure nvsp_initialized() {
 
 // The render is not the vehicle's: the vehicle's device, or its driver, rounds differently.
 #define NVSP_DECODED_OTHER_RENDER 16
+
+// The frame is one of a stream, and its difference picture leans on that of nvsp_decoded.reference.
+#define NVSP_DECODED_LEANS 8192
+
+// The frame is one of a stream and came in full: later ones may lean on it. If there is a return channel, tell the
+// vehicle: nvsp_encoder_acknowledge.
+#define NVSP_DECODED_KEPT 16384
 
 // `pose` is given.
 #define NVSP_HEADER_POSE 32
@@ -724,6 +753,16 @@ typedef struct nvsp_encoder_options {
   // a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
   // the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
   uint32_t pipelined;
+  // NVSP_MODE_*: whether difference pictures lean on those of earlier frames. NVSP_MODE_STREAM takes the wavelet coder,
+  // and about 224 more bytes of host memory per pixel. If the device is not portable, all frames stand alone.
+  uint32_t mode;
+  // NVSP_STRUCTURE_*: the frame that others lean on, with NVSP_MODE_STREAM.
+  uint32_t structure;
+  // With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which stands alone, comes
+  // after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
+  uint32_t key_every;
+  // Zero.
+  uint32_t reserved;
 } nvsp_encoder_options;
 
 // A camera's image; read during the call only. If its size is not the camera's, it is scaled to
@@ -809,8 +848,8 @@ typedef struct nvsp_frame_stats {
   // Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
   // certain.
   uint32_t lost_frames;
-  // Zero.
-  uint32_t reserved;
+  // How many frames before this one the frame came that its difference picture leans on; 0: it stands alone.
+  uint32_t leans_on;
 } nvsp_frame_stats;
 
 // What is known of a frame besides its image; all zero: nothing. Read during the call only.
@@ -925,10 +964,15 @@ typedef struct nvsp_decoded {
   // alone. The start of a wavelet payload reaches all rows.
   uint32_t rows;
   // NVSP_OK, or what was wrong with a part of the packet that the picture does without:
-  // NVSP_ERR_RESIDUAL (the difference picture) or NVSP_ERR_PACKET (the camera).
+  // NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_REFERENCE (the frame that it leans on is missing) or
+  // NVSP_ERR_PACKET (the camera).
   nvsp_status damage;
   // The pose.
   struct nvsp_pose pose;
+  // With NVSP_DECODED_LEANS: the number of the frame that the difference picture leans on, modulo 2^24; else 0.
+  uint32_t reference;
+  // Zero.
+  uint32_t reserved;
 } nvsp_decoded;
 
 // What a packet says first, without rendering.
@@ -1111,6 +1155,10 @@ typedef struct nvsp_reassembler_statistics {
 
 // The system, a driver or an engine cannot do this; the text says what is missing.
 #define NVSP_ERR_UNSUPPORTED -28
+
+// The frame that a difference picture leans on is missing, came in part, or is of another stream. Only
+// nvsp_decoded.damage has it.
+#define NVSP_ERR_REFERENCE -29
 
 #ifdef __cplusplus
 extern "C" {
@@ -1398,7 +1446,8 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
                                   uint32_t mode,
                                   float value) NVSP_NONNULL(1);
 
-// Gives the next packet the full form and the camera. Call it if a topside asks what the packets are about.
+// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside asks what
+// the packets are about, or if a packet was not sent.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
@@ -1406,6 +1455,20 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
 // - `encoder`: a live encoder. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
+
+// Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
+// NVSP_STRUCTURE_ACKNOWLEDGED later frames lean on it; else nothing changes. Nor does anything if the frame is unknown or
+// too old: the last 32 can be leaned on.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins) or
+// NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `frame`: nvsp_decoded.frame.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
+                                     uint32_t frame) NVSP_NONNULL(1);
 
 // Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 // Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
@@ -1754,8 +1817,9 @@ nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
 // a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
-// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host. The
-// pixels are those of the packet's picture, with sides rounded up to multiples of 16.
+// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and from
+// the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with sides rounded
+// up to multiples of 16.
 //
 // The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
 // device and driver.

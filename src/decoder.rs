@@ -251,12 +251,12 @@ impl Decoder {
             },
         };
         let camera = *self.camera_of(latent).ok_or_else(unknown)?;
-        let plan = Plan { depths: true, ..Plan::picture() };
+        let plan = || Plan { depths: true, ..Plan::picture() };
         let view = match self.camera_decoder.take() {
             Some(view) if view.camera == camera => view,
             _ => CameraDecoder {
                 camera,
-                renderer: self.engine.renderer(&self.scene, &camera, plan)?,
+                renderer: self.engine.renderer(&self.scene, &camera, plan())?,
                 depths: Vec::new(),
                 residual: ResidualDecoder::new(
                     camera.width,

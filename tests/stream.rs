@@ -152,7 +152,13 @@ fn a_lost_frame_on_which_none_leans_costs_itself() {
     let keys = Mode::Stream(Structure::Keys { key_every: 0 });
     let all = encode(&mut new_encoder(options(keys)), frames());
     let mut decoder = new_decoder();
-    for encoded in [&all[0], &all[4], &all[3], &all[11]] {
+    // Key frames, those in which leaning saves nothing too, and a few others.
+    let arrived = |(t, encoded): &(usize, &Encoded)| {
+        encoded.stats.reference.is_none() || [3, 4, 7, 11].contains(t)
+    };
+    let arrived: Vec<_> = all.iter().enumerate().filter(arrived).collect();
+    assert!(arrived.len() < 10);
+    for (_, encoded) in arrived {
         check_whole(&mut decoder, encoded);
     }
 }

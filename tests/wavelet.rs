@@ -278,7 +278,7 @@ fn streams_are_the_same_on_every_processor() {
 }
 
 /// Distance and tag of the reference, length of the payload, its check sum, the picture's.
-const GOLDEN_STREAM: [(u8, u16, usize, u32, u32); 5] = [(0, 0, 0, 0, 0); 5];
+const GOLDEN_STREAM: [(u8, u16, usize, u32, u32); 5] = [(0, 0, 0, 0, 0); 5]; // 
 
 /// A decoder that holds frame 0 of a stream, and how later ones name it.
 fn decoder_in_stream() -> (ResidualDecoder, Reference) {

@@ -233,15 +233,16 @@ int main(int argc, char **argv) {
     MUST(nvsp_engine_get_info(both.engine, &info));
     CHECK(stop_counting("nvsp_engine_get_info") > 0);
 
-    const uint32_t rates[] = {NVSP_RATE_QUALITY, NVSP_RATE_BYTES, NVSP_RATE_PSNR};
-    const float values[] = {30, 400, 36};
-    const int frames[] = {10, 50, 10};
-    for (int i = 0; i < 3; i++) {
+    const uint32_t rates[] = {NVSP_RATE_QUALITY, NVSP_RATE_BYTES, NVSP_RATE_PSNR, NVSP_RATE_QUALITY};
+    const float values[] = {30, 400, 36, 30};
+    const int frames[] = {10, 50, 10, 40};
+    for (int i = 0; i < 4; i++) {
         nvsp_encoder_options options;
         MUST(NVSP_INIT(&options));
         options.rate = rates[i];
         options.rate_value = values[i];
         options.camera_interval = 10;
+        options.mode = i == 3 ? NVSP_MODE_STREAM : NVSP_MODE_INTRA;
         rig_add(&both, &dive.camera, &options);
         MUST(nvsp_reassembler_create(64, NULL, &reassembler));
         start_counting();

@@ -70,7 +70,7 @@ impl WaveletEncoder {
 
     /// Sets the tables of frames that lean.
     pub(super) fn set_stream_tables(&mut self, tables: &Tables) {
-        self.predictors.leaning = Predictor::new(tables);
+        *self.predictors.leaning = Predictor::new(tables);
     }
 
     /// As [`WaveletEncoder::set`], beside a reference's planes, warped to the view. It is leaned on unless that surely

@@ -360,7 +360,10 @@ mod tests {
                     let one = f64::from(ONE_FRAME[plane][rank]) / 1024.0;
                     let due = 256.0 * one.powf(f64::from(QUARTERS[age]) / 4.0);
                     let found = f64::from(FACTORS[age][plane][rank]);
-                    assert!((found - due.min(255.0)).abs() < 1.0, "{age} {plane} {rank}: {found} {due}");
+                    assert!(
+                        (found - due.min(255.0)).abs() < 1.0,
+                        "{age} {plane} {rank}: {found} {due}"
+                    );
                 }
             }
         }

@@ -96,14 +96,14 @@ pub struct Predictor {
 /// One for each kind of frame.
 pub struct Predictors {
     alone: Predictor,
-    /// Of frames that lean on a reference.
-    pub leaning: Predictor,
+    /// Of frames that lean on a reference. Boxed, so that what holds it stays small.
+    pub leaning: Box<Predictor>,
 }
 
 impl Predictors {
     /// Of the tables of frames that stand alone, and of those that lean.
     pub fn new(alone: &Tables, leaning: &Tables) -> Predictors {
-        Predictors { alone: Predictor::new(alone), leaning: Predictor::new(leaning) }
+        Predictors { alone: Predictor::new(alone), leaning: Box::new(Predictor::new(leaning)) }
     }
 
     /// The one of a frame.

@@ -17,6 +17,8 @@ const MOST_PROBES: u32 = 10;
 const PSNR_SLACK: f64 = 0.05;
 /// Bytes of a reference, beyond those of a stream's frame that stands alone.
 const REFERENCE_BYTES: f64 = 2.0;
+/// Share of its bytes that a frame must save to lean, if it is in doubt: one that stands alone outlasts losses.
+const WORTH_LEANING: f64 = 0.02;
 /// Share of a budget that is used at least.
 const USED: f64 = 0.98;
 
@@ -140,7 +142,8 @@ impl RateEncoder {
             let leaning = self.price(camera, render, fineness) + 8.0 * REFERENCE_BYTES;
             self.encoder.set(camera, render, self.portable);
             let alone = self.price(camera, render, fineness);
-            pays = match leaning < alone {
+            let worth_it = WORTH_LEANING * 8.0 * self.trial.payload.len() as f64;
+            pays = match leaning + worth_it < alone {
                 true => self.encoder.set_leaning(camera, render, self.portable, warped),
                 false => Pays::No,
             };
