@@ -174,6 +174,34 @@ static nvsp_status try_decoder(void) {
     return status;
 }
 
+// Two frames of a stream, on both sides: the first takes memory for those that later ones lean on.
+static nvsp_status try_stream(void) {
+    nvsp_encoder_options options;
+    MUST(NVSP_INIT(&options));
+    options.mode = NVSP_MODE_STREAM;
+    nvsp_encoder *encoder = NULL;
+    nvsp_decoder *decoder = NULL;
+    nvsp_status status = nvsp_encoder_create(both.engine, both.prior, &dive.camera, &options, &encoder);
+    if (status == NVSP_OK) {
+        status = nvsp_decoder_create(both.engine, both.prior, &decoder);
+    }
+    for (int frame = 0; frame < 2 && status == NVSP_OK; frame++) {
+        const nvsp_image image = scene_image(&dive, frame);
+        uint8_t bytes[65536];
+        size_t written = 0;
+        status = nvsp_encode(encoder, &image, &dive.poses[frame], bytes, sizeof bytes, &written, NULL);
+        if (status == NVSP_OK) {
+            nvsp_decoded decoded;
+            MUST(NVSP_INIT(&decoded));
+            status = nvsp_decode(decoder, bytes, written, 0, NULL, &decoded);
+            CHECK(status != NVSP_OK || (decoded.flags & NVSP_DECODED_KEPT));
+        }
+    }
+    nvsp_encoder_destroy(encoder);
+    nvsp_decoder_destroy(decoder);
+    return status;
+}
+
 // A sound packet of 49 bytes that names a picture of 2048 by 2048.
 static uint8_t hostile[49];
 
@@ -233,6 +261,7 @@ static const struct attempt {
     {"compact prior", try_compact_prior, 400, 1},
     {"encoder", try_encoder, 400, 1},
     {"decoder", try_decoder, 400, 0},
+    {"stream", try_stream, 200, 1},
     {"hostile packet", try_hostile, 40, 1},
     {"engine", try_engine, 12, 1},
     {"large encoder", try_large_encoder, 12, 1},
