@@ -1,6 +1,8 @@
 //! An encoded frame, and what it took.
 
-use crate::packet::{CAMERA_PART_LEN, LONGEST_LATENT, RENDER_PART_LEN, residual_part_len};
+use crate::packet::{
+    CAMERA_PART_LEN, LONGEST_LATENT, RENDER_PART_LEN, Reference, residual_part_len,
+};
 use crate::residual::max_payload_len;
 use crate::tracking::{Observability, StartKind, Stop};
 use crate::{Picture, Pose};
@@ -84,5 +86,5 @@ impl Encoded {
 /// The largest packet about a picture of this size, in either profile and with all its parts, bytes.
 pub fn packet_bound(width: u32, height: u32) -> usize {
     let fixed = LONGEST_LATENT + CAMERA_PART_LEN + RENDER_PART_LEN;
-    fixed + residual_part_len(max_payload_len(width, height))
+    fixed + residual_part_len(Reference::LONGEST + max_payload_len(width, height))
 }

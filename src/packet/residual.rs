@@ -78,9 +78,12 @@ pub struct Reference {
 }
 
 impl Reference {
+    /// Most bytes in front of a payload.
+    pub const LONGEST: usize = 3;
+
     /// Bytes in front of the payload of a stream's frame.
     pub fn encoded_len(reference: Option<Reference>) -> usize {
-        if reference.is_some() { 3 } else { 1 }
+        if reference.is_some() { Self::LONGEST } else { 1 }
     }
 
     /// These bytes, and zeros.

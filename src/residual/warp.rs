@@ -100,7 +100,7 @@ fn matrix(placement: &Placement) -> [[f64; 3]; 3] {
 const fn weights() -> [[i32; 4]; PLACES] {
     let one = PLACES as i64;
     // Numerators of the cubic, over 2 · 64³; in binary places of the weight that is divided by this.
-    let divisor = 2 * one * one * one >> WEIGHT_PLACES;
+    let divisor = (2 * one * one * one) >> WEIGHT_PLACES;
     let mut table = [[0; 4]; PLACES];
     let mut f = 0;
     while f < PLACES {

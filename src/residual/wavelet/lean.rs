@@ -236,12 +236,13 @@ impl Lean {
 
     /// Multiplies the reference's coefficients by the factors of the age.
     fn predict(&mut self, geometry: &Geometry) {
-        for band in geometry.bands() {
-            for plane in 0..PLANES {
-                let factor = i32::from(FACTORS[self.says.age][plane][band.rank()]);
+        let planes = self.warped.iter().zip(&mut self.predicted).zip(&FACTORS[self.says.age]);
+        for ((warped, predicted), factors) in planes {
+            for band in geometry.bands() {
+                let factor = i32::from(factors[band.rank()]);
                 for row in band.rows(geometry) {
-                    let from = &self.warped[plane][row.clone()];
-                    for (to, value) in self.predicted[plane][row].iter_mut().zip(from) {
+                    let from = &warped[row.clone()];
+                    for (to, value) in predicted[row].iter_mut().zip(from) {
                         *to = (value * factor + (1 << (PLACES - 1))) >> PLACES;
                     }
                 }
@@ -253,24 +254,22 @@ impl Lean {
     fn choose_blocks(&mut self, geometry: &Geometry, difference: &Planes) -> Pays {
         let (columns, rows) = geometry.sizes[geometry.levels];
         let predicted = &self.predicted;
-        let costs = |visit: &dyn Fn(&mut dyn FnMut(usize, usize, i64))| {
-            let (mut plain, mut left) = (0, 0);
-            visit(&mut |plane, index, scale| {
-                let (value, predicted) = (difference[plane][index], predicted[plane][index]);
-                plain += blocks::cost(value, scale);
-                left += blocks::cost(value.wrapping_sub(predicted), scale);
-            });
-            (plain, left)
+        let add = |costs: &mut (i64, i64), plane: usize, index: usize, scale: i64| {
+            let (value, predicted) = (difference[plane][index], predicted[plane][index]);
+            costs.0 += blocks::cost(value, scale);
+            costs.1 += blocks::cost(value.wrapping_sub(predicted), scale);
         };
-        let (plain, left) = costs(&|call| blocks::visit_low(geometry, call));
+        let mut low = (0, 0);
+        blocks::visit_low(geometry, &mut |plane, i, scale| add(&mut low, plane, i, scale));
+        let (plain, left) = low;
         self.says.low = left <= plain;
         let (mut all, mut least) = (plain, plain.min(left));
         for by in 0..rows {
             for bx in 0..columns {
-                let visit = |call: &mut dyn FnMut(usize, usize, i64)| {
-                    blocks::visit_details(geometry, (bx, by), call);
-                };
-                let (plain, left) = costs(&visit);
+                let mut costs = (0, 0);
+                let add = |plane, i, scale| add(&mut costs, plane, i, scale);
+                blocks::visit_details(geometry, (bx, by), add);
+                let (plain, left) = costs;
                 self.blocks[by * columns + bx] = left <= plain;
                 (all, least) = (all + plain, least + plain.min(left));
             }

@@ -32,10 +32,34 @@ pub struct RateEncoder {
     probes: u32,
     /// What a frame of a stream leans on.
     stream: Option<Option<Reference>>,
+    doubts: Doubts,
 }
 
 /// What a frame may lean on: the reference, and its planes, warped to the view.
 pub type Leanable<'a> = Option<(Reference, &'a Planes)>;
+
+/// When frames in doubt are coded both ways: less and less often as long as leaning is no better.
+#[derive(Default)]
+struct Doubts {
+    /// How often it was no better.
+    failures: u32,
+    /// Frames in doubt that are still to stand alone.
+    waiting: u32,
+}
+
+impl Doubts {
+    /// Whether the next frame in doubt is coded both ways. Counts it as one that is better alone; if it leans, begin
+    /// afresh.
+    fn is_due(&mut self) -> bool {
+        if self.waiting > 0 {
+            self.waiting -= 1;
+            return false;
+        }
+        self.waiting = (1 << self.failures.min(3)) - 1;
+        self.failures += 1;
+        true
+    }
+}
 
 /// A payload, and what it shows.
 struct Coding {
@@ -65,6 +89,7 @@ impl RateEncoder {
             trial: Coding::new(width, height),
             probes: 0,
             stream: None,
+            doubts: Doubts::default(),
         }
     }
 
@@ -138,19 +163,29 @@ impl RateEncoder {
         let (reference, warped) = (*leanable).unzip();
         let mut pays = self.encoder.set_leaning(camera, render, self.portable, warped);
         if pays == Pays::Perhaps {
-            let fineness = self.guess(rate);
-            let leaning = self.price(camera, render, fineness) + 8.0 * REFERENCE_BYTES;
-            self.encoder.set(camera, render, self.portable);
-            let alone = self.price(camera, render, fineness);
-            let worth_it = WORTH_LEANING * 8.0 * self.trial.payload.len() as f64;
-            pays = match leaning + worth_it < alone {
+            let leans = self.doubts.is_due() && self.is_better_leaning(camera, render, rate);
+            pays = if leans { Pays::Yes } else { Pays::No };
+            match leans {
                 true => self.encoder.set_leaning(camera, render, self.portable, warped),
-                false => Pays::No,
+                false => self.encoder.set_leaning(camera, render, self.portable, None),
             };
+        }
+        if pays == Pays::Yes {
+            self.doubts = Doubts::default();
         }
         let reference = reference.filter(|_| pays != Pays::No);
         self.stream = Some(reference);
         Reference::encoded_len(reference)
+    }
+
+    /// Codes the frame that was set both ways.
+    fn is_better_leaning(&mut self, camera: &Picture, render: &Picture, rate: Rate) -> bool {
+        let fineness = self.guess(rate);
+        let leaning = self.price(camera, render, fineness) + 8.0 * REFERENCE_BYTES;
+        self.encoder.set(camera, render, self.portable);
+        let alone = self.price(camera, render, fineness);
+        let worth_it = WORTH_LEANING * 8.0 * self.trial.payload.len() as f64;
+        leaning + worth_it < alone
     }
 
     /// About how finely a rate asks for.

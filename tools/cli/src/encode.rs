@@ -227,6 +227,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     options.rate = args.rate.rate();
     options.residual = args.rate.coder();
     options.mode = args.mode.mode();
+    if options.mode != Mode::Intra && !engine.device().portable {
+        eprintln!("the device is not portable: every difference picture stands alone");
+    }
     options.check_interval = args.rate.render_check;
     options.short = !args.rate.full_latent;
     options.frames_treated = args.frames_treated;

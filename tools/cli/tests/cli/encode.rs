@@ -211,3 +211,29 @@ fn times_come_from_the_csv_file_or_the_camera_file_and_do_not_go_back() {
     set_times(&dive, [1.0, 0.5, 2.0]);
     dive.run(&encode).ends_with(1).says("images/1.png: its time, 0.5 s");
 }
+
+#[test]
+fn frames_of_a_stream_lean_on_frames_and_say_so() {
+    let dive = Dive::new();
+    let alone = dive.encode("--quality 40");
+    assert!(frames(&alone).iter().all(|row| row["reference"] == Value::Null));
+    let stream = "--quality 40 --mode stream --key-every 2 --frames-out seen";
+    let summary = dive.encode(stream);
+    let references: Vec<_> = frames(&summary).iter().map(|row| row["reference"].clone()).collect();
+    assert_eq!(references, [Value::Null, json!(0), Value::Null]);
+    let bytes = |summary: &Value| frames(summary)[1]["bytes"].as_u64();
+    assert!(bytes(&summary) < bytes(&alone));
+    let decode =
+        "decode --prior prior.ply --packets packets --frames topside --cameras cameras.json";
+    dive.run(decode).ends_with(0);
+    for t in 0..FRAMES {
+        assert_eq!(dive.bytes(&format!("topside/{t}.png")), dive.bytes(&format!("seen/{t}.png")));
+    }
+    // Without the first packet, the second is the render alone; the third stands alone.
+    std::fs::remove_file(dive.path("packets/0.nvsp")).unwrap();
+    dive.run(decode).ends_with(0).says("leans on that of frame 0").says("the render alone");
+    assert_ne!(dive.bytes("topside/1.png"), dive.bytes("seen/1.png"));
+    assert_eq!(dive.bytes("topside/2.png"), dive.bytes("seen/2.png"));
+    let run = dive.run(&format!("encode {INPUT} --packets packets --mode stream --residual webp"));
+    run.ends_with(1).says("streams take the wavelet coder");
+}
