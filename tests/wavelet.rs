@@ -278,7 +278,13 @@ fn streams_are_the_same_on_every_processor() {
 }
 
 /// Distance and tag of the reference, length of the payload, its check sum, the picture's.
-const GOLDEN_STREAM: [(u8, u16, usize, u32, u32); 5] = [(0, 0, 0, 0, 0); 5]; // 
+const GOLDEN_STREAM: [(u8, u16, usize, u32, u32); 5] = [
+    (0, 0, 584, 4_234_216_226, 2_696_383_376),
+    (1, 30_056, 223, 434_107_269, 1_233_875_394),
+    (1, 7634, 289, 2_502_823_196, 1_366_197_277),
+    (1, 50_913, 12, 3_320_828_891, 4_186_565_150),
+    (1, 27_093, 1292, 3_680_857_442, 3_756_571_385),
+];
 
 /// A decoder that holds frame 0 of a stream, and how later ones name it.
 fn decoder_in_stream() -> (ResidualDecoder, Reference) {
