@@ -81,9 +81,9 @@ struct Says {
 pub enum Pays {
     /// It does not.
     No,
-    /// Only coding the frame both ways tells.
+    /// It may.
     Perhaps,
-    /// It does.
+    /// It should.
     Yes,
 }
 

@@ -32,32 +32,37 @@ pub struct RateEncoder {
     probes: u32,
     /// What a frame of a stream leans on.
     stream: Option<Option<Reference>>,
-    doubts: Doubts,
+    trials: Trials,
 }
 
 /// What a frame may lean on: the reference, and its planes, warped to the view.
 pub type Leanable<'a> = Option<(Reference, &'a Planes)>;
 
-/// When frames in doubt are coded both ways: less and less often as long as leaning is no better.
+/// When frames are coded both ways to see whether leaning is better: less and less often as long as the answer stays.
 #[derive(Default)]
-struct Doubts {
-    /// How often it was no better.
-    failures: u32,
-    /// Frames in doubt that are still to stand alone.
+struct Trials {
+    /// Whether leaning was better, and what the coefficients had told.
+    last: Option<(bool, Pays)>,
+    /// How often the answer stayed.
+    streak: u32,
+    /// Frames that are still to go by it.
     waiting: u32,
 }
 
-impl Doubts {
-    /// Whether the next frame in doubt is coded both ways. Counts it as one that is better alone; if it leans, begin
-    /// afresh.
-    fn is_due(&mut self) -> bool {
-        if self.waiting > 0 {
-            self.waiting -= 1;
-            return false;
-        }
-        self.waiting = (1 << self.failures.min(3)) - 1;
-        self.failures += 1;
-        true
+impl Trials {
+    /// Whether a frame is to lean; `None`: try it.
+    fn answer(&mut self, pays: Pays) -> Option<bool> {
+        let (leans, told) = self.last?;
+        let holds = told == pays && self.waiting > 0;
+        self.waiting = self.waiting.saturating_sub(1);
+        holds.then_some(leans)
+    }
+
+    /// Takes what a trial came to.
+    fn learn(&mut self, pays: Pays, leans: bool) {
+        let same = self.last.replace((leans, pays)).is_some_and(|(before, _)| before == leans);
+        self.streak = if same { self.streak + 1 } else { 0 };
+        self.waiting = (1 << self.streak.min(3)) - 1;
     }
 }
 
@@ -89,7 +94,7 @@ impl RateEncoder {
             trial: Coding::new(width, height),
             probes: 0,
             stream: None,
-            doubts: Doubts::default(),
+            trials: Trials::default(),
         }
     }
 
@@ -162,16 +167,18 @@ impl RateEncoder {
         };
         let (reference, warped) = (*leanable).unzip();
         let mut pays = self.encoder.set_leaning(camera, render, self.portable, warped);
-        if pays == Pays::Perhaps {
-            let leans = self.doubts.is_due() && self.is_better_leaning(camera, render, rate);
-            pays = if leans { Pays::Yes } else { Pays::No };
-            match leans {
-                true => self.encoder.set_leaning(camera, render, self.portable, warped),
-                false => self.encoder.set_leaning(camera, render, self.portable, None),
-            };
-        }
-        if pays == Pays::Yes {
-            self.doubts = Doubts::default();
+        if pays != Pays::No {
+            let leans = self.trials.answer(pays).unwrap_or_else(|| {
+                let leans = self.is_better_leaning(camera, render, rate);
+                self.trials.learn(pays, leans);
+                // The trial ended with the frame alone.
+                self.encoder.set_leaning(camera, render, self.portable, warped);
+                leans
+            });
+            if !leans {
+                self.encoder.set(camera, render, self.portable);
+                pays = Pays::No;
+            }
         }
         let reference = reference.filter(|_| pays != Pays::No);
         self.stream = Some(reference);
@@ -321,4 +328,23 @@ fn most_payload(room: usize) -> usize {
         most -= 1;
     }
     most
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_that_stays_is_asked_for_less_and_less_often() {
+        let mut trials = Trials::default();
+        let mut tried = |frames: std::ops::Range<u32>, pays, leans| -> Vec<u32> {
+            let due = |_: &u32| {
+                trials.answer(pays).is_none().then(|| trials.learn(pays, leans)).is_some()
+            };
+            frames.filter(due).collect()
+        };
+        assert_eq!(tried(0..32, Pays::Yes, true), [0, 1, 3, 7, 15, 23, 31]);
+        // The coefficients tell something else.
+        assert_eq!(tried(32..40, Pays::Perhaps, false), [32, 33, 35, 39]);
+    }
 }
