@@ -51,6 +51,7 @@ mod fragment;
 mod layout;
 mod packet_slot;
 mod reassembler;
+mod shares;
 mod splitter;
 mod statistics;
 mod waiting;
@@ -58,6 +59,10 @@ mod waiting;
 pub use error::ModemError;
 pub use layout::{frame_count, largest_packet};
 pub use reassembler::{Reassembler, ReassemblerOptions, Received};
+pub use shares::{
+    Collected, CollectedPacket, Collector, CollectorOptions, Layer, Loss, MAX_SHARES, STREAMS,
+    ShareStatistics, Sharer, Sharing, SharingOptions,
+};
 pub use splitter::Splitter;
 pub use statistics::{Pushed, Statistics};
 

@@ -1,0 +1,281 @@
+//! Shares to packets.
+
+mod slot;
+
+use super::super::ModemError;
+use super::super::error::filled;
+use super::header::{MAX_SHARES, NUMBERS, STREAMS, read};
+use slot::{Slot, Taken};
+
+/// How to collect shares.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CollectorOptions {
+    /// The largest modem frame that comes, bytes. What lies beyond it is padding.
+    pub mtu: usize,
+    /// Shares of a packet that there is room for, 1 to 256.
+    pub shares: usize,
+    /// Packets of a stream that are held: that of the newest frame number, and of those before it. 1 to 64, and rounded
+    /// up to a power of two.
+    pub packets: usize,
+    /// Streams that are taken, 1 to 4.
+    pub streams: usize,
+}
+
+/// Most packets of a stream.
+const MOST_PACKETS: usize = 64;
+/// So many shares in a row of numbers that are long past mean that the sender counts anew.
+const RESTART: u32 = 6;
+
+impl CollectorOptions {
+    /// Sixteen packets of a stream, each of up to 32 shares.
+    pub fn new(mtu: usize) -> CollectorOptions {
+        CollectorOptions { mtu, shares: 32, packets: 16, streams: 1 }
+    }
+
+    fn check(&self) -> Result<(), ModemError> {
+        let within = |field, value, most| match value {
+            0 => Err(ModemError::Collector { field, value, most }),
+            value if value > most => Err(ModemError::Collector { field, value, most }),
+            _ => Ok(()),
+        };
+        within("mtu", self.mtu, super::super::layout::LARGEST_MTU)?;
+        within("shares", self.shares, MAX_SHARES)?;
+        within("packets", self.packets, MOST_PACKETS)?;
+        within("streams", self.streams, usize::from(STREAMS))
+    }
+
+    /// Memory that a [`Collector`] takes, all of it when it is made, bytes; a packet's erasure code takes some more while
+    /// it is solved.
+    ///
+    /// # Errors
+    /// If an option is outside its range.
+    pub fn memory(&self) -> Result<usize, ModemError> {
+        self.check()?;
+        Ok(self.streams * self.slots() * Slot::memory(self.shares, self.mtu))
+    }
+
+    /// Packets of a stream. A divisor of [`NUMBERS`], so that numbers find their places where they begin anew.
+    fn slots(&self) -> usize {
+        self.packets.next_power_of_two()
+    }
+}
+
+/// What a share has brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Collected {
+    /// The packet of this stream and frame number is complete.
+    Complete(u8, u32),
+    /// It has more bytes than before.
+    Grown(u8, u32),
+    /// The share is kept. It is of use once more come.
+    Kept,
+    /// The share was there, or its packet was complete.
+    Duplicate,
+    /// The packet's own checks do not match what its shares hold. All its shares are dropped.
+    Damaged(u8, u32),
+}
+
+/// Counts since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShareStatistics {
+    /// Shares that became part of a packet.
+    pub accepted: u64,
+    /// Shares that were there, or of a packet that was complete.
+    pub duplicates: u64,
+    /// Frames that were no shares, damaged ones, and such of packets long past.
+    pub rejected: u64,
+    /// Shares that packets gone by had, of those accepted.
+    pub arrived: u64,
+    /// Shares that packets gone by were sent in. With `arrived` it tells the loss. Packets of which no share came count
+    /// with as many shares as the packet after them.
+    pub sent: u64,
+    /// Packets that became complete.
+    pub completed: u64,
+    /// Packets that became complete although shares of them were missing.
+    pub repaired: u64,
+    /// Packets gone by that gave a picture, but not all of it.
+    pub partial: u64,
+    /// Packets gone by that gave no picture, or of which nothing came.
+    pub lost: u64,
+    /// Packets whose own checks did not match what their shares held.
+    pub damaged: u64,
+}
+
+/// What has come of a packet.
+#[derive(Clone, Copy, Debug)]
+pub struct CollectedPacket<'a> {
+    /// Frame number, as the packet states it: modulo 2²⁴, in the short form 2¹⁶.
+    pub frame: u32,
+    /// The packet's first bytes. Checks vouch for them: decode them with
+    /// [`Trust::Start`](crate::decoder::Trust::Start).
+    pub bytes: &'a [u8],
+    /// The bytes are the whole packet, and its checks match.
+    pub complete: bool,
+    /// User bytes that came with it.
+    pub user: Option<&'a [u8]>,
+    /// Shares that came.
+    pub arrived: usize,
+    /// Shares that it was sent in.
+    pub sent: usize,
+}
+
+/// Collects shares of any number of packets at once, and makes of them what can be made.
+///
+/// It holds the packets of the newest frame number of a stream and of those before it, [`CollectorOptions::packets`] in
+/// all. Shares of older ones are refused. A complete packet stays until it is too old; no newer one takes its place.
+pub struct Collector {
+    options: CollectorOptions,
+    streams: Vec<Stream>,
+    statistics: ShareStatistics,
+}
+
+/// The packets of a stream.
+struct Stream {
+    /// The packet of number k is at place k modulo their count.
+    slots: Vec<Slot>,
+    newest: Option<u32>,
+    /// Shares in a row that were too old.
+    late: u32,
+}
+
+impl Collector {
+    /// Allocates [`CollectorOptions::memory`].
+    ///
+    /// # Errors
+    /// If an option is outside its range, or the system does not have the memory.
+    pub fn new(options: CollectorOptions) -> Result<Collector, ModemError> {
+        options.check()?;
+        let mut streams = Vec::new();
+        for _ in 0..options.streams {
+            let slots = (0..options.slots()).map(|_| Slot::new(options.shares, options.mtu));
+            let slots = slots.collect::<Result<_, _>>()?;
+            streams.push(Stream { slots, newest: None, late: 0 });
+        }
+        Ok(Collector { options, streams, statistics: ShareStatistics::default() })
+    }
+
+    /// Takes a modem frame.
+    ///
+    /// # Errors
+    /// If it is no share, damaged, or too old, or if there is no room for its packet. All packets stay as they are.
+    pub fn push(&mut self, frame: &[u8]) -> Result<Collected, ModemError> {
+        let taken = self.take(frame);
+        match &taken {
+            Err(_) => self.statistics.rejected += 1,
+            Ok(Collected::Duplicate) => self.statistics.duplicates += 1,
+            Ok(_) => self.statistics.accepted += 1,
+        }
+        taken
+    }
+
+    fn take(&mut self, frame: &[u8]) -> Result<Collected, ModemError> {
+        let frame = &frame[..frame.len().min(self.options.mtu)];
+        let (header, data) = read(frame)?;
+        let packet = header.packet;
+        if packet.count > self.options.shares {
+            return Err(ModemError::NoRoom { index: packet.count - 1, room: self.options.shares });
+        }
+        let stream = usize::from(packet.stream);
+        let stream = self.streams.get_mut(stream).ok_or(ModemError::Stream(packet.stream))?;
+        stream.advance(packet.number, packet.count, &mut self.statistics)?;
+        let place = stream.place(packet.number);
+        let (id, number) = (packet.stream, packet.number);
+        Ok(match stream.slots[place].take(&header, data)? {
+            Taken::Kept => Collected::Kept,
+            Taken::Duplicate => Collected::Duplicate,
+            Taken::Grown(frame) => Collected::Grown(id, frame),
+            Taken::Complete { frame, missing } => {
+                self.statistics.completed += 1;
+                self.statistics.repaired += u64::from(missing);
+                Collected::Complete(id, frame)
+            }
+            Taken::Damaged => {
+                self.statistics.damaged += 1;
+                Collected::Damaged(id, number)
+            }
+        })
+    }
+
+    /// The packet of a stream and frame number, if enough of it came for a picture. Only the number modulo 128 counts.
+    pub fn packet(&self, stream: u8, frame: u32) -> Option<CollectedPacket<'_>> {
+        let stream = self.streams.get(usize::from(stream))?;
+        stream.slots[stream.place(frame % NUMBERS)].packet(frame % NUMBERS)
+    }
+
+    /// The packet of the greatest frame number of a stream that gives a picture.
+    pub fn newest(&self, stream: u8) -> Option<CollectedPacket<'_>> {
+        let newest = self.streams.get(usize::from(stream))?.newest?;
+        (0..self.options.slots() as u32)
+            .find_map(|back| self.packet(stream, newest.wrapping_sub(back)))
+    }
+
+    /// Indices of a packet's shares that have not come; none if it is complete, or if nothing of it came. To make the
+    /// packet complete, as many of them are needed as [`CollectedPacket::sent`] less those that came, at most.
+    pub fn missing(&self, stream: u8, frame: u32) -> impl Iterator<Item = usize> + '_ {
+        let stream = self.streams.get(usize::from(stream));
+        let slot = stream.map(|stream| &stream.slots[stream.place(frame % NUMBERS)]);
+        slot.into_iter().flat_map(move |slot| slot.missing(frame % NUMBERS))
+    }
+
+    /// What has come so far.
+    pub fn statistics(&self) -> ShareStatistics {
+        self.statistics
+    }
+}
+
+impl Stream {
+    fn place(&self, number: u32) -> usize {
+        number as usize % self.slots.len()
+    }
+
+    /// Makes a number the newest if it is, and lets those go that are too old then.
+    fn advance(
+        &mut self,
+        number: u32,
+        count: usize,
+        statistics: &mut ShareStatistics,
+    ) -> Result<(), ModemError> {
+        let Some(newest) = self.newest else {
+            self.newest = Some(number);
+            return Ok(());
+        };
+        let held = self.slots.len() as u32;
+        let behind = newest.wrapping_sub(number) % NUMBERS;
+        let ahead = number.wrapping_sub(newest) % NUMBERS;
+        if behind < held {
+            self.late = 0;
+            return Ok(());
+        }
+        // Numbers further behind than half of all are ahead.
+        if behind <= NUMBERS / 2 {
+            self.late += 1;
+            if self.late < RESTART {
+                return Err(ModemError::Late(number));
+            }
+            self.slots.iter_mut().for_each(Slot::clear);
+        } else {
+            for step in 1..=ahead {
+                self.let_go(newest.wrapping_add(step), count, statistics);
+            }
+        }
+        self.late = 0;
+        self.newest = Some(number);
+        Ok(())
+    }
+
+    /// Counts the packet at a new number's place, whose turn is over, and empties the place.
+    fn let_go(&mut self, number: u32, count: usize, statistics: &mut ShareStatistics) {
+        let held = self.slots.len() as u32;
+        let past = number.wrapping_sub(held) % NUMBERS;
+        let place = self.place(number % NUMBERS);
+        let slot = &mut self.slots[place];
+        let (arrived, sent) = slot.shares(past).unwrap_or((0, count));
+        statistics.arrived += arrived as u64;
+        statistics.sent += sent as u64;
+        match slot.packet(past) {
+            Some(packet) => statistics.partial += u64::from(!packet.complete),
+            None => statistics.lost += 1,
+        }
+        slot.clear();
+    }
+}
