@@ -78,7 +78,7 @@ mod tests {
         for _ in 0..draws / 8 {
             let mut arrived = 0;
             for _ in 0..8 {
-                let now = random.even() < steps[usize::from(before)];
+                let now = f64::from(random.within(0.0, 1.0)) < steps[usize::from(before)];
                 lost += u32::from(now);
                 bursts += u32::from(now && !before);
                 arrived += usize::from(!now);

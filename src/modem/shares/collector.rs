@@ -69,8 +69,10 @@ pub enum Collected {
     Grown(u8, u32),
     /// The share is kept. It is of use once more come.
     Kept,
-    /// The share was there, or its packet was complete.
+    /// The share was there before.
     Duplicate,
+    /// The share's packet was complete before.
+    Surplus,
     /// The packet's own checks do not match what its shares hold. All its shares are dropped.
     Damaged(u8, u32),
 }
@@ -78,9 +80,9 @@ pub enum Collected {
 /// Counts since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShareStatistics {
-    /// Shares that became part of a packet.
+    /// Shares that were not there before.
     pub accepted: u64,
-    /// Shares that were there, or of a packet that was complete.
+    /// Shares that were there before.
     pub duplicates: u64,
     /// Frames that were no shares, damaged ones, and such of packets long past.
     pub rejected: u64,
@@ -91,7 +93,7 @@ pub struct ShareStatistics {
     pub sent: u64,
     /// Packets that became complete.
     pub completed: u64,
-    /// Packets that became complete although shares of them were missing.
+    /// Packets gone by that were complete although shares of them were missing.
     pub repaired: u64,
     /// Packets gone by that gave a picture, but not all of it.
     pub partial: u64,
@@ -183,10 +185,10 @@ impl Collector {
         Ok(match stream.slots[place].take(&header, data)? {
             Taken::Kept => Collected::Kept,
             Taken::Duplicate => Collected::Duplicate,
+            Taken::Surplus => Collected::Surplus,
             Taken::Grown(frame) => Collected::Grown(id, frame),
-            Taken::Complete { frame, missing } => {
+            Taken::Complete(frame) => {
                 self.statistics.completed += 1;
-                self.statistics.repaired += u64::from(missing);
                 Collected::Complete(id, frame)
             }
             Taken::Damaged => {
@@ -273,7 +275,10 @@ impl Stream {
         statistics.arrived += arrived as u64;
         statistics.sent += sent as u64;
         match slot.packet(past) {
-            Some(packet) => statistics.partial += u64::from(!packet.complete),
+            Some(packet) if packet.complete => {
+                statistics.repaired += u64::from(packet.arrived < packet.sent);
+            }
+            Some(_) => statistics.partial += 1,
             None => statistics.lost += 1,
         }
         slot.clear();

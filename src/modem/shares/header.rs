@@ -16,8 +16,6 @@ pub const MAX_SHARES: usize = 256;
 pub(super) const LARGEST_FIRST: usize = 16;
 /// Up to this many shares have short headers.
 const NARROW: usize = 16;
-/// Longest header, its check counted, bytes.
-pub(super) const LONGEST: usize = 12;
 
 /// What a share says of itself and of its packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

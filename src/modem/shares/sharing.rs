@@ -2,7 +2,7 @@
 
 use super::super::ModemError;
 use super::chain::Loss;
-use super::header::{LARGEST_FIRST, LONGEST, MAX_SHARES, header_len};
+use super::header::{LARGEST_FIRST, MAX_SHARES, header_len};
 use super::packet::{MAX_LAYERS, contents_len};
 
 /// A layer of a packet.
@@ -92,18 +92,29 @@ impl SharingOptions {
 }
 
 impl Sharing {
-    /// The division of greatest expected worth. It looks at every number of shares and at every threshold of the picture.
+    /// The division of greatest expected worth. It looks at every number of shares, at every threshold of the picture and
+    /// at every number of layers.
     ///
     /// # Errors
     /// If an option is outside its range, or the budget holds no picture: [`ModemError::Budget`] says what would.
     pub fn new(options: &SharingOptions) -> Result<Sharing, ModemError> {
         options.check()?;
         let fewest = options.budget.div_ceil(options.mtu + options.overhead).max(1);
-        let best = (fewest.min(options.most)..=options.most)
-            .filter_map(|count| Draft::best(options, count))
-            .max_by(|a, b| a.worth.total_cmp(&b.worth));
+        let counts = fewest.min(options.most)..=options.most;
+        let best = counts.filter_map(|count| Draft::best(options, count));
+        let best = best.max_by(|a, b| a.0.total_cmp(&b.0));
         let least = ModemError::Budget { budget: options.budget, picture: options.picture };
-        best.and_then(|draft| draft.settle(options)).ok_or(least)
+        best.map(|(_, sharing)| sharing).ok_or(least)
+    }
+
+    /// Mean worth of what arrives. `chances`: that 0, 1, … shares do.
+    fn worth(&self, options: &SharingOptions, chances: &[f64]) -> f64 {
+        let most = options.packet.unwrap_or(usize::MAX);
+        let of = |arrived| match self.prefix(arrived).min(most).checked_sub(options.picture) {
+            Some(beyond) if arrived >= self.layers[0].threshold => worth(beyond as f64),
+            _ => 0.0,
+        };
+        chances.iter().enumerate().map(|(arrived, chance)| chance * of(arrived)).sum()
     }
 
     /// The layers, first one first.
@@ -140,107 +151,124 @@ impl Sharing {
     }
 }
 
-/// Bytes of the packet, in fractions, that any 1, 2, … shares give.
-struct Draft {
+/// What a division is made from.
+struct Draft<'a> {
+    options: &'a SharingOptions,
     /// Number of shares.
     count: usize,
     /// Bytes of data in a share.
     data: usize,
-    /// By shares that arrive, less one: bytes beyond the picture; `None`: no picture.
-    beyond: Vec<Option<f64>>,
-    worth: f64,
+    /// Chances that 0, 1, … shares arrive.
+    chances: &'a [f64],
 }
 
-impl Draft {
-    /// The best one for a number of shares.
-    fn best(options: &SharingOptions, count: usize) -> Option<Draft> {
+impl Draft<'_> {
+    /// The best division for a number of shares, and its worth.
+    fn best(options: &SharingOptions, count: usize) -> Option<(f64, Sharing)> {
         let share = (options.budget / count).checked_sub(options.overhead)?.min(options.mtu);
-        let data = share.checked_sub(LONGEST)?;
+        let data = share.checked_sub(header_len(count, share, share))?;
         let chances = options.loss.arrivals(count);
-        (1..=count.min(LARGEST_FIRST))
-            .filter_map(|first| Draft::with_first(options, count, data, first, &chances))
-            .max_by(|a, b| a.worth.total_cmp(&b.worth))
+        let draft = Draft { options, count, data, chances: &chances };
+        let mut best: Option<(f64, Sharing)> = None;
+        for first in 1..=count.min(LARGEST_FIRST) {
+            for others in 0..MAX_LAYERS {
+                let Some((sharing, full)) = draft.divide(first, others) else { break };
+                let worth = sharing.worth(options, &chances);
+                if best.is_none_or(|(most, _)| worth > most) {
+                    best = Some((worth, sharing));
+                }
+                if !full {
+                    break;
+                }
+            }
+        }
+        best
     }
 
-    /// The best one whose picture needs `first` shares.
+    /// A division whose picture needs `first` shares and that has up to `others` layers more; and whether more layers
+    /// would make it another one. `None`: there is no room for the picture.
     ///
     /// Of the shares' bytes, each byte that m shares give takes count / m. So if x(m) bytes are given by m shares, the
-    /// bytes taken are the sum of x(m) · (count / m − count / (m + 1)), the last one's 1. With a worth of log(x), the best x are
-    /// in proportion to chance / cost. They must grow with m. So neighbours that do not are given one value together
+    /// bytes taken are the sum of x(m) · (count / m − count / (m + 1)), the last one's 1. With a worth of log(x), the best
+    /// x are in proportion to chance / cost. They must grow with m. So neighbours that do not are given one value together
     /// (isotonic regression, by pooling adjacent violators).
-    fn with_first(
-        options: &SharingOptions,
-        count: usize,
-        data: usize,
-        first: usize,
-        chances: &[f64],
-    ) -> Option<Draft> {
+    fn divide(&self, first: usize, others: usize) -> Option<(Sharing, bool)> {
+        let Draft { options, count, data, chances } = *self;
         let per = |m: usize| count as f64 / m as f64;
         let cost = |m: usize| if m == count { 1.0 } else { per(m) - per(m + 1) };
-        let head = (options.picture + described(options)) as f64;
-        let room = (count * data) as f64 - head * per(first);
-        if room < 0.0 {
+        let start = options.picture + described(options, others);
+        let room = (count * data) as f64 - start as f64 * per(first);
+        if room < 0.0 || start.div_ceil(first) > data {
             return None;
         }
         let mut pools: Vec<Pool> = Vec::new();
         for m in first..=count {
-            let mut pool = Pool { chance: chances[m], cost: cost(m), members: 1 };
+            let mut pool = Pool { chance: chances[m], cost: cost(m), threshold: m };
             while let Some(last) = pools.pop_if(|last| last.ratio() >= pool.ratio()) {
-                pool = pool.with(last);
+                pool = pool.after(last);
             }
             pools.push(pool);
         }
-        let most = options
-            .packet
-            .map_or(f64::INFINITY, |packet| packet.saturating_sub(options.picture) as f64);
+        let packet = options.packet.unwrap_or(usize::MAX);
+        let most = packet.saturating_sub(options.picture) as f64;
         let scale = fill(&pools, room, most);
-        let mut beyond = vec![None; first - 1];
-        for pool in &pools {
-            let bytes = pool.bytes(scale, most);
-            beyond.extend(std::iter::repeat_n(Some(bytes), pool.members));
-        }
-        let each = beyond.iter().zip(&chances[1..]);
-        let worth = each.map(|(bytes, chance)| chance * bytes.map_or(0.0, worth)).sum();
-        Some(Draft { count, data, beyond, worth })
+        let mut steps = Steps::new(&pools, scale, most);
+        let full = steps.shorten(others);
+        Some((self.settle(first, start, &steps), full))
     }
 
-    /// Layers of whole bytes.
-    fn settle(&self, options: &SharingOptions) -> Option<Sharing> {
-        let first = self.beyond.iter().position(Option::is_some)? + 1;
-        let mut steps = Vec::new();
-        let mut held = 0.0;
-        for (m, bytes) in self.beyond.iter().enumerate() {
-            let more = bytes.unwrap_or(0.0) - held;
-            if more >= LEAST_CHUNK * (m + 1) as f64 && m + 1 > first && steps.len() < MAX_LAYERS - 1
-            {
-                steps.push((m + 1, more));
-                held += more;
-            } else if m + 1 == first {
-                held = bytes.unwrap_or(0.0);
-            }
-        }
-        let base = self.beyond[first - 1].unwrap_or(0.0);
-        let head = described(options);
-        let bytes = options.picture + head + base as usize;
-        let chunk = bytes.div_ceil(first).min(self.data);
-        let mut sharing = Sharing {
-            layers: [Layer::default(); MAX_LAYERS],
-            others: 0,
-            count: self.count,
-            head: 0,
-        };
+    /// Layers of whole bytes. The last one gets what rounding leaves, as far as the packet needs it.
+    fn settle(&self, first: usize, start: usize, steps: &Steps) -> Sharing {
+        let chunk = (start + steps.base as usize).div_ceil(first).min(self.data);
+        let layers = [Layer::default(); MAX_LAYERS];
+        let mut sharing = Sharing { layers, others: 0, count: self.count, head: 0 };
         sharing.layers[0] = Layer { threshold: first, chunk };
         let mut left = self.data - chunk;
-        for (threshold, more) in steps {
-            let chunk = ((more / threshold as f64).round() as usize).min(left);
+        for (threshold, more) in &steps.more {
+            let chunk = ((more / *threshold as f64).round() as usize).min(left);
             if chunk > 0 {
                 sharing.others += 1;
-                sharing.layers[sharing.others] = Layer { threshold, chunk };
+                sharing.layers[sharing.others] = Layer { threshold: *threshold, chunk };
                 left -= chunk;
             }
         }
-        sharing.give(left, options);
-        Some(sharing)
+        sharing.give(left, self.options);
+        sharing
+    }
+}
+
+/// What the picture's shares give beyond it, and what more shares give beyond that, in bytes.
+struct Steps {
+    base: f64,
+    /// Number of shares, and bytes.
+    more: Vec<(usize, f64)>,
+}
+
+impl Steps {
+    fn new(pools: &[Pool], scale: f64, most: f64) -> Steps {
+        let mut held = pools[0].bytes(scale, most);
+        let mut steps = Steps { base: held, more: Vec::new() };
+        for pool in &pools[1..] {
+            let more = pool.bytes(scale, most) - held;
+            if more >= LEAST_CHUNK * pool.threshold as f64 {
+                steps.more.push((pool.threshold, more));
+                held += more;
+            }
+        }
+        steps
+    }
+
+    /// Joins the smallest steps with those after them, until there are no more than `count`. Tells whether it had to.
+    fn shorten(&mut self, count: usize) -> bool {
+        let full = self.more.len() > count;
+        while self.more.len() > count {
+            let smallest = (0..self.more.len()).min_by(|a, b| self.more[*a].1.total_cmp(&self.more[*b].1));
+            let (_, bytes) = self.more.remove(smallest.unwrap_or(0));
+            if let Some(next) = self.more.get_mut(smallest.unwrap_or(0)) {
+                next.1 += bytes;
+            }
+        }
+        full
     }
 }
 
@@ -248,28 +276,35 @@ impl Sharing {
     /// Gives the last layer what rounding left, as far as the packet needs it; drops what no packet fills.
     fn give(&mut self, left: usize, options: &SharingOptions) {
         let user = options.user.map(|user| vec![0; user]);
-        self.head = contents_len(&self.layers[1..=self.others], user.as_deref());
-        let last = &mut self.layers[self.others];
-        last.chunk += left;
-        if let Some(packet) = options.packet {
+        self.layers[self.others].chunk += left;
+        loop {
+            self.head = contents_len(&self.layers[1..=self.others], user.as_deref());
+            let Some(packet) = options.packet else { return };
             let spare = self.capacity().saturating_sub(packet);
             let last = &mut self.layers[self.others];
-            last.chunk -= (spare / last.threshold).min(last.chunk - 1);
+            let useless = (spare / last.threshold).min(last.chunk);
+            last.chunk -= if self.others == 0 { useless.min(last.chunk - 1) } else { useless };
+            if last.chunk > 0 {
+                return;
+            }
+            self.others -= 1;
         }
     }
 }
 
-/// Bytes to reserve for what the first layer says: four other layers of two bytes each are usual.
-fn described(options: &SharingOptions) -> usize {
-    9 + options.user.map_or(0, |user| 1 + user)
+/// Bytes of the first layer that are not the packet's: usually two for each other layer.
+fn described(options: &SharingOptions, others: usize) -> usize {
+    let chunks = if options.mtu < 128 { 2 } else { 3 };
+    1 + chunks * others + options.user.map_or(0, |user| 1 + user)
 }
 
-/// Numbers of shares that give the same bytes.
+/// Neighbouring numbers of shares that give the same bytes.
 #[derive(Clone, Copy)]
 struct Pool {
     chance: f64,
     cost: f64,
-    members: usize,
+    /// The smallest of the numbers.
+    threshold: usize,
 }
 
 impl Pool {
@@ -277,11 +312,11 @@ impl Pool {
         self.chance / self.cost
     }
 
-    fn with(self, other: Pool) -> Pool {
+    fn after(self, other: Pool) -> Pool {
         Pool {
             chance: self.chance + other.chance,
             cost: self.cost + other.cost,
-            members: self.members + other.members,
+            threshold: other.threshold,
         }
     }
 

@@ -46,13 +46,12 @@ struct Start {
 pub(super) enum Taken {
     Kept,
     Duplicate,
+    /// The packet was whole before.
+    Surplus,
     /// The packet of this frame number has more bytes.
     Grown(u32),
-    /// It is whole; `missing`: shares of it are not there.
-    Complete {
-        frame: u32,
-        missing: bool,
-    },
+    /// It is whole.
+    Complete(u32),
     /// Its checks do not match.
     Damaged,
 }
@@ -122,13 +121,16 @@ impl Slot {
         if state.header != header.packet {
             return Err(ModemError::OtherShare(header.packet.number));
         }
-        let complete = state.packet.is_some_and(|start| start.complete);
-        if self.there[header.index] || complete {
+        if self.there[header.index] {
             return Ok(Taken::Duplicate);
         }
-        self.shares[header.index * self.room..][..data.len()].copy_from_slice(data);
         self.there[header.index] = true;
         state.arrived += 1;
+        if state.packet.is_some_and(|start| start.complete) {
+            self.state = Some(state);
+            return Ok(Taken::Surplus);
+        }
+        self.shares[header.index * self.room..][..data.len()].copy_from_slice(data);
         let before = state.filled;
         let sound = self.grow(&mut state);
         self.state = Some(state);
@@ -139,9 +141,7 @@ impl Slot {
         let Some(start) = state.packet else { return Ok(Taken::Kept) };
         let frame = start.extent.frame;
         Ok(match () {
-            () if start.complete => {
-                Taken::Complete { frame, missing: state.arrived < state.header.count }
-            }
+            () if start.complete => Taken::Complete(frame),
             () if state.filled > before => Taken::Grown(frame),
             () => Taken::Kept,
         })
