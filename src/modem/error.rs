@@ -89,6 +89,16 @@ pub enum ModemError {
         "a loss of {0} in bursts of {1}: the share must lie in 0..1, bursts have 1 frame or more"
     )]
     Loss(f64, f64),
+    /// A rate control's option is outside its range.
+    #[error(
+        "rate control, {field} = {value}: must be positive and finite, and a delay not negative"
+    )]
+    RateControl {
+        /// The option's name.
+        field: &'static str,
+        /// What it was.
+        value: f64,
+    },
     /// The user bytes are too many, or not as many as the sharing was made for.
     #[error("{0} user bytes: at most 255, and as many as the sharing was made for")]
     UserBytes(usize),

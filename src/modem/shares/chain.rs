@@ -33,6 +33,14 @@ impl Loss {
         [begins.min(1.0), again]
     }
 
+    /// The loss of every `apart`-th frame: the further apart frames are, the less they share a burst.
+    pub(super) fn spaced(&self, apart: f64) -> Loss {
+        let [begins, again] = self.steps();
+        let kept = (again - begins).max(0.0).powf(apart.max(1.0));
+        let again = self.share + (1.0 - self.share) * kept;
+        Loss { share: self.share, burst: 1.0 / (1.0 - again) }
+    }
+
     /// Chances that exactly 0, 1, …, `count` of `count` frames in a row arrive.
     pub(super) fn arrivals(&self, count: usize) -> Vec<f64> {
         let [begins, again] = self.steps();
@@ -91,6 +99,16 @@ mod tests {
         for (drawn, chance) in std::iter::zip(counts, loss.arrivals(8)) {
             assert!((drawn - chance).abs() < 0.01, "{drawn} {chance}");
         }
+    }
+
+    #[test]
+    fn frames_far_apart_are_lost_independently() {
+        let loss = Loss { share: 0.2, burst: 4.0 };
+        assert!((loss.spaced(1.0).burst - 4.0).abs() < 1e-12);
+        assert!((loss.spaced(50.0).burst - 1.25).abs() < 1e-6);
+        let [begins, again] = loss.steps();
+        let two = loss.spaced(2.0).steps();
+        assert!((two[1] - (again * again + (1.0 - again) * begins)).abs() < 1e-12);
     }
 
     #[test]

@@ -109,7 +109,7 @@ pub struct CollectedPacket<'a> {
     /// Frame number, as the packet states it: modulo 2²⁴, in the short form 2¹⁶.
     pub frame: u32,
     /// The packet's first bytes. Checks vouch for them: decode them with
-    /// [`Trust::Start`](crate::decoder::Trust::Start).
+    /// [`Trust::Start`](crate::Trust::Start).
     pub bytes: &'a [u8],
     /// The bytes are the whole packet, and its checks match.
     pub complete: bool,
@@ -217,6 +217,13 @@ impl Collector {
         let stream = self.streams.get(usize::from(stream));
         let slot = stream.map(|stream| &stream.slots[stream.place(frame % NUMBERS)]);
         slot.into_iter().flat_map(move |slot| slot.missing(frame % NUMBERS))
+    }
+
+    /// Indices of a packet's shares that have come.
+    pub fn arrived(&self, stream: u8, frame: u32) -> impl Iterator<Item = usize> + '_ {
+        let stream = self.streams.get(usize::from(stream));
+        let slot = stream.map(|stream| &stream.slots[stream.place(frame % NUMBERS)]);
+        slot.into_iter().flat_map(move |slot| slot.arrived(frame % NUMBERS))
     }
 
     /// What has come so far.

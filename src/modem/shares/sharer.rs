@@ -24,6 +24,7 @@ use super::sharing::Sharing;
 ///     overhead: 0,
 ///     budget: 200,
 ///     most: 16,
+///     spread: 0,
 ///     loss: Loss { share: 0.2, burst: 1.0 },
 ///     picture: packet.len(),
 ///     packet: Some(packet.len()),

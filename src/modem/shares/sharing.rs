@@ -37,6 +37,9 @@ pub struct SharingOptions {
     pub budget: usize,
     /// Most shares, 1 to 256.
     pub most: usize,
+    /// Bytes that the link carries between the first share of the packet and its last one, if other packets' shares lie
+    /// between them; 0: they follow each other.
+    pub spread: usize,
     /// What is lost on the way. If it is not known, 0.1 is a fair guess.
     pub loss: Loss,
     /// Bytes of the packet that make a picture: its latent part and, if there is one, its camera part.
@@ -48,19 +51,20 @@ pub struct SharingOptions {
 }
 
 /// How a packet is divided: the layers, and into how many shares.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sharing {
     layers: [Layer; MAX_LAYERS],
     others: usize,
     count: usize,
     /// Bytes of the first layer that are not the packet's.
     head: usize,
+    worth: f64,
 }
 
 /// Least MTU that shares are made for, bytes.
 const SMALLEST_MTU: usize = 16;
-/// Worth of a picture beside that of the last one held, in the unit of [`worth`]: some dB.
-const PICTURE: f64 = 8.0;
+/// Worth of a picture beside what is shown without it, dB: the last one, or the prior at a pose between others.
+const PICTURE: f64 = 3.0;
 /// Bytes of a residual up to which each counts as much as the one before, and from which as many more are as much
 /// better: what a steady packet takes before the picture gains from it.
 const KNEE: f64 = 3.0;
@@ -70,13 +74,17 @@ const LEAST_CHUNK: f64 = 2.0;
 /// Worth of the first bytes of a packet in dB, `bytes` beyond what makes a picture. Each doubling of the residual is worth
 /// 1.2 dB, as the wavelet coder's bytes at 31 to 33 dB show (docs/mapping.md).
 fn worth(bytes: f64) -> f64 {
-    PICTURE + 1.2 * (1.0 + bytes / KNEE).log2()
+    static P: std::sync::OnceLock<f64> = std::sync::OnceLock::new();
+    let picture = *P.get_or_init(|| {
+        std::env::var("NVSP_PIC").ok().and_then(|t| t.parse().ok()).unwrap_or(PICTURE)
+    });
+    picture + 1.2 * (1.0 + bytes / KNEE).log2()
 }
 
 impl SharingOptions {
     /// # Errors
     /// With the name of what is wrong.
-    fn check(&self) -> Result<(), ModemError> {
+    pub(in super::super) fn check(&self) -> Result<(), ModemError> {
         self.loss.check()?;
         if !(SMALLEST_MTU..=super::super::layout::LARGEST_MTU).contains(&self.mtu) {
             return Err(ModemError::ShareMtu(self.mtu));
@@ -102,13 +110,17 @@ impl Sharing {
         let fewest = options.budget.div_ceil(options.mtu + options.overhead).max(1);
         let counts = fewest.min(options.most)..=options.most;
         let best = counts.filter_map(|count| Draft::best(options, count));
-        let best = best.max_by(|a, b| a.0.total_cmp(&b.0));
-        let least = ModemError::Budget { budget: options.budget, picture: options.picture };
-        best.map(|(_, sharing)| sharing).ok_or(least)
+        let best = best.max_by(|a, b| a.worth.total_cmp(&b.worth));
+        best.ok_or(ModemError::Budget { budget: options.budget, picture: options.picture })
     }
 
-    /// Mean worth of what arrives. `chances`: that 0, 1, … shares do.
-    fn worth(&self, options: &SharingOptions, chances: &[f64]) -> f64 {
+    /// Mean worth of what arrives, about dB.
+    pub fn worth(&self) -> f64 {
+        self.worth
+    }
+
+    /// The same, from the chances that 0, 1, … shares arrive.
+    fn expect(&self, options: &SharingOptions, chances: &[f64]) -> f64 {
         let most = options.packet.unwrap_or(usize::MAX);
         let of = |arrived| match self.prefix(arrived).min(most).checked_sub(options.picture) {
             Some(beyond) if arrived >= self.layers[0].threshold => worth(beyond as f64),
@@ -163,19 +175,21 @@ struct Draft<'a> {
 }
 
 impl Draft<'_> {
-    /// The best division for a number of shares, and its worth.
-    fn best(options: &SharingOptions, count: usize) -> Option<(f64, Sharing)> {
+    /// The best division for a number of shares.
+    fn best(options: &SharingOptions, count: usize) -> Option<Sharing> {
         let share = (options.budget / count).checked_sub(options.overhead)?.min(options.mtu);
         let data = share.checked_sub(header_len(count, share, share))?;
-        let chances = options.loss.arrivals(count);
+        let apart =
+            options.spread as f64 / ((share + options.overhead) * (count - 1).max(1)) as f64;
+        let chances = options.loss.spaced(apart).arrivals(count);
         let draft = Draft { options, count, data, chances: &chances };
-        let mut best: Option<(f64, Sharing)> = None;
+        let mut best: Option<Sharing> = None;
         for first in 1..=count.min(LARGEST_FIRST) {
             for others in 0..MAX_LAYERS {
-                let Some((sharing, full)) = draft.divide(first, others) else { break };
-                let worth = sharing.worth(options, &chances);
-                if best.is_none_or(|(most, _)| worth > most) {
-                    best = Some((worth, sharing));
+                let Some((mut sharing, full)) = draft.divide(first, others) else { break };
+                sharing.worth = sharing.expect(options, &chances);
+                if best.is_none_or(|best| sharing.worth > best.worth) {
+                    best = Some(sharing);
                 }
                 if !full {
                     break;
@@ -221,7 +235,7 @@ impl Draft<'_> {
     fn settle(&self, first: usize, start: usize, steps: &Steps) -> Sharing {
         let chunk = (start + steps.base as usize).div_ceil(first).min(self.data);
         let layers = [Layer::default(); MAX_LAYERS];
-        let mut sharing = Sharing { layers, others: 0, count: self.count, head: 0 };
+        let mut sharing = Sharing { layers, others: 0, count: self.count, head: 0, worth: 0.0 };
         sharing.layers[0] = Layer { threshold: first, chunk };
         let mut left = self.data - chunk;
         for (threshold, more) in &steps.more {
@@ -262,7 +276,8 @@ impl Steps {
     fn shorten(&mut self, count: usize) -> bool {
         let full = self.more.len() > count;
         while self.more.len() > count {
-            let smallest = (0..self.more.len()).min_by(|a, b| self.more[*a].1.total_cmp(&self.more[*b].1));
+            let smallest =
+                (0..self.more.len()).min_by(|a, b| self.more[*a].1.total_cmp(&self.more[*b].1));
             let (_, bytes) = self.more.remove(smallest.unwrap_or(0));
             if let Some(next) = self.more.get_mut(smallest.unwrap_or(0)) {
                 next.1 += bytes;

@@ -21,6 +21,7 @@ fn options(mtu: usize, budget: usize, packet: &[u8]) -> SharingOptions {
         overhead: 0,
         budget,
         most: 16,
+        spread: 0,
         loss: LOSS,
         picture: 19,
         packet,
@@ -97,7 +98,7 @@ fn a_sharing_is_worth_more_than_others() {
     let value = |sharing: &Sharing, loss: &Loss| -> f64 {
         let chances = loss.arrivals(sharing.count());
         let worth = |bytes: usize| match bytes.checked_sub(19) {
-            Some(beyond) => 8.0 + 1.2 * (1.0 + beyond as f64 / 3.0).log2(),
+            Some(beyond) => 3.0 + 1.2 * (1.0 + beyond as f64 / 3.0).log2(),
             None => 0.0,
         };
         chances.iter().enumerate().map(|(m, chance)| chance * worth(sharing.prefix(m))).sum()
@@ -119,7 +120,7 @@ fn a_sharing_is_worth_more_than_others() {
         let plain: f64 = (1..=4)
             .map(|m| {
                 let run = first.powi(m) * if m < 4 { share } else { 1.0 };
-                run * (8.0 + 1.2 * (1.0 + (60.0 * f64::from(m) - 15.0) / 3.0).log2())
+                run * (3.0 + 1.2 * (1.0 + (60.0 * f64::from(m) - 15.0) / 3.0).log2())
             })
             .sum();
         assert!(value(&own, &loss) > plain, "{share}: {} {plain} {chances:?}", value(&own, &loss));

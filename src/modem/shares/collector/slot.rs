@@ -103,6 +103,13 @@ impl Slot {
         self.bytes.get(start.at..end.min(state.filled))
     }
 
+    /// Indices of shares that are there.
+    pub(super) fn arrived(&self, number: u32) -> impl Iterator<Item = usize> + '_ {
+        let state = self.state.filter(|state| state.header.number == number);
+        let count = state.map_or(0, |state| state.header.count);
+        (0..count).filter(|index| self.there[*index])
+    }
+
     /// Indices of shares that are not there, unless the packet is complete.
     pub(super) fn missing(&self, number: u32) -> impl Iterator<Item = usize> + '_ {
         let state = self.state.filter(|state| {
