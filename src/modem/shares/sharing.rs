@@ -2,7 +2,7 @@
 
 use super::super::ModemError;
 use super::chain::Loss;
-use super::header::{LARGEST_FIRST, MAX_SHARES, header_len};
+use super::header::{LARGEST_FIRST, MAX_SHARES, header_len, number_len};
 use super::packet::{MAX_LAYERS, contents_len};
 
 /// A layer of a packet.
@@ -64,21 +64,17 @@ pub struct Sharing {
 /// Least MTU that shares are made for, bytes.
 const SMALLEST_MTU: usize = 16;
 /// Worth of a picture beside what is shown without it, dB: the last one, or the prior at a pose between others.
-const PICTURE: f64 = 3.0;
-/// Bytes of a residual up to which each counts as much as the one before, and from which as many more are as much
-/// better: what a steady packet takes before the picture gains from it.
-const KNEE: f64 = 3.0;
-/// Fewest bytes of a layer, per share of its threshold. Smaller ones do not pay for their description.
-const LEAST_CHUNK: f64 = 2.0;
+const PICTURE: f64 = 1.0;
+/// Worth of each doubling of a residual, dB, and the bytes from which it counts. They fit what a steady packet's residual
+/// takes on a well-mapped site: 50, 104 and 274 bytes for 5.3, 6.3 and 7.3 dB (docs/mapping.md).
+const DOUBLING: f64 = 0.85;
+const KNEE: f64 = 0.7;
 
-/// Worth of the first bytes of a packet in dB, `bytes` beyond what makes a picture. Each doubling of the residual is worth
-/// 1.2 dB, as the wavelet coder's bytes at 31 to 33 dB show (docs/mapping.md).
-fn worth(bytes: f64) -> f64 {
-    static P: std::sync::OnceLock<f64> = std::sync::OnceLock::new();
-    let picture = *P.get_or_init(|| {
-        std::env::var("NVSP_PIC").ok().and_then(|t| t.parse().ok()).unwrap_or(PICTURE)
-    });
-    picture + 1.2 * (1.0 + bytes / KNEE).log2()
+/// Worth of the first bytes of a residual of `all` bytes, dB. The start of a difference picture that was coded finely is
+/// worth less than a coarse one of as many bytes: its worth grows about evenly with its length.
+fn worth(bytes: f64, all: f64) -> f64 {
+    let whole = DOUBLING * (1.0 + all / KNEE).log2();
+    PICTURE + if all > 0.0 { whole * bytes / all } else { 0.0 }
 }
 
 impl SharingOptions {
@@ -100,8 +96,8 @@ impl SharingOptions {
 }
 
 impl Sharing {
-    /// The division of greatest expected worth. It looks at every number of shares, at every threshold of the picture and
-    /// at every number of layers.
+    /// The division of greatest expected worth, of those into a layer that gives the picture and one that gives the
+    /// residual, or one that gives both. It looks at every number of shares and at all thresholds.
     ///
     /// # Errors
     /// If an option is outside its range, or the budget holds no picture: [`ModemError::Budget`] says what would.
@@ -120,10 +116,12 @@ impl Sharing {
     }
 
     /// The same, from the chances that 0, 1, … shares arrive.
-    fn expect(&self, options: &SharingOptions, chances: &[f64]) -> f64 {
+    pub(super) fn expect(&self, options: &SharingOptions, chances: &[f64]) -> f64 {
         let most = options.packet.unwrap_or(usize::MAX);
-        let of = |arrived| match self.prefix(arrived).min(most).checked_sub(options.picture) {
-            Some(beyond) if arrived >= self.layers[0].threshold => worth(beyond as f64),
+        let beyond = |bytes: usize| bytes.min(most).checked_sub(options.picture);
+        let all = beyond(self.capacity()).unwrap_or(0) as f64;
+        let of = |arrived| match beyond(self.prefix(arrived)) {
+            Some(bytes) if arrived >= self.layers[0].threshold => worth(bytes as f64, all),
             _ => 0.0,
         };
         chances.iter().enumerate().map(|(arrived, chance)| chance * of(arrived)).sum()
@@ -170,8 +168,6 @@ struct Draft<'a> {
     count: usize,
     /// Bytes of data in a share.
     data: usize,
-    /// Chances that 0, 1, … shares arrive.
-    chances: &'a [f64],
 }
 
 impl Draft<'_> {
@@ -182,108 +178,31 @@ impl Draft<'_> {
         let apart =
             options.spread as f64 / ((share + options.overhead) * (count - 1).max(1)) as f64;
         let chances = options.loss.spaced(apart).arrivals(count);
-        let draft = Draft { options, count, data, chances: &chances };
-        let mut best: Option<Sharing> = None;
-        for first in 1..=count.min(LARGEST_FIRST) {
-            for others in 0..MAX_LAYERS {
-                let Some((mut sharing, full)) = draft.divide(first, others) else { break };
-                sharing.worth = sharing.expect(options, &chances);
-                if best.is_none_or(|best| sharing.worth > best.worth) {
-                    best = Some(sharing);
-                }
-                if !full {
-                    break;
-                }
-            }
-        }
-        best
+        let draft = Draft { options, count, data };
+        let thresholds = (1..=count.min(LARGEST_FIRST))
+            .flat_map(|first| (first..=count).map(move |other| (first, other)));
+        let divisions = thresholds.filter_map(|(first, other)| {
+            let mut sharing = draft.divide(first, other)?;
+            sharing.worth = sharing.expect(options, &chances);
+            Some(sharing)
+        });
+        divisions.max_by(|a, b| a.worth.total_cmp(&b.worth))
     }
 
-    /// A division whose picture needs `first` shares and that has up to `others` layers more; and whether more layers
-    /// would make it another one. `None`: there is no room for the picture.
-    ///
-    /// Of the shares' bytes, each byte that m shares give takes count / m. So if x(m) bytes are given by m shares, the
-    /// bytes taken are the sum of x(m) · (count / m − count / (m + 1)), the last one's 1. With a worth of log(x), the best
-    /// x are in proportion to chance / cost. They must grow with m. So neighbours that do not are given one value together
-    /// (isotonic regression, by pooling adjacent violators).
-    fn divide(&self, first: usize, others: usize) -> Option<(Sharing, bool)> {
-        let Draft { options, count, data, chances } = *self;
-        let per = |m: usize| count as f64 / m as f64;
-        let cost = |m: usize| if m == count { 1.0 } else { per(m) - per(m + 1) };
-        let start = options.picture + described(options, others);
-        let room = (count * data) as f64 - start as f64 * per(first);
-        if room < 0.0 || start.div_ceil(first) > data {
-            return None;
-        }
-        let mut pools: Vec<Pool> = Vec::new();
-        for m in first..=count {
-            let mut pool = Pool { chance: chances[m], cost: cost(m), threshold: m };
-            while let Some(last) = pools.pop_if(|last| last.ratio() >= pool.ratio()) {
-                pool = pool.after(last);
-            }
-            pools.push(pool);
-        }
-        let packet = options.packet.unwrap_or(usize::MAX);
-        let most = packet.saturating_sub(options.picture) as f64;
-        let scale = fill(&pools, room, most);
-        let mut steps = Steps::new(&pools, scale, most);
-        let full = steps.shorten(others);
-        Some((self.settle(first, start, &steps), full))
-    }
-
-    /// Layers of whole bytes. The last one gets what rounding leaves, as far as the packet needs it.
-    fn settle(&self, first: usize, start: usize, steps: &Steps) -> Sharing {
-        let chunk = (start + steps.base as usize).div_ceil(first).min(self.data);
-        let layers = [Layer::default(); MAX_LAYERS];
-        let mut sharing = Sharing { layers, others: 0, count: self.count, head: 0, worth: 0.0 };
-        sharing.layers[0] = Layer { threshold: first, chunk };
-        let mut left = self.data - chunk;
-        for (threshold, more) in &steps.more {
-            let chunk = ((more / *threshold as f64).round() as usize).min(left);
-            if chunk > 0 {
-                sharing.others += 1;
-                sharing.layers[sharing.others] = Layer { threshold: *threshold, chunk };
-                left -= chunk;
-            }
-        }
+    /// The division whose picture needs `first` shares, and whose residual `other`. `None`: there is no room for the
+    /// picture.
+    fn divide(&self, first: usize, other: usize) -> Option<Sharing> {
+        let one = first == other;
+        let start = self.options.picture + described(self.options, usize::from(!one), self.count);
+        let chunk = start.div_ceil(first);
+        let left = self.data.checked_sub(chunk)?;
+        let mut layers = [Layer::default(); MAX_LAYERS];
+        layers[0] = Layer { threshold: first, chunk };
+        layers[1] = Layer { threshold: other, chunk: 0 };
+        let others = usize::from(!one);
+        let mut sharing = Sharing { layers, others, count: self.count, head: 0, worth: 0.0 };
         sharing.give(left, self.options);
-        sharing
-    }
-}
-
-/// What the picture's shares give beyond it, and what more shares give beyond that, in bytes.
-struct Steps {
-    base: f64,
-    /// Number of shares, and bytes.
-    more: Vec<(usize, f64)>,
-}
-
-impl Steps {
-    fn new(pools: &[Pool], scale: f64, most: f64) -> Steps {
-        let mut held = pools[0].bytes(scale, most);
-        let mut steps = Steps { base: held, more: Vec::new() };
-        for pool in &pools[1..] {
-            let more = pool.bytes(scale, most) - held;
-            if more >= LEAST_CHUNK * pool.threshold as f64 {
-                steps.more.push((pool.threshold, more));
-                held += more;
-            }
-        }
-        steps
-    }
-
-    /// Joins the smallest steps with those after them, until there are no more than `count`. Tells whether it had to.
-    fn shorten(&mut self, count: usize) -> bool {
-        let full = self.more.len() > count;
-        while self.more.len() > count {
-            let smallest =
-                (0..self.more.len()).min_by(|a, b| self.more[*a].1.total_cmp(&self.more[*b].1));
-            let (_, bytes) = self.more.remove(smallest.unwrap_or(0));
-            if let Some(next) = self.more.get_mut(smallest.unwrap_or(0)) {
-                next.1 += bytes;
-            }
-        }
-        full
+        Some(sharing)
     }
 }
 
@@ -292,14 +211,16 @@ impl Sharing {
     fn give(&mut self, left: usize, options: &SharingOptions) {
         let user = options.user.map(|user| vec![0; user]);
         self.layers[self.others].chunk += left;
+        let head = |layers: &[Layer]| contents_len(layers, user.as_deref());
         loop {
-            self.head = contents_len(&self.layers[1..=self.others], user.as_deref());
-            let Some(packet) = options.packet else { return };
-            let spare = self.capacity().saturating_sub(packet);
+            self.head = head(&self.layers[1..=self.others]);
+            let spare = options.packet.map_or(0, |packet| self.capacity().saturating_sub(packet));
+            let least = usize::from(self.others == 0);
             let last = &mut self.layers[self.others];
-            let useless = (spare / last.threshold).min(last.chunk);
-            last.chunk -= if self.others == 0 { useless.min(last.chunk - 1) } else { useless };
+            last.chunk = (last.chunk - (spare / last.threshold).min(last.chunk)).max(least);
             if last.chunk > 0 {
+                // A shorter chunk takes fewer bytes to state.
+                self.head = head(&self.layers[1..=self.others]);
                 return;
             }
             self.others -= 1;
@@ -307,50 +228,8 @@ impl Sharing {
     }
 }
 
-/// Bytes of the first layer that are not the packet's: usually two for each other layer.
-fn described(options: &SharingOptions, others: usize) -> usize {
-    let chunks = if options.mtu < 128 { 2 } else { 3 };
-    1 + chunks * others + options.user.map_or(0, |user| 1 + user)
-}
-
-/// Neighbouring numbers of shares that give the same bytes.
-#[derive(Clone, Copy)]
-struct Pool {
-    chance: f64,
-    cost: f64,
-    /// The smallest of the numbers.
-    threshold: usize,
-}
-
-impl Pool {
-    fn ratio(&self) -> f64 {
-        self.chance / self.cost
-    }
-
-    fn after(self, other: Pool) -> Pool {
-        Pool {
-            chance: self.chance + other.chance,
-            cost: self.cost + other.cost,
-            threshold: other.threshold,
-        }
-    }
-
-    /// Bytes beyond the picture at a scale, at most `most`.
-    fn bytes(&self, scale: f64, most: f64) -> f64 {
-        (scale * self.ratio() - KNEE).clamp(0.0, most)
-    }
-}
-
-/// The scale at which the pools take `room` bytes, or all take `most`.
-fn fill(pools: &[Pool], room: f64, most: f64) -> f64 {
-    let taken = |scale: f64| pools.iter().map(|p| p.cost * p.bytes(scale, most)).sum::<f64>();
-    let (mut low, mut high) = (0.0, 1.0);
-    while taken(high) < room && high < 1e12 {
-        high *= 2.0;
-    }
-    for _ in 0..60 {
-        let middle = (low + high) / 2.0;
-        if taken(middle) <= room { low = middle } else { high = middle }
-    }
-    low
+/// Most bytes of the first layer that are not the packet's.
+fn described(options: &SharingOptions, others: usize, count: usize) -> usize {
+    let layer = number_len(count) + number_len(options.mtu);
+    1 + layer * others + options.user.map_or(0, |user| 1 + user)
 }

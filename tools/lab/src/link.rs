@@ -12,12 +12,12 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use nvsprior::Picture;
 use nvsprior::image::Preprocessor;
-use nvsprior::modem::Loss;
+use nvsprior::modem::{Loss, ModemError};
 use nvsprior::tracking::Known;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
-use nvsprior_inputs::values;
+use nvsprior_inputs::values::{self, WrongUsage};
 
 use report::Outcome;
 use simulation::Simulation;
@@ -163,42 +163,46 @@ struct Setting {
 
 impl LinkArgs {
     /// One setting for each loss.
-    fn settings(&self, fps: f64) -> anyhow::Result<Vec<Setting>> {
+    fn settings(&self, fps: f64) -> Result<Vec<Setting>, WrongUsage> {
+        let settings: Result<_, ModemError> =
+            self.loss.iter().map(|loss| self.setting(*loss, fps)).collect();
+        settings.map_err(|error| WrongUsage(error.to_string()))
+    }
+
+    fn setting(&self, share: f64, fps: f64) -> Result<Setting, ModemError> {
         let (bit_rate, mtu, propagation) = match self.preset {
             None => (5_000.0, 64, 0.1),
             Some(Preset::MicroModem) => (5_000.0, 64, 0.5),
             Some(Preset::Paper) => (100_000.0, 1024, 0.1),
         };
-        let setting = |share: &f64| {
-            let loss = Loss { share: *share, burst: self.burst };
-            let assumed = Loss { share: self.assume_loss.unwrap_or(*share), ..loss };
-            loss.check()?;
-            assumed.check()?;
-            let propagation = self.propagation.unwrap_or(propagation);
-            let left = (self.latency - self.coding - propagation).max(0.0);
-            let spread = if assumed.share > 0.0 { 0.5 * left } else { 0.0 };
-            Ok(Setting {
-                bit_rate: self.bit_rate.unwrap_or(bit_rate),
-                mtu: self.mtu.unwrap_or(mtu).into(),
-                overhead: self.overhead,
-                propagation,
-                loss,
-                reorder: self.reorder,
-                blackout: self.blackout,
-                assumed,
-                spread: self.spread.unwrap_or(spread),
-                return_delay: self.return_delay,
-                half_duplex: self.half_duplex,
-                latency: self.latency,
-                coding: self.coding,
-                fps,
-                frame_rate: self.frame_rate.unwrap_or(fps),
-                least: self.least,
-                shares: self.shares.into(),
-                seed: self.seed,
-            })
+        let loss = Loss { share, burst: self.burst };
+        loss.check()?;
+        let assumed = Loss { share: self.assume_loss.unwrap_or(share), ..loss };
+        let propagation = self.propagation.unwrap_or(propagation);
+        let left = (self.latency - self.coding - propagation).max(0.0);
+        let spread = if assumed.share > 0.0 { 0.5 * left } else { 0.0 };
+        let setting = Setting {
+            bit_rate: self.bit_rate.unwrap_or(bit_rate),
+            mtu: self.mtu.unwrap_or(mtu).into(),
+            overhead: self.overhead,
+            propagation,
+            loss,
+            reorder: self.reorder,
+            blackout: self.blackout,
+            assumed,
+            spread: self.spread.unwrap_or(spread),
+            return_delay: self.return_delay,
+            half_duplex: self.half_duplex,
+            latency: self.latency,
+            coding: self.coding,
+            fps,
+            frame_rate: self.frame_rate.unwrap_or(fps),
+            least: self.least,
+            shares: self.shares.into(),
+            seed: self.seed,
         };
-        self.loss.iter().map(setting).collect()
+        vehicle::rate_control(&setting)?;
+        Ok(setting)
     }
 }
 
@@ -237,8 +241,8 @@ impl Footage {
 
 /// Simulates, prints and writes the report.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let inputs = args.input.frames()?;
     let settings = args.link.settings(args.fps)?;
+    let inputs = args.input.frames()?;
     values::make_folder("--report", &args.report)?;
     let prior = args.prior.open()?;
     let footage = Footage::read(&inputs, &mut Preprocessor::new(prior.preprocessing()))?;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nvsprior::modem::{Interleaver, Loss, RateControl, RateControlOptions, Sharer};
+use nvsprior::modem::{Interleaver, Loss, ModemError, RateControl, RateControlOptions, Sharer};
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
 use nvsprior::tracking::Known;
@@ -75,22 +75,9 @@ impl Vehicle {
         threshold: f64,
     ) -> anyhow::Result<Vehicle> {
         let options = EncoderOptions { threshold, frames_treated: true, ..Default::default() };
-        let control = RateControl::new(RateControlOptions {
-            bit_rate: setting.bit_rate,
-            mtu: setting.mtu,
-            overhead: setting.overhead,
-            latency: setting.latency,
-            delay: setting.coding + setting.propagation,
-            spread: setting.spread,
-            frame_rate: setting.frame_rate,
-            least: setting.least,
-            most_shares: setting.shares,
-            loss: setting.assumed,
-            user: None,
-        })?;
         Ok(Vehicle {
             encoder: Encoder::new(engine, scene, &footage.camera, options)?,
-            control,
+            control: rate_control(setting)?,
             encoded: Encoded::default(),
             sharer: Sharer::default(),
             interleaver: Interleaver::new(setting.spread)?,
@@ -193,6 +180,23 @@ impl Vehicle {
         }
         Ok(again)
     }
+}
+
+/// The rate control of a setting; fails if the setting cannot be.
+pub fn rate_control(setting: &Setting) -> Result<RateControl, ModemError> {
+    RateControl::new(RateControlOptions {
+        bit_rate: setting.bit_rate,
+        mtu: setting.mtu,
+        overhead: setting.overhead,
+        latency: setting.latency,
+        delay: setting.coding + setting.propagation,
+        spread: setting.spread,
+        frame_rate: setting.frame_rate,
+        least: setting.least,
+        most_shares: setting.shares,
+        loss: setting.assumed,
+        user: None,
+    })
 }
 
 /// Bytes at the start of a packet that make a picture: those before the residual.
