@@ -88,8 +88,8 @@ pub struct ShareStatistics {
     pub rejected: u64,
     /// Shares that packets gone by had, of those accepted.
     pub arrived: u64,
-    /// Shares that packets gone by were sent in. With `arrived` it tells the loss. Packets of which no share came count
-    /// with as many shares as the packet after them.
+    /// Shares that packets gone by were sent in. With `arrived` it tells the loss. Packets of which no share came do not
+    /// count: a frame that was left out looks the same. So the loss is a little more, by as much as whole packets are lost.
     pub sent: u64,
     /// Packets that became complete.
     pub completed: u64,
@@ -97,7 +97,7 @@ pub struct ShareStatistics {
     pub repaired: u64,
     /// Packets gone by that gave a picture, but not all of it.
     pub partial: u64,
-    /// Packets gone by that gave no picture, or of which nothing came.
+    /// Packets gone by that gave no picture, and frames of which nothing came.
     pub lost: u64,
     /// Packets whose own checks did not match what their shares held.
     pub damaged: u64,
@@ -179,7 +179,7 @@ impl Collector {
         }
         let stream = usize::from(packet.stream);
         let stream = self.streams.get_mut(stream).ok_or(ModemError::Stream(packet.stream))?;
-        stream.advance(packet.number, packet.count, &mut self.statistics)?;
+        stream.advance(packet.number, &mut self.statistics)?;
         let place = stream.place(packet.number);
         let (id, number) = (packet.stream, packet.number);
         Ok(match stream.slots[place].take(&header, data)? {
@@ -238,12 +238,7 @@ impl Stream {
     }
 
     /// Makes a number the newest if it is, and lets those go that are too old then.
-    fn advance(
-        &mut self,
-        number: u32,
-        count: usize,
-        statistics: &mut ShareStatistics,
-    ) -> Result<(), ModemError> {
+    fn advance(&mut self, number: u32, statistics: &mut ShareStatistics) -> Result<(), ModemError> {
         let Some(newest) = self.newest else {
             self.newest = Some(number);
             return Ok(());
@@ -264,7 +259,7 @@ impl Stream {
             self.slots.iter_mut().for_each(Slot::clear);
         } else {
             for step in 1..=ahead {
-                self.let_go(newest.wrapping_add(step), count, statistics);
+                self.let_go(newest.wrapping_add(step), statistics);
             }
         }
         self.late = 0;
@@ -273,14 +268,15 @@ impl Stream {
     }
 
     /// Counts the packet at a new number's place, whose turn is over, and empties the place.
-    fn let_go(&mut self, number: u32, count: usize, statistics: &mut ShareStatistics) {
+    fn let_go(&mut self, number: u32, statistics: &mut ShareStatistics) {
         let held = self.slots.len() as u32;
         let past = number.wrapping_sub(held) % NUMBERS;
         let place = self.place(number % NUMBERS);
         let slot = &mut self.slots[place];
-        let (arrived, sent) = slot.shares(past).unwrap_or((0, count));
-        statistics.arrived += arrived as u64;
-        statistics.sent += sent as u64;
+        if let Some((arrived, sent)) = slot.shares(past) {
+            statistics.arrived += arrived as u64;
+            statistics.sent += sent as u64;
+        }
         match slot.packet(past) {
             Some(packet) if packet.complete => {
                 statistics.repaired += u64::from(packet.arrived < packet.sent);

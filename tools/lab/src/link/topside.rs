@@ -16,24 +16,19 @@ pub struct TopsideReport {
     pub loss: Option<f64>,
     /// When it was made, seconds.
     pub time: f64,
-    /// Indices of the shares of each packet that came.
-    arrived: BTreeMap<u32, Vec<usize>>,
-    /// Packets that are whole.
-    complete: Vec<u32>,
+    /// Indices of the shares that came of recent packets that are not whole.
+    short: BTreeMap<u32, Vec<usize>>,
 }
 
 impl TopsideReport {
-    /// Indices of a packet's shares that came; all if it is whole.
-    pub fn arrived(&self, number: u32) -> Vec<usize> {
-        if self.complete.contains(&number) {
-            return (0..256).collect();
-        }
-        self.arrived.get(&number).cloned().unwrap_or_default()
+    /// Indices of a packet's shares that came; `None` if it is whole, or not a recent one.
+    pub fn short_of(&self, number: u32) -> Option<&[usize]> {
+        self.short.get(&number).map(Vec::as_slice)
     }
 
-    /// Its bytes on the link: a header, and the shares of recent packets.
+    /// Its bytes on the link: a header, and for each packet a number and which shares came.
     pub fn len(&self) -> usize {
-        8 + 2 * self.arrived.len()
+        8 + 4 * self.short.len()
     }
 }
 
@@ -206,10 +201,9 @@ impl Topside {
         }
         let upto = self.newest.unwrap_or(0);
         let recent = upto.saturating_sub(REPORTED)..=upto;
-        let complete =
-            |number: &u32| self.collector.packet(0, *number).is_some_and(|packet| packet.complete);
-        let whole = recent.clone().filter(complete).collect();
-        let arrived = recent.map(|number| (number, self.collector.arrived(0, number).collect()));
-        TopsideReport { loss, time: now, arrived: arrived.collect(), complete: whole }
+        let whole = |number: &u32| held(&self.collector, *number).is_some_and(|p| p.complete);
+        let short = recent.filter(|number| !whole(number));
+        let short = short.map(|number| (number, self.collector.arrived(0, number).collect()));
+        TopsideReport { loss, time: now, short: short.collect() }
     }
 }

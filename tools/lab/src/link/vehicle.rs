@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use nvsprior::modem::{Interleaver, Loss, ModemError, RateControl, RateControlOptions, Sharer};
+use nvsprior::modem::{
+    Interleaver, Loss, ModemError, RateControl, RateControlOptions, Sharer, Sharing,
+};
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
 use nvsprior::tracking::Known;
@@ -46,11 +48,26 @@ pub struct PacketBytes {
 }
 
 impl PacketBytes {
+    /// Of a packet whose first `picture` bytes make a picture.
+    fn of(sharing: &Sharing, picture: usize, packet: usize) -> PacketBytes {
+        let chunks: usize = sharing.layers().iter().map(|layer| layer.chunk).sum();
+        let of_packet = packet.min(sharing.capacity());
+        PacketBytes {
+            latent: picture,
+            residual: of_packet - picture,
+            headers: sharing.count() * (sharing.share_len() - chunks),
+            parity: sharing.count() * chunks - of_packet,
+            resent: 0,
+        }
+    }
+
     pub fn total(&self) -> usize {
         self.latent + self.residual + self.headers + self.parity + self.resent
     }
 }
 
+/// Bytes of a packet that always hold pose and camera. What of it does not fit the shares is cut off.
+const LEAST_PACKET: usize = 64;
 /// Share of the loss before in what is believed after a report.
 const MEMORY: f64 = 0.7;
 
@@ -99,7 +116,7 @@ impl Vehicle {
         let Ok(most) = self.control.most(budget) else { return Ok(false) };
         self.encoder.skip((frame - self.next) as u32);
         self.next = frame + 1;
-        self.encoder.set_rate(Some(Rate::Bytes(most.capacity())));
+        self.encoder.set_rate(Some(Rate::Bytes(most.capacity().max(LEAST_PACKET))));
         self.encoder.encode_into(picture, known, &mut self.encoded)?;
         let packet = &self.encoded.packet;
         let made = picture_len(packet)?;
@@ -109,31 +126,19 @@ impl Vehicle {
             Err(_) => self.control.divide(3 * budget, made, packet.len())?,
         };
         self.sharer.share(packet, &sharing, 0, None)?;
-        let shares: Vec<Vec<u8>> =
-            (0..self.sharer.count()).map(|k| self.sharer.get(k).to_vec()).collect();
-        let total: usize = shares.iter().map(Vec::len).sum();
         let ready = exposed + self.setting.coding;
         self.control.sent(ready, self.control.cost(&sharing));
         self.interleaver.push(ready, &self.sharer);
-        let of_packet = packet.len().min(sharing.capacity());
-        let chunks: usize = sharing.layers().iter().map(|layer| layer.chunk).sum();
-        let headers = total - shares.len() * chunks;
         let stats = &self.encoded.stats;
         self.sent.push(SentPacket {
             frame,
             number: stats.frame,
             exposed,
-            bytes: PacketBytes {
-                latent: made,
-                residual: of_packet - made,
-                headers,
-                parity: total - headers - of_packet,
-                resent: 0,
-            },
+            bytes: PacketBytes::of(&sharing, made, packet.len()),
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
             first: sharing.layers()[0].threshold,
-            shares,
+            shares: (0..self.sharer.count()).map(|k| self.sharer.get(k).to_vec()).collect(),
             last_due: ready + self.setting.spread,
             resent: false,
         });
@@ -161,16 +166,13 @@ impl Vehicle {
         let mut again = Vec::new();
         let told = |sent: &SentPacket| sent.last_due + self.setting.propagation < report.time;
         for sent in self.sent.iter_mut().filter(|sent| !sent.resent && told(sent)) {
-            let arrived = report.arrived(sent.number);
-            if arrived.len() >= sent.first {
-                continue;
-            }
+            let Some(arrived) = report.short_of(sent.number) else { continue };
+            let short = sent.first.saturating_sub(arrived.len());
             let missing = sent.shares.iter().enumerate().filter(|(k, _)| !arrived.contains(k));
-            let needed: Vec<_> =
-                missing.take(sent.first - arrived.len()).map(|(_, share)| share.clone()).collect();
+            let needed: Vec<_> = missing.take(short).map(|(_, share)| share.clone()).collect();
             let bytes: usize = needed.iter().map(|share| share.len() + self.setting.overhead).sum();
             let seconds = bytes as f64 * 8.0 / self.setting.bit_rate;
-            if now + seconds > sent.exposed + deadline {
+            if needed.is_empty() || now + seconds > sent.exposed + deadline {
                 continue;
             }
             self.control.sent(now, bytes);
