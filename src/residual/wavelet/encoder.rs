@@ -7,7 +7,6 @@ use super::blocks;
 use super::choose::Chooser;
 use super::colour;
 use super::context::BandContext;
-use super::fineness::Fineness;
 use super::frame::Frame;
 use super::gains::{Gains, LevelGains};
 use super::geometry::{Geometry, PLANES};
@@ -76,12 +75,21 @@ impl WaveletEncoder {
         blocks::choose(frame, difference);
     }
 
-    /// The coarsest step at which a rough model of the coded frame is good enough.
-    pub(super) fn guess(&mut self, enough: impl Fn(&Model) -> bool) -> Fineness {
-        Fineness::coarsest(|step| {
-            self.want(step);
-            enough(&Model::of(&self.wanted, step))
-        })
+    /// A rough model of the frame, coded.
+    pub(super) fn model(&self) -> Model {
+        let geometry = &self.frame.geometry;
+        let mut model = Model::new();
+        for band in geometry.bands() {
+            let scale = (geometry.norm(&band) / f64::from(1 << FRACTION)) as f32;
+            for row in band.rows(geometry) {
+                for difference in &self.difference {
+                    difference[row.clone()]
+                        .iter()
+                        .for_each(|value| model.take((*value as f32 * scale).abs()));
+                }
+            }
+        }
+        model
     }
 
     /// Chooses coefficients. `lambda`: what a bit is worth, squared steps.

@@ -123,8 +123,8 @@ impl RateEncoder {
 
     /// The coarsest picture that reaches a PSNR, or the finest there is. Whether it is reached.
     fn reaching(&mut self, camera: &Picture, render: &Picture, target: f64) -> bool {
-        let guess = self.encoder.guess(|model| model.psnr >= target);
-        let mut bracket = Bracket::new(guess, target + 0.4 * PSNR_SLACK, -0.15);
+        let model = self.encoder.model();
+        let mut bracket = Bracket::new(target + 0.4 * PSNR_SLACK, |at| model.psnr(at));
         let mut best: Option<(Fineness, f64)> = None;
         let mut last = None;
         while let Some(fineness) = bracket.next().filter(|_| self.probes < MOST_PROBES) {
@@ -163,8 +163,8 @@ impl RateEncoder {
     fn within(&mut self, camera: &Picture, render: &Picture, room: usize) {
         let most = most_payload(room);
         let target = (most as f64 * (1.0 + USED) / 2.0).max(1.0).ln();
-        let guess = self.encoder.guess(|model| model.bytes >= most as f64);
-        let mut bracket = Bracket::new(guess, target, -0.12);
+        let model = self.encoder.model();
+        let mut bracket = Bracket::new(target, |at| model.bytes(at).ln());
         self.best.psnr = f64::NEG_INFINITY;
         self.best.payload.clear();
         let mut over: Option<(usize, Fineness)> = None;
