@@ -62,9 +62,9 @@ struct Told {
 
 /// Trials lie at least this far apart.
 const NEAREST: f64 = 0.05;
-/// A trial between two others keeps this share of their distance from both; and if the last two were on one side.
-const ASIDE: f64 = 0.03;
-const ASIDE_AGAIN: f64 = 0.3;
+/// A trial between two others stays so far from both; and this share of their distance, if the last two were on one side.
+const ASIDE: f64 = 0.02;
+const SHARE_ASIDE: f64 = 0.3;
 
 impl<M: Fn(Fineness) -> f64> Bracket<M> {
     /// Begins at where the model has the target.
@@ -90,7 +90,8 @@ impl<M: Fn(Fineness) -> f64> Bracket<M> {
             (Some(fine), Some(coarse)) if coarse.at - fine.at < 1e-3 => None,
             (Some(fine), Some(coarse)) => {
                 let root = self.root((fine.at, fine.off), (coarse.at, coarse.off));
-                let aside = if again { ASIDE_AGAIN } else { ASIDE } * (coarse.at - fine.at);
+                let share = SHARE_ASIDE * (coarse.at - fine.at);
+                let aside = if again { share } else { share.min(ASIDE) };
                 Some(root.clamp(fine.at + aside, coarse.at - aside))
             }
             (Some(fine), None) if fine.at >= COARSEST => None,
