@@ -31,16 +31,15 @@ impl Source for Chooser<'_> {
         if !(size >= LEAST) {
             return Some(0);
         }
-        let inputs = due.inputs();
         let Predictor { chances, offsets, .. } = self.predictor;
-        let first = First::of(self.predictor, context, &inputs);
+        let first = First::of(self.predictor, due);
         let zero = size * size + self.lambda * chances.cost(first.logit, false);
         // Another value has this first bit at least: it would be no better even if all else cost nothing.
         if zero <= self.lambda * chances.cost(first.logit, true) {
             return Some(0);
         }
-        let logits = first.all(self.predictor, context, &inputs);
-        let sign = self.predictor.sign(&context.bias, &inputs.sign);
+        let logits = first.all(self.predictor, due);
+        let sign = self.predictor.sign(&context.bias, &due.sign_inputs());
         let sign = chances.cost(sign, wanted < 0.0);
         let offsets = &offsets[context.plane][context.band.rank()];
         let bits = |magnitude| cost(chances, &logits, magnitude);

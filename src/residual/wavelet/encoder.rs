@@ -152,7 +152,8 @@ impl WaveletEncoder {
     }
 
     /// Adds what was chosen or coded last to the render.
-    pub fn add_to(&self, render: &mut Picture) {
+    pub fn add_to(&mut self, render: &mut Picture) {
+        self.pass.finish(&self.frame, &self.predictor);
         self.pass.add_to(&mut render.data);
     }
 }
