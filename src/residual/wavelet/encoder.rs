@@ -92,18 +92,20 @@ impl WaveletEncoder {
         model
     }
 
-    /// Chooses coefficients. `lambda`: what a bit is worth, squared steps.
-    pub(super) fn choose(&mut self, step: Step, lambda: f32) {
+    /// Chooses coefficients. `lambda`: what a bit is worth, squared steps. The bits of those that had to be weighed.
+    pub(super) fn choose(&mut self, step: Step, lambda: f32) -> f32 {
         self.frame.step = step;
         self.want(step);
         let WaveletEncoder { frame, predictor, wanted, chosen, gains, pass, .. } = self;
         *gains = LevelGains::default();
         let finest = finest(&frame.geometry, |plane, i| wanted[plane][i].abs() > WORTH_A_LOOK);
-        let mut chooser = Chooser { wanted, lambda, predictor, gains };
+        let mut chooser = Chooser { wanted, lambda, predictor, gains, bits: 0.0 };
         pass.run(frame, predictor, finest, &mut chooser);
+        let bits = chooser.bits;
         for (plane, chosen) in chosen.iter_mut().enumerate() {
             pass.quantised.copy_to(&frame.geometry, plane, chosen);
         }
+        bits
     }
 
     /// Scales the coefficients to code to steps.
