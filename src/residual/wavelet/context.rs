@@ -115,8 +115,7 @@ impl<'a> BandContext<'a> {
         let mut inputs: MagnitudeInputs = [[0; 2]; _];
         let all = inputs.as_flattened_mut();
         if !quantised.is_quiet(self.own, x, y) {
-            self.counts_near(quantised, x, y, all);
-            self.counts_beside(quantised, x, y, all);
+            self.counts(quantised, x, y, all);
         }
         self.pictures(x, y, &mut all[COUNT_INPUTS..]);
         inputs
@@ -127,6 +126,12 @@ impl<'a> BandContext<'a> {
         let mut inputs: QuietInputs = [[0; 2]; _];
         self.pictures(x, y, inputs.as_flattened_mut());
         inputs
+    }
+
+    /// What was coded before: inputs 0 to 17.
+    pub fn counts(&self, quantised: &Quantised, x: usize, y: usize, inputs: &mut [i16]) {
+        self.counts_near(quantised, x, y, inputs);
+        self.counts_beside(quantised, x, y, inputs);
     }
 
     /// Coefficients of the band itself: inputs 0 to 6.

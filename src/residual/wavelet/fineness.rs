@@ -7,6 +7,9 @@ use super::step::{STEPS, Step};
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct Fineness(f64);
 
+/// Range of lambda at one step, octaves. A step is worth a quarter of one. Far from [`LAMBDA`] the same picture takes more
+/// bytes: up to 2 % with twice this range.
+const LAMBDA_OCTAVES: f64 = 0.7;
 /// Index of the step at quality 0.
 const COARSEST_QUALITY: f64 = 42.0;
 /// The coarsest.
@@ -32,7 +35,7 @@ impl Fineness {
     /// What a bit is worth, squared steps: [`LAMBDA`] amid two steps. The ranges of two steps overlap, so that no
     /// length is left out between them.
     pub fn lambda(self) -> f32 {
-        LAMBDA * libm::exp2(1.5 * (self.0.fract() - 0.5)) as f32
+        LAMBDA * libm::exp2(LAMBDA_OCTAVES * (self.0.fract() - 0.5)) as f32
     }
 }
 

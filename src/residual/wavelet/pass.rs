@@ -280,3 +280,37 @@ fn dequantised(value: i16, offsets: &[i8; 3], units: i64) -> i32 {
     let lifted = ((parts * units) >> 24) as i32;
     if value < 0 { -lifted } else { lifted }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::network::COUNT_INPUTS;
+    use super::super::{Step, Tables, WaveletEncoder};
+    use super::*;
+    use crate::Picture;
+
+    /// A picture of few or many details.
+    fn picture(width: u32, height: u32, every: usize) -> Picture {
+        let mut picture = Picture::new(width, height);
+        for (i, value) in picture.data.iter_mut().enumerate() {
+            *value = if i / 3 % every == 0 { (i * i % 251) as u8 } else { 100 };
+        }
+        picture
+    }
+
+    #[test]
+    fn contexts_are_quiet_if_they_see_zeros_alone() {
+        for (width, height) in [(1, 1), (1, 9), (7, 2), (33, 17), (65, 43), (96, 54)] {
+            for (every, step) in [(1, 30), (97, 20), (997, 4)] {
+                let mut encoder = WaveletEncoder::new(width, height, &Tables::generic());
+                encoder.set(&picture(width, height, every), &Picture::new(width, height), true);
+                encoder.choose(Step::new(step), 0.1);
+                encoder.show(|due, _, _| {
+                    let mut counts = [0; COUNT_INPUTS];
+                    due.context.counts(due.quantised, due.x, due.y, &mut counts);
+                    let Due { x, y, .. } = due;
+                    assert_eq!(due.is_quiet(), counts == [0; _], "{:?} {x} {y}", due.context.band);
+                });
+            }
+        }
+    }
+}

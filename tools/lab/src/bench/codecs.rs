@@ -2,6 +2,7 @@
 
 mod affine;
 mod external;
+mod frames;
 mod own;
 mod point;
 mod rates;
@@ -32,8 +33,9 @@ pub struct CodecsArgs {
     /// The wavelet coder and WebP are built in. JPEG XL needs `cjxl` and `djxl`. The video coders (x264, x265, libaom,
     /// SVT-AV1, VVenC) need `ffmpeg` with them. Coders that are not installed are named. Bytes are payloads without
     /// containers. The bytes of a difference picture include what a steady packet adds: a latent part of 19 bytes, the
-    /// payload's length, and a check of 2. Also measures the wavelet coder's time
-    /// beside that of a forward render. Writes codecs.json, codecs.csv, codecs-rates.csv, codecs-times.csv and codecs.svg.
+    /// payload's length, and a check of 2. Also measures the wavelet coder's time beside that of a forward render, and
+    /// holds it against WebP frame by frame, at equal bytes. Writes codecs.json, codecs.csv, codecs-rates.csv,
+    /// codecs-times.csv, codecs-frames.csv and codecs.svg.
     #[arg(long, conflicts_with_all = ["ablation", "recovery"])]
     pub codecs: bool,
 }
@@ -55,6 +57,11 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     let bar = progress(times::RATES.len(), "the wavelet coder's time");
     let times = times::measure(context, &run, &poses, || bar.inc(1))?;
     bar.finish_and_clear();
+    let bar = progress(run.frames.len(), "frame by frame");
+    let names = context.shots.iter().map(|shot| shot.file.as_str());
+    let (tables, portable) = (context.scene.coder_tables(), context.engine.device().portable);
+    let frames = frames::measure(&run, names, tables, portable, || bar.inc(1))?;
+    bar.finish_and_clear();
     let mut report = Measured::default();
     report.plain(&run, &wavelet)?;
     report.webp(&affine::warped(&run), affine::FOUND)?;
@@ -66,6 +73,8 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
         })),
     }
     report::print(&run, &report.points, &report.missing);
+    frames::print(&frames);
+    frames::write(&folder.join("codecs-frames.csv"), &frames)?;
     times::print(&times);
     times::write(&folder.join("codecs-times.csv"), &times)?;
     report::write(folder, &report.points, &report.missing)

@@ -13,15 +13,16 @@ use super::run::Run;
 use super::timed;
 
 /// What is measured: a quality is one coding, a budget and a PSNR are searches.
-pub const RATES: [(&str, Rate); 9] = [
+pub const RATES: [(&str, Rate); 10] = [
     ("quality 0", Rate::Quality(0.0)),
     ("quality 20", Rate::Quality(20.0)),
     ("quality 40", Rate::Quality(40.0)),
     ("100 bytes", Rate::Bytes(100)),
     ("300 bytes", Rate::Bytes(300)),
     ("1000 bytes", Rate::Bytes(1000)),
+    ("31 dB", Rate::Psnr(31.0)),
     ("32 dB", Rate::Psnr(32.0)),
-    ("34 dB", Rate::Psnr(34.0)),
+    ("33 dB", Rate::Psnr(33.0)),
     ("36 dB", Rate::Psnr(36.0)),
 ];
 /// Codings of a frame, of which the median counts.
