@@ -54,6 +54,7 @@ impl WaveletDecoder {
         frame.set_render(render);
         let mut reader = Reader { decoder, predictor };
         pass.run(frame, predictor, header.finest, &mut reader);
+        pass.finish(frame, predictor);
         pass.add_to(&mut render.data);
         Ok(())
     }

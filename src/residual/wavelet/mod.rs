@@ -9,6 +9,7 @@
 mod bits;
 mod blocks;
 mod choose;
+mod coarser;
 mod colour;
 mod context;
 mod decoder;
