@@ -8,7 +8,7 @@ use nvsprior::modem::{
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
 use nvsprior::tracking::Known;
-use nvsprior::{Encoded, Encoder, EncoderOptions, Engine, Picture, Rate};
+use nvsprior::{Encoded, Encoder, EncoderOptions, Engine, Error, Picture, Rate};
 
 use super::topside::TopsideReport;
 use super::{Footage, Setting};
@@ -66,8 +66,6 @@ impl PacketBytes {
     }
 }
 
-/// Bytes of a packet that always hold pose and camera. What of it does not fit the shares is cut off.
-const LEAST_PACKET: usize = 64;
 /// Share of the loss before in what is believed after a report.
 const MEMORY: f64 = 0.7;
 
@@ -116,8 +114,7 @@ impl Vehicle {
         let Ok(most) = self.control.most(budget) else { return Ok(false) };
         self.encoder.skip((frame - self.next) as u32);
         self.next = frame + 1;
-        self.encoder.set_rate(Some(Rate::Bytes(most.capacity().max(LEAST_PACKET))));
-        self.encoder.encode_into(picture, known, &mut self.encoded)?;
+        self.encode(picture, known, most.capacity())?;
         let packet = &self.encoded.packet;
         let made = picture_len(packet)?;
         // The first packet tells the camera, too. If the budget does not hold that, it takes more for once.
@@ -143,6 +140,19 @@ impl Vehicle {
             resent: false,
         });
         Ok(true)
+    }
+
+    /// Encodes a frame in so many bytes. A packet that also tells the camera may take more: what does not fit its shares is
+    /// cut off.
+    fn encode(&mut self, picture: &Picture, known: Known, bytes: usize) -> Result<(), Error> {
+        self.encoder.set_rate(Some(Rate::Bytes(bytes)));
+        match self.encoder.encode_into(picture, known, &mut self.encoded) {
+            Err(Error::Budget { needed, .. }) => {
+                self.encoder.set_rate(Some(Rate::Bytes(needed)));
+                self.encoder.encode_into(picture, known, &mut self.encoded)
+            }
+            done => done,
+        }
     }
 
     /// The next share that is due at `now`.
