@@ -89,6 +89,9 @@ pub enum ModemError {
         "a loss of {0} in bursts of {1}: the share must lie in 0..1, bursts have 1 frame or more"
     )]
     Loss(f64, f64),
+    /// A collector's age is not positive.
+    #[error("packets that are stale after {0} seconds: must be a positive time")]
+    CollectorAge(f64),
     /// A rate control's option is outside its range.
     #[error(
         "rate control, {field} = {value}: must be positive and finite, and a delay not negative"

@@ -8,7 +8,7 @@ use super::header::{MAX_SHARES, NUMBERS, STREAMS, read};
 use slot::{Slot, Taken};
 
 /// How to collect shares.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CollectorOptions {
     /// The largest modem frame that comes, bytes. What lies beyond it is padding.
     pub mtu: usize,
@@ -19,6 +19,9 @@ pub struct CollectorOptions {
     pub packets: usize,
     /// Streams that are taken, 1 to 4.
     pub streams: usize,
+    /// Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo 128:
+    /// give less time than 64 frames take.
+    pub age: f64,
 }
 
 /// Most packets of a stream.
@@ -27,9 +30,9 @@ const MOST_PACKETS: usize = 64;
 const RESTART: u32 = 6;
 
 impl CollectorOptions {
-    /// Sixteen packets of a stream, each of up to 32 shares.
+    /// Sixteen packets of a stream, each of up to 32 shares, stale after four seconds.
     pub fn new(mtu: usize) -> CollectorOptions {
-        CollectorOptions { mtu, shares: 32, packets: 16, streams: 1 }
+        CollectorOptions { mtu, shares: 32, packets: 16, streams: 1, age: 4.0 }
     }
 
     fn check(&self) -> Result<(), ModemError> {
@@ -41,7 +44,8 @@ impl CollectorOptions {
         within("mtu", self.mtu, super::super::layout::LARGEST_MTU)?;
         within("shares", self.shares, MAX_SHARES)?;
         within("packets", self.packets, MOST_PACKETS)?;
-        within("streams", self.streams, usize::from(STREAMS))
+        within("streams", self.streams, usize::from(STREAMS))?;
+        if self.age > 0.0 { Ok(()) } else { Err(ModemError::CollectorAge(self.age)) }
     }
 
     /// Memory that a [`Collector`] takes, all of it when it is made, bytes; a packet's erasure code takes some more while
@@ -125,6 +129,7 @@ pub struct CollectedPacket<'a> {
 ///
 /// It holds the packets of the newest frame number of a stream and of those before it, [`CollectorOptions::packets`] in
 /// all. Shares of older ones are refused. A complete packet stays until it is too old; no newer one takes its place.
+/// Stale packets, [`CollectorOptions::age`], make room for those that have the same number.
 pub struct Collector {
     options: CollectorOptions,
     streams: Vec<Stream>,
@@ -136,6 +141,8 @@ struct Stream {
     /// The packet of number k is at place k modulo their count.
     slots: Vec<Slot>,
     newest: Option<u32>,
+    /// When the last share came, seconds.
+    heard: f64,
     /// Shares in a row that were too old.
     late: u32,
 }
@@ -151,17 +158,17 @@ impl Collector {
         for _ in 0..options.streams {
             let slots = (0..options.slots()).map(|_| Slot::new(options.shares, options.mtu));
             let slots = slots.collect::<Result<_, _>>()?;
-            streams.push(Stream { slots, newest: None, late: 0 });
+            streams.push(Stream { slots, newest: None, heard: 0.0, late: 0 });
         }
         Ok(Collector { options, streams, statistics: ShareStatistics::default() })
     }
 
-    /// Takes a modem frame.
+    /// Takes a modem frame that came at `now`, seconds on a clock that does not go back.
     ///
     /// # Errors
     /// If it is no share, damaged, or too old, or if there is no room for its packet. All packets stay as they are.
-    pub fn push(&mut self, frame: &[u8]) -> Result<Collected, ModemError> {
-        let taken = self.take(frame);
+    pub fn push(&mut self, now: f64, frame: &[u8]) -> Result<Collected, ModemError> {
+        let taken = self.take(now, frame);
         match &taken {
             Err(_) => self.statistics.rejected += 1,
             Ok(Collected::Duplicate) => self.statistics.duplicates += 1,
@@ -170,7 +177,7 @@ impl Collector {
         taken
     }
 
-    fn take(&mut self, frame: &[u8]) -> Result<Collected, ModemError> {
+    fn take(&mut self, now: f64, frame: &[u8]) -> Result<Collected, ModemError> {
         let frame = &frame[..frame.len().min(self.options.mtu)];
         let (header, data) = read(frame)?;
         let packet = header.packet;
@@ -179,10 +186,11 @@ impl Collector {
         }
         let stream = usize::from(packet.stream);
         let stream = self.streams.get_mut(stream).ok_or(ModemError::Stream(packet.stream))?;
+        stream.forget(now, self.options.age, &mut self.statistics);
         stream.advance(packet.number, &mut self.statistics)?;
         let place = stream.place(packet.number);
         let (id, number) = (packet.stream, packet.number);
-        Ok(match stream.slots[place].take(&header, data)? {
+        Ok(match stream.slots[place].take(now, &header, data)? {
             Taken::Kept => Collected::Kept,
             Taken::Duplicate => Collected::Duplicate,
             Taken::Surplus => Collected::Surplus,
@@ -237,6 +245,19 @@ impl Stream {
         number as usize % self.slots.len()
     }
 
+    /// Empties the places of stale packets. If no share came for as long, counts from the next one.
+    fn forget(&mut self, now: f64, age: f64, statistics: &mut ShareStatistics) {
+        for slot in &mut self.slots {
+            if slot.since().is_some_and(|since| since + age < now) {
+                slot.let_go(statistics);
+            }
+        }
+        if self.heard + age < now {
+            self.newest = None;
+        }
+        self.heard = now;
+    }
+
     /// Makes a number the newest if it is, and lets those go that are too old then.
     fn advance(&mut self, number: u32, statistics: &mut ShareStatistics) -> Result<(), ModemError> {
         let Some(newest) = self.newest else {
@@ -267,23 +288,11 @@ impl Stream {
         Ok(())
     }
 
-    /// Counts the packet at a new number's place, whose turn is over, and empties the place.
+    /// Empties the place of a new number. If the number before it there has no packet, nothing of that one came.
     fn let_go(&mut self, number: u32, statistics: &mut ShareStatistics) {
-        let held = self.slots.len() as u32;
-        let past = number.wrapping_sub(held) % NUMBERS;
         let place = self.place(number % NUMBERS);
         let slot = &mut self.slots[place];
-        if let Some((arrived, sent)) = slot.shares(past) {
-            statistics.arrived += arrived as u64;
-            statistics.sent += sent as u64;
-        }
-        match slot.packet(past) {
-            Some(packet) if packet.complete => {
-                statistics.repaired += u64::from(packet.arrived < packet.sent);
-            }
-            Some(_) => statistics.partial += 1,
-            None => statistics.lost += 1,
-        }
-        slot.clear();
+        statistics.lost += u64::from(slot.since().is_none());
+        slot.let_go(statistics);
     }
 }

@@ -67,7 +67,7 @@ fn any_shares_give_as_much_as_the_sharing_says() {
         for _ in 0..20 {
             let mut collector = collector(mtu);
             for (arrived, share) in shuffled(shares.clone(), &mut random).iter().enumerate() {
-                collector.push(share).unwrap();
+                collector.push(0.0, share).unwrap();
                 let expected = sharing.prefix(arrived + 1).min(packet.len());
                 let bytes = collector.packet(0, 300).map_or(&[][..], |packet| packet.bytes);
                 assert_eq!(bytes, &packet[..expected], "{mtu} {budget} {arrived} {sharing:?}");
@@ -130,7 +130,7 @@ fn user_bytes_travel_with_the_picture() {
     let (sharing, shares) = shares(&packet, &with);
     let mut collector = collector(64);
     for share in &shares[..sharing.layers()[0].threshold] {
-        collector.push(share).unwrap();
+        collector.push(0.0, share).unwrap();
     }
     assert_eq!(collector.packet(0, 9).unwrap().user, Some(&[0xA5; 20][..]));
     let mut sharer = Sharer::default();
@@ -145,7 +145,7 @@ fn packets_do_not_displace_each_other() {
     let all: Vec<_> =
         packets.iter().flat_map(|packet| shares(packet, &options(64, 600, packet)).1).collect();
     for share in shuffled(all, &mut Random::new(3)) {
-        let _ = collector.push(&share);
+        let _ = collector.push(0.0, &share);
     }
     for (frame, packet) in (120..136).zip(&packets) {
         let held = collector.packet(0, frame).unwrap();
@@ -164,7 +164,7 @@ fn two_streams_are_two() {
         let sharing = Sharing::new(&options(64, 400, packet)).unwrap();
         let mut sharer = Sharer::default();
         sharer.share(packet, &sharing, stream as u8, None).unwrap();
-        (0..sharer.count()).for_each(|k| drop(collector.push(sharer.get(k))));
+        (0..sharer.count()).for_each(|k| drop(collector.push(0.0, sharer.get(k))));
     }
     for (stream, packet) in packets.iter().enumerate() {
         assert_eq!(collector.packet(stream as u8, 5).unwrap().bytes, packet);
@@ -172,7 +172,7 @@ fn two_streams_are_two() {
     let sharing = Sharing::new(&options(64, 256, &packets[0])).unwrap();
     let mut sharer = Sharer::default();
     sharer.share(&packets[0], &sharing, 2, None).unwrap();
-    assert_eq!(collector.push(sharer.get(0)), Err(ModemError::Stream(2)));
+    assert_eq!(collector.push(0.0, sharer.get(0)), Err(ModemError::Stream(2)));
 }
 
 #[test]
@@ -181,13 +181,13 @@ fn missing_shares_are_named_per_packet() {
     let (_, first) = shares(&one, &options(64, 256, &one));
     let (_, second) = shares(&two, &options(64, 256, &two));
     let mut collector = collector(64);
-    collector.push(&first[2]).unwrap();
-    collector.push(&second[0]).unwrap();
+    collector.push(0.0, &first[2]).unwrap();
+    collector.push(0.0, &second[0]).unwrap();
     let others = |but: usize, count: usize| (0..count).filter(move |k| *k != but);
     assert!(collector.missing(0, 7).eq(others(2, first.len())));
     assert!(collector.missing(0, 8).eq(others(0, second.len())));
     assert_eq!(collector.missing(0, 9).count(), 0);
-    first.iter().for_each(|share| drop(collector.push(share)));
+    first.iter().for_each(|share| drop(collector.push(0.0, share)));
     assert_eq!(collector.missing(0, 7).count(), 0);
 }
 
@@ -197,7 +197,7 @@ fn old_shares_are_refused_and_a_restart_is_understood() {
     let send = |collector: &mut Collector, frame| {
         let packet = short(frame, 60);
         let (_, shares) = shares(&packet, &options(64, 200, &packet));
-        shares.iter().map(|share| collector.push(share)).collect::<Vec<_>>()
+        shares.iter().map(|share| collector.push(0.0, share)).collect::<Vec<_>>()
     };
     for frame in 50..90 {
         send(&mut collector, frame);
@@ -213,6 +213,26 @@ fn old_shares_are_refused_and_a_restart_is_understood() {
     assert!(collector.packet(0, 90).is_none());
 }
 
+/// A packet of 128 frames before has the same number. Once it is stale it is not taken for the new one.
+#[test]
+fn after_a_blackout_of_any_length_the_next_packet_counts() {
+    for silent in [20, 70, 76, 128, 150, 256, 1000] {
+        let mut collector = collector(64);
+        let mut shown = 0;
+        for frame in (0..60).chain(60 + silent..120 + silent) {
+            let packet = short(frame, 60);
+            for share in shares(&packet, &options(64, 200, &packet)).1 {
+                let _ = collector.push(f64::from(frame) / 15.0, &share);
+            }
+            let held = collector.packet(0, frame).filter(|held| held.frame == frame);
+            assert!(held.is_none_or(|held| packet.starts_with(held.bytes)));
+            shown += usize::from(held.is_some());
+        }
+        assert_eq!(shown, 120, "{silent}");
+        assert_eq!(collector.statistics().damaged, 0);
+    }
+}
+
 #[test]
 fn the_loss_is_known_afterwards() {
     let mut collector = collector(64);
@@ -223,7 +243,7 @@ fn the_loss_is_known_afterwards() {
         for share in shares(&packet, &options(64, 400, &packet)).1 {
             if random.within(0.0, 1.0) >= 0.2 {
                 complete +=
-                    u64::from(matches!(collector.push(&share), Ok(Collected::Complete(..))));
+                    u64::from(matches!(collector.push(0.0, &share), Ok(Collected::Complete(..))));
             }
         }
     }
@@ -243,7 +263,7 @@ fn damage_is_found() {
         for bit in 0..8 * share.len() {
             let mut damaged = share.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
-            assert!(collector.push(&damaged).is_err(), "bit {bit}");
+            assert!(collector.push(0.0, &damaged).is_err(), "bit {bit}");
         }
     }
     // Damage that a share's check has missed: the packet's own finds it.
@@ -252,13 +272,15 @@ fn damage_is_found() {
     *data.last_mut().unwrap() ^= 1;
     data[0] ^= 0x40;
     header::write(&header, &data, &mut forged);
-    let mut outcomes: Vec<_> =
-        std::iter::once(&forged).chain(&shares[1..]).map(|share| collector.push(share)).collect();
+    let mut outcomes: Vec<_> = std::iter::once(&forged)
+        .chain(&shares[1..])
+        .map(|share| collector.push(0.0, share))
+        .collect();
     outcomes.retain(|outcome| matches!(outcome, Ok(Collected::Damaged(0, 40))));
     assert_eq!(outcomes.len(), 1);
     // It heals when the shares come again.
     for share in &shares {
-        let _ = collector.push(share);
+        let _ = collector.push(0.0, share);
     }
     assert_eq!(collector.packet(0, 40).unwrap().bytes, packet);
 }
@@ -272,9 +294,9 @@ fn padding_and_other_frames_do_no_harm() {
     for share in &shares {
         let mut padded = share.clone();
         padded.resize(80, 0xEE);
-        let _ = collector.push(&padded);
+        let _ = collector.push(0.0, &padded);
         for other in [&packet[..], &[], &[0x40], &[0x7F; 64]] {
-            refused += u32::from(collector.push(other).is_err());
+            refused += u32::from(collector.push(0.0, other).is_err());
         }
     }
     assert_eq!(refused, 4 * shares.len() as u32);
@@ -292,7 +314,7 @@ fn options_are_checked() {
     let budget = ModemError::Budget { budget: 20, picture: 19 };
     assert_eq!(refused(SharingOptions { budget: 20, ..good }), budget);
     for (shares, packets, streams) in [(0, 1, 1), (257, 1, 1), (1, 65, 1), (1, 1, 5)] {
-        let options = CollectorOptions { mtu: 64, shares, packets, streams };
+        let options = CollectorOptions { mtu: 64, shares, packets, streams, age: 1.0 };
         assert!(matches!(Collector::new(options).map(drop), Err(ModemError::Collector { .. })));
     }
 }
@@ -322,14 +344,14 @@ proptest! {
         frames in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..80), 0..60),
         repair in any::<bool>(),
     ) {
-        let options = CollectorOptions { mtu: 64, shares: 20, packets: 4, streams: 2 };
+        let options = CollectorOptions { mtu: 64, shares: 20, packets: 4, streams: 2, age: 1.0 };
         let mut collector = Collector::new(options).unwrap();
         for mut frame in frames {
             if repair && let Some(first) = frame.first_mut() {
                 *first = 0x40 | *first & 0x1F;
                 repair_check(&mut frame);
             }
-            let _ = collector.push(&frame);
+            let _ = collector.push(0.0, &frame);
         }
         for stream in 0..2 {
             for number in 0..128 {
@@ -362,7 +384,7 @@ proptest! {
         let all = CollectorOptions { shares: 40, ..CollectorOptions::new(mtu) };
         let mut collector = Collector::new(all).unwrap();
         for index in (0..sharer.count()).rev() {
-            collector.push(sharer.get(index)).unwrap();
+            collector.push(0.0, sharer.get(index)).unwrap();
         }
         let held = collector.packet(0, 77).unwrap();
         prop_assert_eq!(held.bytes, &packet[..sharing.capacity().min(packet.len())]);

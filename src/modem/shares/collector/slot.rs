@@ -6,7 +6,7 @@ use super::super::code::restore;
 use super::super::header::{Header, PacketHeader};
 use super::super::packet::take_contents;
 use super::super::sharing::Layer;
-use super::{CollectedPacket, ModemError, filled};
+use super::{CollectedPacket, ModemError, ShareStatistics, filled};
 
 /// Room for a packet and its shares.
 pub(super) struct Slot {
@@ -18,6 +18,8 @@ pub(super) struct Slot {
     /// The layers so far, one after another.
     bytes: Vec<u8>,
     state: Option<State>,
+    /// When the packet's first share came, seconds.
+    since: f64,
 }
 
 /// What is known of the packet.
@@ -69,6 +71,7 @@ impl Slot {
             there: filled(shares, false)?,
             bytes: filled(shares * mtu, 0)?,
             state: None,
+            since: 0.0,
         })
     }
 
@@ -77,10 +80,25 @@ impl Slot {
         self.there.fill(false);
     }
 
-    /// Shares of the packet of a number that came, and that it has.
-    pub(super) fn shares(&self, number: u32) -> Option<(usize, usize)> {
-        let state = self.state.filter(|state| state.header.number == number)?;
-        Some((state.arrived, state.header.count))
+    /// When the packet's first share came; `None`: there is no packet.
+    pub(super) fn since(&self) -> Option<f64> {
+        self.state.map(|_| self.since)
+    }
+
+    /// Counts the packet, if there is one, and drops it.
+    pub(super) fn let_go(&mut self, statistics: &mut ShareStatistics) {
+        if let Some(state) = self.state {
+            statistics.arrived += state.arrived as u64;
+            statistics.sent += state.header.count as u64;
+            match state.packet {
+                Some(start) if start.complete => {
+                    statistics.repaired += u64::from(state.arrived < state.header.count);
+                }
+                Some(_) => statistics.partial += 1,
+                None => statistics.lost += 1,
+            }
+        }
+        self.clear();
     }
 
     /// What has come of the packet of a number.
@@ -119,9 +137,17 @@ impl Slot {
         (0..count).filter(|index| !self.there[*index])
     }
 
-    pub(super) fn take(&mut self, header: &Header, data: &[u8]) -> Result<Taken, ModemError> {
+    pub(super) fn take(
+        &mut self,
+        now: f64,
+        header: &Header,
+        data: &[u8],
+    ) -> Result<Taken, ModemError> {
         if data.len() > self.room {
             return Err(ModemError::NoRoom { index: header.index, room: self.there.len() });
+        }
+        if self.state.is_none() {
+            self.since = now;
         }
         let fresh = State { header: header.packet, arrived: 0, layers: 0, filled: 0, packet: None };
         let mut state = *self.state.get_or_insert(fresh);

@@ -190,7 +190,7 @@ pub fn write(folder: &Path, outcomes: &[Outcome]) -> anyhow::Result<()> {
         "loss",
         "frame",
         "seconds",
-        "shown_frame",
+        "shown",
         "shown_psnr",
         "sent_bytes",
         "sent_psnr",

@@ -80,6 +80,8 @@ pub struct Topside {
 const PACKETS: usize = 64;
 /// Seconds on either side of a frame that did not come, between which its pose is looked for.
 const REACH: f64 = 1.0;
+/// Camera frames after which a packet is stale at the latest: shares name frames modulo 128.
+const STALE: f64 = 60.0;
 /// Packets before the newest that a report is about.
 const REPORTED: u32 = 24;
 
@@ -97,6 +99,7 @@ impl Topside {
             shares: setting.shares,
             packets: PACKETS,
             streams: 1,
+            age: (setting.latency + 2.0 * REACH).min(STALE / setting.fps),
         };
         Ok(Topside {
             decoder,
@@ -113,7 +116,7 @@ impl Topside {
 
     /// Takes a modem frame that arrived at `now`.
     pub fn take(&mut self, now: f64, frame: &[u8]) -> anyhow::Result<()> {
-        match self.collector.push(frame)? {
+        match self.collector.push(now, frame)? {
             Collected::Grown(_, number) => {
                 self.pictures.entry(number).or_insert((now, None));
                 self.newest = self.newest.max(Some(number));
