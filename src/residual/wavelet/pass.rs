@@ -158,9 +158,9 @@ impl Pass {
         if run.frame.sees_render {
             coarser.set_light(run.frame, &decoded[0], level);
         }
-        for plane in 0..PLANES {
-            if level >= run.finest[plane] && !run.ended {
-                coarser.set_low(run.frame, &decoded[plane], level, plane);
+        for (plane, (decoded, finest)) in decoded.iter().zip(run.finest).enumerate() {
+            if level >= finest && !run.ended {
+                coarser.set_low(run.frame, decoded, level, plane);
             }
         }
     }
