@@ -233,6 +233,24 @@ impl Decoder {
         Ok(())
     }
 
+    /// Draws the prior at a pose as the camera of the packet decoded last sees it; `false` if there was none yet. This is
+    /// for frames whose packets are missing: see [`Pose::between`].
+    pub fn draw(&mut self, pose: &Pose, picture: &mut Picture) -> Result<bool, Error> {
+        let Some(view) = &mut self.camera_decoder else { return Ok(false) };
+        picture.resize(view.camera.width, view.camera.height);
+        view.renderer.picture(pose, picture)?;
+        Ok(true)
+    }
+
+    /// The pose that a packet states, and whether the vehicle is certain of it. The start of a packet is enough.
+    ///
+    /// # Errors
+    /// If its latent part is damaged.
+    pub fn pose_of(&self, packet: &[u8]) -> Result<(Pose, bool), Error> {
+        let latent = Packet::salvage(packet)?.latent;
+        Ok((latent.pose.dequantise(&self.scene.frame()), !latent.uncertain))
+    }
+
     /// The newest known camera that a packet may be about.
     pub fn camera_of(&self, latent: &Latent) -> Option<&Camera> {
         let prior = self.scene.id();

@@ -378,6 +378,12 @@ impl Encoder {
         self.tracker.keep(found);
     }
 
+    /// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all camera frames, the
+    /// topside knows which it has not been sent, and can draw them at poses between those that it has.
+    pub fn skip(&mut self, frames: u32) {
+        self.frame = self.frame.wrapping_add(frames);
+    }
+
     /// Forgets all earlier frames: the next one is searched for as the first was, and may have any time. Frame numbers
     /// go on, the next packet has the full form, and the camera is sent again when it is due.
     pub fn reset(&mut self) {

@@ -11,6 +11,8 @@ mod packet;
 mod ply;
 #[path = "../fuzz/src/reassembly.rs"]
 mod reassembly;
+#[path = "../fuzz/src/wavelet.rs"]
+mod wavelet;
 
 /// Runs a target on its corpus.
 fn run(name: &str, target: fn(&[u8])) {
@@ -29,6 +31,11 @@ fn run(name: &str, target: fn(&[u8])) {
 #[test]
 fn packets() {
     run("packet", packet::run);
+}
+
+#[test]
+fn payloads() {
+    run("wavelet", wavelet::run);
 }
 
 #[test]

@@ -176,7 +176,7 @@ fn the_extremes_of_8_bits_come_back() {
 }
 
 /// Check sums of payload and picture are the same on every processor. Only a change of the coder or its tables changes
-/// them.
+/// them; the last two also change with the search for a rate.
 #[test]
 fn payloads_and_pictures_are_the_same_on_every_processor() {
     let (camera, render) = pair();
@@ -200,8 +200,8 @@ const GOLDEN: [(usize, u32, u32); 5] = [
     (480, 2_084_624_082, 2_606_034_328),
     (3840, 1_259_835_086, 2_389_308_748),
     (2247, 198_124_514, 1_390_274_990),
-    (114, 1_006_172_745, 4_049_630_321),
-    (768, 2_516_252_077, 3_170_582_830),
+    (115, 4_182_462_012, 435_838_493),
+    (767, 1_416_064_535, 3_530_906_906),
 ];
 
 /// Where the frames of a slow pan are seen from.

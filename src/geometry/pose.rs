@@ -122,6 +122,13 @@ impl Pose {
         self.after(&before.inverse()).after(self)
     }
 
+    /// The pose on the way to another: 0 is this one, 1 the other. Each step of the way is the same motion; beyond 0 to 1
+    /// it goes on.
+    pub fn between(&self, other: &Pose, part: f64) -> Pose {
+        let way = other.after(&self.inverse()).log();
+        self.stepped(&way.map(|value| part * value))
+    }
+
     /// Angle between the two rotations, radians.
     pub fn angle_to(&self, other: &Pose) -> f64 {
         let relative = self.rotation * other.rotation.conjugate();
@@ -135,6 +142,19 @@ mod tests {
 
     fn close(a: &Pose, b: &Pose) -> bool {
         a.angle_to(b) < 1e-12 && (a.translation - b.translation).length() < 1e-12
+    }
+
+    #[test]
+    fn half_the_way_twice_is_the_way() {
+        let from = Pose::exp(&[1.0, -2.0, 0.5, 0.3, 0.1, -0.4]);
+        let to = Pose::exp(&[1.5, -1.0, 0.0, -0.2, 0.6, 0.1]);
+        let step = |a: &Pose, b: &Pose| b.after(&a.inverse()).log();
+        let half = from.between(&to, 0.5);
+        for (a, b) in std::iter::zip(step(&from, &half), step(&half, &to)) {
+            assert!((a - b).abs() < 1e-12, "{a} {b}");
+        }
+        let end = from.between(&to, 1.0);
+        assert!(step(&end, &to).iter().all(|value| value.abs() < 1e-12));
     }
 
     #[test]

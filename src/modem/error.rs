@@ -3,6 +3,7 @@
 use crate::packet::PacketError;
 
 use super::layout::{LARGEST_MTU, SMALLEST_MTU};
+use super::shares::{MAX_SHARES, STREAMS};
 
 /// Why a packet cannot be split, or a frame not be taken.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -77,6 +78,63 @@ pub enum ModemError {
     /// The first frame of a packet whose place a newer one has taken.
     #[error("packet of frame number {0} comes again after a newer one took its place")]
     Late(u32),
+    /// The MTU is outside what shares are made for.
+    #[error("MTU of {0} bytes: shares need 16..={LARGEST_MTU}")]
+    ShareMtu(usize),
+    /// The number of shares is outside what a packet may have.
+    #[error("{0} shares: a packet has 1..={MAX_SHARES}")]
+    ShareCount(usize),
+    /// The loss is none that a link can have.
+    #[error(
+        "a loss of {0} in bursts of {1}: the share must lie in 0..1, bursts have 1 frame or more"
+    )]
+    Loss(f64, f64),
+    /// A collector's age is not positive.
+    #[error("packets that are stale after {0} seconds: must be a positive time")]
+    CollectorAge(f64),
+    /// A rate control's option is outside its range.
+    #[error(
+        "rate control, {field} = {value}: must be positive and finite, and a delay not negative"
+    )]
+    RateControl {
+        /// The option's name.
+        field: &'static str,
+        /// What it was.
+        value: f64,
+    },
+    /// The user bytes are too many, or not as many as the sharing was made for.
+    #[error("{0} user bytes: at most 255, and as many as the sharing was made for")]
+    UserBytes(usize),
+    /// No such stream.
+    #[error("stream {0}: there are {STREAMS}, from 0 on")]
+    Stream(u8),
+    /// The budget holds no picture.
+    #[error(
+        "budget of {budget} bytes: shares of a packet whose picture takes {picture} bytes do not \
+         fit; give more bytes, or a larger MTU or more shares if the budget holds the picture"
+    )]
+    Budget {
+        /// Bytes for all shares.
+        budget: usize,
+        /// Bytes of the packet that make a picture.
+        picture: usize,
+    },
+    /// The check of a share does not match it.
+    #[error("a share whose check does not match: damaged, or not a share")]
+    ShareCheck,
+    /// The share does not fit the others of its packet.
+    #[error("share of frame number {0} modulo 128: unlike the packet's other shares")]
+    OtherShare(u32),
+    /// The options of a collector are out of range.
+    #[error("{field} of {value}: must lie in 1..={most}")]
+    Collector {
+        /// The option.
+        field: &'static str,
+        /// What was given.
+        value: usize,
+        /// The largest value.
+        most: usize,
+    },
     /// The system does not have the memory that a reassembler takes.
     #[error("no memory for reassembly: {0} bytes")]
     Memory(usize),

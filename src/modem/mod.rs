@@ -48,16 +48,25 @@
 mod assembly;
 mod error;
 mod fragment;
+mod interleaver;
 mod layout;
 mod packet_slot;
+mod rate_control;
 mod reassembler;
+mod shares;
 mod splitter;
 mod statistics;
 mod waiting;
 
 pub use error::ModemError;
+pub use interleaver::Interleaver;
 pub use layout::{frame_count, largest_packet};
+pub use rate_control::{RateControl, RateControlOptions};
 pub use reassembler::{Reassembler, ReassemblerOptions, Received};
+pub use shares::{
+    Collected, CollectedPacket, Collector, CollectorOptions, Layer, Loss, MAX_SHARES, STREAMS,
+    ShareStatistics, Sharer, Sharing, SharingOptions,
+};
 pub use splitter::Splitter;
 pub use statistics::{Pushed, Statistics};
 

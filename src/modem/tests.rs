@@ -19,15 +19,15 @@ const MTUS: [usize; 4] = [31, 64, 256, 1024];
 
 /// What a packet is made of; the payload's length, if there is one.
 #[derive(Clone, Copy, Debug)]
-struct Recipe {
-    frame: u32,
-    profile: PoseProfile,
-    camera: bool,
-    payload: Option<usize>,
+pub(super) struct Recipe {
+    pub(super) frame: u32,
+    pub(super) profile: PoseProfile,
+    pub(super) camera: bool,
+    pub(super) payload: Option<usize>,
 }
 
 /// The packet of a recipe. Packets that differ in frame number or length do so in the pose, too.
-fn packet_of(recipe: Recipe) -> Vec<u8> {
+pub(super) fn packet_of(recipe: Recipe) -> Vec<u8> {
     let Recipe { frame, profile, camera, payload } = recipe;
     let frame_of_prior = PriorFrame { centre: [-3.5, 2.25, 24.0], spread: 8.25 };
     let turn = f64::from((frame + 1000 * payload.unwrap_or(0) as u32) % 10_007) * 1e-4;

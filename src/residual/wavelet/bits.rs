@@ -1,6 +1,6 @@
 //! A coefficient as bits: its magnitude in unary, then Golomb's way, then its sign.
 
-use super::context::{BandContext, Inputs};
+use super::context::BandContext;
 use super::gains::{Gains, LevelGains};
 use super::geometry::PLANES;
 use super::network::{LOGITS, Logit};
@@ -30,25 +30,20 @@ pub struct First {
 
 impl First {
     /// Of a coefficient.
-    pub fn of(predictor: &Predictor, context: &BandContext, inputs: &Inputs) -> First {
-        if inputs.is_quiet() {
-            First { logit: predictor.quiet(&context.bias, &inputs.magnitude), others: None }
+    pub fn of(predictor: &Predictor, due: &Due) -> First {
+        let bias = &due.context.bias;
+        if due.is_quiet() {
+            First { logit: predictor.quiet(bias, &due.quiet_inputs()), others: None }
         } else {
-            let all = predictor.magnitude(&context.bias, &inputs.magnitude);
+            let all = predictor.magnitude(bias, &due.magnitude_inputs());
             First { logit: all[0], others: Some(all) }
         }
     }
 
     /// All logits of the magnitude.
-    pub fn all(
-        &self,
-        predictor: &Predictor,
-        context: &BandContext,
-        inputs: &Inputs,
-    ) -> [Logit; LOGITS] {
-        let others = self.others;
-        let mut all =
-            others.unwrap_or_else(|| predictor.magnitude(&context.bias, &inputs.magnitude));
+    pub fn all(&self, predictor: &Predictor, due: &Due) -> [Logit; LOGITS] {
+        let others = || predictor.magnitude(&due.context.bias, &due.magnitude_inputs());
+        let mut all = self.others.unwrap_or_else(others);
         all[0] = self.logit;
         all
     }
@@ -83,14 +78,13 @@ impl Source for Writer<'_, '_> {
         let context = due.context;
         let value = self.chosen[context.plane][due.index()];
         let predictor = self.predictor;
-        let inputs = due.inputs();
-        let first = First::of(predictor, context, &inputs);
+        let first = First::of(predictor, due);
         let magnitude = i32::from(value).abs();
         self.encoder.put(magnitude > 0, predictor.chances.one(first.logit));
         if magnitude == 0 {
             return Some(0);
         }
-        let logits = first.all(predictor, context, &inputs);
+        let logits = first.all(predictor, due);
         for k in 1..magnitude.min(UNARY) {
             self.encoder.put(true, predictor.chances.one(logit_of(&logits, k)));
         }
@@ -99,7 +93,7 @@ impl Source for Writer<'_, '_> {
         } else {
             self.put_golomb((magnitude - UNARY + 1) as u32);
         }
-        let sign = predictor.sign(&context.bias, &inputs.sign);
+        let sign = predictor.sign(&context.bias, &due.sign_inputs());
         self.encoder.put(value < 0, predictor.chances.one(sign));
         Some(value)
     }
@@ -137,12 +131,11 @@ pub struct Reader<'a, 'b> {
 impl Source for Reader<'_, '_> {
     fn next(&mut self, due: &Due) -> Option<i16> {
         let (predictor, context) = (self.predictor, due.context);
-        let inputs = due.inputs();
-        let first = First::of(predictor, context, &inputs);
+        let first = First::of(predictor, due);
         if !self.decoder.get(predictor.chances.one(first.logit))? {
             return Some(0);
         }
-        let logits = first.all(predictor, context, &inputs);
+        let logits = first.all(predictor, due);
         let mut magnitude = 1;
         while magnitude < UNARY
             && self.decoder.get(predictor.chances.one(logit_of(&logits, magnitude)))?
@@ -152,7 +145,7 @@ impl Source for Reader<'_, '_> {
         if magnitude == UNARY {
             magnitude += self.golomb()? as i32 - 1;
         }
-        let sign = predictor.sign(&context.bias, &inputs.sign);
+        let sign = predictor.sign(&context.bias, &due.sign_inputs());
         let negative = self.decoder.get(predictor.chances.one(sign))?;
         let magnitude = magnitude.min(LARGEST_MAGNITUDE) as i16;
         Some(if negative { -magnitude } else { magnitude })

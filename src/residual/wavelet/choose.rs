@@ -21,6 +21,8 @@ pub struct Chooser<'a> {
     pub predictor: &'a Predictor,
     /// Receives the gains, by level.
     pub gains: &'a mut LevelGains,
+    /// Bits of the choices that had to be weighed: all but the zeros that were near zero from the start.
+    pub bits: f32,
 }
 
 impl Source for Chooser<'_> {
@@ -31,29 +33,32 @@ impl Source for Chooser<'_> {
         if !(size >= LEAST) {
             return Some(0);
         }
-        let inputs = due.inputs();
         let Predictor { chances, offsets, .. } = self.predictor;
-        let first = First::of(self.predictor, context, &inputs);
-        let zero = size * size + self.lambda * chances.cost(first.logit, false);
+        let first = First::of(self.predictor, due);
+        let bits_of_zero = chances.cost(first.logit, false);
+        let zero = size * size + self.lambda * bits_of_zero;
         // Another value has this first bit at least: it would be no better even if all else cost nothing.
         if zero <= self.lambda * chances.cost(first.logit, true) {
+            self.bits += bits_of_zero;
             return Some(0);
         }
-        let logits = first.all(self.predictor, context, &inputs);
-        let sign = self.predictor.sign(&context.bias, &inputs.sign);
+        let logits = first.all(self.predictor, due);
+        let sign = self.predictor.sign(&context.bias, &due.sign_inputs());
         let sign = chances.cost(sign, wanted < 0.0);
         let offsets = &offsets[context.plane][context.band.rank()];
         let bits = |magnitude| cost(chances, &logits, magnitude);
-        let mut best = (zero, 0);
+        let mut best = (zero, 0, bits_of_zero);
         let near = (size as i32).min(LARGEST_MAGNITUDE - 1);
         for magnitude in (near - 1).max(1)..=near + 1 {
             let offset = f32::from(offsets[magnitude.min(3) as usize - 1]) / 256.0;
             let error = size - (magnitude as f32 - offset);
-            let total = error * error + self.lambda * (bits(magnitude) + sign);
+            let bits = bits(magnitude) + sign;
+            let total = error * error + self.lambda * bits;
             if total < best.0 {
-                best = (total, magnitude);
+                best = (total, magnitude, bits);
             }
         }
+        self.bits += best.2;
         let value = best.1 as i16;
         Some(if wanted < 0.0 { -value } else { value })
     }

@@ -3,18 +3,15 @@
 //! All of it are integers. Counts are quantised magnitudes; sizes are in quantiser steps, as coefficients of unit
 //! norm. Both are given as logarithms; signed numbers are clamped.
 
+use super::coarser::{Around, Coarser, in_steps};
 use super::fixed::{FEATURE_PLACES, LARGEST, ONE, log_count, log_size};
 use super::frame::Frame;
 use super::gains::Seen;
-use super::geometry::{Band, PLANES};
+use super::geometry::Band;
 use super::lean::Lean;
-use super::lifting::FRACTION;
 use super::network::{COUNT_INPUTS, classes};
-use super::predictor::{BandBias, MagnitudeInputs, Predictor, SignInputs};
+use super::predictor::{BandBias, MagnitudeInputs, Predictor, QuietInputs, SignInputs};
 use super::quantised::{Places, Quantised};
-
-/// A plane's first-row sum of grey in the planes' places: what the render's luma lies above.
-const GREY_LUMA: i32 = (221 + 12) << FRACTION;
 
 /// All that is the same for a band of a plane.
 pub struct BandContext<'a> {
@@ -31,18 +28,26 @@ pub struct BandContext<'a> {
     grandparent: Option<Places>,
     siblings: [Option<Places>; 2],
     others: [Option<Places>; 2],
-    /// Decoded low band of this plane and of the first one, rows of the picture's width.
-    low: [&'a [i32]; 2],
-    /// Steps per unit of the lifted coefficient, and of the low band, 16 binary places.
+    coarser: &'a Coarser,
+    /// Steps per unit of the lifted coefficient, 16 binary places.
     scale: i64,
-    low_scale: i64,
     log_step: i16,
+    /// Whether the whole render may be looked at, or nothing of it; `None`: as the block says.
+    known: Option<bool>,
 }
 
-/// A coefficient's inputs.
-pub struct Inputs {
-    pub magnitude: MagnitudeInputs,
-    pub sign: SignInputs,
+/// What the render tells of a coefficient and those around it, features in steps.
+struct Sight {
+    seen: Seen,
+    /// Mean magnitude around; the same, times the change of light.
+    energy: i32,
+    energy_guess: i32,
+}
+
+/// What is predicted of a coefficient from an earlier frame, and the mean size around it; features in steps.
+struct Leaned {
+    predicted: i32,
+    around: i32,
 }
 
 fn clamped(value: i32, limit: i32) -> i16 {
@@ -58,18 +63,13 @@ fn bounded(value: i32) -> i16 {
     value.clamp(-LARGEST, LARGEST) as i16
 }
 
-fn scaled(value: i32, factor: i64) -> i32 {
-    let value = (i64::from(value) * factor) >> 16;
-    value.clamp(-(1 << 26), 1 << 26) as i32
-}
-
 impl<'a> BandContext<'a> {
     /// For a band of a plane, after all bands before it.
     pub fn new(
         frame: &'a Frame,
         predictor: &Predictor,
         quantised: &Quantised,
-        decoded: &'a [Vec<i32>; PLANES],
+        coarser: &'a Coarser,
         band: Band,
         plane: usize,
     ) -> BandContext<'a> {
@@ -86,7 +86,6 @@ impl<'a> BandContext<'a> {
             |before: usize| (orientation > before).then(|| places(plane, band.level, before));
         let other =
             |before: usize| (plane > before).then(|| places(before, band.level, orientation));
-        let low_norm = f64::from(1u32 << band.level);
         BandContext {
             bias: predictor.band_bias(classes(band.rank(), orientation, plane)),
             own: places(plane, band.level, orientation),
@@ -94,25 +93,17 @@ impl<'a> BandContext<'a> {
             grandparent: above(2),
             siblings: [sibling(1), sibling(2)],
             others: [other(0), other(1)],
-            low: [&decoded[plane], &decoded[0]],
+            coarser,
             scale: frame.step.per_unit(geometry.norm(&band)),
-            low_scale: frame.step.per_unit(low_norm),
             log_step: frame.step.log(),
+            known: match frame.sees_render {
+                true if frame.predicted.contains(&false) => None,
+                sees_render => Some(sees_render),
+            },
             frame,
             band,
             plane,
         }
-    }
-
-    /// Inputs of a coefficient.
-    pub fn inputs(&self, quantised: &Quantised, x: usize, y: usize) -> Inputs {
-        let mut inputs = Inputs { magnitude: [[0; 2]; _], sign: [[0; 2]; _] };
-        let magnitude = inputs.magnitude.as_flattened_mut();
-        let sign = inputs.sign.as_flattened_mut();
-        self.neighbours(quantised, x, y, magnitude, sign);
-        self.relatives(quantised, x, y, magnitude, sign);
-        self.pictures(x, y, magnitude, sign);
-        inputs
     }
 
     /// Place in a transformed plane.
@@ -120,166 +111,191 @@ impl<'a> BandContext<'a> {
         self.band.offset + y * self.frame.geometry.width + x
     }
 
-    /// Coefficients of the band itself: inputs 0 to 6.
-    fn neighbours(
-        &self,
-        quantised: &Quantised,
-        x: usize,
-        y: usize,
-        magnitude: &mut [i16],
-        sign: &mut [i16],
-    ) {
-        let at = |dx: isize, dy: isize| quantised.at(self.own, x, y, dx, dy);
-        let near = [at(-1, 0), at(0, -1), at(-1, -1), at(1, -1)];
-        for (i, count) in near.into_iter().enumerate() {
-            magnitude[i] = log_count(count.into()) as i16;
-            sign[i] = signed(count);
+    /// Whether contexts may look at the render's block here.
+    fn is_known(&self, x: usize, y: usize) -> bool {
+        self.known
+            .unwrap_or_else(|| self.frame.predicted[self.frame.geometry.block(&self.band, x, y)])
+    }
+
+    /// Inputs of the network for magnitudes.
+    pub fn magnitude_inputs(&self, quantised: &Quantised, x: usize, y: usize) -> MagnitudeInputs {
+        let mut inputs: MagnitudeInputs = [[0; 2]; _];
+        let all = inputs.as_flattened_mut();
+        if !quantised.is_quiet(self.own, x, y) {
+            self.counts(quantised, x, y, all);
         }
-        magnitude[4] = log_count(at(-2, 0).into()) as i16;
-        magnitude[5] = log_count(at(0, -2).into()) as i16;
-        let wide = [(-2, -1), (2, -1), (-1, -2), (1, -2), (-2, -2), (2, -2), (-3, 0), (0, -3)];
-        let sum = wide.into_iter().map(|(dx, dy)| i32::from(at(dx, dy)).abs()).sum();
-        magnitude[6] = bounded(log_count(sum));
+        self.pictures(x, y, &mut all[COUNT_INPUTS..]);
+        inputs
+    }
+
+    /// Those of the network for quiet contexts.
+    pub fn quiet_inputs(&self, x: usize, y: usize) -> QuietInputs {
+        let mut inputs: QuietInputs = [[0; 2]; _];
+        self.pictures(x, y, inputs.as_flattened_mut());
+        inputs
+    }
+
+    /// What was coded before: inputs 0 to 17.
+    pub fn counts(&self, quantised: &Quantised, x: usize, y: usize, inputs: &mut [i16]) {
+        self.counts_near(quantised, x, y, inputs);
+        self.counts_beside(quantised, x, y, inputs);
+    }
+
+    /// Coefficients of the band itself: inputs 0 to 6.
+    fn counts_near(&self, quantised: &Quantised, x: usize, y: usize, inputs: &mut [i16]) {
+        let near = quantised.near(self.own, x, y);
+        for (to, count) in inputs.iter_mut().zip(near.next) {
+            *to = log_count(count.into()) as i16;
+        }
+        inputs[6] = bounded(log_count(near.beyond));
     }
 
     /// Coefficients of other bands: inputs 7 to 17.
-    fn relatives(
-        &self,
-        quantised: &Quantised,
-        x: usize,
-        y: usize,
-        magnitude: &mut [i16],
-        sign: &mut [i16],
-    ) {
+    fn counts_beside(&self, quantised: &Quantised, x: usize, y: usize, inputs: &mut [i16]) {
+        let count_of = |places: Places, x: usize, y: usize| {
+            log_count(quantised.at(places, x, y).into()) as i16
+        };
         if let Some(parent) = self.parent {
-            let count = quantised.at(parent, x / 2, y / 2, 0, 0);
-            magnitude[7] = log_count(count.into()) as i16;
-            magnitude[8] = bounded(log_count(quantised.around(parent, x / 2, y / 2)));
-            sign[4] = signed(count);
+            inputs[7] = count_of(parent, x / 2, y / 2);
+            inputs[8] = bounded(log_count(quantised.around(parent, x / 2, y / 2)));
         }
         if let Some(grandparent) = self.grandparent {
-            magnitude[9] = log_count(quantised.at(grandparent, x / 4, y / 4, 0, 0).into()) as i16;
+            inputs[9] = count_of(grandparent, x / 4, y / 4);
         }
+        // Bands of one level differ by a row or a column, which the margin holds.
         for (i, relative) in self.siblings.iter().chain(&self.others).enumerate() {
             if let Some(places) = *relative {
-                // Bands of one level differ by a row or a column, which the margin holds.
-                let count = quantised.at(places, x, y, 0, 0);
-                magnitude[10 + 2 * i] = log_count(count.into()) as i16;
-                magnitude[11 + 2 * i] = bounded(log_count(quantised.around(places, x, y)));
-                sign[5 + i] = signed(count);
+                inputs[10 + 2 * i] = count_of(places, x, y);
+                inputs[11 + 2 * i] = bounded(log_count(quantised.around(places, x, y)));
             }
         }
     }
 
     /// Visits the zeros of a band of details of which the render tells something.
-    pub fn zeros(&self, quantised: &Quantised, mut visit: impl FnMut(usize, usize, Seen)) {
-        let Frame { geometry, predicted, sees_render, .. } = self.frame;
-        if !sees_render {
+    pub fn zeros(&self, quantised: &Quantised, mut visit: impl FnMut(usize, Seen)) {
+        if !self.frame.sees_render {
             return;
         }
-        let (width, height) = geometry.sizes[self.band.level];
         for y in 0..self.band.height {
-            for x in 0..self.band.width {
-                if quantised.at(self.own, x, y, 0, 0) == 0
-                    && predicted[geometry.block(&self.band, x, y)]
-                {
-                    let light = self.light(x.min(width - 1), y.min(height - 1));
-                    visit(x, y, self.seen(self.index(x, y), light));
+            let row = quantised.row(self.plane, &self.band, y);
+            for (x, value) in row.iter().enumerate() {
+                if *value == 0 && self.is_known(x, y) {
+                    let index = self.index(x, y);
+                    visit(index, self.seen(index, self.coarser.light(x, y)));
                 }
             }
         }
     }
 
-    /// How much brighter the decoded picture is than the render, 8 binary places. Light that changes multiplies what
-    /// is there.
-    fn light(&self, x: usize, y: usize) -> i32 {
-        let Frame { geometry, render, .. } = self.frame;
-        let level = self.band.level;
-        let luma = render.low[0][level][y * geometry.sizes[level].0 + x];
-        let decoded = self.low[1][y * geometry.width + x];
-        let light = (i64::from(decoded) << 8) / i64::from((luma + GREY_LUMA).max(12 << FRACTION));
-        light.clamp(-1024, 1024) as i32
-    }
-
     /// What the render tells of a coefficient.
     fn seen(&self, index: usize, light: i32) -> Seen {
-        let own = scaled(self.frame.render.planes[self.plane][index], self.scale);
+        let own = in_steps(self.frame.render.planes[self.plane][index], self.scale);
         Seen { own, guess: ((i64::from(own) * i64::from(light)) >> 8) as i32 }
     }
 
-    /// What is predicted of the coefficient, in place of where it lies and of its sign in the second plane.
-    fn leaned(&self, lean: &Lean, x: usize, y: usize, magnitude: &mut [i16], sign: &mut [i16]) {
-        let (predicted, around) = lean.around(self.plane, self.index(x, y));
-        let predicted = scaled(predicted, self.scale);
-        magnitude[18] = bounded(log_size(predicted));
-        magnitude[19] = bounded(log_size(scaled(around, self.scale)));
-        sign[8] = clamped(predicted, 3);
+    /// What it tells of it and those around it.
+    fn sight(&self, x: usize, y: usize) -> Sight {
+        let (index, light) = (self.index(x, y), self.coarser.light(x, y));
+        let energy = in_steps(self.frame.render.energy[self.plane][index], self.scale);
+        let energy_guess = ((i64::from(energy) * i64::from(light)) >> 8) as i32;
+        Sight { seen: self.seen(index, light), energy, energy_guess }
     }
 
-    /// The render and the decoded coarser picture: inputs 18 to 32.
-    fn pictures(&self, x: usize, y: usize, magnitude: &mut [i16], sign: &mut [i16]) {
-        let Frame { geometry, render, predicted, sees_render, .. } = self.frame;
-        let (width, height) = geometry.sizes[self.band.level];
-        let (gx, gy) = (x.min(width - 1), y.min(height - 1));
-        let known = *sees_render && predicted[geometry.block(&self.band, x, y)];
-        match self.frame.leaning() {
-            Some(lean) => self.leaned(lean, x, y, magnitude, sign),
-            None => {
-                magnitude[18] = ((2 * y + 1) * 32 / self.band.height.max(1)) as i16 - 32;
-                magnitude[19] = ((2 * x + 1) * 32 / self.band.width.max(1)) as i16 - 32;
-            }
+    /// What is predicted of a coefficient from an earlier frame.
+    fn leaned(&self, lean: &Lean, x: usize, y: usize) -> Leaned {
+        let (predicted, around) = lean.around(self.plane, self.index(x, y));
+        let [predicted, around] = [predicted, around].map(|value| in_steps(value, self.scale));
+        Leaned { predicted, around }
+    }
+
+    /// The render and the decoded coarser picture: inputs 18 to 32. If the frame leans on an earlier one, the first two are
+    /// what is predicted from that, in place of where the coefficient lies.
+    fn pictures(&self, x: usize, y: usize, inputs: &mut [i16]) {
+        let Frame { geometry, render, .. } = self.frame;
+        let Band { level, width, height, .. } = self.band;
+        if let Some(lean) = self.frame.leaning() {
+            let Leaned { predicted, around } = self.leaned(lean, x, y);
+            inputs[0] = bounded(log_size(predicted));
+            inputs[1] = bounded(log_size(around));
+        } else {
+            inputs[0] = along(y, height);
+            inputs[1] = along(x, width);
         }
-        magnitude[20] = self.log_step;
-        if self.band.level == 0 {
+        inputs[2] = self.log_step;
+        if level == 0 {
             return;
         }
-        let luma = if known { render.low[0][self.band.level][gy * width + gx] } else { 0 };
+        let known = self.is_known(x, y);
         if known {
-            magnitude[21] = ONE as i16;
-            magnitude[22] = bounded(luma >> 7);
+            inputs[3] = ONE as i16;
+            inputs[4] = bounded(render.low[0][level][y * geometry.sizes[level].0 + x] >> 7);
         }
         if self.band.rank() == 0 {
             return;
         }
         if known {
-            let index = self.index(x, y);
-            let gain = self.light(gx, gy);
-            let Seen { own, guess } = self.seen(index, gain);
-            let energy = scaled(render.energy[self.plane][index], self.scale);
-            let around = ((i64::from(energy) * i64::from(gain)) >> 8) as i32;
-            magnitude[23] = bounded(log_size(guess));
-            magnitude[24] = bounded(log_size(around));
-            magnitude[25] = bounded(log_size(own / 10));
-            magnitude[26] = bounded(log_size(energy / 10));
-            sign[9] = clamped(guess, 2);
-            sign[10] = clamped(own / 10, 2);
+            let Sight { seen: Seen { own, guess }, energy, energy_guess } = self.sight(x, y);
+            inputs[5] = bounded(log_size(guess));
+            inputs[6] = bounded(log_size(energy_guess));
+            inputs[7] = bounded(log_size(own / 10));
+            inputs[8] = bounded(log_size(energy / 10));
         }
-        let (left, right) = (gx.saturating_sub(1), (gx + 1).min(width - 1));
-        let (up, down) = (gy.saturating_sub(1), (gy + 1).min(height - 1));
-        let low =
-            |gx: usize, gy: usize| scaled(self.low[0][gy * geometry.width + gx], self.low_scale);
-        let here = low(gx, gy);
-        let (west, east, north, south) =
-            (low(left, gy), low(right, gy), low(gx, up), low(gx, down));
-        let corners = [low(right, down), low(left, up), low(right, up), low(left, down)];
-        let shapes = [
-            west + east - 2 * here,
-            north + south - 2 * here,
-            east - west,
-            south - north,
-            here >> self.band.level,
-            corners[0] + corners[1] - corners[2] - corners[3],
-        ];
-        for (i, shape) in shapes.into_iter().enumerate() {
-            magnitude[27 + i] = bounded(log_size(shape));
-            sign[11 + i] = clamped(shape, 3);
+        let shapes = shapes(&self.coarser.around(self.plane, x, y), level);
+        for (to, shape) in inputs[9..].iter_mut().zip(shapes) {
+            *to = bounded(log_size(shape));
         }
+    }
+
+    /// Inputs of the network for signs.
+    pub fn sign_inputs(&self, quantised: &Quantised, x: usize, y: usize) -> SignInputs {
+        let mut inputs: SignInputs = [[0; 2]; _];
+        let all = inputs.as_flattened_mut();
+        let near = quantised.near(self.own, x, y);
+        for (to, count) in all.iter_mut().zip(&near.next[..4]) {
+            *to = signed(*count);
+        }
+        if let Some(parent) = self.parent {
+            all[4] = signed(quantised.at(parent, x / 2, y / 2));
+        }
+        for (to, relative) in all[5..].iter_mut().zip(self.siblings.iter().chain(&self.others)) {
+            if let Some(places) = *relative {
+                *to = signed(quantised.at(places, x, y));
+            }
+        }
+        // In place of the sign in the second plane.
+        if let Some(lean) = self.frame.leaning() {
+            all[8] = clamped(self.leaned(lean, x, y).predicted, 3);
+        }
+        if self.band.rank() == 0 {
+            return inputs;
+        }
+        if self.is_known(x, y) {
+            let Seen { own, guess } = self.sight(x, y).seen;
+            all[9] = clamped(guess, 2);
+            all[10] = clamped(own / 10, 2);
+        }
+        let shapes = shapes(&self.coarser.around(self.plane, x, y), self.band.level);
+        for (to, shape) in all[11..].iter_mut().zip(shapes) {
+            *to = clamped(shape, 3);
+        }
+        inputs
     }
 }
 
-impl Inputs {
-    /// Nothing near, nor above, nor beside was coded as anything but zero.
-    pub fn is_quiet(&self) -> bool {
-        self.magnitude[..COUNT_INPUTS / 2].iter().all(|pair| *pair == [0, 0])
-    }
+/// A place along a band's side, −32 to 32.
+fn along(place: usize, side: usize) -> i16 {
+    ((2 * place as u32 + 1) * 32 / side as u32) as i16 - 32
+}
+
+/// How the decoded picture bends and slopes around a place.
+fn shapes([above, row, below]: &Around, level: usize) -> [i32; 6] {
+    let here = row[1];
+    [
+        row[0] + row[2] - 2 * here,
+        above[1] + below[1] - 2 * here,
+        row[2] - row[0],
+        below[1] - above[1],
+        here >> level,
+        below[2] + above[0] - above[2] - below[0],
+    ]
 }

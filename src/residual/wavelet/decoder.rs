@@ -116,6 +116,7 @@ impl WaveletDecoder {
         let predictor = predictors.of(frame);
         let mut reader = Reader { decoder, predictor };
         pass.run(frame, predictor, header.finest, &mut reader);
+        pass.finish(frame, predictor);
         pass.add_to(frame.leaning().map(Lean::picture), &mut render.data);
         Ok(())
     }

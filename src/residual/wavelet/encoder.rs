@@ -7,7 +7,6 @@ use super::blocks;
 use super::choose::Chooser;
 use super::colour;
 use super::context::BandContext;
-use super::fineness::Fineness;
 use super::frame::Frame;
 use super::gains::{Gains, LevelGains};
 use super::geometry::{Geometry, PLANES, Planes};
@@ -111,27 +110,38 @@ impl WaveletEncoder {
         pays
     }
 
-    /// The coarsest step at which a rough model of the coded frame is good enough.
-    pub(super) fn guess(&mut self, enough: impl Fn(&Model) -> bool) -> Fineness {
-        Fineness::coarsest(|step| {
-            self.want(step);
-            enough(&Model::of(&self.wanted, step))
-        })
+    /// A rough model of the frame, coded.
+    pub(super) fn model(&self) -> Model {
+        let geometry = &self.frame.geometry;
+        let mut model = Model::new();
+        for band in geometry.bands() {
+            let scale = (geometry.norm(&band) / f64::from(1 << FRACTION)) as f32;
+            for row in band.rows(geometry) {
+                for difference in &self.difference {
+                    difference[row.clone()]
+                        .iter()
+                        .for_each(|value| model.take((*value as f32 * scale).abs()));
+                }
+            }
+        }
+        model
     }
 
-    /// Chooses coefficients. `lambda`: what a bit is worth, squared steps.
-    pub(super) fn choose(&mut self, step: Step, lambda: f32) {
+    /// Chooses coefficients. `lambda`: what a bit is worth, squared steps. The bits of those that had to be weighed.
+    pub(super) fn choose(&mut self, step: Step, lambda: f32) -> f32 {
         self.frame.step = step;
         self.want(step);
         let WaveletEncoder { frame, predictors, wanted, chosen, gains, pass, .. } = self;
         let predictor = predictors.of(frame);
         *gains = LevelGains::default();
         let finest = finest(&frame.geometry, |plane, i| wanted[plane][i].abs() > WORTH_A_LOOK);
-        let mut chooser = Chooser { wanted, lambda, predictor, gains };
+        let mut chooser = Chooser { wanted, lambda, predictor, gains, bits: 0.0 };
         pass.run(frame, predictor, finest, &mut chooser);
+        let bits = chooser.bits;
         for (plane, chosen) in chosen.iter_mut().enumerate() {
             pass.quantised.copy_to(&frame.geometry, plane, chosen);
         }
+        bits
     }
 
     /// Scales the coefficients to code to steps.
@@ -185,8 +195,10 @@ impl WaveletEncoder {
     }
 
     /// Adds what was chosen or coded last to the render.
-    pub fn add_to(&self, render: &mut Picture) {
-        self.pass.add_to(self.frame.leaning().map(Lean::picture), &mut render.data);
+    pub fn add_to(&mut self, render: &mut Picture) {
+        let WaveletEncoder { frame, predictors, pass, .. } = self;
+        pass.finish(frame, predictors.of(frame));
+        pass.add_to(frame.leaning().map(Lean::picture), &mut render.data);
     }
 
     /// What the frame that was set leans on.

@@ -15,22 +15,40 @@ const FRACTIONS: [u8; 64] = [
 ];
 
 /// `log2` of a number in [`FEATURE_PLACES`] binary places, of one or more; in as many places, to 1/32.
-pub fn log2(value: u32) -> i32 {
-    let value = value.max(1 << FEATURE_PLACES);
+pub const fn log2(value: u32) -> i32 {
+    let value = if value < 1 << FEATURE_PLACES { 1 << FEATURE_PLACES } else { value };
     let exponent = value.ilog2() - FEATURE_PLACES;
     let mantissa = (value >> exponent) as usize & 63;
-    exponent as i32 * ONE + i32::from(FRACTIONS[mantissa])
+    exponent as i32 * ONE + FRACTIONS[mantissa] as i32
 }
 
 /// `log2(1 + |count|)` of a whole number.
 pub fn log_count(count: i32) -> i32 {
+    if count == 0 {
+        return 0;
+    }
     log2((1 + count.unsigned_abs().min(1 << 20)) << FEATURE_PLACES)
 }
 
 /// `log2(1 + 4|value|)` of a number in [`FEATURE_PLACES`] binary places.
 pub fn log_size(value: i32) -> i32 {
-    log2(ONE as u32 + 4 * value.unsigned_abs().min(1 << 26))
+    // Most are small.
+    match SIZES.get(value.unsigned_abs() as usize) {
+        Some(size) => i32::from(*size),
+        None => log2(ONE as u32 + 4 * value.unsigned_abs().min(1 << 26)),
+    }
 }
+
+/// [`log_size`] of the numbers from zero.
+static SIZES: [i16; 1024] = {
+    let mut sizes = [0; 1024];
+    let mut i = 0;
+    while i < sizes.len() {
+        sizes[i] = log2(ONE as u32 + 4 * i as u32) as i16;
+        i += 1;
+    }
+    sizes
+};
 
 #[cfg(test)]
 mod tests {

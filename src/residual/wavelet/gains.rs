@@ -144,10 +144,10 @@ pub struct GainFit {
 impl GainFit {
     /// Takes the zeros of a band. `wanted`: the coefficients to code, in steps.
     pub fn take(&mut self, context: &BandContext, quantised: &Quantised, wanted: &[f32]) {
-        context.zeros(quantised, |x, y, seen| {
+        context.zeros(quantised, |index, seen| {
             let of = |seen: i32| f64::from(seen.clamp(-LARGEST_SEEN, LARGEST_SEEN)) / 64.0;
             let (guess, own) = (of(seen.guess), of(seen.own));
-            let wanted = f64::from(wanted[context.index(x, y)]);
+            let wanted = f64::from(wanted[index]);
             self.guess_guess += guess * guess;
             self.guess_own += guess * own;
             self.own_own += own * own;

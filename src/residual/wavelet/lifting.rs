@@ -43,18 +43,21 @@ pub fn forward(plane: &mut [i32], geometry: &Geometry, level: usize, scratch: &m
     let (width, height) = geometry.sizes[level];
     let stride = geometry.width;
     if width > 1 {
-        let line = &mut scratch.0[..width];
+        let (even, odd) = scratch.0[..width].split_at_mut(width.div_ceil(2));
         for row in plane.chunks_mut(stride).take(height) {
             let row = &mut row[..width];
+            for (i, pair) in row.chunks(2).enumerate() {
+                even[i] = pair[0];
+                pair.get(1).inspect(|value| odd[i] = **value);
+            }
             for (parity, factor) in STEPS {
-                lift_line(row, parity, factor);
+                lift_line(even, odd, parity, factor);
             }
-            line.copy_from_slice(row);
-            let low = width.div_ceil(2);
-            for (i, value) in line.iter().enumerate() {
-                row[if i % 2 == 0 { i / 2 } else { low + i / 2 }] =
-                    if i % 2 == 0 { scaled(*value, INVERSE_GAIN) } else { *value };
+            let (low, high) = row.split_at_mut(even.len());
+            for (to, value) in low.iter_mut().zip(&*even) {
+                *to = scaled(*value, INVERSE_GAIN);
             }
+            high.copy_from_slice(odd);
         }
     }
     if height > 1 {
@@ -94,16 +97,20 @@ pub fn inverse(plane: &mut [i32], geometry: &Geometry, level: usize, scratch: &m
         }
     }
     if width > 1 {
-        let low = width.div_ceil(2);
-        let line = &mut scratch.0[..width];
+        let (even, odd) = scratch.0[..width].split_at_mut(width.div_ceil(2));
         for row in plane.chunks_mut(stride).take(height) {
             let row = &mut row[..width];
-            line.copy_from_slice(row);
-            for (i, to) in row.iter_mut().enumerate() {
-                *to = if i % 2 == 0 { scaled(line[i / 2], GAIN) } else { line[low + i / 2] };
+            let (low, high) = row.split_at(even.len());
+            for (to, value) in even.iter_mut().zip(low) {
+                *to = scaled(*value, GAIN);
             }
+            odd.copy_from_slice(high);
             for (parity, factor) in STEPS.into_iter().rev() {
-                lift_line(row, parity, -factor);
+                lift_line(even, odd, parity, -factor);
+            }
+            for (i, pair) in row.chunks_mut(2).enumerate() {
+                pair[0] = even[i];
+                pair.get_mut(1).into_iter().for_each(|value| *value = odd[i]);
             }
         }
     }
@@ -116,12 +123,25 @@ fn gather(plane: &[i32], stride: usize, width: usize, into: &mut [i32]) {
     }
 }
 
-/// One lifting step along a row of two or more.
-fn lift_line(row: &mut [i32], parity: usize, factor: i32) {
-    for i in (parity..row.len()).step_by(2) {
-        let (before, after) = neighbours(i, row.len());
-        let sum = row[before].wrapping_add(row[after]);
-        row[i] = row[i].wrapping_add(scaled(sum, factor));
+/// One lifting step along a row of two or more, given as its even and its odd samples.
+fn lift_line(even: &mut [i32], odd: &mut [i32], parity: usize, factor: i32) {
+    let is_even_longer = even.len() > odd.len();
+    let lift = |to: &mut i32, a: i32, b: i32| {
+        *to = to.wrapping_add(scaled(a.wrapping_add(b), factor));
+    };
+    let (to, from): (&mut [i32], &[i32]) = if parity == 0 {
+        // The line is mirrored at its ends.
+        lift(&mut even[0], odd[0], odd[0]);
+        (&mut even[1..], odd)
+    } else {
+        (odd, even)
+    };
+    let others = from.iter().zip(&from[1..]);
+    to.iter_mut().zip(others).for_each(|(to, (a, b))| lift(to, *a, *b));
+    if is_even_longer == (parity == 0)
+        && let (Some(to), Some(last)) = (to.last_mut(), from.last())
+    {
+        lift(to, *last, *last);
     }
 }
 

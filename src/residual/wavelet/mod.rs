@@ -9,6 +9,7 @@
 mod bits;
 mod blocks;
 mod choose;
+mod coarser;
 pub(super) mod colour;
 mod context;
 mod decoder;

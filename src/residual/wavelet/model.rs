@@ -1,36 +1,125 @@
-//! A rough guess of what coding a frame at a step gives, from its coefficients alone.
+//! A rough guess of what coding a frame comes to, from how large its coefficients are.
 
-use super::geometry::PLANES;
-use super::step::Step;
+use super::fineness::Fineness;
 
-/// What a frame may come to.
-pub struct Model {
-    /// dB.
-    pub psnr: f64,
-    /// Of the payload.
-    pub bytes: f64,
+/// Sizes per octave that are told apart.
+const PER_OCTAVE: usize = 16;
+/// Bits of an `f32` below its exponent and the first places of its fraction, which tell [`PER_OCTAVE`] sizes apart.
+const REST: u32 = 19;
+/// The smallest size that is told from zero, levels of 8 bits; octaves from there on.
+const SMALLEST: f32 = 0.25;
+const OCTAVES: usize = 16;
+const BINS: usize = OCTAVES * PER_OCTAVE;
+
+/// Coefficients below this are zero in the end, steps: without a price on bits, and what the price adds.
+const DEAD: f64 = 0.5;
+const DEAD_PER_LAMBDA: f64 = 1.9;
+/// Bits of a coefficient that is not zero, and of each octave above; and of a payload without any.
+const BITS: f64 = 6.0;
+const BITS_PER_OCTAVE: f64 = 1.5;
+const BITS_AT_LEAST: f64 = 16.0;
+
+/// How many coefficients of about one size a frame has.
+#[derive(Clone, Copy, Default)]
+struct Bin {
+    count: u32,
+    /// Sum of their squares.
+    energy: f64,
 }
 
-/// Coefficients below this are zero in the end, steps.
-const DEAD: f32 = 0.75;
-/// Bits of a coefficient that is not zero, and of each octave above.
-const BITS: f64 = 6.0;
+/// What a frame may come to, at any fineness.
+pub struct Model {
+    bins: [Bin; BINS],
+    count: u32,
+}
 
 impl Model {
-    /// Of coefficients in steps.
-    pub fn of(wanted: &[Vec<f32>; PLANES], step: Step) -> Model {
-        let (mut error, mut bits, mut count) = (0.0, 16.0, 0);
-        for size in wanted.iter().flatten().map(|v| v.abs()) {
-            if size < DEAD {
-                error += f64::from(size * size);
-            } else {
-                let octaves = (size as u32).max(1).ilog2();
-                error += 1.0 / 12.0;
-                bits += BITS + 1.5 * f64::from(octaves);
-            }
-            count += 1;
+    /// Of no coefficient.
+    pub fn new() -> Model {
+        Model { bins: [Bin::default(); BINS], count: 0 }
+    }
+
+    /// Takes a coefficient of unit norm, in levels of 8 bits.
+    pub fn take(&mut self, size: f32) {
+        let place = (size.to_bits() >> REST).saturating_sub(SMALLEST.to_bits() >> REST);
+        let bin = &mut self.bins[(place as usize).min(BINS - 1)];
+        bin.count += 1;
+        bin.energy += f64::from(size * size);
+        self.count += 1;
+    }
+
+    /// PSNR, dB.
+    pub fn psnr(&self, fineness: Fineness) -> f64 {
+        let step = fineness.step().value();
+        let error: f64 = self
+            .shares(fineness)
+            .map(|(bin, _, dead)| {
+                let kept = (1.0 - dead) * f64::from(bin.count);
+                dead * bin.energy + kept * step * step / 12.0
+            })
+            .sum();
+        let mean = error / f64::from(self.count.max(1));
+        10.0 * libm::log10(65_025.0 / mean.max(1e-9))
+    }
+
+    /// Bytes of the payload.
+    pub fn bytes(&self, fineness: Fineness) -> f64 {
+        let step = fineness.step().value();
+        let bits: f64 = self
+            .shares(fineness)
+            .map(|(bin, size, dead)| {
+                let octaves = libm::log2(size / step).max(0.0);
+                (1.0 - dead) * f64::from(bin.count) * (BITS + BITS_PER_OCTAVE * octaves)
+            })
+            .sum();
+        (BITS_AT_LEAST + bits) / 8.0
+    }
+
+    /// The bins, their least size, and which share of them is zero in the end.
+    fn shares(&self, fineness: Fineness) -> impl Iterator<Item = (&Bin, f64, f64)> {
+        let dead = DEAD + DEAD_PER_LAMBDA * f64::from(fineness.lambda());
+        let threshold = dead * fineness.step().value();
+        self.bins.iter().enumerate().filter(|(_, bin)| bin.count > 0).map(move |(i, bin)| {
+            let bound = |i: usize| {
+                f64::from(f32::from_bits(((SMALLEST.to_bits() >> REST) + i as u32) << REST))
+            };
+            // The first bin holds all that is smaller, too.
+            let low = if i == 0 { 0.0 } else { bound(i) };
+            let below = (threshold - low) / (bound(i + 1) - low);
+            (bin, low, below.clamp(0.0, 1.0))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_knows_what_is_lost_and_what_is_kept() {
+        let mut model = Model::new();
+        for _ in 0..90 {
+            model.take(0.0);
         }
-        let mean = error * step.value().powi(2) / f64::from(count.max(1));
-        Model { psnr: 10.0 * libm::log10(65_025.0 / mean.max(1e-9)), bytes: bits / 8.0 }
+        for _ in 0..10 {
+            model.take(100.0);
+        }
+        // All are kept at the finest step, none at the coarsest.
+        let (finest, coarsest) = (Fineness::new(0.5), Fineness::new(63.5));
+        let of_error = |error: f64| 10.0 * (65_025.0 / error).log10();
+        assert!((model.psnr(coarsest) - of_error(1000.0)).abs() < 1e-6);
+        assert!((model.psnr(finest) - of_error(0.1 * 4.0 / 12.0)).abs() < 1e-6);
+        assert_eq!(model.bytes(coarsest), 2.0);
+        assert!(model.bytes(finest) > 10.0);
+    }
+
+    #[test]
+    fn any_size_has_a_place() {
+        let mut model = Model::new();
+        for size in [0.0, 1e-30, 0.25, 1.0, 1e9, f32::MAX] {
+            model.take(size);
+        }
+        assert_eq!(model.count, 6);
+        assert!(model.psnr(Fineness::new(20.0)).is_finite());
     }
 }

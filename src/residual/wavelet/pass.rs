@@ -3,14 +3,15 @@
 //! From coarse to fine: the low band, then level by level; within a level by orientation, within that by plane.
 //! After each level the decoded picture of the next one is known, which contexts look at.
 
+use super::coarser::Coarser;
 use super::colour;
-use super::context::{BandContext, Inputs};
+use super::context::BandContext;
 use super::fixed::FEATURE_PLACES;
 use super::frame::Frame;
 use super::gains::Gains;
 use super::geometry::{Band, Geometry, Orientation, PLANES, Planes};
 use super::lifting::{self, Scratch};
-use super::predictor::Predictor;
+use super::predictor::{MagnitudeInputs, Predictor, QuietInputs, SignInputs};
 use super::quantised::Quantised;
 
 /// The coefficient that is due.
@@ -28,9 +29,24 @@ impl Due<'_> {
         self.context.index(self.x, self.y)
     }
 
-    /// The networks' inputs.
-    pub fn inputs(&self) -> Inputs {
-        self.context.inputs(self.quantised, self.x, self.y)
+    /// Whether nothing near, above or beside was coded as anything but zero.
+    pub fn is_quiet(&self) -> bool {
+        self.quantised.is_quiet(self.context.own, self.x, self.y)
+    }
+
+    /// Inputs of the network for magnitudes.
+    pub fn magnitude_inputs(&self) -> MagnitudeInputs {
+        self.context.magnitude_inputs(self.quantised, self.x, self.y)
+    }
+
+    /// Of the one for quiet contexts.
+    pub fn quiet_inputs(&self) -> QuietInputs {
+        self.context.quiet_inputs(self.x, self.y)
+    }
+
+    /// Of the one for signs.
+    pub fn sign_inputs(&self) -> SignInputs {
+        self.context.sign_inputs(self.quantised, self.x, self.y)
     }
 }
 
@@ -61,9 +77,11 @@ pub struct Pass {
     /// The coefficients.
     pub quantised: Quantised,
     /// Decoded planes of the difference between picture and render.
-    pub decoded: [Vec<i32>; PLANES],
-    /// Room for zeros that are decoded as something else: where, and as what.
-    filled: Vec<(usize, i32)>,
+    decoded: [Vec<i32>; PLANES],
+    /// What contexts look at of them.
+    coarser: Coarser,
+    /// The gains of the finest level, until it is decoded.
+    unfinished: Option<Gains>,
     /// Room for what of the render is taken out.
     taken: Vec<i32>,
     scratch: Scratch,
@@ -75,13 +93,15 @@ impl Pass {
         Pass {
             quantised: Quantised::new(geometry),
             decoded: std::array::from_fn(|_| vec![0; geometry.len()]),
-            filled: Vec::with_capacity(geometry.len()),
+            coarser: Coarser::new(geometry),
+            unfinished: None,
             taken: vec![0; geometry.len()],
             scratch: Scratch::new(geometry),
         }
     }
 
-    /// Asks for all coefficients, and makes the planes of the difference.
+    /// Asks for all coefficients, and makes the planes of the difference but for the finest level: see
+    /// [`Pass::finish`].
     pub fn run(
         &mut self,
         frame: &Frame,
@@ -92,23 +112,56 @@ impl Pass {
         let geometry = &frame.geometry;
         let mut run = Run { frame, predictor, finest, source, ended: false };
         self.quantised.clear();
-        self.code(&mut run, geometry.band(geometry.levels, Orientation::Low));
-        self.dequantise(&run, geometry.band(geometry.levels, Orientation::Low), Gains::default());
+        let low = geometry.band(geometry.levels, Orientation::Low);
+        self.code(&mut run, low);
+        self.dequantise(frame, predictor, low, Gains::default());
+        let mut gains = Gains::default();
         for level in (1..=geometry.levels).rev() {
+            if level < geometry.levels {
+                self.join(frame, predictor, level + 1, gains);
+            }
+            self.look(&run, level);
             let bands = Orientation::DETAILS.map(|orientation| geometry.band(level, orientation));
             for band in bands {
                 self.code(&mut run, band);
             }
-            let gains = self.gains(&mut run, bands);
-            for band in bands {
-                self.dequantise(&run, band, gains);
-            }
-            for plane in &mut self.decoded {
-                lifting::inverse(plane, geometry, level - 1, &mut self.scratch);
-            }
+            gains = self.gains(&mut run, bands);
+        }
+        self.unfinished = Some(gains);
+    }
+
+    /// Makes the planes of the difference, if they are not there yet. No context looks at them.
+    pub fn finish(&mut self, frame: &Frame, predictor: &Predictor) {
+        let Some(gains) = self.unfinished.take() else { return };
+        if frame.geometry.levels > 0 {
+            self.join(frame, predictor, 1, gains);
         }
         if !frame.low_predicted || frame.predicted.contains(&false) {
             self.take_out_render(frame);
+        }
+    }
+
+    /// Decodes a level's bands, and joins them to the low band of the next finer one.
+    fn join(&mut self, frame: &Frame, predictor: &Predictor, level: usize, gains: Gains) {
+        for orientation in Orientation::DETAILS {
+            let band = frame.geometry.band(level, orientation);
+            self.dequantise(frame, predictor, band, gains);
+        }
+        for plane in &mut self.decoded {
+            lifting::inverse(plane, &frame.geometry, level - 1, &mut self.scratch);
+        }
+    }
+
+    /// Makes what the contexts of a level look at.
+    fn look(&mut self, run: &Run<impl Source>, level: usize) {
+        let Pass { coarser, decoded, .. } = self;
+        if run.frame.sees_render {
+            coarser.set_light(run.frame, &decoded[0], level);
+        }
+        for (plane, (decoded, finest)) in decoded.iter().zip(run.finest).enumerate() {
+            if level >= finest && !run.ended {
+                coarser.set_low(run.frame, decoded, level, plane);
+            }
         }
     }
 
@@ -122,13 +175,13 @@ impl Pass {
     }
 
     fn code_plane(&mut self, run: &mut Run<impl Source>, band: Band, plane: usize) -> Option<()> {
-        let Pass { quantised, decoded, .. } = self;
-        let context = BandContext::new(run.frame, run.predictor, quantised, decoded, band, plane);
+        let Pass { quantised, coarser, .. } = self;
+        let context = BandContext::new(run.frame, run.predictor, quantised, coarser, band, plane);
         for y in 0..band.height {
             for x in 0..band.width {
                 let value = run.source.next(&Due { context: &context, quantised, x, y })?;
                 if value != 0 {
-                    quantised.set(context.own, x, y, value);
+                    quantised.set(plane, &band, x, y, value);
                 }
             }
         }
@@ -140,20 +193,20 @@ impl Pass {
         if run.ended || !run.frame.sees_render {
             return Gains::default();
         }
-        let Pass { quantised, decoded, .. } = self;
+        let Pass { quantised, coarser, .. } = self;
         let context =
-            |band| BandContext::new(run.frame, run.predictor, quantised, decoded, band, 0);
+            |band| BandContext::new(run.frame, run.predictor, quantised, coarser, band, 0);
         let gains = run.source.gains(&bands.map(context), quantised);
         run.ended = gains.is_none();
         gains.unwrap_or_default()
     }
 
     /// Writes a band's decoded coefficients to their places in the planes.
-    fn dequantise(&mut self, run: &Run<impl Source>, band: Band, gains: Gains) {
-        let units = run.frame.step.units(run.frame.geometry.norm(&band));
+    fn dequantise(&mut self, frame: &Frame, predictor: &Predictor, band: Band, gains: Gains) {
+        let units = frame.step.units(frame.geometry.norm(&band));
         for plane in 0..PLANES {
-            let offsets = &run.predictor.offsets[plane][band.rank()];
-            for (y, place) in band.rows(&run.frame.geometry).enumerate() {
+            let offsets = &predictor.offsets[plane][band.rank()];
+            for (y, place) in band.rows(&frame.geometry).enumerate() {
                 let row = self.quantised.row(plane, &band, y);
                 for (to, value) in self.decoded[plane][place].iter_mut().zip(row) {
                     *to = dequantised(*value, offsets, units);
@@ -161,25 +214,26 @@ impl Pass {
             }
         }
         if !gains.is_zero() {
-            self.fill_zeros(run, band, gains, units);
+            self.fill_zeros(frame, predictor, band, gains, units);
         }
     }
 
     /// Decodes the zeros of the first plane.
-    fn fill_zeros(&mut self, run: &Run<impl Source>, band: Band, gains: Gains, units: i64) {
-        let Pass { quantised, decoded, filled, .. } = self;
-        let context = BandContext::new(run.frame, run.predictor, quantised, decoded, band, 0);
-        filled.clear();
-        context.zeros(quantised, |x, y, seen| {
-            let value = gains.value(seen);
-            if value != 0 {
-                let lifted = (i64::from(value) * units) >> (16 + FEATURE_PLACES);
-                filled.push((context.index(x, y), lifted as i32));
-            }
+    fn fill_zeros(
+        &mut self,
+        frame: &Frame,
+        predictor: &Predictor,
+        band: Band,
+        gains: Gains,
+        units: i64,
+    ) {
+        let Pass { quantised, coarser, decoded, .. } = self;
+        let context = BandContext::new(frame, predictor, quantised, coarser, band, 0);
+        let [decoded, ..] = decoded;
+        context.zeros(quantised, |index, seen| {
+            let value = i64::from(gains.value(seen));
+            decoded[index] = ((value * units) >> (16 + FEATURE_PLACES)) as i32;
         });
-        for (index, lifted) in filled {
-            self.decoded[0][*index] = *lifted;
-        }
     }
 
     /// Takes out of the decoded planes what of the render nothing is predicted from. Only here: contexts look at the
@@ -204,7 +258,7 @@ impl Pass {
         }
     }
 
-    /// Adds the decoded difference to a render, and what was predicted of it from a reference.
+    /// Adds the decoded difference to a render, once it is finished, and what was predicted of it from a reference.
     pub fn add_to(&self, leaned: Option<&Planes>, render: &mut [u8]) {
         let [a, b, c] = &self.decoded;
         let planes = a.iter().zip(b).zip(c).map(|((a, b), c)| [*a, *b, *c]);
@@ -236,4 +290,38 @@ fn dequantised(value: i16, offsets: &[i8; 3], units: i64) -> i32 {
     let parts = i64::from((magnitude << 8) - i32::from(offset));
     let lifted = ((parts * units) >> 24) as i32;
     if value < 0 { -lifted } else { lifted }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::network::COUNT_INPUTS;
+    use super::super::{Step, Tables, WaveletEncoder};
+    use super::*;
+    use crate::Picture;
+
+    /// A picture of few or many details.
+    fn picture(width: u32, height: u32, every: usize) -> Picture {
+        let mut picture = Picture::new(width, height);
+        for (i, value) in picture.data.iter_mut().enumerate() {
+            *value = if i / 3 % every == 0 { (i * i % 251) as u8 } else { 100 };
+        }
+        picture
+    }
+
+    #[test]
+    fn contexts_are_quiet_if_they_see_zeros_alone() {
+        for (width, height) in [(1, 1), (1, 9), (7, 2), (33, 17), (65, 43), (96, 54)] {
+            for (every, step) in [(1, 30), (97, 20), (997, 4)] {
+                let mut encoder = WaveletEncoder::new(width, height, &Tables::generic());
+                encoder.set(&picture(width, height, every), &Picture::new(width, height), true);
+                encoder.choose(Step::new(step), 0.1);
+                encoder.show(|due, _, _| {
+                    let mut counts = [0; COUNT_INPUTS];
+                    due.context.counts(due.quantised, due.x, due.y, &mut counts);
+                    let Due { x, y, .. } = due;
+                    assert_eq!(due.is_quiet(), counts == [0; _], "{:?} {x} {y}", due.context.band);
+                });
+            }
+        }
+    }
 }

@@ -1,5 +1,7 @@
 //! What the tables say of a coefficient: chances of its bits, their costs, and its value.
 
+use wide::{i16x8, i32x4};
+
 use super::fixed::FEATURE_PLACES;
 use super::frame::Frame;
 use super::network::{
@@ -10,30 +12,29 @@ use super::network::{
 use super::range_coder::Probability;
 use super::tables::{Offsets, Tables};
 
-/// Rows of weights in pairs, one pair per output: processors multiply and add two at a time.
+/// Weights of four outputs in pairs: processors multiply and add two at a time.
 #[derive(Clone)]
-struct Layer<const PAIRS: usize, const OUTPUTS: usize>(Box<[[[i16; 2]; OUTPUTS]; PAIRS]>);
+struct Layer<const PAIRS: usize, const FOURS: usize>(Box<[[i16x8; FOURS]; PAIRS]>);
 
-impl<const PAIRS: usize, const OUTPUTS: usize> Layer<PAIRS, OUTPUTS> {
-    fn new(rows: &[[i16; OUTPUTS]]) -> Layer<PAIRS, OUTPUTS> {
-        let mut pairs = Box::new([[[0; 2]; OUTPUTS]; PAIRS]);
-        for (i, row) in rows.iter().enumerate() {
-            for (to, weight) in pairs[i / 2].iter_mut().zip(row) {
-                to[i % 2] = *weight;
-            }
-        }
-        Layer(pairs)
+impl<const PAIRS: usize, const FOURS: usize> Layer<PAIRS, FOURS> {
+    fn new<const OUTPUTS: usize>(rows: &[[i16; OUTPUTS]]) -> Layer<PAIRS, FOURS> {
+        const { assert!(OUTPUTS == 4 * FOURS) };
+        let weight = |pair: usize, i: usize, output: usize| {
+            rows.get(2 * pair + i).map_or(0, |row| row[output])
+        };
+        let four = |pair: usize, four: usize| {
+            i16x8::new(std::array::from_fn(|i| weight(pair, i % 2, 4 * four + i / 2)))
+        };
+        let fours = |pair: usize| std::array::from_fn(|f| four(pair, f));
+        Layer(Box::new(std::array::from_fn(fours)))
     }
 
     /// Adds the products to the sums.
-    fn add(&self, sums: &mut [i32; OUTPUTS], inputs: &[[i16; 2]; PAIRS]) {
-        for (weights, &[a, b]) in self.0.iter().zip(inputs) {
-            // Most contexts are empty.
-            if (a, b) != (0, 0) {
-                for (sum, weights) in sums.iter_mut().zip(weights) {
-                    *sum +=
-                        i32::from(weights[0]) * i32::from(a) + i32::from(weights[1]) * i32::from(b);
-                }
+    fn add(&self, sums: &mut [i32x4; FOURS], inputs: &[[i16; 2]; PAIRS]) {
+        for (weights, [a, b]) in self.0.iter().zip(inputs) {
+            let inputs = i16x8::new([*a, *b, *a, *b, *a, *b, *a, *b]);
+            for (sum, weights) in sums.iter_mut().zip(weights) {
+                *sum += weights.dot(inputs);
             }
         }
     }
@@ -48,26 +49,27 @@ pub type MagnitudeInputs = [[i16; 2]; pairs(MAGNITUDE_INPUTS)];
 /// Of the one for signs.
 pub type SignInputs = [[i16; 2]; pairs(SIGN_INPUTS)];
 
+/// Of the one for quiet contexts.
+pub type QuietInputs = [[i16; 2]; pairs(QUIET_INPUTS)];
+
 /// A band's share of the first layers.
 #[derive(Clone, Copy)]
 pub struct BandBias {
-    magnitude: [i32; HIDDEN],
-    quiet: [i32; HIDDEN_QUIET],
-    sign: [i32; HIDDEN_SIGN],
-}
-
-/// A hidden value of a sum.
-fn hidden(sum: i32) -> i16 {
-    (sum >> WEIGHT_PLACES).clamp(0, LARGEST_HIDDEN) as i16
+    magnitude: [i32x4; HIDDEN / 4],
+    quiet: [i32x4; HIDDEN_QUIET / 4],
+    sign: [i32x4; HIDDEN_SIGN / 4],
 }
 
 /// The hidden values of sums, in pairs.
-fn hidden_pairs<const SUMS: usize, const PAIRS: usize>(sums: &[i32; SUMS]) -> [[i16; 2]; PAIRS] {
-    let mut values = [[0; 2]; PAIRS];
-    for (to, sum) in values.as_flattened_mut().iter_mut().zip(sums) {
-        *to = hidden(*sum);
+fn hidden<const FOURS: usize, const PAIRS: usize>(sums: &[i32x4; FOURS]) -> [[i16; 2]; PAIRS] {
+    const { assert!(PAIRS == 2 * FOURS) };
+    let mut pairs = [[0; 2]; PAIRS];
+    for (to, sums) in pairs.as_chunks_mut::<2>().0.iter_mut().zip(sums) {
+        let sums = *sums >> WEIGHT_PLACES;
+        let values = sums.max(i32x4::ZERO).min(i32x4::splat(LARGEST_HIDDEN)).to_array();
+        *to = [[values[0] as i16, values[1] as i16], [values[2] as i16, values[3] as i16]];
     }
-    values
+    pairs
 }
 
 fn logit(sum: i32) -> Logit {
@@ -75,18 +77,25 @@ fn logit(sum: i32) -> Logit {
     (sum >> places).clamp(-LARGEST_LOGIT, LARGEST_LOGIT) as Logit
 }
 
-fn biases<const N: usize>(bias: &[i16; N]) -> [i32; N] {
-    bias.map(|b| i32::from(b) << FEATURE_PLACES)
+/// Biases as sums.
+fn biases<const N: usize, const FOURS: usize>(bias: &[i16; N]) -> [i32x4; FOURS] {
+    const { assert!(N == 4 * FOURS) };
+    std::array::from_fn(|four| {
+        let of = |i: usize| i32::from(bias[4 * four + i]) << FEATURE_PLACES;
+        i32x4::new(std::array::from_fn(of))
+    })
 }
 
 /// Tables, ready for use.
 pub struct Predictor {
     networks: Networks,
-    magnitude_1: Layer<{ pairs(MAGNITUDE_INPUTS) }, HIDDEN>,
-    magnitude_2: Layer<{ pairs(HIDDEN) }, HIDDEN_2>,
-    magnitude_3: Layer<{ pairs(HIDDEN_2) }, LOGITS>,
-    quiet_1: Layer<{ pairs(QUIET_INPUTS) }, HIDDEN_QUIET>,
-    sign_1: Layer<{ pairs(SIGN_INPUTS) }, HIDDEN_SIGN>,
+    magnitude_1: Layer<{ pairs(MAGNITUDE_INPUTS) }, { HIDDEN / 4 }>,
+    magnitude_bias_2: [i32x4; HIDDEN_2 / 4],
+    magnitude_2: Layer<{ HIDDEN / 2 }, { HIDDEN_2 / 4 }>,
+    magnitude_bias_3: [i32x4; LOGITS / 4],
+    magnitude_3: Layer<{ HIDDEN_2 / 2 }, { LOGITS / 4 }>,
+    quiet_1: Layer<{ pairs(QUIET_INPUTS) }, { HIDDEN_QUIET / 4 }>,
+    sign_1: Layer<{ pairs(SIGN_INPUTS) }, { HIDDEN_SIGN / 4 }>,
     /// Where coefficients lie in their intervals.
     pub offsets: Offsets,
     /// Chances of logits.
@@ -118,6 +127,8 @@ impl Predictor {
         let networks = tables.networks.clone();
         Predictor {
             magnitude_1: Layer::new(&networks.magnitude_1),
+            magnitude_bias_2: biases(&networks.magnitude_bias_2),
+            magnitude_bias_3: biases(&networks.magnitude_bias_3),
             magnitude_2: Layer::new(&networks.magnitude_2),
             magnitude_3: Layer::new(&networks.magnitude_3),
             quiet_1: Layer::new(&networks.quiet_1),
@@ -146,43 +157,42 @@ impl Predictor {
     pub fn magnitude(&self, band: &BandBias, inputs: &MagnitudeInputs) -> [Logit; LOGITS] {
         let mut first = band.magnitude;
         self.magnitude_1.add(&mut first, inputs);
-        let mut second = biases(&self.networks.magnitude_bias_2);
-        self.magnitude_2.add(&mut second, &hidden_pairs(&first));
-        let mut third = biases(&self.networks.magnitude_bias_3);
-        self.magnitude_3.add(&mut third, &hidden_pairs(&second));
-        third.map(logit)
+        let mut second = self.magnitude_bias_2;
+        self.magnitude_2.add(&mut second, &hidden(&first));
+        let mut third = self.magnitude_bias_3;
+        self.magnitude_3.add(&mut third, &hidden(&second));
+        let [logits] = third;
+        logits.to_array().map(logit)
     }
 
     /// Logit of a coefficient that is not zero, in a quiet context.
-    pub fn quiet(&self, band: &BandBias, inputs: &MagnitudeInputs) -> Logit {
+    pub fn quiet(&self, band: &BandBias, inputs: &QuietInputs) -> Logit {
         let mut first = band.quiet;
-        // Both kinds of inputs are even in number but for the last, so that pairs stay pairs.
-        const QUIET: usize = COUNT_INPUTS / 2;
-        let inputs = std::array::from_fn(|i| inputs[QUIET + i]);
-        self.quiet_1.add(&mut first, &inputs);
-        output(&first, &self.networks.quiet_2, self.networks.quiet_bias_2)
+        self.quiet_1.add(&mut first, inputs);
+        let hidden: [_; HIDDEN_QUIET / 2] = hidden(&first);
+        output(hidden.as_flattened(), &self.networks.quiet_2, self.networks.quiet_bias_2)
     }
 
     /// Logit of a minus sign.
     pub fn sign(&self, band: &BandBias, inputs: &SignInputs) -> Logit {
         let mut first = band.sign;
         self.sign_1.add(&mut first, inputs);
-        output(&first, &self.networks.sign_2, self.networks.sign_bias_2)
+        let hidden: [_; HIDDEN_SIGN / 2] = hidden(&first);
+        output(hidden.as_flattened(), &self.networks.sign_2, self.networks.sign_bias_2)
     }
 }
 
-/// The logit of a hidden layer's sums.
-fn output<const N: usize>(sums: &[i32; N], weights: &[i16; N], bias: i16) -> Logit {
-    let bias = i32::from(bias) << FEATURE_PLACES;
-    let products = weights.iter().zip(sums);
-    logit(products.fold(bias, |sum, (w, v)| sum + i32::from(*w) * i32::from(hidden(*v))))
+/// The logit of a hidden layer's values.
+fn output(hidden: &[i16], weights: &[i16], bias: i16) -> Logit {
+    let products = weights.iter().zip(hidden).map(|(w, v)| i32::from(*w) * i32::from(*v));
+    logit((i32::from(bias) << FEATURE_PLACES) + products.sum::<i32>())
 }
 
 const _: () = assert!(COUNT_INPUTS.is_multiple_of(2));
 
-fn add<const N: usize>(sums: &mut [i32; N], values: &[i32; N]) {
+fn add<const N: usize>(sums: &mut [i32x4; N], values: &[i32x4; N]) {
     for (sum, value) in sums.iter_mut().zip(values) {
-        *sum += value;
+        *sum += *value;
     }
 }
 

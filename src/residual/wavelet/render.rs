@@ -17,7 +17,8 @@ pub struct RenderBands {
     pub energy: [Vec<i32>; PLANES],
     /// Low band of each plane by level; rows as wide as the band.
     pub low: [[Vec<i32>; MAX_LEVELS + 1]; PLANES],
-    row: Vec<i32>,
+    /// Room for a few rows.
+    rows: Vec<i32>,
 }
 
 impl RenderBands {
@@ -33,7 +34,7 @@ impl RenderBands {
             planes: planes(),
             energy: planes(),
             low: std::array::from_fn(|_| std::array::from_fn(low)),
-            row: vec![0; 3 * geometry.width],
+            rows: vec![0; 4 * geometry.width + 2],
         }
     }
 
@@ -53,7 +54,7 @@ impl RenderBands {
             }
         }
         for (plane, energy) in self.planes.iter().zip(&mut self.energy) {
-            box_mean(plane, geometry, &mut self.row, energy);
+            box_mean(plane, geometry, &mut self.rows, energy);
         }
     }
 }
@@ -61,23 +62,29 @@ impl RenderBands {
 /// Mean magnitude over three by three values; those beyond the edge count as zero.
 pub fn box_mean(plane: &[i32], geometry: &Geometry, rows: &mut [i32], into: &mut [i32]) {
     let width = geometry.width;
-    rows.fill(0);
+    // Sums along three rows, in turn; and a row's magnitudes between two zeros.
+    let (sums, magnitudes) = rows.split_at_mut(3 * width);
+    sums.fill(0);
     for y in 0..=geometry.height {
-        // Sums along row y, in the place of row y − 3.
-        let sums = &mut rows[y % 3 * width..][..width];
-        match plane.get(y * width..(y + 1) * width).filter(|_| y < geometry.height) {
-            Some(row) => {
-                for (x, sum) in sums.iter_mut().enumerate() {
-                    let from = &row[x.saturating_sub(1)..(x + 2).min(width)];
-                    *sum = from.iter().map(|v| v.wrapping_abs()).fold(0, i32::wrapping_add);
-                }
+        let sums_here = &mut sums[y % 3 * width..][..width];
+        if y < geometry.height {
+            let row = &plane[y * width..(y + 1) * width];
+            for (to, value) in magnitudes[1..].iter_mut().zip(row) {
+                *to = value.wrapping_abs();
             }
-            None => sums.fill(0),
+            let next = magnitudes[1..].iter().zip(&magnitudes[2..]);
+            for (sum, (a, (b, c))) in sums_here.iter_mut().zip(magnitudes.iter().zip(next)) {
+                *sum = a.wrapping_add(*b).wrapping_add(*c);
+            }
+        } else {
+            sums_here.fill(0);
         }
         if y > 0 {
-            for (x, to) in into[(y - 1) * width..y * width].iter_mut().enumerate() {
-                let sum = rows[x].wrapping_add(rows[width + x]).wrapping_add(rows[2 * width + x]);
-                *to = sum / 9;
+            let (first, others) = sums.split_at(width);
+            let (second, third) = others.split_at(width);
+            let to = into[(y - 1) * width..y * width].iter_mut();
+            for (to, (a, (b, c))) in to.zip(first.iter().zip(second.iter().zip(third))) {
+                *to = a.wrapping_add(*b).wrapping_add(*c) / 9;
             }
         }
     }

@@ -51,11 +51,11 @@ impl Sampler {
     pub fn visit(&mut self, step: Step, mut visit: impl FnMut(Sample)) {
         self.encoder.choose(step, LAMBDA);
         self.encoder.show(|due, value, wanted| {
-            let (inputs, context) = (due.inputs(), due.context);
+            let context = due.context;
             let (rank, orientation) = (context.band.rank(), context.band.orientation.index());
             visit(Sample {
-                magnitude: first(inputs.magnitude.as_flattened()),
-                sign: first(inputs.sign.as_flattened()),
+                magnitude: first(due.magnitude_inputs().as_flattened()),
+                sign: first(due.sign_inputs().as_flattened()),
                 band: [rank, orientation, context.plane].map(|v| v as u8),
                 value,
                 wanted,

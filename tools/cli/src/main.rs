@@ -23,7 +23,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use nvsprior_inputs::values::WrongUsage;
-use nvsprior_lab::{bench, stability, verify_device};
+use nvsprior_lab::{bench, link, stability, verify_device};
 
 /// Pictures through an acoustic modem: image compression against a 3D Gaussian Splatting prior.
 ///
@@ -45,6 +45,7 @@ enum Command {
     Decode(decode::Args),
     Split(split::Args),
     Join(join::Args),
+    Link(link::Args),
     Render(render::Args),
     Inspect(inspect::Args),
     Map(map::Args),
@@ -66,6 +67,7 @@ fn main() -> ExitCode {
         Command::Decode(args) => decode::run(&args),
         Command::Split(args) => split::run(&args),
         Command::Join(args) => join::run(&args),
+        Command::Link(args) => link::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Map(args) => map::run(&args),

@@ -1,4 +1,4 @@
-//! `nvsprior split` and `join`: packets through a modem, as files and as datagrams; `nvsprior devices`.
+//! `nvsprior split` and `join`: packets through a modem, as files and as datagrams; `nvsprior link`; `nvsprior devices`.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -50,6 +50,78 @@ fn of_a_packet_with_a_gap_what_comes_before_it_is_shown() {
     dive.run(&format!("{DECODE} joined --joined")).ends_with(0);
     let shown = dive.picture("out/00000000.png").psnr(&pictures()[0]);
     assert!(shown > render, "{render} dB of the render, {shown} dB");
+}
+
+const LINK: &str =
+    "link --prior prior.ply --cameras cameras.json --threshold 1e-2 --fps 10 --bit-rate 16000";
+
+#[test]
+fn a_link_tells_what_the_pilot_sees() {
+    let dive = Dive::new();
+    let run = format!("{LINK} --seconds 2 --loss 0,0.3 --seed 4 --report");
+    dive.run(&format!("{run} one")).ends_with(0);
+    let link = dive.json("one/link.json");
+    let settings = link["settings"].as_array().unwrap();
+    let psnr = |at: usize| settings[at]["shown_psnr"].as_f64().unwrap();
+    assert_eq!(link["shown_psnr"], settings[0]["shown_psnr"]);
+    assert!(psnr(1) > 20.0 && psnr(0) > psnr(1), "{} {}", psnr(0), psnr(1));
+    for setting in settings {
+        let bytes = setting["bytes"].as_object().unwrap();
+        let sum: u64 = bytes
+            .iter()
+            .filter(|(name, _)| *name != "total")
+            .map(|(_, n)| n.as_u64().unwrap())
+            .sum();
+        assert_eq!(bytes["total"], sum);
+        assert!(setting["worst_second_bits"].as_f64().unwrap() <= 16_000.0 + 1e-3);
+        assert!(setting["latency_ms"].as_f64().unwrap() <= 1500.0);
+        assert!(setting["pictures_per_second"].as_f64().unwrap() > 5.0);
+        let shown = setting["shown"].as_object().unwrap();
+        assert_eq!(shown.values().map(|n| n.as_u64().unwrap()).sum::<u64>(), 20);
+    }
+    assert_eq!(settings[0]["lost_frames"], 0);
+    assert_eq!(settings[0]["shown"]["own"], 20);
+    assert!(settings[1]["repaired"].as_u64().unwrap() > 0);
+    let rows = String::from_utf8(dive.bytes("one/frames.csv")).unwrap();
+    assert_eq!(rows.lines().count(), 1 + 2 * 20);
+    assert!(dive.bytes("one/link.svg").starts_with(b"<svg"));
+    // The same arguments give the same result.
+    dive.run(&format!("{run} two")).ends_with(0);
+    for file in ["link.json", "frames.csv"] {
+        assert!(dive.bytes(&format!("one/{file}")) == dive.bytes(&format!("two/{file}")), "{file}");
+    }
+}
+
+#[test]
+fn a_return_channel_brings_back_what_a_blackout_took() {
+    let dive = Dive::new();
+    let run = format!("{LINK} --seconds 4 --blackout 0.6 --latency 3");
+    dive.run(&format!("{run} --report without")).ends_with(0);
+    dive.run(&format!("{run} --report with --return-delay 0.3 --half-duplex --reorder 0.1"))
+        .ends_with(0);
+    let shown = |folder: &str, way: &str| {
+        dive.json(&format!("{folder}/link.json"))["shown"][way].as_u64().unwrap()
+    };
+    assert!(shown("without", "between") >= 3, "{}", shown("without", "between"));
+    assert!(shown("with", "own") > shown("without", "own"));
+    assert!(dive.json("with/link.json")["bytes"]["resent"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn a_link_that_cannot_be_is_refused() {
+    let dive = Dive::new();
+    for (args, text) in [
+        ("--loss 1", "a loss of 1"),
+        ("--burst 0.5", "in bursts of 0.5"),
+        ("--latency 0.15", "latency"),
+        ("--bit-rate 0", "between 0.01 and 1e9"),
+        ("--mtu 15", "--mtu"),
+        ("--half-duplex", "--return-delay"),
+    ] {
+        dive.run(&format!("{} {args} --report x", LINK.replace(" --bit-rate 16000", "")))
+            .ends_with(2)
+            .says(text);
+    }
 }
 
 #[test]

@@ -2,17 +2,19 @@
 
 mod affine;
 mod external;
+mod frames;
 mod own;
 mod point;
 mod rates;
 mod report;
 mod run;
+mod times;
 
 use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context as _;
-use nvsprior::EncoderOptions;
+use nvsprior::{EncoderOptions, Pose};
 use nvsprior_inputs::args::progress;
 
 use super::context::{Context, Shot};
@@ -31,7 +33,9 @@ pub struct CodecsArgs {
     /// The wavelet coder and WebP are built in. JPEG XL needs `cjxl` and `djxl`. The video coders (x264, x265, libaom,
     /// SVT-AV1, VVenC) need `ffmpeg` with them. Coders that are not installed are named. Bytes are payloads without
     /// containers. The bytes of a difference picture include what a steady packet adds: a latent part of 19 bytes, the
-    /// payload's length, and a check of 2. Writes codecs.json, codecs.csv, codecs-rates.csv and codecs.svg.
+    /// payload's length, and a check of 2. Also measures the wavelet coder's time beside that of a forward render, and
+    /// holds it against WebP frame by frame, at equal bytes. Writes codecs.json, codecs.csv, codecs-rates.csv,
+    /// codecs-times.csv, codecs-frames.csv and codecs.svg.
     #[arg(long, conflicts_with_all = ["ablation", "recovery"])]
     pub codecs: bool,
 }
@@ -48,8 +52,16 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
             "{file}: of another size than the first frame; --codecs needs frames of one size"
         );
     }
-    let run = found(context)?;
+    let (run, poses) = found(context)?;
     let wavelet = Own::wavelet(&context.scene, context.engine.device().portable);
+    let bar = progress(times::RATES.len(), "the wavelet coder's time");
+    let times = times::measure(context, &run, &poses, || bar.inc(1))?;
+    bar.finish_and_clear();
+    let bar = progress(run.frames.len(), "frame by frame");
+    let names = context.shots.iter().map(|shot| shot.file.as_str());
+    let (tables, portable) = (context.scene.coder_tables(), context.engine.device().portable);
+    let frames = frames::measure(&run, names, tables, portable, || bar.inc(1))?;
+    bar.finish_and_clear();
     let mut report = Measured::default();
     report.plain(&run, &wavelet)?;
     report.webp(&affine::warped(&run), affine::FOUND)?;
@@ -61,6 +73,10 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
         })),
     }
     report::print(&run, &report.points, &report.missing);
+    frames::print(&frames);
+    frames::write(&folder.join("codecs-frames.csv"), &frames)?;
+    times::print(&times);
+    times::write(&folder.join("codecs-times.csv"), &times)?;
     report::write(folder, &report.points, &report.missing)
 }
 
@@ -120,21 +136,22 @@ impl Measured {
     }
 }
 
-/// The frames beside the renders at the poses that the encoder finds.
-fn found(context: &mut Context) -> anyhow::Result<Run> {
+/// The frames beside the renders at the poses that the encoder finds, and these poses.
+fn found(context: &mut Context) -> anyhow::Result<(Run, Vec<Pose>)> {
     let options = EncoderOptions { rate: None, ..context.options() };
     let mut encoder = context.encoder(options)?;
-    let (mut frames, mut renders) = (Vec::new(), Vec::new());
+    let (mut frames, mut renders, mut poses) = (Vec::new(), Vec::new(), Vec::new());
     let bar = progress(context.shots.len(), "renders");
     for Shot { file, picture, external, .. } in &context.shots {
         let encoded =
             encoder.encode(picture, *external).with_context(|| format!("encoding {file}"))?;
         frames.push(picture.clone());
         renders.push(encoded.render);
+        poses.push(encoded.pose);
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(Run::new(frames, renders, Beside::default()))
+    Ok((Run::new(frames, renders, Beside::default()), poses))
 }
 
 /// The run with renders at an estimator's poses: the camera file's, moved off by as much as the paper says of

@@ -28,7 +28,7 @@ impl Own {
             tables: scene.coder_tables().clone(),
             portable,
             // Budgets reach coarser than quality 0.
-            rates: [60, 100, 180]
+            rates: [30, 60, 100, 180]
                 .map(Rate::Bytes)
                 .into_iter()
                 .chain(qualities([0.0, 6.0, 12.0, 18.0, 24.0, 30.0, 36.0, 46.0, 60.0, 80.0]))

@@ -3,7 +3,7 @@
 use super::point::{Input, Mode, Point, bd_rate, bytes_at};
 
 /// PSNR at which coders are compared, dB.
-pub const LEVELS: [f64; 5] = [30.0, 31.0, 32.0, 33.0, 34.0];
+pub const LEVELS: [f64; 7] = [30.0, 31.0, 32.0, 33.0, 34.0, 35.0, 36.0];
 
 /// Points of one coder, input and mode.
 pub struct Curve<'a> {

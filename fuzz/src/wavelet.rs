@@ -1,0 +1,66 @@
+//! Payloads of the wavelet coder: any bytes must give a picture, and the same one each time.
+//!
+//! The first byte of the input says which picture the payload belongs to, and whether the payload was cut short.
+
+use std::cell::RefCell;
+
+use nvsprior::Picture;
+use nvsprior::packet::{Coder, Residual, ResidualStart};
+use nvsprior::residual::wavelet::Tables;
+use nvsprior::residual::{ResidualDecoder, ResidualError};
+
+/// Sizes of pictures. Small ones, so that inputs take microseconds.
+const SIZES: [(u32, u32); 8] =
+    [(1, 1), (1, 9), (7, 2), (8, 8), (16, 12), (33, 17), (40, 24), (64, 48)];
+
+thread_local! {
+    /// Decoders that have seen all earlier inputs, by size.
+    static USED: RefCell<Vec<ResidualDecoder>> =
+        RefCell::new(SIZES.iter().map(|size| fresh(*size)).collect());
+}
+
+fn fresh((width, height): (u32, u32)) -> ResidualDecoder {
+    ResidualDecoder::new(width, height, &Tables::generic())
+}
+
+/// A picture with a slope, an edge and texture.
+fn render((width, height): (u32, u32)) -> Picture {
+    let mut picture = Picture::new(width, height);
+    for (at, value) in picture.data.iter_mut().enumerate() {
+        let (x, y) = (at as u32 / 3 % width, at as u32 / 3 / width);
+        let edge = if (x / 9 + y / 7) % 3 == 0 { 60 } else { 0 };
+        *value = (40 + 2 * x + y + edge + (x * 7919 + y * 104_729) % 23 + at as u32 % 3) as u8;
+    }
+    picture
+}
+
+pub fn run(input: &[u8]) {
+    let Some((&choice, payload)) = input.split_first() else { return };
+    let at = usize::from(choice & 7);
+    let (start, portable) = (choice & 8 != 0, choice & 16 == 0);
+    let render = render(SIZES[at]);
+    let decode = |decoder: &mut ResidualDecoder| {
+        let mut shown = render.clone();
+        let coder = Coder::Wavelet;
+        let outcome = if start {
+            let payload_len = payload.len() + usize::from(choice >> 5);
+            decoder
+                .add_start(&ResidualStart { coder, payload, payload_len }, portable, &mut shown)
+                .map(drop)
+        } else {
+            decoder.add(&Residual::Coded { coder, payload }, portable, &mut shown).map(drop)
+        };
+        (outcome, shown)
+    };
+    let (outcome, shown) = USED.with_borrow_mut(|used| decode(&mut used[at]));
+    match &outcome {
+        Ok(()) => {}
+        // Only a payload that looks at the render is refused, and nothing is drawn then.
+        Err(ResidualError::OtherRender) => assert!(!portable && shown == render),
+        Err(other) => panic!("{other}"),
+    }
+    // What was decoded before must not show. A decoder takes long to make, so one input in 16 is compared.
+    if payload.first().is_some_and(|byte| byte % 16 == 0) {
+        assert_eq!(decode(&mut fresh(SIZES[at])), (outcome, shown));
+    }
+}

@@ -1,0 +1,74 @@
+//! What the first layer holds: the other layers, user bytes and the packet's start.
+
+use super::header::{number_len, put_number, take_number};
+use super::sharing::Layer;
+
+/// Most layers of a packet.
+pub(super) const MAX_LAYERS: usize = 8;
+/// Bit of the first byte: user bytes follow.
+const USER: u8 = 1 << 3;
+
+/// What the first layer says of the others, and the user bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Contents<'a> {
+    /// The layers after the first. Those beyond `others` are empty.
+    pub(super) layers: [Layer; MAX_LAYERS - 1],
+    /// How many there are.
+    pub(super) others: usize,
+    pub(super) user: Option<&'a [u8]>,
+}
+
+/// Bytes that the layers and the user bytes take in the first layer.
+pub(super) fn contents_len(others: &[Layer], user: Option<&[u8]>) -> usize {
+    let layers = others.iter().map(|layer| number_len(layer.threshold) + number_len(layer.chunk));
+    1 + layers.sum::<usize>() + user.map_or(0, |user| 1 + user.len())
+}
+
+/// Appends them.
+pub(super) fn put_contents(others: &[Layer], user: Option<&[u8]>, bytes: &mut Vec<u8>) {
+    let flag = if user.is_some() { USER } else { 0 };
+    bytes.push(flag | others.len() as u8);
+    for layer in others {
+        put_number(layer.threshold, bytes);
+        put_number(layer.chunk, bytes);
+    }
+    if let Some(user) = user {
+        bytes.push(user.len() as u8);
+        bytes.extend(user);
+    }
+}
+
+/// Reads them from the start of the first layer; returns the packet's bytes after them. `None` if they are not what a
+/// sender writes: thresholds grow from the first layer's on to at most `count`, and the chunks take `data` bytes.
+pub(super) fn take_contents(
+    mut bytes: &[u8],
+    first: Layer,
+    count: usize,
+    data: usize,
+) -> Option<(Contents<'_>, &[u8])> {
+    let (&flags, rest) = bytes.split_first()?;
+    bytes = rest;
+    let mut contents = Contents { others: usize::from(flags & 7), ..Contents::default() };
+    if flags & !(USER | 7) != 0 {
+        return None;
+    }
+    let (mut threshold, mut taken) = (first.threshold, first.chunk);
+    for layer in &mut contents.layers[..contents.others] {
+        *layer = Layer { threshold: take_number(&mut bytes)?, chunk: take_number(&mut bytes)? };
+        let sound = layer.threshold > threshold && layer.threshold <= count && layer.chunk > 0;
+        if !sound {
+            return None;
+        }
+        threshold = layer.threshold;
+        taken += layer.chunk;
+    }
+    if taken != data {
+        return None;
+    }
+    if flags & USER != 0 {
+        let (&length, rest) = bytes.split_first()?;
+        let (user, rest) = rest.split_at_checked(usize::from(length))?;
+        (contents.user, bytes) = (Some(user), rest);
+    }
+    Some((contents, bytes))
+}

@@ -1,0 +1,109 @@
+//! The wavelet coder beside WebP on each single frame, at equal bytes.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use nvsprior::packet::{Residual, residual_part_len};
+use nvsprior::residual::wavelet::Tables;
+use nvsprior::residual::{CodedResidual, Rate, ResidualCoder, ResidualEncoder, ResidualSetup};
+
+use super::run::Run;
+
+/// WebP's qualities. Each gives a frame's bytes, with which the wavelet coder must do.
+pub const QUALITIES: [f32; 9] = [0.0, 2.0, 6.0, 15.0, 25.0, 35.0, 50.0, 65.0, 85.0];
+
+/// A frame with as many bytes as WebP takes at a quality.
+pub struct Row {
+    frame: String,
+    quality: f32,
+    webp: Coded,
+    wavelet: Coded,
+}
+
+#[derive(Clone, Copy)]
+struct Coded {
+    /// Of the payload.
+    bytes: usize,
+    psnr: f64,
+}
+
+impl Coded {
+    fn of(coded: &CodedResidual) -> Coded {
+        let bytes = match coded.residual {
+            Residual::Coded { payload, .. } => payload.len(),
+            _ => 0,
+        };
+        Coded { bytes, psnr: coded.psnr }
+    }
+}
+
+impl Row {
+    /// How much better the wavelet coder's picture is, dB.
+    fn gain(&self) -> f64 {
+        self.wavelet.psnr - self.webp.psnr
+    }
+}
+
+/// Codes each frame at each of [`QUALITIES`]. `names`: the frames' files.
+pub fn measure<'a>(
+    run: &Run,
+    names: impl Iterator<Item = &'a str>,
+    tables: &Arc<Tables>,
+    portable: bool,
+    done: impl Fn(),
+) -> anyhow::Result<Vec<Row>> {
+    let (width, height) = (run.frames[0].width, run.frames[0].height);
+    let encoder = |coder| {
+        let tables = tables.clone();
+        ResidualEncoder::new(&ResidualSetup { width, height, coder, tables, portable })
+    };
+    let mut webp = encoder(ResidualCoder::Webp);
+    let mut wavelet = encoder(ResidualCoder::Wavelet);
+    let mut rows = Vec::new();
+    for ((frame, render), name) in run.frames.iter().zip(&run.renders).zip(names) {
+        for quality in QUALITIES {
+            let webp = Coded::of(&webp.encode(frame, render, Rate::Quality(quality), 0)?);
+            let budget = Rate::Bytes(residual_part_len(webp.bytes));
+            let wavelet = Coded::of(&wavelet.encode(frame, render, budget, 0)?);
+            anyhow::ensure!(wavelet.bytes <= webp.bytes, "{name}: more bytes than the budget");
+            rows.push(Row { frame: name.into(), quality, webp, wavelet });
+        }
+        done();
+    }
+    Ok(rows)
+}
+
+/// Prints the least gain, and how many there are below zero.
+pub fn print(rows: &[Row]) {
+    let Some(least) = rows.iter().min_by(|a, b| a.gain().total_cmp(&b.gain())) else { return };
+    let worse = rows.iter().filter(|row| row.gain() < 0.0).count();
+    println!(
+        "frame by frame, with WebP's bytes: the wavelet coder is worse in {worse} of {} cases; the least gain is {:+.2} dB, \
+         {} with {} bytes",
+        rows.len(),
+        least.gain(),
+        least.frame,
+        least.webp.bytes
+    );
+}
+
+/// Writes them as CSV.
+pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
+    let writing = || format!("writing {}", path.display());
+    let mut table = csv::Writer::from_path(path).with_context(writing)?;
+    table.write_record([
+        "frame",
+        "webp_quality",
+        "webp_bytes",
+        "webp_psnr",
+        "wavelet_bytes",
+        "wavelet_psnr",
+    ])?;
+    for Row { frame, quality, webp, wavelet } in rows {
+        let coded = |coded: &Coded| [coded.bytes.to_string(), format!("{:.3}", coded.psnr)];
+        let numbers = [coded(webp), coded(wavelet)].concat();
+        table.write_record([frame.clone(), quality.to_string()].into_iter().chain(numbers))?;
+    }
+    table.flush().with_context(writing)
+}

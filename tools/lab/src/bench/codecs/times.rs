@@ -1,0 +1,157 @@
+//! The wavelet coder's time, in milliseconds and in forward renders just before.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use nvsprior::Pose;
+use nvsprior::packet::Residual;
+use nvsprior::residual::{Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
+
+use super::super::context::Context;
+use super::super::statistics::{Spread, median};
+use super::run::Run;
+use super::timed;
+
+/// What is measured: a quality is one coding, a budget and a PSNR are searches.
+pub const RATES: [(&str, Rate); 10] = [
+    ("quality 0", Rate::Quality(0.0)),
+    ("quality 20", Rate::Quality(20.0)),
+    ("quality 40", Rate::Quality(40.0)),
+    ("100 bytes", Rate::Bytes(100)),
+    ("300 bytes", Rate::Bytes(300)),
+    ("1000 bytes", Rate::Bytes(1000)),
+    ("31 dB", Rate::Psnr(31.0)),
+    ("32 dB", Rate::Psnr(32.0)),
+    ("33 dB", Rate::Psnr(33.0)),
+    ("36 dB", Rate::Psnr(36.0)),
+];
+/// Codings of a frame, of which the median counts.
+const REPEATS: usize = 3;
+
+/// The frames' times at a rate.
+pub struct Row {
+    rate: &'static str,
+    /// Means per frame.
+    codings: f64,
+    payload: f64,
+    psnr: f64,
+    encode: Time,
+    decode: Time,
+}
+
+/// Times over the frames.
+struct Time {
+    ms: Spread,
+    in_forward_renders: Spread,
+}
+
+impl Time {
+    /// Of milliseconds, each with those of a forward render.
+    fn of(times: &[(f64, f64)]) -> Time {
+        Time {
+            ms: Spread::of(times.iter().map(|(ms, _)| *ms)),
+            in_forward_renders: Spread::of(times.iter().map(|(ms, forward)| ms / forward)),
+        }
+    }
+}
+
+/// Codes the run at each rate. `poses`: where the renders were drawn.
+pub fn measure(
+    context: &mut Context,
+    run: &Run,
+    poses: &[Pose],
+    done: impl Fn(),
+) -> anyhow::Result<Vec<Row>> {
+    let (width, height) = (run.frames[0].width, run.frames[0].height);
+    let (tables, portable) =
+        (context.scene.coder_tables().clone(), context.engine.device().portable);
+    let setup = ResidualSetup { width, height, coder: ResidualCoder::Wavelet, tables, portable };
+    let mut encoder = ResidualEncoder::new(&setup);
+    let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
+    let count = run.frames.len() as f64;
+    let mut rows = Vec::new();
+    for (name, rate) in RATES {
+        let (mut codings, mut payload, mut psnr) = (0.0, 0.0, 0.0);
+        let (mut encodings, mut decodings) = (Vec::new(), Vec::new());
+        for (i, (frame, render)) in run.frames.iter().zip(&run.renders).enumerate() {
+            let forward = context.forward.measure(&context.shots[i].camera, &poses[i])?;
+            let (mut encode, mut decode) = ([0.0; REPEATS], [0.0; REPEATS]);
+            for (encode, decode) in encode.iter_mut().zip(&mut decode) {
+                let (coded, ms) = timed(|| Ok(encoder.encode(frame, render, rate, 0)?))?;
+                *encode = ms;
+                let mut shown = render.clone();
+                let ((), ms) = timed(|| Ok(decoder.add(&coded.residual, portable, &mut shown)?))?;
+                *decode = ms;
+                let share = 1.0 / (count * REPEATS as f64);
+                codings += f64::from(coded.probes) * share;
+                psnr += coded.psnr * share;
+                if let Residual::Coded { payload: bytes, .. } = coded.residual {
+                    payload += bytes.len() as f64 * share;
+                }
+            }
+            encodings.push((median(encode), forward));
+            decodings.push((median(decode), forward));
+        }
+        let (encode, decode) = (Time::of(&encodings), Time::of(&decodings));
+        rows.push(Row { rate: name, codings, payload, psnr, encode, decode });
+        done();
+    }
+    Ok(rows)
+}
+
+/// Prints the times.
+pub fn print(rows: &[Row]) {
+    println!(
+        "the wavelet coder's time; a forward render just before is the unit of the columns `renders`"
+    );
+    println!(
+        "{:<12} {:>7} {:>7} {:>6} {:>9} {:>8} {:>6} {:>9} {:>8} {:>6}",
+        "rate",
+        "codings",
+        "payload",
+        "dB",
+        "encode ms",
+        "renders",
+        "95 %",
+        "decode ms",
+        "renders",
+        "95 %"
+    );
+    for Row { rate, codings, payload, psnr, encode, decode } in rows {
+        let time = |time: &Time| {
+            let Time { ms, in_forward_renders: renders } = time;
+            format!("{:>9.2} {:>8.2} {:>6.2}", ms.median, renders.median, renders.p95)
+        };
+        let (encode, decode) = (time(encode), time(decode));
+        println!("{rate:<12} {codings:>7.1} {payload:>7.0} {psnr:>6.2} {encode} {decode}");
+    }
+}
+
+/// Writes them as CSV.
+pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
+    let writing = || format!("writing {}", path.display());
+    let mut table = csv::Writer::from_path(path).with_context(writing)?;
+    table.write_record([
+        "rate",
+        "codings",
+        "payload",
+        "psnr",
+        "encode_ms",
+        "encode_in_forward_renders",
+        "encode_in_forward_renders_p95",
+        "decode_ms",
+        "decode_in_forward_renders",
+        "decode_in_forward_renders_p95",
+    ])?;
+    for Row { rate, codings, payload, psnr, encode, decode } in rows {
+        let time = |time: &Time| {
+            let Time { ms, in_forward_renders: renders } = time;
+            [ms.median, renders.median, renders.p95]
+        };
+        let times = [time(encode), time(decode)].concat();
+        let numbers = [*codings, *payload, *psnr].into_iter().chain(times);
+        let numbers = numbers.map(|number| format!("{number:.3}"));
+        table.write_record(std::iter::once(rate.to_string()).chain(numbers))?;
+    }
+    table.flush().with_context(writing)
+}

@@ -1,0 +1,311 @@
+//! `nvsprior link`: encoder, simulated acoustic channel and decoder in one command.
+
+mod channel;
+mod chart;
+mod report;
+mod simulation;
+mod topside;
+mod vehicle;
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use nvsprior::Picture;
+use nvsprior::image::Preprocessor;
+use nvsprior::modem::{Loss, ModemError};
+use nvsprior::tracking::Known;
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
+use nvsprior_inputs::frame_file;
+use nvsprior_inputs::input::{Input, InputArgs};
+use nvsprior_inputs::values::{self, WrongUsage};
+
+use report::Outcome;
+use simulation::Simulation;
+
+/// Send a run of frames over a simulated acoustic link, and see what the pilot sees
+///
+/// Frames come at --fps. If there are fewer than --seconds take, the run is gone through forth and back. A rate control
+/// gives each frame its bytes. Packets are spread over modem frames (*shares*) so that those that arrive give a picture,
+/// whichever they are. The channel carries --bit-rate, and loses modem frames one by one or in bursts. The topside shows
+/// each camera frame --latency after its exposure: its own picture, as far as it has come by then; else the prior, drawn
+/// at a pose between those of frames before and after; else the picture before. Its PSNR against the frame is the figure:
+/// all camera frames count, those that were left out or lost, too.
+///
+/// Give several values to --loss to compare them. Writes link.json, frames.csv and link.svg. The same arguments give the
+/// same result.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    prior: PriorArgs,
+    #[command(flatten)]
+    input: InputArgs,
+    #[command(flatten)]
+    link: LinkArgs,
+    /// Camera frames per second
+    #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = rate)]
+    fps: f64,
+    /// Length of the run [default: as many frames as there are]
+    #[arg(long, value_name = "S", value_parser = values::not_negative)]
+    seconds: Option<f64>,
+    /// See `nvsprior encode`
+    #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
+    threshold: f64,
+    /// Folder for link.json, frames.csv and link.svg; made if it is missing
+    #[arg(long, value_name = "DIR")]
+    report: PathBuf,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// The channel, and how it is used.
+#[derive(clap::Args)]
+struct LinkArgs {
+    /// A modem: sets --bit-rate, --mtu and --propagation unless they are given
+    #[arg(long, value_enum)]
+    preset: Option<Preset>,
+    /// Bits per second [default: 5000]
+    #[arg(long, value_name = "BPS", value_parser = rate)]
+    bit_rate: Option<f64>,
+    /// Most bytes of a modem frame [default: 64]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..))]
+    mtu: Option<u16>,
+    /// What a modem frame takes beside its bytes, as bytes
+    #[arg(long, value_name = "BYTES", default_value_t = 0)]
+    overhead: usize,
+    /// Seconds from vehicle to topside [default: 0.1]
+    #[arg(long, value_name = "S", value_parser = values::not_negative)]
+    propagation: Option<f64>,
+    /// Share of the modem frames that is lost, 0 up to but not 1; several with commas between them
+    #[arg(long, value_name = "X", value_delimiter = ',', default_value = "0", value_parser = values::not_negative)]
+    loss: Vec<f64>,
+    /// Mean number of modem frames that are lost in a row
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = values::not_negative)]
+    burst: f64,
+    /// Seconds from a packet's first modem frame to its last one; those of other packets lie between them [default: half
+    /// of what the latency leaves, 0 without loss]
+    #[arg(long, value_name = "S", value_parser = values::not_negative)]
+    spread: Option<f64>,
+    /// Share of the modem frames that arrive late, after those behind them
+    #[arg(long, value_name = "X", default_value_t = 0.0, value_parser = values::not_negative)]
+    reorder: f64,
+    /// Nothing arrives for so long, from the middle of the run on
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = values::not_negative)]
+    blackout: f64,
+    /// Loss that the vehicle protects its packets against at first [default: --loss]
+    #[arg(long, value_name = "X", value_parser = values::not_negative)]
+    assume_loss: Option<f64>,
+    /// There is a return channel: once a second the topside says what came, and the vehicle knows it so many seconds
+    /// later. It then measures the loss, and sends again what a picture still lacks
+    #[arg(long, value_name = "S", value_parser = values::not_negative)]
+    return_delay: Option<f64>,
+    /// What the topside sends takes the channel from the vehicle
+    #[arg(long, requires = "return_delay")]
+    half_duplex: bool,
+    /// Seconds from exposure to display
+    #[arg(long, value_name = "S", default_value_t = 1.5, value_parser = rate)]
+    latency: f64,
+    /// Seconds of that for search, coding and decoding
+    #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = values::not_negative)]
+    coding: f64,
+    /// Most pictures per second [default: --fps]
+    #[arg(long, value_name = "N", value_parser = rate)]
+    frame_rate: Option<f64>,
+    /// Fewest bytes for a picture, all counted: below it frames are left out. As many as a good picture takes: the frame
+    /// rate falls before quality does
+    #[arg(long, value_name = "BYTES", default_value_t = 40)]
+    least: usize,
+    /// Most modem frames of a packet
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
+    shares: u16,
+    /// Seed of the channel's losses
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+/// Links that are known.
+#[derive(Clone, Copy, ValueEnum)]
+enum Preset {
+    /// A Micro-Modem: 5 kbit/s, frames of 64 bytes, 0.5 s away
+    MicroModem,
+    /// The paper's: 100 kbit/s, frames of 1024 bytes, 0.1 s away
+    Paper,
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (0.01..=1e9).contains(&value) => Ok(value),
+        _ => Err("must lie between 0.01 and 1e9".into()),
+    }
+}
+
+/// A channel and its use, all defaults filled in.
+#[derive(Clone, Debug)]
+struct Setting {
+    bit_rate: f64,
+    mtu: usize,
+    overhead: usize,
+    propagation: f64,
+    loss: Loss,
+    reorder: f64,
+    blackout: f64,
+    assumed: Loss,
+    spread: f64,
+    return_delay: Option<f64>,
+    half_duplex: bool,
+    latency: f64,
+    coding: f64,
+    fps: f64,
+    frame_rate: f64,
+    least: usize,
+    shares: usize,
+    seed: u64,
+}
+
+impl LinkArgs {
+    /// One setting for each loss.
+    fn settings(&self, fps: f64) -> Result<Vec<Setting>, WrongUsage> {
+        let settings: Result<_, ModemError> =
+            self.loss.iter().map(|loss| self.setting(*loss, fps)).collect();
+        settings.map_err(|error| WrongUsage(error.to_string()))
+    }
+
+    fn setting(&self, share: f64, fps: f64) -> Result<Setting, ModemError> {
+        let (bit_rate, mtu, propagation) = match self.preset {
+            None => (5_000.0, 64, 0.1),
+            Some(Preset::MicroModem) => (5_000.0, 64, 0.5),
+            Some(Preset::Paper) => (100_000.0, 1024, 0.1),
+        };
+        let loss = Loss { share, burst: self.burst };
+        loss.check()?;
+        let assumed = Loss { share: self.assume_loss.unwrap_or(share), ..loss };
+        let propagation = self.propagation.unwrap_or(propagation);
+        let left = (self.latency - self.coding - propagation).max(0.0);
+        let spread = if assumed.share > 0.0 { 0.5 * left } else { 0.0 };
+        let setting = Setting {
+            bit_rate: self.bit_rate.unwrap_or(bit_rate),
+            mtu: self.mtu.unwrap_or(mtu).into(),
+            overhead: self.overhead,
+            propagation,
+            loss,
+            reorder: self.reorder,
+            blackout: self.blackout,
+            assumed,
+            spread: self.spread.unwrap_or(spread),
+            return_delay: self.return_delay,
+            half_duplex: self.half_duplex,
+            latency: self.latency,
+            coding: self.coding,
+            fps,
+            frame_rate: self.frame_rate.unwrap_or(fps),
+            least: self.least,
+            shares: self.shares.into(),
+            seed: self.seed,
+        };
+        vehicle::rate_control(&setting)?;
+        Ok(setting)
+    }
+}
+
+/// A camera's frames, in time order.
+struct Footage {
+    /// The first one's camera; all others must be of its size.
+    camera: nvsprior::Camera,
+    first: Known,
+    pictures: Vec<Picture>,
+}
+
+impl Footage {
+    fn read(inputs: &[Input], preprocessor: &mut Preprocessor) -> anyhow::Result<Footage> {
+        let (camera, first) = (inputs[0].camera, inputs[0].external);
+        let read = |input: &Input| {
+            anyhow::ensure!(
+                input.camera == camera,
+                "{}: not of the first frame's camera",
+                input.file
+            );
+            let mut picture = frame_file::read_frame(&input.path, camera.width, camera.height)?;
+            preprocessor.apply(&mut picture);
+            Ok(picture)
+        };
+        let pictures = inputs.iter().map(read).collect::<anyhow::Result<_>>()?;
+        Ok(Footage { camera, first, pictures })
+    }
+
+    /// Frame `k` of a run that goes forth and back.
+    fn picture(&self, k: usize) -> &Picture {
+        let last = self.pictures.len() - 1;
+        let round = k % (2 * last).max(1);
+        &self.pictures[if round > last { 2 * last - round } else { round }]
+    }
+}
+
+/// Simulates, prints and writes the report.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let settings = args.link.settings(args.fps)?;
+    let inputs = args.input.frames()?;
+    values::make_folder("--report", &args.report)?;
+    let prior = args.prior.open()?;
+    let footage = Footage::read(&inputs, &mut Preprocessor::new(prior.preprocessing()))?;
+    let frames = match args.seconds {
+        Some(seconds) => ((seconds * args.fps) as usize).max(1),
+        None => footage.pictures.len(),
+    };
+    let engine = args.device.open()?;
+    let scene = engine.upload(&prior)?;
+    let bar = progress(frames * settings.len(), "frames");
+    let mut outcomes: Vec<Outcome> = Vec::new();
+    for setting in settings {
+        let simulation = Simulation::new(&engine, &scene, &footage, setting, args.threshold)?;
+        outcomes.push(simulation.run(frames, || bar.inc(1))?);
+    }
+    bar.finish_and_clear();
+    report::print(&outcomes);
+    report::write(&args.report, &outcomes)?;
+    chart::draw(&args.report.join("link.svg"), &outcomes)?;
+    args.device.check(&engine)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 4 kbit/s over 0.25 s, without losses.
+    pub fn setting() -> Setting {
+        Setting {
+            bit_rate: 4_000.0,
+            mtu: 64,
+            overhead: 0,
+            propagation: 0.25,
+            loss: Loss::NONE,
+            reorder: 0.0,
+            blackout: 0.0,
+            assumed: Loss::NONE,
+            spread: 0.0,
+            return_delay: None,
+            half_duplex: false,
+            latency: 1.5,
+            coding: 0.1,
+            fps: 10.0,
+            frame_rate: 5.0,
+            least: 40,
+            shares: 16,
+            seed: 1,
+        }
+    }
+
+    #[test]
+    fn footage_goes_forth_and_back() {
+        let camera =
+            nvsprior::Camera { width: 16, height: 16, fx: 16.0, fy: 16.0, cx: 8.0, cy: 8.0 };
+        let pictures: Vec<_> = (0..4)
+            .map(|k| {
+                let mut picture = Picture::new(16, 16);
+                picture.data[0] = k;
+                picture
+            })
+            .collect();
+        let footage = Footage { camera, first: Known::default(), pictures };
+        let order: Vec<_> = (0..8).map(|k| footage.picture(k).data[0]).collect();
+        assert_eq!(order, [0, 1, 2, 3, 2, 1, 0, 1]);
+    }
+}

@@ -1,0 +1,186 @@
+//! Vehicle, channel and topside in time.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+use std::sync::Arc;
+
+use nvsprior::Engine;
+use nvsprior::render::Scene;
+use nvsprior::tracking::Known;
+
+use super::channel::Channel;
+use super::report::{Moment, Outcome};
+use super::topside::{Topside, TopsideReport};
+use super::vehicle::Vehicle;
+use super::{Footage, Setting};
+
+/// Seconds between two reports of the topside.
+const REPORT_EVERY: f64 = 1.0;
+
+/// What happens at a time.
+enum Event {
+    Exposed(usize),
+    /// A share may be due.
+    Due,
+    Arrived(Vec<u8>),
+    Report,
+    Heard(TopsideReport),
+    Displayed(usize),
+}
+
+struct At {
+    time: f64,
+    /// In the order in which they were planned, if times are equal.
+    order: usize,
+    event: Event,
+}
+
+impl Ord for At {
+    /// The earliest is the greatest.
+    fn cmp(&self, other: &At) -> Ordering {
+        other.time.total_cmp(&self.time).then(other.order.cmp(&self.order))
+    }
+}
+
+impl PartialOrd for At {
+    fn partial_cmp(&self, other: &At) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for At {
+    fn eq(&self, other: &At) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for At {}
+
+#[derive(Default)]
+struct Plan {
+    heap: BinaryHeap<At>,
+    planned: usize,
+}
+
+impl Plan {
+    fn add(&mut self, time: f64, event: Event) {
+        self.heap.push(At { time, order: self.planned, event });
+        self.planned += 1;
+    }
+}
+
+pub struct Simulation<'a> {
+    footage: &'a Footage,
+    setting: Setting,
+    vehicle: Vehicle,
+    topside: Topside,
+    plan: Plan,
+    moments: Vec<Moment>,
+}
+
+impl<'a> Simulation<'a> {
+    pub fn new(
+        engine: &Engine,
+        scene: &Arc<Scene>,
+        footage: &'a Footage,
+        setting: Setting,
+        threshold: f64,
+    ) -> anyhow::Result<Simulation<'a>> {
+        let camera = &footage.camera;
+        Ok(Simulation {
+            footage,
+            vehicle: Vehicle::new(engine, scene, footage, &setting, threshold)?,
+            topside: Topside::new(engine, scene, camera, &setting)?,
+            setting,
+            plan: Plan::default(),
+            moments: Vec::new(),
+        })
+    }
+
+    /// Runs so many camera frames. `done` is called after each one is shown.
+    pub fn run(mut self, frames: usize, mut done: impl FnMut()) -> anyhow::Result<Outcome> {
+        let seconds = frames as f64 / self.setting.fps;
+        let mut channel = Channel::new(&self.setting, seconds);
+        for frame in 0..frames {
+            let exposed = frame as f64 / self.setting.fps;
+            self.plan.add(exposed, Event::Exposed(frame));
+            self.plan.add(exposed + self.setting.latency, Event::Displayed(frame));
+        }
+        if self.setting.return_delay.is_some() {
+            let mut time = REPORT_EVERY;
+            while time < seconds {
+                self.plan.add(time, Event::Report);
+                time += REPORT_EVERY;
+            }
+        }
+        while let Some(At { time, event, .. }) = self.plan.heap.pop() {
+            match event {
+                Event::Exposed(frame) => self.expose(frame, time)?,
+                Event::Due => {
+                    while let Some(share) = self.vehicle.next_share(time) {
+                        send(&mut self.plan, &mut channel, time, share);
+                    }
+                    if let Some(due) = self.vehicle.due() {
+                        self.plan.add(due, Event::Due);
+                    }
+                }
+                Event::Arrived(share) => self.topside.take(time, &share)?,
+                Event::Report => self.report(time, &mut channel),
+                Event::Heard(report) => {
+                    let again = self.vehicle.hear(time, &report)?;
+                    for share in again {
+                        send(&mut self.plan, &mut channel, time, &share);
+                    }
+                }
+                Event::Displayed(frame) => {
+                    self.display(frame)?;
+                    done();
+                }
+            }
+        }
+        let worst_second = channel.worst_second();
+        let repaired = self.topside.repaired();
+        Ok(Outcome {
+            setting: self.setting,
+            seconds,
+            moments: self.moments,
+            packets: self.vehicle.sent,
+            pictures: self.topside.pictures,
+            repaired,
+            worst_second,
+        })
+    }
+
+    fn expose(&mut self, frame: usize, now: f64) -> anyhow::Result<()> {
+        let hint = if frame == 0 { self.footage.first.hint } else { None };
+        let known = Known { hint, time: Some(now) };
+        if self.vehicle.take(frame, now, self.footage.picture(frame), known)? {
+            self.plan.add(now + self.setting.coding, Event::Due);
+        }
+        Ok(())
+    }
+
+    fn report(&mut self, now: f64, channel: &mut Channel) {
+        let report = self.topside.report(now);
+        if self.setting.half_duplex {
+            channel.occupy(now, report.len());
+        }
+        let delay = self.setting.return_delay.unwrap_or(0.0);
+        self.plan.add(now + delay, Event::Heard(report));
+    }
+
+    /// What the pilot sees of a camera frame.
+    fn display(&mut self, frame: usize) -> anyhow::Result<()> {
+        let wanted = self.footage.picture(frame);
+        let (seen, picture) = self.topside.show(frame as u32)?;
+        self.moments.push(Moment { frame, seen, psnr: picture.psnr(wanted) });
+        Ok(())
+    }
+}
+
+/// Sends a share.
+fn send(plan: &mut Plan, channel: &mut Channel, now: f64, share: &[u8]) {
+    if let Some(arrival) = channel.send(now, share.len()).arrival {
+        plan.add(arrival, Event::Arrived(share.to_vec()));
+    }
+}
