@@ -313,7 +313,8 @@ impl RateEncoder {
                 under = under.filter(|(longest, _)| *longest >= len).or(here);
             }
         }
-        if let Some((_, fineness)) = under.filter(|_| self.best.payload.is_empty()) {
+        let longer = |(len, _): &(f64, Fineness)| *len > self.best.payload.len() as f64;
+        if let Some((_, fineness)) = under.filter(longer) {
             self.choose(fineness);
             self.write_within(camera, render, most);
         }
