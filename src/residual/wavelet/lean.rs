@@ -8,7 +8,7 @@ use super::blocks;
 use super::geometry::{Geometry, Orientation, PLANES, Planes};
 use super::lifting::{self, Scratch};
 use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
-use super::render::box_mean;
+use super::render::{box_mean, mean_room};
 use super::step::Step;
 use super::tables::RANKS;
 
@@ -115,7 +115,7 @@ pub struct Lean {
     says: Says,
     /// By block: its details are predicted.
     blocks: Vec<bool>,
-    row: Vec<i32>,
+    rows: Vec<i32>,
 }
 
 /// Energies of a band: of the difference, of the reference, and their product.
@@ -146,8 +146,8 @@ impl Lean {
         let (columns, rows) = geometry.sizes[geometry.levels];
         let blocks = vec![true; columns * rows];
         let (warped, predicted, energy, picture) = (planes(), planes(), planes(), planes());
-        let (says, row) = (Says::default(), vec![0; 3 * geometry.width]);
-        Lean { warped, predicted, energy, picture, says, blocks, row }
+        let (says, rows) = (Says::default(), vec![0; mean_room(geometry)]);
+        Lean { warped, predicted, energy, picture, says, blocks, rows }
     }
 
     /// The prediction's picture, to be added to what is decoded.
@@ -300,9 +300,9 @@ impl Lean {
 
     /// Makes what contexts look at, and the picture.
     fn finish(&mut self, geometry: &Geometry, scratch: &mut Scratch) {
-        let Lean { predicted, energy, picture, row, .. } = self;
+        let Lean { predicted, energy, picture, rows, .. } = self;
         for ((predicted, energy), picture) in predicted.iter().zip(energy).zip(picture) {
-            box_mean(predicted, geometry, row, energy);
+            box_mean(predicted, geometry, rows, energy);
             picture.copy_from_slice(predicted);
             for level in (0..geometry.levels).rev() {
                 lifting::inverse(picture, geometry, level, scratch);

@@ -34,7 +34,7 @@ impl RenderBands {
             planes: planes(),
             energy: planes(),
             low: std::array::from_fn(|_| std::array::from_fn(low)),
-            rows: vec![0; 4 * geometry.width + 2],
+            rows: vec![0; mean_room(geometry)],
         }
     }
 
@@ -59,7 +59,12 @@ impl RenderBands {
     }
 }
 
-/// Mean magnitude over three by three values; those beyond the edge count as zero.
+/// Values that [`box_mean`] needs room for.
+pub fn mean_room(geometry: &Geometry) -> usize {
+    4 * geometry.width + 2
+}
+
+/// Mean magnitude over three by three values; those beyond the edge count as zero. `rows`: of [`mean_room`].
 pub fn box_mean(plane: &[i32], geometry: &Geometry, rows: &mut [i32], into: &mut [i32]) {
     let width = geometry.width;
     // Sums along three rows, in turn; and a row's magnitudes between two zeros.
