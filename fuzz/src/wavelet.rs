@@ -45,7 +45,11 @@ pub fn run(input: &[u8]) {
         let outcome = if start {
             let payload_len = payload.len() + usize::from(choice >> 5);
             decoder
-                .add_start(&ResidualStart { coder, payload, payload_len }, portable, &mut shown)
+                .add_start(
+                    &ResidualStart { coder, reference: None, payload, payload_len },
+                    portable,
+                    &mut shown,
+                )
                 .map(drop)
         } else {
             decoder.add(&Residual::Coded { coder, payload }, portable, &mut shown).map(drop)
