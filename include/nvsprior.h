@@ -1753,15 +1753,15 @@ nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
 
 // Sets which pixels of all images from here on count. Mask what shows the vehicle itself: its arm, its frame, a lamp.
 // Masked pixels count neither in the search for the pose nor in nvsp_frame_stats, and no bytes are spent on them: the
-// topside shows the prior's render there, but for what a coarse coding spreads from beside them. It may change from
-// frame to frame, such as with the arm. With a lens, it masks pixels of the lens's images. If the camera's size
-// changes, it is scaled; a pixel counts if all that it shows counts. Allocates two bytes per pixel of the mask and 48
-// per pixel of the camera. If the call fails, the mask before stays. Example:
+// topside shows the prior's render there. A coarse coding may change it a little beside pixels that count. The mask may
+// change from frame to frame, as the arm moves. With a lens, it masks pixels of the lens's images. If the camera's size
+// changes, the mask is scaled; a pixel counts if all that it shows counts. Allocates two bytes per pixel of the mask and
+// 48 per pixel of the camera. If the call fails, the mask before stays. Example:
 //
 //     nvsp_mask mask = NVSP_INITIALIZER(nvsp_mask);
 //     mask.width = mask.stride = 640;
 //     mask.height = 360;
-//     mask.pixels = arm; /* 0 where the arm is, else 255 */
+//     mask.pixels = arm; /* 0 for a pixel of the arm, else 255 */
 //     mask.size = 640 * 360;
 //     status = nvsp_encoder_set_mask(encoder, &mask);
 //

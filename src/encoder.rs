@@ -144,7 +144,7 @@ impl Encoder {
 
     /// Sets which pixels of frames count from here on; `None`: all do. The others, such as those that show the vehicle's
     /// own arm, count neither in the search nor in the PSNR. Their difference is zero: the topside shows the prior's
-    /// render there, but for what a coarse coding spreads from beside them.
+    /// render there. A coarse coding may change it a little beside pixels that count.
     ///
     /// # Errors
     /// If the mask has not the camera's size, or no pixel counts. The mask before then stays.
@@ -257,9 +257,8 @@ impl Encoder {
         done
     }
 
-    /// The last frame that [`encode`](Self::encode) searched a pose for, as it was treated; where it is masked it shows
-    /// the render. Empty before the first. It is
-    /// not kept in a [`Pipeline`](crate::Pipeline).
+    /// The last frame that [`encode`](Self::encode) searched a pose for, as it was treated. Its masked pixels show the
+    /// render. It is empty before the first frame, and not kept in a [`Pipeline`](crate::Pipeline).
     pub fn treated_frame(&self) -> &Picture {
         &self.tracked.frame
     }

@@ -6,7 +6,6 @@ mod scene;
 use std::sync::Arc;
 
 use common::{assert_silent, engine};
-use glam::DVec3;
 use nvsprior::packet::{Latent, PoseProfile, RenderCheck};
 use nvsprior::render::{Plan, Scene};
 use nvsprior::tracking::{Optimizer, StartKind};
@@ -14,21 +13,9 @@ use nvsprior::{
     Camera, Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, Hint, Known, Packet, Picture,
     Pipeline, Pose, Rate,
 };
-use scene::{CAMERA, clean_frame, frame, pose, wall};
+use scene::{CAMERA, clean_frame, frame, pose, pose_error, wall};
 
 const OFFSET: [f64; 6] = [0.05, -0.04, 0.06, 0.02, -0.03, 0.02];
-
-/// How far the wall's corners and centre move between two poses, pixels. (Poses themselves are a
-/// poor measure: in front of a wall, a shift and a turn look nearly the same.)
-fn pose_error(a: &Pose, b: &Pose) -> f64 {
-    let at = |pose: &Pose, p: DVec3| {
-        let c = pose.rotation * p + pose.translation;
-        c.truncate() / c.z * f64::from(CAMERA.fx)
-    };
-    let points = [(0.0, 0.0), (-2.0, -1.0), (2.0, -1.0), (-2.0, 1.0), (2.0, 1.0)];
-    let moved = points.map(|(x, y)| DVec3::new(x, y, 4.0)).map(|p| (at(a, p) - at(b, p)).length());
-    moved.into_iter().fold(0.0, f64::max)
-}
 
 #[test]
 fn a_dive_comes_back_as_the_encoder_predicted() {

@@ -6,7 +6,7 @@ mod scene;
 use std::sync::Arc;
 
 use common::{assert_silent, engine};
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use nvsprior::geometry::{Distortion, Intrinsics, Lens};
 use nvsprior::image::{
     Clahe, Converter, ImageView, Mask, PixelFormat, Preprocessing, WhiteBalance, psnr_of_mse,
@@ -17,20 +17,9 @@ use nvsprior::tracking::Optimizer;
 use nvsprior::{
     Camera, Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, Picture, Pipeline, Pose, Rate,
 };
-use scene::{CAMERA, clean_frame, frame, pose, wall};
+use scene::{CAMERA, clean_frame, frame, pose, pose_error, wall};
 
 const OFFSET: [f64; 6] = [0.05, -0.04, 0.06, 0.02, -0.03, 0.02];
-
-/// How far the wall's corners and centre move between two poses, pixels.
-fn pose_error(a: &Pose, b: &Pose) -> f64 {
-    let at = |pose: &Pose, p: DVec3| {
-        let c = pose.rotation * p + pose.translation;
-        c.truncate() / c.z * f64::from(CAMERA.fx)
-    };
-    let points = [(0.0, 0.0), (-2.0, -1.0), (2.0, -1.0), (-2.0, 1.0), (2.0, 1.0)];
-    let moved = points.map(|(x, y)| DVec3::new(x, y, 4.0)).map(|p| (at(a, p) - at(b, p)).length());
-    moved.into_iter().fold(0.0, f64::max)
-}
 
 /// A vehicle's arm: it reaches from the lower right into a third of the picture. `false` is the arm.
 fn arm() -> Mask {

@@ -1,7 +1,7 @@
 //! The encoder's handle.
 
 use std::ffi::c_char;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use crate::image::Converter;
@@ -932,10 +932,7 @@ impl Core {
     /// Takes a frame in.
     pub(super) fn take_in(&mut self, given: Given) -> Result<(), Failure> {
         self.encoder.check_known(&given.known).map_err(frame::refused)?;
-        let mut converter = self.converter.lock().unwrap_or_else(PoisonError::into_inner);
-        converter.convert(&given.view, &mut self.frame)?;
-        self.known = given.known;
-        Ok(())
+        given.take_in(&self.converter, &mut self.frame, &mut self.known)
     }
 
     /// The first half of a frame, if another thread codes its difference picture.

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use crate::image::Converter;
-use crate::{Encoded, Known};
+use crate::{Encoded, Known, Picture};
 
 use super::encoder::Core;
 use super::frame::refused;
@@ -27,6 +27,21 @@ pub(super) struct Given<'a> {
     pub known: Known,
 }
 
+impl Given<'_> {
+    /// Converts the image, and hands over what is known of it.
+    pub(super) fn take_in(
+        &self,
+        converter: &Mutex<Converter>,
+        frame: &mut Picture,
+        known: &mut Known,
+    ) -> Result<(), Failure> {
+        let mut converter = converter.lock().unwrap_or_else(PoisonError::into_inner);
+        converter.convert(&self.view, frame)?;
+        *known = self.known;
+        Ok(())
+    }
+}
+
 impl Work {
     /// What the next frame is encoded by. Fails while a frame is searched for, or coded by it.
     pub(super) fn core(&self) -> Result<MutexGuard<'_, Core>, Failure> {
@@ -44,13 +59,8 @@ impl Work {
         match self {
             Work::OneByOne(worker) => worker.begin(|core| core.take_in(given()?)),
             Work::Pipelined(pipelined, converter) => {
-                let Given { view, known } = checked(pipelined, given()?)?;
-                pipelined.begin(|frame, to| {
-                    let mut converter = converter.lock().unwrap_or_else(PoisonError::into_inner);
-                    converter.convert(&view, frame)?;
-                    *to = known;
-                    Ok(())
-                })
+                let given = checked(pipelined, given()?)?;
+                pipelined.begin(|frame, known| given.take_in(converter, frame, known))
             }
         }
     }
@@ -63,13 +73,8 @@ impl Work {
         match self {
             Work::OneByOne(worker) => worker.run(|core| core.take_in(given()?)),
             Work::Pipelined(pipelined, converter) => {
-                let Given { view, known } = checked(pipelined, given()?)?;
-                pipelined.run(|frame, to| {
-                    let mut converter = converter.lock().unwrap_or_else(PoisonError::into_inner);
-                    converter.convert(&view, frame)?;
-                    *to = known;
-                    Ok(())
-                })
+                let given = checked(pipelined, given()?)?;
+                pipelined.run(|frame, known| given.take_in(converter, frame, known))
             }
         }
     }

@@ -7,7 +7,7 @@ use super::{ModemError, Sharer};
 /// Puts off a packet's later shares, so that those of the next packets come between them. A burst of losses then takes
 /// few shares of each packet.
 ///
-/// It holds as many shares as the packets of its spread have. What it has sent is used again for other shares.
+/// It holds the shares that are not due yet: at most those of the packets that its spread covers.
 #[derive(Clone, Debug)]
 pub struct Interleaver {
     /// Seconds from a packet's first share to its last one.

@@ -1,6 +1,7 @@
 //! How many bytes each picture may take, so that a link's bit rate and latency are kept.
 
 use super::{Loss, ModemError, Sharing, SharingOptions};
+use crate::packet::SHORT_LATENT_LEN;
 
 /// What a link carries, and what its pictures should be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,7 +107,7 @@ impl RateControl {
         }
         let mut control = RateControl { options, free: f64::NEG_INFINITY, credit: 0.0, at: None };
         control.credit = control.turn();
-        control.sharing(0, 19, None).check()?;
+        control.sharing(0, SHORT_LATENT_LEN, None).check()?;
         Ok(control)
     }
 
@@ -144,7 +145,7 @@ impl RateControl {
     /// # Errors
     /// If the budget holds no picture.
     pub fn most(&self, budget: usize) -> Result<Sharing, ModemError> {
-        Sharing::new(&self.sharing(budget, 19, None))
+        Sharing::new(&self.sharing(budget, SHORT_LATENT_LEN, None))
     }
 
     /// The division of a packet whose first `picture` bytes make a picture. It takes less than the budget if more would

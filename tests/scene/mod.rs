@@ -5,6 +5,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use glam::DVec3;
 use nvsprior::prior::Splats;
 use nvsprior::render::{Plan, Scene};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior, RenderOptions};
@@ -76,4 +77,16 @@ pub fn write_prior(path: &Path, prior: &Prior) {
     nvsprior::prior::ply::write_ply(splats, options, key_frames, preprocessing, &mut bytes)
         .unwrap();
     std::fs::write(path, bytes).unwrap();
+}
+
+/// How far the wall's corners and centre move between two poses, pixels. (Poses themselves are a
+/// poor measure: in front of a wall, a shift and a turn look nearly the same.)
+pub fn pose_error(a: &Pose, b: &Pose) -> f64 {
+    let at = |pose: &Pose, p: DVec3| {
+        let c = pose.rotation * p + pose.translation;
+        c.truncate() / c.z * f64::from(CAMERA.fx)
+    };
+    let points = [(0.0, 0.0), (-2.0, -1.0), (2.0, -1.0), (-2.0, 1.0), (2.0, 1.0)];
+    let moved = points.map(|(x, y)| DVec3::new(x, y, 4.0)).map(|p| (at(a, p) - at(b, p)).length());
+    moved.into_iter().fold(0.0, f64::max)
 }

@@ -5,7 +5,7 @@ use reed_solomon_erasure::galois_8::ReedSolomon;
 /// Fills the chunks after the first `threshold`, all of the same length, so that any `threshold` of them give the rest.
 ///
 /// # Panics
-/// If there are no more than 256 chunks, of which `threshold` is at least one, and they are of one length, it does not.
+/// If there are more than 256 chunks, if their lengths differ, or if `threshold` is 0. The caller has checked all three.
 pub(super) fn protect(chunks: &mut [&mut [u8]], threshold: usize) {
     if chunks.len() > threshold && !chunks[0].is_empty() {
         let code = code(chunks.len(), threshold);

@@ -208,8 +208,7 @@ impl Collector {
 
     /// The packet of a stream and frame number, if enough of it came for a picture. Only the number modulo 128 counts.
     pub fn packet(&self, stream: u8, frame: u32) -> Option<CollectedPacket<'_>> {
-        let stream = self.streams.get(usize::from(stream))?;
-        stream.slots[stream.place(frame % NUMBERS)].packet(frame % NUMBERS)
+        self.slot(stream, frame)?.packet(frame % NUMBERS)
     }
 
     /// The packet of the greatest frame number of a stream that gives a picture.
@@ -222,16 +221,20 @@ impl Collector {
     /// Indices of a packet's shares that have not come; none if it is complete, or if nothing of it came. To make the
     /// packet complete, as many of them are needed as [`CollectedPacket::sent`] less those that came, at most.
     pub fn missing(&self, stream: u8, frame: u32) -> impl Iterator<Item = usize> + '_ {
-        let stream = self.streams.get(usize::from(stream));
-        let slot = stream.map(|stream| &stream.slots[stream.place(frame % NUMBERS)]);
-        slot.into_iter().flat_map(move |slot| slot.missing(frame % NUMBERS))
+        let slot = self.slot(stream, frame).into_iter();
+        slot.flat_map(move |slot| slot.missing(frame % NUMBERS))
     }
 
     /// Indices of a packet's shares that have come.
     pub fn arrived(&self, stream: u8, frame: u32) -> impl Iterator<Item = usize> + '_ {
-        let stream = self.streams.get(usize::from(stream));
-        let slot = stream.map(|stream| &stream.slots[stream.place(frame % NUMBERS)]);
-        slot.into_iter().flat_map(move |slot| slot.arrived(frame % NUMBERS))
+        let slot = self.slot(stream, frame).into_iter();
+        slot.flat_map(move |slot| slot.arrived(frame % NUMBERS))
+    }
+
+    /// Where a packet of a frame number is kept.
+    fn slot(&self, stream: u8, frame: u32) -> Option<&Slot> {
+        let stream = self.streams.get(usize::from(stream))?;
+        Some(&stream.slots[stream.place(frame % NUMBERS)])
     }
 
     /// What has come so far.
