@@ -122,6 +122,17 @@ pub enum ModemError {
     /// The check of a share does not match it.
     #[error("a share whose check does not match: damaged, or not a share")]
     ShareCheck,
+    /// The check of a report does not match it.
+    #[error("a report whose check does not match: damaged, or not a report")]
+    ReportCheck,
+    /// The MTU holds no report.
+    #[error("MTU of {mtu} bytes: a report with its user bytes takes {needed} and more")]
+    ReportMtu {
+        /// The MTU, bytes.
+        mtu: usize,
+        /// Least bytes of the report.
+        needed: usize,
+    },
     /// The share does not fit the others of its packet.
     #[error("share of frame number {0} modulo 128: unlike the packet's other shares")]
     OtherShare(u32),

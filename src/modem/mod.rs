@@ -53,6 +53,7 @@ mod layout;
 mod packet_slot;
 mod rate_control;
 mod reassembler;
+mod report;
 mod shares;
 mod splitter;
 mod statistics;
@@ -63,6 +64,7 @@ pub use interleaver::Interleaver;
 pub use layout::{frame_count, largest_packet};
 pub use rate_control::{RateControl, RateControlOptions};
 pub use reassembler::{Reassembler, ReassemblerOptions, Received};
+pub use report::{ArrivedShares, MOST_TOLD, PacketState, Report, ToldPacket};
 pub use shares::{
     Collected, CollectedPacket, Collector, CollectorOptions, Layer, Loss, MAX_SHARES, STREAMS,
     ShareStatistics, Sharer, Sharing, SharingOptions,

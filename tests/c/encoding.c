@@ -175,7 +175,7 @@ static void known_frames(int all) {
         }
         CHECK(all || is_packet(i, bytes, size));
         CHECK(stats.state == NVSP_STATE_CERTAIN && stats.lost_frames == 0);
-        CHECK((stats.flags & NVSP_FRAME_UNCERTAIN) == 0 && stats.reserved == 0);
+        CHECK((stats.flags & NVSP_FRAME_UNCERTAIN) == 0 && stats.leans_on == 0);
     }
     nvsp_encoder_destroy(encoder);
 }

@@ -2,8 +2,11 @@
 
 mod slot;
 
+use std::iter;
+
 use super::super::ModemError;
 use super::super::error::filled;
+use super::super::report::{MOST_TOLD, Report, ToldPacket};
 use super::header::{MAX_SHARES, NUMBERS, STREAMS, read};
 use slot::{Slot, Taken};
 
@@ -229,6 +232,35 @@ impl Collector {
     pub fn arrived(&self, stream: u8, frame: u32) -> impl Iterator<Item = usize> + '_ {
         let slot = self.slot(stream, frame).into_iter();
         slot.flat_map(move |slot| slot.arrived(frame % NUMBERS))
+    }
+
+    /// What there is of a stream's newest packets, for its vehicle. `kept` tells whether a frame was decoded in full. `None`:
+    /// no packet has given its frame number yet.
+    ///
+    /// # Errors
+    /// If the stream is not 0 to 3.
+    pub fn report(
+        &self,
+        stream: u8,
+        kept: impl Fn(u32) -> bool,
+    ) -> Result<Option<Report>, ModemError> {
+        let Some((newest, known)) = self.newest_number(stream).zip(self.newest(stream)) else {
+            return Report::new(stream, 0, iter::empty()).map(|_| None);
+        };
+        // The packet whose number is known lies at or before the newest one.
+        let newest = known.frame.wrapping_add(newest.wrapping_sub(known.frame) % NUMBERS);
+        let held = self.options.slots().min(MOST_TOLD) as u32;
+        let packets = (0..held).map(|behind| {
+            let frame = newest.wrapping_sub(behind);
+            let slot = self.slot(stream, frame);
+            slot.map_or_else(ToldPacket::default, |slot| slot.told(frame, &kept))
+        });
+        Report::new(stream, newest, packets).map(Some)
+    }
+
+    /// The newest number of a stream, modulo 128.
+    fn newest_number(&self, stream: u8) -> Option<u32> {
+        self.streams.get(usize::from(stream))?.newest
     }
 
     /// Where a packet of a frame number is kept.

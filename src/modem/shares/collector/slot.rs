@@ -2,6 +2,7 @@
 
 use crate::packet::{Extent, sound_len};
 
+use super::super::super::report::{ArrivedShares, PacketState, ToldPacket};
 use super::super::code::restore;
 use super::super::header::{Header, PacketHeader};
 use super::super::packet::take_contents;
@@ -135,6 +136,28 @@ impl Slot {
         });
         let count = state.map_or(0, |state| state.header.count);
         (0..count).filter(|index| !self.there[*index])
+    }
+
+    /// What came of the packet of a frame number.
+    pub(super) fn told(&self, frame: u32, kept: impl Fn(u32) -> bool) -> ToldPacket {
+        let number = frame % super::NUMBERS;
+        let Some(state) = self.state.filter(|state| state.header.number == number) else {
+            return ToldPacket::default();
+        };
+        let whole = state.packet.is_some_and(|start| start.complete);
+        let told = |state_of| ToldPacket {
+            state: state_of,
+            arrived: state.arrived,
+            shares: ArrivedShares::default(),
+        };
+        match whole {
+            true if kept(frame) => told(PacketState::Kept),
+            true => told(PacketState::Whole),
+            false => ToldPacket {
+                shares: ArrivedShares::new(state.header.count, self.arrived(number)),
+                ..told(PacketState::Part)
+            },
+        }
     }
 
     pub(super) fn take(

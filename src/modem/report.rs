@@ -1,0 +1,373 @@
+//! What a topside tells its vehicle: which packets came, what of others, and user bytes.
+//!
+//! A report is one modem frame. It is for links with a return channel. From it a vehicle learns the loss, which shares to
+//! send again, and which frames later ones may lean on. A lost report costs little: the next one tells of the same
+//! packets, as long as they are recent. Numbers are little endian.
+//!
+//! | bytes | report |
+//! |---|---|
+//! | 1 | from the top: bits `00`, two bits stream, bits `010`, one bit: user bytes follow |
+//! | 2 | newest frame number, modulo 2¹⁶ |
+//! | 1 | number of packets told of, at most 32: that of the newest frame number, and those before it |
+//! | 1 per packet | newest first: two bits state, six bits number of shares that came; 63 stands for more, too |
+//! | … | per packet of state 1, newest first: its number of shares − 1, one byte; one bit per share, low bits first: it came |
+//! | 1 + length | length of the user bytes, and they; if there are any |
+//! | 2 | CRC-16/IBM-3740 of all bytes before |
+//!
+//! States: 0 nothing came; 1 shares came, but not all of the packet; 2 the packet is whole; 3 its picture was decoded in
+//! full, too. Padding may follow.
+
+use crate::packet::bytes::crc16;
+
+use super::ModemError;
+use super::shares::{MAX_SHARES, STREAMS};
+
+/// Most packets that a report tells of.
+pub const MOST_TOLD: usize = 32;
+/// Most user bytes.
+const MOST_USER: usize = 255;
+/// The frame number in a report is modulo this.
+const NUMBERS: u32 = 1 << 16;
+/// The first byte's bits, without stream and user bit.
+const MARK: u8 = 0b0000_0100;
+const STREAM_SHIFT: u8 = 4;
+const USER: u8 = 1;
+/// Largest number of shares that a packet's byte holds.
+const MOST_ARRIVED: u8 = 63;
+/// Bytes before the packets'.
+const HEAD: usize = 4;
+const CHECK: usize = 2;
+
+/// What came of a packet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PacketState {
+    /// Nothing, or the frame was left out.
+    #[default]
+    Nothing,
+    /// Shares, but not all of the packet.
+    Part,
+    /// All of it.
+    Whole,
+    /// All of it, and its picture was decoded in full: [`Decoded::kept`](crate::Decoded::kept). Later frames may lean on it.
+    Kept,
+}
+
+/// The shares of a packet that came.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ArrivedShares {
+    count: u16,
+    bits: [u8; MAX_SHARES / 8],
+}
+
+impl ArrivedShares {
+    /// Of a packet that was sent in `count` shares, 1 to 256. Indices beyond them are ignored.
+    pub fn new(count: usize, arrived: impl Iterator<Item = usize>) -> ArrivedShares {
+        let count = count.min(MAX_SHARES);
+        let mut shares = ArrivedShares { count: count as u16, bits: [0; MAX_SHARES / 8] };
+        for index in arrived.filter(|index| *index < count) {
+            shares.bits[index / 8] |= 1 << (index % 8);
+        }
+        shares
+    }
+
+    /// Whether a share came.
+    pub fn contains(&self, index: usize) -> bool {
+        index < self.sent() && self.bits[index / 8] >> (index % 8) & 1 == 1
+    }
+
+    /// Shares that the packet was sent in.
+    pub fn sent(&self) -> usize {
+        self.count.into()
+    }
+
+    /// Number of those that came.
+    pub fn arrived(&self) -> usize {
+        self.bits.iter().map(|byte| byte.count_ones() as usize).sum()
+    }
+
+    /// The bytes that have a bit for each share.
+    fn bytes(&self) -> &[u8] {
+        &self.bits[..self.sent().div_ceil(8)]
+    }
+}
+
+/// A packet, as a report tells of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ToldPacket {
+    /// What came of it.
+    pub state: PacketState,
+    /// Shares of it that came. In a report that was read, 63 stands for more, too.
+    pub arrived: usize,
+    /// Which ones, of [`PacketState::Part`].
+    pub shares: ArrivedShares,
+}
+
+/// What a topside tells its vehicle of a stream's packets.
+///
+/// A topside makes it with [`Collector::report`](super::Collector::report) and sends [`Report::write`]'s bytes. A vehicle
+/// gets it with [`Report::read`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Report {
+    stream: u8,
+    newest: u32,
+    told: usize,
+    packets: [ToldPacket; MOST_TOLD],
+}
+
+impl Report {
+    /// Of the packet of a stream's newest frame number, and of those before it. `packets`: newest first, without gaps; those
+    /// beyond [`MOST_TOLD`] are left out.
+    ///
+    /// # Errors
+    /// If the stream is not 0 to 3.
+    pub fn new(
+        stream: u8,
+        newest: u32,
+        packets: impl Iterator<Item = ToldPacket>,
+    ) -> Result<Report, ModemError> {
+        if stream >= STREAMS {
+            return Err(ModemError::Stream(stream));
+        }
+        let newest = newest % NUMBERS;
+        let mut report = Report { stream, newest, told: 0, packets: Default::default() };
+        for packet in packets.take(MOST_TOLD) {
+            report.packets[report.told] = packet;
+            report.told += 1;
+        }
+        Ok(report)
+    }
+
+    /// The stream that it is about.
+    pub fn stream(&self) -> u8 {
+        self.stream
+    }
+
+    /// The newest frame number of which a share came, modulo 2¹⁶.
+    pub fn newest(&self) -> u32 {
+        self.newest
+    }
+
+    /// The packet of a frame number, of which only the low 16 bits count. `None`: the report does not tell of it.
+    pub fn packet(&self, frame: u32) -> Option<&ToldPacket> {
+        let behind = self.newest.wrapping_sub(frame) % NUMBERS;
+        self.packets[..self.told].get(behind as usize)
+    }
+
+    /// The packets, newest first, with their frame numbers modulo 2¹⁶.
+    pub fn packets(&self) -> impl Iterator<Item = (u32, &ToldPacket)> {
+        let numbers = (0..).map(|behind| self.newest.wrapping_sub(behind) % NUMBERS);
+        numbers.zip(&self.packets[..self.told])
+    }
+
+    /// Appends the report to `bytes`, with user bytes. If not all packets fit `mtu` bytes, it tells of the newest ones.
+    ///
+    /// # Errors
+    /// If there are more than 255 user bytes, or the report does not fit even without packets.
+    pub fn write(
+        &self,
+        mtu: usize,
+        user: Option<&[u8]>,
+        bytes: &mut Vec<u8>,
+    ) -> Result<(), ModemError> {
+        let user_len = user.map_or(0, |user| 1 + user.len());
+        if user_len > 1 + MOST_USER {
+            return Err(ModemError::UserBytes(user_len - 1));
+        }
+        let needed = HEAD + user_len + CHECK;
+        let room = mtu.checked_sub(needed).ok_or(ModemError::ReportMtu { mtu, needed })?;
+        let told = &self.packets[..self.fitting(room)];
+        let start = bytes.len();
+        let mark = MARK | self.stream << STREAM_SHIFT | if user.is_some() { USER } else { 0 };
+        let [low, high, ..] = self.newest.to_le_bytes();
+        bytes.extend([mark, low, high, told.len() as u8]);
+        bytes.extend(told.iter().map(|packet| {
+            let arrived = packet.arrived.min(MOST_ARRIVED.into()) as u8;
+            packet.state as u8 | arrived << 2
+        }));
+        for packet in told.iter().filter(|packet| packet.lists_shares()) {
+            bytes.push((packet.shares.sent() - 1) as u8);
+            bytes.extend(packet.shares.bytes());
+        }
+        if let Some(user) = user {
+            bytes.push(user.len() as u8);
+            bytes.extend(user);
+        }
+        let check = crc16(&[&bytes[start..]]);
+        bytes.extend(check.to_le_bytes());
+        Ok(())
+    }
+
+    /// How many packets fit so many bytes.
+    fn fitting(&self, room: usize) -> usize {
+        let lens = self.packets[..self.told].iter().scan(0, |len, packet| {
+            *len += 1 + if packet.lists_shares() { 1 + packet.shares.bytes().len() } else { 0 };
+            Some(*len)
+        });
+        lens.take_while(|len| *len <= room).count()
+    }
+
+    /// Reads a report, and the user bytes that came with it. Padding may follow.
+    ///
+    /// # Errors
+    /// If the bytes are no report, are cut, or their check does not match.
+    pub fn read(bytes: &[u8]) -> Result<(Report, Option<&[u8]>), ModemError> {
+        let mut rest = Rest { all: bytes, at: 0 };
+        let mark = rest.byte()?;
+        if mark & !(USER | 3 << STREAM_SHIFT) != MARK {
+            return Err(ModemError::NotAFrame(mark));
+        }
+        let newest = u32::from(rest.byte()?) | u32::from(rest.byte()?) << 8;
+        let told = usize::from(rest.byte()?);
+        let states = rest.take(told)?;
+        let mut report =
+            Report { stream: mark >> STREAM_SHIFT & 3, newest, told, packets: Default::default() };
+        let packets = report.packets.get_mut(..told).ok_or(ModemError::NotAFrame(mark))?;
+        for (packet, state) in packets.iter_mut().zip(states) {
+            packet.state = match state & 3 {
+                0 => PacketState::Nothing,
+                1 => PacketState::Part,
+                2 => PacketState::Whole,
+                _ => PacketState::Kept,
+            };
+            packet.arrived = usize::from(state >> 2);
+            if packet.state == PacketState::Part {
+                packet.shares = rest.shares()?;
+            }
+        }
+        let user = match mark & USER {
+            0 => None,
+            _ => {
+                let len = rest.byte()?.into();
+                Some(rest.take(len)?)
+            }
+        };
+        let check = crc16(&[&bytes[..rest.at]]);
+        let found = [rest.byte()?, rest.byte()?];
+        if u16::from_le_bytes(found) == check {
+            Ok((report, user))
+        } else {
+            Err(ModemError::ReportCheck)
+        }
+    }
+}
+
+impl ToldPacket {
+    /// Whether a report lists its shares one by one.
+    fn lists_shares(&self) -> bool {
+        self.state == PacketState::Part && self.shares.sent() > 0
+    }
+}
+
+/// What is not read yet.
+struct Rest<'a> {
+    all: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Rest<'a> {
+    fn take(&mut self, len: usize) -> Result<&'a [u8], ModemError> {
+        let end = self.at + len;
+        let cut = ModemError::Cut { found: self.all.len(), needed: end };
+        let taken = self.all.get(self.at..end).ok_or(cut)?;
+        self.at = end;
+        Ok(taken)
+    }
+
+    fn byte(&mut self) -> Result<u8, ModemError> {
+        Ok(self.take(1)?[0])
+    }
+
+    fn shares(&mut self) -> Result<ArrivedShares, ModemError> {
+        let count = usize::from(self.byte()?) + 1;
+        let bytes = self.take(count.div_ceil(8))?;
+        Ok(ArrivedShares::new(count, (0..count).filter(|k| bytes[k / 8] >> (k % 8) & 1 == 1)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn report() -> Report {
+        let part = ToldPacket {
+            state: PacketState::Part,
+            arrived: 2,
+            shares: ArrivedShares::new(9, [0, 8].into_iter()),
+        };
+        let of = |state, arrived| ToldPacket { state, arrived, ..Default::default() };
+        let packets = [
+            part,
+            of(PacketState::Kept, 9),
+            of(PacketState::Nothing, 0),
+            of(PacketState::Whole, 8),
+        ];
+        Report::new(2, 0x1_0001, packets.into_iter()).unwrap()
+    }
+
+    fn written(mtu: usize, user: Option<&[u8]>) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        report().write(mtu, user, &mut bytes).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        for user in [None, Some(&b""[..]), Some(b"depth 31.4")] {
+            let mut bytes = written(64, user);
+            assert_eq!(Report::read(&bytes), Ok((report(), user)));
+            bytes.extend([0; 40]);
+            assert_eq!(Report::read(&bytes), Ok((report(), user)), "padded");
+        }
+    }
+
+    #[test]
+    fn a_packet_is_found_by_its_number() {
+        let report = report();
+        assert_eq!((report.stream(), report.newest()), (2, 1));
+        assert!(report.packet(1).unwrap().shares.contains(8));
+        assert_eq!(report.packet(0).unwrap().state, PacketState::Kept);
+        assert_eq!(report.packet(0xFFFF).unwrap().state, PacketState::Nothing);
+        assert_eq!(report.packet(0x2_FFFE).unwrap().arrived, 8);
+        assert_eq!(report.packet(0xFFFD), None);
+        assert_eq!(report.packet(2), None, "newer ones are not told of");
+        let numbers: Vec<_> = report.packets().map(|(number, _)| number).collect();
+        assert_eq!(numbers, [1, 0, 0xFFFF, 0xFFFE]);
+    }
+
+    #[test]
+    fn a_small_mtu_takes_the_newest_packets() {
+        // A head of four bytes, four for the newest packet, and two of check.
+        let (read, _) = Report::read(&written(11, None)).map(|(read, _)| (read, ())).unwrap();
+        assert_eq!(read.packets().count(), 2);
+        let refused = report().write(8, Some(b"abc"), &mut Vec::new());
+        assert_eq!(refused, Err(ModemError::ReportMtu { mtu: 8, needed: 10 }));
+        let many = report().write(1000, Some(&[0; 256]), &mut Vec::new());
+        assert_eq!(many, Err(ModemError::UserBytes(256)));
+    }
+
+    #[test]
+    fn damage_is_found() {
+        let bytes = written(64, Some(b"user"));
+        for bit in 0..8 * bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            assert!(Report::read(&damaged).is_err(), "bit {bit}");
+        }
+        for len in 0..bytes.len() {
+            assert!(Report::read(&bytes[..len]).is_err(), "cut to {len}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_read_or_refused(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            if let Ok((report, user)) = Report::read(&bytes) {
+                let mut again = Vec::new();
+                report.write(usize::MAX, user, &mut again).unwrap();
+                prop_assert_eq!(Report::read(&again), Ok((report, user)));
+            }
+        }
+    }
+}
