@@ -28,6 +28,7 @@ use super::sharing::Sharing;
 ///     loss: Loss { share: 0.2, burst: 1.0 },
 ///     picture: packet.len(),
 ///     packet: Some(packet.len()),
+///     whole: false,
 ///     user: None,
 /// })?;
 /// let mut sharer = Sharer::default();

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use nvsprior::modem::{
-    Interleaver, Loss, ModemError, RateControl, RateControlOptions, Sharer, Sharing,
+    Interleaver, Loss, ModemError, PacketState, RateControl, RateControlOptions, Report, Sharer,
+    Sharing,
 };
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
 use nvsprior::tracking::Known;
 use nvsprior::{Encoded, Encoder, EncoderOptions, Engine, Error, Picture, Rate};
 
-use super::topside::TopsideReport;
 use super::{Footage, Setting};
 
 /// A packet that was sent.
@@ -32,6 +32,8 @@ pub struct SentPacket {
     /// Shares that give a picture.
     first: usize,
     resent: bool,
+    /// Its shares count in the loss that was measured.
+    counted: bool,
 }
 
 /// What the bytes of a packet are for.
@@ -68,6 +70,8 @@ impl PacketBytes {
 
 /// Share of the loss before in what is believed after a report.
 const MEMORY: f64 = 0.7;
+/// Fewest shares that tell of a loss.
+const LEAST_COUNTED: usize = 16;
 
 pub struct Vehicle {
     encoder: Encoder,
@@ -89,7 +93,12 @@ impl Vehicle {
         setting: &Setting,
         threshold: f64,
     ) -> anyhow::Result<Vehicle> {
-        let options = EncoderOptions { threshold, frames_treated: true, ..Default::default() };
+        let options = EncoderOptions {
+            threshold,
+            frames_treated: true,
+            mode: setting.mode,
+            ..Default::default()
+        };
         Ok(Vehicle {
             encoder: Encoder::new(engine, scene, &footage.camera, options)?,
             control: rate_control(setting)?,
@@ -117,10 +126,10 @@ impl Vehicle {
         self.encode(picture, known, most.capacity())?;
         let packet = &self.encoded.packet;
         let made = picture_len(packet)?;
-        // The first packet tells the camera, too. If the budget does not hold that, it takes more for once.
+        // Some packets tell the camera, too. If the budget does not hold that, they take more.
         let sharing = match self.control.divide(budget, made, packet.len()) {
-            Ok(sharing) => sharing,
-            Err(_) => self.control.divide(3 * budget, made, packet.len())?,
+            Ok(sharing) if sharing.capacity() >= packet.len() => sharing,
+            _ => self.control.divide(3 * budget, made, packet.len())?,
         };
         self.sharer.share(packet, &sharing, 0, None)?;
         let ready = exposed + self.setting.coding;
@@ -138,6 +147,7 @@ impl Vehicle {
             shares: (0..self.sharer.count()).map(|k| self.sharer.get(k).to_vec()).collect(),
             last_due: ready + self.setting.spread,
             resent: false,
+            counted: false,
         });
         Ok(true)
     }
@@ -166,19 +176,64 @@ impl Vehicle {
     }
 
     /// Takes a report. Returns shares to send again, those of pictures that can still be shown in time.
-    pub fn hear(&mut self, now: f64, report: &TopsideReport) -> anyhow::Result<Vec<Vec<u8>>> {
-        if let Some(measured) = report.loss {
-            let loss = self.control.options().loss;
-            let share = MEMORY * loss.share + (1.0 - MEMORY) * measured;
-            self.control.set_loss(Loss { share: share.min(0.9), ..loss })?;
+    pub fn hear(&mut self, now: f64, report: &Report) -> anyhow::Result<Vec<Vec<u8>>> {
+        for (number, _) in report.packets().filter(|(_, told)| told.state == PacketState::Kept) {
+            self.encoder.acknowledge(self.frame_near(number));
         }
+        self.measure_loss(report)?;
+        Ok(self.send_again(now, report))
+    }
+
+    /// The frame of a number modulo 2¹⁶, near the newest one.
+    fn frame_near(&self, number: u32) -> u32 {
+        let newest = self.sent.last().map_or(0, |sent| sent.number);
+        newest.wrapping_add_signed(i32::from(number.wrapping_sub(newest) as i16))
+    }
+
+    /// The packets that the topside could have all of when it wrote a report: those whose last share was sent before the
+    /// first of the newest packet that it has.
+    fn settled(&self, report: &Report) -> Vec<usize> {
+        let newest = self.frame_near(report.newest());
+        let from = self.sent.iter().find(|sent| sent.number == newest);
+        let from = from.map_or(f64::NEG_INFINITY, |sent| sent.last_due - self.setting.spread);
+        let settled = move |sent: &SentPacket| sent.last_due < from;
+        (0..self.sent.len()).filter(|k| settled(&self.sent[*k])).collect()
+    }
+
+    /// Counts the shares of packets that no report told of before, and lets the protection follow.
+    fn measure_loss(&mut self, report: &Report) -> Result<(), ModemError> {
+        let (mut sent, mut arrived) = (0, 0);
+        for k in self.settled(report) {
+            let packet = &mut self.sent[k];
+            let Some(told) = report.packet(packet.number).filter(|_| !packet.counted) else {
+                continue;
+            };
+            packet.counted = true;
+            sent += packet.shares.len();
+            arrived += told.arrived.min(packet.shares.len());
+        }
+        if sent < LEAST_COUNTED {
+            return Ok(());
+        }
+        let measured = 1.0 - arrived as f64 / sent as f64;
+        let loss = self.control.options().loss;
+        let share = MEMORY * loss.share + (1.0 - MEMORY) * measured;
+        self.control.set_loss(Loss { share: share.min(0.9), ..loss })
+    }
+
+    fn send_again(&mut self, now: f64, report: &Report) -> Vec<Vec<u8>> {
         let deadline = self.setting.latency - self.setting.propagation;
         let mut again = Vec::new();
-        let told = |sent: &SentPacket| sent.last_due + self.setting.propagation < report.time;
-        for sent in self.sent.iter_mut().filter(|sent| !sent.resent && told(sent)) {
-            let Some(arrived) = report.short_of(sent.number) else { continue };
-            let short = sent.first.saturating_sub(arrived.len());
-            let missing = sent.shares.iter().enumerate().filter(|(k, _)| !arrived.contains(k));
+        for k in self.settled(report) {
+            let sent = &mut self.sent[k];
+            let Some(told) = report.packet(sent.number).filter(|_| !sent.resent) else { continue };
+            let short = match told.state {
+                PacketState::Nothing => sent.first,
+                PacketState::Part => sent.first.saturating_sub(told.shares.arrived()),
+                PacketState::Whole | PacketState::Kept => continue,
+            };
+            let shares = sent.shares.iter().enumerate();
+            let missing = shares.filter(|(k, _)| !told.shares.contains(*k));
             let needed: Vec<_> = missing.take(short).map(|(_, share)| share.clone()).collect();
             let bytes: usize = needed.iter().map(|share| share.len() + self.setting.overhead).sum();
             let seconds = bytes as f64 * 8.0 / self.setting.bit_rate;
@@ -190,7 +245,7 @@ impl Vehicle {
             sent.resent = true;
             again.extend(needed);
         }
-        Ok(again)
+        again
     }
 }
 
