@@ -54,6 +54,7 @@ mod packet_slot;
 mod rate_control;
 mod reassembler;
 mod report;
+mod sender;
 mod shares;
 mod splitter;
 mod statistics;
@@ -65,6 +66,7 @@ pub use layout::{frame_count, largest_packet};
 pub use rate_control::{RateControl, RateControlOptions};
 pub use reassembler::{Reassembler, ReassemblerOptions, Received};
 pub use report::{ArrivedShares, MOST_TOLD, PacketState, Report, ToldPacket};
+pub use sender::{Sender, SenderOptions, SenderStatistics};
 pub use shares::{
     Collected, CollectedPacket, Collector, CollectorOptions, Layer, Loss, MAX_SHARES, STREAMS,
     ShareStatistics, Sharer, Sharing, SharingOptions,

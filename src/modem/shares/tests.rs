@@ -7,7 +7,7 @@ use super::*;
 use crate::packet::PoseProfile;
 use crate::random::Random;
 
-const LOSS: Loss = Loss { share: 0.2, burst: 1.0 };
+const LOSS: Loss = Loss { chance: 0.2, burst: 1.0 };
 
 fn short(frame: u32, payload: usize) -> Vec<u8> {
     let (profile, payload) = (PoseProfile::Short, Some(payload));
@@ -95,27 +95,27 @@ fn without_loss_nothing_is_repeated() {
 #[test]
 fn a_sharing_is_worth_more_than_others() {
     let packet = short(1, 900);
-    for share in [0.05, 0.2, 0.4] {
-        let loss = Loss { share, burst: 1.0 };
+    for chance in [0.05, 0.2, 0.4] {
+        let loss = Loss { chance, burst: 1.0 };
         let options = SharingOptions { loss, ..options(64, 256, &packet) };
         let own = Sharing::new(&options).unwrap();
         // Made for another loss, each is a division that could have been chosen.
         for other in [0.0, 0.01, 0.1, 0.3, 0.6] {
-            let other = Loss { share: other, burst: 1.0 };
+            let other = Loss { chance: other, burst: 1.0 };
             let other = Sharing::new(&SharingOptions { loss: other, ..options }).unwrap();
             let other = other.expect(&options, &loss.arrivals(other.count()));
-            assert!(own.worth() >= other - 1e-9, "{share}: {} {other}", own.worth());
+            assert!(own.worth() >= other - 1e-9, "{chance}: {} {other}", own.worth());
         }
         // A plain division into frames, of which each needs all before it, gives all of 234 bytes or nothing more.
-        let whole = (1.0 - share).powi(4) * (1.0 + 0.85 * (1.0 + 215.0 / 0.7_f64).log2());
-        assert!(own.worth() > whole, "{share}: {} {whole}", own.worth());
+        let whole = (1.0 - chance).powi(4) * (1.0 + 0.85 * (1.0 + 215.0 / 0.7_f64).log2());
+        assert!(own.worth() > whole, "{chance}: {} {whole}", own.worth());
     }
 }
 
 #[test]
 fn shares_that_are_spread_stand_bursts_better() {
     let packet = short(1, 900);
-    let loss = Loss { share: 0.2, burst: 4.0 };
+    let loss = Loss { chance: 0.2, burst: 4.0 };
     let together = SharingOptions { loss, ..options(64, 256, &packet) };
     let spread = SharingOptions { spread: 4000, ..together };
     let [together, spread] =
@@ -367,12 +367,12 @@ proptest! {
         overhead in 0usize..40,
         budget in 0usize..3000,
         most in 1usize..40,
-        share in 0.0..0.95,
+        chance in 0.0..0.95,
         burst in 1.0..8.0,
         payload in 0usize..800,
     ) {
         let packet = short(77, payload);
-        let loss = Loss { share, burst };
+        let loss = Loss { chance, burst };
         let options = SharingOptions { overhead, most, loss, ..options(mtu, budget, &packet) };
         let Ok(sharing) = Sharing::new(&options) else { return Ok(()) };
         prop_assert!(sharing.count() * (sharing.share_len() + overhead) <= budget);

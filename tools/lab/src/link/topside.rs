@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nvsprior::modem::{Collected, CollectedPacket, Collector, CollectorOptions};
+use nvsprior::modem::{Collected, Collector, CollectorOptions};
 use nvsprior::render::Scene;
 use nvsprior::{Camera, Decoded, Decoder, Engine, Picture, Pose, Trust};
 
@@ -54,11 +54,6 @@ impl Seen {
             Seen::Nothing => "nothing",
         }
     }
-}
-
-/// What came of a frame's packet.
-fn held(collector: &Collector, frame: u32) -> Option<CollectedPacket<'_>> {
-    collector.packet(0, frame).filter(|packet| packet.frame == frame)
 }
 
 pub struct Topside {
@@ -144,7 +139,7 @@ impl Topside {
     }
 
     fn look(&mut self, frame: u32) -> anyhow::Result<Seen> {
-        if let Some(packet) = held(&self.collector, frame) {
+        if let Some(packet) = self.collector.packet(0, frame) {
             self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.decoded)?;
             self.seen = Some(frame);
             return Ok(Seen::Own);
@@ -162,7 +157,7 @@ impl Topside {
     /// The pose of a frame that did not come, between those of frames that did and of which the vehicle is certain.
     fn pose_between(&self, frame: u32) -> anyhow::Result<Option<Pose>> {
         let pose = |number: u32| -> anyhow::Result<Option<(u32, Pose)>> {
-            let Some(packet) = held(&self.collector, number) else { return Ok(None) };
+            let Some(packet) = self.collector.packet(0, number) else { return Ok(None) };
             let (pose, certain) = self.decoder.pose_of(packet.bytes)?;
             Ok(certain.then_some((number, pose)))
         };
@@ -204,7 +199,7 @@ impl Topside {
         }
         let upto = self.newest.unwrap_or(0);
         let recent = upto.saturating_sub(REPORTED)..=upto;
-        let whole = |number: &u32| held(&self.collector, *number).is_some_and(|p| p.complete);
+        let whole = |number: &u32| self.collector.packet(0, *number).is_some_and(|p| p.complete);
         let short = recent.filter(|number| !whole(number));
         let short = short.map(|number| (number, self.collector.arrived(0, number).collect()));
         TopsideReport { loss, time: now, short: short.collect() }
