@@ -84,8 +84,12 @@ pub struct nvsp_collected {
     pub sent: u32,
     /// User bytes that came with it.
     pub user_bytes: u32,
+    /// 1: no share brings more, as the packet is complete, or its end was not sent; else 0.
+    pub ended: u32,
+    /// Zero.
+    pub reserved: u32,
 }
-versioned!(nvsp_collected, 40);
+versioned!(nvsp_collected, 48);
 
 /// Counts since the collector was made. A packet has gone by once a newer one took its place, or it is stale.
 #[allow(non_camel_case_types)]
@@ -526,6 +530,8 @@ const NOTHING: nvsp_collected = nvsp_collected {
     arrived: 0,
     sent: 0,
     user_bytes: 0,
+    ended: 0,
+    reserved: 0,
 };
 
 fn number(value: usize) -> u32 {
@@ -542,6 +548,7 @@ fn state_of(stream: u8, packet: Option<CollectedPacket>) -> nvsp_collected {
         arrived: number(packet.arrived),
         sent: number(packet.sent),
         user_bytes: packet.user.map_or(0, |user| number(user.len())),
+        ended: packet.ended.into(),
         ..NOTHING
     }
 }

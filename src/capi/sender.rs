@@ -48,7 +48,8 @@ pub struct nvsp_sender_options {
     pub abi_version: u32,
     /// What the link carries, bit/s, above 0. There is no default.
     pub bit_rate: f64,
-    /// Most pictures per second, above 0. There is no default.
+    /// Most pictures per second, above 0. There is no default. If a camera's frames come at uneven times, give a little more
+    /// than its rate: a frame that comes early is else left out.
     pub frame_rate: f64,
     /// Longest time from the exposure of a frame to the end of its packet's last share, seconds. 0: 1.5.
     pub latency: f64,
@@ -94,7 +95,8 @@ pub struct nvsp_division {
     pub picture_shares: u32,
     /// Any so many give all that is sent.
     pub whole_shares: u32,
-    /// Bytes of the packet that are sent. If they are fewer than it has, its end is not sent.
+    /// Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is worth less than the bytes that
+    /// it takes.
     pub packet_bytes: u32,
     /// Bytes on the link, the overhead of each share counted.
     pub link_bytes: u32,

@@ -120,6 +120,8 @@ pub struct CollectedPacket<'a> {
     pub bytes: &'a [u8],
     /// The bytes are the whole packet, and its checks match.
     pub complete: bool,
+    /// No share brings more: the packet is complete, or its end was not sent.
+    pub ended: bool,
     /// User bytes that came with it.
     pub user: Option<&'a [u8]>,
     /// Shares that came.

@@ -43,6 +43,8 @@ struct Start {
     at: usize,
     user: Option<(usize, usize)>,
     complete: bool,
+    /// All layers are there.
+    ended: bool,
 }
 
 /// What a share has brought.
@@ -126,6 +128,7 @@ impl Slot {
             frame: start.extent.frame,
             bytes: self.packet_bytes(&state)?,
             complete: start.complete,
+            ended: start.ended,
             user: start.user.map(|(from, to)| &self.bytes[from..to]),
             arrived: state.arrived,
             sent: state.header.count,
@@ -228,16 +231,18 @@ impl Slot {
             self.solve(first, 0, state);
             state.packet = Some(self.start(first, &header, last)?);
         }
-        let (Some(start), 1..) = (state.packet, state.layers) else { return Some(()) };
+        let (Some(mut start), 1..) = (state.packet, state.layers) else { return Some(()) };
         let layer = &self.bytes[..first.len()];
         let (contents, _) = take_contents(layer, first, header.count, header.data_len())?;
+        let (layers, others) = (contents.layers, contents.others);
         let mut at = first.chunk;
-        for (k, layer) in contents.layers[..contents.others].iter().enumerate() {
+        for (k, layer) in layers[..others].iter().enumerate() {
             if state.layers == k + 1 && state.arrived >= layer.threshold {
                 self.solve(*layer, at, state);
             }
             at += layer.chunk;
         }
+        start.ended = state.layers > others;
         self.judge(start, state)
     }
 
@@ -270,6 +275,7 @@ impl Slot {
             at,
             user,
             complete: false,
+            ended: false,
         })
     }
 
