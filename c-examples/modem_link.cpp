@@ -410,7 +410,7 @@ public:
                     static_cast<unsigned long long>(counts.accepted),
                     static_cast<unsigned long long>(counts.duplicates),
                     static_cast<unsigned long long>(counts.rejected));
-        std::printf("topside: %llu packets came whole, %zu of them with losses; %zu frames were drawn between others\n",
+        std::printf("topside: %llu packets came whole, %zu of them by a part of their modem frames; %zu frames were drawn between\n",
                     static_cast<unsigned long long>(counts.completed), repaired, drawn);
         std::printf("topside: %zu of %zu pictures, %.2f per second, mean %.2f dB, %.0f bit/s\n", pictures,
                     set_.frames.size(), static_cast<double>(pictures) / seconds,
@@ -451,8 +451,8 @@ private:
         next_ = state.frame + 1;
         last_ = header;
         const double found = quality(state.frame);
-        std::printf("topside: frame %2u  %4zu bytes, %2u of %2u modem frames lost, %s, rows %3u of %3u, %5.2f dB\n",
-                    state.frame, size, state.sent - state.arrived, state.sent, state.complete ? "whole" : "part ",
+        std::printf("topside: frame %2u  %4zu bytes, %2u of %2u modem frames came, %s, rows %3u of %3u, %5.2f dB\n",
+                    state.frame, size, state.arrived, state.sent, state.complete ? "whole" : "part ",
                     info.rows, info.height, found);
         pictures++;
         repaired += state.complete && state.arrived < state.sent;

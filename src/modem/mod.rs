@@ -5,6 +5,9 @@
 //! frames. A [`Reassembler`] puts packets together from what arrives. Both sides must be told the
 //! same MTU; nothing in a frame says it. Numbers are little endian.
 //!
+//! If frames are lost, a [`Sender`] is better: it spreads packets over frames of which any few give a picture, and a
+//! [`Collector`] puts them together. Below is the splitter's way.
+//!
 //! | byte | frame 0 |
 //! |---|---|
 //! | 0–… | the packet's first bytes, as many as the MTU, or all; the high two bits are `10` |

@@ -178,8 +178,6 @@ static void lossy_way(int number, size_t size) {
     }
     MUST(nvsp_collector_get_statistics(collector, &statistics));
     MUST(nvsp_sender_set_loss(sender, number % 2 ? 0.3 : 0.1, 2));
-    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
-    MUST(nvsp_decoder_draw(both.decoder, &dive.poses[0], &place));
     memcpy(arrived, sent, size);
 }
 
@@ -224,6 +222,7 @@ static void whole_way(int number) {
     }
     // And the start of it, as after a loss.
     MUST(nvsp_decode(both.decoder, arrived, size - size / 3, NVSP_DECODE_START, &place, &info));
+    MUST(nvsp_decoder_draw(both.decoder, &dive.poses[0], &place));
 }
 
 // Two frames under way at once, through a lens, with a mask.
