@@ -1,9 +1,10 @@
 // Pictures from a vehicle to its topside through a slow link that loses frames.
 //
-// Two processes with a UDP socket on loopback between them. The vehicle encodes a frame while the one before is on its
-// way. Its byte budget is what the link carries per frame. Its modem is simulated: it sends at a set bit rate, and
-// loses, swaps, repeats and pads modem frames. The topside puts together what arrives, shows the best possible picture
-// of it, and compares it with the original.
+// Two processes with a UDP socket on loopback between them. The vehicle's sender gives each frame of the camera its bytes,
+// spreads the packet over modem frames of which any few give a picture, and says when each is due. Its modem is simulated:
+// it sends at a set bit rate, and loses, swaps, repeats and pads modem frames. The topside's collector puts together what
+// arrives. The topside shows the best possible picture of it, or the prior at a pose between those of other frames, and
+// compares it with the original.
 
 #include <arpa/inet.h>
 #include <getopt.h>
@@ -13,8 +14,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <optional>
 #include <random>
@@ -35,7 +38,8 @@ struct Destroy {
     void operator()(nvsp_prior *p) const { nvsp_prior_destroy(p); }
     void operator()(nvsp_encoder *e) const { nvsp_encoder_destroy(e); }
     void operator()(nvsp_decoder *d) const { nvsp_decoder_destroy(d); }
-    void operator()(nvsp_reassembler *r) const { nvsp_reassembler_destroy(r); }
+    void operator()(nvsp_sender *s) const { nvsp_sender_destroy(s); }
+    void operator()(nvsp_collector *c) const { nvsp_collector_destroy(c); }
 };
 template <class T>
 using Handle = std::unique_ptr<T, Destroy>;
@@ -44,6 +48,7 @@ using Handle = std::unique_ptr<T, Destroy>;
 struct Settings {
     double bit_rate = 20000;  // Bits per second.
     double frames_a_second = 2;
+    double latency = 1.5;  // Seconds from a frame's exposure to its last modem frame, and until the topside shows it.
     uint32_t mtu = NVSP_MTU_64;
     double loss = 0.05, duplicates = 0.02, reorder = 0.02;  // Chances per modem frame.
     bool pad = false;
@@ -139,108 +144,166 @@ private:
 
 // ---- The vehicle ----------------------------------------------------------------------------------
 
-// Bytes of a packet that fills the modem frames that the link carries in one frame's time.
-size_t packet_budget(const Settings &set, double link_bytes) {
-    const size_t modem_frames = std::max(1.0, std::floor(link_bytes / set.mtu));
-    return modem_frames * set.mtu - 4 * (modem_frames - 1);  // All but the first have a header of 4 bytes.
+// Seconds since the program began.
+double clock_seconds() {
+    static const auto since = Clock::now();
+    return std::chrono::duration<double>(Clock::now() - since).count();
 }
 
-bool send_packet(Modem &modem, const Bytes &packet, const Settings &set) {
-    uint32_t count = 0;
-    nvsp_status status = nvsp_modem_frame_count(packet.size(), set.mtu, &count);
-    for (uint32_t i = 0; status == NVSP_OK && i < count; i++) {
-        Bytes frame(set.mtu);
-        size_t size = 0;
-        status = nvsp_modem_frame(packet.data(), packet.size(), set.mtu, i, frame.data(),
-                                  frame.size(), &size);
-        if (status == NVSP_OK) {
-            frame.resize(size);
-            modem.send(std::move(frame));
+class Vehicle {
+public:
+    Vehicle(Modem &modem, const Settings &set) : modem_(modem), set_(set) {}
+
+    bool open() {
+        if (!open_prior(set_.prior, engine_, prior_)) {
+            return false;
         }
+        nvsp_encoder_options options;
+        NVSP_INIT(&options);
+        options.threshold = 1e-2f;
+        options.camera_interval = NVSP_CAMERA_ONCE;  // The topside is told of the camera.
+        nvsp_encoder *encoder = nullptr;
+        nvsp_status status =
+            nvsp_encoder_create(engine_.get(), prior_.get(), &set_.camera, &options, &encoder);
+        encoder_.reset(encoder);
+        if (!sound(status, "making an encoder", engine_.get(), nvsp_engine_last_error)) {
+            return false;
+        }
+        nvsp_sender_options link;
+        NVSP_INIT(&link);
+        link.bit_rate = set_.bit_rate;
+        link.frame_rate = set_.frames_a_second;
+        link.latency = set_.latency;
+        link.delay = 0.1;                  // For search and coding.
+        link.spread = 0.3 * set_.latency;  // So long a burst of losses takes few modem frames of each packet.
+        link.loss = set_.loss > 0 ? std::min(set_.loss, 0.9) : NVSP_LOSS_NONE;
+        link.shares = most_shares;
+        nvsp_sender *sender = nullptr;
+        status = nvsp_sender_create(set_.mtu, &link, &sender);
+        sender_.reset(sender);
+        if (status != NVSP_OK) {
+            std::fprintf(stderr, "making a sender: %s\n", nvsp_status_text(status));
+        }
+        packet_.resize(nvsp_packet_bound(set_.camera.width, set_.camera.height));
+        return status == NVSP_OK;
     }
-    if (status != NVSP_OK) {
-        std::fprintf(stderr, "splitting: %s\n", nvsp_status_text(status));
-    }
-    return status == NVSP_OK;
-}
 
-// Begins to encode a frame and returns at once. The picture is not needed afterwards.
-bool begin(nvsp_encoder *encoder, const std::string &path, const nvsp_pose *hint, double link_bytes,
-           const Settings &set) {
-    const float budget = static_cast<float>(packet_budget(set, link_bytes));
-    if (!sound(nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, budget), "setting the rate", encoder,
-               nvsp_encoder_last_error)) {
-        return false;
-    }
-    ppm frame{};
-    if (!ppm_read(path.c_str(), &frame)) {
-        return false;
-    }
-    const nvsp_image image = ppm_image(&frame);
-    const nvsp_status status = nvsp_encode_begin(encoder, &image, hint);
-    std::free(frame.pixels);
-    return sound(status, path.c_str(), encoder, nvsp_encoder_last_error);
-}
-
-// Fetches the packet that was begun. Waits for it if the link was faster than the encoder.
-bool finish(nvsp_encoder *encoder, Bytes &packet, nvsp_frame_stats &stats) {
-    const bool ready = nvsp_encode_poll(encoder) == NVSP_OK;
-    while (nvsp_encode_wait(encoder, 100) == NVSP_PENDING) {
-    }
-    size_t size = 0;
-    const nvsp_status status =
-        nvsp_encode_finish(encoder, packet.data(), packet.size(), &size, &stats);
-    if (!sound(status, "encoding", encoder, nvsp_encoder_last_error)) {
-        return false;
-    }
-    std::printf("vehicle: frame %2u  %4u bytes in %4.0f ms, %s\n", stats.frame, stats.bytes,
-                stats.milliseconds, ready ? "ready before the link was" : "the link waited");
-    packet.resize(size);
-    return true;
-}
-
-bool dive(Modem &modem, const Settings &set) {
-    Handle<nvsp_engine> engine;
-    Handle<nvsp_prior> prior;
-    if (!open_prior(set.prior, engine, prior)) {
-        return false;
-    }
-    nvsp_encoder_options options;
-    NVSP_INIT(&options);
-    options.threshold = 1e-2f;
-    options.camera_interval = NVSP_CAMERA_ONCE;  // The topside is told of the camera.
-    nvsp_encoder *made = nullptr;
-    const nvsp_status status =
-        nvsp_encoder_create(engine.get(), prior.get(), &set.camera, &options, &made);
-    if (!sound(status, "making an encoder", engine.get(), nvsp_engine_last_error)) {
-        return false;
-    }
-    const Handle<nvsp_encoder> encoder(made);
-
-    const size_t bound = nvsp_packet_bound(set.camera.width, set.camera.height);
-    const double share = set.bit_rate / 8 / set.frames_a_second;
-    double link_bytes = share;
-    if (!begin(encoder.get(), set.frames[0], &set.start, link_bytes, set)) {
-        return false;
-    }
-    for (size_t i = 0; i < set.frames.size(); i++) {
-        Bytes packet(bound);
+    // Sends a frame that was exposed at a time, or leaves it out. Modem frames go on leaving meanwhile.
+    bool take(double exposed, const std::string &path, const nvsp_pose *hint) {
+        uint32_t budget = 0;
+        nvsp_status status = nvsp_sender_plan(sender_.get(), exposed, &budget);
+        if (!sound(status, "planning", sender_.get(), nvsp_sender_last_error)) {
+            return false;
+        }
+        if (budget == 0) {
+            std::printf("vehicle: a frame is left out\n");
+            status = nvsp_encoder_skip(encoder_.get(), 1);
+            return sound(status, "skipping", encoder_.get(), nvsp_encoder_last_error);
+        }
+        size_t size = 0;
         nvsp_frame_stats stats;
         NVSP_INIT(&stats);
-        if (!finish(encoder.get(), packet, stats)) {
+        status = encode(path, hint, NVSP_RATE_BYTES, static_cast<float>(budget), size, stats);
+        if (status == NVSP_ERR_BUDGET) {
+            // The first packet also tells the camera. If the bytes do not hold that, it has no difference picture.
+            status = encode(path, hint, NVSP_RATE_NONE, 0, size, stats);
+        }
+        if (!sound(status, path.c_str(), encoder_.get(), nvsp_encoder_last_error)) {
             return false;
         }
-        // The next frame is encoded while this one is on its way. It may use the bytes that this one leaves.
-        const double left = link_bytes - static_cast<double>(packet.size());
-        link_bytes = share + std::clamp(left, 0.0, share);
-        if (i + 1 < set.frames.size()
-            && !begin(encoder.get(), set.frames[i + 1], nullptr, link_bytes, set)) {
+        nvsp_division division;
+        NVSP_INIT(&division);
+        status = nvsp_sender_push(sender_.get(), clock_seconds(), packet_.data(), size, nullptr, 0, &division);
+        std::printf("vehicle: frame %2u  %4u bytes in %4.0f ms, %2u modem frames, any %2u give a picture, %2u all of it\n",
+                    stats.frame, stats.bytes, stats.milliseconds, division.shares, division.picture_shares,
+                    division.whole_shares);
+        return sound(status, "sharing", sender_.get(), nvsp_sender_last_error);
+    }
+
+    // Sends what is due until a time.
+    void pump(double until) {
+        while (clock_seconds() < until) {
+            if (!send_next()) {
+                std::this_thread::sleep_for(std::chrono::milliseconds(2));
+            }
+        }
+    }
+
+    // Sends all that waits.
+    void drain() {
+        double due = 0;
+        while (nvsp_sender_due(sender_.get(), &due) == NVSP_OK) {
+            if (!send_next()) {
+                std::this_thread::sleep_for(std::chrono::milliseconds(2));
+            }
+        }
+    }
+
+private:
+    static constexpr uint32_t most_shares = 32;
+
+    // Encodes a frame on the encoder's own thread, and sends meanwhile.
+    nvsp_status encode(const std::string &path, const nvsp_pose *hint, uint32_t rate, float value, size_t &size,
+                       nvsp_frame_stats &stats) {
+        nvsp_status status = nvsp_encoder_set_rate(encoder_.get(), rate, value);
+        ppm frame{};
+        if (status != NVSP_OK || !ppm_read(path.c_str(), &frame)) {
+            return status == NVSP_OK ? NVSP_ERR_FILE : status;
+        }
+        const nvsp_image image = ppm_image(&frame);
+        status = nvsp_encode_begin(encoder_.get(), &image, hint);
+        std::free(frame.pixels);
+        if (status != NVSP_OK) {
+            return status;
+        }
+        while (nvsp_encode_poll(encoder_.get()) == NVSP_PENDING) {
+            if (!send_next()) {
+                (void)!nvsp_encode_wait(encoder_.get(), 2);
+            }
+        }
+        return nvsp_encode_finish(encoder_.get(), packet_.data(), packet_.size(), &size, &stats);
+    }
+
+    // Sends one modem frame, if one is due.
+    bool send_next() {
+        Bytes share(set_.mtu);
+        size_t size = 0;
+        if (nvsp_sender_next(sender_.get(), clock_seconds(), share.data(), share.size(), &size) != NVSP_OK) {
             return false;
         }
-        if (!send_packet(modem, packet, set)) {
+        if (set_.pad) {
+            // The modem fills it up: the link carries that, too.
+            const auto padding = static_cast<uint32_t>(set_.mtu - size);
+            (void)!nvsp_sender_count(sender_.get(), clock_seconds(), padding);
+        }
+        share.resize(size);
+        modem_.send(std::move(share));
+        return true;
+    }
+
+    Modem &modem_;
+    const Settings &set_;
+    Handle<nvsp_engine> engine_;
+    Handle<nvsp_prior> prior_;
+    Handle<nvsp_encoder> encoder_;
+    Handle<nvsp_sender> sender_;
+    Bytes packet_;
+};
+
+bool dive(Modem &modem, const Settings &set) {
+    Vehicle vehicle(modem, set);
+    if (!vehicle.open()) {
+        return false;
+    }
+    const double start = clock_seconds();
+    for (size_t i = 0; i < set.frames.size(); i++) {
+        const double exposed = start + static_cast<double>(i) / set.frames_a_second;
+        vehicle.pump(exposed);
+        if (!vehicle.take(exposed, set.frames[i], i == 0 ? &set.start : nullptr)) {
             return false;
         }
     }
+    vehicle.drain();
     return true;
 }
 
@@ -281,10 +344,6 @@ public:
             return false;
         }
         nvsp_decoder *decoder = nullptr;
-        nvsp_reassembler *reassembler = nullptr;
-        nvsp_reassembler_options options;
-        NVSP_INIT(&options);
-        options.flags = NVSP_MODEM_CHECKS;  // UDP hands over no damaged datagrams.
         nvsp_status status = nvsp_decoder_create(engine_.get(), prior_.get(), &decoder);
         decoder_.reset(decoder);
         if (status == NVSP_OK) {
@@ -293,103 +352,141 @@ public:
         if (!sound(status, "making a decoder", engine_.get(), nvsp_engine_last_error)) {
             return false;
         }
-        status = nvsp_reassembler_create(set_.mtu, &options, &reassembler);
-        reassembler_.reset(reassembler);
+        nvsp_collector_options options;
+        NVSP_INIT(&options);
+        options.packets = 64;
+        options.age = std::min(4 * set_.latency, 60 / set_.frames_a_second);
+        nvsp_collector *collector = nullptr;
+        status = nvsp_collector_create(set_.mtu, &options, &collector);
+        collector_.reset(collector);
         if (status != NVSP_OK) {
-            std::fprintf(stderr, "making a reassembler: %s\n", nvsp_status_text(status));
+            std::fprintf(stderr, "making a collector: %s\n", nvsp_status_text(status));
         }
         return status == NVSP_OK;
     }
 
-    // Takes a modem frame, and keeps the best of the newest packet.
+    // Takes a modem frame.
     void take(const uint8_t *frame, size_t size) {
         bytes += size;
-        nvsp_reassembly state;
+        nvsp_collected state;
         NVSP_INIT(&state);
-        if (nvsp_reassembler_push(reassembler_.get(), frame, size, &state) != NVSP_OK) {
-            return;  // No modem frame, or damaged.
+        const double now = clock_seconds();
+        if (nvsp_collector_push(collector_.get(), now, frame, size, &state) != NVSP_OK) {
+            return;  // No share, or damaged.
         }
-        if (state.event != NVSP_EVENT_GROWN && state.event != NVSP_EVENT_COMPLETE) {
-            if (held_ > 0 && state.frame == state_.frame) {
-                state_.frames = state.frames;  // Repeated, or behind one that is missing.
-            }
-            return;
-        }
-        size_t written = 0;
-        if (nvsp_reassembler_fetch(reassembler_.get(), spare_.data(), spare_.size(), &written, &state)
-            != NVSP_OK) {
-            return;
-        }
-        if (held_ > 0 && state.frame != state_.frame) {
-            show();  // A newer one has begun: nothing more comes of the one before.
-        }
-        std::swap(packet_, spare_);
-        held_ = written;
-        state_ = state;
-        if (state.complete != 0) {
-            show();
+        const bool more = state.event == NVSP_EVENT_GROWN || state.event == NVSP_EVENT_COMPLETE;
+        if (more && state.frame >= next_) {
+            waiting_.emplace(state.frame, now);
         }
     }
 
-    // Decodes what there is of the packet, once.
-    void show() {
-        if (held_ == 0 || state_.frame == shown_) {
-            return;
+    // Shows what there is: frames in their order, each once all of it has come, or when its time is over.
+    void show_due(bool all) {
+        while (!waiting_.empty()) {
+            const auto [frame, since] = *waiting_.begin();
+            size_t size = 0;
+            nvsp_collected state;
+            NVSP_INIT(&state);
+            const nvsp_status status = nvsp_collector_fetch(collector_.get(), 0, frame, packet_.data(), packet_.size(),
+                                                            &size, &state);
+            const bool patient = !all && clock_seconds() - since < set_.latency;
+            if (status == NVSP_OK && patient && (state.ended == 0 || frame > next_)) {
+                return;  // More of it may come, or an earlier one.
+            }
+            waiting_.erase(waiting_.begin());
+            if (status == NVSP_OK) {
+                show(state, size);
+            }
         }
-        nvsp_picture place = NVSP_INITIALIZER(nvsp_picture);
-        place.format = NVSP_FORMAT_RGB8;
-        place.pixels = picture_.data();
-        place.size = picture_.size();
-        nvsp_decoded info;
-        NVSP_INIT(&info);
-        const nvsp_status status =
-            nvsp_decode(decoder_.get(), packet_.data(), held_, NVSP_DECODE_START, &place, &info);
-        if (!sound(status, "decoding", decoder_.get(), nvsp_decoder_last_error)) {
-            return;
-        }
-        shown_ = state_.frame;
-        const double quality =
-            info.frame < set_.frames.size() ? psnr(picture_, set_.frames[info.frame]) : NAN;
-        std::printf("topside: frame %2u  %4zu bytes, ", info.frame, held_);
-        if (state_.expected > 0) {
-            std::printf("%2u of %2u modem frames lost", state_.expected - state_.frames,
-                        state_.expected);
-        } else {
-            std::printf("the most of it lost    ");
-        }
-        std::printf(", rows %3u of %3u, %5.2f dB\n", info.rows, info.height, quality);
-        pictures++;
-        sum_psnr += quality;
     }
 
     void report(double seconds) const {
-        nvsp_reassembler_statistics counts;
+        nvsp_collector_statistics counts;
         NVSP_INIT(&counts);
-        if (nvsp_reassembler_get_statistics(reassembler_.get(), &counts) != NVSP_OK) {
+        if (nvsp_collector_get_statistics(collector_.get(), &counts) != NVSP_OK) {
             return;
         }
         std::printf("topside: modem frames %llu used, %llu repeated, %llu refused\n",
                     static_cast<unsigned long long>(counts.accepted),
                     static_cast<unsigned long long>(counts.duplicates),
                     static_cast<unsigned long long>(counts.rejected));
+        std::printf("topside: %llu packets came whole, %zu of them by a part of their modem frames; %zu frames were drawn between\n",
+                    static_cast<unsigned long long>(counts.completed), repaired, drawn);
         std::printf("topside: %zu of %zu pictures, %.2f per second, mean %.2f dB, %.0f bit/s\n", pictures,
                     set_.frames.size(), static_cast<double>(pictures) / seconds,
                     sum_psnr / static_cast<double>(pictures), 8.0 * static_cast<double>(bytes) / seconds);
     }
 
-    size_t pictures = 0, bytes = 0;
+    size_t pictures = 0, drawn = 0, repaired = 0, bytes = 0;
     double sum_psnr = 0;
 
 private:
+    nvsp_picture place() {
+        nvsp_picture place = NVSP_INITIALIZER(nvsp_picture);
+        place.format = NVSP_FORMAT_RGB8;
+        place.pixels = picture_.data();
+        place.size = picture_.size();
+        return place;
+    }
+
+    double quality(uint32_t frame) const {
+        return frame < set_.frames.size() ? psnr(picture_, set_.frames[frame]) : NAN;
+    }
+
+    // Decodes what there is of a packet. Frames before it of which nothing came are drawn first.
+    void show(const nvsp_collected &state, size_t size) {
+        nvsp_header header;
+        nvsp_decoded info;
+        NVSP_INIT(&header);
+        NVSP_INIT(&info);
+        nvsp_status status = nvsp_decode_header(packet_.data(), size, prior_.get(), &header);
+        if (status == NVSP_OK) {
+            draw_between(state.frame, header);
+            nvsp_picture picture = place();
+            status = nvsp_decode(decoder_.get(), packet_.data(), size, NVSP_DECODE_START, &picture, &info);
+        }
+        if (!sound(status, "decoding", decoder_.get(), nvsp_decoder_last_error)) {
+            return;
+        }
+        next_ = state.frame + 1;
+        last_ = header;
+        const double found = quality(state.frame);
+        std::printf("topside: frame %2u  %4zu bytes, %2u of %2u modem frames came, %s, rows %3u of %3u, %5.2f dB\n",
+                    state.frame, size, state.arrived, state.sent, state.complete ? "whole" : "part ",
+                    info.rows, info.height, found);
+        pictures++;
+        repaired += state.complete && state.arrived < state.sent;
+        sum_psnr += found;
+    }
+
+    // Draws the prior for frames between the last one shown and this one, if the vehicle was certain of both poses.
+    void draw_between(uint32_t shown, const nvsp_header &header) {
+        const auto certain = [](const nvsp_header &h) {
+            return (h.flags & NVSP_HEADER_POSE) != 0 && (h.flags & NVSP_FRAME_UNCERTAIN) == 0;
+        };
+        for (uint32_t frame = next_; certain(last_) && certain(header) && frame < shown; frame++) {
+            nvsp_pose pose = NVSP_INITIALIZER(nvsp_pose);
+            nvsp_picture picture = place();
+            const double part = double(frame + 1 - next_) / double(shown + 1 - next_);
+            if (nvsp_pose_between(&last_.pose, &header.pose, part, &pose) != NVSP_OK
+                || nvsp_decoder_draw(decoder_.get(), &pose, &picture) != NVSP_OK) {
+                return;
+            }
+            drawn++;
+            std::printf("topside: frame %2u  did not come: the prior at a pose between, %5.2f dB\n", frame,
+                        quality(frame));
+        }
+    }
+
     const Settings &set_;
     Handle<nvsp_engine> engine_;
     Handle<nvsp_prior> prior_;
     Handle<nvsp_decoder> decoder_;
-    Handle<nvsp_reassembler> reassembler_;
-    Bytes packet_, spare_ = Bytes(1 << 16), picture_;
-    size_t held_ = 0;
-    nvsp_reassembly state_{};
-    uint32_t shown_ = UINT32_MAX;
+    Handle<nvsp_collector> collector_;
+    Bytes packet_, picture_;
+    std::map<uint32_t, double> waiting_;  // By frame number: when it first gave a picture.
+    uint32_t next_ = 0;                   // The number after the last one shown.
+    nvsp_header last_ = NVSP_INITIALIZER(nvsp_header);  // Of the last one shown.
 };
 
 int topside(int socket, int ready, const Settings &set) {
@@ -397,19 +494,24 @@ int topside(int socket, int ready, const Settings &set) {
     if (!top.open() || write(ready, "", 1) != 1) {
         return 1;
     }
-    const timeval patience = {30, 0};
-    setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    const timeval tick = {0, 20000};
+    setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &tick, sizeof tick);
     Bytes frame(65536);
-    const auto since = Clock::now();
+    const double since = clock_seconds();
+    double heard = since;
     ssize_t size;
-    while ((size = recv(socket, frame.data(), frame.size(), 0)) > 0) {
-        top.take(frame.data(), static_cast<size_t>(size));
+    while ((size = recv(socket, frame.data(), frame.size(), 0)) != 0) {
+        if (size > 0) {
+            heard = clock_seconds();
+            top.take(frame.data(), static_cast<size_t>(size));
+        } else if ((errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR) || clock_seconds() > heard + 30) {
+            std::perror("receiving");
+            break;
+        }
+        top.show_due(false);
     }
-    top.show();
-    if (size < 0) {
-        std::perror("receiving");
-    }
-    top.report(std::chrono::duration<double>(Clock::now() - since).count());
+    top.show_due(true);
+    top.report(clock_seconds() - since);
     return size == 0 && top.pictures > 0 ? 0 : 1;
 }
 
@@ -421,7 +523,8 @@ const char usage[] =
     "START             qw,qx,qy,qz,tx,ty,tz: the camera's rough pose at the first frame, world to camera\n"
     "--bit-rate N      bits per second (20000)\n"
     "--fps N           frames per second, which share the bits (2)\n"
-    "--mtu N           bytes of a modem frame, 31 to 65000 (64)\n"
+    "--latency S       seconds from a frame's exposure to its last modem frame, and until it is shown (1.5)\n"
+    "--mtu N           bytes of a modem frame, 16 to 65000 (64)\n"
     "--loss P --duplicates P --reorder P\n"
     "                  chances for each modem frame (0.05, 0.02, 0.02)\n"
     "--pad             fill up every modem frame to the MTU\n"
@@ -430,7 +533,8 @@ const char usage[] =
 bool parse(int argc, char **argv, Settings &set) {
     static const option options[] = {
         {"bit-rate", required_argument, nullptr, 'b'}, {"fps", required_argument, nullptr, 'f'},
-        {"mtu", required_argument, nullptr, 'm'},      {"loss", required_argument, nullptr, 'l'},
+        {"latency", required_argument, nullptr, 't'},  {"mtu", required_argument, nullptr, 'm'},
+        {"loss", required_argument, nullptr, 'l'},
         {"duplicates", required_argument, nullptr, 'd'}, {"reorder", required_argument, nullptr, 'r'},
         {"pad", no_argument, nullptr, 'p'},            {"seed", required_argument, nullptr, 's'},
         {nullptr, 0, nullptr, 0}};
@@ -439,6 +543,7 @@ bool parse(int argc, char **argv, Settings &set) {
         switch (c) {
         case 'b': set.bit_rate = value; break;
         case 'f': set.frames_a_second = value; break;
+        case 't': set.latency = value; break;
         case 'm': set.mtu = static_cast<uint32_t>(value); break;
         case 'l': set.loss = value; break;
         case 'd': set.duplicates = value; break;
@@ -448,7 +553,7 @@ bool parse(int argc, char **argv, Settings &set) {
         default: return false;
         }
     }
-    if (argc - optind < 4 || !(set.bit_rate > 0) || !(set.frames_a_second > 0) || set.mtu < 31
+    if (argc - optind < 4 || !(set.bit_rate > 0) || !(set.frames_a_second > 0) || !(set.latency > 0) || set.mtu < 16
         || set.mtu > 65000) {
         return false;
     }

@@ -2,8 +2,9 @@
  *
  * A vehicle and its topside hold the same trained scene, the prior. For each camera frame an encoder finds the pose at
  * which the prior looks most like the frame. It packs the pose with a coded difference picture. A decoder renders the
- * prior at the pose and adds the difference. Packets travel in modem frames. A reassembler puts them together from what
- * arrives.
+ * prior at the pose and adds the difference. Packets travel in modem frames. On a link that
+ * loses some, a sender spreads each packet over frames of which any few give a picture, and a collector puts them together.
+ * If all arrive, nvsp_modem_frame splits a packet, and a reassembler puts it together.
  *
  * The contract of every function:
  *
@@ -20,13 +21,13 @@
  * Parameters. One line per parameter says what it is, its unit, and whether NULL is allowed. If it is not, NULL gives
  *   NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot check it.
  * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
- *   decoder or a reassembler: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a handle while it is
+ *   decoder, a sender, a collector or a reassembler: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a handle while it is
  *   destroyed, or afterwards.
  * Waiting. A call waits only if its comment says so, and only for the device, no longer than
  *   nvsp_engine_options.watchdog_milliseconds for one piece of work. Building pipelines, in nvsp_engine_create and the
  *   first nvsp_prior_open, takes as long as the driver takes. No call waits for another program, a file (except
  *   nvsp_prior_open) or a network.
- * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting and reassembly allocate nothing on
+ * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting, sharing and their ways back allocate nothing on
  *   the host once they have run a first time. A call that allocates first sets aside as much as it may need at most. If
  *   the system does not have it, the call fails with NVSP_ERR_MEMORY, and nothing has changed. The library itself never
  *   ends the process for want of memory, wherever that comes from (nvsp_set_allocator). A Vulkan driver may: Mesa's does, while it compiles.
@@ -355,6 +356,12 @@ template <class Structure> inline Structure nvsp_initialized() {
 // first were forgotten; they may come again.
 #define NVSP_EVENT_DAMAGED 5
 
+// nvsp_sender_options.loss: the link loses nothing.
+#define NVSP_LOSS_NONE -1.0
+
+// The share's packet was complete before.
+#define NVSP_EVENT_SURPLUS 6
+
 // What VkDevice points to.
 typedef struct VkDevice_T VkDevice_T;
 
@@ -366,6 +373,13 @@ typedef struct VkPhysicalDevice_T VkPhysicalDevice_T;
 
 // What VkQueue points to.
 typedef struct VkQueue_T VkQueue_T;
+
+// Puts packets together from the shares that an nvsp_sender gave. One thread at a time may use it. Example:
+//
+//     nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
+//     if (nvsp_collector_push(collector, now, frame, size, &state) == NVSP_OK && state.bytes > 0)
+//         status = nvsp_collector_fetch(collector, state.stream, state.frame, packet, sizeof packet, &bytes, NULL);
+typedef struct nvsp_collector nvsp_collector;
 
 // Decodes packets, in any order. One thread at a time may use it. Example:
 //
@@ -423,6 +437,20 @@ typedef struct nvsp_prior nvsp_prior;
 //     if (nvsp_reassembler_push(reassembler, frame, size, &state) == NVSP_OK && state.event == NVSP_EVENT_COMPLETE)
 //         status = nvsp_reassembler_fetch(reassembler, packet, sizeof packet, &bytes, NULL);
 typedef struct nvsp_reassembler nvsp_reassembler;
+
+// Protects packets against losses, within a bit rate. A packet becomes shares: modem frames of which any few give a
+// picture, and each more a finer one. nvsp_collector puts them together. One thread at a time may use it. Example:
+//
+//     // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
+//     status = nvsp_sender_plan(sender, now, &budget);
+//     if (status == NVSP_OK && budget > 0) {
+//         status = nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, (float)budget);
+//         // ... nvsp_encode ...
+//         status = nvsp_sender_push(sender, later, packet, bytes, NULL, 0, NULL);
+//     }
+//     // Whenever the modem is free:
+//     if (nvsp_sender_next(sender, now, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
+typedef struct nvsp_sender nvsp_sender;
 
 // What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
 typedef int32_t nvsp_status;
@@ -710,6 +738,19 @@ typedef struct nvsp_prior_info {
   float clahe_clip_limit;
 } nvsp_prior_info;
 
+// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as by
+// NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
+typedef struct nvsp_pose {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Quaternion of R: w, x, y, z. Any length but zero.
+  double rotation[4];
+  // t, in the prior's unit.
+  double translation[3];
+} nvsp_pose;
+
 // How to encode; all zero: the defaults.
 typedef struct nvsp_encoder_options {
   // Set by NVSP_INIT.
@@ -792,19 +833,6 @@ typedef struct nvsp_image {
   // Where each plane begins in its DMA-BUF, bytes. 0 if there is none.
   size_t offsets[3];
 } nvsp_image;
-
-// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as by
-// NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
-typedef struct nvsp_pose {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Quaternion of R: w, x, y, z. Any length but zero.
-  double rotation[4];
-  // t, in the prior's unit.
-  double translation[3];
-} nvsp_pose;
 
 // What encoding a frame took and gave.
 typedef struct nvsp_frame_stats {
@@ -1062,6 +1090,168 @@ typedef struct nvsp_reassembler_statistics {
   uint64_t incomplete;
 } nvsp_reassembler_statistics;
 
+// A link, and what its pictures should be.
+typedef struct nvsp_sender_options {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // What the link carries, bit/s, above 0. There is no default.
+  double bit_rate;
+  // Most pictures per second, above 0. There is no default. If a camera's frames come at uneven times, give a little more
+  // than its rate: a frame that comes early is else left out.
+  double frame_rate;
+  // Longest time from the exposure of a frame to the end of its packet's last share, seconds. 0: 1.5.
+  double latency;
+  // What of it is no transmission: search, coding, propagation; seconds.
+  double delay;
+  // Time from a packet's first share to its last one, seconds, a part of the latency. Shares of other packets lie
+  // between them, so a burst of losses takes few of each. 0: they follow each other.
+  double spread;
+  // Chance that a modem frame is lost, below 1. 0: 0.1, a fair guess if it is not known. NVSP_LOSS_NONE: none is lost.
+  double loss;
+  // Mean number of modem frames that are lost in a row, 1 or more. 0: 1.
+  double burst;
+  // What each modem frame costs on the link beside its bytes (preamble, the modem's own header), as bytes.
+  uint32_t overhead;
+  // Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good picture
+  // takes: the frame rate falls first. 0: 40.
+  uint32_t least;
+  // Most shares of a packet, up to 64. nvsp_collector_options.shares must be as many. 0: 16.
+  uint32_t shares;
+  // User bytes that travel with each packet, up to 255; with it they come or are lost.
+  uint32_t user_bytes;
+  // The stream that the packets are of, 0 to 3: up to four encoders may share a link, each with a sender.
+  uint32_t stream;
+  // Zero.
+  uint32_t reserved;
+} nvsp_sender_options;
+
+// How a packet was divided.
+typedef struct nvsp_division {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Shares.
+  uint32_t shares;
+  // Bytes of each.
+  uint32_t share_bytes;
+  // Any so many shares give a picture.
+  uint32_t picture_shares;
+  // Any so many give all that is sent.
+  uint32_t whole_shares;
+  // Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is worth less than the bytes that
+  // it takes.
+  uint32_t packet_bytes;
+  // Bytes on the link, the overhead of each share counted.
+  uint32_t link_bytes;
+} nvsp_division;
+
+// Counts since the sender was made.
+typedef struct nvsp_sender_statistics {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Frames left out: nvsp_sender_plan had no bytes for them.
+  uint64_t left_out;
+  // Packets taken.
+  uint64_t packets;
+  // Packets of them whose end was not sent.
+  uint64_t cut;
+  // Shares of them.
+  uint64_t shares;
+  // Bytes of them on the link, the overhead of each share counted.
+  uint64_t bytes;
+  // Shares that wait now.
+  uint64_t waiting;
+  // The loss that packets are protected against now.
+  double loss;
+  // And the mean length of its bursts, modem frames.
+  double burst;
+  // The bit rate now, bit/s.
+  double bit_rate;
+} nvsp_sender_statistics;
+
+// How to collect shares.
+typedef struct nvsp_collector_options {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo 128:
+  // give less time than 64 frames of the camera take. 0: 4.
+  double age;
+  // Shares of a packet that there is room for, up to 256: nvsp_sender_options.shares. 0: 32.
+  uint32_t shares;
+  // Packets of a stream that are held: that of the newest frame number, and of those before it. Up to 64, and rounded up
+  // to a power of two. 0: 16.
+  uint32_t packets;
+  // Streams that are taken, 0 to this less one; up to 4. 0: 1.
+  uint32_t streams;
+  // Zero.
+  uint32_t reserved;
+} nvsp_collector_options;
+
+// What has come of a packet.
+typedef struct nvsp_collected {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero unless it
+  // is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN.
+  uint32_t event;
+  // Stream of the packet.
+  uint32_t stream;
+  // Frame number of the packet, modulo 2^24.
+  uint32_t frame;
+  // Bytes of its start that are there. Checks vouch for them.
+  uint32_t bytes;
+  // 1: these are the whole packet; else 0.
+  uint32_t complete;
+  // Shares of it that came.
+  uint32_t arrived;
+  // Shares that it was sent in.
+  uint32_t sent;
+  // User bytes that came with it.
+  uint32_t user_bytes;
+  // 1: no share brings more, as the packet is complete, or its end was not sent; else 0.
+  uint32_t ended;
+  // Zero.
+  uint32_t reserved;
+} nvsp_collected;
+
+// Counts since the collector was made. A packet has gone by once a newer one took its place, or it is stale.
+typedef struct nvsp_collector_statistics {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Shares that were not there before.
+  uint64_t accepted;
+  // Shares that were there before.
+  uint64_t duplicates;
+  // Modem frames that were no shares, damaged ones, and such of packets long past.
+  uint64_t rejected;
+  // Shares that packets gone by had.
+  uint64_t arrived;
+  // Shares that they were sent in. 1 - arrived / sent is the loss, for nvsp_sender_set_loss. Packets of which no share came
+  // do not count, as a frame that was left out looks the same.
+  uint64_t sent;
+  // Packets that became complete.
+  uint64_t completed;
+  // Packets gone by that were complete although shares of them were missing.
+  uint64_t repaired;
+  // Packets gone by that gave a picture, but not all of it.
+  uint64_t partial;
+  // Packets gone by that gave no picture, and frame numbers of which nothing came.
+  uint64_t lost;
+  // Packets whose own checks did not match what their shares held.
+  uint64_t damaged;
+} nvsp_collector_statistics;
+
 // Done.
 #define NVSP_OK 0
 
@@ -1121,7 +1311,7 @@ typedef struct nvsp_reassembler_statistics {
 // The first frame came without a pose to start from, and the prior has no key frames.
 #define NVSP_ERR_NO_START -17
 
-// The byte budget does not even hold the pose.
+// The byte budget does not even hold the pose, or a packet's shares do not.
 #define NVSP_ERR_BUDGET -18
 
 // The bytes are no packet, or its latent part is damaged.
@@ -1146,7 +1336,8 @@ typedef struct nvsp_reassembler_statistics {
 // A picture has more pixels than nvsp_engine_options.frame_size_limit allows.
 #define NVSP_ERR_LIMIT -25
 
-// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it.
+// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a sender: too many shares
+// wait.
 #define NVSP_ERR_UNFINISHED -26
 
 // A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or looks
@@ -1411,6 +1602,22 @@ nvsp_status nvsp_dmabuf_import(const struct nvsp_engine *engine,
 // - `dmabuf`: a live DMA-BUF that no call uses. Do not use it afterwards. NULL is allowed.
 void nvsp_dmabuf_destroy(struct nvsp_dmabuf *dmabuf);
 
+// Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the same
+// motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, or NVSP_ERR_ARGUMENT if a pose is no rigid motion
+// or the part is not finite, or so large that the pose is not.
+//
+// Parameters:
+// - `from`, `to`: the poses, from world to camera. Read during the call. Not NULL.
+// - `part`: the part of the way: of a frame number between two others, (number - first) / (second - first).
+// - `between`: receives the pose, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_pose_between(const struct nvsp_pose *from,
+                              const struct nvsp_pose *to,
+                              double part,
+                              struct nvsp_pose *between) NVSP_NONNULL(4);
+
 // Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
 // allocates on the host what depends on its content and options, and has the driver compile; so encode one at the quay.
 // Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
@@ -1469,6 +1676,18 @@ nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 NVSP_CHECKED
 nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
                                      uint32_t frame) NVSP_NONNULL(1);
+
+// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the camera, the
+// topside knows which were left out, and can draw them at poses between those that it has (nvsp_decoder_draw).
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `frames`: their number.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_skip(struct nvsp_encoder *encoder,
+                              uint32_t frames) NVSP_NONNULL(1);
 
 // Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 // Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
@@ -1907,6 +2126,23 @@ nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
 NVSP_CHECKED
 nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
 
+// Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a pose
+// between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the device. Memory
+// as for nvsp_decode: nothing from the second call on.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
+// NVSP_ERR_POISONED, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded), NVSP_ERR_BUFFER_TOO_SMALL,
+// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+//
+// Parameters:
+// - `decoder`: a live decoder. Not NULL.
+// - `pose`: the pose, from world to camera. Read during the call. Not NULL.
+// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_decoder_draw(struct nvsp_decoder *decoder,
+                              const struct nvsp_pose *pose,
+                              struct nvsp_picture *picture) NVSP_NONNULL(1, 2, 3);
+
 // Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.
 //
 // Parameters:
@@ -2074,6 +2310,331 @@ nvsp_status nvsp_reassembler_last_error(const struct nvsp_reassembler *reassembl
 // Parameters:
 // - `reassembler`: a live reassembler that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_reassembler_destroy(struct nvsp_reassembler *reassembler);
+
+// Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come within
+// the latency.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (an option, which the status
+// text does not name), NVSP_ERR_MODEM (the MTU) or NVSP_ERR_MEMORY.
+//
+// Parameters:
+// - `mtu`: most bytes of a modem frame, 16 to 65535. Both sides need the same.
+// - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
+// - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_sender_create(uint32_t mtu,
+                               const struct nvsp_sender_options *options,
+                               struct nvsp_sender **sender) NVSP_NONNULL(2, 3);
+
+// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_BYTES and as many. 0: leave the frame out
+// (nvsp_encoder_skip), as the link has no bytes for it. If encoding fails with NVSP_ERR_BUDGET, as the packet must also
+// tell the camera, encode the frame with NVSP_RATE_NONE. Ask for each frame of the camera, or as often as you like: if no
+// packet follows, no bytes are spent. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `sender`: a live sender. Not NULL.
+// - `now`: when the frame was exposed, seconds, on a clock that does not go back. All times of a sender are on it.
+// - `bytes`: receives the bytes. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_sender_plan(struct nvsp_sender *sender,
+                             double now,
+                             uint32_t *bytes) NVSP_NONNULL(1, 3);
+
+// Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may be
+// longer than planned: it takes more of the link for once. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time, or not as many user
+// bytes as nvsp_sender_options.user_bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MODEM (the bytes are not exactly
+// one sound packet), NVSP_ERR_STATE (no frame was planned, or its packet was taken), NVSP_ERR_BUDGET (all shares together
+// do not hold a picture: the MTU or nvsp_sender_options.shares is too small) or NVSP_ERR_UNFINISHED (too many shares wait:
+// nobody takes them). The plan stays then.
+//
+// Parameters:
+// - `sender`: a live sender. Not NULL.
+// - `now`: when the packet is ready, seconds.
+// - `packet`: the packet. Read during the call. Not NULL.
+// - `size`: bytes of `packet`.
+// - `user`: the user bytes. Read during the call. NULL only if `user_size` is 0.
+// - `user_size`: bytes of `user`; nvsp_sender_options.user_bytes.
+// - `division`: receives how the packet was divided, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_sender_push(struct nvsp_sender *sender,
+                             double now,
+                             const uint8_t *packet,
+                             size_t size,
+                             const uint8_t *user,
+                             size_t user_size,
+                             struct nvsp_division *division) NVSP_NONNULL(1, 3);
+
+// Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and writes
+// nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_BUFFER_TOO_SMALL.
+// The share stays then.
+//
+// Parameters:
+// - `sender`: a live sender. Not NULL.
+// - `now`: seconds.
+// - `share`: receives the share, which is a modem frame. It may be padded to any length. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `share`; the MTU always suffices.
+// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
+                             double now,
+                             uint8_t *share,
+                             size_t size,
+                             size_t *written) NVSP_NONNULL(1, 3, 5);
+
+// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `sender`: a live sender. Not NULL.
+// - `time`: receives the time, seconds. It may have passed. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_sender_due(struct nvsp_sender *sender,
+                            double *time) NVSP_NONNULL(1, 2);
+
+// Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `sender`: a live sender. Not NULL.
+// - `now`: seconds.
+// - `bytes`: their number, with what they cost beside themselves.
+NVSP_CHECKED
+nvsp_status nvsp_sender_count(struct nvsp_sender *sender,
+                              double now,
+                              uint32_t bytes) NVSP_NONNULL(1);
+
+// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED. The rate before stays then.
+//
+// Parameters:
+// - `sender`: a live sender. Not NULL.
+// - `now`: seconds.
+// - `bit_rate`: bit/s, above 0.
+NVSP_CHECKED
+nvsp_status nvsp_sender_set_bit_rate(struct nvsp_sender *sender,
+                                     double now,
+                                     double bit_rate) NVSP_NONNULL(1);
+
+// Sets what the next packets are protected against, for example as the topside has measured it
+// (nvsp_collector_statistics). Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED. The loss before stays then.
+//
+// Parameters:
+// - `sender`: a live sender. Not NULL.
+// - `loss`: chance that a modem frame is lost, 0 up to but not 1. Here 0 means that none is.
+// - `burst`: mean number of modem frames that are lost in a row, 1 or more. 0: 1.
+NVSP_CHECKED
+nvsp_status nvsp_sender_set_loss(struct nvsp_sender *sender,
+                                 double loss,
+                                 double burst) NVSP_NONNULL(1);
+
+// Copies the counts.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `sender`: a live sender. Not NULL.
+// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_sender_get_statistics(struct nvsp_sender *sender,
+                                       struct nvsp_sender_statistics *statistics) NVSP_NONNULL(1, 2);
+
+// Copies the text of the last failed call on the sender, as nvsp_engine_last_error does.
+//
+// Parameters:
+// - `sender`: a live sender. Not NULL.
+// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `text`, 1 or more.
+nvsp_status nvsp_sender_last_error(const struct nvsp_sender *sender, char *text, size_t size) NVSP_NONNULL(1, 2);
+
+// Ends a sender; NULL is allowed. Shares that wait are lost.
+//
+// Parameters:
+// - `sender`: a live sender that no other thread uses. Do not use it afterwards. NULL is allowed.
+void nvsp_sender_destroy(struct nvsp_sender *sender);
+
+// Tells how much memory a collector takes for its packets. Allocates nothing; any thread may call it.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION or NVSP_ERR_ARGUMENT.
+//
+// Parameters:
+// - `mtu`: most bytes of a modem frame, 1 to 65535.
+// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
+// - `bytes`: receives the bytes. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_collector_memory(uint32_t mtu,
+                                  const struct nvsp_collector_options *options,
+                                  uint64_t *bytes) NVSP_NONNULL(3);
+
+// Makes a collector. Takes all its memory here: as much as nvsp_collector_memory tells.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
+//
+// Parameters:
+// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's. What lies beyond it is padding.
+// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
+// - `collector`: receives the collector, which nvsp_collector_destroy ends. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_collector_create(uint32_t mtu,
+                                  const struct nvsp_collector_options *options,
+                                  struct nvsp_collector **collector) NVSP_NONNULL(3);
+
+// Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames. Allocates
+// nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time),
+// NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream that is not
+// taken, or is one of more shares than there is room for. What came before is not lost then.
+//
+// Parameters:
+// - `collector`: a live collector. Not NULL.
+// - `now`: when it came, seconds, on a clock that does not go back.
+// - `frame`: the modem frame. Read during the call. Not NULL.
+// - `size`: bytes of it.
+// - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_collector_push(struct nvsp_collector *collector,
+                                double now,
+                                const uint8_t *frame,
+                                size_t size,
+                                struct nvsp_collected *state) NVSP_NONNULL(1, 3);
+
+// Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START, which
+// makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale. Allocates
+// nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
+// NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a picture.
+//
+// Parameters:
+// - `collector`: a live collector. Not NULL.
+// - `stream`: the packet's stream.
+// - `frame`: its frame number, modulo 2^24. Of a short packet only the low 16 bits count.
+// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `packet`; nvsp_collector_options.shares times the MTU always suffices.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+// - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_collector_fetch(struct nvsp_collector *collector,
+                                 uint32_t stream,
+                                 uint32_t frame,
+                                 uint8_t *packet,
+                                 size_t size,
+                                 size_t *written,
+                                 struct nvsp_collected *state) NVSP_NONNULL(1, 4, 6);
+
+// Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or
+// NVSP_ERR_STATE if nothing came of the packet that makes a picture, or it has none.
+//
+// Parameters:
+// - `collector`: a live collector. Not NULL.
+// - `stream`: the packet's stream.
+// - `frame`: its frame number, as for nvsp_collector_fetch.
+// - `user`: receives the user bytes. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `user`; 255 always suffice.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_collector_fetch_user(struct nvsp_collector *collector,
+                                      uint32_t stream,
+                                      uint32_t frame,
+                                      uint8_t *user,
+                                      size_t size,
+                                      size_t *written) NVSP_NONNULL(1, 4, 6);
+
+// Tells what is there of the packet of the greatest frame number of a stream that gives a picture. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY,
+// NVSP_ERR_POISONED, or NVSP_ERR_STATE if there is none.
+//
+// Parameters:
+// - `collector`: a live collector. Not NULL.
+// - `stream`: the stream.
+// - `state`: receives what is there, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_collector_newest(struct nvsp_collector *collector,
+                                  uint32_t stream,
+                                  struct nvsp_collected *state) NVSP_NONNULL(1, 3);
+
+// Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet gives a
+// picture, its frame number counts modulo 128. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
+// NVSP_ERR_BUFFER_TOO_SMALL, which writes `sent`: a byte is needed for each eight.
+//
+// Parameters:
+// - `collector`: a live collector. Not NULL.
+// - `stream`: the packet's stream.
+// - `frame`: its frame number, as for nvsp_collector_fetch.
+// - `bits`: receives the bits; those beyond `sent` are zero. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `bits`; 32 always suffice.
+// - `sent`: receives how many shares the packet was sent in; 0: none has come. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_collector_arrived(struct nvsp_collector *collector,
+                                   uint32_t stream,
+                                   uint32_t frame,
+                                   uint8_t *bits,
+                                   size_t size,
+                                   uint32_t *sent) NVSP_NONNULL(1, 4, 6);
+
+// Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the packet
+// gives a picture, its frame number counts modulo 128. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `collector`: a live collector. Not NULL.
+// - `stream`: the packet's stream.
+// - `frame`: its frame number, as for nvsp_collector_fetch.
+// - `indices`: receives the first indices, as many as there is room for. Yours, of `room` numbers. NULL only if `room`
+//   is 0.
+// - `room`: most indices to write.
+// - `count`: receives how many are missing in all, which may be more than `room`. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_collector_missing(struct nvsp_collector *collector,
+                                   uint32_t stream,
+                                   uint32_t frame,
+                                   uint32_t *indices,
+                                   uint32_t room,
+                                   uint32_t *count) NVSP_NONNULL(1, 6);
+
+// Copies the counts.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `collector`: a live collector. Not NULL.
+// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_collector_get_statistics(struct nvsp_collector *collector,
+                                          struct nvsp_collector_statistics *statistics) NVSP_NONNULL(1, 2);
+
+// Copies the text of the last failed call on the collector, as nvsp_engine_last_error does.
+//
+// Parameters:
+// - `collector`: a live collector. Not NULL.
+// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `text`, 1 or more.
+nvsp_status nvsp_collector_last_error(const struct nvsp_collector *collector,
+                                      char *text,
+                                      size_t size) NVSP_NONNULL(1, 2);
+
+// Ends a collector; NULL is allowed.
+//
+// Parameters:
+// - `collector`: a live collector that no other thread uses. Do not use it afterwards. NULL is allowed.
+void nvsp_collector_destroy(struct nvsp_collector *collector);
 
 #ifdef __cplusplus
 }  // extern "C"

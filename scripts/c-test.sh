@@ -19,7 +19,7 @@ target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 work=$target/c-test
 prefix=$work/prefix
 scene=$target/tmp/c-scene
-programs="structs nulls images encoding lens_and_mask pipelined decoding threads reassembly garbage given_device dmabuf"
+programs="structs nulls images encoding lens_and_mask pipelined decoding threads reassembly shares garbage given_device dmabuf"
 export PKG_CONFIG_PATH="$prefix/lib/pkgconfig"
 c_flags="-std=c11 -Wall -Wextra -Wpedantic -Werror -O1 -g -pthread"
 example_flags="-Wall -Wextra -Wpedantic -Werror -O1"
@@ -117,6 +117,13 @@ run_examples() {
         "$scene"/frame-*.ppm > "$work/modem_link.log"
     cat "$work/modem_link.log"
     grep -q '^topside: [5-8] of 8 pictures' "$work/modem_link.log"
+    # Every packet stands one modem frame in five that is lost.
+    "$1/modem_link" --bit-rate 20000 --fps 4 --loss 0.2 --duplicates 0.1 --reorder 0.1 "$prior" "$camera" "$start" \
+        "$scene"/frame-*.ppm > "$work/modem_link.log"
+    cat "$work/modem_link.log"
+    sent=$(grep -c '^vehicle: frame' "$work/modem_link.log")
+    [ "$sent" -ge 7 ]
+    grep -q "^topside: $sent of 8 pictures" "$work/modem_link.log"
     "$1/camera_ring" "$prior" "$camera" "$start" 15 1 "$scene"/frame-*.ppm
     if "$1/decode_frame" "$prior" "$scene/scene.txt" "$work/none.ppm"; then
         echo "decoded what is no packet"
@@ -184,7 +191,7 @@ sanitizers() {
 #
 # These are the programs that encode few frames; they take minutes. `memcheck_all` takes half an hour.
 memcheck() {
-    check_memory structs nulls decoding reassembly garbage
+    check_memory structs nulls decoding reassembly shares garbage
 }
 
 memcheck_all() {

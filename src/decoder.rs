@@ -242,6 +242,11 @@ impl Decoder {
         Ok(true)
     }
 
+    /// The camera of the packet decoded last, for which [`Decoder::draw`] draws.
+    pub fn camera(&self) -> Option<&Camera> {
+        self.camera_decoder.as_ref().map(|view| &view.camera)
+    }
+
     /// The pose that a packet states, and whether the vehicle is certain of it. The start of a packet is enough.
     ///
     /// # Errors

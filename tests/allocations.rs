@@ -1,4 +1,4 @@
-//! After the first frame, encoding and decoding take nothing from the heap.
+//! After the first frame, encoding and decoding take nothing from the heap. Nor do sender and collector.
 
 mod common;
 mod scene;
@@ -6,7 +6,11 @@ mod scene;
 use std::alloc::System;
 
 use nvsprior::image::{Clahe, Preprocessing, WhiteBalance};
-use nvsprior::prior::KeyFrames;
+use nvsprior::modem::{
+    Collector, CollectorOptions, Loss, RateControlOptions, Sender, SenderOptions,
+};
+use nvsprior::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
+use nvsprior::prior::{KeyFrames, PriorFrame, PriorId};
 use nvsprior::tracking::Optimizer;
 use nvsprior::{
     Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Mode, Picture, Rate, Structure,
@@ -58,6 +62,53 @@ fn heap_calls_with(
     calls(&region)
 }
 
+/// A packet with a residual of 100 and some bytes that are no picture.
+fn packet(frame: u32) -> Vec<u8> {
+    let prior_frame = PriorFrame { centre: [0.0; 3], spread: 5.0 };
+    let at = QuantisedPose::quantise(&pose(0.0), &prior_frame, PoseProfile::Compact).unwrap();
+    let latent = Latent::new(frame, PriorId(7), &CAMERA, at, false).unwrap();
+    let payload = [frame as u8; 100];
+    let residual = Residual::Coded { coder: Coder::Vp8, payload: &payload };
+    Packet { latent, camera: None, render: None, residual }.encode().unwrap()
+}
+
+/// Sends packets over a link that loses every third share; heap calls of it.
+fn heap_calls_of_link(packets: &[Vec<u8>]) -> usize {
+    let control = RateControlOptions {
+        bit_rate: 20_000.0,
+        mtu: 64,
+        overhead: 0,
+        latency: 1.5,
+        delay: 0.3,
+        spread: 0.5,
+        frame_rate: 5.0,
+        least: 40,
+        most_shares: 16,
+        loss: Loss { chance: 0.3, burst: 2.0 },
+        user: Some(4),
+    };
+    let mut sender = Sender::new(SenderOptions { control, stream: 0 }).unwrap();
+    let mut collector = Collector::new(CollectorOptions::new(64)).unwrap();
+    let region = Region::new(ALLOCATOR);
+    let (mut shares, mut seen) = (0, 0);
+    for (k, packet) in packets.iter().enumerate() {
+        let now = k as f64 / 5.0;
+        if sender.plan(now).unwrap().is_some() {
+            sender.push(now, packet, Some(b"user")).unwrap();
+        }
+        while let Some((_, share)) = sender.next(now) {
+            shares += 1;
+            if shares % 3 != 0 {
+                let _ = collector.push(now, share);
+            }
+        }
+        seen += usize::from(collector.newest(0).is_some_and(|packet| packet.arrived > 0));
+    }
+    let calls = calls(&region);
+    assert!(seen > 150 && collector.statistics().repaired > 50, "{:?}", collector.statistics());
+    calls
+}
+
 // One test, so that no other thread allocates meanwhile.
 #[test]
 fn frames_after_the_first_take_nothing_from_the_heap() {
@@ -68,6 +119,8 @@ fn frames_after_the_first_take_nothing_from_the_heap() {
     let region = Region::new(ALLOCATOR);
     drop(vec![0u8; 100]);
     assert_eq!(calls(&region), 2, "the counter counts");
+    let packets: Vec<_> = (0..200).map(packet).collect();
+    assert_eq!(heap_calls_of_link(&packets), 0, "from the first packet on");
     for rate in [None, Some(Rate::Quality(60.0)), Some(Rate::Bytes(300)), Some(Rate::Psnr(36.0))] {
         let options = EncoderOptions { rate, camera_interval: 2, ..EncoderOptions::default() };
         assert_eq!(heap_calls(&engine, &frames, options), 0, "{rate:?}");

@@ -108,7 +108,7 @@ fn shared(sent: &Sent, mtu: usize) -> Option<Shared> {
         budget: usize::from(sent.budget) % 1024,
         most: 1 + usize::from(sent.most) % 16,
         spread: 0,
-        loss: Loss { share: f64::from(sent.loss) / 256.0, burst: 1.0 },
+        loss: Loss { chance: f64::from(sent.loss) / 256.0, burst: 1.0 },
         picture: 19,
         packet: Some(packet.len()),
         whole: sent.full,

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::packet::{LONGEST_LATENT, Latent, PacketError, PoseProfile, Session};
 use crate::prior::PriorFrame;
-use crate::{Decoded, Decoder, Trust, packet_bound};
+use crate::{Decoded, Decoder, Picture, Trust, packet_bound};
 
 use super::engine::nvsp_engine;
 use super::handle::{Handle, Opaque};
@@ -41,6 +41,8 @@ pub(super) struct Core {
     packet: Vec<u8>,
     trust: Trust,
     decoded: Decoded,
+    /// What nvsp_decoder_draw drew last.
+    drawn: Picture,
     limits: Limits,
 }
 
@@ -166,6 +168,7 @@ pub unsafe extern "C" fn nvsp_decoder_create(
                 packet: Vec::new(),
                 trust: Trust::Whole,
                 decoded: Decoded::default(),
+                drawn: Picture::default(),
                 limits: engine.how.limits,
             };
             *decoder = nvsp_decoder::address(Handle::boxed(
@@ -362,6 +365,47 @@ pub unsafe extern "C" fn nvsp_decode_finish(
 pub unsafe extern "C" fn nvsp_decode_cancel(decoder: *mut nvsp_decoder) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe { Handle::call(nvsp_decoder::handle(decoder), |content| content.cancel()) }
+}
+
+/// Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a pose
+/// between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the device. Memory
+/// as for nvsp_decode: nothing from the second call on.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
+/// NVSP_ERR_POISONED, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded), NVSP_ERR_BUFFER_TOO_SMALL,
+/// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+///
+/// # Safety
+/// - `decoder`: a live decoder. Not NULL.
+/// - `pose`: the pose, from world to camera. Read during the call. Not NULL.
+/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decoder_draw(
+    decoder: *mut nvsp_decoder,
+    pose: *const nvsp_pose,
+    picture: *mut nvsp_picture,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_decoder::handle(decoder), |content| {
+            if picture.is_null() {
+                return Err(Failure::null("picture"));
+            }
+            let pose = image::pose(pose)?.ok_or(Failure::null("pose"))?;
+            let mut core = content.core()?;
+            let none = Failure::at(NVSP_ERR_STATE, "no packet was decoded");
+            let camera = *core.decoder.camera().ok_or(none)?;
+            let same = (core.drawn.width, core.drawn.height) == (camera.width, camera.height);
+            let size = (camera.width, camera.height);
+            let _memory = (!same).then(|| core.limits.decoder(size)).transpose()?;
+            core.drawn.resize(camera.width, camera.height);
+            image::check_place(&core.drawn, picture)?;
+            let Core { decoder, drawn, .. } = &mut *core;
+            decoder.draw(&pose, drawn)?;
+            image::write(drawn, picture)?;
+            Ok(NVSP_OK)
+        })
+    }
 }
 
 /// Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.

@@ -497,6 +497,25 @@ pub unsafe extern "C" fn nvsp_encoder_acknowledge(
     }
 }
 
+/// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the camera, the
+/// topside knows which were left out, and can draw them at poses between those that it has (nvsp_decoder_draw).
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `encoder`: a live encoder. Not NULL.
+/// - `frames`: their number.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_skip(encoder: *mut nvsp_encoder, frames: u32) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
+            content.core()?.encoder.skip(frames);
+            Ok(NVSP_OK)
+        })
+    }
+}
+
 /// Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 /// Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
 ///

@@ -171,7 +171,10 @@ impl<T> Handle<T> {
 
     /// Logs how often a failure came in a row.
     fn log_count(&self, text: &str, times: u64) {
-        self.log.write(NVSP_LOG_ERROR, &format!("{times} times in a row: {text}"));
+        // Not on the heap: a link may damage a frame at any time.
+        let mut line = Text { bytes: [0; TEXT], len: 0 };
+        let _ = write!(line, "{times} times in a row: {text}");
+        self.log.write(NVSP_LOG_ERROR, line.as_str());
     }
 
     /// Copies the text of the last failure, ending in NUL, and cut if it is too long.

@@ -6,6 +6,7 @@ use crate::image::{Colour, ImageView, PixelFormat, write_picture};
 use crate::{Camera, Picture, Pose};
 
 use super::dmabuf::{self, Places, Reading, nvsp_dmabuf};
+use super::handle::fence;
 use super::status::*;
 use super::structs::{NVSP_ABI_VERSION, Out, read, versioned};
 
@@ -267,6 +268,31 @@ unsafe fn planes<'a>(image: &nvsp_image, count: usize) -> Result<dmabuf::Planes<
 /// `place` is valid, and has as many bytes as it says, which nobody else uses.
 pub(super) unsafe fn write(picture: &Picture, place: *mut nvsp_picture) -> Result<(), Failure> {
     // SAFETY: as the caller promises.
+    let Fitting { out, place, format, stride } = unsafe { check_place(picture, place)? };
+    // SAFETY: as the caller promises.
+    let into = unsafe { slice_mut(place.pixels, place.size, "nvsp_picture.pixels")? };
+    write_picture(picture, format, stride, into)?;
+    out.write(&place);
+    Ok(())
+}
+
+/// A place that a picture fits.
+pub(super) struct Fitting {
+    out: Out<nvsp_picture>,
+    place: nvsp_picture,
+    format: PixelFormat,
+    stride: usize,
+}
+
+/// Checks the caller's place for a picture of this size. If it is too small, writes how large it must be.
+///
+/// # Safety
+/// As for [`write`].
+pub(super) unsafe fn check_place(
+    picture: &Picture,
+    place: *mut nvsp_picture,
+) -> Result<Fitting, Failure> {
+    // SAFETY: as the caller promises.
     let (out, mut place) = unsafe { (Out::required(place)?, read(place)?) };
     let format = format(place.format, "nvsp_picture.format")?;
     if place.reserved != 0 {
@@ -290,11 +316,7 @@ pub(super) unsafe fn write(picture: &Picture, place: *mut nvsp_picture) -> Resul
         out.write(&place);
         return Err(Failure::Room { needed, found: place.size });
     }
-    // SAFETY: as the caller promises.
-    let into = unsafe { slice_mut(place.pixels, place.size, "nvsp_picture.pixels")? };
-    write_picture(picture, format, stride, into)?;
-    out.write(&place);
-    Ok(())
+    Ok(Fitting { out, place, format, stride })
 }
 
 /// # Safety
@@ -337,6 +359,37 @@ pub(super) unsafe fn pose(pose: *const nvsp_pose) -> Result<Option<Pose>, Failur
     let pose = unsafe { read(pose)? };
     let pose = Pose::from_wxyz(pose.rotation, pose.translation);
     pose.map(Some).ok_or(Failure::argument("a pose that is no rigid motion"))
+}
+
+/// Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the same
+/// motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, or NVSP_ERR_ARGUMENT if a pose is no rigid motion
+/// or the part is not finite, or so large that the pose is not.
+///
+/// # Safety
+/// - `from`, `to`: the poses, from world to camera. Read during the call. Not NULL.
+/// - `part`: the part of the way: of a frame number between two others, (number - first) / (second - first).
+/// - `between`: receives the pose, set up by NVSP_INIT. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_pose_between(
+    from: *const nvsp_pose,
+    to: *const nvsp_pose,
+    part: f64,
+    between: *mut nvsp_pose,
+) -> nvsp_status {
+    fence(|| {
+        // SAFETY: as the caller promises.
+        let (out, from, to) = unsafe { (Out::required(between)?, pose(from)?, pose(to)?) };
+        let (Some(from), Some(to)) = (from, to) else { return Err(Failure::null("from or to")) };
+        let found = pose_out(&from.between(&to, part));
+        let numbers = found.rotation.iter().chain(&found.translation);
+        if !part.is_finite() || !numbers.copied().all(f64::is_finite) {
+            return Err(Failure::argument("part: not finite, or too large"));
+        }
+        out.write(&found);
+        Ok(NVSP_OK)
+    })
 }
 
 pub(super) fn pose_out(pose: &Pose) -> nvsp_pose {

@@ -4,6 +4,7 @@
 //! Every exported function checks its arguments, then does its work on safe types behind a fence: errors become
 //! status codes with a text, panics are caught, and nothing is written unless all of it succeeded.
 
+mod collector;
 mod decoder;
 mod device;
 mod dmabuf;
@@ -19,6 +20,7 @@ mod memory;
 mod modem;
 mod pipelined;
 mod prior;
+mod sender;
 mod status;
 mod structs;
 mod thread;

@@ -55,7 +55,7 @@ pub const NVSP_ERR_CAMERA: nvsp_status = -15;
 pub const NVSP_ERR_IMAGE: nvsp_status = -16;
 /// The first frame came without a pose to start from, and the prior has no key frames.
 pub const NVSP_ERR_NO_START: nvsp_status = -17;
-/// The byte budget does not even hold the pose.
+/// The byte budget does not even hold the pose, or a packet's shares do not.
 pub const NVSP_ERR_BUDGET: nvsp_status = -18;
 /// The bytes are no packet, or its latent part is damaged.
 pub const NVSP_ERR_PACKET: nvsp_status = -19;
@@ -72,7 +72,8 @@ pub const NVSP_ERR_MODEM: nvsp_status = -23;
 pub const NVSP_ERR_INTERNAL: nvsp_status = -24;
 /// A picture has more pixels than nvsp_engine_options.frame_size_limit allows.
 pub const NVSP_ERR_LIMIT: nvsp_status = -25;
-/// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it.
+/// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a sender: too many shares
+/// wait.
 pub const NVSP_ERR_UNFINISHED: nvsp_status = -26;
 /// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or looks
 /// like one by chance. Update this side.
@@ -180,9 +181,7 @@ impl Failure {
             Failure::Memory { .. } => NVSP_ERR_MEMORY,
             Failure::Modifier(_) => NVSP_ERR_UNSUPPORTED,
             Failure::Library(error) => of_library(error),
-            Failure::Modem(ModemError::Memory(_)) => NVSP_ERR_MEMORY,
-            Failure::Modem(ModemError::Packet(PacketError::Version(_))) => NVSP_ERR_NEWER,
-            Failure::Modem(_) => NVSP_ERR_MODEM,
+            Failure::Modem(error) => of_modem(error),
         }
     }
 }
@@ -232,6 +231,25 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         | E::FrameTimeBack { .. } => NVSP_ERR_ARGUMENT,
         E::CameraUnknown { .. } | E::SessionUnknown { .. } => NVSP_ERR_CAMERA_UNKNOWN,
         E::Thread(_) | E::CoderGone => NVSP_ERR_MEMORY,
+    }
+}
+
+fn of_modem(error: &ModemError) -> nvsp_status {
+    use ModemError as E;
+    match error {
+        E::Memory(_) => NVSP_ERR_MEMORY,
+        E::Packet(PacketError::Version(_)) => NVSP_ERR_NEWER,
+        E::Loss(..)
+        | E::RateControl { .. }
+        | E::Collector { .. }
+        | E::CollectorAge(_)
+        | E::ShareCount(_)
+        | E::UserBytes(_)
+        | E::Time(_) => NVSP_ERR_ARGUMENT,
+        E::Budget { .. } => NVSP_ERR_BUDGET,
+        E::NotPlanned => NVSP_ERR_STATE,
+        E::Waiting { .. } => NVSP_ERR_UNFINISHED,
+        _ => NVSP_ERR_MODEM,
     }
 }
 

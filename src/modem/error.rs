@@ -86,7 +86,7 @@ pub enum ModemError {
     ShareCount(usize),
     /// The loss is none that a link can have.
     #[error(
-        "a loss of {0} in bursts of {1}: the share must lie in 0..1, bursts have 1 frame or more"
+        "a loss of {0} in bursts of {1}: the chance must lie in 0..1, bursts have 1 frame or more"
     )]
     Loss(f64, f64),
     /// A collector's age is not positive.
@@ -105,6 +105,20 @@ pub enum ModemError {
     /// The user bytes are too many, or not as many as the sharing was made for.
     #[error("{0} user bytes: at most 255, and as many as the sharing was made for")]
     UserBytes(usize),
+    /// A time is not finite.
+    #[error("a time of {0} seconds: must be finite")]
+    Time(f64),
+    /// More shares wait than there is room for.
+    #[error("{waiting} shares wait, and there is room for {room}: take those that are due")]
+    Waiting {
+        /// Shares that wait, those of the packet counted.
+        waiting: usize,
+        /// Shares that there is room for.
+        room: usize,
+    },
+    /// A packet came for which no bytes were planned.
+    #[error("no frame was planned: ask for its bytes before its packet is sent")]
+    NotPlanned,
     /// No such stream.
     #[error("stream {0}: there are {STREAMS}, from 0 on")]
     Stream(u8),
@@ -146,19 +160,25 @@ pub enum ModemError {
         /// The largest value.
         most: usize,
     },
-    /// The system does not have the memory that a reassembler takes.
-    #[error("no memory for reassembly: {0} bytes")]
+    /// The system does not have the memory that a sender, a reassembler or a collector takes.
+    #[error("no memory for modem frames: {0} bytes")]
     Memory(usize),
     /// The first frame contradicts the one that is there, and later frames vouch for that one.
     #[error("first frame of frame number {0}: differs from the one that its packet's checks match")]
     Contradicts(u32),
 }
 
-/// `count` values, in memory that may be refused.
-pub(super) fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>, ModemError> {
+/// An empty list with room for so many values, in memory that may be refused.
+pub(super) fn room<T>(count: usize) -> Result<Vec<T>, ModemError> {
     let mut values = Vec::new();
     let refused = |_| ModemError::Memory(count.saturating_mul(size_of::<T>()));
     values.try_reserve_exact(count).map_err(refused)?;
+    Ok(values)
+}
+
+/// `count` values, in memory that may be refused.
+pub(super) fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>, ModemError> {
+    let mut values = room(count)?;
     values.resize(count, value);
     Ok(values)
 }

@@ -2,12 +2,15 @@
 
 use std::collections::VecDeque;
 
+use super::error::room;
 use super::{ModemError, Sharer};
 
 /// Puts off a packet's later shares, so that those of the next packets come between them. A burst of losses then takes
 /// few shares of each packet.
 ///
-/// It holds the shares that are not due yet: at most those of the packets that its spread covers.
+/// It holds the shares that are not due yet: at most those of the packets that its spread covers. It keeps their memory for
+/// later ones: it takes more only if more shares wait than ever before, and none if it was made
+/// [with room](Interleaver::with_room) for as many.
 #[derive(Clone, Debug)]
 pub struct Interleaver {
     /// Seconds from a packet's first share to its last one.
@@ -15,6 +18,8 @@ pub struct Interleaver {
     /// In the order in which they are due.
     waiting: VecDeque<Waiting>,
     sent: Waiting,
+    /// Places of shares that were sent.
+    spare: Vec<Vec<u8>>,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -29,10 +34,36 @@ impl Interleaver {
     /// # Errors
     /// If the spread is negative or not finite.
     pub fn new(spread: f64) -> Result<Interleaver, ModemError> {
+        Interleaver::with_room(spread, 0, 0)
+    }
+
+    /// With room for so many shares, each of at most `mtu` bytes.
+    ///
+    /// # Errors
+    /// If the spread is negative or not finite, or the system does not have the memory.
+    pub fn with_room(spread: f64, shares: usize, mtu: usize) -> Result<Interleaver, ModemError> {
         if !(spread >= 0.0 && spread.is_finite()) {
             return Err(ModemError::RateControl { field: "spread", value: spread });
         }
-        Ok(Interleaver { spread, waiting: VecDeque::new(), sent: Waiting::default() })
+        let mut waiting = VecDeque::new();
+        let bytes = shares.saturating_mul(size_of::<Waiting>());
+        waiting.try_reserve_exact(shares).map_err(|_| ModemError::Memory(bytes))?;
+        let mut spare = room(shares.saturating_add(1))?;
+        for _ in 0..shares {
+            spare.push(room(mtu)?);
+        }
+        let sent = Waiting { due: 0.0, share: room(mtu)? };
+        Ok(Interleaver { spread, waiting, sent, spare })
+    }
+
+    /// Shares that wait.
+    pub fn len(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Whether no share waits.
+    pub fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
     }
 
     /// Takes a packet's shares at `now`, seconds.
@@ -41,18 +72,25 @@ impl Interleaver {
         for index in 0..shares.count() {
             let due = now + self.spread * index as f64 / steps;
             let at = self.waiting.partition_point(|waiting| waiting.due <= due);
-            let share = shares.get(index).to_vec();
+            let mut share = self.spare.pop().unwrap_or_default();
+            share.clear();
+            share.extend(shares.get(index));
             self.waiting.insert(at, Waiting { due, share });
         }
     }
 
     /// The next share, if it is due at `now`: the time at which it was, and the share.
     pub fn next(&mut self, now: f64) -> Option<(f64, &[u8])> {
-        if self.waiting.front()?.due > now {
-            return None;
-        }
-        self.sent = self.waiting.pop_front()?;
+        self.next_len(now)?;
+        let sent = std::mem::replace(&mut self.sent, self.waiting.pop_front()?);
+        self.spare.push(sent.share);
         Some((self.sent.due, &self.sent.share))
+    }
+
+    /// Bytes of the next share, if it is due at `now`.
+    pub fn next_len(&self, now: f64) -> Option<usize> {
+        let next = self.waiting.front()?;
+        (next.due <= now).then_some(next.share.len())
     }
 
     /// When the next share is due, seconds.

@@ -5,6 +5,9 @@
 //! frames. A [`Reassembler`] puts packets together from what arrives. Both sides must be told the
 //! same MTU; nothing in a frame says it. Numbers are little endian.
 //!
+//! If frames are lost, a [`Sender`] is better: it spreads packets over frames of which any few give a picture, and a
+//! [`Collector`] puts them together. Below is the splitter's way.
+//!
 //! | byte | frame 0 |
 //! |---|---|
 //! | 0–… | the packet's first bytes, as many as the MTU, or all; the high two bits are `10` |
@@ -54,6 +57,7 @@ mod packet_slot;
 mod rate_control;
 mod reassembler;
 mod report;
+mod sender;
 mod shares;
 mod splitter;
 mod statistics;
@@ -65,6 +69,7 @@ pub use layout::{frame_count, largest_packet};
 pub use rate_control::{RateControl, RateControlOptions};
 pub use reassembler::{Reassembler, ReassemblerOptions, Received};
 pub use report::{ArrivedShares, MOST_TOLD, PacketState, Report, ToldPacket};
+pub use sender::{Sender, SenderOptions, SenderStatistics};
 pub use shares::{
     Collected, CollectedPacket, Collector, CollectorOptions, Layer, Loss, MAX_SHARES, STREAMS,
     ShareStatistics, Sharer, Sharing, SharingOptions,

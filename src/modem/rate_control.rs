@@ -55,7 +55,7 @@ pub struct RateControlOptions {
 ///     frame_rate: 5.0,
 ///     least: 64,
 ///     most_shares: 16,
-///     loss: Loss { share: 0.1, burst: 1.0 },
+///     loss: Loss { chance: 0.1, burst: 1.0 },
 ///     user: None,
 /// })?;
 /// for frame in &frames {
@@ -330,7 +330,7 @@ mod tests {
             RateControlOptions { latency: 0.4, ..options() },
             RateControlOptions { delay: -1.0, ..options() },
             RateControlOptions { mtu: 3, ..options() },
-            RateControlOptions { loss: Loss { share: 2.0, burst: 1.0 }, ..options() },
+            RateControlOptions { loss: Loss { chance: 2.0, burst: 1.0 }, ..options() },
         ] {
             assert!(RateControl::new(bad).is_err(), "{bad:?}");
         }

@@ -16,6 +16,8 @@ pub struct Extent {
     pub frames: u32,
     /// Length of the latent part, bytes.
     pub latent: usize,
+    /// Bytes before the residual: the latent part, and camera and render check if they are there. They make a picture.
+    pub head: usize,
     /// Length of the packet, bytes; `None` if the bytes end before the residual's length field does.
     pub total: Option<usize>,
 }
@@ -49,7 +51,7 @@ impl Extent {
         } else {
             Some(head)
         };
-        Ok(Extent { frame, frames, latent, total })
+        Ok(Extent { frame, frames, latent, head, total })
     }
 
     /// Replaces the frame number by the one modulo 2²⁴ that is nearest to another packet's.

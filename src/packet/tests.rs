@@ -243,7 +243,8 @@ fn the_extent_is_known_from_the_start() {
             let told = if has_part { head + 2 } else { 0 };
             for len in 31..=bytes.len() {
                 let total = (len >= told).then_some(bytes.len());
-                let extent = Extent { frame: 0x02_0304, frames: Latent::FRAMES, latent, total };
+                let (frame, frames) = (0x02_0304, Latent::FRAMES);
+                let extent = Extent { frame, frames, latent, head, total };
                 assert_eq!(Extent::read(&bytes[..len]), Ok(extent));
                 let ends = [bytes.len(), head, latent, 0];
                 let sound = ends.into_iter().find(|end| *end <= len).unwrap();

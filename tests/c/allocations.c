@@ -1,4 +1,4 @@
-// After the first frame, encoding, splitting, reassembly and decoding take nothing from the heap within libnvsprior.so.
+// After the first frame, encoding, splitting, sharing, reassembly, repair of losses and decoding take nothing from the heap within libnvsprior.so.
 // The test prints what loader and driver take.
 //
 // This program's own malloc, calloc and so on replace the C library's. They count a call for the library that makes it.
@@ -140,8 +140,46 @@ static long stop_counting(const char *what) {
 static scene dive;
 static rig both;
 static nvsp_reassembler *reassembler;
+static nvsp_sender *sender;
+static nvsp_collector *collector;
 static uint8_t sent[8192], arrived[8192];
 static uint8_t *pixels;
+
+// The same packet as shares, some of which are lost.
+static void lossy_way(int number, size_t size) {
+    const double now = number / 2.0;
+    uint32_t budget = 0, lost = 0;
+    uint8_t share[64], bits[32];
+    size_t written = 0;
+    nvsp_collected state;
+    nvsp_collector_statistics statistics;
+    MUST(NVSP_INIT(&state));
+    MUST(NVSP_INIT(&statistics));
+    MUST(nvsp_sender_plan(sender, now, &budget));
+    if (budget == 0) {
+        return;
+    }
+    MUST(nvsp_sender_push(sender, now, sent, size, NULL, 0, NULL));
+    while (nvsp_sender_next(sender, now, share, sizeof share, &written) == NVSP_OK) {
+        if (lost++ % 5 == (uint32_t)number % 5) {
+            continue;
+        }
+        MUST(nvsp_collector_push(collector, now, share, written, &state));
+        // Twice, and damaged: it is refused, with a text.
+        MUST(nvsp_collector_push(collector, now, share, written, NULL));
+        share[written - 1] ^= 1;
+        CHECK(nvsp_collector_push(collector, now, share, written, NULL) == NVSP_ERR_MODEM);
+    }
+    if (nvsp_collector_newest(collector, 0, &state) == NVSP_OK) {
+        MUST(nvsp_collector_fetch(collector, 0, state.frame, arrived, sizeof arrived, &written, &state));
+        MUST(nvsp_collector_arrived(collector, 0, state.frame, bits, sizeof bits, &lost));
+        MUST(nvsp_collector_missing(collector, 0, state.frame, NULL, 0, &lost));
+        MUST(nvsp_decode(both.decoder, arrived, written, NVSP_DECODE_START, NULL, NULL));
+    }
+    MUST(nvsp_collector_get_statistics(collector, &statistics));
+    MUST(nvsp_sender_set_loss(sender, number % 2 ? 0.3 : 0.1, 2));
+    memcpy(arrived, sent, size);
+}
 
 // Takes a frame from the camera to the topside's screen. Odd frames use the threads of encoder and decoder.
 static void whole_way(int number) {
@@ -173,6 +211,7 @@ static void whole_way(int number) {
         MUST(nvsp_reassembler_push(reassembler, frame, written, NULL));
     }
     MUST(nvsp_reassembler_fetch(reassembler, arrived, sizeof arrived, &size, NULL));
+    lossy_way(number, size);
     MUST(nvsp_decode_header(arrived, size, both.prior, &header));
     if (number % 2) {
         MUST(nvsp_decode_begin(both.decoder, arrived, size, NVSP_DECODE_START));
@@ -183,6 +222,7 @@ static void whole_way(int number) {
     }
     // And the start of it, as after a loss.
     MUST(nvsp_decode(both.decoder, arrived, size - size / 3, NVSP_DECODE_START, &place, &info));
+    MUST(nvsp_decoder_draw(both.decoder, &dive.poses[0], &place));
 }
 
 // Two frames under way at once, through a lens, with a mask.
@@ -245,6 +285,13 @@ int main(int argc, char **argv) {
         options.mode = i == 3 ? NVSP_MODE_STREAM : NVSP_MODE_INTRA;
         rig_add(&both, &dive.camera, &options);
         MUST(nvsp_reassembler_create(64, NULL, &reassembler));
+        nvsp_sender_options link = NVSP_INITIALIZER(nvsp_sender_options);
+        link.bit_rate = 20000;
+        link.frame_rate = 2;
+        link.spread = 0.6;
+        link.shares = 32;
+        MUST(nvsp_sender_create(64, &link, &sender));
+        MUST(nvsp_collector_create(64, NULL, &collector));
         start_counting();
         // Two: the second starts the threads of encoder and decoder.
         whole_way(0);
@@ -255,6 +302,11 @@ int main(int argc, char **argv) {
             whole_way(frame);
         }
         CHECK(stop_counting("the frames after them") == 0);
+        nvsp_collector_statistics counts = NVSP_INITIALIZER(nvsp_collector_statistics);
+        MUST(nvsp_collector_get_statistics(collector, &counts));
+        CHECK(counts.repaired > 0);
+        nvsp_sender_destroy(sender);
+        nvsp_collector_destroy(collector);
         nvsp_reassembler_destroy(reassembler);
         nvsp_encoder_destroy(both.encoder);
         nvsp_decoder_destroy(both.decoder);

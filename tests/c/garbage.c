@@ -8,8 +8,11 @@ static scene dive;
 static rig both;
 static packet packets[MAX_FRAMES];
 static nvsp_reassembler *reassembler;
+static nvsp_collector *collector;
+static nvsp_sender *sender;
 static uint64_t seed = 7;
 static long shown, refused;
+static double now;
 
 // As large as `size`, so that a memory checker sees what is read beyond it.
 static uint8_t *copy_of(const uint8_t *bytes, size_t size) {
@@ -40,6 +43,16 @@ static void offer(const uint8_t *bytes, size_t size) {
     CHECK(status == NVSP_OK || status == NVSP_ERR_MODEM || (status == NVSP_ERR_NEWER && read == status));
     const nvsp_status cut = nvsp_modem_frame(copy, size, 64, 0, frame, sizeof frame, &written);
     CHECK(cut == NVSP_OK || cut == NVSP_ERR_MODEM || (cut == NVSP_ERR_NEWER && read == cut));
+    const nvsp_status taken = nvsp_collector_push(collector, now, copy, size, NULL);
+    CHECK(taken == NVSP_OK || taken == NVSP_ERR_MODEM);
+    uint32_t budget = 0;
+    now += 10;
+    EXPECT(NVSP_OK, nvsp_sender_plan(sender, now, &budget));
+    const nvsp_status shared = nvsp_sender_push(sender, now, copy, size, NULL, 0, NULL);
+    CHECK(shared == NVSP_OK || shared == NVSP_ERR_MODEM || (shared == NVSP_ERR_NEWER && read == shared));
+    while (nvsp_sender_next(sender, now, frame, sizeof frame, &written) == NVSP_OK) {
+        CHECK(shared == NVSP_OK && written <= 64);
+    }
     free(copy);
 }
 
@@ -50,7 +63,8 @@ static void random_bytes(void) {
         bytes[i] = (uint8_t)random_bits(&seed);
     }
     if (size > 0 && random_below(&seed, 2)) {
-        bytes[0] = random_below(&seed, 2) ? 0xb1 : 0xb4;  // As a packet begins.
+        const uint8_t firsts[] = {0xb1, 0xb4, 0x40};  // As packets and shares begin.
+        bytes[0] = firsts[random_below(&seed, 3)];
     }
     offer(bytes, size);
 }
@@ -282,6 +296,11 @@ int main(int argc, char **argv) {
     encode_all(&both, &dive, packets);
     MUST(nvsp_decoder_add_camera(both.decoder, &dive.camera));
     MUST(nvsp_reassembler_create(64, NULL, &reassembler));
+    MUST(nvsp_collector_create(64, NULL, &collector));
+    nvsp_sender_options link = NVSP_INITIALIZER(nvsp_sender_options);
+    link.bit_rate = 20000;
+    link.frame_rate = 4;
+    MUST(nvsp_sender_create(64, &link, &sender));
 
     newer_packets();
     for (int i = 0; i < rounds; i++) {
@@ -303,6 +322,8 @@ int main(int argc, char **argv) {
     size_t size = 0;
     EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, sizeof bytes, &size, NULL));
     nvsp_reassembler_destroy(reassembler);
+    nvsp_collector_destroy(collector);
+    nvsp_sender_destroy(sender);
     for (int i = 0; i < dive.frames; i++) {
         free(packets[i].bytes);
     }

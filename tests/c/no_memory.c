@@ -112,6 +112,36 @@ static nvsp_status try_reassembler(void) {
     return status;
 }
 
+static nvsp_status try_sender(void) {
+    nvsp_sender *made = NULL;
+    nvsp_sender_options options;
+    MUST(NVSP_INIT(&options));
+    options.bit_rate = 100000;
+    options.frame_rate = 10;
+    options.spread = 0.5;
+    nvsp_status status = nvsp_sender_create(4096, &options, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    uint32_t budget = 0;
+    if (status == NVSP_OK) {
+        MUST(nvsp_sender_plan(made, 0, &budget));
+        MUST(nvsp_sender_push(made, 0, packets[0].bytes, packets[0].size, NULL, 0, NULL));
+    }
+    nvsp_sender_destroy(made);
+    return status;
+}
+
+static nvsp_status try_collector(void) {
+    nvsp_collector *made = NULL;
+    nvsp_collector_options options;
+    MUST(NVSP_INIT(&options));
+    options.packets = 64;
+    options.shares = 256;
+    const nvsp_status status = nvsp_collector_create(4096, &options, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    nvsp_collector_destroy(made);
+    return status;
+}
+
 static nvsp_status try_prior(void) {
     nvsp_prior *made = NULL;
     const nvsp_status status = nvsp_prior_open(both.engine, dive.prior, NULL, &made);
@@ -257,6 +287,8 @@ static const struct attempt {
     int large;  // Whether it takes more than what is left over from before.
 } attempts[] = {
     {"reassembler", try_reassembler, 1000, 1},
+    {"sender", try_sender, 400, 1},
+    {"collector", try_collector, 400, 1},
     {"prior", try_prior, 400, 1},
     {"compact prior", try_compact_prior, 400, 1},
     {"encoder", try_encoder, 400, 1},
@@ -381,7 +413,7 @@ int main(int argc, char **argv) {
         every_call_fails(&attempts[i]);
     }
     close_all();
-    for (size_t i = 0; i < 6; i++) {
+    for (size_t i = 0; i < 8; i++) {
         under_limits(argv[0], argv[1], i);
     }
     return report("no_memory");

@@ -181,12 +181,100 @@ static void modem_frames(void) {
     nvsp_reassembler_destroy(reassembler);
 }
 
+static void links(void) {
+    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+    nvsp_sender *sender = NULL;
+    nvsp_collector *collector = NULL;
+    options.bit_rate = 20000;
+    options.frame_rate = 5;
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_create(64, NULL, &sender));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_create(64, &options, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_create(64, NULL, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_memory(64, NULL, NULL));
+    CHECK(sender == NULL);
+    MUST(nvsp_sender_create(64, &options, &sender));
+    MUST(nvsp_collector_create(64, NULL, &collector));
+
+    uint8_t bytes[256];
+    char text[64];
+    size_t written = 77;
+    uint32_t count = 77;
+    double due = 77;
+    memset(bytes, 0xa5, sizeof bytes);
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_plan(NULL, 0, &count));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_plan(sender, 0, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_push(NULL, 0, first.bytes, first.size, NULL, 0, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_push(sender, 0, NULL, first.size, NULL, 0, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_push(sender, 0, first.bytes, first.size, NULL, 1, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_next(NULL, 0, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_next(sender, 0, NULL, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_next(sender, 0, bytes, sizeof bytes, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_due(NULL, &due));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_due(sender, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_count(NULL, 0, 5));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_set_bit_rate(NULL, 0, 5000));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_set_loss(NULL, 0.1, 1));
+    nvsp_sender_statistics sent = NVSP_INITIALIZER(nvsp_sender_statistics);
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_get_statistics(NULL, &sent));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_get_statistics(sender, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_last_error(NULL, text, sizeof text));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_last_error(sender, NULL, 5));
+
+    // So that there is something to fetch.
+    uint32_t budget = 0;
+    MUST(nvsp_sender_plan(sender, 0, &budget));
+    MUST(nvsp_sender_push(sender, 0, first.bytes, first.size, NULL, 0, NULL));
+    size_t size = 0;
+    uint8_t share[64];
+    while (nvsp_sender_next(sender, 9, share, sizeof share, &size) == NVSP_OK) {
+        MUST(nvsp_collector_push(collector, 0, share, size, NULL));
+    }
+    nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_push(NULL, 0, share, size, &state));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_push(collector, 0, NULL, size, &state));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_fetch(NULL, 0, 0, bytes, sizeof bytes, &written, &state));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_fetch(collector, 0, 0, NULL, sizeof bytes, &written, &state));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_fetch(collector, 0, 0, bytes, sizeof bytes, NULL, &state));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_fetch_user(NULL, 0, 0, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_STATE, nvsp_collector_fetch_user(collector, 0, 0, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_newest(NULL, 0, &state));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_newest(collector, 0, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_arrived(NULL, 0, 0, bytes, 32, &count));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_arrived(collector, 0, 0, NULL, 32, &count));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_arrived(collector, 0, 0, bytes, 32, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_missing(NULL, 0, 0, &count, 1, &count));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_missing(collector, 0, 0, NULL, 1, &count));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_missing(collector, 0, 0, &count, 1, NULL));
+    nvsp_collector_statistics came = NVSP_INITIALIZER(nvsp_collector_statistics);
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_get_statistics(NULL, &came));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_get_statistics(collector, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_last_error(NULL, text, sizeof text));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_last_error(collector, NULL, 5));
+    CHECK(state.bytes == 0 && sent.packets == 0 && came.accepted == 0 && due == 77);
+    CHECK(written == 77 && count == 77 && all_are(bytes, 0xa5, sizeof bytes));
+    nvsp_sender_destroy(sender);
+    nvsp_collector_destroy(collector);
+
+    nvsp_pose pose = NVSP_INITIALIZER(nvsp_pose);
+    nvsp_picture place = NVSP_INITIALIZER(nvsp_picture);
+    EXPECT(NVSP_ERR_NULL, nvsp_pose_between(NULL, &dive.poses[0], 0.5, &pose));
+    EXPECT(NVSP_ERR_NULL, nvsp_pose_between(&dive.poses[0], NULL, 0.5, &pose));
+    EXPECT(NVSP_ERR_NULL, nvsp_pose_between(&dive.poses[0], &dive.poses[0], 0.5, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_draw(NULL, &dive.poses[0], &place));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_draw(both.decoder, NULL, &place));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_draw(both.decoder, &dive.poses[0], NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_skip(NULL, 1));
+    CHECK(pose.rotation[0] == 0 && place.needed == 0);
+}
+
 static void no_handles(void) {
     nvsp_engine_destroy(NULL);
     nvsp_prior_destroy(NULL);
     nvsp_encoder_destroy(NULL);
     nvsp_decoder_destroy(NULL);
     nvsp_reassembler_destroy(NULL);
+    nvsp_sender_destroy(NULL);
+    nvsp_collector_destroy(NULL);
     CHECK(nvsp_abi_version() == NVSP_ABI_VERSION);
     CHECK(strchr(nvsp_version(), '.') != NULL);
     for (nvsp_status status = -40; status < 10; status++) {
@@ -210,6 +298,7 @@ int main(int argc, char **argv) {
     encoders();
     decoders();
     modem_frames();
+    links();
     no_handles();
     for (int i = 0; i < dive.frames; i++) {
         free(packets[i].bytes);

@@ -9,6 +9,8 @@ static scene dive;
 static rig both;
 static packet first;
 static nvsp_reassembler *reassembler;
+static nvsp_sender *sender;
+static nvsp_collector *collector;
 
 // Calls a function with a structure. If it fails, all else that it would write must stay as it is.
 typedef nvsp_status (*caller)(void *structure);
@@ -115,9 +117,81 @@ static nvsp_status statistics(void *structure) {
     return nvsp_reassembler_get_statistics(reassembler, structure);
 }
 
+static nvsp_status collector_options(void *structure) {
+    nvsp_collector *made = NULL;
+    const nvsp_status status = nvsp_collector_create(NVSP_MTU_64, structure, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    nvsp_collector_destroy(made);
+    return status;
+}
+
+static nvsp_status collector_memory(void *structure) {
+    uint64_t bytes = 77;
+    const nvsp_status status = nvsp_collector_memory(NVSP_MTU_64, structure, &bytes);
+    CHECK((status == NVSP_OK) == (bytes != 77));
+    return status;
+}
+
+// A share of the first packet, which the collector has.
+static uint8_t share[64];
+static size_t share_size;
+
+static nvsp_status collected(void *structure) {
+    return nvsp_collector_push(collector, 0, share, share_size, structure);
+}
+
+static nvsp_status collected_newest(void *structure) { return nvsp_collector_newest(collector, 0, structure); }
+
+static nvsp_status collected_fetch(void *structure) {
+    uint8_t bytes[4096];
+    size_t written = 77;
+    const nvsp_status status = nvsp_collector_fetch(collector, 0, 0, bytes, sizeof bytes, &written, structure);
+    CHECK((status == NVSP_OK) == (written != 77));
+    return status;
+}
+
+static nvsp_status collector_statistics(void *structure) {
+    return nvsp_collector_get_statistics(collector, structure);
+}
+
+static nvsp_status division(void *structure) {
+    static double now = 1;
+    uint32_t budget = 0;
+    now += 10;
+    MUST(nvsp_sender_plan(sender, now, &budget));
+    const nvsp_status status = nvsp_sender_push(sender, now, first.bytes, first.size, NULL, 0, structure);
+    uint8_t frame[64];
+    size_t written = 0, taken = 0;
+    while (nvsp_sender_next(sender, now + 5, frame, sizeof frame, &written) == NVSP_OK) {
+        taken++;
+    }
+    CHECK((status == NVSP_OK) == (taken > 0));
+    return status;
+}
+
+static nvsp_status sender_statistics(void *structure) { return nvsp_sender_get_statistics(sender, structure); }
+
+static void make_link(void) {
+    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+    uint32_t budget = 0;
+    options.bit_rate = 40000;
+    options.frame_rate = 4;
+    MUST(nvsp_sender_create(NVSP_MTU_64, &options, &sender));
+    MUST(nvsp_collector_create(NVSP_MTU_64, NULL, &collector));
+    MUST(nvsp_sender_plan(sender, 0, &budget));
+    MUST(nvsp_sender_push(sender, 0, first.bytes, first.size, NULL, 0, NULL));
+    while (nvsp_sender_next(sender, 5, share, sizeof share, &share_size) == NVSP_OK) {
+        MUST(nvsp_collector_push(collector, 0, share, share_size, NULL));
+    }
+}
+
 static nvsp_status device_info(void *structure) { return nvsp_device_get_info(0, structure, NULL); }
 
 static nvsp_status estimate(void *structure) { return nvsp_prior_estimate(dive.prior, &dive.camera, structure); }
+
+static nvsp_status between_out(void *structure) {
+    return nvsp_pose_between(&dive.poses[0], &dive.poses[0], 0.5, structure);
+}
 
 static const struct {
     size_t size;
@@ -138,10 +212,19 @@ static const struct {
     {sizeof(nvsp_frame_stats), frame_stats, 1, 0},
     {sizeof(nvsp_decoded), decoded, 1, 0},
     {sizeof(nvsp_header), header, 1, 0},
+    {sizeof(nvsp_pose), between_out, 1, 0},
     {sizeof(nvsp_reassembler_options), reassembler_options, 0, 0},
     {sizeof(nvsp_reassembly), pushed, 1, 0},
     {sizeof(nvsp_reassembly), fetched, 1, 0},
     {sizeof(nvsp_reassembler_statistics), statistics, 1, 0},
+    {sizeof(nvsp_collector_options), collector_options, 0, 0},
+    {sizeof(nvsp_collector_options), collector_memory, 0, 0},
+    {sizeof(nvsp_collected), collected, 1, 0},
+    {sizeof(nvsp_collected), collected_newest, 1, 0},
+    {sizeof(nvsp_collected), collected_fetch, 1, 0},
+    {sizeof(nvsp_collector_statistics), collector_statistics, 1, 0},
+    {sizeof(nvsp_division), division, 1, 0},
+    {sizeof(nvsp_sender_statistics), sender_statistics, 1, 0},
 };
 
 // Calls with a structure of `room` bytes that says it has `size`, filled with `fill` after its head. If the call fails,
@@ -216,6 +299,7 @@ static nvsp_image image;
 static nvsp_picture picture;
 static nvsp_lens lens;
 static nvsp_mask mask;
+static nvsp_sender_options sender_options;
 
 static nvsp_status camera_in(void *structure) { return nvsp_decoder_add_camera(both.decoder, structure); }
 
@@ -247,6 +331,25 @@ static nvsp_status mask_in(void *structure) {
     return status;
 }
 
+static nvsp_status sender_options_in(void *structure) {
+    nvsp_sender *made = NULL;
+    const nvsp_status status = nvsp_sender_create(NVSP_MTU_64, structure, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    nvsp_sender_destroy(made);
+    return status;
+}
+
+static nvsp_status draw_pose(void *structure) { return nvsp_decoder_draw(both.decoder, structure, &picture); }
+
+static nvsp_status draw_picture(void *structure) { return nvsp_decoder_draw(both.decoder, &pose, structure); }
+
+static nvsp_status between_poses(void *structure) {
+    nvsp_pose found = NVSP_INITIALIZER(nvsp_pose);
+    const nvsp_status status = nvsp_pose_between(structure, &pose, 0.5, &found);
+    CHECK((status == NVSP_OK) == (found.rotation[0] != 0));
+    return status;
+}
+
 // Structures that mean nothing if they are all zero: they are sound ones with another head, or with more after them.
 static void others(void) {
     camera = dive.camera;
@@ -259,6 +362,8 @@ static void others(void) {
                        .height = camera.height, .fx = 78, .fy = 78, .cx = 48, .cy = 27};
     mask = (nvsp_mask){NVSP_HEAD(nvsp_mask), .width = camera.width, .height = camera.height, .pixels = pixels,
                        .stride = camera.width, .size = dive.size};
+    sender_options = (nvsp_sender_options){NVSP_HEAD(nvsp_sender_options), .bit_rate = 5000, .frame_rate = 5};
+    MUST(nvsp_decode(both.decoder, first.bytes, first.size, 0, NULL, NULL));
     const struct {
         const void *sound;
         size_t size;
@@ -270,6 +375,10 @@ static void others(void) {
         {&picture, sizeof picture, picture_in},
         {&lens, sizeof lens, lens_in},
         {&mask, sizeof mask, mask_in},
+        {&sender_options, sizeof sender_options, sender_options_in},
+        {&pose, sizeof pose, draw_pose},
+        {&picture, sizeof picture, draw_picture},
+        {&pose, sizeof pose, between_poses},
     };
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         const size_t size = all[i].size;
@@ -458,6 +567,7 @@ int main(int argc, char **argv) {
     first = packets[0];
     MUST(nvsp_reassembler_create(NVSP_MTU_64, NULL, &reassembler));
     MUST(nvsp_reassembler_push(reassembler, first.bytes, 64, NULL));
+    make_link();
 
     initialising();
     versions();
@@ -477,6 +587,8 @@ int main(int argc, char **argv) {
         free(packets[i].bytes);
     }
     nvsp_reassembler_destroy(reassembler);
+    nvsp_sender_destroy(sender);
+    nvsp_collector_destroy(collector);
     rig_close(&both);
     scene_free(&dive);
     return report("structs");

@@ -1,35 +1,38 @@
 //! How many of some modem frames arrive: Gilbert's model of a link that loses frames in bursts.
 
+use std::ops::Deref;
+
 use super::super::ModemError;
+use super::header::MAX_SHARES;
 
 /// How a link loses modem frames: each one with the same chance, in bursts of a mean length (E. N. Gilbert, Bell System
 /// Technical Journal 39, 1960; no frame arrives in the bad state, and all do in the good one).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loss {
-    /// Share of the frames that is lost, 0 up to but not 1.
-    pub share: f64,
+    /// Chance that a frame is lost, 0 up to but not 1.
+    pub chance: f64,
     /// Mean number of frames that are lost in a row, 1 and more. Frames that are lost independently of each other have
-    /// 1 / (1 − share); less counts as that.
+    /// 1 / (1 − chance); less counts as that.
     pub burst: f64,
 }
 
 impl Loss {
     /// Nothing is lost.
-    pub const NONE: Loss = Loss { share: 0.0, burst: 1.0 };
+    pub const NONE: Loss = Loss { chance: 0.0, burst: 1.0 };
 
     /// # Errors
-    /// If the share is not in 0..1, or the burst is not finite or below 1.
+    /// If the chance is not in 0..1, or the burst is not finite or below 1.
     pub fn check(&self) -> Result<(), ModemError> {
-        let share = (0.0..1.0).contains(&self.share);
+        let chance = (0.0..1.0).contains(&self.chance);
         let burst = self.burst.is_finite() && self.burst >= 1.0;
-        if share && burst { Ok(()) } else { Err(ModemError::Loss(self.share, self.burst)) }
+        if chance && burst { Ok(()) } else { Err(ModemError::Loss(self.chance, self.burst)) }
     }
 
     /// Chances that a frame is lost: after one that arrived, and after a lost one.
     pub fn steps(&self) -> [f64; 2] {
-        let burst = self.burst.max(1.0 / (1.0 - self.share));
+        let burst = self.burst.max(1.0 / (1.0 - self.chance));
         let again = 1.0 - 1.0 / burst;
-        let begins = self.share / (1.0 - self.share) / burst;
+        let begins = self.chance / (1.0 - self.chance) / burst;
         [begins.min(1.0), again]
     }
 
@@ -37,16 +40,19 @@ impl Loss {
     pub(super) fn spaced(&self, apart: f64) -> Loss {
         let [begins, again] = self.steps();
         let kept = (again - begins).max(0.0).powf(apart.max(1.0));
-        let again = self.share + (1.0 - self.share) * kept;
-        Loss { share: self.share, burst: 1.0 / (1.0 - again) }
+        let again = self.chance + (1.0 - self.chance) * kept;
+        Loss { chance: self.chance, burst: 1.0 / (1.0 - again) }
     }
 
     /// Chances that exactly 0, 1, …, `count` of `count` frames in a row arrive.
-    pub(super) fn arrivals(&self, count: usize) -> Vec<f64> {
+    ///
+    /// # Panics
+    /// If the count is above [`MAX_SHARES`].
+    pub(super) fn arrivals(&self, count: usize) -> Arrivals {
         let [begins, again] = self.steps();
         // By number of frames that arrived, and whether the last one was lost.
-        let mut chances = vec![[0.0; 2]; count + 1];
-        chances[0] = [1.0 - self.share, self.share];
+        let mut chances = [[0.0; 2]; MAX_SHARES + 1];
+        chances[0] = [1.0 - self.chance, self.chance];
         for sent in 0..count {
             for arrived in (0..=sent).rev() {
                 let [good, bad] = chances[arrived];
@@ -56,7 +62,21 @@ impl Loss {
                 chances[arrived + 1][0] += good + bad - lost;
             }
         }
-        chances.iter().map(|[good, bad]| good + bad).collect()
+        Arrivals { count, chances: chances.map(|[good, bad]| good + bad) }
+    }
+}
+
+/// Chances that exactly 0, 1, … frames arrive.
+pub(super) struct Arrivals {
+    count: usize,
+    chances: [f64; MAX_SHARES + 1],
+}
+
+impl Deref for Arrivals {
+    type Target = [f64];
+
+    fn deref(&self) -> &[f64] {
+        &self.chances[..=self.count]
     }
 }
 
@@ -67,17 +87,17 @@ mod tests {
 
     #[test]
     fn independent_losses_are_binomial() {
-        let loss = Loss { share: 0.2, burst: 1.0 };
+        let loss = Loss { chance: 0.2, burst: 1.0 };
         let chances = loss.arrivals(4);
         let expected = [0.0016, 0.0256, 0.1536, 0.4096, 0.4096];
-        for (chance, expected) in std::iter::zip(chances, expected) {
+        for (chance, expected) in std::iter::zip(chances.iter(), expected) {
             assert!((chance - expected).abs() < 1e-12, "{chance} {expected}");
         }
     }
 
     #[test]
     fn bursts_are_as_long_and_as_many_as_said() {
-        let loss = Loss { share: 0.2, burst: 4.0 };
+        let loss = Loss { chance: 0.2, burst: 4.0 };
         let steps = loss.steps();
         let mut random = Random::new(5);
         let (mut lost, mut bursts, mut before) = (0, 0, false);
@@ -96,14 +116,14 @@ mod tests {
         }
         assert!((f64::from(lost) / f64::from(draws) - 0.2).abs() < 0.01);
         assert!((f64::from(lost) / f64::from(bursts) - 4.0).abs() < 0.1);
-        for (drawn, chance) in std::iter::zip(counts, loss.arrivals(8)) {
+        for (drawn, chance) in std::iter::zip(counts, loss.arrivals(8).iter()) {
             assert!((drawn - chance).abs() < 0.01, "{drawn} {chance}");
         }
     }
 
     #[test]
     fn frames_far_apart_are_lost_independently() {
-        let loss = Loss { share: 0.2, burst: 4.0 };
+        let loss = Loss { chance: 0.2, burst: 4.0 };
         assert!((loss.spaced(1.0).burst - 4.0).abs() < 1e-12);
         assert!((loss.spaced(50.0).burst - 1.25).abs() < 1e-6);
         let [begins, again] = loss.steps();
@@ -113,10 +133,10 @@ mod tests {
 
     #[test]
     fn what_no_link_does_is_refused() {
-        for (share, burst) in
+        for (chance, burst) in
             [(1.0, 1.0), (-0.1, 1.0), (f64::NAN, 1.0), (0.1, 0.5), (0.1, f64::INFINITY)]
         {
-            assert!(Loss { share, burst }.check().is_err(), "{share} {burst}");
+            assert!(Loss { chance, burst }.check().is_err(), "{chance} {burst}");
         }
     }
 }

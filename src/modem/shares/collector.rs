@@ -51,8 +51,7 @@ impl CollectorOptions {
         if self.age > 0.0 { Ok(()) } else { Err(ModemError::CollectorAge(self.age)) }
     }
 
-    /// Memory that a [`Collector`] takes, all of it when it is made, bytes; a packet's erasure code takes some more while
-    /// it is solved.
+    /// Memory that a [`Collector`] takes, all of it when it is made, bytes.
     ///
     /// # Errors
     /// If an option is outside its range.
@@ -70,7 +69,8 @@ impl CollectorOptions {
 /// What a share has brought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Collected {
-    /// The packet of this stream and frame number is complete.
+    /// The packet of this stream and frame number is complete. The number is modulo 2²⁴, as
+    /// [`CollectedPacket::frame`].
     Complete(u8, u32),
     /// It has more bytes than before.
     Grown(u8, u32),
@@ -80,7 +80,7 @@ pub enum Collected {
     Duplicate,
     /// The share's packet was complete before.
     Surplus,
-    /// The packet's own checks do not match what its shares hold. All its shares are dropped.
+    /// The packet's own checks do not match what its shares hold. All its shares are dropped. The number is modulo 128.
     Damaged(u8, u32),
 }
 
@@ -113,13 +113,15 @@ pub struct ShareStatistics {
 /// What has come of a packet.
 #[derive(Clone, Copy, Debug)]
 pub struct CollectedPacket<'a> {
-    /// Frame number, as the packet states it: modulo 2²⁴, in the short form 2¹⁶.
+    /// Frame number, modulo 2²⁴. A short packet's number is completed to the one that is nearest to the packet's before it.
     pub frame: u32,
     /// The packet's first bytes. Checks vouch for them: decode them with
     /// [`Trust::Start`](crate::Trust::Start).
     pub bytes: &'a [u8],
     /// The bytes are the whole packet, and its checks match.
     pub complete: bool,
+    /// No share brings more: the packet is complete, or its end was not sent.
+    pub ended: bool,
     /// User bytes that came with it.
     pub user: Option<&'a [u8]>,
     /// Shares that came.
@@ -144,6 +146,8 @@ struct Stream {
     /// The packet of number k is at place k modulo their count.
     slots: Vec<Slot>,
     newest: Option<u32>,
+    /// Frame number of the last packet that gave a picture.
+    last: Option<u32>,
     /// When the last share came, seconds.
     heard: f64,
     /// Shares in a row that were too old.
@@ -161,7 +165,7 @@ impl Collector {
         for _ in 0..options.streams {
             let slots = (0..options.slots()).map(|_| Slot::new(options.shares, options.mtu));
             let slots = slots.collect::<Result<_, _>>()?;
-            streams.push(Stream { slots, newest: None, heard: 0.0, late: 0 });
+            streams.push(Stream { slots, newest: None, last: None, heard: 0.0, late: 0 });
         }
         Ok(Collector { options, streams, statistics: ShareStatistics::default() })
     }
@@ -169,8 +173,12 @@ impl Collector {
     /// Takes a modem frame that came at `now`, seconds on a clock that does not go back.
     ///
     /// # Errors
-    /// If it is no share, damaged, or too old, or if there is no room for its packet. All packets stay as they are.
+    /// If it is no share, damaged, or too old, or if there is no room for its packet. All packets stay as they are. Also if
+    /// the time is not finite.
     pub fn push(&mut self, now: f64, frame: &[u8]) -> Result<Collected, ModemError> {
+        if !now.is_finite() {
+            return Err(ModemError::Time(now));
+        }
         let taken = self.take(now, frame);
         match &taken {
             Err(_) => self.statistics.rejected += 1,
@@ -193,7 +201,11 @@ impl Collector {
         stream.advance(packet.number, &mut self.statistics)?;
         let place = stream.place(packet.number);
         let (id, number) = (packet.stream, packet.number);
-        Ok(match stream.slots[place].take(now, &header, data)? {
+        let taken = stream.slots[place].take(now, &header, data, stream.last)?;
+        if let Taken::Grown(frame) | Taken::Complete(frame) = taken {
+            stream.last = Some(frame);
+        }
+        Ok(match taken {
             Taken::Kept => Collected::Kept,
             Taken::Duplicate => Collected::Duplicate,
             Taken::Surplus => Collected::Surplus,
@@ -209,29 +221,38 @@ impl Collector {
         })
     }
 
-    /// The packet of a stream and frame number, if enough of it came for a picture. Only the number modulo 128 counts.
+    /// The packet of a stream and frame number, modulo 2²⁴, if enough of it came for a picture. For a short packet only the
+    /// low 16 bits count.
     pub fn packet(&self, stream: u8, frame: u32) -> Option<CollectedPacket<'_>> {
-        self.slot(stream, frame)?.packet(frame % NUMBERS)
+        self.slot(stream, frame)?.packet(frame)
     }
 
     /// The packet of the greatest frame number of a stream that gives a picture.
     pub fn newest(&self, stream: u8) -> Option<CollectedPacket<'_>> {
         let newest = self.streams.get(usize::from(stream))?.newest?;
-        (0..self.options.slots() as u32)
-            .find_map(|back| self.packet(stream, newest.wrapping_sub(back)))
+        (0..self.options.slots() as u32).find_map(|back| {
+            let number = newest.wrapping_sub(back) % NUMBERS;
+            self.slot(stream, number)?.numbered(number)
+        })
     }
 
     /// Indices of a packet's shares that have not come; none if it is complete, or if nothing of it came. To make the
-    /// packet complete, as many of them are needed as [`CollectedPacket::sent`] less those that came, at most.
+    /// packet complete, as many of them are needed as [`CollectedPacket::sent`] less those that came, at most. Until there is
+    /// a picture of the packet, the frame number counts modulo 128.
     pub fn missing(&self, stream: u8, frame: u32) -> impl Iterator<Item = usize> + '_ {
         let slot = self.slot(stream, frame).into_iter();
-        slot.flat_map(move |slot| slot.missing(frame % NUMBERS))
+        slot.flat_map(move |slot| slot.missing(frame))
     }
 
-    /// Indices of a packet's shares that have come.
+    /// Shares that a packet was sent in; 0 if none of them came. The frame number counts as for [`Collector::missing`].
+    pub fn sent(&self, stream: u8, frame: u32) -> usize {
+        self.slot(stream, frame).map_or(0, |slot| slot.sent(frame))
+    }
+
+    /// Indices of a packet's shares that have come. The frame number counts as for [`Collector::missing`].
     pub fn arrived(&self, stream: u8, frame: u32) -> impl Iterator<Item = usize> + '_ {
         let slot = self.slot(stream, frame).into_iter();
-        slot.flat_map(move |slot| slot.arrived(frame % NUMBERS))
+        slot.flat_map(move |slot| slot.arrived(frame))
     }
 
     /// What there is of a stream's newest packets, for its vehicle. `kept` tells whether a frame was decoded in full. `None`:
@@ -267,6 +288,11 @@ impl Collector {
     fn slot(&self, stream: u8, frame: u32) -> Option<&Slot> {
         let stream = self.streams.get(usize::from(stream))?;
         Some(&stream.slots[stream.place(frame % NUMBERS)])
+    }
+
+    /// How it was made.
+    pub fn options(&self) -> &CollectorOptions {
+        &self.options
     }
 
     /// What has come so far.
@@ -313,6 +339,7 @@ impl Stream {
                 return Err(ModemError::Late(number));
             }
             self.slots.iter_mut().for_each(Slot::clear);
+            self.last = None;
         } else {
             for step in 1..=ahead {
                 self.let_go(newest.wrapping_add(step), statistics);

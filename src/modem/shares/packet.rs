@@ -18,10 +18,10 @@ pub(super) struct Contents<'a> {
     pub(super) user: Option<&'a [u8]>,
 }
 
-/// Bytes that the layers and the user bytes take in the first layer.
-pub(super) fn contents_len(others: &[Layer], user: Option<&[u8]>) -> usize {
+/// Bytes that the layers and so many user bytes take in the first layer.
+pub(super) fn contents_len(others: &[Layer], user: Option<usize>) -> usize {
     let layers = others.iter().map(|layer| number_len(layer.threshold) + number_len(layer.chunk));
-    1 + layers.sum::<usize>() + user.map_or(0, |user| 1 + user.len())
+    1 + layers.sum::<usize>() + user.map_or(0, |user| 1 + user)
 }
 
 /// Appends them.

@@ -3,12 +3,14 @@
 use crate::packet::{Extent, sound_len};
 
 use super::super::ModemError;
-use super::code::protect;
-use super::header::{Header, NUMBERS, PacketHeader, STREAMS, write};
+use super::super::error::room;
+use super::code::Known;
+use super::header::{Header, MAX_SHARES, NUMBERS, PacketHeader, STREAMS, write};
 use super::packet::{contents_len, put_contents};
 use super::sharing::Sharing;
 
-/// Spreads packets over shares. Keeps its memory from packet to packet.
+/// Spreads packets over shares. Keeps its memory from packet to packet: it takes more only for a packet that needs more
+/// than all before, and none if it was made [with room](Sharer::with_room).
 ///
 /// ```
 /// # fn main() -> Result<(), nvsprior::modem::ModemError> {
@@ -25,7 +27,7 @@ use super::sharing::Sharing;
 ///     budget: 200,
 ///     most: 16,
 ///     spread: 0,
-///     loss: Loss { share: 0.2, burst: 1.0 },
+///     loss: Loss { chance: 0.2, burst: 1.0 },
 ///     picture: packet.len(),
 ///     packet: Some(packet.len()),
 ///     whole: false,
@@ -49,6 +51,21 @@ pub struct Sharer {
 }
 
 impl Sharer {
+    /// Takes all memory here that packets of up to so many shares, each of a modem frame, will need.
+    ///
+    /// # Errors
+    /// If the system does not have it.
+    pub fn with_room(mtu: usize, shares: usize) -> Result<Sharer, ModemError> {
+        let all = shares.min(MAX_SHARES).saturating_mul(mtu);
+        Ok(Sharer {
+            data: room(all)?,
+            layer: room(all)?,
+            shares: room(all)?,
+            share_len: 0,
+            scratch: room(mtu)?,
+        })
+    }
+
     /// Makes the shares of a packet, of a stream 0 to 3. If the packet is longer than [`Sharing::capacity`], its end is
     /// not sent. If the sharing was made for user bytes, they are given here.
     ///
@@ -71,7 +88,7 @@ impl Sharer {
             return Err(ModemError::Stream(stream));
         }
         let layers = sharing.layers();
-        if contents_len(&layers[1..], user) != sharing.head() {
+        if contents_len(&layers[1..], user.map(<[u8]>::len)) != sharing.head() {
             return Err(ModemError::UserBytes(user.map_or(0, <[u8]>::len)));
         }
         let count = sharing.count();
@@ -88,13 +105,15 @@ impl Sharer {
             self.layer.extend(&rest[..taken]);
             rest = &rest[taken..];
             self.layer.resize(layer.len(), 0);
-            let shares = self.data.chunks_exact_mut(data_len);
-            let mut chunks: Vec<&mut [u8]> =
-                shares.map(|share| &mut share[at..at + layer.chunk]).collect();
-            for (chunk, bytes) in chunks.iter_mut().zip(self.layer.chunks_exact(layer.chunk)) {
-                chunk.copy_from_slice(bytes);
+            let chunk = |index: usize| &self.layer[index * layer.chunk..][..layer.chunk];
+            let known = Known::new(0..layer.threshold);
+            for (index, share) in self.data.chunks_exact_mut(data_len).enumerate() {
+                let share = &mut share[at..at + layer.chunk];
+                match index < layer.threshold {
+                    true => share.copy_from_slice(chunk(index)),
+                    false => known.write(index, chunk, share),
+                }
             }
-            protect(&mut chunks, layer.threshold);
             at += layer.chunk;
         }
         let header = PacketHeader {

@@ -107,7 +107,7 @@ impl Sharing {
     /// [`ModemError::Budget`].
     pub fn new(options: &SharingOptions) -> Result<Sharing, ModemError> {
         options.check()?;
-        let fewest = options.budget.div_ceil(options.mtu + options.overhead).max(1);
+        let fewest = options.budget.div_ceil(options.mtu.saturating_add(options.overhead)).max(1);
         let counts = fewest.min(options.most)..=options.most;
         let best = counts.filter_map(|count| Draft::best(options, count));
         let best = best.max_by(|a, b| a.worth.total_cmp(&b.worth));
@@ -217,9 +217,8 @@ impl Draft<'_> {
 impl Sharing {
     /// Gives the last layer what rounding left, as far as the packet needs it; drops what no packet fills.
     fn give(&mut self, left: usize, options: &SharingOptions) {
-        let user = options.user.map(|user| vec![0; user]);
         self.layers[self.others].chunk += left;
-        let head = |layers: &[Layer]| contents_len(layers, user.as_deref());
+        let head = |layers: &[Layer]| contents_len(layers, options.user);
         loop {
             self.head = head(&self.layers[1..=self.others]);
             let spare = options.packet.map_or(0, |packet| self.capacity().saturating_sub(packet));

@@ -7,7 +7,7 @@ use super::*;
 use crate::packet::PoseProfile;
 use crate::random::Random;
 
-const LOSS: Loss = Loss { share: 0.2, burst: 1.0 };
+const LOSS: Loss = Loss { chance: 0.2, burst: 1.0 };
 
 fn short(frame: u32, payload: usize) -> Vec<u8> {
     let (profile, payload) = (PoseProfile::Short, Some(payload));
@@ -96,27 +96,27 @@ fn without_loss_nothing_is_repeated() {
 #[test]
 fn a_sharing_is_worth_more_than_others() {
     let packet = short(1, 900);
-    for share in [0.05, 0.2, 0.4] {
-        let loss = Loss { share, burst: 1.0 };
+    for chance in [0.05, 0.2, 0.4] {
+        let loss = Loss { chance, burst: 1.0 };
         let options = SharingOptions { loss, ..options(64, 256, &packet) };
         let own = Sharing::new(&options).unwrap();
         // Made for another loss, each is a division that could have been chosen.
         for other in [0.0, 0.01, 0.1, 0.3, 0.6] {
-            let other = Loss { share: other, burst: 1.0 };
+            let other = Loss { chance: other, burst: 1.0 };
             let other = Sharing::new(&SharingOptions { loss: other, ..options }).unwrap();
             let other = other.expect(&options, &loss.arrivals(other.count()));
-            assert!(own.worth() >= other - 1e-9, "{share}: {} {other}", own.worth());
+            assert!(own.worth() >= other - 1e-9, "{chance}: {} {other}", own.worth());
         }
         // A plain division into frames, of which each needs all before it, gives all of 234 bytes or nothing more.
-        let whole = (1.0 - share).powi(4) * (1.0 + 0.85 * (1.0 + 215.0 / 0.7_f64).log2());
-        assert!(own.worth() > whole, "{share}: {} {whole}", own.worth());
+        let whole = (1.0 - chance).powi(4) * (1.0 + 0.85 * (1.0 + 215.0 / 0.7_f64).log2());
+        assert!(own.worth() > whole, "{chance}: {} {whole}", own.worth());
     }
 }
 
 #[test]
 fn shares_that_are_spread_stand_bursts_better() {
     let packet = short(1, 900);
-    let loss = Loss { share: 0.2, burst: 4.0 };
+    let loss = Loss { chance: 0.2, burst: 4.0 };
     let together = SharingOptions { loss, ..options(64, 256, &packet) };
     let spread = SharingOptions { spread: 4000, ..together };
     let [together, spread] =
@@ -225,13 +225,66 @@ fn after_a_blackout_of_any_length_the_next_packet_counts() {
             for share in shares(&packet, &options(64, 200, &packet)).1 {
                 let _ = collector.push(f64::from(frame) / 15.0, &share);
             }
-            let held = collector.packet(0, frame).filter(|held| held.frame == frame);
-            assert!(held.is_none_or(|held| packet.starts_with(held.bytes)));
+            let held = collector.packet(0, frame);
+            assert!(held.is_none_or(|held| held.frame == frame && packet.starts_with(held.bytes)));
             shown += usize::from(held.is_some());
         }
         assert_eq!(shown, 120, "{silent}");
         assert_eq!(collector.statistics().damaged, 0);
     }
+}
+
+/// Shares name a packet by seven bits of its frame number, a short packet itself by sixteen.
+#[test]
+fn a_packet_is_found_by_its_whole_frame_number() {
+    let mut collector = collector(64);
+    let push = |collector: &mut Collector, now: f64, packet: &[u8]| {
+        let (_, shares) = shares(packet, &options(64, 400, packet));
+        let taken = shares.iter().filter_map(|share| collector.push(now, share).ok());
+        taken.last().unwrap()
+    };
+    push(&mut collector, 0.0, &short(65_530, 60));
+    // In the short form 65,540 is 4. The packet before completes it.
+    let (profile, payload) = (PoseProfile::Short, Some(60));
+    let packet = packet_of(Recipe { frame: 65_540, profile, camera: false, payload });
+    assert_eq!(packet[2], 4);
+    push(&mut collector, 0.5, &packet);
+    let held = collector.packet(0, 65_540).unwrap();
+    assert!(held.frame == 65_540 && held.complete && held.ended && held.bytes == packet);
+    assert_eq!(collector.newest(0).unwrap().frame, 65_540);
+    assert!(collector.packet(0, 4).is_some(), "it states no more than 16 bits");
+    for other in [65_540 - 128, 65_540 + 128, 4 + 128, 65_541, 132] {
+        assert!(collector.packet(0, other).is_none(), "{other}");
+        assert_eq!((collector.sent(0, other), collector.arrived(0, other).count()), (0, 0));
+    }
+    // The full form states 24 bits.
+    let (profile, payload) = (PoseProfile::Compact, Some(30));
+    let full = packet_of(Recipe { frame: 65_541, profile, camera: true, payload });
+    push(&mut collector, 0.6, &full);
+    assert!(collector.packet(0, 65_541).is_some() && collector.packet(0, 5).is_none());
+    // Of one share only the number modulo 128 is known.
+    let next = short(65_542, 200);
+    let (_, all) = shares(&next, &options(64, 400, &next));
+    collector.push(0.7, &all[0]).unwrap();
+    assert!(collector.packet(0, 65_542).is_none());
+    assert!(collector.arrived(0, 65_542).eq(0..1) && collector.arrived(0, 65_542 % 128).eq(0..1));
+    assert!(collector.push(f64::NAN, &all[1]).is_err());
+    assert_eq!(collector.statistics().rejected, 0, "a wrong time says nothing of the link");
+}
+
+#[test]
+fn a_packet_whose_end_is_not_sent_ends() {
+    let packet = short(9, 900);
+    let (sharing, shares) = shares(&packet, &options(64, 256, &packet));
+    assert!(sharing.capacity() < packet.len());
+    let last = sharing.layers().last().unwrap().threshold;
+    let mut collector = collector(64);
+    for (arrived, share) in shares.iter().enumerate() {
+        collector.push(0.0, share).unwrap();
+        let held = collector.packet(0, 9);
+        assert!(held.is_none_or(|held| !held.complete && held.ended == (arrived + 1 >= last)));
+    }
+    assert!(collector.packet(0, 9).unwrap().ended);
 }
 
 #[test]
@@ -368,12 +421,12 @@ proptest! {
         overhead in 0usize..40,
         budget in 0usize..3000,
         most in 1usize..40,
-        share in 0.0..0.95,
+        chance in 0.0..0.95,
         burst in 1.0..8.0,
         payload in 0usize..800,
     ) {
         let packet = short(77, payload);
-        let loss = Loss { share, burst };
+        let loss = Loss { chance, burst };
         let options = SharingOptions { overhead, most, loss, ..options(mtu, budget, &packet) };
         let Ok(sharing) = Sharing::new(&options) else { return Ok(()) };
         prop_assert!(sharing.count() * (sharing.share_len() + overhead) <= budget);

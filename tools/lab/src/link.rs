@@ -78,7 +78,7 @@ struct LinkArgs {
     /// Seconds from vehicle to topside [default: 0.1]
     #[arg(long, value_name = "S", value_parser = values::not_negative)]
     propagation: Option<f64>,
-    /// Share of the modem frames that is lost, 0 up to but not 1; several with commas between them
+    /// Chance that a modem frame is lost, 0 up to but not 1; several with commas between them
     #[arg(long, value_name = "X", value_delimiter = ',', default_value = "0", value_parser = values::not_negative)]
     loss: Vec<f64>,
     /// Mean number of modem frames that are lost in a row
@@ -88,7 +88,7 @@ struct LinkArgs {
     /// of what the latency leaves, 0 without loss]
     #[arg(long, value_name = "S", value_parser = values::not_negative)]
     spread: Option<f64>,
-    /// Share of the modem frames that arrive late, after those behind them
+    /// Chance that a modem frame arrives late, after those behind them
     #[arg(long, value_name = "X", default_value_t = 0.0, value_parser = values::not_negative)]
     reorder: f64,
     /// Nothing arrives for so long, from the middle of the run on
@@ -173,18 +173,18 @@ impl LinkArgs {
         settings.map_err(|error| WrongUsage(error.to_string()))
     }
 
-    fn setting(&self, share: f64, mode: Mode, fps: f64) -> Result<Setting, ModemError> {
+    fn setting(&self, chance: f64, mode: Mode, fps: f64) -> Result<Setting, ModemError> {
         let (bit_rate, mtu, propagation) = match self.preset {
             None => (5_000.0, 64, 0.1),
             Some(Preset::MicroModem) => (5_000.0, 64, 0.5),
             Some(Preset::Paper) => (100_000.0, 1024, 0.1),
         };
-        let loss = Loss { share, burst: self.burst };
+        let loss = Loss { chance, burst: self.burst };
         loss.check()?;
-        let assumed = Loss { share: self.assume_loss.unwrap_or(share), ..loss };
+        let assumed = Loss { chance: self.assume_loss.unwrap_or(chance), ..loss };
         let propagation = self.propagation.unwrap_or(propagation);
         let left = (self.latency - self.coding - propagation).max(0.0);
-        let spread = if assumed.share > 0.0 { 0.5 * left } else { 0.0 };
+        let spread = if assumed.chance > 0.0 { 0.5 * left } else { 0.0 };
         let setting = Setting {
             mode,
             bit_rate: self.bit_rate.unwrap_or(bit_rate),
@@ -206,7 +206,7 @@ impl LinkArgs {
             shares: self.shares.into(),
             seed: self.seed,
         };
-        vehicle::rate_control(&setting)?;
+        vehicle::sender(&setting)?;
         Ok(setting)
     }
 }

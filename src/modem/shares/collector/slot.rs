@@ -3,7 +3,7 @@
 use crate::packet::{Extent, sound_len};
 
 use super::super::super::report::{ArrivedShares, PacketState, ToldPacket};
-use super::super::code::restore;
+use super::super::code::Known;
 use super::super::header::{Header, PacketHeader};
 use super::super::packet::take_contents;
 use super::super::sharing::Layer;
@@ -43,6 +43,8 @@ struct Start {
     at: usize,
     user: Option<(usize, usize)>,
     complete: bool,
+    /// All layers are there.
+    ended: bool,
 }
 
 /// What a share has brought.
@@ -102,14 +104,31 @@ impl Slot {
         self.clear();
     }
 
-    /// What has come of the packet of a number.
-    pub(super) fn packet(&self, number: u32) -> Option<CollectedPacket<'_>> {
-        let state = self.state.filter(|state| state.header.number == number)?;
+    /// What is known of the packet, if it may be that of a frame number.
+    fn state_of(&self, frame: u32) -> Option<State> {
+        self.state.filter(|state| {
+            let is_of = |start: Start| start.extent.may_be(frame);
+            state.header.number == frame % super::NUMBERS && state.packet.is_none_or(is_of)
+        })
+    }
+
+    /// What has come of the packet of a frame number.
+    pub(super) fn packet(&self, frame: u32) -> Option<CollectedPacket<'_>> {
+        self.collected(self.state_of(frame)?)
+    }
+
+    /// What has come of the packet of a frame number modulo [`NUMBERS`](super::NUMBERS).
+    pub(super) fn numbered(&self, number: u32) -> Option<CollectedPacket<'_>> {
+        self.collected(self.state.filter(|state| state.header.number == number)?)
+    }
+
+    fn collected(&self, state: State) -> Option<CollectedPacket<'_>> {
         let start = state.packet?;
         Some(CollectedPacket {
             frame: start.extent.frame,
             bytes: self.packet_bytes(&state)?,
             complete: start.complete,
+            ended: start.ended,
             user: start.user.map(|(from, to)| &self.bytes[from..to]),
             arrived: state.arrived,
             sent: state.header.count,
@@ -122,28 +141,27 @@ impl Slot {
         self.bytes.get(start.at..end.min(state.filled))
     }
 
+    /// Shares that the packet of a frame number was sent in; 0 if none of them came.
+    pub(super) fn sent(&self, frame: u32) -> usize {
+        self.state_of(frame).map_or(0, |state| state.header.count)
+    }
+
     /// Indices of shares that are there.
-    pub(super) fn arrived(&self, number: u32) -> impl Iterator<Item = usize> + '_ {
-        let state = self.state.filter(|state| state.header.number == number);
-        let count = state.map_or(0, |state| state.header.count);
-        (0..count).filter(|index| self.there[*index])
+    pub(super) fn arrived(&self, frame: u32) -> impl Iterator<Item = usize> + '_ {
+        (0..self.sent(frame)).filter(|index| self.there[*index])
     }
 
     /// Indices of shares that are not there, unless the packet is complete.
-    pub(super) fn missing(&self, number: u32) -> impl Iterator<Item = usize> + '_ {
-        let state = self.state.filter(|state| {
-            state.header.number == number && !state.packet.is_some_and(|start| start.complete)
-        });
+    pub(super) fn missing(&self, frame: u32) -> impl Iterator<Item = usize> + '_ {
+        let whole = |state: &State| state.packet.is_some_and(|start| start.complete);
+        let state = self.state_of(frame).filter(|state| !whole(state));
         let count = state.map_or(0, |state| state.header.count);
         (0..count).filter(|index| !self.there[*index])
     }
 
     /// What came of the packet of a frame number.
     pub(super) fn told(&self, frame: u32, kept: impl Fn(u32) -> bool) -> ToldPacket {
-        let number = frame % super::NUMBERS;
-        let Some(state) = self.state.filter(|state| state.header.number == number) else {
-            return ToldPacket::default();
-        };
+        let Some(state) = self.state_of(frame) else { return ToldPacket::default() };
         let whole = state.packet.is_some_and(|start| start.complete);
         let told = |state_of| ToldPacket {
             state: state_of,
@@ -154,17 +172,19 @@ impl Slot {
             true if kept(frame) => told(PacketState::Kept),
             true => told(PacketState::Whole),
             false => ToldPacket {
-                shares: ArrivedShares::new(state.header.count, self.arrived(number)),
+                shares: ArrivedShares::new(state.header.count, self.arrived(frame)),
                 ..told(PacketState::Part)
             },
         }
     }
 
+    /// Takes a share that came at `now`. `last`: the frame number of a packet before, to complete a short one's.
     pub(super) fn take(
         &mut self,
         now: f64,
         header: &Header,
         data: &[u8],
+        last: Option<u32>,
     ) -> Result<Taken, ModemError> {
         if data.len() > self.room {
             return Err(ModemError::NoRoom { index: header.index, room: self.there.len() });
@@ -188,7 +208,7 @@ impl Slot {
         }
         self.shares[header.index * self.room..][..data.len()].copy_from_slice(data);
         let before = state.filled;
-        let sound = self.grow(&mut state);
+        let sound = self.grow(&mut state, last);
         self.state = Some(state);
         if sound.is_none() {
             self.clear();
@@ -204,46 +224,49 @@ impl Slot {
     }
 
     /// Solves the layers whose threshold is reached. `None` if what they hold is not what a sender writes.
-    fn grow(&mut self, state: &mut State) -> Option<()> {
+    fn grow(&mut self, state: &mut State, last: Option<u32>) -> Option<()> {
         let header = state.header;
         let first = Layer { threshold: header.threshold, chunk: header.chunk };
         if state.layers == 0 && state.arrived >= first.threshold {
             self.solve(first, 0, state);
-            state.packet = Some(self.start(first, &header)?);
+            state.packet = Some(self.start(first, &header, last)?);
         }
-        let (Some(start), 1..) = (state.packet, state.layers) else { return Some(()) };
+        let (Some(mut start), 1..) = (state.packet, state.layers) else { return Some(()) };
         let layer = &self.bytes[..first.len()];
         let (contents, _) = take_contents(layer, first, header.count, header.data_len())?;
+        let (layers, others) = (contents.layers, contents.others);
         let mut at = first.chunk;
-        for (k, layer) in contents.layers[..contents.others].iter().enumerate() {
+        for (k, layer) in layers[..others].iter().enumerate() {
             if state.layers == k + 1 && state.arrived >= layer.threshold {
                 self.solve(*layer, at, state);
             }
             at += layer.chunk;
         }
+        start.ended = state.layers > others;
         self.judge(start, state)
     }
 
     /// Appends a layer, whose chunk lies at `at` in each share.
     fn solve(&mut self, layer: Layer, at: usize, state: &mut State) {
-        let there = &self.there[..state.header.count];
-        let shares = self.shares.chunks_exact_mut(self.room).zip(there);
-        let mut chunks: Vec<(&mut [u8], bool)> =
-            shares.map(|(share, there)| (&mut share[at..at + layer.chunk], *there)).collect();
-        restore(&mut chunks, layer.threshold);
+        let there = || (0..state.header.count).filter(|index| self.there[*index]);
+        let chunk = |index: usize| &self.shares[index * self.room + at..][..layer.chunk];
+        let known = Known::new(there().take(layer.threshold));
         let bytes = self.bytes[state.filled..].chunks_exact_mut(layer.chunk);
-        for ((chunk, _), bytes) in chunks[..layer.threshold].iter().zip(bytes) {
-            bytes.copy_from_slice(chunk);
+        for (index, bytes) in bytes.take(layer.threshold).enumerate() {
+            match self.there[index] {
+                true => bytes.copy_from_slice(chunk(index)),
+                false => known.write(index, chunk, bytes),
+            }
         }
         state.filled += layer.len();
         state.layers += 1;
     }
 
     /// Reads the first layer.
-    fn start(&self, first: Layer, header: &PacketHeader) -> Option<Start> {
+    fn start(&self, first: Layer, header: &PacketHeader, last: Option<u32>) -> Option<Start> {
         let layer = &self.bytes[..first.len()];
         let (contents, packet) = take_contents(layer, first, header.count, header.data_len())?;
-        let extent = Extent::read(packet).ok()?;
+        let extent = Extent::read(packet).ok()?.near(last);
         let at = first.len() - packet.len();
         let user = contents.user.map(|user| (at - user.len(), at));
         let named = extent.frame % super::NUMBERS == header.number;
@@ -252,6 +275,7 @@ impl Slot {
             at,
             user,
             complete: false,
+            ended: false,
         })
     }
 

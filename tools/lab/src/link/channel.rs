@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn as_many_are_lost_as_said() {
-        let loss = Loss { share: 0.2, burst: 4.0 };
+        let loss = Loss { chance: 0.2, burst: 4.0 };
         let mut channel = Channel::new(&super::super::Setting { loss, ..setting() }, 1.0);
         let lost = (0..40_000).filter(|_| channel.send(0.0, 10).arrival.is_none()).count();
         assert!((7_400..8_600).contains(&lost), "{lost}");

@@ -34,7 +34,8 @@ pub fn draw(path: &Path, outcomes: &[Outcome]) -> anyhow::Result<()> {
         let colour = Palette99::pick(k).to_rgba();
         let (loss, fps) = (outcome.setting.loss, outcome.setting.fps);
         let points = outcome.moments.iter().map(|m| (m.frame as f64 / fps, m.psnr));
-        let name = format!("{:.0} % lost, mean {:.2} dB", 100.0 * loss.share, outcome.shown_psnr());
+        let name =
+            format!("{:.0} % lost, mean {:.2} dB", 100.0 * loss.chance, outcome.shown_psnr());
         chart
             .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
             .label(name)

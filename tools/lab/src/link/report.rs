@@ -105,7 +105,7 @@ impl Outcome {
             "mtu": mtu,
             "overhead": overhead,
             "propagation": propagation,
-            "loss": loss.share,
+            "loss": loss.chance,
             "burst": loss.burst,
             "latency": latency,
             "seed": seed,
@@ -161,7 +161,7 @@ pub fn print(outcomes: &[Outcome]) {
         let whole = outcome.pictures.values().filter(|(_, whole)| whole.is_some()).count();
         println!(
             "{:>7.3} {:>6.1} {:>9.2} {:>9.2} {:>7.2}/s {:>8.1} {:>10.0} {:>6} {:>6} {:>6}",
-            outcome.setting.loss.share,
+            outcome.setting.loss.chance,
             outcome.setting.loss.burst,
             outcome.shown_psnr(),
             mean(outcome.packets.iter().map(|packet| packet.psnr)),
@@ -199,7 +199,7 @@ pub fn write(folder: &Path, outcomes: &[Outcome]) -> anyhow::Result<()> {
         for moment in &outcome.moments {
             let sent = outcome.packets.iter().find(|packet| packet.frame == moment.frame);
             table.write_record([
-                outcome.setting.loss.share.to_string(),
+                outcome.setting.loss.chance.to_string(),
                 moment.frame.to_string(),
                 format!("{:.4}", moment.frame as f64 / outcome.setting.fps),
                 moment.seen.name().to_owned(),

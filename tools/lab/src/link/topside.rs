@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use nvsprior::modem::{Collected, CollectedPacket, Collector, CollectorOptions};
+use nvsprior::modem::{Collected, Collector, CollectorOptions};
 use nvsprior::render::Scene;
 use nvsprior::{Camera, Decoded, Decoder, Engine, Mode, Picture, Pose, Trust};
 
@@ -31,11 +31,6 @@ impl Seen {
             Seen::Nothing => "nothing",
         }
     }
-}
-
-/// What came of a frame's packet.
-fn held(collector: &Collector, frame: u32) -> Option<CollectedPacket<'_>> {
-    collector.packet(0, frame).filter(|packet| packet.frame == frame)
 }
 
 pub struct Topside {
@@ -145,7 +140,7 @@ impl Topside {
             (self.decoded.picture, self.seen) = (picture, Some(frame));
             return Ok(Seen::Own);
         }
-        if let Some(packet) = held(&self.collector, frame) {
+        if let Some(packet) = self.collector.packet(0, frame) {
             self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.decoded)?;
             self.seen = Some(frame);
             return Ok(Seen::Own);
@@ -163,7 +158,7 @@ impl Topside {
     /// The pose of a frame that did not come, between those of frames that did and of which the vehicle is certain.
     fn pose_between(&self, frame: u32) -> anyhow::Result<Option<Pose>> {
         let pose = |number: u32| -> anyhow::Result<Option<(u32, Pose)>> {
-            let Some(packet) = held(&self.collector, number) else { return Ok(None) };
+            let Some(packet) = self.collector.packet(0, number) else { return Ok(None) };
             let (pose, certain) = self.decoder.pose_of(packet.bytes)?;
             Ok(certain.then_some((number, pose)))
         };
@@ -201,7 +196,7 @@ impl Topside {
         while done {
             done = false;
             for frame in std::mem::take(&mut self.waiting) {
-                let Some(packet) = held(&self.collector, frame) else { continue };
+                let Some(packet) = self.collector.packet(0, frame) else { continue };
                 self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.ahead)?;
                 if self.ahead.kept {
                     self.kept.insert(frame);

@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use nvsprior::modem::{
-    Interleaver, Loss, ModemError, PacketState, RateControl, RateControlOptions, Report, Sharer,
-    Sharing,
+    Loss, ModemError, PacketState, RateControlOptions, Report, Sender, SenderOptions, Sharing,
 };
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
@@ -75,10 +74,8 @@ const LEAST_COUNTED: usize = 16;
 
 pub struct Vehicle {
     encoder: Encoder,
-    control: RateControl,
+    sender: Sender,
     encoded: Encoded,
-    sharer: Sharer,
-    interleaver: Interleaver,
     /// The camera's frame after the last one that was sent.
     next: usize,
     pub sent: Vec<SentPacket>,
@@ -101,10 +98,8 @@ impl Vehicle {
         };
         Ok(Vehicle {
             encoder: Encoder::new(engine, scene, &footage.camera, options)?,
-            control: rate_control(setting)?,
+            sender: sender(setting)?,
             encoded: Encoded::default(),
-            sharer: Sharer::default(),
-            interleaver: Interleaver::new(setting.spread)?,
             next: 0,
             sent: Vec::new(),
             setting: setting.clone(),
@@ -119,32 +114,24 @@ impl Vehicle {
         picture: &Picture,
         known: Known,
     ) -> anyhow::Result<bool> {
-        let Some(budget) = self.control.plan(exposed) else { return Ok(false) };
-        let Ok(most) = self.control.most(budget) else { return Ok(false) };
+        let Some(bytes) = self.sender.plan(exposed)? else { return Ok(false) };
         self.encoder.skip((frame - self.next) as u32);
         self.next = frame + 1;
-        self.encode(picture, known, most.capacity())?;
+        self.encode(picture, known, bytes)?;
         let packet = &self.encoded.packet;
-        let made = picture_len(packet)?;
-        // Some packets tell the camera, too. If the budget does not hold that, they take more.
-        let sharing = match self.control.divide(budget, made, packet.len()) {
-            Ok(sharing) if sharing.capacity() >= packet.len() => sharing,
-            _ => self.control.divide(3 * budget, made, packet.len())?,
-        };
-        self.sharer.share(packet, &sharing, 0, None)?;
         let ready = exposed + self.setting.coding;
-        self.control.sent(ready, self.control.cost(&sharing));
-        self.interleaver.push(ready, &self.sharer);
+        let sharing = self.sender.push(ready, packet, None)?;
         let stats = &self.encoded.stats;
+        let shares = self.sender.shares();
         self.sent.push(SentPacket {
             frame,
             number: stats.frame,
             exposed,
-            bytes: PacketBytes::of(&sharing, made, packet.len()),
+            bytes: PacketBytes::of(&sharing, Extent::read(packet)?.head, packet.len()),
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
             first: sharing.layers()[0].threshold,
-            shares: (0..self.sharer.count()).map(|k| self.sharer.get(k).to_vec()).collect(),
+            shares: (0..shares.count()).map(|k| shares.get(k).to_vec()).collect(),
             last_due: ready + self.setting.spread,
             resent: false,
             counted: false,
@@ -167,12 +154,12 @@ impl Vehicle {
 
     /// The next share that is due at `now`.
     pub fn next_share(&mut self, now: f64) -> Option<&[u8]> {
-        self.interleaver.next(now).map(|(_, share)| share)
+        self.sender.next(now).map(|(_, share)| share)
     }
 
     /// When the next share is due, seconds.
     pub fn due(&self) -> Option<f64> {
-        self.interleaver.due()
+        self.sender.due()
     }
 
     /// Takes a report. Returns shares to send again, those of pictures that can still be shown in time.
@@ -181,7 +168,7 @@ impl Vehicle {
             self.encoder.acknowledge(self.frame_near(number));
         }
         self.measure_loss(report)?;
-        Ok(self.send_again(now, report))
+        Ok(self.send_again(now, report)?)
     }
 
     /// The frame of a number modulo 2¹⁶, near the newest one.
@@ -216,12 +203,12 @@ impl Vehicle {
             return Ok(());
         }
         let measured = 1.0 - arrived as f64 / sent as f64;
-        let loss = self.control.options().loss;
-        let share = MEMORY * loss.share + (1.0 - MEMORY) * measured;
-        self.control.set_loss(Loss { share: share.min(0.9), ..loss })
+        let loss = self.sender.control().options().loss;
+        let chance = MEMORY * loss.chance + (1.0 - MEMORY) * measured;
+        self.sender.set_loss(Loss { chance: chance.min(0.9), ..loss })
     }
 
-    fn send_again(&mut self, now: f64, report: &Report) -> Vec<Vec<u8>> {
+    fn send_again(&mut self, now: f64, report: &Report) -> Result<Vec<Vec<u8>>, ModemError> {
         let deadline = self.setting.latency - self.setting.propagation;
         let mut again = Vec::new();
         for k in self.settled(report) {
@@ -240,18 +227,18 @@ impl Vehicle {
             if needed.is_empty() || now + seconds > sent.exposed + deadline {
                 continue;
             }
-            self.control.sent(now, bytes);
+            self.sender.count(now, bytes)?;
             sent.bytes.resent += needed.iter().map(Vec::len).sum::<usize>();
             sent.resent = true;
             again.extend(needed);
         }
-        again
+        Ok(again)
     }
 }
 
-/// The rate control of a setting; fails if the setting cannot be.
-pub fn rate_control(setting: &Setting) -> Result<RateControl, ModemError> {
-    RateControl::new(RateControlOptions {
+/// The sender of a setting; fails if the setting cannot be.
+pub fn sender(setting: &Setting) -> Result<Sender, ModemError> {
+    let control = RateControlOptions {
         bit_rate: setting.bit_rate,
         mtu: setting.mtu,
         overhead: setting.overhead,
@@ -263,12 +250,6 @@ pub fn rate_control(setting: &Setting) -> Result<RateControl, ModemError> {
         most_shares: setting.shares,
         loss: setting.assumed,
         user: None,
-    })
-}
-
-/// Bytes at the start of a packet that make a picture: those before the residual.
-fn picture_len(packet: &[u8]) -> anyhow::Result<usize> {
-    let latent = Extent::read(packet)?.latent;
-    let fixed = nvsprior::packet::sound_len(&packet[..packet.len() - 1]);
-    Ok(fixed.max(latent))
+    };
+    Sender::new(SenderOptions { control, stream: 0 })
 }

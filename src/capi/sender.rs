@@ -1,0 +1,489 @@
+//! The vehicle's end of a link that loses modem frames.
+
+use std::ffi::c_char;
+use std::ptr::null_mut;
+
+use crate::modem::{Loss, RateControlOptions, Sender, SenderOptions, Sharing};
+
+use super::handle::{Handle, Opaque};
+use super::image::{slice, slice_mut};
+use super::log::Log;
+use super::status::*;
+use super::structs::{Out, read, versioned};
+
+/// Protects packets against losses, within a bit rate. A packet becomes shares: modem frames of which any few give a
+/// picture, and each more a finer one. nvsp_collector puts them together. One thread at a time may use it. Example:
+///
+/// ```c
+/// // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
+/// status = nvsp_sender_plan(sender, now, &budget);
+/// if (status == NVSP_OK && budget > 0) {
+///     status = nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, (float)budget);
+///     // ... nvsp_encode ...
+///     status = nvsp_sender_push(sender, later, packet, bytes, NULL, 0, NULL);
+/// }
+/// // Whenever the modem is free:
+/// if (nvsp_sender_next(sender, now, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
+/// ```
+#[allow(non_camel_case_types)]
+pub struct nvsp_sender {
+    _opaque: [u8; 0],
+}
+
+impl Opaque for nvsp_sender {
+    type Content = Sender;
+}
+
+/// nvsp_sender_options.loss: the link loses nothing.
+pub const NVSP_LOSS_NONE: f64 = -1.0;
+
+/// A link, and what its pictures should be.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_sender_options {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// What the link carries, bit/s, above 0. There is no default.
+    pub bit_rate: f64,
+    /// Most pictures per second, above 0. There is no default. If a camera's frames come at uneven times, give a little more
+    /// than its rate: a frame that comes early is else left out.
+    pub frame_rate: f64,
+    /// Longest time from the exposure of a frame to the end of its packet's last share, seconds. 0: 1.5.
+    pub latency: f64,
+    /// What of it is no transmission: search, coding, propagation; seconds.
+    pub delay: f64,
+    /// Time from a packet's first share to its last one, seconds, a part of the latency. Shares of other packets lie
+    /// between them, so a burst of losses takes few of each. 0: they follow each other.
+    pub spread: f64,
+    /// Chance that a modem frame is lost, below 1. 0: 0.1, a fair guess if it is not known. NVSP_LOSS_NONE: none is lost.
+    pub loss: f64,
+    /// Mean number of modem frames that are lost in a row, 1 or more. 0: 1.
+    pub burst: f64,
+    /// What each modem frame costs on the link beside its bytes (preamble, the modem's own header), as bytes.
+    pub overhead: u32,
+    /// Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good picture
+    /// takes: the frame rate falls first. 0: 40.
+    pub least: u32,
+    /// Most shares of a packet, up to 64. nvsp_collector_options.shares must be as many. 0: 16.
+    pub shares: u32,
+    /// User bytes that travel with each packet, up to 255; with it they come or are lost.
+    pub user_bytes: u32,
+    /// The stream that the packets are of, 0 to 3: up to four encoders may share a link, each with a sender.
+    pub stream: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+versioned!(nvsp_sender_options, 88);
+
+/// How a packet was divided.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_division {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Shares.
+    pub shares: u32,
+    /// Bytes of each.
+    pub share_bytes: u32,
+    /// Any so many shares give a picture.
+    pub picture_shares: u32,
+    /// Any so many give all that is sent.
+    pub whole_shares: u32,
+    /// Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is worth less than the bytes that
+    /// it takes.
+    pub packet_bytes: u32,
+    /// Bytes on the link, the overhead of each share counted.
+    pub link_bytes: u32,
+}
+versioned!(nvsp_division, 32);
+
+/// Counts since the sender was made.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_sender_statistics {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Frames left out: nvsp_sender_plan had no bytes for them.
+    pub left_out: u64,
+    /// Packets taken.
+    pub packets: u64,
+    /// Packets of them whose end was not sent.
+    pub cut: u64,
+    /// Shares of them.
+    pub shares: u64,
+    /// Bytes of them on the link, the overhead of each share counted.
+    pub bytes: u64,
+    /// Shares that wait now.
+    pub waiting: u64,
+    /// The loss that packets are protected against now.
+    pub loss: f64,
+    /// And the mean length of its bursts, modem frames.
+    pub burst: f64,
+    /// The bit rate now, bit/s.
+    pub bit_rate: f64,
+}
+versioned!(nvsp_sender_statistics, 80);
+
+/// Most shares of a packet: the time that a division takes grows with the cube of their number.
+const MOST_SHARES: u32 = 64;
+
+fn options_of(mtu: u32, options: &nvsp_sender_options) -> Result<SenderOptions, Failure> {
+    let nvsp_sender_options { bit_rate, frame_rate, delay, spread, user_bytes, .. } = *options;
+    if options.shares > MOST_SHARES {
+        return Err(Failure::argument("nvsp_sender_options.shares: above 64"));
+    }
+    if options.stream > 3 {
+        return Err(Failure::argument("nvsp_sender_options.stream: above 3"));
+    }
+    if options.reserved != 0 {
+        return Err(Failure::argument("nvsp_sender_options.reserved: not zero"));
+    }
+    let or = |value: f64, default: f64| if value == 0.0 { default } else { value };
+    let or_count = |value: u32, default: usize| if value == 0 { default } else { value as usize };
+    let control = RateControlOptions {
+        bit_rate,
+        mtu: mtu as usize,
+        overhead: options.overhead as usize,
+        latency: or(options.latency, 1.5),
+        delay,
+        spread,
+        frame_rate,
+        least: or_count(options.least, 40),
+        most_shares: or_count(options.shares, 16),
+        loss: loss_of(or(options.loss, 0.1), options.burst),
+        user: (user_bytes > 0).then_some(user_bytes as usize),
+    };
+    Ok(SenderOptions { control, stream: options.stream as u8 })
+}
+
+fn loss_of(chance: f64, burst: f64) -> Loss {
+    let chance = if chance == NVSP_LOSS_NONE { 0.0 } else { chance };
+    Loss { chance, burst: if burst == 0.0 { 1.0 } else { burst } }
+}
+
+/// Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come within
+/// the latency.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (an option, which the status
+/// text does not name), NVSP_ERR_MODEM (the MTU) or NVSP_ERR_MEMORY.
+///
+/// # Safety
+/// - `mtu`: most bytes of a modem frame, 16 to 65535. Both sides need the same.
+/// - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
+/// - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_create(
+    mtu: u32,
+    options: *const nvsp_sender_options,
+    sender: *mut *mut nvsp_sender,
+) -> nvsp_status {
+    super::handle::fence(|| {
+        if sender.is_null() || options.is_null() {
+            return Err(Failure::null("options or sender"));
+        }
+        // SAFETY: as the caller promises.
+        let options = options_of(mtu, &unsafe { read(options)? })?;
+        let made = Handle::boxed(Sender::new(options)?, Log::new(None, null_mut()));
+        // SAFETY: not null, and valid as the caller promises.
+        unsafe { *sender = nvsp_sender::address(made) };
+        Ok(NVSP_OK)
+    })
+}
+
+/// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_BYTES and as many. 0: leave the frame out
+/// (nvsp_encoder_skip), as the link has no bytes for it. If encoding fails with NVSP_ERR_BUDGET, as the packet must also
+/// tell the camera, encode the frame with NVSP_RATE_NONE. Ask for each frame of the camera, or as often as you like: if no
+/// packet follows, no bytes are spent. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `sender`: a live sender. Not NULL.
+/// - `now`: when the frame was exposed, seconds, on a clock that does not go back. All times of a sender are on it.
+/// - `bytes`: receives the bytes. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_plan(
+    sender: *mut nvsp_sender,
+    now: f64,
+    bytes: *mut u32,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_sender::handle(sender), |content| {
+            if bytes.is_null() {
+                return Err(Failure::null("bytes"));
+            }
+            let planned = content.plan(now)?;
+            *bytes = planned.map_or(0, number);
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may be
+/// longer than planned: it takes more of the link for once. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time, or not as many user
+/// bytes as nvsp_sender_options.user_bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MODEM (the bytes are not exactly
+/// one sound packet), NVSP_ERR_STATE (no frame was planned, or its packet was taken), NVSP_ERR_BUDGET (all shares together
+/// do not hold a picture: the MTU or nvsp_sender_options.shares is too small) or NVSP_ERR_UNFINISHED (too many shares wait:
+/// nobody takes them). The plan stays then.
+///
+/// # Safety
+/// - `sender`: a live sender. Not NULL.
+/// - `now`: when the packet is ready, seconds.
+/// - `packet`: the packet. Read during the call. Not NULL.
+/// - `size`: bytes of `packet`.
+/// - `user`: the user bytes. Read during the call. NULL only if `user_size` is 0.
+/// - `user_size`: bytes of `user`; nvsp_sender_options.user_bytes.
+/// - `division`: receives how the packet was divided, set up by NVSP_INIT. NULL: not wanted.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_push(
+    sender: *mut nvsp_sender,
+    now: f64,
+    packet: *const u8,
+    size: usize,
+    user: *const u8,
+    user_size: usize,
+    division: *mut nvsp_division,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_sender::handle(sender), |content| {
+            let out = Out::new(division)?;
+            if packet.is_null() || (user.is_null() && user_size > 0) {
+                return Err(Failure::null("packet or user"));
+            }
+            let packet = slice(packet, size, "packet")?;
+            let user = match user_size {
+                0 => None,
+                _ => Some(slice(user, user_size, "user")?),
+            };
+            let sharing = content.push(now, packet, user)?;
+            out.write(&division_of(&sharing, content, packet.len()));
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and writes
+/// nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_BUFFER_TOO_SMALL.
+/// The share stays then.
+///
+/// # Safety
+/// - `sender`: a live sender. Not NULL.
+/// - `now`: seconds.
+/// - `share`: receives the share, which is a modem frame. It may be padded to any length. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `share`; the MTU always suffices.
+/// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_next(
+    sender: *mut nvsp_sender,
+    now: f64,
+    share: *mut u8,
+    size: usize,
+    written: *mut usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_sender::handle(sender), |content| {
+            if share.is_null() || written.is_null() {
+                return Err(Failure::null("share or written"));
+            }
+            if !now.is_finite() {
+                return Err(Failure::argument("now: not finite"));
+            }
+            let into = slice_mut(share, size, "share")?;
+            let Some(needed) = content.next_len(now) else { return Ok(NVSP_PENDING) };
+            let Some(into) = into.get_mut(..needed) else {
+                *written = needed;
+                return Err(Failure::Room { needed, found: size });
+            };
+            let Some((_, bytes)) = content.next(now) else { return Ok(NVSP_PENDING) };
+            into.copy_from_slice(bytes);
+            *written = needed;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `sender`: a live sender. Not NULL.
+/// - `time`: receives the time, seconds. It may have passed. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_due(sender: *mut nvsp_sender, time: *mut f64) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_sender::handle(sender), |content| {
+            if time.is_null() {
+                return Err(Failure::null("time"));
+            }
+            let Some(due) = content.due() else { return Ok(NVSP_PENDING) };
+            *time = due;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `sender`: a live sender. Not NULL.
+/// - `now`: seconds.
+/// - `bytes`: their number, with what they cost beside themselves.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_count(
+    sender: *mut nvsp_sender,
+    now: f64,
+    bytes: u32,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_sender::handle(sender), |content| {
+            content.count(now, bytes as usize)?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED. The rate before stays then.
+///
+/// # Safety
+/// - `sender`: a live sender. Not NULL.
+/// - `now`: seconds.
+/// - `bit_rate`: bit/s, above 0.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_set_bit_rate(
+    sender: *mut nvsp_sender,
+    now: f64,
+    bit_rate: f64,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_sender::handle(sender), |content| {
+            content.set_bit_rate(now, bit_rate)?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Sets what the next packets are protected against, for example as the topside has measured it
+/// (nvsp_collector_statistics). Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED. The loss before stays then.
+///
+/// # Safety
+/// - `sender`: a live sender. Not NULL.
+/// - `loss`: chance that a modem frame is lost, 0 up to but not 1. Here 0 means that none is.
+/// - `burst`: mean number of modem frames that are lost in a row, 1 or more. 0: 1.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_set_loss(
+    sender: *mut nvsp_sender,
+    loss: f64,
+    burst: f64,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_sender::handle(sender), |content| {
+            content.set_loss(loss_of(loss, burst))?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Copies the counts.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `sender`: a live sender. Not NULL.
+/// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_get_statistics(
+    sender: *mut nvsp_sender,
+    statistics: *mut nvsp_sender_statistics,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_sender::handle(sender), |content| {
+            let (counts, control) = (content.statistics(), content.control().options());
+            Out::required(statistics)?.write(&nvsp_sender_statistics {
+                struct_size: 0,
+                abi_version: 0,
+                left_out: counts.left_out,
+                packets: counts.packets,
+                cut: counts.cut,
+                shares: counts.shares,
+                bytes: counts.bytes,
+                waiting: content.waiting() as u64,
+                loss: control.loss.chance,
+                burst: control.loss.burst,
+                bit_rate: control.bit_rate,
+            });
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Copies the text of the last failed call on the sender, as nvsp_engine_last_error does.
+///
+/// # Safety
+/// - `sender`: a live sender. Not NULL.
+/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `text`, 1 or more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_last_error(
+    sender: *const nvsp_sender,
+    text: *mut c_char,
+    size: usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::last_error(nvsp_sender::handle(sender), text, size) }
+}
+
+/// Ends a sender; NULL is allowed. Shares that wait are lost.
+///
+/// # Safety
+/// - `sender`: a live sender that no other thread uses. Do not use it afterwards. NULL is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_destroy(sender: *mut nvsp_sender) {
+    // SAFETY: as the caller promises.
+    unsafe { Handle::destroy(nvsp_sender::handle(sender).cast_mut()) }
+}
+
+fn number(value: usize) -> u32 {
+    u32::try_from(value).unwrap_or(u32::MAX)
+}
+
+fn division_of(sharing: &Sharing, sender: &Sender, packet: usize) -> nvsp_division {
+    let threshold = |layer: Option<&crate::modem::Layer>| number(layer.map_or(0, |l| l.threshold));
+    nvsp_division {
+        struct_size: 0,
+        abi_version: 0,
+        shares: number(sharing.count()),
+        share_bytes: number(sharing.share_len()),
+        picture_shares: threshold(sharing.layers().first()),
+        whole_shares: threshold(sharing.layers().last()),
+        packet_bytes: number(sharing.capacity().min(packet)),
+        link_bytes: number(sender.control().cost(sharing)),
+    }
+}
