@@ -23,6 +23,9 @@ pub struct FrameStats {
     pub render_psnr: f64,
     /// PSNR of what the topside will show against the treated frame, over the pixels that count, dB.
     pub psnr: f64,
+    /// The same over the pixels of the greatest weight, if parts of the picture count more:
+    /// [`Encoder::set_interest`](crate::Encoder::set_interest).
+    pub interest_psnr: Option<f64>,
     /// Renders at full resolution, all of them: judging the start, refining, the final picture.
     pub full_renders: u32,
     /// Renders by level, finest first.

@@ -6,7 +6,9 @@ use std::time::Instant;
 use crate::image::{Mask, Preprocessing, Preprocessor};
 use crate::packet::{Latent, PoseProfile, QuantisedPose};
 use crate::render::{Plan, Scene};
-use crate::residual::{Acknowledged, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Vantage};
+use crate::residual::{
+    Acknowledged, Interest, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Vantage,
+};
 use crate::tracked_frame::{TrackedFrame, TrackedStream};
 use crate::tracking::{Evaluation, Found, Known, Objective, Optimizer, RefineOptions, Tracker};
 use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
@@ -84,6 +86,7 @@ pub struct Encoder {
     tracker: Tracker,
     /// Which pixels of frames count; `None`: all do.
     mask: Option<Arc<Mask>>,
+    interest: Option<Arc<Interest>>,
     /// Treats frames as the prior's pictures were.
     preprocessor: Preprocessor,
     residual: ResidualEncoder,
@@ -124,6 +127,7 @@ impl Encoder {
             frame: options.first_frame,
             tracker,
             mask: None,
+            interest: None,
             preprocessor: preprocessor(scene, &options),
             residual: ResidualEncoder::new(&residual_setup(
                 engine,
@@ -177,6 +181,14 @@ impl Encoder {
         self.mask = mask;
         self.tracker.set_mask(self.mask.clone());
         Ok(())
+    }
+
+    /// Sets which parts of the picture get more of the bits from here on: what the pilot looks at. `None`: all count the
+    /// same. At the same budget the other parts get fewer; [`Rate::Psnr`] stays that of the whole picture.
+    /// [`ResidualCoder::Webp`](crate::residual::ResidualCoder::Webp) knows no such parts. A change costs the next frame some
+    /// allocations.
+    pub fn set_interest(&mut self, interest: Option<Interest>) {
+        self.interest = interest.map(Arc::new);
     }
 
     /// Sets how fine the difference pictures are from here on: links change.
@@ -292,6 +304,7 @@ impl Encoder {
         self.tracker.set_profile(profile.word());
         tracked.frame.clone_from(frame);
         tracked.mask.clone_from(&self.mask);
+        tracked.interest.clone_from(&self.interest);
         self.preprocessor.apply_by(&mut tracked.frame, self.mask.as_deref());
         if let Some(mask) = &self.mask {
             mask.level_out(&mut tracked.frame);

@@ -6,7 +6,8 @@ use std::time::Instant;
 use crate::image::{Mask, psnr_of_mse};
 use crate::packet::{Latent, RenderCheck, Residual};
 use crate::residual::{
-    Acknowledged, InStream, ResidualEncoder, ResidualSetup, StreamFrame, Structure, Vantage,
+    Acknowledged, InStream, Interest, ResidualEncoder, ResidualSetup, StreamFrame, Structure,
+    Vantage,
 };
 use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
 
@@ -17,6 +18,8 @@ pub(crate) struct TrackedFrame {
     pub frame: Picture,
     /// Which pixels count; `None`: all do.
     pub mask: Option<Arc<Mask>>,
+    /// Which parts count more.
+    pub interest: Option<Arc<Interest>>,
     pub render: Picture,
     /// See [`crate::residual::difference`].
     pub difference: Picture,
@@ -63,16 +66,19 @@ impl TrackedFrame {
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
         let since = Instant::now();
+        residual.set_interest(self.interest.as_deref());
         let latent = self.latent.ok_or(Error::NoStart { frame: self.stats.frame })?;
         let rate_kept = self.write_packet(latent, residual, encoded)?;
         encoded.pose = self.pose;
         std::mem::swap(&mut encoded.stats, &mut self.stats);
         let [render_psnr, psnr] =
             [&self.render, &encoded.picture].map(|picture| self.psnr(picture));
+        let interest_psnr = self.interest_psnr(&encoded.picture);
         let stats = &mut encoded.stats;
         stats.bytes = encoded.packet.len();
         stats.latent_bytes = latent.encoded_len();
         (stats.render_psnr, stats.psnr) = (render_psnr, psnr);
+        stats.interest_psnr = interest_psnr;
         stats.rate_kept = rate_kept;
         stats.code_milliseconds = since.elapsed().as_secs_f64() * 1e3;
         stats.milliseconds = stats.refine_milliseconds + stats.code_milliseconds;
@@ -90,6 +96,24 @@ impl TrackedFrame {
             Some(mask) => psnr_of_mse(mask.mse(picture, &self.frame)),
             None => picture.psnr(&self.frame),
         }
+    }
+
+    /// A picture's PSNR over the pixels that count most, dB; `None`: all count the same.
+    fn interest_psnr(&self, picture: &Picture) -> Option<f64> {
+        let interest = self.interest.as_deref()?;
+        let size = (picture.width, picture.height);
+        let (mut error, mut values) = (0.0, 0);
+        let pixels = picture.data.chunks_exact(3).zip(self.frame.data.chunks_exact(3));
+        for (at, (shown, wanted)) in (0..).zip(pixels) {
+            let (x, y) = (at % size.0, at / size.0);
+            let counts = self.mask.as_ref().is_none_or(|mask| mask.data[at as usize]);
+            if counts && interest.is_greatest(x, y, size) {
+                let off = |(a, b): (&u8, &u8)| f64::from(a.abs_diff(*b)).powi(2);
+                error += shown.iter().zip(wanted).map(off).sum::<f64>();
+                values += 3;
+            }
+        }
+        (values > 0).then(|| psnr_of_mse(error / 65_025.0 / f64::from(values)))
     }
 
     /// The rate as the coder knows it: it measures the PSNR over all pixels, of which those that are masked have no error

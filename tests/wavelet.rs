@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 use nvsprior::packet::{Coder, Reference, Residual, ResidualStart};
 use nvsprior::residual::wavelet::Tables;
 use nvsprior::residual::{
-    Acknowledged, InStream, Placement, Rate, ResidualCoder, ResidualDecoder, ResidualEncoder,
-    ResidualError, ResidualSetup, StreamFrame, Structure, Vantage,
+    Acknowledged, InStream, Interest, Placement, Rate, ResidualCoder, ResidualDecoder,
+    ResidualEncoder, ResidualError, ResidualSetup, StreamFrame, Structure, Vantage,
 };
 use nvsprior::{Camera, Picture};
 use proptest::prelude::*;
@@ -76,6 +76,41 @@ fn a_payload_cut_at_any_byte_gives_a_picture_that_grows_finer() {
         best = best.max(psnr);
     }
     assert!(last > best - 0.1 && last > camera.psnr(&render) + 6.0);
+}
+
+#[test]
+fn a_region_of_interest_gets_more_of_the_bits() {
+    let (camera, render) = pair();
+    let (x, y) = (24..56, 10..34);
+    let mut encoder = encoder(true);
+    let mut errors = |interest: Option<&Interest>| -> [f64; 2] {
+        encoder.set_interest(interest);
+        let coded = encoder.encode(&camera, &render, Rate::Bytes(300), 0).unwrap();
+        let Residual::Coded { payload, .. } = coded.residual else { panic!("no payload") };
+        assert!((288..=300).contains(&(payload.len() + 6)), "{} bytes", payload.len());
+        assert_eq!(&decode(payload, &render), coded.reconstruction);
+        let mut errors = [0.0; 2];
+        let pixels = camera.data.chunks_exact(3).zip(coded.reconstruction.data.chunks_exact(3));
+        for (at, (camera, shown)) in (0..).zip(pixels) {
+            let inside = x.contains(&(at % SIZE.0)) && y.contains(&(at / SIZE.0));
+            let off = |(a, b): (&u8, &u8)| f64::from(a.abs_diff(*b)).powi(2);
+            errors[usize::from(!inside)] += camera.iter().zip(shown).map(off).sum::<f64>();
+        }
+        errors
+    };
+    let plain = errors(None);
+    let mut last = plain;
+    for weight in [4, 16] {
+        let interest = Interest::rectangle(SIZE, x.clone(), y.clone(), weight).unwrap();
+        let of_interest = errors(Some(&interest));
+        assert!(of_interest[0] < 0.9 * last[0], "{weight}: {of_interest:?} {last:?}");
+        assert!(of_interest[1] > last[1], "{weight}: {of_interest:?} {last:?}");
+        last = of_interest;
+    }
+    // The same everywhere is as none at all.
+    let even = Interest::map(2, 2, &[7; 4]).unwrap();
+    assert_eq!(errors(Some(&even)), plain);
+    assert_eq!(errors(None), plain);
 }
 
 #[test]

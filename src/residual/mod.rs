@@ -4,6 +4,7 @@
 //! always measured on the 8-bit picture that the decoder will show.
 
 mod difference;
+mod interest;
 #[allow(unsafe_code)] // It wraps a C codec; each block says why it is sound.
 mod libwebp;
 mod rate;
@@ -21,6 +22,7 @@ use stream::StreamDecoder;
 use wavelet::{Tables, Tail, WaveletDecoder};
 
 pub use difference::{add, difference};
+pub use interest::Interest;
 pub use rate::{CodedResidual, InStream, Rate, ResidualCoder, ResidualEncoder, ResidualSetup};
 pub use references::REFERENCES;
 pub use stream::{Acknowledged, Mode, StreamFrame, Structure};
@@ -51,6 +53,27 @@ pub enum ResidualError {
     /// A quality is outside 0 to 100, or a PSNR not a number.
     #[error("rate {0:?}: quality must lie in 0..=100, PSNR be a number")]
     Rate(Rate),
+    /// A map of interest has no cells, too many, or not as many weights as cells.
+    #[error(
+        "map of interest of {columns}×{rows} cells with {weights} weights: give one for each, and 1 to 4096 along a side"
+    )]
+    InterestSize {
+        /// Cells in a row.
+        columns: u32,
+        /// Rows.
+        rows: u32,
+        /// Weights given.
+        weights: usize,
+    },
+    /// A weight of a map of interest is 0.
+    #[error("map of interest: the weight of cell {cell} is 0; the least is 1")]
+    InterestWeight {
+        /// The cell, row by row.
+        cell: usize,
+    },
+    /// A rectangle of interest holds no pixel of the picture.
+    #[error("rectangle of interest: no pixel of the picture lies in it")]
+    InterestEmpty,
     /// The image encoder refuses the difference picture.
     #[error("WebP encoder: {0}")]
     Encode(String),

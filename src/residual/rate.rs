@@ -6,6 +6,7 @@ use crate::Picture;
 use crate::packet::Residual;
 
 use super::difference::difference_into;
+use super::interest::Interest;
 use super::stream::{Acknowledged, StreamEncoder, StreamFrame, Structure};
 use super::wavelet::{RateEncoder, Tables};
 use super::webp_rate::WebpEncoder;
@@ -194,6 +195,14 @@ impl ResidualEncoder {
             difference_into(camera, render, &mut self.difference);
         }
         self.encode_own(camera, render, rate, overhead, Some(stream))
+    }
+
+    /// Sets which parts of the picture get more of the bits, from here on. Allocates if they changed. WebP knows no such
+    /// parts.
+    pub fn set_interest(&mut self, interest: Option<&Interest>) {
+        if let AnyEncoder::Wavelet(coder) = &mut self.coder {
+            coder.set_interest(interest);
+        }
     }
 
     /// Lets later frames lean on the one that was just coded. Call it if its packet was made.

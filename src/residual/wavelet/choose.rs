@@ -6,6 +6,7 @@ use super::gains::{GainFit, Gains, LevelGains};
 use super::geometry::PLANES;
 use super::pass::{Due, Source};
 use super::predictor::Predictor;
+use super::prices::Prices;
 use super::quantised::Quantised;
 
 /// Coefficients nearer to zero than this are zero, steps.
@@ -17,6 +18,8 @@ pub struct Chooser<'a> {
     pub wanted: &'a [Vec<f32>; PLANES],
     /// What a bit is worth, squared steps.
     pub lambda: f32,
+    /// How many times more it costs at each coefficient.
+    pub prices: &'a Prices,
     /// What the tables say.
     pub predictor: &'a Predictor,
     /// Receives the gains, by level.
@@ -36,9 +39,10 @@ impl Source for Chooser<'_> {
         let Predictor { chances, offsets, .. } = self.predictor;
         let first = First::of(self.predictor, due);
         let bits_of_zero = chances.cost(first.logit, false);
-        let zero = size * size + self.lambda * bits_of_zero;
+        let lambda = self.lambda * self.prices.factor(due.index());
+        let zero = size * size + lambda * bits_of_zero;
         // Another value has this first bit at least: it would be no better even if all else cost nothing.
-        if zero <= self.lambda * chances.cost(first.logit, true) {
+        if zero <= lambda * chances.cost(first.logit, true) {
             self.bits += bits_of_zero;
             return Some(0);
         }
@@ -53,7 +57,7 @@ impl Source for Chooser<'_> {
             let offset = f32::from(offsets[magnitude.min(3) as usize - 1]) / 256.0;
             let error = size - (magnitude as f32 - offset);
             let bits = bits(magnitude) + sign;
-            let total = error * error + self.lambda * bits;
+            let total = error * error + lambda * bits;
             if total < best.0 {
                 best = (total, magnitude, bits);
             }

@@ -2,6 +2,8 @@
 
 use crate::Picture;
 
+use super::super::interest::Interest;
+
 use super::bits::Writer;
 use super::blocks;
 use super::choose::Chooser;
@@ -16,6 +18,7 @@ use super::lifting::{self, FRACTION};
 use super::model::Model;
 use super::pass::{Due, Finest, Pass, Source};
 use super::predictor::{Predictor, Predictors};
+use super::prices::Prices;
 use super::quantised::Quantised;
 use super::range_coder::RangeEncoder;
 use super::step::Step;
@@ -37,6 +40,7 @@ pub struct WaveletEncoder {
     /// Quantised.
     chosen: [Vec<i16>; PLANES],
     gains: LevelGains,
+    prices: Prices,
     pass: Pass,
 }
 
@@ -50,6 +54,7 @@ impl WaveletEncoder {
             wanted: std::array::from_fn(|_| vec![0.0; len]),
             chosen: std::array::from_fn(|_| vec![0; len]),
             gains: LevelGains::default(),
+            prices: Prices::default(),
             pass: Pass::new(&frame.geometry),
             predictors: Predictors::new(tables, &Tables::stream()),
             frame,
@@ -65,6 +70,11 @@ impl WaveletEncoder {
     /// Makes room for leaning on references.
     pub fn prepare_lean(&mut self) {
         self.frame.prepare_lean();
+    }
+
+    /// Sets which parts of the picture count more, from here on.
+    pub fn set_interest(&mut self, interest: Option<&Interest>) {
+        self.prices.set(&self.frame.geometry, interest);
     }
 
     /// Sets the tables of frames that lean.
@@ -131,11 +141,11 @@ impl WaveletEncoder {
     pub(super) fn choose(&mut self, step: Step, lambda: f32) -> f32 {
         self.frame.step = step;
         self.want(step);
-        let WaveletEncoder { frame, predictors, wanted, chosen, gains, pass, .. } = self;
+        let WaveletEncoder { frame, predictors, wanted, chosen, gains, prices, pass, .. } = self;
         let predictor = predictors.of(frame);
         *gains = LevelGains::default();
         let finest = finest(&frame.geometry, |plane, i| wanted[plane][i].abs() > WORTH_A_LOOK);
-        let mut chooser = Chooser { wanted, lambda, predictor, gains, bits: 0.0 };
+        let mut chooser = Chooser { wanted, lambda, prices, predictor, gains, bits: 0.0 };
         pass.run(frame, predictor, finest, &mut chooser);
         let bits = chooser.bits;
         for (plane, chosen) in chosen.iter_mut().enumerate() {

@@ -26,6 +26,7 @@ mod model;
 mod network;
 mod pass;
 mod predictor;
+mod prices;
 mod quantised;
 mod range_coder;
 mod rate;

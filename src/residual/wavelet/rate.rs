@@ -3,6 +3,7 @@
 use crate::Picture;
 use crate::packet::{Coder, Reference, Residual, residual_part_len};
 
+use super::super::interest::Interest;
 use super::super::rate::{Choice, Rate};
 use super::decoder::WaveletDecoder;
 use super::encoder::WaveletEncoder;
@@ -142,6 +143,11 @@ impl RateEncoder {
         };
         let residual = if coded { Ok(()) } else { Err(Residual::None) };
         Choice { residual, reached, probes: self.probes }
+    }
+
+    /// Sets which parts of the picture count more, from here on.
+    pub fn set_interest(&mut self, interest: Option<&Interest>) {
+        self.encoder.set_interest(interest);
     }
 
     /// What was coded, the picture that it makes, and its PSNR, dB.

@@ -6,8 +6,8 @@ use anyhow::Context;
 use clap::ValueEnum;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
-use nvsprior::residual::ResidualCoder;
-use nvsprior::{Encoder, EncoderOptions, Mode, Rate};
+use nvsprior::residual::{Interest, ResidualCoder};
+use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Rate};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
@@ -37,6 +37,8 @@ pub struct Args {
     rate: RateArgs,
     #[command(flatten)]
     mode: ModeArgs,
+    #[command(flatten)]
+    interest: InterestArgs,
     /// Folder for the packets, NAME.nvsp; made if it is missing
     #[arg(long, value_name = "DIR")]
     packets: PathBuf,
@@ -51,6 +53,30 @@ pub struct Args {
     sheet: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
+}
+
+/// The part of the picture that gets more of the bits.
+#[derive(clap::Args)]
+struct InterestArgs {
+    /// Rectangle that gets more of the bits, pixels: left, top, width, height. All else gets fewer; --psnr stays that of the
+    /// whole picture
+    #[arg(long, value_name = "X,Y,W,H", value_parser = values::rectangle)]
+    region: Option<[u32; 4]>,
+    /// How many times more an error in --region counts than one beside it
+    #[arg(long, value_name = "N", default_value_t = 8, requires = "region",
+        value_parser = clap::value_parser!(u8).range(1..))]
+    region_weight: u8,
+}
+
+impl InterestArgs {
+    fn interest(&self, camera: &Camera) -> Result<Option<Interest>, values::WrongUsage> {
+        let Some([x, y, width, height]) = self.region else { return Ok(None) };
+        let size = (camera.width, camera.height);
+        let (x, y) = (x..x.saturating_add(width), y..y.saturating_add(height));
+        let interest = Interest::rectangle(size, x, y, self.region_weight);
+        let wrong = |error| values::WrongUsage(format!("--region: {error}"));
+        interest.map(Some).map_err(wrong)
+    }
 }
 
 /// How to find poses.
@@ -180,6 +206,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     check_times(&frames)?;
     check_outputs(args)?;
     let mode = args.mode.mode(false)?;
+    let interest = args.interest.interest(&frames[0].camera)?;
     let first = &frames[0];
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
@@ -198,6 +225,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         ProfileArg::Paper => PoseProfile::Paper,
     };
     let mut encoder = Encoder::new(&engine, &scene, &first.camera, options)?;
+    encoder.set_interest(interest);
     if args.input.starts == "none" {
         render_key_frames(&mut encoder)?;
     }

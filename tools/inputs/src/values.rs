@@ -60,6 +60,13 @@ pub fn count(text: &str) -> Result<usize, String> {
     }
 }
 
+/// A rectangle: left, top, width and height, pixels, with commas between them.
+pub fn rectangle(text: &str) -> Result<[u32; 4], String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let numbers = numbers.and_then(|numbers| numbers.try_into().ok());
+    numbers.ok_or("must be four whole numbers: left,top,width,height".into())
+}
+
 /// A picture to write.
 pub fn png(text: &str) -> Result<PathBuf, String> {
     ends_with(text, "png")

@@ -6,6 +6,7 @@ mod report;
 mod simulation;
 mod topside;
 mod vehicle;
+mod video;
 
 use std::path::PathBuf;
 
@@ -22,6 +23,7 @@ use nvsprior_inputs::values::{self, WrongUsage};
 
 use report::Outcome;
 use simulation::Simulation;
+use video::{Coder, Video};
 
 /// Send a run of frames over a simulated acoustic link, and see what the pilot sees
 ///
@@ -47,6 +49,10 @@ pub struct Args {
     /// Camera frames per second
     #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = rate)]
     fps: f64,
+    /// Also send the frames by a video coder, over the same channel, with the same part of the bytes as parity. Shows the
+    /// best of all its frame rates and qualities. Its first picture is there from the start, at no cost. Needs ffmpeg
+    #[arg(long, value_enum, value_name = "CODER", value_delimiter = ',')]
+    beside: Vec<Coder>,
     /// Length of the run [default: as many frames as there are]
     #[arg(long, value_name = "S", value_parser = values::not_negative)]
     seconds: Option<f64>,
@@ -248,6 +254,7 @@ impl Footage {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let mode = args.mode.mode(args.link.return_delay.is_some())?;
     let settings = args.link.settings(mode, args.fps)?;
+    args.beside.iter().try_for_each(|coder| coder.check())?;
     let inputs = args.input.frames()?;
     values::make_folder("--report", &args.report)?;
     let prior = args.prior.open()?;
@@ -265,10 +272,30 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         outcomes.push(simulation.run(frames, || bar.inc(1))?);
     }
     bar.finish_and_clear();
+    let shown: Vec<_> = (0..frames).map(|frame| footage.picture(frame)).collect();
+    for coder in &args.beside {
+        compare(*coder, &shown, args.fps, &mut outcomes)?;
+    }
     report::print(&outcomes);
     report::write(&args.report, &outcomes)?;
     chart::draw(&args.report.join("link.svg"), &outcomes)?;
     args.device.check(&engine)
+}
+
+/// Adds what a video coder comes to at each setting.
+fn compare(
+    coder: Coder,
+    frames: &[&Picture],
+    fps: f64,
+    outcomes: &mut [Outcome],
+) -> anyhow::Result<()> {
+    let bar = progress(Video::codings(coder), coder.name());
+    let video = Video::code(coder, frames, fps, || bar.inc(1))?;
+    bar.finish_and_clear();
+    for outcome in outcomes {
+        outcome.beside.extend(video.beside(outcome, frames)?);
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -110,7 +110,7 @@ fn a_return_channel_brings_back_what_a_blackout_took() {
 #[test]
 fn frames_of_a_stream_lean_on_what_the_topside_has() {
     let dive = Dive::new();
-    let run = format!("{LINK} --seconds 4 --mode stream");
+    let run = format!("{} --seconds 3 --mode stream", LINK.replace("16000", "256000"));
     let link = |folder: &str, args: &str| {
         dive.run(&format!("{run} {args} --report {folder}")).ends_with(0);
         dive.json(&format!("{folder}/link.json"))
@@ -125,6 +125,11 @@ fn frames_of_a_stream_lean_on_what_the_topside_has() {
     ] {
         let link = link(folder, args);
         assert_eq!(link["whole_frames"], link["sent_frames"], "{folder}");
+        assert!(
+            link["leaning_frames"].as_u64().unwrap() > 5,
+            "{folder}: {}",
+            link["leaning_frames"]
+        );
         let sent = link["sent_psnr"].as_f64().unwrap();
         assert!((psnr(&link) - sent).abs() < 1e-9, "{folder}: {sent} {}", psnr(&link));
         assert_eq!(bytes(&link, "resent"), 0);

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::Setting;
 use super::topside::Seen;
 use super::vehicle::{PacketBytes, SentPacket};
+use super::video::Beside;
 
 /// What the pilot sees of a camera frame.
 pub struct Moment {
@@ -30,6 +31,8 @@ pub struct Outcome {
     pub repaired: u64,
     /// Most bits on the channel in any second.
     pub worst_second: f64,
+    /// Video coders on the same channel.
+    pub beside: Vec<Beside>,
 }
 
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
@@ -77,6 +80,12 @@ impl Outcome {
             sum.resent += resent;
         }
         sum
+    }
+
+    /// Part of the bytes that protects the others.
+    pub fn parity(&self) -> f64 {
+        let bytes = self.bytes();
+        bytes.parity as f64 / bytes.total().max(1) as f64
     }
 
     /// Packets without a picture by the time at which their frame was to be shown.
@@ -130,6 +139,7 @@ impl Outcome {
                 "total": bytes.total(),
             },
             "sent_frames": self.packets.len(),
+            "leaning_frames": self.packets.iter().filter(|packet| packet.leans).count(),
             "lost_frames": self.lost(),
             "whole_frames": complete,
             "repaired": self.repaired,
@@ -137,6 +147,7 @@ impl Outcome {
             "render_psnr": mean(self.packets.iter().map(|packet| packet.render_psnr)),
             "deepest_dip": self.deepest_dip(),
             "worst_second_bits": self.worst_second,
+            "beside": self.beside.iter().map(Beside::json).collect::<Value>(),
         })
     }
 }
@@ -171,6 +182,34 @@ pub fn print(outcomes: &[Outcome]) {
             outcome.packets.len(),
             outcome.lost(),
             whole,
+        );
+        outcome.beside.iter().for_each(Beside::print);
+    }
+}
+
+impl Beside {
+    fn json(&self) -> Value {
+        json!({
+            "coder": self.coder.name(),
+            "fps": self.fps,
+            "crf": self.crf,
+            "shown_psnr": self.shown_psnr,
+            "bytes": self.bytes,
+            "sent_frames": self.sent,
+            "lost_frames": self.lost,
+        })
+    }
+
+    fn print(&self) {
+        println!(
+            "{:>14} {:>9.2} {:>19.2}/s {:>8.1} {:>17} {:>6}  CRF {}",
+            self.coder.name(),
+            self.shown_psnr,
+            self.fps,
+            self.bytes,
+            self.sent,
+            self.lost,
+            self.crf,
         );
     }
 }

@@ -150,6 +150,7 @@ impl<'a> Simulation<'a> {
             pictures: self.topside.pictures,
             repaired,
             worst_second,
+            beside: Vec::new(),
         })
     }
 

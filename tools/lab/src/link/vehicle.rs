@@ -24,6 +24,8 @@ pub struct SentPacket {
     pub render_psnr: f64,
     /// Of the whole packet.
     pub psnr: f64,
+    /// Its difference picture leans on an earlier one.
+    pub leans: bool,
     /// When its last share is due, seconds.
     last_due: f64,
     /// Its shares, to be sent again.
@@ -130,6 +132,7 @@ impl Vehicle {
             bytes: PacketBytes::of(&sharing, Extent::read(packet)?.head, packet.len()),
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
+            leans: stats.reference.is_some(),
             first: sharing.layers()[0].threshold,
             shares: (0..shares.count()).map(|k| shares.get(k).to_vec()).collect(),
             last_due: ready + self.setting.spread,
