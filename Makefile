@@ -6,7 +6,7 @@ SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 GLIBC ?= 2.31
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo demo-prior test c-test c-test-memory lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test \
+.PHONY: help demo demo-prior test gst gst-test c-test c-test-memory lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test \
 	dist dist-test subproject-test abi-check abi-baseline shaders \
 	shaders-check shader-toolchain clean
 
@@ -14,6 +14,8 @@ help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
 	@echo "make test           all tests"
+	@echo "make gst            the GStreamer plugin, in target/release/: docs/gstreamer.md"
+	@echo "make gst-test       its tests, and that document's pipelines on the demo's frames"
 	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
 	@echo "make c-test-memory  the same programs without memory: every allocation fails once, many limits; an hour"
 	@echo "make lint           formatting and clippy"
@@ -49,7 +51,15 @@ demo-prior:
 
 test:
 	@scripts/setup.sh run test
-	cargo test --workspace
+	cargo test --workspace --exclude nvsprior-gst
+
+gst:
+	@scripts/setup.sh run gst
+	cargo build --release --package nvsprior-gst
+
+gst-test:
+	@scripts/setup.sh run test gst
+	scripts/gst-test.sh
 
 c-test:
 	@scripts/setup.sh run lib c
@@ -61,7 +71,7 @@ c-test-memory:
 
 lint:
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets -- -D warnings
+	cargo clippy --workspace --exclude nvsprior-gst --all-targets -- -D warnings
 
 lib:
 	@scripts/setup.sh lib

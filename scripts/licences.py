@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The licences of all that is linked into the library and into the program, as Debian's copyright files.
+"""The licences of all that is linked into the library, the program and the GStreamer plugin, as Debian's copyright files.
 
 Usage: licences.py write   runs cargo-about (minutes) and writes packaging/licences/*.copyright
        licences.py check   fails if a crate is linked in that these files do not name
@@ -18,6 +18,7 @@ FOLDER = ROOT / "packaging" / "licences"
 PARTS = {
     "library": ("Cargo.toml", "nvsprior", ["--no-default-features", "--features", "capi"]),
     "program": ("tools/cli/Cargo.toml", "nvsprior-cli", []),
+    "gstreamer-plugin": ("gst-plugins/Cargo.toml", "nvsprior-gst", []),
 }
 TARGETS = ["x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu"]
 OURS = re.compile(r"nvsprior(-.*)?$")

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Installs what is missing on Debian or Ubuntu, after saying so; explains what to do elsewhere.
-# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross] [glibc] [deb] [meson]
+# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross] [glibc] [deb] [meson] [gst]
 set -eu
 
 missing=""
@@ -57,6 +57,16 @@ for part in "$@"; do
         ;;
     meson)
         command -v meson >/dev/null || need meson
+        ;;
+    gst) # The GStreamer plugin, and what the pipelines of docs/gstreamer.md take.
+        command -v pkg-config >/dev/null || need pkg-config
+        pkg-config --exists gstreamer-1.0 2>/dev/null || need libgstreamer1.0-dev
+        pkg-config --exists gstreamer-video-1.0 2>/dev/null || need libgstreamer-plugins-base1.0-dev
+        command -v gst-launch-1.0 >/dev/null || need gstreamer1.0-tools
+        gst-inspect-1.0 --exists videoconvert 2>/dev/null || need gstreamer1.0-plugins-base
+        gst-inspect-1.0 --exists multifilesrc 2>/dev/null || need gstreamer1.0-plugins-good
+        gst-inspect-1.0 --exists x264enc 2>/dev/null || need gstreamer1.0-plugins-ugly
+        command -v python3 >/dev/null || need python3-minimal
         ;;
     esac
 done

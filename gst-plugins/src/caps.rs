@@ -1,0 +1,34 @@
+//! What flows between the elements.
+
+/// Packets: one buffer is one packet.
+///
+/// Fields, all optional: `framerate` of the camera; `width` and `height` of the pictures; `prior`, the identity of the
+/// prior in hexadecimal; `trust`, `start` if a packet may end early and all bytes before its end are sound.
+pub const PACKET: &str = "video/x-nvsprior";
+
+/// Shares: one buffer is one share, a datagram or a modem frame.
+///
+/// Fields, all optional: `framerate` of the camera; `stream`, 0 to 3.
+pub const SHARE: &str = "application/x-nvsprior-share";
+
+/// Any caps of this name.
+pub fn any(name: &str) -> gst::Caps {
+    gst::Caps::new_empty_simple(name)
+}
+
+/// The template of a pad that is always there.
+pub fn template(name: &str, direction: gst::PadDirection, caps: &gst::Caps) -> gst::PadTemplate {
+    gst::PadTemplate::new(name, direction, gst::PadPresence::Always, caps)
+        .expect("a name, a direction and caps make a template")
+}
+
+/// The camera's frame rate that caps state, frames per second; `None`: they state none.
+pub fn frame_rate(caps: &gst::CapsRef) -> Option<gst::Fraction> {
+    let rate = caps.structure(0)?.get::<gst::Fraction>("framerate").ok()?;
+    (rate.numer() > 0 && rate.denom() > 0).then_some(rate)
+}
+
+/// A frame rate as a number.
+pub fn per_second(rate: gst::Fraction) -> f64 {
+    f64::from(rate.numer()) / f64::from(rate.denom())
+}

@@ -1,0 +1,457 @@
+//! The element `nvspdec`.
+
+use std::sync::{LazyLock, Mutex};
+use std::time::Instant;
+
+use gst::glib;
+use gst::prelude::*;
+use gst::subclass::prelude::*;
+use gst_video::prelude::*;
+use gst_video::subclass::prelude::*;
+use gst_video::{VideoDecoderRequestSyncPointFlags, VideoFormat, VideoInfo};
+
+use nvsprior::image::{ImageView, PixelFormat, write_picture};
+use nvsprior::packet::{Packet, Residual};
+use nvsprior::residual::ResidualError;
+use nvsprior::{Decoded, Error, Trust};
+
+use crate::caps;
+use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
+use crate::lock::lock;
+use crate::property;
+use crate::stats::properties_with_stats;
+
+static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
+    gst::DebugCategory::new("nvspdec", gst::DebugColorFlags::empty(), Some("nvsprior decoder"))
+});
+
+/// What is known of a packet's bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, glib::Enum)]
+#[enum_type(name = "NvspriorTrust")]
+pub enum TrustKind {
+    #[enum_value(name = "As the caps say: start from nvspdepay, else whole", nick = "auto")]
+    #[default]
+    Auto,
+    #[enum_value(name = "Nothing: parts whose check does not match are left out", nick = "whole")]
+    Whole,
+    #[enum_value(name = "They are the undamaged start of a packet", nick = "start")]
+    Start,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Settings {
+    camera: Option<String>,
+    trust: TrustKind,
+    post_messages: bool,
+}
+
+/// What the element holds while it runs.
+#[derive(Default)]
+struct State {
+    held: Option<HeldPrior>,
+    decoder: Option<nvsprior::Decoder>,
+    decoded: Decoded,
+    input: Option<gst_video::VideoCodecState<'static, gst_video::video_codec_state::Readable>>,
+    /// The caps say that packets may end early.
+    starts: bool,
+    /// The picture's size and format that are agreed on downstream.
+    output: Option<(u32, u32, PixelFormat)>,
+    /// What was wrong with the packet before, so that it is not said again and again.
+    wrong: Option<String>,
+    /// The longest that a packet took, as it was told downstream.
+    latency: gst::ClockTime,
+}
+
+/// What has been done since the start.
+#[derive(Default)]
+struct Counts {
+    packets: u64,
+    pictures: u64,
+    refused: u64,
+    damaged: u64,
+    late: u64,
+    last: Option<gst::Structure>,
+}
+
+#[derive(Default, glib::Properties)]
+#[properties(wrapper_type = super::Decoder)]
+pub struct Decoder {
+    #[property(name = "prior", get, set, type = Option<String>, member = prior, mutable_ready,
+        blurb = "File of the trained scene, the same as the vehicle's: .ply, .nvsg, .spz; the content tells the format")]
+    #[property(name = "device", get, set, type = Option<String>, member = device, mutable_ready,
+        blurb = "The Vulkan device's number, or a part of its name or its driver's name (default: the best device)")]
+    #[property(name = "watchdog", get, set, type = u32, member = watchdog, mutable_ready,
+        blurb = "Milliseconds that one submission to the device may take before the device counts as lost; 0: no bound")]
+    prior: Mutex<PriorSettings>,
+
+    #[property(name = "camera", get, set, type = Option<String>, member = camera, mutable_ready,
+        blurb = "The vehicle's camera, width,height,fx,fy,cx,cy in pixels, so that packets can be decoded even if the one that told it was lost (default: packets tell it)")]
+    #[property(name = "trust", get, set, type = TrustKind, member = trust, mutable_playing, blurb = "What is known of a packet's bytes", builder(TrustKind::Auto))]
+    #[property(name = "post-messages", get, set, type = bool, member = post_messages, mutable_playing,
+        blurb = "Post an element message nvspdec-frame with each picture's figures")]
+    settings: Mutex<Settings>,
+
+    counts: Mutex<Counts>,
+    state: Mutex<State>,
+}
+
+/// What becomes of a packet.
+enum Outcome {
+    /// [`State::decoded`] has the picture.
+    Picture,
+    /// It gives no picture.
+    Nothing(Error),
+    /// It was too late, and no later frame needs it.
+    Late,
+}
+
+/// The formats that pictures are written in.
+const FORMATS: [(VideoFormat, PixelFormat); 4] = [
+    (VideoFormat::Rgb, PixelFormat::Rgb8),
+    (VideoFormat::Rgbx, PixelFormat::Rgba8),
+    (VideoFormat::Rgba, PixelFormat::Rgba8),
+    (VideoFormat::Bgr, PixelFormat::Bgr8),
+];
+
+/// Latency is told in steps of this, and up to the most.
+const LATENCY_STEP: gst::ClockTime = gst::ClockTime::from_mseconds(20);
+const MOST_LATENCY: gst::ClockTime = gst::ClockTime::from_seconds(1);
+
+impl Decoder {
+    fn stats(&self) -> gst::Structure {
+        let counts = lock(&self.counts);
+        let mut stats = gst::Structure::builder("nvspdec-stats")
+            .field("packets", counts.packets)
+            .field("pictures", counts.pictures)
+            .field("refused", counts.refused)
+            .field("damaged", counts.damaged)
+            .field("late", counts.late)
+            .build();
+        if let Some(last) = &counts.last {
+            stats.set("last", last);
+        }
+        stats
+    }
+
+    fn post(&self, structure: gst::Structure) {
+        let message = gst::message::Element::builder(structure).src(&*self.obj()).build();
+        // Without a bus nobody listens.
+        let _ = self.obj().post_message(message);
+    }
+
+    /// Decodes a packet.
+    fn decode(
+        &self,
+        state: &mut State,
+        packet: &[u8],
+        late: bool,
+    ) -> Result<Outcome, gst::ErrorMessage> {
+        let trust = match lock(&self.settings).trust {
+            TrustKind::Start => Trust::Start,
+            TrustKind::Auto if state.starts => Trust::Start,
+            TrustKind::Auto | TrustKind::Whole => Trust::Whole,
+        };
+        let Some(decoder) = &mut state.decoder else {
+            return Err(gst::error_msg!(
+                gst::CoreError::Negotiation,
+                ("a packet before the start")
+            ));
+        };
+        if late && !leads(packet) {
+            return Ok(Outcome::Late);
+        }
+        let since = Instant::now();
+        let done = decoder.decode_into(packet, trust, &mut state.decoded);
+        let taken = gst::ClockTime::from_nseconds(since.elapsed().as_nanos() as u64);
+        match done {
+            Ok(()) => {
+                self.tell_latency(state, taken);
+                self.count(&state.decoded, packet.len(), taken);
+                Ok(if late { Outcome::Late } else { Outcome::Picture })
+            }
+            Err(error) if is_fatal(&error) => {
+                Err(gst::error_msg!(gst::ResourceError::Failed, ("{error}")))
+            }
+            Err(error) => Ok(Outcome::Nothing(error)),
+        }
+    }
+
+    /// Tells the pipeline how long pictures take, if that has grown: sinks wait for so long.
+    fn tell_latency(&self, state: &mut State, taken: gst::ClockTime) {
+        let steps = taken.nseconds().div_ceil(LATENCY_STEP.nseconds());
+        let latency = (LATENCY_STEP * steps).min(MOST_LATENCY);
+        if latency > state.latency {
+            state.latency = latency;
+            self.obj().set_latency(latency, None);
+        }
+    }
+
+    /// Counts a picture.
+    fn count(&self, decoded: &Decoded, bytes: usize, taken: gst::ClockTime) {
+        let mut figures = gst::Structure::builder("nvspdec-frame")
+            .field("frame", decoded.frame)
+            .field("bytes", bytes as u32)
+            .field("certain", !decoded.uncertain)
+            .field("kept", decoded.kept)
+            .field("portable", decoded.portable)
+            .field("milliseconds", taken.mseconds() as f64)
+            .build();
+        if let Some(reference) = decoded.reference {
+            figures.set("reference", reference);
+        }
+        if let Some(same) = decoded.same_render {
+            figures.set("same-render", same);
+        }
+        if let Some(damage) = &decoded.damage {
+            figures.set("damage", damage.to_string());
+        }
+        {
+            let mut counts = lock(&self.counts);
+            counts.pictures += 1;
+            counts.damaged += u64::from(decoded.damage.is_some());
+            counts.last = Some(figures.clone());
+        }
+        if lock(&self.settings).post_messages {
+            self.post(figures);
+        }
+    }
+
+    /// Says what is wrong with a packet, unless the packet before said the same.
+    fn complain(&self, state: &mut State, wrong: Option<(&Error, &str)>) {
+        let Some((error, effect)) = wrong else {
+            state.wrong = None;
+            return;
+        };
+        // Frame numbers change from packet to packet.
+        let kind = format!("{:?}", std::mem::discriminant(error));
+        if state.wrong.as_ref() != Some(&kind) {
+            state.wrong = Some(kind);
+            gst::element_imp_warning!(self, gst::StreamError::Decode, ("{error}: {effect}"));
+        }
+    }
+
+    /// Agrees on size and format with those downstream, if the picture's size is new.
+    fn agree(&self, state: &mut State) -> Result<PixelFormat, gst::FlowError> {
+        let (width, height) = (state.decoded.picture.width, state.decoded.picture.height);
+        if let Some((_, _, format)) = state.output.filter(|agreed| {
+            (agreed.0, agreed.1) == (width, height) && !self.obj().src_pad().check_reconfigure()
+        }) {
+            return Ok(format);
+        }
+        let template = self.obj().src_pad().pad_template_caps();
+        let mut wanted = self.obj().src_pad().allowed_caps().unwrap_or(template);
+        if wanted.is_empty() {
+            return Err(gst::FlowError::NotNegotiated);
+        }
+        wanted.fixate();
+        let name = wanted.structure(0).and_then(|fields| fields.get::<String>("format").ok());
+        let format = name.map_or(VideoFormat::Rgb, |name| VideoFormat::from_string(&name));
+        let written = FORMATS.iter().find(|(of, _)| *of == format);
+        let (_, written) = *written.ok_or(gst::FlowError::NotNegotiated)?;
+        let input = state.input.as_ref();
+        let element = self.obj();
+        element.negotiate(element.set_output_state(format, width, height, input)?)?;
+        state.output = Some((width, height, written));
+        Ok(written)
+    }
+
+    /// Writes the picture to the frame's buffer.
+    fn show(
+        &self,
+        state: &mut State,
+        frame: &mut gst_video::VideoCodecFrame,
+    ) -> Result<(), gst::FlowError> {
+        let format = self.agree(state)?;
+        self.obj().allocate_output_frame(frame, None)?;
+        let output = self.obj().output_state().ok_or(gst::FlowError::NotNegotiated)?;
+        let buffer = frame.output_buffer_mut().ok_or(gst::FlowError::Error)?;
+        let info: &VideoInfo = output.info();
+        let mut mapped = gst_video::VideoFrameRef::from_buffer_ref_writable(buffer, info)
+            .map_err(|_| gst::FlowError::Error)?;
+        let stride = mapped.plane_stride().first().map_or(0, |stride| (*stride).max(0) as usize);
+        let plane = mapped.plane_data_mut(0).map_err(|_| gst::FlowError::Error)?;
+        write_picture(&state.decoded.picture, format, stride, plane).map_err(|error| {
+            gst::element_imp_error!(self, gst::StreamError::Decode, ("{error}"));
+            gst::FlowError::Error
+        })
+    }
+}
+
+/// Whether later frames may lean on this one.
+fn leads(packet: &[u8]) -> bool {
+    match Packet::salvage(packet) {
+        // The camera is needed, too.
+        Ok(salvage) => {
+            matches!(salvage.residual, Ok(Residual::Stream { .. }))
+                || matches!(salvage.camera, Ok(Some(_)))
+        }
+        Err(_) => false,
+    }
+}
+
+/// Whether the vehicle can help, by a frame that stands alone and tells the camera.
+fn wants_key(error: &Error) -> bool {
+    matches!(
+        error,
+        Error::Residual(ResidualError::ReferenceMissing { .. })
+            | Error::CameraUnknown { .. }
+            | Error::SessionUnknown { .. }
+    )
+}
+
+#[glib::object_subclass]
+impl ObjectSubclass for Decoder {
+    const NAME: &'static str = "GstNvspriorDecoder";
+    type Type = super::Decoder;
+    type ParentType = gst_video::VideoDecoder;
+}
+
+impl ObjectImpl for Decoder {
+    properties_with_stats!();
+
+    fn constructed(&self) {
+        self.parent_constructed();
+        self.obj().set_packetized(true);
+        self.obj().set_needs_format(true);
+        // What a frame that stands alone brings is asked for by `request_sync_point`.
+        self.obj().set_needs_sync_point(false);
+    }
+}
+
+impl GstObjectImpl for Decoder {}
+
+impl ElementImpl for Decoder {
+    fn metadata() -> Option<&'static gst::subclass::ElementMetadata> {
+        static METADATA: LazyLock<gst::subclass::ElementMetadata> = LazyLock::new(|| {
+            gst::subclass::ElementMetadata::new(
+                "nvsprior decoder",
+                "Codec/Decoder/Video",
+                "Draws the prior at a packet's pose and adds the packet's difference picture",
+                "The nvsprior authors",
+            )
+        });
+        Some(&*METADATA)
+    }
+
+    fn pad_templates() -> &'static [gst::PadTemplate] {
+        static TEMPLATES: LazyLock<Vec<gst::PadTemplate>> = LazyLock::new(|| {
+            let side = 1..=nvsprior::Camera::MAX_SIDE as i32;
+            let src = gst_video::VideoCapsBuilder::new()
+                .format_list(FORMATS.map(|(format, _)| format))
+                .width_range(side.clone())
+                .height_range(side)
+                .build();
+            vec![
+                caps::template("sink", gst::PadDirection::Sink, &caps::any(caps::PACKET)),
+                caps::template("src", gst::PadDirection::Src, &src),
+            ]
+        });
+        &TEMPLATES
+    }
+}
+
+impl VideoDecoderImpl for Decoder {
+    fn start(&self) -> Result<(), gst::ErrorMessage> {
+        let held = HeldPrior::open(&lock(&self.prior).clone())?;
+        gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
+        let mut decoder = nvsprior::Decoder::new(&held.engine, &held.scene);
+        if let Some(camera) = &lock(&self.settings).camera {
+            let wrong = |error: &dyn std::fmt::Display| {
+                gst::error_msg!(gst::LibraryError::Settings, ("{error}"))
+            };
+            let camera = property::sized_camera(camera).map_err(|error| wrong(&error))?;
+            decoder.add_camera(&camera).map_err(|error| wrong(&error))?;
+        }
+        *lock(&self.counts) = Counts::default();
+        let (held, decoder) = (Some(held), Some(decoder));
+        *lock(&self.state) = State { held, decoder, ..State::default() };
+        Ok(())
+    }
+
+    fn stop(&self) -> Result<(), gst::ErrorMessage> {
+        *lock(&self.state) = State::default();
+        Ok(())
+    }
+
+    fn set_format(
+        &self,
+        input: &gst_video::VideoCodecState<'static, gst_video::video_codec_state::Readable>,
+    ) -> Result<(), gst::LoggableError> {
+        let mut state = lock(&self.state);
+        let fields = input.caps().and_then(|caps| caps.structure(0));
+        let field = |name| fields.and_then(|fields| fields.get::<String>(name).ok());
+        if let (Some(theirs), Some(held)) = (field("prior"), &state.held) {
+            let ours = held.scene.id().to_string();
+            if theirs != ours {
+                let file = lock(&self.prior).prior.clone().unwrap_or_default();
+                let text = format!(
+                    "packets about prior {theirs}, but {file} is prior {ours}: vehicle and topside \
+                     must hold the same prior"
+                );
+                gst::element_imp_error!(self, gst::StreamError::Format, ("{text}"));
+                return Err(gst::loggable_error!(CATEGORY, "{text}"));
+            }
+        }
+        state.starts = field("trust").is_some_and(|trust| trust == "start");
+        state.input = Some(input.clone());
+        // The frame rate may be new.
+        state.output = None;
+        Ok(())
+    }
+
+    fn handle_frame(
+        &self,
+        mut frame: gst_video::VideoCodecFrame,
+    ) -> Result<gst::FlowSuccess, gst::FlowError> {
+        lock(&self.counts).packets += 1;
+        let late = self.obj().is_qos() && self.obj().max_decode_time(&frame) < 0;
+        let mut state = lock(&self.state);
+        let input = frame.input_buffer_owned().ok_or(gst::FlowError::Error)?;
+        let packet = input.map_readable().map_err(|_| gst::FlowError::Error)?;
+        let outcome = match self.decode(&mut state, &packet, late) {
+            Ok(outcome) => outcome,
+            Err(error) => {
+                drop(state);
+                self.obj().release_frame(frame);
+                self.post_error_message(error);
+                return Err(gst::FlowError::Error);
+            }
+        };
+        match outcome {
+            Outcome::Picture => {
+                let damage = state.decoded.damage.take();
+                if damage.as_ref().is_some_and(wants_key) {
+                    self.obj()
+                        .request_sync_point(&frame, VideoDecoderRequestSyncPointFlags::empty());
+                }
+                let effect = "showing what the packet gives without it";
+                self.complain(&mut state, damage.as_ref().map(|error| (error, effect)));
+                if let Err(error) = self.show(&mut state, &mut frame) {
+                    drop(state);
+                    self.obj().release_frame(frame);
+                    return Err(error);
+                }
+                drop(state);
+                self.obj().finish_frame(frame)
+            }
+            Outcome::Nothing(error) => {
+                lock(&self.counts).refused += 1;
+                if wants_key(&error) {
+                    self.obj()
+                        .request_sync_point(&frame, VideoDecoderRequestSyncPointFlags::empty());
+                }
+                self.complain(&mut state, Some((&error, "the packet is left out")));
+                drop(state);
+                self.obj().drop_frame(frame)
+            }
+            Outcome::Late => {
+                lock(&self.counts).late += 1;
+                drop(state);
+                self.obj().drop_frame(frame)
+            }
+        }
+    }
+}
+
+// Sizes that packets can state are sizes that images can have.
+const _: () = assert!(nvsprior::Camera::MAX_SIDE <= ImageView::MAX_SIDE);

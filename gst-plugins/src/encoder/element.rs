@@ -1,0 +1,518 @@
+//! The element `nvspenc`.
+
+use std::sync::{LazyLock, Mutex};
+
+use gst::glib;
+use gst::prelude::*;
+use gst::subclass::prelude::*;
+use gst_video::prelude::*;
+use gst_video::subclass::prelude::*;
+use gst_video::{VideoColorMatrix, VideoColorRange, VideoFormat, VideoInfo};
+
+use nvsprior::image::{Colour, ImageView, PixelFormat};
+use nvsprior::tracking::Known;
+
+use super::frames::{Frames, FramesError, Outcome};
+use super::settings::{ModeKind, RateKind, Settings, StructureKind};
+use crate::budget::Budget;
+use crate::caps;
+use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
+use crate::lock::lock;
+use crate::property;
+use crate::stats::properties_with_stats;
+
+static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
+    gst::DebugCategory::new("nvspenc", gst::DebugColorFlags::empty(), Some("nvsprior encoder"))
+});
+
+/// What the element holds while it runs.
+#[derive(Default)]
+struct State {
+    held: Option<HeldPrior>,
+    frames: Option<Frames>,
+    info: Option<VideoInfo>,
+    /// The last frames gave no packets, and a warning has said why.
+    starved: bool,
+}
+
+/// What has been done since the start.
+#[derive(Default)]
+struct Counts {
+    frames: u64,
+    packets: u64,
+    bytes: u64,
+    left_out: u64,
+    late: u64,
+    uncertain: u64,
+    /// The last packet's figures.
+    last: Option<gst::Structure>,
+}
+
+#[derive(Default, glib::Properties)]
+#[properties(wrapper_type = super::Encoder)]
+pub struct Encoder {
+    #[property(name = "prior", get, set, type = Option<String>, member = prior, mutable_ready,
+        blurb = "File of the trained scene: .ply, .nvsg, .spz; the content tells the format")]
+    #[property(name = "device", get, set, type = Option<String>, member = device, mutable_ready,
+        blurb = "The Vulkan device's number, or a part of its name or its driver's name (default: the best device)")]
+    #[property(name = "watchdog", get, set, type = u32, member = watchdog, mutable_ready,
+        blurb = "Milliseconds that one submission to the device may take before the device counts as lost; 0: no bound")]
+    prior: Mutex<PriorSettings>,
+
+    #[property(name = "camera", get, set, type = Option<String>, member = camera, mutable_ready,
+        blurb = "The pinhole camera: width,height,fx,fy,cx,cy in pixels, or fx,fy,cx,cy for frames as they come")]
+    #[property(name = "width", get, set, type = u32, member = width, mutable_ready, default_value = 320, maximum = 4096,
+        blurb = "Frames wider than this are reduced to it; 0 keeps every size")]
+    #[property(name = "lens", get, set, type = Option<String>, member = lens, mutable_ready,
+        blurb = "Distortion by OpenCV's calibration: brown,width,height,fx,fy,cx,cy,k1,k2,p1,p2[,k3[,k4,k5,k6]] or fisheye,width,height,fx,fy,cx,cy,k1,k2,k3,k4; camera is then the camera without distortion (default: one that sees all that the lens does)")]
+    #[property(name = "mask", get, set, type = Option<String>, member = mask, mutable_ready,
+        blurb = "PNG file of the frames' shape; pixels that are black there do not count, as they show the vehicle itself")]
+    #[property(name = "start", get = Self::start_text, set = Self::set_start, type = Option<String>, mutable_playing,
+        blurb = "The camera's rough pose at the next frame: qw,qx,qy,qz,tx,ty,tz, world to camera (default: none, the prior's key frames give it)")]
+    #[property(name = "threshold", get, set, type = f64, member = threshold, mutable_ready, default_value = 1e-3, minimum = 0.0, maximum = 1.0,
+        blurb = "Mean squared error of colours in 0..1 below which a pose is kept where the prior shows too little to compare pictures")]
+    #[property(name = "mode", get, set, type = ModeKind, member = mode, mutable_ready, blurb = "Whether difference pictures lean on earlier ones", builder(ModeKind::Intra))]
+    #[property(name = "structure", get, set, type = StructureKind, member = structure, mutable_ready, blurb = "With mode=stream: the frame that others lean on", builder(StructureKind::Chain))]
+    #[property(name = "key-every", get, set, type = u32, member = key_every, mutable_ready, default_value = 16,
+        blurb = "With mode=stream: a frame that stands alone comes after this many frames; 0: no more after the first")]
+    #[property(name = "camera-interval", get, set, type = u32, member = camera_interval, mutable_ready, default_value = 64,
+        blurb = "Send the camera again after this many frames, for a topside that missed it; 0: never again")]
+    #[property(name = "render-check", get, set, type = u32, member = render_check, mutable_ready,
+        blurb = "Send a check of the render (6 bytes) every so many frames; 0: never")]
+    #[property(name = "full-latent", get, set, type = bool, member = full_latent, mutable_ready,
+        blurb = "Give every packet the full form, a latent part of 31 bytes in place of 19")]
+    #[property(name = "frames-treated", get, set, type = bool, member = frames_treated, mutable_ready,
+        blurb = "Frames come already treated as the prior's preprocessing says")]
+    #[property(name = "rate", get, set, type = RateKind, member = rate, mutable_playing, blurb = "What decides how fine difference pictures are", builder(RateKind::Quality))]
+    #[property(name = "quality", get, set, type = f32, member = quality, mutable_playing, default_value = 10.0, minimum = 0.0, maximum = 100.0,
+        blurb = "With rate=quality: quality of the difference picture")]
+    #[property(name = "bytes", get, set, type = u32, member = bytes, mutable_playing, default_value = 500, minimum = 1,
+        blurb = "With rate=bytes: bytes of the whole packet, not exceeded unless pose and camera take more")]
+    #[property(name = "psnr", get, set, type = f32, member = psnr, mutable_playing, default_value = 30.0, minimum = 0.0, maximum = 100.0,
+        blurb = "With rate=psnr: dB to reach with as few bytes as possible")]
+    #[property(name = "bit-rate", get, set, type = u32, member = bit_rate, mutable_playing, default_value = 5000, minimum = 1,
+        blurb = "With rate=link: what the link carries, bit/s")]
+    #[property(name = "mtu", get, set, type = u32, member = mtu, mutable_ready, default_value = 64, minimum = 16, maximum = 65535,
+        blurb = "With rate=link: most bytes of a modem frame or datagram")]
+    #[property(name = "overhead", get, set, type = u32, member = overhead, mutable_ready, maximum = 65535,
+        blurb = "With rate=link: what each modem frame or datagram takes beside its bytes, as bytes")]
+    #[property(name = "latency", get, set, type = u32, member = latency, mutable_ready, default_value = 1500, minimum = 1,
+        blurb = "With rate=link: longest time from the exposure of a frame to the end of its packet's last share, milliseconds")]
+    #[property(name = "delay", get, set, type = u32, member = delay, mutable_ready, default_value = 100,
+        blurb = "With rate=link: what of the latency is no transmission: search, coding, propagation; milliseconds")]
+    #[property(name = "spread", get, set, type = i32, member = spread, mutable_ready, default_value = -1, minimum = -1,
+        blurb = "With rate=link: milliseconds from a packet's first share to its last one; those of other packets lie between them (-1: half of what the delay leaves, 0 without loss)")]
+    #[property(name = "frame-rate", get, set, type = f64, member = frame_rate, mutable_ready, minimum = 0.0, maximum = 1000.0,
+        blurb = "With rate=link: most pictures per second; 0: as many as frames come")]
+    #[property(name = "least", get, set, type = u32, member = least, mutable_ready, default_value = 40,
+        blurb = "With rate=link: fewest bytes for a picture, all counted; below it frames are left out")]
+    #[property(name = "shares", get, set, type = u32, member = shares, mutable_ready, default_value = 16, minimum = 1, maximum = 64,
+        blurb = "With rate=link: most shares of a packet")]
+    #[property(name = "loss", get, set, type = f64, member = loss, mutable_playing, default_value = 0.1, minimum = 0.0, maximum = 0.99,
+        blurb = "With rate=link: share of the modem frames or datagrams that is lost")]
+    #[property(name = "burst", get, set, type = f64, member = burst, mutable_playing, default_value = 1.0, minimum = 1.0, maximum = 1000.0,
+        blurb = "With rate=link: mean number of them that are lost in a row")]
+    #[property(name = "post-messages", get, set, type = bool, member = post_messages, mutable_playing,
+        blurb = "Post an element message nvspenc-frame with each frame's figures")]
+    settings: Mutex<Settings>,
+
+    counts: Mutex<Counts>,
+    state: Mutex<State>,
+}
+
+impl Encoder {
+    fn start_text(&self) -> Option<String> {
+        lock(&self.settings).start.clone()
+    }
+
+    fn set_start(&self, text: Option<String>) {
+        let pose = match text.as_deref().map(property::pose).transpose() {
+            Ok(pose) => Some(pose.map(Known::from)),
+            Err(error) => {
+                // A wrong pose from a navigation program must not end the dive. At the next start it is an error.
+                gst::element_imp_warning!(self, gst::LibraryError::Settings, ("{error}"));
+                None
+            }
+        };
+        let mut settings = lock(&self.settings);
+        settings.start = text;
+        if let Some(known) = pose {
+            settings.known = known;
+        }
+    }
+
+    /// The next frame starts where the property says, as the first one did.
+    fn start_again(&self) {
+        let mut settings = lock(&self.settings);
+        if let Some(Ok(pose)) = settings.start.as_deref().map(property::pose) {
+            settings.known = Some(pose.into());
+        }
+    }
+
+    fn stats(&self) -> gst::Structure {
+        let counts = lock(&self.counts);
+        let mut stats = gst::Structure::builder("nvspenc-stats")
+            .field("frames", counts.frames)
+            .field("packets", counts.packets)
+            .field("bytes", counts.bytes)
+            .field("left-out", counts.left_out)
+            .field("late", counts.late)
+            .field("uncertain", counts.uncertain)
+            .build();
+        if let Some(last) = &counts.last {
+            stats.set("last", last);
+        }
+        stats
+    }
+
+    /// The frame's image, for the library.
+    fn view<'a>(
+        frame: &'a gst_video::VideoFrameRef<&gst::BufferRef>,
+    ) -> Result<ImageView<'a>, gst::ErrorMessage> {
+        let info = frame.info();
+        let format = match info.format() {
+            VideoFormat::Rgb => PixelFormat::Rgb8,
+            VideoFormat::Bgr => PixelFormat::Bgr8,
+            VideoFormat::Rgba | VideoFormat::Rgbx => PixelFormat::Rgba8,
+            VideoFormat::Nv12 => PixelFormat::Nv12,
+            VideoFormat::I420 => PixelFormat::I420,
+            other => {
+                let text = format!("frames of the format {other:?}");
+                return Err(gst::error_msg!(gst::StreamError::Format, ("{text}")));
+            }
+        };
+        let colorimetry = info.colorimetry();
+        let full = colorimetry.range() == VideoColorRange::Range0_255;
+        let colour = match (colorimetry.matrix(), full) {
+            (VideoColorMatrix::Bt709, false) => Colour::Bt709Limited,
+            (VideoColorMatrix::Bt709, true) => Colour::Bt709Full,
+            (_, false) => Colour::Bt601Limited,
+            (_, true) => Colour::Bt601Full,
+        };
+        let planes = frame.planes_data();
+        let stride = |plane: usize| {
+            frame.plane_stride().get(plane).map_or(0, |stride| (*stride).max(0) as usize)
+        };
+        Ok(ImageView {
+            width: info.width(),
+            height: info.height(),
+            format,
+            colour,
+            planes: [planes[0], planes[1], planes[2]],
+            strides: [stride(0), stride(1), stride(2)],
+        })
+    }
+
+    /// Counts a frame that gives no packet, and tells those behind that time has gone by.
+    fn leave_out(
+        &self,
+        frame: gst_video::VideoCodecFrame,
+    ) -> Result<gst::FlowSuccess, gst::FlowError> {
+        let (pts, duration) = (frame.pts(), frame.duration());
+        let done = self.obj().finish_frame(frame)?;
+        let pad = self.obj().src_pad().clone();
+        // Not before the segment.
+        if let Some(pts) = pts
+            && pad.sticky_event::<gst::event::Segment>(0).is_some()
+        {
+            pad.push_event(gst::event::Gap::builder(pts).duration(duration).build());
+        }
+        Ok(done)
+    }
+
+    /// The figures of the packet that was just made.
+    fn figures(&self, frames: &Frames, budget: Option<&Budget>) -> gst::Structure {
+        let stats = &frames.encoded().stats;
+        let mut figures = gst::Structure::builder("nvspenc-frame")
+            .field("frame", stats.frame)
+            .field("bytes", stats.bytes as u32)
+            .field("psnr", stats.psnr)
+            .field("render-psnr", stats.render_psnr)
+            .field("certain", stats.certain)
+            .field("lost-frames", stats.lost_frames)
+            .field("rate-kept", stats.rate_kept)
+            .field("milliseconds", stats.milliseconds)
+            .build();
+        if let Some(reference) = stats.reference {
+            figures.set("reference", reference);
+        }
+        if let Some(budget) = budget {
+            figures.set("budget", budget.bytes);
+        }
+        figures
+    }
+
+    /// Encodes a frame's image.
+    fn encode(
+        &self,
+        state: &mut State,
+        frame: &gst_video::VideoCodecFrame,
+        time: f64,
+    ) -> Result<Outcome, gst::ErrorMessage> {
+        let failed = |text: String| gst::error_msg!(gst::StreamError::Encode, ("{text}"));
+        let (Some(frames), Some(info)) = (&mut state.frames, &state.info) else {
+            return Err(gst::error_msg!(gst::CoreError::Negotiation, ("a frame before its caps")));
+        };
+        let (settings, known) = {
+            let mut settings = lock(&self.settings);
+            (settings.clone(), settings.known.take().unwrap_or_default())
+        };
+        let input =
+            frame.input_buffer().ok_or_else(|| failed("a frame without a buffer".into()))?;
+        let mapped = gst_video::VideoFrameRef::from_buffer_ref_readable(input, info)
+            .map_err(|error| failed(format!("mapping a frame: {error}")))?;
+        let view = Self::view(&mapped)?;
+        let taken = frames.take(&view, time, known, &settings);
+        if let Ok(Outcome::LeftOut | Outcome::TooSmall(_)) = taken {
+            // The next frame takes it, unless there is a newer one by then.
+            lock(&self.settings).known.get_or_insert(known);
+        }
+        if let Some(error) = frames.take_refused() {
+            gst::element_imp_warning!(self, gst::StreamError::Encode, ("{error}"));
+        }
+        taken.map_err(|error| match &error {
+            FramesError::Library(library) if is_fatal(library) => {
+                gst::error_msg!(gst::ResourceError::Failed, ("{error}"))
+            }
+            _ => failed(error.to_string()),
+        })
+    }
+
+    /// Counts the packet that was just made, and makes it a buffer.
+    fn packet(
+        &self,
+        frames: &Frames,
+        budget: Option<Budget>,
+    ) -> Result<gst::Buffer, gst::ErrorMessage> {
+        let stats = &frames.encoded().stats;
+        let figures = self.figures(frames, budget.as_ref());
+        {
+            let mut counts = lock(&self.counts);
+            counts.packets += 1;
+            counts.bytes += stats.bytes as u64;
+            counts.uncertain += u64::from(!stats.certain);
+            counts.last = Some(figures.clone());
+        }
+        if lock(&self.settings).post_messages {
+            self.post(figures);
+        }
+        let mut buffer = gst::Buffer::from_slice(frames.encoded().packet.clone());
+        if let Some(budget) = budget {
+            let failed = |error| gst::error_msg!(gst::CoreError::Failed, ("{error}"));
+            budget.attach(buffer.make_mut()).map_err(failed)?;
+        }
+        Ok(buffer)
+    }
+
+    /// What becomes of a frame: a packet and whether it stands alone, or nothing.
+    fn handle(
+        &self,
+        frame: &gst_video::VideoCodecFrame,
+        time: f64,
+    ) -> Result<Option<(gst::Buffer, bool)>, gst::ErrorMessage> {
+        let mut state = lock(&self.state);
+        if let Some(frames) = &mut state.frames {
+            if frame.flags().contains(gst_video::VideoCodecFrameFlags::FORCE_KEYFRAME) {
+                frames.announce();
+            }
+            if self.obj().is_qos_enabled() && self.obj().max_encode_time(frame) < 0 {
+                frames.skip(time);
+                lock(&self.counts).late += 1;
+                return Ok(None);
+            }
+        }
+        match self.encode(&mut state, frame, time)? {
+            Outcome::Packet(budget) => {
+                state.starved = false;
+                let Some(frames) = &state.frames else { return Ok(None) };
+                let alone = frames.encoded().stats.reference.is_none();
+                Ok(Some((self.packet(frames, budget)?, alone)))
+            }
+            Outcome::LeftOut => {
+                lock(&self.counts).left_out += 1;
+                Ok(None)
+            }
+            Outcome::TooSmall(error) => Ok(self.give_up(&mut state, error.to_string())),
+            // A pose may come while the pipeline plays.
+            Outcome::NoStart(error) => {
+                let text = format!("{error}; the property start gives a pose");
+                Ok(self.give_up(&mut state, text))
+            }
+        }
+    }
+
+    /// Counts a frame that gives no packet. Says why, unless the frame before gave none either.
+    fn give_up(&self, state: &mut State, why: String) -> Option<(gst::Buffer, bool)> {
+        lock(&self.counts).left_out += 1;
+        if !std::mem::replace(&mut state.starved, true) {
+            gst::element_imp_warning!(self, gst::StreamError::Encode, ("{why}"));
+        }
+        None
+    }
+
+    fn post(&self, structure: gst::Structure) {
+        let message = gst::message::Element::builder(structure).src(&*self.obj()).build();
+        // Without a bus nobody listens.
+        let _ = self.obj().post_message(message);
+    }
+}
+
+#[glib::object_subclass]
+impl ObjectSubclass for Encoder {
+    const NAME: &'static str = "GstNvspriorEncoder";
+    type Type = super::Encoder;
+    type ParentType = gst_video::VideoEncoder;
+}
+
+impl ObjectImpl for Encoder {
+    properties_with_stats!();
+
+    fn constructed(&self) {
+        self.parent_constructed();
+        self.obj().set_qos_enabled(true);
+    }
+}
+
+impl GstObjectImpl for Encoder {}
+
+impl ElementImpl for Encoder {
+    fn metadata() -> Option<&'static gst::subclass::ElementMetadata> {
+        static METADATA: LazyLock<gst::subclass::ElementMetadata> = LazyLock::new(|| {
+            gst::subclass::ElementMetadata::new(
+                "nvsprior encoder",
+                "Codec/Encoder/Video",
+                "Encodes frames against a 3D Gaussian Splatting prior: a pose and a difference picture",
+                "The nvsprior authors",
+            )
+        });
+        Some(&*METADATA)
+    }
+
+    fn pad_templates() -> &'static [gst::PadTemplate] {
+        static TEMPLATES: LazyLock<Vec<gst::PadTemplate>> = LazyLock::new(|| {
+            let formats = [
+                VideoFormat::Rgb,
+                VideoFormat::Nv12,
+                VideoFormat::I420,
+                VideoFormat::Bgr,
+                VideoFormat::Rgba,
+                VideoFormat::Rgbx,
+            ];
+            let side = 1..=ImageView::MAX_SIDE as i32;
+            let sink = gst_video::VideoCapsBuilder::new()
+                .format_list(formats)
+                .width_range(side.clone())
+                .height_range(side)
+                .build();
+            vec![
+                caps::template("sink", gst::PadDirection::Sink, &sink),
+                caps::template("src", gst::PadDirection::Src, &caps::any(caps::PACKET)),
+            ]
+        });
+        &TEMPLATES
+    }
+}
+
+impl VideoEncoderImpl for Encoder {
+    fn start(&self) -> Result<(), gst::ErrorMessage> {
+        if let Err(error) = lock(&self.settings).start.as_deref().map(property::pose).transpose() {
+            return Err(gst::error_msg!(gst::LibraryError::Settings, ("{error}")));
+        }
+        let held = HeldPrior::open(&lock(&self.prior).clone())?;
+        gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
+        *lock(&self.counts) = Counts::default();
+        *lock(&self.state) = State { held: Some(held), ..State::default() };
+        self.start_again();
+        Ok(())
+    }
+
+    fn stop(&self) -> Result<(), gst::ErrorMessage> {
+        *lock(&self.state) = State::default();
+        Ok(())
+    }
+
+    fn set_format(
+        &self,
+        input: &gst_video::VideoCodecState<'static, gst_video::video_codec_state::Readable>,
+    ) -> Result<(), gst::LoggableError> {
+        let info = input.info().clone();
+        let settings = lock(&self.settings).clone();
+        let fps = info.fps();
+        let frame_rate = (fps.numer() > 0).then(|| caps::per_second(fps));
+        let size = (info.width(), info.height());
+        let (camera, prior) = {
+            let mut state = lock(&self.state);
+            let State { held: Some(held), frames, .. } = &mut *state else {
+                return Err(gst::loggable_error!(CATEGORY, "caps before the start"));
+            };
+            let prior = held.scene.id().to_string();
+            let ready = match frames {
+                Some(frames) => frames.change(&settings, size, frame_rate),
+                None => {
+                    Frames::new(held, &settings, size, frame_rate).map(|made| *frames = Some(made))
+                }
+            };
+            if let Err(error) = ready {
+                gst::element_imp_error!(self, gst::LibraryError::Settings, ("{error}"));
+                return Err(gst::loggable_error!(CATEGORY, "{error}"));
+            }
+            let camera = frames.as_ref().map(|frames| *frames.camera());
+            state.info = Some(info);
+            (camera, prior)
+        };
+        let mut caps = caps::any(caps::PACKET);
+        {
+            let caps = caps.make_mut();
+            if let Some(camera) = camera {
+                caps.set("width", camera.width as i32);
+                caps.set("height", camera.height as i32);
+            }
+            caps.set("framerate", fps);
+            caps.set("prior", prior);
+        }
+        let refused = |_| gst::loggable_error!(CATEGORY, "packets are not wanted downstream");
+        let element = self.obj();
+        let output = element.set_output_state(caps, Some(input)).map_err(refused)?;
+        element.negotiate(output).map_err(refused)?;
+        // A packet leaves when its frame is coded, within a frame's time if the device keeps up.
+        let latency = match frame_rate {
+            Some(rate) => gst::ClockTime::from_seconds_f64(1.0 / rate),
+            None => gst::ClockTime::from_mseconds(u64::from(settings.delay)),
+        };
+        // The property has the same name.
+        VideoEncoderExtManual::set_latency(&*element, latency, None);
+        Ok(())
+    }
+
+    fn handle_frame(
+        &self,
+        mut frame: gst_video::VideoCodecFrame,
+    ) -> Result<gst::FlowSuccess, gst::FlowError> {
+        lock(&self.counts).frames += 1;
+        // Frames without times are a second apart: the rate control then knows no better.
+        let number = f64::from(frame.system_frame_number());
+        let time = frame.pts().map_or(number, |pts| pts.seconds_f64());
+        match self.handle(&frame, time) {
+            Ok(Some((packet, alone))) => {
+                if alone {
+                    frame.set_flags(gst_video::VideoCodecFrameFlags::SYNC_POINT);
+                }
+                frame.set_output_buffer(packet);
+                self.obj().finish_frame(frame)
+            }
+            Ok(None) => self.leave_out(frame),
+            Err(error) => {
+                self.post_error_message(error);
+                Err(gst::FlowError::Error)
+            }
+        }
+    }
+
+    fn flush(&self) -> bool {
+        if let Some(frames) = &mut lock(&self.state).frames {
+            frames.reset();
+        }
+        self.start_again();
+        true
+    }
+}

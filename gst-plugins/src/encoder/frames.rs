@@ -1,0 +1,277 @@
+//! What `nvspenc` does with a frame, without GStreamer's part of it.
+
+use nvsprior::image::{Converter, ImageView, Mask};
+use nvsprior::modem::{ModemError, RateControl};
+use nvsprior::tracking::Known;
+use nvsprior::{Camera, Encoded, Encoder, Error, Picture, Rate};
+
+use crate::budget::{Budget, picture_len};
+use crate::held_prior::HeldPrior;
+use crate::property::{self, PropertyError};
+
+use super::settings::{RateKind, Settings};
+
+/// Why frames cannot be encoded.
+#[derive(Debug, thiserror::Error)]
+pub enum FramesError {
+    #[error(transparent)]
+    Property(#[from] PropertyError),
+    #[error(transparent)]
+    Library(#[from] Error),
+    #[error("{0}; this is about the properties bit-rate, mtu, latency, delay, spread, loss, burst")]
+    Modem(#[from] ModemError),
+}
+
+/// What becomes of a frame.
+#[derive(Debug)]
+pub enum Outcome {
+    /// There is a packet, [`Frames::encoded`]. A budget if the link decides the rate.
+    Packet(Option<Budget>),
+    /// The link has no bytes for it.
+    LeftOut,
+    /// The budget holds no packet. The text says what would help.
+    TooSmall(ModemError),
+    /// Nobody knows where the camera is.
+    NoStart(Error),
+}
+
+/// The frames of a camera.
+pub struct Frames {
+    encoder: Encoder,
+    converter: Converter,
+    picture: Picture,
+    encoded: Encoded,
+    /// While the link decides the rate.
+    control: Option<RateControl>,
+    /// Frames per second.
+    frame_rate: Option<f64>,
+    /// Number of the next packet's frame, if all frames are sent.
+    next: u32,
+    /// When the frame before was taken, seconds, and its number.
+    before: Option<(f64, u32)>,
+    /// Why the pose from outside was left aside.
+    refused: Option<Error>,
+}
+
+impl Frames {
+    /// For frames of a size, as the properties say.
+    pub fn new(
+        held: &HeldPrior,
+        settings: &Settings,
+        size: (u32, u32),
+        frame_rate: Option<f64>,
+    ) -> Result<Frames, FramesError> {
+        let (camera, converter, mask) = views(settings, size)?;
+        let (engine, scene) = (&held.engine, &held.scene);
+        let mut encoder = Encoder::new(engine, scene, &camera, settings.encoder_options())?;
+        encoder.set_mask(mask.as_ref())?;
+        Ok(Frames {
+            encoder,
+            converter,
+            picture: Picture::new(camera.width, camera.height),
+            encoded: Encoded::with_room(camera.width, camera.height),
+            control: None,
+            frame_rate,
+            next: 0,
+            before: None,
+            refused: None,
+        })
+    }
+
+    /// Goes on with frames of another size or rate. Numbers and poses carry over.
+    pub fn change(
+        &mut self,
+        settings: &Settings,
+        size: (u32, u32),
+        frame_rate: Option<f64>,
+    ) -> Result<(), FramesError> {
+        let (camera, converter, mask) = views(settings, size)?;
+        self.encoder.set_mask(None)?;
+        self.encoder.set_camera(&camera)?;
+        self.encoder.set_mask(mask.as_ref())?;
+        self.converter = converter;
+        self.control = None;
+        self.frame_rate = frame_rate;
+        Ok(())
+    }
+
+    pub fn encoded(&self) -> &Encoded {
+        &self.encoded
+    }
+
+    pub fn camera(&self) -> &Camera {
+        self.encoder.camera()
+    }
+
+    /// The next packet stands alone, and says what packets are about.
+    pub fn announce(&mut self) {
+        self.encoder.announce();
+    }
+
+    /// Forgets earlier frames.
+    pub fn reset(&mut self) {
+        self.encoder.reset();
+        self.control = None;
+        self.before = None;
+    }
+
+    /// Counts a frame that came at `time`, seconds. Numbers count all frames of the camera, also those that never came
+    /// here, so that the topside knows when each was taken.
+    fn number(&mut self, time: f64) -> u32 {
+        let steps = match (self.before, self.frame_rate) {
+            (None, _) => 0,
+            (Some(_), None) => 1,
+            (Some((before, _)), Some(rate)) => ((time - before) * rate).round().max(1.0) as u32,
+        };
+        let number = self.before.map_or(self.next, |(_, number)| number.wrapping_add(steps));
+        self.before = Some((time, number));
+        number
+    }
+
+    /// A frame's time, not before that of the frame before, whatever the source says.
+    fn forward(&self, time: f64) -> f64 {
+        self.before.map_or(time, |(before, _)| time.max(before))
+    }
+
+    /// Counts a frame that is not encoded.
+    pub fn skip(&mut self, time: f64) {
+        self.number(self.forward(time));
+    }
+
+    /// Encodes the frame of `time`, seconds.
+    pub fn take(
+        &mut self,
+        image: &ImageView,
+        time: f64,
+        mut known: Known,
+        settings: &Settings,
+    ) -> Result<Outcome, FramesError> {
+        let time = self.forward(time);
+        let number = self.number(time);
+        let budget = match settings.rate {
+            RateKind::Link => match self.plan(time, settings)? {
+                Ok(planned) => Some(planned),
+                Err(outcome) => return Ok(outcome),
+            },
+            _ => {
+                self.control = None;
+                self.encoder.set_rate(settings.fixed_rate());
+                None
+            }
+        };
+        self.converter.convert(image, &mut self.picture).map_err(Error::from)?;
+        self.encoder.skip(number.wrapping_sub(self.next));
+        self.next = number;
+        known.time = Some(time);
+        match self.encode(known) {
+            Err(error @ Error::NoStart { .. }) => return Ok(Outcome::NoStart(error)),
+            done => done?,
+        }
+        self.next = number.wrapping_add(1);
+        match budget {
+            None => Ok(Outcome::Packet(None)),
+            Some(budget) => self.spend(time, budget),
+        }
+    }
+
+    /// The budget of a frame, and its rate.
+    fn plan(
+        &mut self,
+        now: f64,
+        settings: &Settings,
+    ) -> Result<Result<Budget, Outcome>, ModemError> {
+        let options = settings.rate_control(self.frame_rate);
+        let control = match &mut self.control {
+            Some(control) => control,
+            none => none.insert(RateControl::new(options)?),
+        };
+        if control.options().bit_rate != options.bit_rate {
+            control.set_bit_rate(now, options.bit_rate)?;
+        }
+        if control.options().loss != options.loss {
+            control.set_loss(options.loss)?;
+        }
+        let Some(bytes) = control.plan(now) else { return Ok(Err(Outcome::LeftOut)) };
+        match control.most(bytes) {
+            Ok(most) => {
+                self.encoder.set_rate(Some(Rate::Bytes(most.capacity())));
+                Ok(Ok(Budget::of(control, bytes)))
+            }
+            Err(error) => Ok(Err(Outcome::TooSmall(error))),
+        }
+    }
+
+    /// Encodes the picture. A packet that also tells the camera may take more than its bytes: what does not fit its shares
+    /// is cut off.
+    fn encode(&mut self, mut known: Known) -> Result<(), Error> {
+        let mut done = self.encoder.encode_into(&self.picture, known, &mut self.encoded);
+        if let Err(error @ (Error::HintPose { .. } | Error::HintFar { .. })) = done {
+            self.refused = Some(error);
+            known.hint = None;
+            done = self.encoder.encode_into(&self.picture, known, &mut self.encoded);
+        }
+        if let Err(Error::Budget { needed, .. }) = done {
+            self.encoder.set_rate(Some(Rate::Bytes(needed)));
+            done = self.encoder.encode_into(&self.picture, known, &mut self.encoded);
+        }
+        done
+    }
+
+    /// Why the last frame's pose from outside was left aside, if it was.
+    pub fn take_refused(&mut self) -> Option<Error> {
+        self.refused.take()
+    }
+
+    /// Counts what the packet takes of the link.
+    fn spend(&mut self, now: f64, mut budget: Budget) -> Result<Outcome, FramesError> {
+        let packet = &self.encoded.packet;
+        let picture = picture_len(packet).map_err(Error::from)?;
+        // The first packet tells the camera, too. If the budget does not hold that, it takes more for once.
+        let sharing = budget.divide(picture, packet.len()).or_else(|_| {
+            budget.bytes = budget.bytes.saturating_mul(3);
+            budget.divide(picture, packet.len())
+        });
+        match (sharing, &mut self.control) {
+            (Ok(sharing), Some(control)) => {
+                control.sent(now + control.options().delay, budget.cost(&sharing));
+                Ok(Outcome::Packet(Some(budget)))
+            }
+            (Err(error), _) => {
+                // The topside has not heard of what this packet says.
+                self.encoder.announce();
+                Ok(Outcome::TooSmall(error))
+            }
+            (Ok(_), None) => Ok(Outcome::Packet(Some(budget))),
+        }
+    }
+}
+
+/// The camera, what makes its pictures of frames of a size, and which of their pixels count.
+fn views(
+    settings: &Settings,
+    size: (u32, u32),
+) -> Result<(Camera, Converter, Option<Mask>), FramesError> {
+    let lens = settings.lens.as_deref().map(property::lens).transpose()?;
+    let mask = settings.mask.as_deref().map(property::mask).transpose()?;
+    let camera = match (&settings.camera, &lens) {
+        (Some(camera), _) => property::camera(camera, size)?,
+        (None, Some(lens)) => lens.pinhole(),
+        (None, None) => {
+            let what = "give fx,fy,cx,cy or width,height,fx,fy,cx,cy in pixels, or a lens";
+            return Err(PropertyError::Missing("camera", what).into());
+        }
+    };
+    let camera = property::reduced(camera, settings.width);
+    camera.check().map_err(PropertyError::from)?;
+    let Some(lens) = lens else {
+        let converter = Converter::new(camera.width, camera.height).map_err(Error::from)?;
+        let mask = mask.map(|mask| mask.resized(camera.width, camera.height));
+        return Ok((camera, converter, mask));
+    };
+    let converter = Converter::undistorting(&lens, &camera).map_err(PropertyError::from)?;
+    let mask = match mask {
+        Some(mask) => Some(mask.undistorted(&lens, &camera).map_err(PropertyError::from)?),
+        None => converter.covered().cloned(),
+    };
+    Ok((camera, converter, mask))
+}

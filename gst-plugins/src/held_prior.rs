@@ -1,0 +1,65 @@
+//! The device and the prior that an element works with.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use nvsprior::render::Scene;
+use nvsprior::vulkan::DeviceOptions;
+use nvsprior::{Engine, Error, Prior};
+
+use crate::property::PropertyError;
+
+/// What names the prior and the device.
+#[derive(Clone, Debug, Default)]
+pub struct PriorSettings {
+    pub prior: Option<String>,
+    pub device: Option<String>,
+    /// Milliseconds; 0: no bound.
+    pub watchdog: u32,
+}
+
+/// A prior on a device.
+pub struct HeldPrior {
+    pub engine: Engine,
+    pub scene: Arc<Scene>,
+}
+
+impl HeldPrior {
+    /// Opens the device, reads the prior and uploads it. That takes seconds.
+    pub fn open(settings: &PriorSettings) -> Result<HeldPrior, gst::ErrorMessage> {
+        let Some(file) = &settings.prior else {
+            let what = "give the file of the trained scene, .ply, .nvsg or .spz";
+            let error = PropertyError::Missing("prior", what);
+            return Err(gst::error_msg!(gst::ResourceError::Settings, ("{error}")));
+        };
+        let unread = |error: &dyn std::fmt::Display| {
+            let text = error.to_string();
+            // Not every error of the library names the file.
+            let text = if text.contains(file.as_str()) { text } else { format!("{file}: {text}") };
+            gst::error_msg!(gst::ResourceError::OpenRead, ("{text}"))
+        };
+        let options = settings.device_options();
+        let prior = Prior::open(Path::new(file), &Default::default()).map_err(|e| unread(&e))?;
+        let engine = Engine::new(&options)
+            .map_err(|error| gst::error_msg!(gst::ResourceError::OpenReadWrite, ("{error}")))?;
+        let scene = engine.upload(&prior).map_err(|e| unread(&e))?;
+        Ok(HeldPrior { engine, scene })
+    }
+}
+
+impl PriorSettings {
+    fn device_options(&self) -> DeviceOptions {
+        let watchdog = u64::from(self.watchdog);
+        DeviceOptions {
+            device: self.device.clone(),
+            watchdog: (watchdog > 0).then(|| Duration::from_millis(watchdog)),
+            ..DeviceOptions::default()
+        }
+    }
+}
+
+/// Whether nothing can be coded after this error.
+pub fn is_fatal(error: &Error) -> bool {
+    matches!(error, Error::Vulkan(_))
+}

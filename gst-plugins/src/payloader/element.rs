@@ -1,0 +1,363 @@
+//! The element `nvsppay`.
+
+use std::sync::{LazyLock, Mutex};
+
+use gst::glib;
+use gst::prelude::*;
+use gst::subclass::prelude::*;
+
+use nvsprior::modem::{Interleaver, Loss, ModemError, Sharer};
+
+use crate::budget::{Budget, picture_len};
+use crate::caps;
+use crate::lock::lock;
+use crate::stats::properties_with_stats;
+
+static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
+    gst::DebugCategory::new("nvsppay", gst::DebugColorFlags::empty(), Some("nvsprior payloader"))
+});
+
+#[derive(Clone, Debug)]
+struct Settings {
+    stream: u32,
+    mtu: u32,
+    overhead: u32,
+    shares: u32,
+    /// 0: as much as the loss takes.
+    budget: u32,
+    bit_rate: u32,
+    /// Milliseconds.
+    spread: u32,
+    loss: f64,
+    burst: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings {
+            stream: 0,
+            mtu: 64,
+            overhead: 0,
+            shares: 32,
+            budget: 0,
+            bit_rate: 5000,
+            spread: 0,
+            loss: 0.1,
+            burst: 1.0,
+        }
+    }
+}
+
+impl Settings {
+    /// For packets that come without a budget.
+    fn budget(&self) -> Budget {
+        Budget {
+            bit_rate: f64::from(self.bit_rate),
+            mtu: self.mtu,
+            overhead: self.overhead,
+            shares: self.shares,
+            spread: f64::from(self.spread) / 1e3,
+            loss: Loss { chance: self.loss, burst: self.burst },
+            bytes: self.budget,
+        }
+    }
+}
+
+/// What the element holds while it runs.
+#[derive(Default)]
+struct State {
+    sharer: Sharer,
+    interleaver: Option<Interleaver>,
+    /// Seconds from a packet's first share to its last one.
+    spread: f64,
+    /// Up to when shares were let go, seconds.
+    released: f64,
+    /// A packet did not fit its shares.
+    cut: bool,
+    /// The packet before was left out, and a warning has said why.
+    refused: bool,
+}
+
+#[derive(Default)]
+struct Counts {
+    packets: u64,
+    shares: u64,
+    bytes: u64,
+    refused: u64,
+    cut: u64,
+}
+
+#[derive(glib::Properties)]
+#[properties(wrapper_type = super::Payloader)]
+pub struct Payloader {
+    sink: gst::Pad,
+    src: gst::Pad,
+
+    #[property(name = "stream", get, set, type = u32, member = stream, mutable_ready, maximum = 3,
+        blurb = "Number of the stream, if several cameras share a link")]
+    #[property(name = "mtu", get, set, type = u32, member = mtu, mutable_playing, default_value = 64, minimum = 16, maximum = 65535,
+        blurb = "Most bytes of a modem frame or datagram (unless nvspenc has rate=link)")]
+    #[property(name = "overhead", get, set, type = u32, member = overhead, mutable_playing, maximum = 65535,
+        blurb = "What each modem frame or datagram takes beside its bytes, as bytes (unless nvspenc has rate=link)")]
+    #[property(name = "shares", get, set, type = u32, member = shares, mutable_playing, default_value = 32, minimum = 1, maximum = 64,
+        blurb = "Most shares of a packet (unless nvspenc has rate=link)")]
+    #[property(name = "budget", get, set, type = u32, member = budget, mutable_playing,
+        blurb = "Bytes for all shares of a packet; what the packet does not take protects it; 0: as many as the loss takes (unless nvspenc has rate=link)")]
+    #[property(name = "bit-rate", get, set, type = u32, member = bit_rate, mutable_playing, default_value = 5000, minimum = 1,
+        blurb = "What the link carries, bit/s; it tells how far apart shares that are spread are (unless nvspenc has rate=link)")]
+    #[property(name = "spread", get, set, type = u32, member = spread, mutable_playing,
+        blurb = "Milliseconds from a packet's first share to its last one; those of other packets lie between them (unless nvspenc has rate=link)")]
+    #[property(name = "loss", get, set, type = f64, member = loss, mutable_playing, default_value = 0.1, minimum = 0.0, maximum = 0.99,
+        blurb = "Share of the modem frames or datagrams that is lost (unless nvspenc has rate=link)")]
+    #[property(name = "burst", get, set, type = f64, member = burst, mutable_playing, default_value = 1.0, minimum = 1.0, maximum = 1000.0,
+        blurb = "Mean number of them that are lost in a row (unless nvspenc has rate=link)")]
+    settings: Mutex<Settings>,
+
+    counts: Mutex<Counts>,
+    state: Mutex<State>,
+}
+
+/// A share that goes out, and when it is due, seconds.
+type DueShare = (f64, Vec<u8>);
+
+impl Payloader {
+    fn stats(&self) -> gst::Structure {
+        let counts = lock(&self.counts);
+        gst::Structure::builder("nvsppay-stats")
+            .field("packets", counts.packets)
+            .field("shares", counts.shares)
+            .field("bytes", counts.bytes)
+            .field("refused", counts.refused)
+            .field("cut", counts.cut)
+            .build()
+    }
+
+    /// Makes shares of a packet. Returns those of the old spread that are left, if the spread is a new one.
+    fn share(&self, now: f64, buffer: &gst::BufferRef) -> Result<Vec<DueShare>, ModemError> {
+        let settings = lock(&self.settings).clone();
+        let mut state = lock(&self.state);
+        let mut cut = None;
+        let mapped = buffer.map_readable();
+        let packet = mapped.as_deref().unwrap_or(&[]);
+        let picture = picture_len(packet)?;
+        let (budget, sharing) = match Budget::beside(buffer) {
+            Some(budget) => (budget, budget.divide(picture, packet.len())?),
+            None => {
+                let mut budget = settings.budget();
+                let sharing = match settings.budget {
+                    0 => budget.fit(picture, packet.len())?,
+                    _ => budget.divide(picture, packet.len())?,
+                };
+                if sharing.capacity() < packet.len() {
+                    cut = Some(sharing.capacity());
+                }
+                (budget, sharing)
+            }
+        };
+        state.sharer.share(packet, &sharing, settings.stream as u8, None)?;
+        let mut left = Vec::new();
+        let State { sharer, interleaver, spread, .. } = &mut *state;
+        let waiting = match interleaver {
+            Some(waiting) if *spread == budget.spread => waiting,
+            none => {
+                left = none.as_mut().map(|old| release(old, f64::INFINITY)).unwrap_or_default();
+                *spread = budget.spread;
+                none.insert(Interleaver::new(budget.spread)?)
+            }
+        };
+        waiting.push(now, sharer);
+        let mut counts = lock(&self.counts);
+        counts.packets += 1;
+        counts.cut += u64::from(cut.is_some());
+        drop(counts);
+        let first = cut.is_some() && !std::mem::replace(&mut state.cut, cut.is_some());
+        drop(state);
+        if let (true, Some(held)) = (first, cut) {
+            gst::element_imp_warning!(
+                self,
+                gst::StreamError::Encode,
+                (
+                    "packet of {} bytes: its shares hold {held}, the end is not sent; give more \
+                     shares, a larger mtu or budget, or let nvspenc code in fewer bytes",
+                    packet.len()
+                )
+            );
+        }
+        Ok(left)
+    }
+
+    /// Pushes shares.
+    fn push(&self, shares: Vec<DueShare>) -> Result<gst::FlowSuccess, gst::FlowError> {
+        for (due, share) in shares {
+            {
+                let mut counts = lock(&self.counts);
+                counts.shares += 1;
+                counts.bytes += share.len() as u64;
+            }
+            let mut buffer = gst::Buffer::from_slice(share);
+            let pts = due.is_finite().then(|| gst::ClockTime::from_seconds_f64(due.max(0.0)));
+            buffer.make_mut().set_pts(pts);
+            self.src.push(buffer)?;
+        }
+        Ok(gst::FlowSuccess::Ok)
+    }
+
+    /// Pushes the shares that are due before `until`, seconds.
+    fn push_until(&self, until: f64) -> Result<gst::FlowSuccess, gst::FlowError> {
+        let shares = {
+            let mut state = lock(&self.state);
+            state.released = state.released.max(until);
+            state.interleaver.as_mut().map(|waiting| release(waiting, until)).unwrap_or_default()
+        };
+        self.push(shares)
+    }
+
+    fn chain(&self, buffer: gst::Buffer) -> Result<gst::FlowSuccess, gst::FlowError> {
+        // A packet without a time comes when the shares before have gone.
+        let released = lock(&self.state).released;
+        let now = buffer.pts().map_or(released, |pts| pts.seconds_f64());
+        let duration = buffer.duration().map_or(0.0, |duration| duration.seconds_f64());
+        let shared = self.share(now, &buffer);
+        let known = std::mem::replace(&mut lock(&self.state).refused, shared.is_err());
+        match shared {
+            Ok(left) => {
+                self.push(left)?;
+            }
+            Err(error) => {
+                lock(&self.counts).refused += 1;
+                if !known {
+                    gst::element_imp_warning!(
+                        self,
+                        gst::StreamError::Format,
+                        ("{error}: packets are left out")
+                    );
+                }
+            }
+        }
+        // Shares that are due before the next frame go now, so that they are at the sink in time. Beyond that, those of the
+        // next packet may lie between them.
+        self.push_until(now + duration.max(1e-9))
+    }
+
+    fn sink_event(&self, event: gst::Event) -> bool {
+        match event.view() {
+            gst::EventView::Caps(of) => {
+                let rate = caps::frame_rate(of.caps());
+                let mut caps = caps::any(caps::SHARE);
+                let fields = caps.make_mut();
+                fields.set("stream", lock(&self.settings).stream as i32);
+                if let Some(rate) = rate {
+                    fields.set("framerate", rate);
+                }
+                self.src.push_event(gst::event::Caps::new(&caps))
+            }
+            gst::EventView::Gap(gap) => {
+                let (from, duration) = gap.get();
+                let until = from + duration.unwrap_or(gst::ClockTime::ZERO);
+                let pushed = self.push_until(until.seconds_f64());
+                gst::Pad::event_default(&self.sink, Some(&*self.obj()), event) && pushed.is_ok()
+            }
+            gst::EventView::Eos(_) => {
+                if let Err(error) = self.push_until(f64::INFINITY) {
+                    gst::debug!(CATEGORY, imp = self, "the last shares: {error}");
+                }
+                gst::Pad::event_default(&self.sink, Some(&*self.obj()), event)
+            }
+            gst::EventView::FlushStop(_) => {
+                *lock(&self.state) = State::default();
+                gst::Pad::event_default(&self.sink, Some(&*self.obj()), event)
+            }
+            _ => gst::Pad::event_default(&self.sink, Some(&*self.obj()), event),
+        }
+    }
+}
+
+/// Takes the shares that are due before `until`.
+fn release(waiting: &mut Interleaver, until: f64) -> Vec<DueShare> {
+    let mut shares = Vec::new();
+    while waiting.due().is_some_and(|due| due < until) {
+        let Some((due, share)) = waiting.next(until) else { break };
+        shares.push((due, share.to_vec()));
+    }
+    shares
+}
+
+#[glib::object_subclass]
+impl ObjectSubclass for Payloader {
+    const NAME: &'static str = "GstNvspriorPayloader";
+    type Type = super::Payloader;
+    type ParentType = gst::Element;
+
+    fn with_class(class: &Self::Class) -> Self {
+        let template = |name| class.pad_template(name).expect("both templates are registered");
+        let sink = gst::Pad::builder_from_template(&template("sink"))
+            .chain_function(|_, parent, buffer| {
+                Payloader::catch_panic_pad_function(
+                    parent,
+                    || Err(gst::FlowError::Error),
+                    |this| this.chain(buffer),
+                )
+            })
+            .event_function(|_, parent, event| {
+                Payloader::catch_panic_pad_function(parent, || false, |this| this.sink_event(event))
+            })
+            .build();
+        let src = gst::Pad::builder_from_template(&template("src")).build();
+        Payloader {
+            sink,
+            src,
+            settings: Mutex::default(),
+            counts: Mutex::default(),
+            state: Mutex::default(),
+        }
+    }
+}
+
+impl ObjectImpl for Payloader {
+    properties_with_stats!();
+
+    fn constructed(&self) {
+        self.parent_constructed();
+        let element = self.obj();
+        for pad in [&self.sink, &self.src] {
+            element.add_pad(pad).expect("a new element has no pads yet");
+        }
+    }
+}
+
+impl GstObjectImpl for Payloader {}
+
+impl ElementImpl for Payloader {
+    fn metadata() -> Option<&'static gst::subclass::ElementMetadata> {
+        static METADATA: LazyLock<gst::subclass::ElementMetadata> = LazyLock::new(|| {
+            gst::subclass::ElementMetadata::new(
+                "nvsprior payloader",
+                "Codec/Payloader/Network",
+                "Spreads packets over shares for modem frames or datagrams, of which some may be lost",
+                "The nvsprior authors",
+            )
+        });
+        Some(&*METADATA)
+    }
+
+    fn pad_templates() -> &'static [gst::PadTemplate] {
+        static TEMPLATES: LazyLock<Vec<gst::PadTemplate>> = LazyLock::new(|| {
+            vec![
+                caps::template("sink", gst::PadDirection::Sink, &caps::any(caps::PACKET)),
+                caps::template("src", gst::PadDirection::Src, &caps::any(caps::SHARE)),
+            ]
+        });
+        &TEMPLATES
+    }
+
+    fn change_state(
+        &self,
+        transition: gst::StateChange,
+    ) -> Result<gst::StateChangeSuccess, gst::StateChangeError> {
+        if transition == gst::StateChange::ReadyToPaused {
+            *lock(&self.state) = State::default();
+            *lock(&self.counts) = Counts::default();
+        }
+        self.parent_change_state(transition)
+    }
+}

@@ -1,0 +1,196 @@
+use nvsprior::modem::{Loss, Sharer, Sharing, SharingOptions};
+use nvsprior::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
+use nvsprior::prior::PriorFrame;
+use nvsprior::{Camera, Pose, PriorId};
+
+use super::*;
+
+const RATE: f64 = 10.0;
+const LATENCY: f64 = 1.0;
+const OPTIONS: PlayoutOptions =
+    PlayoutOptions { mtu: 64, shares: 16, stream: 0, latency: LATENCY, frame_rate: Some(RATE) };
+/// What the link takes.
+const WAY: f64 = 0.25;
+
+/// A packet of a frame number, as a vehicle makes it.
+fn packet(frame: u32) -> Vec<u8> {
+    let camera = Camera { width: 320, height: 180, fx: 274.4, fy: 274.4, cx: 160.0, cy: 90.0 };
+    let site = PriorFrame { centre: [0.0; 3], spread: 5.0 };
+    let pose = Pose::from_wxyz([1.0, 0.1, 0.0, 0.0], [0.1, 0.2, 3.0]).unwrap();
+    let pose = QuantisedPose::quantise(&pose, &site, PoseProfile::Short).unwrap();
+    let latent = Latent::new(frame, PriorId(7), &camera, pose, false).unwrap();
+    let latent = latent.shortened(PriorId(7), &camera).unwrap();
+    let payload: Vec<u8> = (0..120).map(|k| (k * 7 + frame) as u8).collect();
+    let residual = Residual::Coded { coder: Coder::Wavelet, payload: &payload };
+    Packet { latent, camera: None, render: None, residual }.encode().unwrap()
+}
+
+/// Its shares: some give the picture, more give all.
+fn shares(frame: u32) -> Vec<Vec<u8>> {
+    let packet = packet(frame);
+    let sharing = Sharing::new(&SharingOptions {
+        mtu: 64,
+        overhead: 0,
+        budget: 500,
+        most: 8,
+        spread: 0,
+        loss: Loss { chance: 0.3, burst: 1.0 },
+        picture: 19,
+        packet: Some(packet.len()),
+        whole: true,
+        user: None,
+    });
+    let sharing = sharing.unwrap();
+    assert!(sharing.layers().len() == 2 && sharing.capacity() >= packet.len(), "{sharing:?}");
+    let mut sharer = Sharer::default();
+    sharer.share(&packet, &sharing, 0, None).unwrap();
+    (0..sharer.count()).map(|k| sharer.get(k).to_vec()).collect()
+}
+
+fn taken(frame: u32) -> f64 {
+    f64::from(frame) / RATE
+}
+
+/// Brings shares at `now`, and plays what is due.
+fn bring(playout: &mut Playout, now: f64, shares: &[Vec<u8>]) -> Vec<Played> {
+    shares.iter().for_each(|share| playout.push(now, share).unwrap());
+    std::iter::from_fn(|| playout.next(now)).collect()
+}
+
+#[test]
+fn complete_packets_go_on_at_once_and_evenly() {
+    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut times = Vec::new();
+    for frame in 0..20u32 {
+        // Shares come up to 0.3 s late, at random.
+        let late = f64::from(frame * 7 % 4) / 10.0;
+        let played = bring(&mut playout, taken(frame) + WAY + late, &shares(frame));
+        for played in played {
+            assert!(played.complete && played.bytes == packet(played.frame as u32));
+            assert_eq!(played.restarted, times.is_empty());
+            times.push((played.frame, played.time));
+        }
+    }
+    assert_eq!(times.len(), 20);
+    for (frame, time) in times {
+        let due = taken(frame as u32) + WAY;
+        assert!((time - due).abs() < 0.01, "{frame}: {time} {due}");
+    }
+}
+
+#[test]
+fn a_packet_that_lacks_shares_goes_on_in_part_when_its_time_is_over() {
+    let mut playout = Playout::new(OPTIONS).unwrap();
+    bring(&mut playout, WAY, &shares(0));
+    // The next one has a picture, and no more.
+    let some = &shares(1)[..2];
+    assert!(bring(&mut playout, taken(1) + WAY, some).is_empty());
+    // The one behind it is whole, and waits for its turn.
+    assert!(bring(&mut playout, taken(2) + WAY, &shares(2)).is_empty());
+    let deadline = playout.deadline().unwrap();
+    assert!((deadline - (taken(1) + WAY + LATENCY)).abs() < 1e-6, "{deadline}");
+    assert_eq!(playout.next(deadline - 1e-3), None);
+    let first = playout.next(deadline).unwrap();
+    assert!(!first.complete && first.bytes.len() < packet(1).len());
+    assert!(packet(1).starts_with(&first.bytes) && first.bytes.len() >= 19);
+    assert_eq!(playout.next(deadline).unwrap().bytes, packet(2));
+    assert_eq!((playout.next(deadline), playout.deadline()), (None, None));
+}
+
+#[test]
+fn packets_of_which_too_little_came_are_left_out() {
+    let mut playout = Playout::new(OPTIONS).unwrap();
+    bring(&mut playout, WAY, &shares(0));
+    assert!(bring(&mut playout, taken(1) + WAY, &shares(1)[..1]).is_empty());
+    assert!(bring(&mut playout, taken(3) + WAY, &shares(3)).is_empty(), "waits for 1");
+    let played = bring(&mut playout, taken(1) + WAY + LATENCY + 1e-6, &[]);
+    assert_eq!(played.len(), 1);
+    assert_eq!(played[0].frame, 3);
+    // What comes later is too late.
+    assert!(bring(&mut playout, taken(12) + WAY, &shares(1)[1..]).is_empty());
+    assert_eq!(playout.late(), 1);
+}
+
+#[test]
+fn shares_between_each_other_keep_the_order_of_frames() {
+    let mut playout = Playout::new(OPTIONS).unwrap();
+    let all = [shares(0), shares(1), shares(2)];
+    let mut played = Vec::new();
+    // The last one comes first.
+    for k in 0..all.iter().map(Vec::len).max().unwrap() {
+        for of in all.iter().rev() {
+            if let Some(share) = of.get(k) {
+                played.extend(bring(&mut playout, 0.5, std::slice::from_ref(share)));
+            }
+        }
+    }
+    assert_eq!(played.iter().map(|played| played.frame).collect::<Vec<_>>(), [0, 1, 2]);
+    assert!(played.iter().all(|played| played.complete));
+}
+
+#[test]
+fn a_blackout_ends_with_the_next_packet() {
+    let mut playout = Playout::new(OPTIONS).unwrap();
+    for frame in (0..30).chain(100..130) {
+        let played = bring(&mut playout, taken(frame) + WAY, &shares(frame));
+        assert_eq!(played.len(), 1, "{frame}");
+        assert!((played[0].time - taken(frame) - WAY).abs() < 0.01);
+    }
+}
+
+#[test]
+fn a_vehicle_that_starts_anew_is_followed() {
+    let mut playout = Playout::new(OPTIONS).unwrap();
+    for frame in 0..200 {
+        bring(&mut playout, taken(frame) + WAY, &shares(frame));
+    }
+    let mut played = Vec::new();
+    for frame in 0..20 {
+        played.extend(bring(&mut playout, 60.0 + taken(frame), &shares(frame)));
+    }
+    assert!(played.len() >= 15, "{}", played.len());
+    assert!(played[0].restarted && !played[1].restarted);
+    let last = played.last().unwrap();
+    assert!((last.time - 60.0 - taken(19)).abs() < 0.01, "{}", last.time);
+}
+
+#[test]
+fn frame_numbers_are_counted_on() {
+    let mut playout = Playout::new(OPTIONS).unwrap();
+    for frame in 65_530..65_542u32 {
+        let played = bring(&mut playout, taken(frame), &shares(frame % 65_536));
+        assert_eq!(played[0].frame, i64::from(frame));
+        assert!((played[0].time - taken(frame)).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn clocks_that_run_apart_are_followed() {
+    let mut playout = Playout::new(OPTIONS).unwrap();
+    for frame in 0..4000 {
+        // The vehicle's clock is 0.02 % slow.
+        let now = 1.0002 * taken(frame);
+        let played = bring(&mut playout, now, &shares(frame));
+        assert!((played[0].time - now).abs() < 0.02, "{frame}: {} {now}", played[0].time);
+    }
+}
+
+#[test]
+fn without_a_frame_rate_a_packet_has_the_time_of_its_first_share() {
+    let mut playout = Playout::new(PlayoutOptions { frame_rate: None, ..OPTIONS }).unwrap();
+    let of = shares(5);
+    assert!(bring(&mut playout, 3.0, &of[..1]).is_empty());
+    let played = bring(&mut playout, 3.2, &of[1..]);
+    assert_eq!((played.len(), played[0].time), (1, 3.0));
+}
+
+#[test]
+fn other_frames_on_the_link_do_no_harm() {
+    let mut playout = Playout::new(OPTIONS).unwrap();
+    for junk in [&[][..], &[0x40], &[0xFF; 64], &packet(3)] {
+        assert!(playout.push(0.0, junk).is_err());
+    }
+    assert_eq!(bring(&mut playout, 0.1, &shares(0)).len(), 1);
+    // Shares that come again bring nothing.
+    assert!(bring(&mut playout, 0.2, &shares(0)).is_empty());
+}
