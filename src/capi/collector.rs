@@ -7,7 +7,9 @@ use crate::modem::{Collected, CollectedPacket, Collector, CollectorOptions};
 
 use super::handle::{Handle, Opaque, fence};
 use super::image::{slice, slice_mut};
+use super::limits::SMALL;
 use super::log::Log;
+use super::memory::Grant;
 use super::modem::{
     NVSP_EVENT_COMPLETE, NVSP_EVENT_DAMAGED, NVSP_EVENT_DUPLICATE, NVSP_EVENT_GROWN,
     NVSP_EVENT_KEPT,
@@ -186,6 +188,7 @@ pub unsafe extern "C" fn nvsp_collector_create(
         }
         // SAFETY: as the caller promises.
         let options = options_of(mtu, &unsafe { read(options)? })?;
+        let _memory = Grant::take("a collector", options.memory()? as u64 + SMALL, u64::MAX)?;
         let made = Handle::boxed(Collector::new(options)?, Log::new(None, null_mut()));
         // SAFETY: not null, and valid as the caller promises.
         unsafe { *collector = nvsp_collector::address(made) };

@@ -7,7 +7,9 @@ use crate::modem::{Loss, RateControlOptions, Sender, SenderOptions, Sharing};
 
 use super::handle::{Handle, Opaque};
 use super::image::{slice, slice_mut};
+use super::limits::SMALL;
 use super::log::Log;
+use super::memory::Grant;
 use super::status::*;
 use super::structs::{Out, read, versioned};
 
@@ -192,6 +194,7 @@ pub unsafe extern "C" fn nvsp_sender_create(
         }
         // SAFETY: as the caller promises.
         let options = options_of(mtu, &unsafe { read(options)? })?;
+        let _memory = Grant::take("a sender", options.memory()? as u64 + SMALL, u64::MAX)?;
         let made = Handle::boxed(Sender::new(options)?, Log::new(None, null_mut()));
         // SAFETY: not null, and valid as the caller promises.
         unsafe { *sender = nvsp_sender::address(made) };
