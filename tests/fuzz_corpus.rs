@@ -11,6 +11,8 @@ mod packet;
 mod ply;
 #[path = "../fuzz/src/reassembly.rs"]
 mod reassembly;
+#[path = "../fuzz/src/shares.rs"]
+mod shares;
 #[path = "../fuzz/src/wavelet.rs"]
 mod wavelet;
 
@@ -41,6 +43,11 @@ fn payloads() {
 #[test]
 fn modem_frames() {
     run("reassembly", reassembly::run);
+}
+
+#[test]
+fn shares_of_packets() {
+    run("shares", shares::run);
 }
 
 #[test]

@@ -118,6 +118,7 @@ mod tests {
             loss: Loss::NONE,
             picture: 19,
             packet: Some(packet.len()),
+            whole: false,
             user: None,
         });
         let mut sharer = Sharer::default();

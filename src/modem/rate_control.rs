@@ -149,7 +149,7 @@ impl RateControl {
     }
 
     /// The division of a packet whose first `picture` bytes make a picture. It takes less than the budget if more would
-    /// be worth little.
+    /// be worth little. It cuts the packet off only if no division within the budget holds all of it.
     ///
     /// # Errors
     /// If the budget holds no picture.
@@ -160,7 +160,13 @@ impl RateControl {
         packet: usize,
     ) -> Result<Sharing, ModemError> {
         let of = |budget| Sharing::new(&self.sharing(budget, picture, Some(packet)));
-        let whole = of(budget)?;
+        let whole = match of(budget) {
+            Err(ModemError::Budget { .. }) => {
+                let sharing = self.sharing(budget, picture, Some(packet));
+                return Sharing::new(&SharingOptions { whole: false, ..sharing });
+            }
+            whole => whole?,
+        };
         let parts = PARTS.iter().map(|part| (part * budget as f64) as usize);
         let thrifty = parts.filter_map(|part| of(part).ok());
         let mut thrifty = thrifty.filter(|part| part.worth() >= whole.worth() - THRIFT);
@@ -170,8 +176,8 @@ impl RateControl {
     fn sharing(&self, budget: usize, picture: usize, packet: Option<usize>) -> SharingOptions {
         let RateControlOptions { mtu, overhead, most_shares, loss, user, .. } = self.options;
         let spread = (self.options.spread * self.options.bit_rate / 8.0) as usize;
-        let most = most_shares;
-        SharingOptions { mtu, overhead, budget, most, spread, loss, picture, packet, user }
+        let (most, whole) = (most_shares, true);
+        SharingOptions { mtu, overhead, budget, most, spread, loss, picture, packet, whole, user }
     }
 
     /// Bytes that a division takes on the link.

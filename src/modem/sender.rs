@@ -1,6 +1,6 @@
 //! The vehicle's end of a link: how many bytes a frame may take, its packet to shares, and when each share goes.
 
-use crate::packet::Extent;
+use crate::packet::{Extent, SHORT_LATENT_LEN};
 
 use super::shares::{MAX_SHARES, STREAMS};
 use super::{Interleaver, Loss, ModemError, RateControl, RateControlOptions, Sharer, Sharing};
@@ -203,7 +203,10 @@ impl Sender {
         let RateControlOptions { mtu, overhead, most_shares, .. } = *self.control.options();
         let all = most_shares.saturating_mul(mtu.saturating_add(overhead));
         let of = |budget: usize| self.control.divide(budget, head, packet);
-        of(budget).or_else(|_| of(budget.saturating_mul(BUDGETS))).or_else(|_| of(all))
+        let whole = |sharing: &Sharing| sharing.capacity() >= packet || head <= SHORT_LATENT_LEN;
+        let first = of(budget).ok().filter(whole);
+        let first = first.ok_or(()).or_else(|()| of(budget.saturating_mul(BUDGETS)));
+        first.or_else(|_| of(all))
     }
 
     /// The next share, if it is due at `now`: the time at which it was, and the share. Shares that could not be sent in time

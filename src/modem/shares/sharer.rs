@@ -30,6 +30,7 @@ use super::sharing::Sharing;
 ///     loss: Loss { chance: 0.2, burst: 1.0 },
 ///     picture: packet.len(),
 ///     packet: Some(packet.len()),
+///     whole: false,
 ///     user: None,
 /// })?;
 /// let mut sharer = Sharer::default();

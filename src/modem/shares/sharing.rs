@@ -46,6 +46,9 @@ pub struct SharingOptions {
     pub picture: usize,
     /// Length of the packet, if it is known. No layer goes beyond it. What is left of the budget protects it better.
     pub packet: Option<usize>,
+    /// No division cuts the packet off. The end of a packet that is cut off is sent to no avail, and later frames cannot
+    /// lean on its frame.
+    pub whole: bool,
     /// User bytes that travel with the packet, at most 255.
     pub user: Option<usize>,
 }
@@ -100,7 +103,8 @@ impl Sharing {
     /// residual, or one that gives both. It looks at every number of shares and at all thresholds.
     ///
     /// # Errors
-    /// If an option is outside its range, or the budget holds no picture: [`ModemError::Budget`] says what would.
+    /// If an option is outside its range, or the budget holds no picture, or not the whole packet if it must:
+    /// [`ModemError::Budget`].
     pub fn new(options: &SharingOptions) -> Result<Sharing, ModemError> {
         options.check()?;
         let fewest = options.budget.div_ceil(options.mtu.saturating_add(options.overhead)).max(1);
@@ -181,8 +185,12 @@ impl Draft<'_> {
         let draft = Draft { options, count, data };
         let thresholds = (1..=count.min(LARGEST_FIRST))
             .flat_map(|first| (first..=count).map(move |other| (first, other)));
+        let least = options.packet.filter(|_| options.whole).unwrap_or(0);
         let divisions = thresholds.filter_map(|(first, other)| {
             let mut sharing = draft.divide(first, other)?;
+            if sharing.capacity() < least {
+                return None;
+            }
             sharing.worth = sharing.expect(options, &chances);
             Some(sharing)
         });

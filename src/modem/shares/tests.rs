@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
-use super::super::ModemError;
 use super::super::tests::{Recipe, packet_of};
+use super::super::{ModemError, PacketState};
 use super::header::{self, Header};
 use super::*;
 use crate::packet::PoseProfile;
@@ -25,6 +25,7 @@ fn options(mtu: usize, budget: usize, packet: &[u8]) -> SharingOptions {
         loss: LOSS,
         picture: 19,
         packet,
+        whole: false,
         user: None,
     }
 }
@@ -483,4 +484,30 @@ fn headers_come_back() {
             assert!(header::read(&share[..len]).is_err());
         }
     }
+}
+
+#[test]
+fn a_report_tells_what_came_of_the_newest_packets() {
+    let mut collector = collector(64);
+    assert_eq!(collector.report(0, |_| false), Ok(None), "nothing came");
+    let start = 0xFFFE;
+    let packets: Vec<_> = (start..start + 5).map(|frame| short(frame & 0xFFFF, 300)).collect();
+    let shares: Vec<_> =
+        packets.iter().map(|packet| shares(packet, &options(64, 640, packet)).1).collect();
+    // The first whole, the second not at all, the third but for all but one, the fourth whole, the fifth by one.
+    let push = |collector: &mut Collector, share: &[u8]| collector.push(0.0, share).unwrap();
+    shares[0].iter().for_each(|share| _ = push(&mut collector, share));
+    push(&mut collector, &shares[2][3]);
+    shares[3].iter().for_each(|share| _ = push(&mut collector, share));
+    push(&mut collector, &shares[4][0]);
+    let report = collector.report(0, |frame| frame & 0xFFFF == 1).unwrap().unwrap();
+    assert_eq!(report.newest(), 2);
+    let state = |frame: u32| report.packet(frame).unwrap().state;
+    use PacketState::{Kept, Nothing, Part, Whole};
+    let states: Vec<_> = (start..start + 5).map(state).collect();
+    assert_eq!(states, [Whole, Nothing, Part, Kept, Part]);
+    let third = report.packet(0).unwrap();
+    assert_eq!((third.arrived, third.shares.sent()), (1, shares[2].len()));
+    assert!(third.shares.contains(3) && !third.shares.contains(2));
+    assert_eq!(report.packet(start).unwrap().arrived, shares[0].len());
 }

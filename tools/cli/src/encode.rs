@@ -7,10 +7,11 @@ use clap::ValueEnum;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::residual::ResidualCoder;
-use nvsprior::{Encoder, EncoderOptions, Mode, Rate, Structure};
+use nvsprior::{Encoder, EncoderOptions, Mode, Rate};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
+use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::values::{self, OutputError};
 
 use crate::sheet::{self, SheetRow};
@@ -102,48 +103,6 @@ struct RateArgs {
     full_latent: bool,
 }
 
-/// Whether difference pictures lean on earlier ones.
-#[derive(clap::Args)]
-struct ModeArgs {
-    /// `intra`: every difference picture by itself; `stream`: they lean on earlier ones, and take fewer bytes. A frame
-    /// whose reference is missing is shown as the render alone. Needs the wavelet coder
-    #[arg(long, value_enum, default_value = "intra")]
-    mode: ModeArg,
-    /// Of a stream: a difference picture by itself, a key frame, every N frames, so that a loss ends there; 0: no more
-    /// after the first
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::count)]
-    key_every: usize,
-    /// Of a stream: the frame that others lean on. `chain`: the one before; `layers`: every other frame on one further
-    /// back, so that fewer depend on each; `keys`: the last key frame
-    #[arg(long, value_enum, default_value = "chain")]
-    structure: StructureArg,
-}
-
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum ModeArg {
-    Intra,
-    Stream,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum StructureArg {
-    Chain,
-    Layers,
-    Keys,
-}
-
-impl ModeArgs {
-    fn mode(&self) -> Mode {
-        let key_every = self.key_every.try_into().unwrap_or(0);
-        match (self.mode, self.structure) {
-            (ModeArg::Intra, _) => Mode::Intra,
-            (_, StructureArg::Chain) => Mode::Stream(Structure::Chain { key_every }),
-            (_, StructureArg::Layers) => Mode::Stream(Structure::Layers { key_every }),
-            (_, StructureArg::Keys) => Mode::Stream(Structure::Keys { key_every }),
-        }
-    }
-}
-
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum ResidualArg {
     Wavelet,
@@ -220,13 +179,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let frames = args.input.frames()?;
     check_times(&frames)?;
     check_outputs(args)?;
+    let mode = args.mode.mode(false)?;
     let first = &frames[0];
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let mut options = args.refine.options();
     options.rate = args.rate.rate();
     options.residual = args.rate.coder();
-    options.mode = args.mode.mode();
+    options.mode = mode;
     if options.mode != Mode::Intra && !engine.device().portable {
         eprintln!("the device is not portable: every difference picture stands alone");
     }

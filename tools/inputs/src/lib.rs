@@ -5,6 +5,7 @@ pub mod camera_file;
 pub mod colmap;
 pub mod frame_file;
 pub mod input;
+pub mod mode;
 pub mod points;
 pub mod posed;
 pub mod run_writer;

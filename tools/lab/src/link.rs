@@ -10,13 +10,14 @@ mod vehicle;
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use nvsprior::Picture;
 use nvsprior::image::Preprocessor;
 use nvsprior::modem::{Loss, ModemError};
 use nvsprior::tracking::Known;
+use nvsprior::{Mode, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
+use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
 
 use report::Outcome;
@@ -41,6 +42,8 @@ pub struct Args {
     input: InputArgs,
     #[command(flatten)]
     link: LinkArgs,
+    #[command(flatten)]
+    mode: ModeArgs,
     /// Camera frames per second
     #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = rate)]
     fps: f64,
@@ -141,6 +144,7 @@ fn rate(text: &str) -> Result<f64, String> {
 /// A channel and its use, all defaults filled in.
 #[derive(Clone, Debug)]
 struct Setting {
+    mode: Mode,
     bit_rate: f64,
     mtu: usize,
     overhead: usize,
@@ -163,13 +167,13 @@ struct Setting {
 
 impl LinkArgs {
     /// One setting for each loss.
-    fn settings(&self, fps: f64) -> Result<Vec<Setting>, WrongUsage> {
+    fn settings(&self, mode: Mode, fps: f64) -> Result<Vec<Setting>, WrongUsage> {
         let settings: Result<_, ModemError> =
-            self.loss.iter().map(|loss| self.setting(*loss, fps)).collect();
+            self.loss.iter().map(|loss| self.setting(*loss, mode, fps)).collect();
         settings.map_err(|error| WrongUsage(error.to_string()))
     }
 
-    fn setting(&self, chance: f64, fps: f64) -> Result<Setting, ModemError> {
+    fn setting(&self, chance: f64, mode: Mode, fps: f64) -> Result<Setting, ModemError> {
         let (bit_rate, mtu, propagation) = match self.preset {
             None => (5_000.0, 64, 0.1),
             Some(Preset::MicroModem) => (5_000.0, 64, 0.5),
@@ -182,6 +186,7 @@ impl LinkArgs {
         let left = (self.latency - self.coding - propagation).max(0.0);
         let spread = if assumed.chance > 0.0 { 0.5 * left } else { 0.0 };
         let setting = Setting {
+            mode,
             bit_rate: self.bit_rate.unwrap_or(bit_rate),
             mtu: self.mtu.unwrap_or(mtu).into(),
             overhead: self.overhead,
@@ -241,7 +246,8 @@ impl Footage {
 
 /// Simulates, prints and writes the report.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let settings = args.link.settings(args.fps)?;
+    let mode = args.mode.mode(args.link.return_delay.is_some())?;
+    let settings = args.link.settings(mode, args.fps)?;
     let inputs = args.input.frames()?;
     values::make_folder("--report", &args.report)?;
     let prior = args.prior.open()?;
@@ -272,6 +278,7 @@ mod tests {
     /// 4 kbit/s over 0.25 s, without losses.
     pub fn setting() -> Setting {
         Setting {
+            mode: Mode::Intra,
             bit_rate: 4_000.0,
             mtu: 64,
             overhead: 0,

@@ -108,6 +108,34 @@ fn a_return_channel_brings_back_what_a_blackout_took() {
 }
 
 #[test]
+fn frames_of_a_stream_lean_on_what_the_topside_has() {
+    let dive = Dive::new();
+    let run = format!("{LINK} --seconds 4 --mode stream");
+    let link = |folder: &str, args: &str| {
+        dive.run(&format!("{run} {args} --report {folder}")).ends_with(0);
+        dive.json(&format!("{folder}/link.json"))
+    };
+    let bytes = |link: &serde_json::Value, way: &str| link["bytes"][way].as_u64().unwrap();
+    let psnr = |link: &serde_json::Value| link["shown_psnr"].as_f64().unwrap();
+    // Without losses, what is shown is what the vehicle has.
+    for (folder, args) in [
+        ("chain", "--key-every 0"),
+        ("keys", "--structure keys --key-every 4"),
+        ("acknowledged", "--structure acknowledged --return-delay 0.2 --latency 4.5"),
+    ] {
+        let link = link(folder, args);
+        assert_eq!(link["whole_frames"], link["sent_frames"], "{folder}");
+        let sent = link["sent_psnr"].as_f64().unwrap();
+        assert!((psnr(&link) - sent).abs() < 1e-9, "{folder}: {sent} {}", psnr(&link));
+        assert_eq!(bytes(&link, "resent"), 0);
+    }
+    // A loss ends at the next key.
+    let short = link("short", "--key-every 4 --loss 0.3 --assume-loss 0");
+    let long = link("long", "--key-every 0 --loss 0.3 --assume-loss 0");
+    assert!(psnr(&short) > psnr(&long), "{} {}", psnr(&short), psnr(&long));
+}
+
+#[test]
 fn a_link_that_cannot_be_is_refused() {
     let dive = Dive::new();
     for (args, text) in [
@@ -117,6 +145,7 @@ fn a_link_that_cannot_be_is_refused() {
         ("--bit-rate 0", "between 0.01 and 1e9"),
         ("--mtu 15", "--mtu"),
         ("--half-duplex", "--return-delay"),
+        ("--mode stream --structure acknowledged", "--return-delay"),
     ] {
         dive.run(&format!("{} {args} --report x", LINK.replace(" --bit-rate 16000", "")))
             .ends_with(2)

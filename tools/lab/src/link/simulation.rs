@@ -5,12 +5,13 @@ use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 use nvsprior::Engine;
+use nvsprior::modem::Report;
 use nvsprior::render::Scene;
 use nvsprior::tracking::Known;
 
 use super::channel::Channel;
 use super::report::{Moment, Outcome};
-use super::topside::{Topside, TopsideReport};
+use super::topside::Topside;
 use super::vehicle::Vehicle;
 use super::{Footage, Setting};
 
@@ -24,7 +25,7 @@ enum Event {
     Due,
     Arrived(Vec<u8>),
     Report,
-    Heard(TopsideReport),
+    Heard(Vec<u8>),
     Displayed(usize),
 }
 
@@ -125,8 +126,9 @@ impl<'a> Simulation<'a> {
                     }
                 }
                 Event::Arrived(share) => self.topside.take(time, &share)?,
-                Event::Report => self.report(time, &mut channel),
+                Event::Report => self.report(time, &mut channel)?,
                 Event::Heard(report) => {
+                    let (report, _) = Report::read(&report)?;
                     let again = self.vehicle.hear(time, &report)?;
                     for share in again {
                         send(&mut self.plan, &mut channel, time, &share);
@@ -160,13 +162,14 @@ impl<'a> Simulation<'a> {
         Ok(())
     }
 
-    fn report(&mut self, now: f64, channel: &mut Channel) {
-        let report = self.topside.report(now);
+    fn report(&mut self, now: f64, channel: &mut Channel) -> anyhow::Result<()> {
+        let Some(report) = self.topside.report()? else { return Ok(()) };
         if self.setting.half_duplex {
             channel.occupy(now, report.len());
         }
         let delay = self.setting.return_delay.unwrap_or(0.0);
         self.plan.add(now + delay, Event::Heard(report));
+        Ok(())
     }
 
     /// What the pilot sees of a camera frame.

@@ -1,36 +1,13 @@
 //! The topside: shares to pictures, and reports of what came.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use nvsprior::modem::{Collected, Collector, CollectorOptions};
 use nvsprior::render::Scene;
-use nvsprior::{Camera, Decoded, Decoder, Engine, Picture, Pose, Trust};
+use nvsprior::{Camera, Decoded, Decoder, Engine, Mode, Picture, Pose, Trust};
 
 use super::Setting;
-
-/// What the topside tells the vehicle.
-#[derive(Clone, Debug)]
-pub struct TopsideReport {
-    /// Shares lost since the report before, as a part of all; `None`: too few to tell.
-    pub loss: Option<f64>,
-    /// When it was made, seconds.
-    pub time: f64,
-    /// Indices of the shares that came of recent packets that are not whole.
-    short: BTreeMap<u32, Vec<usize>>,
-}
-
-impl TopsideReport {
-    /// Indices of a packet's shares that came; `None` if it is whole, or not a recent one.
-    pub fn short_of(&self, number: u32) -> Option<&[usize]> {
-        self.short.get(&number).map(Vec::as_slice)
-    }
-
-    /// Its bytes on the link: a header, and for each packet a number and which shares came.
-    pub fn len(&self) -> usize {
-        8 + 4 * self.short.len()
-    }
-}
 
 /// What the pilot sees of a camera frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,8 +44,18 @@ pub struct Topside {
     reach: u32,
     /// By packet: when its first picture could be shown, and when all of it, seconds.
     pub pictures: BTreeMap<u32, (f64, Option<f64>)>,
-    counted: (u64, u64),
     newest: Option<u32>,
+    mtu: usize,
+    /// Whether frames lean on earlier ones.
+    leans: bool,
+    /// Frames whose packets are whole, and which lean on one that is missing.
+    waiting: BTreeSet<u32>,
+    /// Frames that were decoded in full.
+    kept: BTreeSet<u32>,
+    /// What is decoded before it is shown.
+    ahead: Decoded,
+    /// Pictures that were, until they are shown.
+    ready: BTreeMap<u32, Picture>,
 }
 
 /// Packets that are held.
@@ -77,8 +64,8 @@ const PACKETS: usize = 64;
 const REACH: f64 = 1.0;
 /// Camera frames after which a packet is stale at the latest: shares name frames modulo 128.
 const STALE: f64 = 60.0;
-/// Packets before the newest that a report is about.
-const REPORTED: u32 = 24;
+/// A frame leans on one of so many before it.
+const FARTHEST: u32 = 32;
 
 impl Topside {
     pub fn new(
@@ -104,8 +91,13 @@ impl Topside {
             size: (camera.width, camera.height),
             reach: ((REACH * setting.fps) as u32).clamp(1, PACKETS as u32 / 2 - 1),
             pictures: BTreeMap::new(),
-            counted: (0, 0),
             newest: None,
+            mtu: setting.mtu,
+            leans: setting.mode != Mode::Intra,
+            waiting: BTreeSet::new(),
+            kept: BTreeSet::new(),
+            ahead: Decoded::default(),
+            ready: BTreeMap::new(),
         })
     }
 
@@ -119,6 +111,10 @@ impl Topside {
             Collected::Complete(_, number) => {
                 self.pictures.entry(number).or_insert((now, None)).1 = Some(now);
                 self.newest = self.newest.max(Some(number));
+                if self.leans {
+                    self.waiting.insert(number);
+                    self.catch_up()?;
+                }
             }
             Collected::Kept
             | Collected::Duplicate
@@ -139,6 +135,11 @@ impl Topside {
     }
 
     fn look(&mut self, frame: u32) -> anyhow::Result<Seen> {
+        self.ready = self.ready.split_off(&frame);
+        if let Some(picture) = self.ready.remove(&frame) {
+            (self.decoded.picture, self.seen) = (picture, Some(frame));
+            return Ok(Seen::Own);
+        }
         if let Some(packet) = self.collector.packet(0, frame) {
             self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.decoded)?;
             self.seen = Some(frame);
@@ -188,20 +189,33 @@ impl Topside {
         self.collector.statistics().repaired + repaired.count() as u64
     }
 
-    /// What is told to the vehicle.
-    pub fn report(&mut self, now: f64) -> TopsideReport {
-        let statistics = self.collector.statistics();
-        let (arrived, sent) =
-            (statistics.arrived - self.counted.0, statistics.sent - self.counted.1);
-        let loss = (sent >= 16).then(|| 1.0 - arrived as f64 / sent as f64);
-        if loss.is_some() {
-            self.counted = (statistics.arrived, statistics.sent);
+    /// Decodes the packets that are whole, as soon as what they lean on is there: others lean on them. A packet that came
+    /// whole after its frame was shown still serves.
+    fn catch_up(&mut self) -> anyhow::Result<()> {
+        let mut done = true;
+        while done {
+            done = false;
+            for frame in std::mem::take(&mut self.waiting) {
+                let Some(packet) = self.collector.packet(0, frame) else { continue };
+                self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.ahead)?;
+                if self.ahead.kept {
+                    self.kept.insert(frame);
+                    self.ready.insert(frame, self.ahead.picture.clone());
+                    done = true;
+                } else if self.newest.is_some_and(|newest| frame + FARTHEST > newest) {
+                    self.waiting.insert(frame);
+                }
+            }
         }
-        let upto = self.newest.unwrap_or(0);
-        let recent = upto.saturating_sub(REPORTED)..=upto;
-        let whole = |number: &u32| self.collector.packet(0, *number).is_some_and(|p| p.complete);
-        let short = recent.filter(|number| !whole(number));
-        let short = short.map(|number| (number, self.collector.arrived(0, number).collect()));
-        TopsideReport { loss, time: now, short: short.collect() }
+        Ok(())
+    }
+
+    /// What is told to the vehicle, as it goes over the return channel.
+    pub fn report(&mut self) -> anyhow::Result<Option<Vec<u8>>> {
+        let kept = |frame| self.kept.contains(&frame);
+        let Some(report) = self.collector.report(0, kept)? else { return Ok(None) };
+        let mut bytes = Vec::new();
+        report.write(self.mtu, None, &mut bytes)?;
+        Ok(Some(bytes))
     }
 }

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use nvsprior::modem::{Loss, ModemError, RateControlOptions, Sender, SenderOptions, Sharing};
+use nvsprior::modem::{
+    Loss, ModemError, PacketState, RateControlOptions, Report, Sender, SenderOptions, Sharing,
+};
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
 use nvsprior::tracking::Known;
 use nvsprior::{Encoded, Encoder, EncoderOptions, Engine, Error, Picture, Rate};
 
-use super::topside::TopsideReport;
 use super::{Footage, Setting};
 
 /// A packet that was sent.
@@ -30,6 +31,8 @@ pub struct SentPacket {
     /// Shares that give a picture.
     first: usize,
     resent: bool,
+    /// Its shares count in the loss that was measured.
+    counted: bool,
 }
 
 /// What the bytes of a packet are for.
@@ -66,6 +69,8 @@ impl PacketBytes {
 
 /// Share of the loss before in what is believed after a report.
 const MEMORY: f64 = 0.7;
+/// Fewest shares that tell of a loss.
+const LEAST_COUNTED: usize = 16;
 
 pub struct Vehicle {
     encoder: Encoder,
@@ -85,7 +90,12 @@ impl Vehicle {
         setting: &Setting,
         threshold: f64,
     ) -> anyhow::Result<Vehicle> {
-        let options = EncoderOptions { threshold, frames_treated: true, ..Default::default() };
+        let options = EncoderOptions {
+            threshold,
+            frames_treated: true,
+            mode: setting.mode,
+            ..Default::default()
+        };
         Ok(Vehicle {
             encoder: Encoder::new(engine, scene, &footage.camera, options)?,
             sender: sender(setting)?,
@@ -124,6 +134,7 @@ impl Vehicle {
             shares: (0..shares.count()).map(|k| shares.get(k).to_vec()).collect(),
             last_due: ready + self.setting.spread,
             resent: false,
+            counted: false,
         });
         Ok(true)
     }
@@ -152,19 +163,64 @@ impl Vehicle {
     }
 
     /// Takes a report. Returns shares to send again, those of pictures that can still be shown in time.
-    pub fn hear(&mut self, now: f64, report: &TopsideReport) -> anyhow::Result<Vec<Vec<u8>>> {
-        if let Some(measured) = report.loss {
-            let loss = self.sender.control().options().loss;
-            let chance = MEMORY * loss.chance + (1.0 - MEMORY) * measured;
-            self.sender.set_loss(Loss { chance: chance.min(0.9), ..loss })?;
+    pub fn hear(&mut self, now: f64, report: &Report) -> anyhow::Result<Vec<Vec<u8>>> {
+        for (number, _) in report.packets().filter(|(_, told)| told.state == PacketState::Kept) {
+            self.encoder.acknowledge(self.frame_near(number));
         }
+        self.measure_loss(report)?;
+        Ok(self.send_again(now, report)?)
+    }
+
+    /// The frame of a number modulo 2¹⁶, near the newest one.
+    fn frame_near(&self, number: u32) -> u32 {
+        let newest = self.sent.last().map_or(0, |sent| sent.number);
+        newest.wrapping_add_signed(i32::from(number.wrapping_sub(newest) as i16))
+    }
+
+    /// The packets that the topside could have all of when it wrote a report: those whose last share was sent before the
+    /// first of the newest packet that it has.
+    fn settled(&self, report: &Report) -> Vec<usize> {
+        let newest = self.frame_near(report.newest());
+        let from = self.sent.iter().find(|sent| sent.number == newest);
+        let from = from.map_or(f64::NEG_INFINITY, |sent| sent.last_due - self.setting.spread);
+        let settled = move |sent: &SentPacket| sent.last_due < from;
+        (0..self.sent.len()).filter(|k| settled(&self.sent[*k])).collect()
+    }
+
+    /// Counts the shares of packets that no report told of before, and lets the protection follow.
+    fn measure_loss(&mut self, report: &Report) -> Result<(), ModemError> {
+        let (mut sent, mut arrived) = (0, 0);
+        for k in self.settled(report) {
+            let packet = &mut self.sent[k];
+            let Some(told) = report.packet(packet.number).filter(|_| !packet.counted) else {
+                continue;
+            };
+            packet.counted = true;
+            sent += packet.shares.len();
+            arrived += told.arrived.min(packet.shares.len());
+        }
+        if sent < LEAST_COUNTED {
+            return Ok(());
+        }
+        let measured = 1.0 - arrived as f64 / sent as f64;
+        let loss = self.sender.control().options().loss;
+        let chance = MEMORY * loss.chance + (1.0 - MEMORY) * measured;
+        self.sender.set_loss(Loss { chance: chance.min(0.9), ..loss })
+    }
+
+    fn send_again(&mut self, now: f64, report: &Report) -> Result<Vec<Vec<u8>>, ModemError> {
         let deadline = self.setting.latency - self.setting.propagation;
         let mut again = Vec::new();
-        let told = |sent: &SentPacket| sent.last_due + self.setting.propagation < report.time;
-        for sent in self.sent.iter_mut().filter(|sent| !sent.resent && told(sent)) {
-            let Some(arrived) = report.short_of(sent.number) else { continue };
-            let short = sent.first.saturating_sub(arrived.len());
-            let missing = sent.shares.iter().enumerate().filter(|(k, _)| !arrived.contains(k));
+        for k in self.settled(report) {
+            let sent = &mut self.sent[k];
+            let Some(told) = report.packet(sent.number).filter(|_| !sent.resent) else { continue };
+            let short = match told.state {
+                PacketState::Nothing => sent.first,
+                PacketState::Part => sent.first.saturating_sub(told.shares.arrived()),
+                PacketState::Whole | PacketState::Kept => continue,
+            };
+            let shares = sent.shares.iter().enumerate();
+            let missing = shares.filter(|(k, _)| !told.shares.contains(*k));
             let needed: Vec<_> = missing.take(short).map(|(_, share)| share.clone()).collect();
             let bytes: usize = needed.iter().map(|share| share.len() + self.setting.overhead).sum();
             let seconds = bytes as f64 * 8.0 / self.setting.bit_rate;
