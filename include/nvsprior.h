@@ -1141,8 +1141,7 @@ typedef struct nvsp_division {
   uint32_t picture_shares;
   // Any so many give all that is sent.
   uint32_t whole_shares;
-  // Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is worth less than the bytes that
-  // it takes.
+  // Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is longer than planned.
   uint32_t packet_bytes;
   // Bytes on the link, the overhead of each share counted.
   uint32_t link_bytes;

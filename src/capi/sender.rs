@@ -97,8 +97,7 @@ pub struct nvsp_division {
     pub picture_shares: u32,
     /// Any so many give all that is sent.
     pub whole_shares: u32,
-    /// Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is worth less than the bytes that
-    /// it takes.
+    /// Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is longer than planned.
     pub packet_bytes: u32,
     /// Bytes on the link, the overhead of each share counted.
     pub link_bytes: u32,

@@ -64,7 +64,7 @@ pub struct SenderStatistics {
     pub left_out: u64,
     /// Packets that were shared.
     pub packets: u64,
-    /// Packets of them whose end was not sent: it is worth less than the bytes that it takes, or there are none.
+    /// Packets of them whose end was not sent, as they were longer than planned.
     pub cut: u64,
     /// Shares of them.
     pub shares: u64,
@@ -162,8 +162,8 @@ impl Sender {
     /// Takes the packet of the frame that was planned last, and the user bytes that travel with it. It is ready at `now`,
     /// seconds. Returns how it is divided.
     ///
-    /// A packet that also tells the camera may be longer than planned. It takes more of the link for once. If a packet's end
-    /// is worth less than the bytes that it takes, it is not sent: [`Sharing::capacity`] tells.
+    /// A packet that also tells the camera may be longer than planned. It takes more of the link for once. Of a packet that
+    /// is still longer, the end is not sent: [`Sharing::capacity`] tells.
     ///
     /// # Errors
     /// If no frame was planned, or its packet was taken already. If the bytes are not exactly one packet whose checks match.

@@ -251,7 +251,6 @@ static void long_run(void) {
     const long frames = few() ? 400 : 10500, warm = few() ? 200 : 1000;
     tally all = {0, 0, 0, 0, 0, 0};
     size_t before = 0;
-    long cut = 0;
     double free_at = 0, now = 0;
     const uint32_t first = 65000;  // The numbers of short packets begin anew on the way.
     for (long k = 0; k < frames; k++) {
@@ -268,8 +267,7 @@ static void long_run(void) {
             sent_sizes[at] = numbered(sent_bytes[at], frame, budget);
             EXPECT(NVSP_OK, nvsp_sender_push(sender, now, sent_bytes[at], sent_sizes[at], NULL, 0, &division));
             divisions[at] = division;
-            CHECK(division.shares > 0 && division.share_bytes <= MTU && division.packet_bytes <= sent_sizes[at]);
-            cut += division.packet_bytes < sent_sizes[at];
+            CHECK(division.shares > 0 && division.share_bytes <= MTU && division.packet_bytes == sent_sizes[at]);
             CHECK(division.picture_shares > 0 && division.picture_shares <= division.whole_shares);
             CHECK(division.whole_shares <= division.shares && division.link_bytes <= 4 * budget + 200);
             all.packets++;
@@ -297,12 +295,12 @@ static void long_run(void) {
            all.packets, (unsigned long long)sent.shares, (unsigned long long)sent.bytes, all.complete,
            (unsigned long long)came.repaired, all.fetched, all.refused, loss, (long)after - (long)before);
     CHECK(few() || all.packets >= 10000);
-    CHECK((long)sent.packets == all.packets && (long)sent.left_out == frames - all.planned && (long)sent.cut == cut);
+    CHECK((long)sent.packets == all.packets && (long)sent.left_out == frames - all.planned && sent.cut == 0);
     CHECK((long)came.completed == all.complete && (long)came.rejected == all.refused && came.damaged == 0);
     // Some of the shares that were held back never came.
     CHECK(loss > 0.15 && loss < 0.3);
     CHECK(all.ended > all.packets / 2 && all.fetched > all.packets * 8 / 10);
-    CHECK(all.complete > 0 && came.repaired > came.completed / 4);
+    CHECK(all.complete > all.packets * 6 / 10 && came.repaired > came.completed / 4);
     // The program's own memory may shrink and grow by some pages. Memory checkers keep what it has freed.
     CHECK(after <= before + (64 << 10) || few() || SANITIZED);
     nvsp_sender_destroy(sender);
