@@ -1180,7 +1180,7 @@ typedef struct nvsp_collector_options {
   // Set by NVSP_INIT.
   uint32_t abi_version;
   // Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo 128:
-  // give less time than 64 frames of the camera take. 0: 4.
+  // give less time than 64 frames of the camera take. A share that comes later than that looks like one of the future. 0: 4.
   double age;
   // Shares of a packet that there is room for, up to 256: nvsp_sender_options.shares. 0: 32.
   uint32_t shares;

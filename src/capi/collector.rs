@@ -43,7 +43,7 @@ pub struct nvsp_collector_options {
     /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo 128:
-    /// give less time than 64 frames of the camera take. 0: 4.
+    /// give less time than 64 frames of the camera take. A share that comes later than that looks like one of the future. 0: 4.
     pub age: f64,
     /// Shares of a packet that there is room for, up to 256: nvsp_sender_options.shares. 0: 32.
     pub shares: u32,

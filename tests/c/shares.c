@@ -114,6 +114,9 @@ static size_t resident(void) {
 // Shares that are to arrive after those sent behind them.
 static uint8_t late[16][MTU];
 static size_t late_sizes[16], late_count;
+static double late_since[16];
+// Seconds that one is held back at most. 64 frames later its number would mean another frame.
+#define LATEST 3.0
 
 typedef struct tally {
     long planned, packets, complete, fetched, refused, ended;
@@ -223,6 +226,7 @@ static void carry(nvsp_collector *collector, double now, const uint8_t *share, s
     }
     if (luck < 30 && late_count < 16) {
         memcpy(late[late_count], share, size);
+        late_since[late_count] = now;
         late_sizes[late_count++] = size;
         return;
     }
@@ -235,10 +239,13 @@ static void carry(nvsp_collector *collector, double now, const uint8_t *share, s
     }
     if (late_count > 0 && luck % 4 == 0) {
         const uint32_t which = random_below(&seed, (uint32_t)late_count);
-        deliver(collector, now, late[which], late_sizes[which], 1, all);
+        if (now - late_since[which] < LATEST) {
+            deliver(collector, now, late[which], late_sizes[which], 1, all);
+        }
         late_count--;
         memcpy(late[which], late[late_count], MTU);
         late_sizes[which] = late_sizes[late_count];
+        late_since[which] = late_since[late_count];
     }
 }
 

@@ -492,8 +492,8 @@ fn a_report_tells_what_came_of_the_newest_packets() {
     assert_eq!(collector.report(0, |_| false), Ok(None), "nothing came");
     let start = 0xFFFE;
     let packets: Vec<_> = (start..start + 5).map(|frame| short(frame & 0xFFFF, 300)).collect();
-    let shares: Vec<_> =
-        packets.iter().map(|packet| shares(packet, &options(64, 640, packet)).1).collect();
+    let whole = |packet: &[u8]| SharingOptions { whole: true, ..options(64, 640, packet) };
+    let shares: Vec<_> = packets.iter().map(|packet| shares(packet, &whole(packet)).1).collect();
     // The first whole, the second not at all, the third but for all but one, the fourth whole, the fifth by one.
     let push = |collector: &mut Collector, share: &[u8]| collector.push(0.0, share).unwrap();
     shares[0].iter().for_each(|share| _ = push(&mut collector, share));
