@@ -1141,8 +1141,7 @@ typedef struct nvsp_division {
   uint32_t picture_shares;
   // Any so many give all that is sent.
   uint32_t whole_shares;
-  // Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is worth less than the bytes that
-  // it takes.
+  // Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is longer than planned.
   uint32_t packet_bytes;
   // Bytes on the link, the overhead of each share counted.
   uint32_t link_bytes;
@@ -1181,7 +1180,7 @@ typedef struct nvsp_collector_options {
   // Set by NVSP_INIT.
   uint32_t abi_version;
   // Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo 128:
-  // give less time than 64 frames of the camera take. 0: 4.
+  // give less time than 64 frames of the camera take. A share that comes later than that looks like one of the future. 0: 4.
   double age;
   // Shares of a packet that there is room for, up to 256: nvsp_sender_options.shares. 0: 32.
   uint32_t shares;

@@ -7,7 +7,9 @@ use crate::modem::{Collected, CollectedPacket, Collector, CollectorOptions};
 
 use super::handle::{Handle, Opaque, fence};
 use super::image::{slice, slice_mut};
+use super::limits::SMALL;
 use super::log::Log;
+use super::memory::Grant;
 use super::modem::{
     NVSP_EVENT_COMPLETE, NVSP_EVENT_DAMAGED, NVSP_EVENT_DUPLICATE, NVSP_EVENT_GROWN,
     NVSP_EVENT_KEPT,
@@ -41,7 +43,7 @@ pub struct nvsp_collector_options {
     /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo 128:
-    /// give less time than 64 frames of the camera take. 0: 4.
+    /// give less time than 64 frames of the camera take. A share that comes later than that looks like one of the future. 0: 4.
     pub age: f64,
     /// Shares of a packet that there is room for, up to 256: nvsp_sender_options.shares. 0: 32.
     pub shares: u32,
@@ -186,6 +188,7 @@ pub unsafe extern "C" fn nvsp_collector_create(
         }
         // SAFETY: as the caller promises.
         let options = options_of(mtu, &unsafe { read(options)? })?;
+        let _memory = Grant::take("a collector", options.memory()? as u64 + SMALL, u64::MAX)?;
         let made = Handle::boxed(Collector::new(options)?, Log::new(None, null_mut()));
         // SAFETY: not null, and valid as the caller promises.
         unsafe { *collector = nvsp_collector::address(made) };

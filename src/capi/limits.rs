@@ -92,7 +92,7 @@ impl Limits {
 }
 
 /// Bytes that every call may take besides: lists of the driver's objects, texts, threads.
-const SMALL: u64 = 1 << 20;
+pub(super) const SMALL: u64 = 1 << 20;
 
 /// Opening a device: shader modules, lists of the driver's extensions and memory types.
 pub(super) fn engine_bytes() -> u64 {

@@ -7,7 +7,9 @@ use crate::modem::{Loss, RateControlOptions, Sender, SenderOptions, Sharing};
 
 use super::handle::{Handle, Opaque};
 use super::image::{slice, slice_mut};
+use super::limits::SMALL;
 use super::log::Log;
+use super::memory::Grant;
 use super::status::*;
 use super::structs::{Out, read, versioned};
 
@@ -95,8 +97,7 @@ pub struct nvsp_division {
     pub picture_shares: u32,
     /// Any so many give all that is sent.
     pub whole_shares: u32,
-    /// Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is worth less than the bytes that
-    /// it takes.
+    /// Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is longer than planned.
     pub packet_bytes: u32,
     /// Bytes on the link, the overhead of each share counted.
     pub link_bytes: u32,
@@ -192,6 +193,7 @@ pub unsafe extern "C" fn nvsp_sender_create(
         }
         // SAFETY: as the caller promises.
         let options = options_of(mtu, &unsafe { read(options)? })?;
+        let _memory = Grant::take("a sender", options.memory()? as u64 + SMALL, u64::MAX)?;
         let made = Handle::boxed(Sender::new(options)?, Log::new(None, null_mut()));
         // SAFETY: not null, and valid as the caller promises.
         unsafe { *sender = nvsp_sender::address(made) };

@@ -28,14 +28,28 @@ impl SenderOptions {
         shares.saturating_add(4 * most).min(MOST_WAITING)
     }
 
-    /// Memory that a [`Sender`] takes, all of it when it is made, bytes; about.
-    pub fn memory(&self) -> usize {
+    /// Checks the options, and makes the rate control of them.
+    fn control(&self) -> Result<RateControl, ModemError> {
+        if self.stream >= STREAMS {
+            return Err(ModemError::Stream(self.stream));
+        }
+        RateControl::new(self.control)
+    }
+
+    /// Memory that a [`Sender`] takes at most, all of it when it is made, bytes.
+    ///
+    /// # Errors
+    /// If an option is outside its range.
+    pub fn memory(&self) -> Result<usize, ModemError> {
+        self.control()?;
         let RateControlOptions { mtu, most_shares, .. } = self.control;
-        let buffers = self.waiting() + 3 * most_shares + 2;
-        buffers.saturating_mul(mtu + size_of::<Vec<u8>>())
+        let shares = self.waiting() + 3 * most_shares.min(MAX_SHARES) + 2;
+        Ok(shares.saturating_mul(mtu.saturating_add(LIST)))
     }
 }
 
+/// What a share takes beside its own bytes: its places in the lists, and the heap's own.
+const LIST: usize = 96;
 /// Least bytes of a share.
 const LEAST_SHARE: usize = 8;
 /// Shares that wait at most, whatever the options are.
@@ -50,7 +64,7 @@ pub struct SenderStatistics {
     pub left_out: u64,
     /// Packets that were shared.
     pub packets: u64,
-    /// Packets of them whose end was not sent: it is worth less than the bytes that it takes, or there are none.
+    /// Packets of them whose end was not sent, as they were longer than planned.
     pub cut: u64,
     /// Shares of them.
     pub shares: u64,
@@ -116,16 +130,13 @@ impl Sender {
     /// # Errors
     /// If an option is outside its range, or the system does not have the memory.
     pub fn new(options: SenderOptions) -> Result<Sender, ModemError> {
-        let SenderOptions { control, stream } = options;
-        if stream >= STREAMS {
-            return Err(ModemError::Stream(stream));
-        }
-        let room = options.waiting();
+        let (control, room) = (options.control()?, options.waiting());
+        let RateControlOptions { mtu, spread, most_shares, .. } = options.control;
         Ok(Sender {
-            control: RateControl::new(control)?,
-            sharer: Sharer::with_room(control.mtu, control.most_shares)?,
-            interleaver: Interleaver::with_room(control.spread, room, control.mtu)?,
-            stream,
+            control,
+            sharer: Sharer::with_room(mtu, most_shares)?,
+            interleaver: Interleaver::with_room(spread, room, mtu)?,
+            stream: options.stream,
             room,
             planned: None,
             statistics: SenderStatistics::default(),
@@ -151,8 +162,8 @@ impl Sender {
     /// Takes the packet of the frame that was planned last, and the user bytes that travel with it. It is ready at `now`,
     /// seconds. Returns how it is divided.
     ///
-    /// A packet that also tells the camera may be longer than planned. It takes more of the link for once. If a packet's end
-    /// is worth less than the bytes that it takes, it is not sent: [`Sharing::capacity`] tells.
+    /// A packet that also tells the camera may be longer than planned. It takes more of the link for once. Of a packet that
+    /// is still longer, the end is not sent: [`Sharing::capacity`] tells.
     ///
     /// # Errors
     /// If no frame was planned, or its packet was taken already. If the bytes are not exactly one packet whose checks match.
@@ -367,7 +378,7 @@ mod tests {
         });
         assert!(matches!(refused, Some(ModemError::Waiting { .. })), "{refused:?}");
         let waiting = sender.waiting();
-        assert!(waiting * 64 <= options().memory());
+        assert!(waiting * 64 <= options().memory().unwrap());
         assert_eq!(std::iter::from_fn(|| sender.next(1e6).map(drop)).count(), waiting);
         assert_eq!(sender.due(), None);
     }

@@ -287,7 +287,7 @@ static const struct attempt {
     int large;  // Whether it takes more than what is left over from before.
 } attempts[] = {
     {"reassembler", try_reassembler, 1000, 1},
-    {"sender", try_sender, 400, 1},
+    {"sender", try_sender, 400, 0},
     {"collector", try_collector, 400, 1},
     {"prior", try_prior, 400, 1},
     {"compact prior", try_compact_prior, 400, 1},

@@ -6,6 +6,15 @@
 #include <math.h>
 #include <unistd.h>
 
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define SANITIZED 1
+#endif
+#endif
+#ifndef SANITIZED
+#define SANITIZED 0
+#endif
+
 #define MTU 64
 #define MAX_PACKET 4096
 #define RATE 20000.0
@@ -105,6 +114,9 @@ static size_t resident(void) {
 // Shares that are to arrive after those sent behind them.
 static uint8_t late[16][MTU];
 static size_t late_sizes[16], late_count;
+static double late_since[16];
+// Seconds that one is held back at most. 64 frames later its number would mean another frame.
+#define LATEST 3.0
 
 typedef struct tally {
     long planned, packets, complete, fetched, refused, ended;
@@ -214,6 +226,7 @@ static void carry(nvsp_collector *collector, double now, const uint8_t *share, s
     }
     if (luck < 30 && late_count < 16) {
         memcpy(late[late_count], share, size);
+        late_since[late_count] = now;
         late_sizes[late_count++] = size;
         return;
     }
@@ -226,10 +239,13 @@ static void carry(nvsp_collector *collector, double now, const uint8_t *share, s
     }
     if (late_count > 0 && luck % 4 == 0) {
         const uint32_t which = random_below(&seed, (uint32_t)late_count);
-        deliver(collector, now, late[which], late_sizes[which], 1, all);
+        if (now - late_since[which] < LATEST) {
+            deliver(collector, now, late[which], late_sizes[which], 1, all);
+        }
         late_count--;
         memcpy(late[which], late[late_count], MTU);
         late_sizes[which] = late_sizes[late_count];
+        late_since[which] = late_since[late_count];
     }
 }
 
@@ -242,7 +258,6 @@ static void long_run(void) {
     const long frames = few() ? 400 : 10500, warm = few() ? 200 : 1000;
     tally all = {0, 0, 0, 0, 0, 0};
     size_t before = 0;
-    long cut = 0;
     double free_at = 0, now = 0;
     const uint32_t first = 65000;  // The numbers of short packets begin anew on the way.
     for (long k = 0; k < frames; k++) {
@@ -259,8 +274,7 @@ static void long_run(void) {
             sent_sizes[at] = numbered(sent_bytes[at], frame, budget);
             EXPECT(NVSP_OK, nvsp_sender_push(sender, now, sent_bytes[at], sent_sizes[at], NULL, 0, &division));
             divisions[at] = division;
-            CHECK(division.shares > 0 && division.share_bytes <= MTU && division.packet_bytes <= sent_sizes[at]);
-            cut += division.packet_bytes < sent_sizes[at];
+            CHECK(division.shares > 0 && division.share_bytes <= MTU && division.packet_bytes == sent_sizes[at]);
             CHECK(division.picture_shares > 0 && division.picture_shares <= division.whole_shares);
             CHECK(division.whole_shares <= division.shares && division.link_bytes <= 4 * budget + 200);
             all.packets++;
@@ -288,14 +302,14 @@ static void long_run(void) {
            all.packets, (unsigned long long)sent.shares, (unsigned long long)sent.bytes, all.complete,
            (unsigned long long)came.repaired, all.fetched, all.refused, loss, (long)after - (long)before);
     CHECK(few() || all.packets >= 10000);
-    CHECK((long)sent.packets == all.packets && (long)sent.left_out == frames - all.planned && (long)sent.cut == cut);
+    CHECK((long)sent.packets == all.packets && (long)sent.left_out == frames - all.planned && sent.cut == 0);
     CHECK((long)came.completed == all.complete && (long)came.rejected == all.refused && came.damaged == 0);
     // Some of the shares that were held back never came.
     CHECK(loss > 0.15 && loss < 0.3);
     CHECK(all.ended > all.packets / 2 && all.fetched > all.packets * 8 / 10);
-    CHECK(all.complete > 0 && came.repaired > came.completed / 4);
-    // The program's own memory may shrink and grow by some pages.
-    CHECK(after <= before + (64 << 10) || few());
+    CHECK(all.complete > all.packets * 6 / 10 && came.repaired > came.completed / 4);
+    // The program's own memory may shrink and grow by some pages. Memory checkers keep what it has freed.
+    CHECK(after <= before + (64 << 10) || few() || SANITIZED);
     nvsp_sender_destroy(sender);
     nvsp_collector_destroy(collector);
 }

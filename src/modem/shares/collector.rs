@@ -23,7 +23,7 @@ pub struct CollectorOptions {
     /// Streams that are taken, 1 to 4.
     pub streams: usize,
     /// Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo 128:
-    /// give less time than 64 frames take.
+    /// give less time than 64 frames take. A share that comes later than that looks like one of the future.
     pub age: f64,
 }
 
@@ -339,7 +339,6 @@ impl Stream {
                 return Err(ModemError::Late(number));
             }
             self.slots.iter_mut().for_each(Slot::clear);
-            self.last = None;
         } else {
             for step in 1..=ahead {
                 self.let_go(newest.wrapping_add(step), statistics);
