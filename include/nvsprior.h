@@ -1994,6 +1994,29 @@ NVSP_CHECKED
 nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder,
                                   const struct nvsp_mask *mask) NVSP_NONNULL(1);
 
+// Sets which parts of the picture get more of the bytes from here on: what the pilot looks at. `weights` has `columns`
+// times `rows` values from 1 to 255, row by row, laid over the picture in cells of equal size. An error in a cell of
+// weight 8 counts eight times as much as one in a cell of weight 1. At the same budget the other parts get fewer bytes;
+// NVSP_RATE_PSNR stays that of the whole picture. The topside needs to know nothing of it. It may change from frame to
+// frame, as the pilot's cursor moves. WebP knows no such parts. Allocates a byte per cell. If the call fails, the weights
+// before stay. Example:
+//
+//     uint8_t weights[9] = {1, 1, 1, 1, 8, 1, 1, 1, 1}; /* the middle ninth */
+//     status = nvsp_encoder_set_interest(encoder, 3, 3, weights, sizeof weights);
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT
+// if a side has no cells or more than 4096, `size` is not columns times rows, or a weight is 0.
+//
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `weights`: `size` bytes, read during the call. NULL, with sides and size of 0: all parts count the same.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
+                                      uint32_t columns,
+                                      uint32_t rows,
+                                      const uint8_t *weights,
+                                      size_t size) NVSP_NONNULL(1);
+
 // Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 // for its pictures.
 //

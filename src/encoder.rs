@@ -185,8 +185,7 @@ impl Encoder {
 
     /// Sets which parts of the picture get more of the bits from here on: what the pilot looks at. `None`: all count the
     /// same. At the same budget the other parts get fewer; [`Rate::Psnr`] stays that of the whole picture.
-    /// [`ResidualCoder::Webp`](crate::residual::ResidualCoder::Webp) knows no such parts. A change costs the next frame some
-    /// allocations.
+    /// [`ResidualCoder::Webp`](crate::residual::ResidualCoder::Webp) knows no such parts.
     pub fn set_interest(&mut self, interest: Option<Interest>) {
         self.interest = interest.map(Arc::new);
     }

@@ -66,7 +66,7 @@ impl TrackedFrame {
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
         let since = Instant::now();
-        residual.set_interest(self.interest.as_deref());
+        residual.set_interest(self.interest.as_ref());
         let latent = self.latent.ok_or(Error::NoStart { frame: self.stats.frame })?;
         let rate_kept = self.write_packet(latent, residual, encoded)?;
         encoded.pose = self.pose;

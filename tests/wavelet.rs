@@ -83,7 +83,7 @@ fn a_region_of_interest_gets_more_of_the_bits() {
     let (camera, render) = pair();
     let (x, y) = (24..56, 10..34);
     let mut encoder = encoder(true);
-    let mut errors = |interest: Option<&Interest>| -> [f64; 2] {
+    let mut errors = |interest: Option<&Arc<Interest>>| -> [f64; 2] {
         encoder.set_interest(interest);
         let coded = encoder.encode(&camera, &render, Rate::Bytes(300), 0).unwrap();
         let Residual::Coded { payload, .. } = coded.residual else { panic!("no payload") };
@@ -102,14 +102,14 @@ fn a_region_of_interest_gets_more_of_the_bits() {
     let mut last = plain;
     for weight in [4, 16] {
         let interest = Interest::rectangle(SIZE, x.clone(), y.clone(), weight).unwrap();
-        let of_interest = errors(Some(&interest));
+        let of_interest = errors(Some(&Arc::new(interest)));
         assert!(of_interest[0] < 0.9 * last[0], "{weight}: {of_interest:?} {last:?}");
         assert!(of_interest[1] > last[1], "{weight}: {of_interest:?} {last:?}");
         last = of_interest;
     }
     // The same everywhere is as none at all.
     let even = Interest::map(2, 2, &[7; 4]).unwrap();
-    assert_eq!(errors(Some(&even)), plain);
+    assert_eq!(errors(Some(&Arc::new(even))), plain);
     assert_eq!(errors(None), plain);
 }
 

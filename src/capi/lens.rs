@@ -4,6 +4,7 @@ use std::sync::{Arc, PoisonError};
 
 use crate::geometry::{Distortion, Intrinsics, Lens};
 use crate::image::{Converter, Mask};
+use crate::residual::Interest;
 use crate::{Camera, Error};
 
 use super::encoder::{Core, nvsp_encoder};
@@ -219,6 +220,55 @@ pub unsafe extern "C" fn nvsp_encoder_set_mask(
                 Mask::from_gray(width, height, bytes, stride)?
             };
             core.see(|seen| seen.mask = Some(Arc::new(mask)))?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
+/// Sets which parts of the picture get more of the bytes from here on: what the pilot looks at. `weights` has `columns`
+/// times `rows` values from 1 to 255, row by row, laid over the picture in cells of equal size. An error in a cell of
+/// weight 8 counts eight times as much as one in a cell of weight 1. At the same budget the other parts get fewer bytes;
+/// NVSP_RATE_PSNR stays that of the whole picture. The topside needs to know nothing of it. It may change from frame to
+/// frame, as the pilot's cursor moves. WebP knows no such parts. Allocates a byte per cell. If the call fails, the weights
+/// before stay. Example:
+///
+/// ```c
+/// uint8_t weights[9] = {1, 1, 1, 1, 8, 1, 1, 1, 1}; /* the middle ninth */
+/// status = nvsp_encoder_set_interest(encoder, 3, 3, weights, sizeof weights);
+/// ```
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT
+/// if a side has no cells or more than 4096, `size` is not columns times rows, or a weight is 0.
+///
+/// # Safety
+/// - `encoder`: a live encoder. Not NULL.
+/// - `weights`: `size` bytes, read during the call. NULL, with sides and size of 0: all parts count the same.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_set_interest(
+    encoder: *mut nvsp_encoder,
+    columns: u32,
+    rows: u32,
+    weights: *const u8,
+    size: usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
+            let mut core = content.core()?;
+            if weights.is_null() && (columns, rows, size) == (0, 0, 0) {
+                core.encoder.set_interest(None);
+                return Ok(NVSP_OK);
+            }
+            let bytes = slice(weights, size, "weights")?;
+            let interest = {
+                let _memory = core.limits.mask(columns, rows)?;
+                Interest::map(columns, rows, bytes)
+            };
+            let wrong = |_| {
+                let what = "weights: columns and rows of 1 to 4096, as many weights as cells, none of them 0";
+                Failure::argument(what)
+            };
+            core.encoder.set_interest(Some(interest.map_err(wrong)?));
             Ok(NVSP_OK)
         })
     }

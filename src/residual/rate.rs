@@ -197,9 +197,9 @@ impl ResidualEncoder {
         self.encode_own(camera, render, rate, overhead, Some(stream))
     }
 
-    /// Sets which parts of the picture get more of the bits, from here on. Allocates if they changed. WebP knows no such
+    /// Sets which parts of the picture get more of the bits, from here on; `None`: all get the same. WebP knows no such
     /// parts.
-    pub fn set_interest(&mut self, interest: Option<&Interest>) {
+    pub fn set_interest(&mut self, interest: Option<&Arc<Interest>>) {
         if let AnyEncoder::Wavelet(coder) = &mut self.coder {
             coder.set_interest(interest);
         }

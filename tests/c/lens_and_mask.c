@@ -205,6 +205,44 @@ static void masks_in_use(void) {
     free(arm);
 }
 
+// A region of interest gets more of the bytes.
+static void interest(void) {
+    const nvsp_image image = scene_image(&dive, 0);
+    uint8_t packets[3][4096];
+    size_t sizes[3];
+    const uint8_t weights[6] = {1, 1, 200, 1, 1, 1}, even[1] = {9};
+    nvsp_encoder *encoder = NULL;
+    for (int i = 0; i < 3; i++) {
+        encoder = new_encoder();
+        if (i == 1) {
+            EXPECT(NVSP_OK, nvsp_encoder_set_interest(encoder, 3, 2, weights, sizeof weights));
+        } else if (i == 2) {
+            EXPECT(NVSP_OK, nvsp_encoder_set_interest(encoder, 3, 2, weights, sizeof weights));
+            EXPECT(NVSP_OK, nvsp_encoder_set_interest(encoder, 1, 1, even, sizeof even));
+        }
+        EXPECT(NVSP_OK, nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, 250));
+        sizes[i] = encode(encoder, &image, packets[i], NULL);
+        if (i < 2) {
+            nvsp_encoder_destroy(encoder);
+        }
+    }
+    CHECK(sizes[0] <= 250 && sizes[1] <= 250);
+    CHECK(sizes[0] != sizes[1] || memcmp(packets[0], packets[1], sizes[0]) != 0);
+    CHECK(sizes[0] == sizes[2] && memcmp(packets[0], packets[2], sizes[0]) == 0);
+
+    const uint8_t none[6] = {1, 1, 0, 1, 1, 1};
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_set_interest(encoder, 3, 2, none, 6));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_set_interest(encoder, 3, 2, weights, 5));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_set_interest(encoder, 0, 0, weights, 0));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_set_interest(encoder, 5000, 1, weights, 6));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_set_interest(encoder, UINT32_MAX, UINT32_MAX, weights, 6));
+    CHECK(says(encoder, "none of them 0"));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_interest(encoder, 3, 2, NULL, 6));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_interest(NULL, 3, 2, weights, 6));
+    EXPECT(NVSP_OK, nvsp_encoder_set_interest(encoder, 0, 0, NULL, 0));
+    nvsp_encoder_destroy(encoder);
+}
+
 static void refused_masks(void) {
     const size_t count = (size_t)dive.camera.width * dive.camera.height;
     uint8_t *pixels = calloc(count, 1);
@@ -256,6 +294,7 @@ int main(int argc, char **argv) {
     lenses_in_use();
     refused_lenses();
     masks_in_use();
+    interest();
     refused_masks();
     rig_close(&both);
     scene_free(&dive);

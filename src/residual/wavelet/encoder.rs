@@ -1,5 +1,7 @@
 //! The vehicle's side: a difference picture as bytes.
 
+use std::sync::Arc;
+
 use crate::Picture;
 
 use super::super::interest::Interest;
@@ -54,7 +56,7 @@ impl WaveletEncoder {
             wanted: std::array::from_fn(|_| vec![0.0; len]),
             chosen: std::array::from_fn(|_| vec![0; len]),
             gains: LevelGains::default(),
-            prices: Prices::default(),
+            prices: Prices::new(&frame.geometry),
             pass: Pass::new(&frame.geometry),
             predictors: Predictors::new(tables, &Tables::stream()),
             frame,
@@ -73,7 +75,7 @@ impl WaveletEncoder {
     }
 
     /// Sets which parts of the picture count more, from here on.
-    pub fn set_interest(&mut self, interest: Option<&Interest>) {
+    pub fn set_interest(&mut self, interest: Option<&Arc<Interest>>) {
         self.prices.set(&self.frame.geometry, interest);
     }
 

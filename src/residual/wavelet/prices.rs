@@ -1,26 +1,31 @@
 //! What a bit is worth at each coefficient, if parts of the picture count more than others.
 
+use std::sync::Arc;
+
 use super::super::interest::Interest;
 use super::geometry::{Band, Geometry};
 
-/// By the place of a coefficient in the transformed plane.
-#[derive(Default)]
+/// By the place of a coefficient in the transformed plane. Their memory is taken with the first.
 pub struct Prices {
-    /// How many times more a bit costs than where the weight is greatest; empty: the same everywhere.
+    /// How many times more a bit costs than where the weight is greatest.
     factors: Vec<f32>,
-    of: Option<Interest>,
+    of: Option<Arc<Interest>>,
 }
 
 impl Prices {
-    /// Sets them for a region of interest, if it is another than before.
-    pub fn set(&mut self, geometry: &Geometry, interest: Option<&Interest>) {
-        if self.of.as_ref() == interest {
+    /// The same everywhere.
+    pub fn new(geometry: &Geometry) -> Prices {
+        Prices { factors: vec![1.0; geometry.len()], of: None }
+    }
+
+    /// Sets them for a region of interest, if it is another object than before.
+    pub fn set(&mut self, geometry: &Geometry, interest: Option<&Arc<Interest>>) {
+        if self.of.as_ref().map(Arc::as_ptr) == interest.map(Arc::as_ptr) {
             return;
         }
         self.of = interest.cloned();
-        self.factors.clear();
+        self.factors.fill(1.0);
         let Some(interest) = interest else { return };
-        self.factors.resize(geometry.len(), 1.0);
         let greatest = f32::from(interest.greatest());
         for band in geometry.bands() {
             for (y, row) in band.rows(geometry).enumerate() {
@@ -33,7 +38,7 @@ impl Prices {
 
     /// The factor of a coefficient.
     pub fn factor(&self, place: usize) -> f32 {
-        self.factors.get(place).copied().unwrap_or(1.0)
+        self.factors[place]
     }
 }
 
@@ -55,10 +60,10 @@ mod tests {
     #[test]
     fn bits_are_cheap_where_the_weight_is_great() {
         let geometry = Geometry::new(64, 48);
-        let mut prices = Prices::default();
+        let mut prices = Prices::new(&geometry);
         assert_eq!(prices.factor(5), 1.0);
         let interest = Interest::rectangle((64, 48), 0..16, 0..16, 8).unwrap();
-        prices.set(&geometry, Some(&interest));
+        prices.set(&geometry, Some(&Arc::new(interest)));
         for band in geometry.bands() {
             for (y, row) in band.rows(&geometry).enumerate() {
                 for (x, place) in row.enumerate() {

@@ -1,5 +1,7 @@
 //! The wavelet coder at a rate: by quality, by a budget, or by the picture wanted.
 
+use std::sync::Arc;
+
 use crate::Picture;
 use crate::packet::{Coder, Reference, Residual, residual_part_len};
 
@@ -146,7 +148,7 @@ impl RateEncoder {
     }
 
     /// Sets which parts of the picture count more, from here on.
-    pub fn set_interest(&mut self, interest: Option<&Interest>) {
+    pub fn set_interest(&mut self, interest: Option<&Arc<Interest>>) {
         self.encoder.set_interest(interest);
     }
 

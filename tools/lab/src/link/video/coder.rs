@@ -52,7 +52,7 @@ impl Coder {
             Coder::X265 => format!(
                 "-pix_fmt yuv420p -preset slow -bf 0 -tune psnr -x265-params \
                  log-level=error:keyint={refresh}:min-keyint={refresh}:intra-refresh=1:\
-                 rc-lookahead=0:slices=1:frame-threads=1:repeat-headers=0:scenecut=0"
+                 rc-lookahead=0:slices=1:frame-threads=1:repeat-headers=1:scenecut=0"
             ),
             Coder::SvtAv1 => {
                 format!("-pix_fmt yuv420p -preset 5 -g {refresh} -svtav1-params pred-struct=1")
