@@ -2,9 +2,9 @@
  *
  * A vehicle and its topside hold the same trained scene, the prior. For each camera frame an encoder finds the pose at
  * which the prior looks most like the frame. It packs the pose with a coded difference picture. A decoder renders the
- * prior at the pose and adds the difference. Packets travel in modem frames. On a link that
- * loses some, a sender spreads each packet over frames of which any few give a picture, and a collector puts them together.
- * If all arrive, nvsp_modem_frame splits a packet, and a reassembler puts it together.
+ * prior at the pose and adds the difference. Packets travel in modem frames. On a link that loses some, a sender
+ * spreads each packet over frames of which any few give a picture, and a collector puts them together. If all arrive,
+ * nvsp_modem_frame splits a packet, and a reassembler puts it together.
  *
  * The contract of every function:
  *
@@ -21,14 +21,14 @@
  * Parameters. One line per parameter says what it is, its unit, and whether NULL is allowed. If it is not, NULL gives
  *   NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot check it.
  * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
- *   decoder, a sender, a collector or a reassembler: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a handle while it is
- *   destroyed, or afterwards.
+ *   decoder, a sender, a collector or a reassembler: a second one gets NVSP_ERR_BUSY and does no harm. No thread may
+ *   use a handle while it is destroyed, or afterwards.
  * Waiting. A call waits only if its comment says so, and only for the device, no longer than
  *   nvsp_engine_options.watchdog_milliseconds for one piece of work. Building pipelines, in nvsp_engine_create and the
  *   first nvsp_prior_open, takes as long as the driver takes. No call waits for another program, a file (except
  *   nvsp_prior_open) or a network.
- * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting, sharing and their ways back allocate nothing on
- *   the host once they have run a first time. A call that allocates first sets aside as much as it may need at most. If
+ * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting, sharing and
+ *   putting together allocate nothing on the host once they have run a first time. A call that allocates first sets aside as much as it may need at most. If
  *   the system does not have it, the call fails with NVSP_ERR_MEMORY, and nothing has changed. The library itself never
  *   ends the process for want of memory, wherever that comes from (nvsp_set_allocator). A Vulkan driver may: Mesa's does, while it compiles.
  * Structures. Every structure begins with struct_size. Set it up with NVSP_INIT(&structure), or as
