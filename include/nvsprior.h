@@ -359,6 +359,13 @@ template <class Structure> inline Structure nvsp_initialized() {
 // nvsp_sender_options.loss: the link loses nothing.
 #define NVSP_LOSS_NONE -1.0
 
+// nvsp_sender_options.flags: the topside answers with reports, nvsp_sender_hear. The sender then remembers the packets of twice
+// the latency.
+#define NVSP_SENDER_ANSWERS 1
+
+// Most frames in a report.
+#define NVSP_REPORT_FRAMES 32
+
 // The share's packet was complete before.
 #define NVSP_EVENT_SURPLUS 6
 
@@ -1123,8 +1130,8 @@ typedef struct nvsp_sender_options {
   uint32_t user_bytes;
   // The stream that the packets are of, 0 to 3: up to four encoders may share a link, each with a sender.
   uint32_t stream;
-  // Zero.
-  uint32_t reserved;
+  // NVSP_SENDER_* flags.
+  uint32_t flags;
 } nvsp_sender_options;
 
 // How a packet was divided.
@@ -1146,6 +1153,34 @@ typedef struct nvsp_division {
   // Bytes on the link, the overhead of each share counted.
   uint32_t link_bytes;
 } nvsp_division;
+
+// What a topside told, and what the sender made of it.
+typedef struct nvsp_heard {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // Shares that were lost, as a part of those that no report told of before; -1: too few to tell.
+  double loss;
+  // Shares that are sent again: pictures lacked them.
+  uint32_t resent_shares;
+  // Bytes of them on the link.
+  uint32_t resent_bytes;
+  // The newest frame number of which a share came, modulo 65536.
+  uint32_t newest;
+  // How many packets the report tells of: that of `newest`, and those before it.
+  uint32_t told;
+  // Place of the topside's user bytes in the report.
+  uint32_t user_offset;
+  // How many they are.
+  uint32_t user_bytes;
+  // Frames that the topside decoded in full: tell each to nvsp_encoder_acknowledge.
+  uint32_t kept_count;
+  // Their numbers modulo 65536, newest first.
+  uint32_t kept[NVSP_REPORT_FRAMES];
+  // Zero.
+  uint32_t reserved;
+} nvsp_heard;
 
 // Counts since the sender was made.
 typedef struct nvsp_sender_statistics {
@@ -1171,6 +1206,8 @@ typedef struct nvsp_sender_statistics {
   double burst;
   // The bit rate now, bit/s.
   double bit_rate;
+  // Shares that were sent again.
+  uint64_t resent;
 } nvsp_sender_statistics;
 
 // How to collect shares.
@@ -2409,6 +2446,34 @@ nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
                              size_t size,
                              size_t *written) NVSP_NONNULL(1, 3, 5);
 
+// Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells, step by
+// step. Shares that a picture still lacks are sent again, once, if they come within the latency: nvsp_sender_next gives
+// them at once. Padding may follow the report. Allocates nothing. Example:
+//
+//     nvsp_heard heard = NVSP_INITIALIZER(nvsp_heard);
+//     if (nvsp_sender_hear(sender, now, bytes, size, &heard) == NVSP_OK) {
+//         for (uint32_t i = 0; i < heard.kept_count; i++) {
+//             status = nvsp_encoder_acknowledge(encoder, heard.kept[i]);
+//         }
+//     }
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY,
+// NVSP_ERR_POISONED, NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE (the sender was made
+// without NVSP_SENDER_ANSWERS). Nothing changes then.
+//
+// Parameters:
+// - `sender`: a live sender. Not NULL.
+// - `now`: when the report came, seconds.
+// - `report`: its bytes. Read during the call. Not NULL.
+// - `size`: bytes of `report`.
+// - `heard`: receives what it told, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_sender_hear(struct nvsp_sender *sender,
+                             double now,
+                             const uint8_t *report,
+                             size_t size,
+                             struct nvsp_heard *heard) NVSP_NONNULL(1, 3, 5);
+
 // Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
@@ -2630,6 +2695,35 @@ nvsp_status nvsp_collector_missing(struct nvsp_collector *collector,
                                    uint32_t *indices,
                                    uint32_t room,
                                    uint32_t *count) NVSP_NONNULL(1, 6);
+
+// Writes what has come of a stream's newest packets, for the vehicle: a modem frame for the return channel, which
+// nvsp_sender_hear reads. Send one now and then, for example each second. If not all packets fit, it tells of the newest
+// ones. Returns NVSP_PENDING if no packet has given a picture yet, and writes nothing then. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
+// NVSP_ERR_MODEM (`size` is too small for any report).
+//
+// Parameters:
+// - `collector`: a live collector. Not NULL.
+// - `stream`: the stream.
+// - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. Read
+//   during the call. NULL only if `kept_count` is 0.
+// - `kept_count`: how many. Frames that the report does not tell of are ignored.
+// - `user`: bytes of yours that go with the report. Read during the call. NULL: none.
+// - `user_size`: bytes of `user`, at most 255.
+// - `report`: receives the report. Yours, of `size` bytes. Not NULL.
+// - `size`: most bytes of a modem frame.
+// - `written`: receives the report's length, bytes. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_collector_report(struct nvsp_collector *collector,
+                                  uint32_t stream,
+                                  const uint32_t *kept,
+                                  uint32_t kept_count,
+                                  const uint8_t *user,
+                                  size_t user_size,
+                                  uint8_t *report,
+                                  size_t size,
+                                  size_t *written) NVSP_NONNULL(1, 7, 9);
 
 // Copies the counts.
 //

@@ -197,7 +197,7 @@ impl Encoder {
 
     /// Tells the encoder that the topside has decoded a frame in full, residual and all:
     /// [`Decoded::kept`](crate::Decoded::kept). In a stream of [`Structure::Acknowledged`] later frames lean on it. `frame`
-    /// may be modulo 2²⁴. Frames that are unknown, or too old to be leaned on, change nothing.
+    /// may be modulo 2¹⁶, as reports tell it. Frames that are unknown, or too old to be leaned on, change nothing.
     pub fn acknowledge(&mut self, frame: u32) {
         self.acknowledged.add(frame);
     }

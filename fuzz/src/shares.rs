@@ -89,9 +89,9 @@ fn look(collector: &Collector, stream: u8, sent: Option<&Vec<Shared>>) {
     }
     let report = collector.report(stream, |frame| frame % 2 == 0).expect("a stream in range");
     let Some(report) = report else { return };
-    let mut bytes = Vec::new();
-    report.write(4096, Some(b"user"), &mut bytes).expect("room for a report");
-    let (read, user) = Report::read(&bytes).expect("what was written is read");
+    let mut bytes = [0; 4096];
+    let len = report.write(Some(b"user"), &mut bytes).expect("room for a report");
+    let (read, user) = Report::read(&bytes[..len]).expect("what was written is read");
     assert_eq!(user, Some(&b"user"[..]));
     for ((number, told), (written, said)) in read.packets().zip(report.packets()) {
         assert_eq!((number, told.state), (written, said.state));

@@ -429,6 +429,58 @@ pub unsafe extern "C" fn nvsp_collector_missing(
     }
 }
 
+/// Writes what has come of a stream's newest packets, for the vehicle: a modem frame for the return channel, which
+/// nvsp_sender_hear reads. Send one now and then, for example each second. If not all packets fit, it tells of the newest
+/// ones. Returns NVSP_PENDING if no packet has given a picture yet, and writes nothing then. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
+/// NVSP_ERR_MODEM (`size` is too small for any report).
+///
+/// # Safety
+/// - `collector`: a live collector. Not NULL.
+/// - `stream`: the stream.
+/// - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. Read
+///   during the call. NULL only if `kept_count` is 0.
+/// - `kept_count`: how many. Frames that the report does not tell of are ignored.
+/// - `user`: bytes of yours that go with the report. Read during the call. NULL: none.
+/// - `user_size`: bytes of `user`, at most 255.
+/// - `report`: receives the report. Yours, of `size` bytes. Not NULL.
+/// - `size`: most bytes of a modem frame.
+/// - `written`: receives the report's length, bytes. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_collector_report(
+    collector: *mut nvsp_collector,
+    stream: u32,
+    kept: *const u32,
+    kept_count: u32,
+    user: *const u8,
+    user_size: usize,
+    report: *mut u8,
+    size: usize,
+    written: *mut usize,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_collector::handle(collector), |content| {
+            if report.is_null() || written.is_null() || (kept.is_null() && kept_count > 0) {
+                return Err(Failure::null("kept, report or written"));
+            }
+            let stream = stream_of(content, stream)?;
+            let into = slice_mut(report, size, "report")?;
+            let user = match user.is_null() {
+                true if user_size > 0 => return Err(Failure::null("user")),
+                true => None,
+                false => Some(slice(user, user_size, "user")?),
+            };
+            let is_kept =
+                |frame: u32| (0..kept_count as usize).any(|k| *kept.add(k) as u16 == frame as u16);
+            let Some(told) = content.report(stream, is_kept)? else { return Ok(NVSP_PENDING) };
+            *written = told.write(user, into)?;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
 /// Copies the counts.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or NVSP_ERR_POISONED.

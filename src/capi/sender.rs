@@ -3,7 +3,9 @@
 use std::ffi::c_char;
 use std::ptr::null_mut;
 
-use crate::modem::{Loss, RateControlOptions, Sender, SenderOptions, Sharing};
+use crate::modem::{
+    Heard, Loss, PacketState, RateControlOptions, Report, Sender, SenderOptions, Sharing,
+};
 
 use super::handle::{Handle, Opaque};
 use super::image::{slice, slice_mut};
@@ -38,6 +40,10 @@ impl Opaque for nvsp_sender {
 
 /// nvsp_sender_options.loss: the link loses nothing.
 pub const NVSP_LOSS_NONE: f64 = -1.0;
+
+/// nvsp_sender_options.flags: the topside answers with reports, nvsp_sender_hear. The sender then remembers the packets of twice
+/// the latency.
+pub const NVSP_SENDER_ANSWERS: u32 = 1;
 
 /// A link, and what its pictures should be.
 #[allow(non_camel_case_types)]
@@ -75,8 +81,8 @@ pub struct nvsp_sender_options {
     pub user_bytes: u32,
     /// The stream that the packets are of, 0 to 3: up to four encoders may share a link, each with a sender.
     pub stream: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// NVSP_SENDER_* flags.
+    pub flags: u32,
 }
 versioned!(nvsp_sender_options, 88);
 
@@ -131,8 +137,45 @@ pub struct nvsp_sender_statistics {
     pub burst: f64,
     /// The bit rate now, bit/s.
     pub bit_rate: f64,
+    /// Shares that were sent again.
+    pub resent: u64,
 }
-versioned!(nvsp_sender_statistics, 80);
+versioned!(nvsp_sender_statistics, 88);
+
+/// Most frames in a report.
+pub const NVSP_REPORT_FRAMES: usize = 32;
+
+/// What a topside told, and what the sender made of it.
+#[allow(non_camel_case_types)]
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_heard {
+    /// Set by NVSP_INIT.
+    pub struct_size: u32,
+    /// Set by NVSP_INIT.
+    pub abi_version: u32,
+    /// Shares that were lost, as a part of those that no report told of before; -1: too few to tell.
+    pub loss: f64,
+    /// Shares that are sent again: pictures lacked them.
+    pub resent_shares: u32,
+    /// Bytes of them on the link.
+    pub resent_bytes: u32,
+    /// The newest frame number of which a share came, modulo 65536.
+    pub newest: u32,
+    /// How many packets the report tells of: that of `newest`, and those before it.
+    pub told: u32,
+    /// Place of the topside's user bytes in the report.
+    pub user_offset: u32,
+    /// How many they are.
+    pub user_bytes: u32,
+    /// Frames that the topside decoded in full: tell each to nvsp_encoder_acknowledge.
+    pub kept_count: u32,
+    /// Their numbers modulo 65536, newest first.
+    pub kept: [u32; NVSP_REPORT_FRAMES],
+    /// Zero.
+    pub reserved: u32,
+}
+versioned!(nvsp_heard, 176);
 
 /// Most shares of a packet: the time that a division takes grows with the cube of their number.
 const MOST_SHARES: u32 = 64;
@@ -145,8 +188,8 @@ fn options_of(mtu: u32, options: &nvsp_sender_options) -> Result<SenderOptions, 
     if options.stream > 3 {
         return Err(Failure::argument("nvsp_sender_options.stream: above 3"));
     }
-    if options.reserved != 0 {
-        return Err(Failure::argument("nvsp_sender_options.reserved: not zero"));
+    if options.flags & !NVSP_SENDER_ANSWERS != 0 {
+        return Err(Failure::argument("nvsp_sender_options.flags: unknown"));
     }
     let or = |value: f64, default: f64| if value == 0.0 { default } else { value };
     let or_count = |value: u32, default: usize| if value == 0 { default } else { value as usize };
@@ -163,7 +206,8 @@ fn options_of(mtu: u32, options: &nvsp_sender_options) -> Result<SenderOptions, 
         loss: loss_of(or(options.loss, 0.1), options.burst),
         user: (user_bytes > 0).then_some(user_bytes as usize),
     };
-    Ok(SenderOptions { control, stream: options.stream as u8 })
+    let answers = options.flags & NVSP_SENDER_ANSWERS != 0;
+    Ok(SenderOptions { control, stream: options.stream as u8, answers })
 }
 
 fn loss_of(chance: f64, burst: f64) -> Loss {
@@ -320,6 +364,53 @@ pub unsafe extern "C" fn nvsp_sender_next(
     }
 }
 
+/// Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells, step by
+/// step. Shares that a picture still lacks are sent again, once, if they come within the latency: nvsp_sender_next gives
+/// them at once. Padding may follow the report. Allocates nothing. Example:
+///
+/// ```c
+/// nvsp_heard heard = NVSP_INITIALIZER(nvsp_heard);
+/// if (nvsp_sender_hear(sender, now, bytes, size, &heard) == NVSP_OK) {
+///     for (uint32_t i = 0; i < heard.kept_count; i++) {
+///         status = nvsp_encoder_acknowledge(encoder, heard.kept[i]);
+///     }
+/// }
+/// ```
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY,
+/// NVSP_ERR_POISONED, NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE (the sender was made
+/// without NVSP_SENDER_ANSWERS). Nothing changes then.
+///
+/// # Safety
+/// - `sender`: a live sender. Not NULL.
+/// - `now`: when the report came, seconds.
+/// - `report`: its bytes. Read during the call. Not NULL.
+/// - `size`: bytes of `report`.
+/// - `heard`: receives what it told, set up by NVSP_INIT. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_hear(
+    sender: *mut nvsp_sender,
+    now: f64,
+    report: *const u8,
+    size: usize,
+    heard: *mut nvsp_heard,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_sender::handle(sender), |content| {
+            let out = Out::required(heard)?;
+            if report.is_null() {
+                return Err(Failure::null("report"));
+            }
+            let bytes = slice(report, size, "report")?;
+            let (report, user) = Report::read(bytes)?;
+            let told = content.hear(now, &report)?;
+            out.write(&heard_of(&report, &told, bytes, user));
+            Ok(NVSP_OK)
+        })
+    }
+}
+
 /// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
@@ -440,6 +531,7 @@ pub unsafe extern "C" fn nvsp_sender_get_statistics(
                 loss: control.loss.chance,
                 burst: control.loss.burst,
                 bit_rate: control.bit_rate,
+                resent: counts.resent,
             });
             Ok(NVSP_OK)
         })
@@ -474,6 +566,27 @@ pub unsafe extern "C" fn nvsp_sender_destroy(sender: *mut nvsp_sender) {
 
 fn number(value: usize) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)
+}
+
+fn heard_of(report: &Report, heard: &Heard, bytes: &[u8], user: Option<&[u8]>) -> nvsp_heard {
+    let mut kept = [0; NVSP_REPORT_FRAMES];
+    let frames = report.packets().filter(|(_, told)| told.state == PacketState::Kept);
+    let kept_count = kept.iter_mut().zip(frames).map(|(to, (frame, _))| *to = frame).count();
+    let offset = |user: &[u8]| user.as_ptr().addr() - bytes.as_ptr().addr();
+    nvsp_heard {
+        struct_size: 0,
+        abi_version: 0,
+        loss: heard.loss.unwrap_or(-1.0),
+        resent_shares: number(heard.shares),
+        resent_bytes: number(heard.bytes),
+        newest: report.newest(),
+        told: number(report.packets().count()),
+        user_offset: number(user.map_or(0, offset)),
+        user_bytes: number(user.map_or(0, <[u8]>::len)),
+        kept_count: number(kept_count),
+        kept,
+        reserved: 0,
+    }
 }
 
 fn division_of(sharing: &Sharing, sender: &Sender, packet: usize) -> nvsp_division {

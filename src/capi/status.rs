@@ -247,7 +247,7 @@ fn of_modem(error: &ModemError) -> nvsp_status {
         | E::UserBytes(_)
         | E::Time(_) => NVSP_ERR_ARGUMENT,
         E::Budget { .. } => NVSP_ERR_BUDGET,
-        E::NotPlanned => NVSP_ERR_STATE,
+        E::NotPlanned | E::NoAnswers => NVSP_ERR_STATE,
         E::Waiting { .. } => NVSP_ERR_UNFINISHED,
         _ => NVSP_ERR_MODEM,
     }

@@ -147,6 +147,17 @@ pub enum ModemError {
         /// Least bytes of the report.
         needed: usize,
     },
+    /// The report is about another stream than the sender's.
+    #[error("a report about stream {found}: the sender's is {expected}")]
+    ReportStream {
+        /// The report's stream.
+        found: u8,
+        /// The sender's.
+        expected: u8,
+    },
+    /// The sender remembers nothing that a report could be about.
+    #[error("a report for a sender that was made without `answers`")]
+    NoAnswers,
     /// The share does not fit the others of its packet.
     #[error("share of frame number {0} modulo 128: unlike the packet's other shares")]
     OtherShare(u32),

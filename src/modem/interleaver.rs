@@ -70,13 +70,17 @@ impl Interleaver {
     pub fn push(&mut self, now: f64, shares: &Sharer) {
         let steps = shares.count().saturating_sub(1).max(1) as f64;
         for index in 0..shares.count() {
-            let due = now + self.spread * index as f64 / steps;
-            let at = self.waiting.partition_point(|waiting| waiting.due <= due);
-            let mut share = self.spare.pop().unwrap_or_default();
-            share.clear();
-            share.extend(shares.get(index));
-            self.waiting.insert(at, Waiting { due, share });
+            self.push_share(now + self.spread * index as f64 / steps, shares.get(index));
         }
+    }
+
+    /// Takes a share by itself, and when it is due, seconds.
+    pub(super) fn push_share(&mut self, due: f64, bytes: &[u8]) {
+        let at = self.waiting.partition_point(|waiting| waiting.due <= due);
+        let mut share = self.spare.pop().unwrap_or_default();
+        share.clear();
+        share.extend(bytes);
+        self.waiting.insert(at, Waiting { due, share });
     }
 
     /// The next share, if it is due at `now`: the time at which it was, and the share.

@@ -51,6 +51,7 @@
 mod assembly;
 mod error;
 mod fragment;
+mod history;
 mod interleaver;
 mod layout;
 mod packet_slot;
@@ -69,7 +70,7 @@ pub use layout::{frame_count, largest_packet};
 pub use rate_control::{RateControl, RateControlOptions};
 pub use reassembler::{Reassembler, ReassemblerOptions, Received};
 pub use report::{ArrivedShares, MOST_TOLD, PacketState, Report, ToldPacket};
-pub use sender::{Sender, SenderOptions, SenderStatistics};
+pub use sender::{Heard, Sender, SenderOptions, SenderStatistics};
 pub use shares::{
     Collected, CollectedPacket, Collector, CollectorOptions, Layer, Loss, MAX_SHARES, STREAMS,
     ShareStatistics, Sharer, Sharing, SharingOptions,

@@ -159,16 +159,13 @@ impl Report {
         numbers.zip(&self.packets[..self.told])
     }
 
-    /// Appends the report to `bytes`, with user bytes. If not all packets fit `mtu` bytes, it tells of the newest ones.
+    /// Writes the report with user bytes, and returns its length. `into` has as many bytes as a modem frame may have. If not
+    /// all packets fit, it tells of the newest ones.
     ///
     /// # Errors
     /// If there are more than 255 user bytes, or the report does not fit even without packets.
-    pub fn write(
-        &self,
-        mtu: usize,
-        user: Option<&[u8]>,
-        bytes: &mut Vec<u8>,
-    ) -> Result<(), ModemError> {
+    pub fn write(&self, user: Option<&[u8]>, into: &mut [u8]) -> Result<usize, ModemError> {
+        let mtu = into.len();
         let user_len = user.map_or(0, |user| 1 + user.len());
         if user_len > 1 + MOST_USER {
             return Err(ModemError::UserBytes(user_len - 1));
@@ -176,25 +173,25 @@ impl Report {
         let needed = HEAD + user_len + CHECK;
         let room = mtu.checked_sub(needed).ok_or(ModemError::ReportMtu { mtu, needed })?;
         let told = &self.packets[..self.fitting(room)];
-        let start = bytes.len();
+        let mut bytes = Written { into, len: 0 };
         let mark = MARK | self.stream << STREAM_SHIFT | if user.is_some() { USER } else { 0 };
         let [low, high, ..] = self.newest.to_le_bytes();
-        bytes.extend([mark, low, high, told.len() as u8]);
-        bytes.extend(told.iter().map(|packet| {
+        bytes.add(&[mark, low, high, told.len() as u8]);
+        for packet in told {
             let arrived = packet.arrived.min(MOST_ARRIVED.into()) as u8;
-            packet.state as u8 | arrived << 2
-        }));
+            bytes.add(&[packet.state as u8 | arrived << 2]);
+        }
         for packet in told.iter().filter(|packet| packet.lists_shares()) {
-            bytes.push((packet.shares.sent() - 1) as u8);
-            bytes.extend(packet.shares.bytes());
+            bytes.add(&[(packet.shares.sent() - 1) as u8]);
+            bytes.add(packet.shares.bytes());
         }
         if let Some(user) = user {
-            bytes.push(user.len() as u8);
-            bytes.extend(user);
+            bytes.add(&[user.len() as u8]);
+            bytes.add(user);
         }
-        let check = crc16(&[&bytes[start..]]);
-        bytes.extend(check.to_le_bytes());
-        Ok(())
+        let check = crc16(&[&bytes.into[..bytes.len]]);
+        bytes.add(&check.to_le_bytes());
+        Ok(bytes.len)
     }
 
     /// How many packets fit so many bytes.
@@ -258,6 +255,19 @@ impl ToldPacket {
     }
 }
 
+/// What is written so far. There is room for all: see [`Report::fitting`].
+struct Written<'a> {
+    into: &'a mut [u8],
+    len: usize,
+}
+
+impl Written<'_> {
+    fn add(&mut self, bytes: &[u8]) {
+        self.into[self.len..][..bytes.len()].copy_from_slice(bytes);
+        self.len += bytes.len();
+    }
+}
+
 /// What is not read yet.
 struct Rest<'a> {
     all: &'a [u8],
@@ -307,8 +317,9 @@ mod tests {
     }
 
     fn written(mtu: usize, user: Option<&[u8]>) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        report().write(mtu, user, &mut bytes).unwrap();
+        let mut bytes = vec![0; mtu];
+        let len = report().write(user, &mut bytes).unwrap();
+        bytes.truncate(len);
         bytes
     }
 
@@ -341,9 +352,9 @@ mod tests {
         // A head of four bytes, four for the newest packet, and two of check.
         let (read, _) = Report::read(&written(11, None)).map(|(read, _)| (read, ())).unwrap();
         assert_eq!(read.packets().count(), 2);
-        let refused = report().write(8, Some(b"abc"), &mut Vec::new());
+        let refused = report().write(Some(b"abc"), &mut [0; 8]);
         assert_eq!(refused, Err(ModemError::ReportMtu { mtu: 8, needed: 10 }));
-        let many = report().write(1000, Some(&[0; 256]), &mut Vec::new());
+        let many = report().write(Some(&[0; 256]), &mut [0; 1000]);
         assert_eq!(many, Err(ModemError::UserBytes(256)));
     }
 
@@ -364,9 +375,9 @@ mod tests {
         #[test]
         fn any_bytes_are_read_or_refused(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
             if let Ok((report, user)) = Report::read(&bytes) {
-                let mut again = Vec::new();
-                report.write(usize::MAX, user, &mut again).unwrap();
-                prop_assert_eq!(Report::read(&again), Ok((report, user)));
+                let mut again = [0; 2048];
+                let len = report.write(user, &mut again).unwrap();
+                prop_assert_eq!(Report::read(&again[..len]), Ok((report, user)));
             }
         }
     }

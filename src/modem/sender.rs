@@ -2,8 +2,11 @@
 
 use crate::packet::{Extent, SHORT_LATENT_LEN};
 
+use super::history::History;
 use super::shares::{MAX_SHARES, STREAMS};
-use super::{Interleaver, Loss, ModemError, RateControl, RateControlOptions, Sharer, Sharing};
+use super::{
+    Interleaver, Loss, ModemError, RateControl, RateControlOptions, Report, Sharer, Sharing,
+};
 
 /// How a sender uses its link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,6 +15,8 @@ pub struct SenderOptions {
     pub control: RateControlOptions,
     /// The stream that the packets are of, 0 to 3.
     pub stream: u8,
+    /// The topside answers with reports: [`Sender::hear`]. The sender then remembers what it sent.
+    pub answers: bool,
 }
 
 impl SenderOptions {
@@ -44,7 +49,9 @@ impl SenderOptions {
         self.control()?;
         let RateControlOptions { mtu, most_shares, .. } = self.control;
         let shares = self.waiting() + 3 * most_shares.min(MAX_SHARES) + 2;
-        Ok(shares.saturating_mul(mtu.saturating_add(LIST)))
+        let waiting = shares.saturating_mul(mtu.saturating_add(LIST));
+        let history = if self.answers { History::memory(&self.control) } else { 0 };
+        Ok(waiting.saturating_add(history))
     }
 }
 
@@ -70,6 +77,8 @@ pub struct SenderStatistics {
     pub shares: u64,
     /// Bytes of them on the link, the overhead of each share counted.
     pub bytes: u64,
+    /// Shares that were sent again.
+    pub resent: u64,
 }
 
 /// Takes a vehicle's packets, and gives the modem frames to send: rate control, [`Sharer`] and [`Interleaver`] in one.
@@ -99,7 +108,7 @@ pub struct SenderStatistics {
 ///     loss: Loss { chance: 0.1, burst: 4.0 },
 ///     user: None,
 /// };
-/// let mut sender = Sender::new(SenderOptions { control, stream: 0 })?;
+/// let mut sender = Sender::new(SenderOptions { control, stream: 0, answers: false })?;
 /// for frame in 0..30 {
 ///     let now = f64::from(frame) / 15.0;
 ///     if let Some(bytes) = sender.plan(now)? {
@@ -119,10 +128,36 @@ pub struct Sender {
     stream: u8,
     /// Shares that may wait.
     room: usize,
-    /// The budget of the frame that is to come.
-    planned: Option<usize>,
+    /// The frame that is to come.
+    planned: Option<Plan>,
+    history: Option<History>,
     statistics: SenderStatistics,
 }
+
+/// A frame that is to be sent.
+#[derive(Clone, Copy)]
+struct Plan {
+    /// Bytes on the link.
+    budget: usize,
+    /// When it was exposed, seconds.
+    exposed: f64,
+}
+
+/// What a sender made of a report.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Heard {
+    /// Shares that were lost, as a part of those that no report told of before; `None`: too few to tell.
+    pub loss: Option<f64>,
+    /// Shares that are sent again.
+    pub shares: usize,
+    /// Bytes of them on the link, the overhead of each counted.
+    pub bytes: usize,
+}
+
+/// Part of the loss before in what is believed after a report.
+const MEMORY: f64 = 0.7;
+/// Greatest loss that packets are protected against.
+const MOST_LOSS: f64 = 0.9;
 
 impl Sender {
     /// Allocates [`SenderOptions::memory`].
@@ -139,6 +174,7 @@ impl Sender {
             stream: options.stream,
             room,
             planned: None,
+            history: options.answers.then(|| History::new(&options.control)).transpose()?,
             statistics: SenderStatistics::default(),
         })
     }
@@ -154,7 +190,7 @@ impl Sender {
             let most = self.control.most(budget).ok()?;
             Some((budget, most.capacity()))
         });
-        self.planned = bytes.map(|(budget, _)| budget);
+        self.planned = bytes.map(|(budget, _)| Plan { budget, exposed: now });
         self.statistics.left_out += u64::from(bytes.is_none());
         Ok(bytes.map(|(_, capacity)| capacity))
     }
@@ -176,12 +212,12 @@ impl Sender {
         user: Option<&[u8]>,
     ) -> Result<Sharing, ModemError> {
         check_time(now)?;
-        let budget = self.planned.ok_or(ModemError::NotPlanned)?;
+        let Plan { budget, exposed } = self.planned.ok_or(ModemError::NotPlanned)?;
         let user_len = user.map(<[u8]>::len);
         if user_len != self.control.options().user {
             return Err(ModemError::UserBytes(user_len.unwrap_or(0)));
         }
-        let head = Extent::read(packet)?.head;
+        let Extent { head, frame, .. } = Extent::read(packet)?;
         let sharing = self.divide(budget, head, packet.len())?;
         let waiting = self.interleaver.len() + sharing.count();
         if waiting > self.room {
@@ -192,6 +228,10 @@ impl Sender {
         let bytes = self.control.cost(&sharing);
         self.control.sent(now, bytes);
         self.interleaver.push(now, &self.sharer);
+        if let Some(history) = &mut self.history {
+            let spread = self.control.options().spread;
+            history.add(frame, [exposed, now, spread], &sharing, &self.sharer);
+        }
         self.statistics.packets += 1;
         self.statistics.cut += u64::from(sharing.capacity() < packet.len());
         self.statistics.shares += sharing.count() as u64;
@@ -207,6 +247,46 @@ impl Sender {
         let first = of(budget).ok().filter(whole);
         let first = first.ok_or(()).or_else(|()| of(budget.saturating_mul(BUDGETS)));
         first.or_else(|_| of(all))
+    }
+
+    /// Takes a report that came at `now`, seconds. The protection follows the loss that it tells, step by step. Shares that a
+    /// picture still lacks are sent again, once, if they come within the latency; they are due at once.
+    /// [`Report::packets`] tells which frames later ones may lean on: see [`Encoder::acknowledge`](crate::Encoder::acknowledge).
+    ///
+    /// # Errors
+    /// If the time is not finite, the report is about another stream, or the sender was made without
+    /// [`SenderOptions::answers`]. Nothing changes then.
+    pub fn hear(&mut self, now: f64, report: &Report) -> Result<Heard, ModemError> {
+        check_time(now)?;
+        let (found, expected) = (report.stream(), self.stream);
+        if found != expected {
+            return Err(ModemError::ReportStream { found, expected });
+        }
+        let history = self.history.as_mut().ok_or(ModemError::NoAnswers)?;
+        let mut heard = Heard { loss: history.loss(report), ..Heard::default() };
+        let RateControlOptions { bit_rate, latency, delay, overhead, loss, .. } =
+            *self.control.options();
+        if let Some(measured) = heard.loss {
+            let chance = MEMORY * loss.chance + (1.0 - MEMORY) * measured;
+            self.control.set_loss(Loss { chance: chance.min(MOST_LOSS), ..loss })?;
+        }
+        loop {
+            let (room, waiting) = (self.room, self.interleaver.len());
+            let on_link = |count: usize, len: usize| count * (len + overhead);
+            let in_time = |count: usize, len: usize, exposed: f64| {
+                let seconds = on_link(count, len) as f64 * 8.0 / bit_rate;
+                now + seconds + delay <= exposed + latency && waiting + count <= room
+            };
+            let Some(again) = history.next_to_resend(report, in_time) else { return Ok(heard) };
+            let shares = again.shares.chunks_exact(again.share_len).zip(again.missing);
+            for (share, _) in shares.filter(|(_, missing)| *missing) {
+                self.interleaver.push_share(now, share);
+                heard.shares += 1;
+                heard.bytes += on_link(1, share.len());
+                self.control.sent(now, on_link(1, share.len()));
+                self.statistics.resent += 1;
+            }
+        }
     }
 
     /// The next share, if it is due at `now`: the time at which it was, and the share. Shares that could not be sent in time
@@ -299,7 +379,7 @@ mod tests {
             loss: Loss { chance: 0.2, burst: 1.0 },
             user: None,
         };
-        SenderOptions { control, stream: 1 }
+        SenderOptions { control, stream: 1, answers: false }
     }
 
     /// A packet of at most so many bytes.
@@ -340,11 +420,90 @@ mod tests {
         assert!(shown > 650, "{shown} {:?}", collector.statistics());
     }
 
+    /// Sends so many frames over a link that loses shares by chance. The topside reports every second, and the report comes
+    /// `delay` later. Pictures that came in time, and the sender.
+    fn run(frames: u32, chance: f32, delay: Option<f64>) -> (usize, Sender) {
+        let control = RateControlOptions {
+            latency: 2.5,
+            delay: 0.1,
+            loss: Loss { chance: 0.05, burst: 1.0 },
+            ..options().control
+        };
+        let answers = delay.is_some();
+        let mut sender = Sender::new(SenderOptions { control, stream: 1, answers }).unwrap();
+        let collector = CollectorOptions { streams: 2, packets: 64, ..CollectorOptions::new(64) };
+        let mut collector = Collector::new(collector).unwrap();
+        let mut random = Random::new(7);
+        let mut reports: Vec<(f64, Vec<u8>)> = Vec::new();
+        let mut shown = std::collections::BTreeSet::new();
+        for frame in 0..frames {
+            let now = f64::from(frame) / 15.0;
+            if let Some(bytes) = sender.plan(now).unwrap() {
+                sender.push(now, &packet(frame, bytes), None).unwrap();
+            }
+            while let Some((_, share)) = sender.next(now) {
+                if random.within(0.0, 1.0) < chance {
+                    continue;
+                }
+                let pushed = collector.push(now, share).unwrap();
+                if let Collected::Complete(1, number) | Collected::Grown(1, number) = pushed
+                    && f64::from(number) / 15.0 + 2.5 >= now
+                {
+                    shown.insert(number);
+                }
+            }
+            let Some(delay) = delay else { continue };
+            if frame % 15 == 14
+                && let Some(report) = collector.report(1, |_| false).unwrap()
+            {
+                let mut bytes = vec![0; 200];
+                let len = report.write(None, &mut bytes).unwrap();
+                reports.push((now + delay, bytes[..len].to_vec()));
+            }
+            while reports.first().is_some_and(|(time, _)| *time <= now) {
+                let (report, _) = Report::read(&reports.remove(0).1).map(|(r, _)| (r, ())).unwrap();
+                sender.hear(now, &report).unwrap();
+            }
+        }
+        (shown.len(), sender)
+    }
+
+    #[test]
+    fn reports_bring_back_pictures_and_tell_the_loss() {
+        let (without, deaf) = run(450, 0.4, None);
+        let (with, sender) = run(450, 0.4, Some(0.2));
+        assert_eq!(deaf.statistics().resent, 0);
+        assert!(sender.statistics().resent > 10, "{:?}", sender.statistics());
+        assert!(with > without + 20, "{with} and {without} pictures");
+        let believed = sender.control().options().loss.chance;
+        assert!((0.3..0.5).contains(&believed), "{believed}");
+        // No loss, nothing to send again.
+        let (all, sender) = run(150, 0.0, Some(0.2));
+        // The shares of the last half second wait still.
+        let statistics = sender.statistics();
+        assert!(all as u64 + 8 >= statistics.packets, "{all} {statistics:?}");
+        assert_eq!(statistics.resent, 0);
+        assert!(sender.control().options().loss.chance < 0.02);
+    }
+
+    #[test]
+    fn reports_of_others_are_refused() {
+        let report = |stream| Report::new(stream, 5, std::iter::empty()).unwrap();
+        let mut deaf = Sender::new(options()).unwrap();
+        assert_eq!(deaf.hear(0.0, &report(1)), Err(ModemError::NoAnswers));
+        let mut sender = Sender::new(SenderOptions { answers: true, ..options() }).unwrap();
+        assert_eq!(sender.hear(0.0, &report(1)), Ok(Heard::default()));
+        let other = ModemError::ReportStream { found: 2, expected: 1 };
+        assert_eq!(sender.hear(0.0, &report(2)), Err(other));
+        assert_eq!(sender.hear(f64::NAN, &report(1)).map_err(|_| ()), Err(()));
+    }
+
     #[test]
     fn a_packet_with_the_camera_takes_more_for_once() {
         let tight =
             RateControlOptions { bit_rate: 12_000.0, frame_rate: 30.0, ..options().control };
-        let mut sender = Sender::new(SenderOptions { control: tight, stream: 0 }).unwrap();
+        let mut sender =
+            Sender::new(SenderOptions { control: tight, stream: 0, answers: false }).unwrap();
         sender.plan(0.0).unwrap().unwrap();
         let (profile, payload) = (PoseProfile::Compact, Some(300));
         let long = packet_of(Recipe { frame: 0, profile, camera: true, payload });
@@ -395,7 +554,7 @@ mod tests {
         assert!(sender.set_loss(Loss { chance: 1.5, burst: 1.0 }).is_err());
         assert!(Sender::new(SenderOptions { stream: 4, ..options() }).is_err());
         let control = RateControlOptions { most_shares: 257, ..options().control };
-        assert!(Sender::new(SenderOptions { control, stream: 0 }).is_err());
+        assert!(Sender::new(SenderOptions { control, stream: 0, answers: true }).is_err());
         // No number makes it panic.
         for value in [1e-300, 1e300, f64::MAX, f64::MIN_POSITIVE] {
             for field in 0..4 {
@@ -408,7 +567,9 @@ mod tests {
                 }
                 for overhead in [0, usize::MAX] {
                     control.overhead = overhead;
-                    let Ok(mut sender) = Sender::new(SenderOptions { control, stream: 0 }) else {
+                    let Ok(mut sender) =
+                        Sender::new(SenderOptions { control, stream: 0, answers: true })
+                    else {
                         continue;
                     };
                     for now in [-1e300, 0.0, 1.0, 1e300] {

@@ -44,7 +44,7 @@ impl Kept {
 }
 
 /// Frame numbers are told apart modulo this: the short form of a packet holds no more.
-const NUMBERS: u32 = 1 << 16;
+pub const NUMBERS: u32 = 1 << 16;
 
 /// By how many frames one frame lies behind another, modulo the numbers that are told apart.
 pub fn frames_behind(behind: u32, frame: u32) -> u32 {

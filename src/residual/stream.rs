@@ -1,10 +1,10 @@
 //! Streams: frames whose difference pictures lean on those of earlier frames.
 
 use crate::Picture;
-use crate::packet::{Latent, Reference, Residual};
+use crate::packet::{Reference, Residual};
 
 use super::ResidualError;
-use super::references::{Kept, REFERENCES, References, frames_behind};
+use super::references::{Kept, NUMBERS, REFERENCES, References, frames_behind};
 use super::warp::{Vantage, warp};
 use super::wavelet::Planes;
 
@@ -78,9 +78,9 @@ pub struct Acknowledged {
 }
 
 impl Acknowledged {
-    /// Adds a frame, modulo 2²⁴, in place of the one added longest ago.
+    /// Adds a frame, modulo 2¹⁶, in place of the one added longest ago.
     pub fn add(&mut self, frame: u32) {
-        let frame = frame % Latent::FRAMES;
+        let frame = frame % NUMBERS;
         if !self.contains(frame) {
             self.frames[self.next] = Some(frame);
             self.next = (self.next + 1) % REFERENCES;
@@ -88,7 +88,7 @@ impl Acknowledged {
     }
 
     fn contains(&self, frame: u32) -> bool {
-        self.frames.contains(&Some(frame % Latent::FRAMES))
+        self.frames.contains(&Some(frame % NUMBERS))
     }
 }
 
@@ -232,8 +232,8 @@ mod tests {
     fn distances(structure: Structure, frames: u32, heard: impl Fn(u32) -> Option<u32>) -> Vec<u8> {
         let (mut encoder, mut acknowledged) = (StreamEncoder::default(), Acknowledged::default());
         let (vantage, picture) = (vantage(), Picture::new(8, 6));
-        let first = Latent::FRAMES - 3;
-        let number = |i: u32| first.wrapping_add(i) % Latent::FRAMES;
+        let first = crate::packet::Latent::FRAMES - 3;
+        let number = |i: u32| first.wrapping_add(i) % crate::packet::Latent::FRAMES;
         let distances = (0..frames).map(|i| {
             let frame = StreamFrame { frame: number(i), vantage: &vantage, depths: &[1.0; 48] };
             heard(i).map(number).into_iter().for_each(|frame| acknowledged.add(frame));

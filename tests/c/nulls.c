@@ -214,6 +214,10 @@ static void links(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_sender_count(NULL, 0, 5));
     EXPECT(NVSP_ERR_NULL, nvsp_sender_set_bit_rate(NULL, 0, 5000));
     EXPECT(NVSP_ERR_NULL, nvsp_sender_set_loss(NULL, 0.1, 1));
+    nvsp_heard heard = NVSP_INITIALIZER(nvsp_heard);
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_hear(NULL, 0, bytes, sizeof bytes, &heard));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_hear(sender, 0, NULL, sizeof bytes, &heard));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_hear(sender, 0, bytes, sizeof bytes, NULL));
     nvsp_sender_statistics sent = NVSP_INITIALIZER(nvsp_sender_statistics);
     EXPECT(NVSP_ERR_NULL, nvsp_sender_get_statistics(NULL, &sent));
     EXPECT(NVSP_ERR_NULL, nvsp_sender_get_statistics(sender, NULL));
@@ -245,6 +249,11 @@ static void links(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_collector_missing(NULL, 0, 0, &count, 1, &count));
     EXPECT(NVSP_ERR_NULL, nvsp_collector_missing(collector, 0, 0, NULL, 1, &count));
     EXPECT(NVSP_ERR_NULL, nvsp_collector_missing(collector, 0, 0, &count, 1, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_report(NULL, 0, NULL, 0, NULL, 0, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_report(collector, 0, NULL, 1, NULL, 0, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_report(collector, 0, NULL, 0, NULL, 1, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, NULL, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, bytes, sizeof bytes, NULL));
     nvsp_collector_statistics came = NVSP_INITIALIZER(nvsp_collector_statistics);
     EXPECT(NVSP_ERR_NULL, nvsp_collector_get_statistics(NULL, &came));
     EXPECT(NVSP_ERR_NULL, nvsp_collector_get_statistics(collector, NULL));

@@ -510,6 +510,73 @@ static void wrong_states(void) {
     nvsp_collector_destroy(collector);
 }
 
+// The topside tells what came: pictures that lack shares get them again, and the vehicle hears of bytes and frames.
+static void reports(void) {
+    nvsp_sender_options options = link_options();
+    options.latency = 3;
+    options.flags = NVSP_SENDER_ANSWERS;
+    nvsp_sender *sender = new_sender(&options);
+    nvsp_collector *collector = new_collector(1);
+    uint8_t bytes[MTU], packet[MAX_PACKET];
+    size_t size = 77;
+    nvsp_heard heard = NVSP_INITIALIZER(nvsp_heard);
+    EXPECT(NVSP_PENDING, nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, bytes, MTU, &size));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_report(collector, 1, NULL, 0, NULL, 0, bytes, MTU, &size));
+    // Of frame 3 nothing comes.
+    for (uint32_t frame = 0; frame < 12; frame++) {
+        const double now = frame / FRAMES_A_SECOND;
+        uint32_t budget = 0;
+        EXPECT(NVSP_OK, nvsp_sender_plan(sender, now, &budget));
+        const size_t bytes_of = numbered(packet, frame, budget);
+        EXPECT(NVSP_OK, nvsp_sender_push(sender, now, packet, bytes_of, NULL, 0, NULL));
+        nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
+        while (nvsp_sender_next(sender, now + 3, bytes, MTU, &size) == NVSP_OK) {
+            if (frame != 3) {
+                EXPECT(NVSP_OK, nvsp_collector_push(collector, now, bytes, size, &state));
+            }
+        }
+    }
+    const uint32_t kept[] = {65536 + 7, 2, 900};
+    const uint8_t user[] = "turn left";
+    EXPECT(NVSP_ERR_MODEM, nvsp_collector_report(collector, 0, kept, 3, user, sizeof user, bytes, 12, &size));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_report(collector, 0, kept, 3, packet, 256, bytes, MTU, &size));
+    EXPECT(NVSP_OK, nvsp_collector_report(collector, 0, kept, 3, user, sizeof user, bytes, MTU, &size));
+    CHECK(size > 12 && size <= MTU);
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_sender_hear(sender, NAN, bytes, size, &heard));
+    for (size_t bit = 0; bit < 8 * size; bit++) {
+        bytes[bit / 8] ^= (uint8_t)(1 << bit % 8);
+        EXPECT(NVSP_ERR_MODEM, nvsp_sender_hear(sender, 1, bytes, size, &heard));
+        bytes[bit / 8] ^= (uint8_t)(1 << bit % 8);
+    }
+    for (size_t cut = 0; cut < size; cut++) {
+        EXPECT(NVSP_ERR_MODEM, nvsp_sender_hear(sender, 1, bytes, cut, &heard));
+    }
+    EXPECT(NVSP_OK, nvsp_sender_hear(sender, 1, bytes, MTU, &heard));
+    CHECK(heard.newest == 11 && heard.told == 12 && heard.kept_count == 2 && heard.kept[0] == 7 && heard.kept[1] == 2);
+    CHECK(heard.user_bytes == sizeof user && memcmp(bytes + heard.user_offset, user, sizeof user) == 0);
+    CHECK(heard.loss > 0.05 && heard.loss < 0.2 && heard.resent_shares > 0 && heard.resent_bytes > 0);
+    nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
+    for (uint32_t k = 0; k < heard.resent_shares; k++) {
+        EXPECT(NVSP_OK, nvsp_sender_next(sender, 1, bytes, MTU, &size));
+        EXPECT(NVSP_OK, nvsp_collector_push(collector, 1.2, bytes, size, &state));
+    }
+    CHECK(state.frame == 3 && state.bytes >= 19);
+    EXPECT(NVSP_PENDING, nvsp_sender_next(sender, 1, bytes, MTU, &size));
+    nvsp_sender_statistics sent = NVSP_INITIALIZER(nvsp_sender_statistics);
+    EXPECT(NVSP_OK, nvsp_sender_get_statistics(sender, &sent));
+    CHECK(sent.resent == heard.resent_shares);
+    // Once only. A sender that remembers nothing says so.
+    EXPECT(NVSP_OK, nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, bytes, MTU, &size));
+    EXPECT(NVSP_OK, nvsp_sender_hear(sender, 1.3, bytes, size, &heard));
+    CHECK(heard.resent_shares == 0 && heard.kept_count == 0 && heard.user_bytes == 0 && heard.loss == -1);
+    nvsp_sender_destroy(sender);
+    options.flags = 0;
+    sender = new_sender(&options);
+    EXPECT(NVSP_ERR_STATE, nvsp_sender_hear(sender, 1, bytes, size, &heard));
+    nvsp_sender_destroy(sender);
+    nvsp_collector_destroy(collector);
+}
+
 static void out_of_range(void) {
     nvsp_sender *sender = NULL;
     nvsp_collector *collector = NULL;
@@ -558,7 +625,7 @@ static void out_of_range(void) {
         options.shares = i == 2 ? 65 : 0;
         options.user_bytes = i == 3 ? 256 : 0;
         options.stream = i == 4 ? 4 : 0;
-        options.reserved = i == 5;
+        options.flags = i == 5 ? 2 : NVSP_SENDER_ANSWERS;
         EXPECT(NVSP_ERR_ARGUMENT, nvsp_sender_create(MTU, &options, &sender));
     }
     for (int i = 0; i < 6; i++) {
@@ -628,6 +695,7 @@ int main(int argc, char **argv) {
     between();
     skipped_frames();
     wrong_states();
+    reports();
     out_of_range();
     garbage();
     for (int i = 0; i < dive.frames; i++) {

@@ -171,11 +171,19 @@ static nvsp_status division(void *structure) {
 
 static nvsp_status sender_statistics(void *structure) { return nvsp_sender_get_statistics(sender, structure); }
 
+static nvsp_status heard(void *structure) {
+    uint8_t bytes[NVSP_MTU_64];
+    size_t written = 0;
+    MUST(nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, bytes, sizeof bytes, &written));
+    return nvsp_sender_hear(sender, 6, bytes, written, structure);
+}
+
 static void make_link(void) {
     nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
     uint32_t budget = 0;
     options.bit_rate = 40000;
     options.frame_rate = 4;
+    options.flags = NVSP_SENDER_ANSWERS;
     MUST(nvsp_sender_create(NVSP_MTU_64, &options, &sender));
     MUST(nvsp_collector_create(NVSP_MTU_64, NULL, &collector));
     MUST(nvsp_sender_plan(sender, 0, &budget));
@@ -225,6 +233,7 @@ static const struct {
     {sizeof(nvsp_collector_statistics), collector_statistics, 1, 0},
     {sizeof(nvsp_division), division, 1, 0},
     {sizeof(nvsp_sender_statistics), sender_statistics, 1, 0},
+    {sizeof(nvsp_heard), heard, 1, 0},
 };
 
 // Calls with a structure of `room` bytes that says it has `size`, filled with `fill` after its head. If the call fails,

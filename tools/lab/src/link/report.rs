@@ -25,6 +25,8 @@ pub struct Outcome {
     pub seconds: f64,
     pub moments: Vec<Moment>,
     pub packets: Vec<SentPacket>,
+    /// Bytes of shares that were sent again.
+    pub resent: usize,
     /// By packet: when a picture could be shown first, and when all of it.
     pub pictures: BTreeMap<u32, (f64, Option<f64>)>,
     /// Packets that became whole although shares of them were lost.
@@ -70,14 +72,13 @@ impl Outcome {
 
     fn bytes(&self) -> PacketBytes {
         let mut sum = PacketBytes::default();
-        for PacketBytes { latent, residual, headers, parity, resent } in
+        for PacketBytes { latent, residual, headers, parity } in
             self.packets.iter().map(|packet| packet.bytes)
         {
             sum.latent += latent;
             sum.residual += residual;
             sum.headers += headers;
             sum.parity += parity;
-            sum.resent += resent;
         }
         sum
     }
@@ -135,8 +136,8 @@ impl Outcome {
                 "residual": bytes.residual,
                 "headers": bytes.headers,
                 "parity": bytes.parity,
-                "resent": bytes.resent,
-                "total": bytes.total(),
+                "resent": self.resent,
+                "total": bytes.total() + self.resent,
             },
             "sent_frames": self.packets.len(),
             "leaning_frames": self.packets.iter().filter(|packet| packet.leans).count(),

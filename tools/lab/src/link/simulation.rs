@@ -129,10 +129,8 @@ impl<'a> Simulation<'a> {
                 Event::Report => self.report(time, &mut channel)?,
                 Event::Heard(report) => {
                     let (report, _) = Report::read(&report)?;
-                    let again = self.vehicle.hear(time, &report)?;
-                    for share in again {
-                        send(&mut self.plan, &mut channel, time, &share);
-                    }
+                    self.vehicle.hear(time, &report)?;
+                    self.plan.add(time, Event::Due);
                 }
                 Event::Displayed(frame) => {
                     self.display(frame)?;
@@ -146,6 +144,7 @@ impl<'a> Simulation<'a> {
             setting: self.setting,
             seconds,
             moments: self.moments,
+            resent: self.vehicle.resent,
             packets: self.vehicle.sent,
             pictures: self.topside.pictures,
             repaired,

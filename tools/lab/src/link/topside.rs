@@ -214,8 +214,9 @@ impl Topside {
     pub fn report(&mut self) -> anyhow::Result<Option<Vec<u8>>> {
         let kept = |frame| self.kept.contains(&frame);
         let Some(report) = self.collector.report(0, kept)? else { return Ok(None) };
-        let mut bytes = Vec::new();
-        report.write(self.mtu, None, &mut bytes)?;
+        let mut bytes = vec![0; self.mtu];
+        let len = report.write(None, &mut bytes)?;
+        bytes.truncate(len);
         Ok(Some(bytes))
     }
 }

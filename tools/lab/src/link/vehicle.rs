@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nvsprior::modem::{
-    Loss, ModemError, PacketState, RateControlOptions, Report, Sender, SenderOptions, Sharing,
+    ModemError, PacketState, RateControlOptions, Report, Sender, SenderOptions, Sharing,
 };
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
@@ -26,15 +26,6 @@ pub struct SentPacket {
     pub psnr: f64,
     /// Its difference picture leans on an earlier one.
     pub leans: bool,
-    /// When its last share is due, seconds.
-    last_due: f64,
-    /// Its shares, to be sent again.
-    shares: Vec<Vec<u8>>,
-    /// Shares that give a picture.
-    first: usize,
-    resent: bool,
-    /// Its shares count in the loss that was measured.
-    counted: bool,
 }
 
 /// What the bytes of a packet are for.
@@ -46,8 +37,6 @@ pub struct PacketBytes {
     /// What the shares say of themselves and of the layers.
     pub headers: usize,
     pub parity: usize,
-    /// Shares that were sent once more.
-    pub resent: usize,
 }
 
 impl PacketBytes {
@@ -60,19 +49,13 @@ impl PacketBytes {
             residual: of_packet - picture,
             headers: sharing.count() * (sharing.share_len() - chunks),
             parity: sharing.count() * chunks - of_packet,
-            resent: 0,
         }
     }
 
     pub fn total(&self) -> usize {
-        self.latent + self.residual + self.headers + self.parity + self.resent
+        self.latent + self.residual + self.headers + self.parity
     }
 }
-
-/// Share of the loss before in what is believed after a report.
-const MEMORY: f64 = 0.7;
-/// Fewest shares that tell of a loss.
-const LEAST_COUNTED: usize = 16;
 
 pub struct Vehicle {
     encoder: Encoder,
@@ -81,6 +64,8 @@ pub struct Vehicle {
     /// The camera's frame after the last one that was sent.
     next: usize,
     pub sent: Vec<SentPacket>,
+    /// Bytes of shares that were sent again.
+    pub resent: usize,
     setting: Setting,
 }
 
@@ -104,6 +89,7 @@ impl Vehicle {
             encoded: Encoded::default(),
             next: 0,
             sent: Vec::new(),
+            resent: 0,
             setting: setting.clone(),
         })
     }
@@ -124,7 +110,6 @@ impl Vehicle {
         let ready = exposed + self.setting.coding;
         let sharing = self.sender.push(ready, packet, None)?;
         let stats = &self.encoded.stats;
-        let shares = self.sender.shares();
         self.sent.push(SentPacket {
             frame,
             number: stats.frame,
@@ -133,11 +118,6 @@ impl Vehicle {
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
             leans: stats.reference.is_some(),
-            first: sharing.layers()[0].threshold,
-            shares: (0..shares.count()).map(|k| shares.get(k).to_vec()).collect(),
-            last_due: ready + self.setting.spread,
-            resent: false,
-            counted: false,
         });
         Ok(true)
     }
@@ -165,77 +145,13 @@ impl Vehicle {
         self.sender.due()
     }
 
-    /// Takes a report. Returns shares to send again, those of pictures that can still be shown in time.
-    pub fn hear(&mut self, now: f64, report: &Report) -> anyhow::Result<Vec<Vec<u8>>> {
-        for (number, _) in report.packets().filter(|(_, told)| told.state == PacketState::Kept) {
-            self.encoder.acknowledge(self.frame_near(number));
+    /// Takes a report.
+    pub fn hear(&mut self, now: f64, report: &Report) -> Result<(), ModemError> {
+        for (frame, _) in report.packets().filter(|(_, told)| told.state == PacketState::Kept) {
+            self.encoder.acknowledge(frame);
         }
-        self.measure_loss(report)?;
-        Ok(self.send_again(now, report)?)
-    }
-
-    /// The frame of a number modulo 2¹⁶, near the newest one.
-    fn frame_near(&self, number: u32) -> u32 {
-        let newest = self.sent.last().map_or(0, |sent| sent.number);
-        newest.wrapping_add_signed(i32::from(number.wrapping_sub(newest) as i16))
-    }
-
-    /// The packets that the topside could have all of when it wrote a report: those whose last share was sent before the
-    /// first of the newest packet that it has.
-    fn settled(&self, report: &Report) -> Vec<usize> {
-        let newest = self.frame_near(report.newest());
-        let from = self.sent.iter().find(|sent| sent.number == newest);
-        let from = from.map_or(f64::NEG_INFINITY, |sent| sent.last_due - self.setting.spread);
-        let settled = move |sent: &SentPacket| sent.last_due < from;
-        (0..self.sent.len()).filter(|k| settled(&self.sent[*k])).collect()
-    }
-
-    /// Counts the shares of packets that no report told of before, and lets the protection follow.
-    fn measure_loss(&mut self, report: &Report) -> Result<(), ModemError> {
-        let (mut sent, mut arrived) = (0, 0);
-        for k in self.settled(report) {
-            let packet = &mut self.sent[k];
-            let Some(told) = report.packet(packet.number).filter(|_| !packet.counted) else {
-                continue;
-            };
-            packet.counted = true;
-            sent += packet.shares.len();
-            arrived += told.arrived.min(packet.shares.len());
-        }
-        if sent < LEAST_COUNTED {
-            return Ok(());
-        }
-        let measured = 1.0 - arrived as f64 / sent as f64;
-        let loss = self.sender.control().options().loss;
-        let chance = MEMORY * loss.chance + (1.0 - MEMORY) * measured;
-        self.sender.set_loss(Loss { chance: chance.min(0.9), ..loss })
-    }
-
-    fn send_again(&mut self, now: f64, report: &Report) -> Result<Vec<Vec<u8>>, ModemError> {
-        let deadline = self.setting.latency - self.setting.propagation;
-        let mut again = Vec::new();
-        for k in self.settled(report) {
-            let sent = &mut self.sent[k];
-            let Some(told) = report.packet(sent.number).filter(|_| !sent.resent) else { continue };
-            let short = match told.state {
-                PacketState::Nothing => sent.first,
-                PacketState::Part => sent.first.saturating_sub(told.shares.arrived()),
-                PacketState::Whole | PacketState::Kept => continue,
-            };
-            let shares = sent.shares.iter().enumerate();
-            let missing = shares.filter(|(k, _)| !told.shares.contains(*k));
-            let needed: Vec<_> = missing.take(short).map(|(_, share)| share.clone()).collect();
-            let bytes: usize = needed.iter().map(|share| share.len() + self.setting.overhead).sum();
-            let seconds = bytes as f64 * 8.0 / self.setting.bit_rate;
-            if needed.is_empty() || now + seconds > sent.exposed + deadline {
-                continue;
-            }
-            self.sender.count(now, bytes)?;
-            sent.bytes.resent += needed.iter().map(Vec::len).sum::<usize>();
-            sent.resent = true;
-            again.extend(needed);
-        }
-        Ok(again)
+        self.resent += self.sender.hear(now, report)?.bytes;
+        Ok(())
     }
 }
 
@@ -254,5 +170,5 @@ pub fn sender(setting: &Setting) -> Result<Sender, ModemError> {
         loss: setting.assumed,
         user: None,
     };
-    Sender::new(SenderOptions { control, stream: 0 })
+    Sender::new(SenderOptions { control, stream: 0, answers: setting.return_delay.is_some() })
 }

@@ -112,7 +112,7 @@ impl Video {
         };
         for (frame, wanted) in frames.iter().enumerate() {
             if frame % coded.divisor == 0 && arrived[frame / coded.divisor] {
-                seen = pictures.next().or(seen);
+                seen = pictures.next().flatten().or(seen);
             }
             sum += seen.as_ref().unwrap_or(&gray).psnr(wanted);
         }

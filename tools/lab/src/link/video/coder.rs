@@ -115,34 +115,50 @@ impl Coded {
         Ok(Coded { coder, divisor, crf, size, header, units: pictures })
     }
 
-    /// The pictures that a decoder makes of those that arrived, in order. One without what it leans on looks damaged.
-    pub fn decode(&self, arrived: &[bool]) -> anyhow::Result<Vec<Picture>> {
+    /// What a decoder makes of each picture that arrived, in order. One without what it leans on looks damaged, or is not
+    /// shown at all.
+    pub fn decode(&self, arrived: &[bool]) -> anyhow::Result<Vec<Option<Picture>>> {
         let folder = tempfile::tempdir()?;
         let file = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
-        let (coded, shown) = (file("stream"), file("out.rgb"));
-        let units = self.units.iter().zip(arrived).filter(|(_, arrived)| **arrived);
-        let units = units.map(|(unit, _)| unit.as_slice());
+        let (coded, shown, times) = (file("stream"), file("out.rgb"), file("times"));
+        let units = self.units.iter().map(Vec::as_slice).enumerate();
+        let units: Vec<_> = units.filter(|(number, _)| arrived[*number]).collect();
         let stream = match self.coder {
             Coder::X265 => {
-                [&[self.header.as_slice()][..], &units.collect::<Vec<_>>()].concat().concat()
+                let units: Vec<_> = units.iter().map(|(_, unit)| *unit).collect();
+                [&self.header, &*units.concat()].concat()
             }
-            Coder::SvtAv1 => unit::to_av1(&self.header, units),
+            Coder::SvtAv1 => unit::to_ivf(&self.header, self.size, units.iter().copied()),
         };
         std::fs::write(&coded, stream).with_context(|| format!("writing {coded}"))?;
         let from =
-            ["-fflags", "+genpts", "-flags", "+output_corrupt+low_delay", "-flags2", "showall"];
-        let input =
-            ["-f", self.coder.format(), "-i", &coded, "-vsync", "passthrough", "-vf", FROM_YUV];
-        run(&[&["-v", "fatal", "-y"][..], &from, &input, &RGB, &[&shown]].concat())?;
+            ["-v", "fatal", "-y", "-fflags", "+genpts", "-flags", "+output_corrupt+low_delay"];
+        let format = if self.coder == Coder::X265 { "hevc" } else { "ivf" };
+        let input = ["-flags2", "showall", "-f", format, "-i", &coded];
+        let each = ["-map", "0:v", "-vsync", "passthrough"];
+        let pictures = ["-vf", FROM_YUV, RGB[0], RGB[1], RGB[2], RGB[3], &shown];
+        let stamps = ["-c:v", "rawvideo", "-f", "mkvtimestamp_v2", &times];
+        run(&[&from[..], &input, &each, &pictures, &each, &stamps].concat())?;
         let data = std::fs::read(&shown).with_context(|| format!("reading {shown}"))?;
         let (width, height) = self.size;
         let pictures = data.chunks_exact(width as usize * height as usize * 3);
         let pictures = pictures.filter_map(|rgb| Picture::from_rgb(width, height, rgb.to_vec()));
-        let pictures: Vec<_> = pictures.collect();
-        let expected = arrived.iter().filter(|arrived| **arrived).count();
-        let found = pictures.len();
-        ensure!(found == expected, "{}: {found} pictures decoded of {expected}", self.coder.name());
-        Ok(pictures)
+        match self.coder {
+            Coder::X265 => {
+                let pictures: Vec<_> = pictures.map(Some).collect();
+                let (expected, found) = (units.len(), pictures.len());
+                ensure!(found == expected, "x265: {found} pictures decoded of {expected}");
+                Ok(pictures)
+            }
+            Coder::SvtAv1 => {
+                let times = std::fs::read_to_string(&times);
+                let times = times.with_context(|| format!("reading {shown}'s times"))?;
+                let numbers = times.lines().filter_map(|line| line.parse::<usize>().ok());
+                let mut by_number: std::collections::BTreeMap<_, _> =
+                    numbers.map(|time| time / unit::APART).zip(pictures).collect();
+                Ok(units.iter().map(|(number, _)| by_number.remove(number)).collect())
+            }
+        }
     }
 }
 

@@ -74,18 +74,28 @@ pub fn of_av1(mut stream: &[u8]) -> anyhow::Result<Units> {
     Ok(units)
 }
 
-/// An AV1 stream of some pictures.
-pub fn to_av1<'a>(header: &[u8], pictures: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
+/// Milliseconds between two pictures of [`to_ivf`].
+pub const APART: usize = 1000;
+
+/// An AV1 stream of some pictures, each with its number, in an IVF file.
+pub fn to_ivf<'a>(
+    header: &[u8],
+    size: (u32, u32),
+    pictures: impl ExactSizeIterator<Item = (usize, &'a [u8])>,
+) -> Vec<u8> {
     let delimiter = [TEMPORAL_DELIMITER << 3 | 2, 0];
-    let mut stream = Vec::new();
-    for (k, picture) in pictures.enumerate() {
-        stream.extend(delimiter);
-        if k == 0 {
-            stream.extend(header);
-        }
-        stream.extend(picture);
+    let mut file = b"DKIF\0\0\x20\0AV01".to_vec();
+    let (width, height, count) = (size.0 as u16, size.1 as u16, pictures.len() as u32);
+    file.extend([width.to_le_bytes(), height.to_le_bytes()].concat());
+    file.extend([1000_u32, 1, count, 0].map(u32::to_le_bytes).concat());
+    for (k, (number, picture)) in pictures.enumerate() {
+        let header = if k == 0 { header } else { &[] };
+        let len = (delimiter.len() + header.len() + picture.len()) as u32;
+        file.extend(len.to_le_bytes());
+        file.extend(((number * APART) as u64).to_le_bytes());
+        file.extend([&delimiter, header, picture].concat());
     }
-    stream
+    file
 }
 
 #[cfg(test)]
@@ -106,9 +116,21 @@ mod tests {
         let frame = |byte| vec![6 << 3 | 2, 1, byte];
         let header = [SEQUENCE_HEADER << 3 | 2, 2, 4, 4];
         let pictures = [frame(1), frame(2)];
-        let stream = to_av1(&header, pictures.iter().map(Vec::as_slice));
+        let delimiter = [TEMPORAL_DELIMITER << 3 | 2, 0];
+        let parts = [&delimiter[..], &header, &pictures[0], &delimiter, &pictures[1]];
+        let stream = parts.concat();
         let units = of_av1(&stream).unwrap();
         assert_eq!((units.header, &units.pictures[..]), (header.to_vec(), &pictures[..]));
         assert!(of_av1(&stream[..stream.len() - 1]).is_err());
+    }
+
+    #[test]
+    fn ivf_says_when_each_picture_is() {
+        let pictures = [(0, &[7, 8][..]), (3, &[9])];
+        let file = to_ivf(&[5], (320, 180), pictures.into_iter());
+        assert_eq!(file.len(), 32 + 12 + 5 + 12 + 3);
+        assert_eq!(&file[32..44], [5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(&file[44..49], [0x12, 0, 5, 7, 8]);
+        assert_eq!(&file[49..61], [3, 0, 0, 0, 0xB8, 0xB, 0, 0, 0, 0, 0, 0]);
     }
 }
