@@ -7,7 +7,7 @@ use std::alloc::System;
 
 use nvsprior::image::{Clahe, Preprocessing, WhiteBalance};
 use nvsprior::modem::{
-    Collector, CollectorOptions, Loss, RateControlOptions, Sender, SenderOptions,
+    Collector, CollectorOptions, Loss, RateControlOptions, Report, Sender, SenderOptions,
 };
 use nvsprior::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
 use nvsprior::prior::{KeyFrames, PriorFrame, PriorId};
@@ -87,7 +87,7 @@ fn heap_calls_of_link(packets: &[Vec<u8>]) -> usize {
         loss: Loss { chance: 0.3, burst: 2.0 },
         user: Some(4),
     };
-    let mut sender = Sender::new(SenderOptions { control, stream: 0 }).unwrap();
+    let mut sender = Sender::new(SenderOptions { control, stream: 0, answers: true }).unwrap();
     let mut collector = Collector::new(CollectorOptions::new(64)).unwrap();
     let region = Region::new(ALLOCATOR);
     let (mut shares, mut seen) = (0, 0);
@@ -101,6 +101,13 @@ fn heap_calls_of_link(packets: &[Vec<u8>]) -> usize {
             if shares % 3 != 0 {
                 let _ = collector.push(now, share);
             }
+        }
+        if k % 5 == 4
+            && let Some(report) = collector.report(0, |_| false).unwrap()
+        {
+            let mut bytes = [0; 200];
+            let len = report.write(None, &mut bytes).unwrap();
+            sender.hear(now, &Report::read(&bytes[..len]).unwrap().0).unwrap();
         }
         seen += usize::from(collector.newest(0).is_some_and(|packet| packet.arrived > 0));
     }
