@@ -1713,6 +1713,19 @@ NVSP_CHECKED
 nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
                                      uint32_t frame) NVSP_NONNULL(1);
 
+// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it has the full latent
+// part, tells the camera, or has a check of the render. Add them to what nvsp_sender_plan gives, and the difference picture
+// is as fine as those of other frames. Allocates nothing.
+//
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
+//
+// Parameters:
+// - `encoder`: a live encoder. Not NULL.
+// - `bytes`: receives their number. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_extra_bytes(struct nvsp_encoder *encoder,
+                                     uint32_t *bytes) NVSP_NONNULL(1, 2);
+
 // Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the camera, the
 // topside knows which were left out, and can draw them at poses between those that it has (nvsp_decoder_draw).
 //

@@ -4,7 +4,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::image::{Mask, Preprocessing, Preprocessor};
-use crate::packet::{Latent, PoseProfile, QuantisedPose};
+use crate::packet::{
+    CAMERA_PART_LEN, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN, SHORT_LATENT_LEN,
+};
 use crate::render::{Plan, Scene};
 use crate::residual::{
     Acknowledged, Interest, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Vantage,
@@ -54,6 +56,8 @@ pub struct EncoderOptions {
 
 /// A difference picture's value for no difference.
 const NO_DIFFERENCE: u8 = 128;
+/// How many bytes longer the residual's check is after the full form than after the short one.
+const LONGER_CHECK: usize = 2;
 
 /// Spreads of the prior beyond which no pose from outside can lie.
 const FAR: f64 = 1e6;
@@ -446,6 +450,18 @@ impl Encoder {
             Mode::Stream(_) => renderer.draw_coded_deep(&pose.words())?,
         }
         Ok(pose)
+    }
+
+    /// How many bytes more than a steady packet the next one takes beside its difference picture: its latent part has the full
+    /// form, it tells the camera, or it has a check of the render. Add them to [`Rate::Bytes`](crate::Rate::Bytes), and the
+    /// difference picture has as many bytes as those of other frames.
+    pub fn extra_bytes(&self) -> usize {
+        let part = |due, len| if due { len } else { 0 };
+        let full = !self.short_next();
+        let latent = Latent::full_len(self.options.profile) - SHORT_LATENT_LEN + LONGER_CHECK;
+        part(full, latent)
+            + part(self.camera_due(), CAMERA_PART_LEN)
+            + part(self.check_due(), RENDER_PART_LEN)
     }
 
     fn check_due(&self) -> bool {

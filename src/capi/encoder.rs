@@ -497,6 +497,32 @@ pub unsafe extern "C" fn nvsp_encoder_acknowledge(
     }
 }
 
+/// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it has the full latent
+/// part, tells the camera, or has a check of the render. Add them to what nvsp_sender_plan gives, and the difference picture
+/// is as fine as those of other frames. Allocates nothing.
+///
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
+///
+/// # Safety
+/// - `encoder`: a live encoder. Not NULL.
+/// - `bytes`: receives their number. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_extra_bytes(
+    encoder: *mut nvsp_encoder,
+    bytes: *mut u32,
+) -> nvsp_status {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Handle::call(nvsp_encoder::handle(encoder), |content| {
+            if bytes.is_null() {
+                return Err(Failure::null("bytes"));
+            }
+            *bytes = content.core()?.encoder.extra_bytes() as u32;
+            Ok(NVSP_OK)
+        })
+    }
+}
+
 /// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the camera, the
 /// topside knows which were left out, and can draw them at poses between those that it has (nvsp_decoder_draw).
 ///

@@ -164,6 +164,11 @@ impl Latent {
         self.form().latent_len()
     }
 
+    /// Length of the full form, bytes.
+    pub fn full_len(profile: PoseProfile) -> usize {
+        Form::Full(profile).latent_len()
+    }
+
     /// Writes the part at the start of an empty packet.
     pub(super) fn write(&self, follows: &Follows, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
         let form = self.form();

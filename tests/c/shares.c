@@ -510,6 +510,27 @@ static void wrong_states(void) {
     nvsp_collector_destroy(collector);
 }
 
+// What the next packet takes beside its difference picture.
+static void extra_bytes(void) {
+    nvsp_encoder *made = NULL;
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
+    MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, &options, &made));
+    uint32_t extra[2] = {77, 77};
+    uint8_t bytes[MAX_PACKET];
+    size_t sizes[2];
+    for (int i = 0; i < 2; i++) {
+        const nvsp_image image = scene_image(&dive, i);
+        EXPECT(NVSP_OK, nvsp_encoder_extra_bytes(made, &extra[i]));
+        EXPECT(NVSP_OK, nvsp_encoder_set_rate(made, NVSP_RATE_NONE, 0));
+        EXPECT(NVSP_OK, nvsp_encode(made, &image, i == 0 ? &dive.poses[0] : NULL, bytes, sizeof bytes, &sizes[i], NULL));
+    }
+    // The longer check is that of a difference picture.
+    CHECK(extra[1] == 0 && sizes[1] == 19 && extra[0] == sizes[0] - sizes[1] + 2);
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_extra_bytes(made, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_extra_bytes(NULL, &extra[0]));
+    nvsp_encoder_destroy(made);
+}
+
 // The topside tells what came: pictures that lack shares get them again, and the vehicle hears of bytes and frames.
 static void reports(void) {
     nvsp_sender_options options = link_options();
@@ -695,6 +716,7 @@ int main(int argc, char **argv) {
     between();
     skipped_frames();
     wrong_states();
+    extra_bytes();
     reports();
     out_of_range();
     garbage();
