@@ -132,7 +132,7 @@ impl Coded {
         };
         std::fs::write(&coded, stream).with_context(|| format!("writing {coded}"))?;
         let from =
-            ["-v", "fatal", "-y", "-fflags", "+genpts", "-flags", "+output_corrupt+low_delay"];
+            ["-v", "error", "-y", "-fflags", "+genpts", "-flags", "+output_corrupt+low_delay"];
         let format = if self.coder == Coder::X265 { "hevc" } else { "ivf" };
         let input = ["-flags2", "showall", "-f", format, "-i", &coded];
         let each = ["-map", "0:v", "-vsync", "passthrough"];
