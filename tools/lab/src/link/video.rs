@@ -27,7 +27,7 @@ pub struct Beside {
     pub crf: u32,
     /// Of what the pilot sees at each camera frame, pictures that are held included, dB.
     pub shown_psnr: f64,
-    /// Mean bytes of a picture on the link, headers and parity included.
+    /// Mean bytes of a picture on the link but the first, headers and parity included.
     pub bytes: f64,
     pub sent: usize,
     pub lost: usize,
@@ -78,8 +78,8 @@ impl Video {
         for divisor in DIVISORS {
             let at_rate = self.coded.iter().filter(|coded| coded.divisor == divisor);
             let fits = at_rate.filter(|coded| {
-                let bytes: usize =
-                    divided(coded, &outcome.setting, parity).map(Shares::bytes).sum();
+                let shares = divided(coded, &outcome.setting, parity).skip(1);
+                let bytes: usize = shares.map(Shares::bytes).sum();
                 bytes as f64 * 8.0 <= outcome.setting.bit_rate * outcome.seconds
             });
             for coded in fits.take(TRIED) {
@@ -116,13 +116,13 @@ impl Video {
             }
             sum += seen.as_ref().unwrap_or(&gray).psnr(wanted);
         }
-        let bytes: usize = divided(coded, setting, parity).map(Shares::bytes).sum();
+        let bytes: usize = divided(coded, setting, parity).skip(1).map(Shares::bytes).sum();
         Ok(Beside {
             coder: self.coder,
             fps: setting.fps / coded.divisor as f64,
             crf: coded.crf,
             shown_psnr: sum / frames.len() as f64,
-            bytes: bytes as f64 / coded.units.len() as f64,
+            bytes: bytes as f64 / (coded.units.len() - 1).max(1) as f64,
             sent: arrived.len(),
             lost: arrived.iter().filter(|arrived| !**arrived).count(),
         })
