@@ -200,17 +200,12 @@ public:
             status = nvsp_encoder_skip(encoder_.get(), 1);
             return sound(status, "skipping", encoder_.get(), nvsp_encoder_last_error);
         }
-        // A packet that also tells the camera takes more, so that its difference picture is as fine as the others.
-        uint32_t extra = 0;
-        status = nvsp_encoder_extra_bytes(encoder_.get(), &extra);
         size_t size = 0;
         nvsp_frame_stats stats;
         NVSP_INIT(&stats);
-        if (status == NVSP_OK) {
-            status = encode(path, hint, NVSP_RATE_BYTES, static_cast<float>(budget + extra), size, stats);
-        }
+        status = encode(path, hint, NVSP_RATE_BYTES, static_cast<float>(budget), size, stats);
         if (status == NVSP_ERR_BUDGET) {
-            // The bytes hold no more than the pose: it has no difference picture.
+            // The first packet also tells the camera. If the bytes do not hold that, it has no difference picture.
             status = encode(path, hint, NVSP_RATE_NONE, 0, size, stats);
         }
         if (!sound(status, path.c_str(), encoder_.get(), nvsp_encoder_last_error)) {

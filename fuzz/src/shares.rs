@@ -7,6 +7,9 @@ use nvsprior::packet::{Coder, Latent, PoseProfile, QuantisedPose, Residual};
 use nvsprior::prior::PriorFrame;
 use nvsprior::{Camera, Packet, Pose, PriorId};
 
+/// Streams that are taken.
+const STREAMS: usize = 2;
+
 #[derive(Arbitrary, Debug)]
 struct Input {
     mtu: u8,
@@ -46,11 +49,12 @@ struct Shared {
 
 pub fn run(bytes: &[u8]) {
     let Ok(input) = Input::arbitrary_take_rest(Unstructured::new(bytes)) else { return };
-    let mtu = 16 + usize::from(input.mtu);
-    let shares = 1 + usize::from(input.room) % 64;
-    let options = CollectorOptions { mtu, shares, packets: 8, streams: 4, age: 4.0 };
+    let mtu = 16 + usize::from(input.mtu) % 64;
+    // Small, so that many runs fit a second.
+    let shares = 1 + usize::from(input.room) % 16;
+    let options = CollectorOptions { mtu, shares, packets: 4, streams: STREAMS, age: 4.0 };
     let mut collector = Collector::new(options).expect("options in range");
-    let sent: Vec<_> = input.packets.iter().take(8).filter_map(|sent| shared(sent, mtu)).collect();
+    let sent: Vec<_> = input.packets.iter().take(4).filter_map(|sent| shared(sent, mtu)).collect();
     let (mut honest, mut now) = (true, 0.0);
     for arrival in &input.arrivals {
         let (share, after) = match arrival {
@@ -70,7 +74,7 @@ pub fn run(bytes: &[u8]) {
         };
         now += f64::from(after) / 64.0;
         let _ = collector.push(now, &share);
-        (0..4).for_each(|stream| look(&collector, stream, honest.then_some(&sent)));
+        (0..STREAMS as u8).for_each(|stream| look(&collector, stream, honest.then_some(&sent)));
     }
     let _ = Report::read(bytes);
 }
@@ -106,7 +110,7 @@ fn shared(sent: &Sent, mtu: usize) -> Option<Shared> {
         mtu,
         overhead: 0,
         budget: usize::from(sent.budget) % 1024,
-        most: 1 + usize::from(sent.most) % 16,
+        most: 1 + usize::from(sent.most) % 8,
         spread: 0,
         loss: Loss { chance: f64::from(sent.loss) / 256.0, burst: 1.0 },
         picture: 19,
@@ -116,7 +120,9 @@ fn shared(sent: &Sent, mtu: usize) -> Option<Shared> {
     });
     let sharing = sharing.ok()?;
     let mut sharer = Sharer::default();
-    sharer.share(&packet, &sharing, sent.stream % 4, user.as_deref()).expect("a sound packet");
+    sharer
+        .share(&packet, &sharing, sent.stream % STREAMS as u8, user.as_deref())
+        .expect("a sound packet");
     let shares = (0..sharer.count()).map(|index| sharer.get(index).to_vec()).collect();
     Some(Shared { packet, shares })
 }

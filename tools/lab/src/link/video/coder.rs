@@ -131,14 +131,15 @@ impl Coded {
             Coder::SvtAv1 => unit::to_ivf(&self.header, self.size, units.iter().copied()),
         };
         std::fs::write(&coded, stream).with_context(|| format!("writing {coded}"))?;
-        let from =
-            ["-v", "error", "-y", "-fflags", "+genpts", "-flags", "+output_corrupt+low_delay"];
+        // However many of them it cannot decode.
+        let from = ["-v", "error", "-y", "-max_error_rate", "1", "-fflags", "+genpts"];
+        let damaged = ["-flags", "+output_corrupt+low_delay"];
         let format = if self.coder == Coder::X265 { "hevc" } else { "ivf" };
         let input = ["-flags2", "showall", "-f", format, "-i", &coded];
         let each = ["-map", "0:v", "-vsync", "passthrough"];
         let pictures = ["-vf", FROM_YUV, RGB[0], RGB[1], RGB[2], RGB[3], &shown];
         let stamps = ["-c:v", "rawvideo", "-f", "mkvtimestamp_v2", &times];
-        run(&[&from[..], &input, &each, &pictures, &each, &stamps].concat())?;
+        run(&[&from[..], &damaged, &input, &each, &pictures, &each, &stamps].concat())?;
         let data = std::fs::read(&shown).with_context(|| format!("reading {shown}"))?;
         let (width, height) = self.size;
         let pictures = data.chunks_exact(width as usize * height as usize * 3);
