@@ -413,49 +413,72 @@ fn a_start_may_come_while_playing() {
     assert!(pipeline.warnings().iter().any(|of| of.contains("million")));
 }
 
-/// While nothing comes, a second thread sees to what is due.
-#[test]
-fn in_a_live_pipeline_a_packet_does_not_wait_for_the_next_share() {
-    let fixture = fixture();
+/// The shares of a packet, and how many of them give a picture without being all of the packet.
+fn some_shares(fixture: &Fixture) -> (usize, Vec<Vec<u8>>) {
     let text = format!(
         "{} ! {} ! nvsppay mtu=64 shares=8 budget=600 loss=0.3",
         Fixture::source(),
         fixture.encoder("rate=bytes bytes=200")
     );
     let shares = Pipeline::new(&text).run(&fixture.frames[..1]).bytes();
+    let mut collector = Collector::new(CollectorOptions::new(64)).unwrap();
+    let gives = |share: &Vec<u8>| matches!(collector.push(0.0, share), Ok(Collected::Grown(..)));
+    let few = 1 + shares.iter().position(gives).expect("a picture before the whole packet");
+    (few, shares)
+}
+
+/// While nothing comes, a second thread sees to what is due.
+#[test]
+fn in_a_live_pipeline_a_packet_does_not_wait_for_the_next_share() {
+    let fixture = fixture();
+    let (few, shares) = some_shares(fixture);
     let source = "appsrc name=source format=time is-live=true do-timestamp=true \
                   caps=application/x-nvsprior-share,framerate=5/1";
     let pipeline = Pipeline::new(&format!("{source} ! nvspdepay name=depayloader latency=400"));
     pipeline.play();
-    // As many as give a picture, and not all of the packet.
-    let mut collector = Collector::new(CollectorOptions::new(64)).unwrap();
-    let gives = |share: &Vec<u8>| matches!(collector.push(0.0, share), Ok(Collected::Grown(..)));
-    let few = 1 + shares.iter().position(gives).expect("a picture before the whole packet");
     shares[..few].iter().for_each(|share| {
         pipeline.push_buffer(gst::Buffer::from_slice(share.clone()));
     });
     let sink = pipeline.element("sink").downcast::<gst_app::AppSink>().unwrap();
     assert!(sink.try_pull_sample(gst::ClockTime::from_mseconds(200)).is_none());
     let sample = sink.try_pull_sample(3 * SECOND).expect("what has come");
-    let buffer = sample.buffer().unwrap();
-    assert!(buffer.flags().contains(gst::BufferFlags::CORRUPTED));
-    assert!(buffer.size() < 200 && buffer.size() >= 31);
+    let first = sample.buffer_owned().unwrap();
+    drop(sample);
+    assert!(first.flags().contains(gst::BufferFlags::CORRUPTED));
+    assert!(first.size() < 200 && first.size() >= 31);
     let mut query = gst::query::Latency::new();
     assert!(pipeline.element("depayloader").static_pad("src").unwrap().query(&mut query));
     let (live, least, _) = query.result();
     assert!(live && least == gst::ClockTime::from_mseconds(400), "{least}");
-    // The same after a flush.
-    let source = pipeline.element("source");
-    assert!(source.send_event(gst::event::FlushStart::new()));
-    assert!(source.send_event(gst::event::FlushStop::new(true)));
+    // The same after a flush. The pad takes it: a live source would hold its state's lock, which the pipeline wants, too.
+    let sink_pad = pipeline.element("depayloader").static_pad("sink").unwrap();
+    assert!(sink_pad.send_event(gst::event::FlushStart::new()));
+    assert!(sink_pad.send_event(gst::event::FlushStop::new(true)));
+    let segment = gst::FormattedSegment::<gst::ClockTime>::new();
+    assert!(sink_pad.send_event(gst::event::Segment::new(&segment)));
     shares[..few].iter().for_each(|share| {
         pipeline.push_buffer(gst::Buffer::from_slice(share.clone()));
     });
     let again = sink.try_pull_sample(3 * SECOND).expect("what has come after the flush");
-    assert_eq!(bytes(&again.buffer_owned().unwrap()), bytes(&sample.buffer_owned().unwrap()));
+    assert_eq!(bytes(&again.buffer_owned().unwrap()), bytes(&first));
     // Down while its thread waits.
     pipeline.push_buffer(gst::Buffer::from_slice(shares[few].clone()));
     pipeline.stop();
+}
+
+/// The timer's thread may come to a packet after its time.
+#[test]
+fn in_a_live_pipeline_a_packet_that_is_overdue_goes_on() {
+    let fixture = fixture();
+    let source = "appsrc name=source format=time is-live=true \
+                  caps=application/x-nvsprior-share,framerate=5/1";
+    let pipeline = Pipeline::new(&format!("{source} ! nvspdepay name=depayloader latency=100"));
+    let (few, shares) = some_shares(fixture);
+    pipeline.play();
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    shares[..few].iter().for_each(|share| pipeline.push(0, share));
+    let sink = pipeline.element("sink").downcast::<gst_app::AppSink>().unwrap();
+    assert!(sink.try_pull_sample(3 * SECOND).is_some());
 }
 
 #[test]

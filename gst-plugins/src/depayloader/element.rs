@@ -294,11 +294,11 @@ impl Depayloader {
 
     /// Waits for the next packet's time, and passes it on. The timer's thread calls it again and again.
     fn wait(&self) {
-        let (id, until, upstream) = {
+        let (id, until) = {
             let mut state = lock(&self.state);
             loop {
                 if state.stopping {
-                    drop(state);
+                    // Under the lock, so that a flush cannot start the task in between.
                     let _ = self.src.pause_task();
                     return;
                 }
@@ -310,7 +310,7 @@ impl Depayloader {
                     let until_clock = gst::ClockTime::from_seconds_f64(until.max(0.0));
                     let id = clock.new_single_shot_id(base + upstream + until_clock);
                     state.timer = Some((id.clone(), until));
-                    break (id, until, upstream);
+                    break (id, until);
                 }
                 let waited = self.changed.wait(state);
                 state = waited.unwrap_or_else(PoisonError::into_inner);
@@ -318,8 +318,8 @@ impl Depayloader {
         };
         let (waited, _) = id.wait();
         lock(&self.state).timer = None;
-        // While paused time stands still.
-        let due = waited.is_ok() && self.clock_now(upstream).is_some();
+        // On a slow machine the time may be over already.
+        let due = waited.is_ok() || waited == Err(gst::ClockError::Early);
         if due && let Err(error) = self.play(until) {
             gst::debug!(CATEGORY, imp = self, "a packet at its latest time: {error}");
             lock(&self.state).stopping = true;
