@@ -105,6 +105,8 @@ impl Vehicle {
         let Some(bytes) = self.sender.plan(exposed)? else { return Ok(false) };
         self.encoder.skip((frame - self.next) as u32);
         self.next = frame + 1;
+        // A packet that tells the camera has as many bytes for its difference picture as others.
+        let bytes = bytes + self.encoder.extra_bytes();
         self.encode(picture, known, bytes)?;
         let packet = &self.encoded.packet;
         let ready = exposed + self.setting.coding;
