@@ -5,6 +5,7 @@
 pub mod bench;
 pub mod ceilings;
 pub mod cost;
+mod ffmpeg;
 pub mod link;
 pub mod stability;
 pub mod verify_device;

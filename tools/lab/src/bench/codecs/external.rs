@@ -1,13 +1,13 @@
 //! Coders that are programs of their own.
 
 use std::path::Path;
-use std::process::Command;
 
 use anyhow::Context as _;
 use nvsprior::Picture;
 use nvsprior_inputs::frame_file;
 
 use super::{Input, Mode, Outcome, Point, Run, timed};
+use crate::ffmpeg::{self, FROM_YUV, QUIET, RGB, TO_YUV, run_program};
 
 /// A coder, by its programs.
 pub struct External {
@@ -139,15 +139,6 @@ fn vvenc() -> External {
     External { name: "vvenc", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
 }
 
-/// Runs a program; an error has what it said.
-fn run(program: &str, arguments: &[&str]) -> anyhow::Result<Vec<u8>> {
-    let output = Command::new(program).args(arguments).output();
-    let output = output.with_context(|| format!("running {program}"))?;
-    let said = String::from_utf8_lossy(&output.stderr);
-    anyhow::ensure!(output.status.success(), "{program} {}: {said}", arguments.join(" "));
-    Ok(output.stdout)
-}
-
 impl External {
     pub fn name(&self) -> &'static str {
         self.name
@@ -162,10 +153,10 @@ impl External {
     pub fn is_installed(&self) -> bool {
         match &self.kind {
             Kind::JpegXl => {
-                run("cjxl", &["--version"]).is_ok() && run("djxl", &["--version"]).is_ok()
+                let is_there = |program| run_program(program, &["--version"]).is_ok();
+                is_there("cjxl") && is_there("djxl")
             }
-            Kind::Ffmpeg(Ffmpeg { encoder, .. }) => run("ffmpeg", &["-v", "error", "-encoders"])
-                .is_ok_and(|list| String::from_utf8_lossy(&list).contains(encoder)),
+            Kind::Ffmpeg(Ffmpeg { encoder, .. }) => ffmpeg::has_encoder(encoder),
         }
     }
 
@@ -210,14 +201,6 @@ impl External {
     }
 }
 
-/// The same conversion both ways, full range.
-const TO_YUV: &str = "scale=out_color_matrix=bt709:out_range=pc:flags=accurate_rnd+full_chroma_int";
-const FROM_YUV: &str = "scale=in_color_matrix=bt709:in_range=pc:flags=accurate_rnd+full_chroma_int";
-/// Raw pictures.
-const RGB: [&str; 4] = ["-f", "rawvideo", "-pix_fmt", "rgb24"];
-/// Says what goes wrong, and no more.
-const QUIET: [&str; 3] = ["-v", "error", "-y"];
-
 impl Ffmpeg {
     fn code(
         &self,
@@ -230,7 +213,7 @@ impl Ffmpeg {
         let file = |name: &str| folder.join(name).to_string_lossy().into_owned();
         let (raw, coded, bare, shown) =
             (file("in.rgb"), file("coded"), file("bare"), file("out.rgb"));
-        std::fs::write(&raw, pictures.iter().flat_map(|p| p.data.clone()).collect::<Vec<u8>>())?;
+        ffmpeg::write_raw(Path::new(&raw), pictures)?;
         let (size, quality_text) = (format!("{width}x{height}"), quality.to_string());
         let from = [&QUIET[..], &RGB, &["-s", &size, "-r", "15", "-i", &raw]].concat();
         let how = ["-vf", TO_YUV, "-c:v", self.encoder];
@@ -241,15 +224,12 @@ impl Ffmpeg {
         let arguments =
             [&from[..], &how, &quality_options, self.options, of_mode, &format].concat();
         let mut outcome = Outcome::new(quality);
-        (_, outcome.encode_ms) = timed(|| run("ffmpeg", &arguments))?;
+        (_, outcome.encode_ms) = timed(|| ffmpeg::run(&arguments))?;
         let to = ["-f", self.stream.format, "-i", &coded, "-vf", FROM_YUV];
         let arguments = [&QUIET[..], &to, &RGB, &[&shown]].concat();
-        (_, outcome.decode_ms) = timed(|| run("ffmpeg", &arguments))?;
+        (_, outcome.decode_ms) = timed(|| ffmpeg::run(&arguments))?;
         outcome.bytes = self.stream.payload(&coded, &bare)?;
-        let data = std::fs::read(&shown)?;
-        let whole = data.chunks_exact(width as usize * height as usize * 3);
-        outcome.shown =
-            whole.filter_map(|rgb| Picture::from_rgb(width, height, rgb.to_vec())).collect();
+        outcome.shown = ffmpeg::read_raw(Path::new(&shown), width, height)?;
         let (expected, found) = (pictures.len(), outcome.shown.len());
         anyhow::ensure!(expected == found, "{found} pictures decoded of {expected}");
         Ok(outcome)
@@ -262,18 +242,11 @@ impl Stream {
     fn payload(&self, coded: &str, bare: &str) -> anyhow::Result<usize> {
         let filter = format!("filter_units=remove_types={}", self.headers);
         let from = ["-f", self.format, "-i", coded, "-c", "copy", "-bsf:v", &filter];
-        run("ffmpeg", &[&QUIET[..], &from, &["-f", self.format, bare]].concat())?;
+        ffmpeg::run(&[&QUIET[..], &from, &["-f", self.format, bare]].concat())?;
         let bytes = std::fs::read(bare)?;
-        let start_codes = if self.start_codes { start_code_bytes(&bytes) } else { 0 };
-        Ok(bytes.len() - start_codes)
+        let start_codes = ffmpeg::start_codes(&bytes).map(|(_, length)| length);
+        Ok(bytes.len() - if self.start_codes { start_codes.sum() } else { 0 })
     }
-}
-
-/// Bytes of the start codes in a stream; none is amid a unit.
-fn start_code_bytes(stream: &[u8]) -> usize {
-    let length = |at: usize| if at > 0 && stream[at - 1] == 0 { 4 } else { 3 };
-    let codes = stream.windows(3).enumerate().filter(|(_, bytes)| *bytes == [0, 0, 1]);
-    codes.map(|(at, _)| length(at)).sum()
 }
 
 fn code_jpeg_xl(pictures: &[Picture], distance: f64, folder: &Path) -> anyhow::Result<Outcome> {
@@ -285,24 +258,13 @@ fn code_jpeg_xl(pictures: &[Picture], distance: f64, folder: &Path) -> anyhow::R
     for picture in pictures {
         frame_file::write_png(&file("in.png"), picture)?;
         let arguments = [raw.as_str(), &coded, "-d", &distance, "-e", "9", "--quiet"];
-        let (_, ms) = timed(|| run("cjxl", &arguments))?;
+        let (_, ms) = timed(|| run_program("cjxl", &arguments))?;
         outcome.encode_ms += ms;
         outcome.bytes += std::fs::metadata(&coded)?.len() as usize;
-        let (_, ms) = timed(|| run("djxl", &[&coded, &shown, "--quiet"]))?;
+        let (_, ms) = timed(|| run_program("djxl", &[&coded, &shown, "--quiet"]))?;
         outcome.decode_ms += ms;
         let decoded = frame_file::read_frame(&file("out.png"), picture.width, picture.height)?;
         outcome.shown.push(decoded);
     }
     Ok(outcome)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn start_codes_are_found_in_both_lengths() {
-        assert_eq!(start_code_bytes(&[0, 0, 0, 1, 9, 0, 0, 1, 7, 0, 0, 3, 1]), 7);
-        assert_eq!(start_code_bytes(&[0, 1]), 0);
-    }
 }

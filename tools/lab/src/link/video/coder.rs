@@ -1,20 +1,16 @@
 //! Video coders, by ffmpeg.
 
-use std::process::Command;
+use std::path::Path;
 
 use anyhow::{Context as _, ensure};
 use nvsprior::Picture;
 
 use super::Coder;
 use super::unit::{self, Units};
+use crate::ffmpeg::{self, FROM_YUV, QUIET, RGB, TO_YUV};
 
 /// Seconds within which all of a picture is refreshed.
 const REFRESH: f64 = 2.0;
-/// The same conversion both ways, full range.
-const TO_YUV: &str = "scale=out_color_matrix=bt709:out_range=pc:flags=accurate_rnd+full_chroma_int";
-const FROM_YUV: &str = "scale=in_color_matrix=bt709:in_range=pc:flags=accurate_rnd+full_chroma_int";
-const RGB: [&str; 4] = ["-f", "rawvideo", "-pix_fmt", "rgb24"];
-const QUIET: [&str; 3] = ["-v", "error", "-y"];
 
 impl Coder {
     pub fn name(self) -> &'static str {
@@ -63,8 +59,7 @@ impl Coder {
 
     /// Says what is missing, if its programs cannot be run.
     pub fn check(self) -> anyhow::Result<()> {
-        let list = run(&["-v", "error", "-encoders"])?;
-        let listed = String::from_utf8_lossy(&list).contains(self.encoder());
+        let listed = ffmpeg::has_encoder(self.encoder());
         ensure!(listed, "--beside {}: needs ffmpeg with {}", self.name(), self.encoder());
         Ok(())
     }
@@ -94,8 +89,7 @@ impl Coded {
         let file = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
         let (raw, stream) = (file("in.rgb"), file("stream"));
         let size = (frames[0].width, frames[0].height);
-        let bytes: Vec<u8> = frames.iter().flat_map(|frame| &frame.data).copied().collect();
-        std::fs::write(&raw, bytes).with_context(|| format!("writing {raw}"))?;
+        ffmpeg::write_raw(Path::new(&raw), frames.iter().copied())?;
         let rate = fps / divisor as f64;
         let (pixels, rate_text) = (format!("{}x{}", size.0, size.1), rate.to_string());
         let (crf_text, options) =
@@ -104,7 +98,7 @@ impl Coded {
         let how = ["-c:v", coder.encoder(), "-crf", &crf_text];
         let options: Vec<&str> = options.iter().map(String::as_str).collect();
         let to = ["-f", coder.format(), &stream];
-        run(&[&QUIET[..], &RGB, &from, &how, &options, &to].concat())?;
+        ffmpeg::run(&[&QUIET[..], &RGB, &from, &how, &options, &to].concat())?;
         let stream = std::fs::read(&stream).with_context(|| format!("reading {stream}"))?;
         let Units { header, pictures } = match coder {
             Coder::X265 => unit::of_hevc(&stream),
@@ -139,11 +133,8 @@ impl Coded {
         let each = ["-map", "0:v", "-vsync", "passthrough"];
         let pictures = ["-vf", FROM_YUV, RGB[0], RGB[1], RGB[2], RGB[3], &shown];
         let stamps = ["-c:v", "rawvideo", "-f", "mkvtimestamp_v2", &times];
-        run(&[&from[..], &damaged, &input, &each, &pictures, &each, &stamps].concat())?;
-        let data = std::fs::read(&shown).with_context(|| format!("reading {shown}"))?;
-        let (width, height) = self.size;
-        let pictures = data.chunks_exact(width as usize * height as usize * 3);
-        let pictures = pictures.filter_map(|rgb| Picture::from_rgb(width, height, rgb.to_vec()));
+        ffmpeg::run(&[&from[..], &damaged, &input, &each, &pictures, &each, &stamps].concat())?;
+        let pictures = ffmpeg::read_raw(Path::new(&shown), self.size.0, self.size.1)?.into_iter();
         match self.coder {
             Coder::X265 => {
                 let pictures: Vec<_> = pictures.map(Some).collect();
@@ -161,12 +152,4 @@ impl Coded {
             }
         }
     }
-}
-
-/// Runs ffmpeg; an error has what it said.
-fn run(arguments: &[&str]) -> anyhow::Result<Vec<u8>> {
-    let output = Command::new("ffmpeg").args(arguments).output().context("running ffmpeg")?;
-    let said = String::from_utf8_lossy(&output.stderr);
-    ensure!(output.status.success(), "ffmpeg {}: {said}", arguments.join(" "));
-    Ok(output.stdout)
 }

@@ -2,6 +2,8 @@
 
 use anyhow::ensure;
 
+use crate::ffmpeg;
+
 /// A coded stream: what all pictures need, and the unit of each picture.
 #[derive(Debug, PartialEq)]
 pub struct Units {
@@ -15,17 +17,12 @@ const HEVC_SLICES: u8 = 32;
 
 /// An HEVC stream with one slice in each picture. The start codes stay.
 pub fn of_hevc(stream: &[u8]) -> Units {
-    let mut starts: Vec<usize> = stream
-        .windows(3)
-        .enumerate()
-        .filter(|(_, bytes)| *bytes == [0, 0, 1])
-        .map(|(at, _)| if at > 0 && stream[at - 1] == 0 { at - 1 } else { at })
-        .collect();
-    starts.push(stream.len());
+    let mut starts: Vec<_> = ffmpeg::start_codes(stream).collect();
+    starts.push((stream.len(), 0));
     let mut units = Units { header: Vec::new(), pictures: Vec::new() };
     for ends in starts.windows(2) {
-        let unit = &stream[ends[0]..ends[1]];
-        let code = if unit.starts_with(&[0, 0, 1]) { 3 } else { 4 };
+        let [(from, code), (to, _)] = [ends[0], ends[1]];
+        let unit = &stream[from..to];
         let Some(first) = unit.get(code) else { continue };
         if first >> 1 & 0x3F < HEVC_SLICES {
             units.pictures.push(unit.to_vec());
