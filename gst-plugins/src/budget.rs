@@ -106,30 +106,28 @@ impl Budget {
         let fewest = packet.div_ceil(data);
         let needed = packet + 16 + (fewest + 1) * header;
         let spread = (self.spread * self.bit_rate / 8.0) as usize;
-        let of = |part: f64| {
-            Sharing::new(&SharingOptions {
-                mtu: self.mtu as usize,
-                overhead: self.overhead as usize,
-                budget: (part * needed as f64) as usize,
-                // All numbers of shares are tried. Beyond three times as many as are needed none is better.
-                most: (self.shares as usize).min(3 * fewest + 4),
-                spread,
-                loss: self.loss,
-                picture,
-                packet: Some(packet),
-                whole: false,
-                user: None,
+        let of = |whole| {
+            PARTS.map(|part| {
+                Sharing::new(&SharingOptions {
+                    mtu: self.mtu as usize,
+                    overhead: self.overhead as usize,
+                    budget: (part * needed as f64) as usize,
+                    // All numbers of shares are tried. Beyond three times as many as are needed none is better.
+                    most: (self.shares as usize).min(3 * fewest + 4),
+                    spread,
+                    loss: self.loss,
+                    picture,
+                    packet: Some(packet),
+                    whole,
+                    user: None,
+                })
             })
         };
-        let all = PARTS.map(of);
-        // None that cuts the packet, if there are others.
-        let whole = |sharing: &Sharing| sharing.capacity() >= packet;
-        let some = all.iter().flatten().any(whole);
-        let fit = |sharing: &&Sharing| !some || whole(sharing);
-        let worths = all.iter().flatten().filter(fit).map(Sharing::worth);
+        let whole = of(true);
+        let all = if whole.iter().any(Result::is_ok) { whole } else { of(false) };
+        let worths = all.iter().flatten().map(Sharing::worth);
         let enough = worths.fold(f64::NEG_INFINITY, f64::max) - THRIFT;
-        let mut good = all.iter().flatten().filter(fit);
-        if let Some(sharing) = good.find(|sharing| sharing.worth() >= enough) {
+        if let Some(sharing) = all.iter().flatten().find(|sharing| sharing.worth() >= enough) {
             self.bytes = self.cost(sharing) as u32;
             return Ok(*sharing);
         }

@@ -16,6 +16,13 @@ pub fn with_stats(own: &[glib::ParamSpec]) -> Vec<glib::ParamSpec> {
     own.iter().cloned().chain([stats]).collect()
 }
 
+/// Posts a frame's figures as an element message.
+pub fn post(element: &gst::Element, figures: gst::Structure) {
+    let message = gst::message::Element::builder(figures).src(element).build();
+    // Without a bus nobody listens.
+    let _ = element.post_message(message);
+}
+
 /// The functions of `ObjectImpl` about properties: those of the derive macro, which knows no structures, and `stats`.
 macro_rules! properties_with_stats {
     () => {

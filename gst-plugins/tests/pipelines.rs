@@ -114,7 +114,7 @@ fn a_lossy_link_shows_nearly_all() {
     let pipeline = Pipeline::new(&text);
     let pad = pipeline.element("payloader").static_pad("src").unwrap();
     let count = std::sync::atomic::AtomicUsize::new(0);
-    // Every fifth share is lost, but for the first packet, which tells the camera.
+    // Every fifth share is lost. Those of the first packet all come: it tells the camera.
     pad.add_probe(gst::PadProbeType::BUFFER, move |_, _| {
         let index = count.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         match index > 12 && index.is_multiple_of(5) {

@@ -15,7 +15,7 @@ use super::modem::{
     NVSP_EVENT_KEPT,
 };
 use super::status::*;
-use super::structs::{Out, read, versioned};
+use super::structs::{Out, number, read, versioned};
 
 /// Puts packets together from the shares that an nvsp_sender gave. One thread at a time may use it. Example:
 ///
@@ -588,10 +588,6 @@ const NOTHING: nvsp_collected = nvsp_collected {
     ended: 0,
     reserved: 0,
 };
-
-fn number(value: usize) -> u32 {
-    u32::try_from(value).unwrap_or(u32::MAX)
-}
 
 fn state_of(stream: u8, packet: Option<CollectedPacket>) -> nvsp_collected {
     let Some(packet) = packet else { return NOTHING };

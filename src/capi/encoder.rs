@@ -23,7 +23,7 @@ use super::memory::Grant;
 use super::pipelined::{COLD, Pipelined};
 use super::prior::nvsp_prior;
 use super::status::*;
-use super::structs::{Out, read, versioned};
+use super::structs::{Out, number, read, versioned};
 use super::work::{Given, Work};
 use super::worker::Worker;
 
@@ -593,7 +593,7 @@ pub unsafe extern "C" fn nvsp_encoder_prepare(
             let _memory = core.memory()?;
             let remaining = core.encoder.prepare(most as usize)?;
             if let Some(left) = left.as_mut() {
-                *left = u32::try_from(remaining).unwrap_or(u32::MAX);
+                *left = number(remaining);
             }
             Ok(NVSP_OK)
         })

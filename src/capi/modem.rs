@@ -11,7 +11,7 @@ use super::handle::{Handle, Opaque, fence};
 use super::image::{slice, slice_mut};
 use super::log::Log;
 use super::status::*;
-use super::structs::{Out, read, versioned};
+use super::structs::{Out, number, read, versioned};
 
 /// Puts packets together from modem frames. One thread at a time may use it. Example:
 ///
@@ -417,7 +417,6 @@ pub unsafe extern "C" fn nvsp_reassembler_destroy(reassembler: *mut nvsp_reassem
 }
 
 fn state_of(packet: Option<&Received>, event: u32) -> nvsp_reassembly {
-    let number = |value: usize| u32::try_from(value).unwrap_or(u32::MAX);
     nvsp_reassembly {
         struct_size: 0,
         abi_version: 0,

@@ -18,7 +18,7 @@ use super::limits::{self, Limits};
 use super::log::{NVSP_LOG_INFO, NVSP_LOG_WARNING};
 use super::memory::Grant;
 use super::status::*;
-use super::structs::{Out, read, versioned};
+use super::structs::{Out, number, read, versioned};
 
 /// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
 ///
@@ -352,7 +352,7 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
         abi_version: 0,
         id: prior.id().0,
         splats: prior.len() as u32,
-        dropped: u32::try_from(report.read - report.kept).unwrap_or(u32::MAX),
+        dropped: number(report.read - report.kept),
         sh_degree: prior.splats().sh_degree,
         near_plane: options.near,
         alpha_max: options.alpha_max,

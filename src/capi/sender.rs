@@ -13,7 +13,7 @@ use super::limits::SMALL;
 use super::log::Log;
 use super::memory::Grant;
 use super::status::*;
-use super::structs::{Out, read, versioned};
+use super::structs::{Out, number, read, versioned};
 
 /// Protects packets against losses, within a bit rate. A packet becomes shares: modem frames of which any few give a
 /// picture, and each more a finer one. nvsp_collector puts them together. One thread at a time may use it. Example:
@@ -562,10 +562,6 @@ pub unsafe extern "C" fn nvsp_sender_last_error(
 pub unsafe extern "C" fn nvsp_sender_destroy(sender: *mut nvsp_sender) {
     // SAFETY: as the caller promises.
     unsafe { Handle::destroy(nvsp_sender::handle(sender).cast_mut()) }
-}
-
-fn number(value: usize) -> u32 {
-    u32::try_from(value).unwrap_or(u32::MAX)
 }
 
 fn heard_of(report: &Report, heard: &Heard, bytes: &[u8], user: Option<&[u8]>) -> nvsp_heard {

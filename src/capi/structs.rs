@@ -39,6 +39,11 @@ pub(super) unsafe trait Versioned: Copy {
     const NAME: &'static str;
 }
 
+/// A count for C, which has 32 bits for it.
+pub(super) fn number(value: usize) -> u32 {
+    u32::try_from(value).unwrap_or(u32::MAX)
+}
+
 /// Zeroes a structure of `size` bytes, then writes its size and the caller's ABI version into it.
 /// The structure then means all defaults. The macro NVSP_INIT calls this.
 ///

@@ -19,7 +19,7 @@ use crate::caps;
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
 use crate::property;
-use crate::stats::properties_with_stats;
+use crate::stats::{self, properties_with_stats};
 
 static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
     gst::DebugCategory::new("nvspdec", gst::DebugColorFlags::empty(), Some("nvsprior decoder"))
@@ -133,12 +133,6 @@ impl Decoder {
         stats
     }
 
-    fn post(&self, structure: gst::Structure) {
-        let message = gst::message::Element::builder(structure).src(&*self.obj()).build();
-        // Without a bus nobody listens.
-        let _ = self.obj().post_message(message);
-    }
-
     /// Decodes a packet.
     fn decode(
         &self,
@@ -212,7 +206,7 @@ impl Decoder {
             counts.last = Some(figures.clone());
         }
         if lock(&self.settings).post_messages {
-            self.post(figures);
+            stats::post(self.obj().upcast_ref(), figures);
         }
     }
 

@@ -19,7 +19,7 @@ use crate::caps;
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
 use crate::property;
-use crate::stats::properties_with_stats;
+use crate::stats::{self, properties_with_stats};
 
 static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
     gst::DebugCategory::new("nvspenc", gst::DebugColorFlags::empty(), Some("nvsprior encoder"))
@@ -141,7 +141,7 @@ impl Encoder {
         }
     }
 
-    /// The next frame starts where the property says, as the first one did.
+    /// The next frame starts at the pose in the property, as the first frame does.
     fn start_again(&self) {
         let mut settings = lock(&self.settings);
         if let Some(Ok(pose)) = settings.start.as_deref().map(property::pose) {
@@ -294,7 +294,7 @@ impl Encoder {
             counts.last = Some(figures.clone());
         }
         if lock(&self.settings).post_messages {
-            self.post(figures);
+            stats::post(self.obj().upcast_ref(), figures);
         }
         let mut buffer = gst::Buffer::from_slice(frames.encoded().packet.clone());
         if let Some(budget) = budget {
@@ -348,12 +348,6 @@ impl Encoder {
             gst::element_imp_warning!(self, gst::StreamError::Encode, ("{why}"));
         }
         None
-    }
-
-    fn post(&self, structure: gst::Structure) {
-        let message = gst::message::Element::builder(structure).src(&*self.obj()).build();
-        // Without a bus nobody listens.
-        let _ = self.obj().post_message(message);
     }
 }
 

@@ -31,7 +31,7 @@ pub enum Outcome {
     LeftOut,
     /// The budget holds no packet. The text says what would help.
     TooSmall(ModemError),
-    /// Nobody knows where the camera is.
+    /// No pose is known to start the search at.
     NoStart(Error),
 }
 

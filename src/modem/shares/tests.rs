@@ -494,7 +494,7 @@ fn a_report_tells_what_came_of_the_newest_packets() {
     let packets: Vec<_> = (start..start + 5).map(|frame| short(frame & 0xFFFF, 300)).collect();
     let whole = |packet: &[u8]| SharingOptions { whole: true, ..options(64, 640, packet) };
     let shares: Vec<_> = packets.iter().map(|packet| shares(packet, &whole(packet)).1).collect();
-    // The first whole, the second not at all, the third but for all but one, the fourth whole, the fifth by one.
+    // All shares of the first and fourth packet come, none of the second, and one each of the third and fifth.
     let push = |collector: &mut Collector, share: &[u8]| collector.push(0.0, share).unwrap();
     shares[0].iter().for_each(|share| _ = push(&mut collector, share));
     push(&mut collector, &shares[2][3]);

@@ -7,7 +7,7 @@ use super::geometry::{Band, Geometry};
 
 /// By the place of a coefficient in the transformed plane. Their memory is taken with the first.
 pub struct Prices {
-    /// How many times more a bit costs than where the weight is greatest.
+    /// What a bit costs: 1 if the weight is the greatest, twice that if it is half of it.
     factors: Vec<f32>,
     of: Option<Arc<Interest>>,
 }
