@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use nvsprior::geometry::{CameraError, Distortion, Intrinsics, Lens, LensError};
 use nvsprior::image::{Mask, PixelError};
+use nvsprior::residual::Interest;
 use nvsprior::{Camera, Pose};
 
 /// Why a property cannot be used. The texts name the property, and say what it should be.
@@ -23,6 +24,8 @@ pub enum PropertyError {
     LensModel(String),
     #[error("property start: {0:?} is no pose, as its rotation is no quaternion")]
     Pose(String),
+    #[error("property region: {0:?} is no part of the picture; it must be {REGION_FORM}")]
+    Region(String),
     #[error("property mask: {}: {error}", file.display())]
     MaskFile { file: PathBuf, error: image::ImageError },
     #[error("property mask: {0}")]
@@ -32,6 +35,7 @@ pub enum PropertyError {
 const CAMERA_FORM: &str =
     "width,height,fx,fy,cx,cy in pixels, or fx,fy,cx,cy for frames as they come";
 const POSE_FORM: &str = "qw,qx,qy,qz,tx,ty,tz, world to camera";
+const REGION_FORM: &str = "x,y,width,height as parts of the picture's width and height";
 const LENS_FORM: &str = "MODEL,width,height,fx,fy,cx,cy,k1,..., with 4, 5 or 8 coefficients for \
                          brown, and 4 for fisheye";
 
@@ -113,6 +117,24 @@ pub fn pose(text: &str) -> Result<Pose, PropertyError> {
     pose.ok_or_else(|| PropertyError::Pose(text.to_owned()))
 }
 
+/// A part of pictures of a size, with a weight. `text`: its left and upper edge, width and height, all from 0 to 1.
+pub fn region(text: &str, size: (u32, u32), weight: u8) -> Result<Interest, PropertyError> {
+    let numbers = numbers("region", text)?;
+    let [x, y, width, height] = numbers[..] else {
+        return Err(count("region", text, numbers.len(), REGION_FORM));
+    };
+    let wrong = || PropertyError::Region(text.to_owned());
+    let part = |from: f64, length: f64, of: u32| {
+        let inside = from >= 0.0 && length > 0.0 && from + length <= 1.0 + 1e-9;
+        let pixel = |at: f64| (at * f64::from(of)) as u32;
+        // At least one pixel.
+        inside.then(|| pixel(from).min(of - 1)..pixel(from + length).max(pixel(from) + 1))
+    };
+    let (across, down) = (part(x, width, size.0), part(y, height, size.1));
+    let (across, down) = (across.ok_or_else(wrong)?, down.ok_or_else(wrong)?);
+    Interest::rectangle(size, across, down, weight).map_err(|_| wrong())
+}
+
 /// The mask in a PNG file: white counts.
 pub fn mask(file: &str) -> Result<Mask, PropertyError> {
     let file = PathBuf::from(file);
@@ -166,6 +188,20 @@ mod tests {
         for wrong in ["1,0,0,0,1,2", "0,0,0,0,1,2,3", "1,0,0,0,1,2,nan", "a,0,0,0,1,2,3"] {
             let text = pose(wrong).unwrap_err().to_string();
             assert!(text.contains("property start"), "{text}");
+        }
+    }
+
+    #[test]
+    fn regions_are_read() {
+        let size = (320, 180);
+        let rectangle = Interest::rectangle(size, 80..240, 45..90, 8).unwrap();
+        assert_eq!(region("0.25,0.25,0.5,0.25", size, 8).unwrap(), rectangle);
+        assert!(region("0,0,1,1", size, 8).is_ok());
+        assert!(region("0.999,0.999,0.0001,0.0001", size, 8).is_ok());
+        for wrong in ["", "0,0,1", "0,0,0,1", "0.5,0,0.6,1", "-0.1,0,0.5,1", "nan,0,1,1", "0,0,1,x"]
+        {
+            let text = region(wrong, size, 8).unwrap_err().to_string();
+            assert!(text.contains("property region"), "{text}");
         }
     }
 

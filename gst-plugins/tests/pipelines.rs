@@ -539,6 +539,50 @@ fn lenses_and_masks_count() {
     assert_eq!(bent.run(&frames).buffers.len(), 2);
 }
 
+/// A region gets more of the bytes while the pipeline plays. A wrong one is left aside.
+#[test]
+fn a_region_gets_more_of_the_bytes() {
+    let fixture = fixture();
+    let text = format!(
+        "{} ! {} ! {}",
+        Fixture::source(),
+        fixture.encoder("rate=bytes bytes=250"),
+        fixture.decoder()
+    );
+    let pipeline = Pipeline::new(&text);
+    pipeline.play();
+    let sink = pipeline.element("sink").downcast::<gst_app::AppSink>().unwrap();
+    let encoder = pipeline.element("encoder");
+    // Silt, of which the prior knows nothing.
+    let mut frame = fixture.frames[1].clone();
+    for (index, value) in frame.data.iter_mut().enumerate() {
+        let (x, y) = ((index / 3) % 160, index / 480);
+        let grain = ((x / 3 * 7919 + y / 3 * 104_729) % 61) as i16 - 30;
+        *value = (i16::from(*value) + grain).clamp(0, 255) as u8;
+    }
+    // PSNR of the left half, where the region is.
+    let shown = |index: usize| {
+        pipeline.push(index, &frame.data);
+        let picture = bytes(&sink.pull_sample().unwrap().buffer_owned().unwrap());
+        let half =
+            |rgb: &[u8]| rgb.chunks(160 * 3).flat_map(|row| &row[..80 * 3]).copied().collect();
+        let (own, theirs): (Vec<u8>, Vec<u8>) = (half(&picture), half(&frame.data));
+        psnr(&own, &theirs)
+    };
+    shown(0);
+    let plain = shown(1);
+    encoder.set_property("region", "0,0,0.5,1");
+    encoder.set_property("region-weight", 32_u32);
+    let looked_at = shown(2);
+    assert!(looked_at > plain + 0.5, "{looked_at} dB with the region, {plain} without");
+    encoder.set_property("region", "0,0,2,1");
+    let kept = shown(3);
+    assert!((kept - looked_at).abs() < 0.3, "{kept} dB, {looked_at} before");
+    assert!(pipeline.warnings().iter().any(|text| text.contains("property region")));
+    encoder.set_property("region", None::<String>);
+    assert!(shown(4) < looked_at - 0.3);
+}
+
 #[test]
 fn a_camera_with_another_size_is_followed() {
     let fixture = fixture();

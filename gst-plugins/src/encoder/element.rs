@@ -65,6 +65,10 @@ pub struct Encoder {
         blurb = "Frames wider than this are reduced to it; 0 keeps every size")]
     #[property(name = "lens", get, set, type = Option<String>, member = lens, mutable_ready,
         blurb = "Distortion by OpenCV's calibration: brown,width,height,fx,fy,cx,cy,k1,k2,p1,p2[,k3[,k4,k5,k6]] or fisheye,width,height,fx,fy,cx,cy,k1,k2,k3,k4; camera is then the camera without distortion (default: one that sees all that the lens does)")]
+    #[property(name = "region", get, set, type = Option<String>, member = region, mutable_playing,
+        blurb = "What the pilot looks at, x,y,width,height as parts (0 to 1) of the picture's width and height: it gets more of the bytes, all else fewer")]
+    #[property(name = "region-weight", get, set, type = u32, member = region_weight, mutable_playing, default_value = 8, minimum = 1, maximum = 255,
+        blurb = "How many times more an error in the region counts")]
     #[property(name = "mask", get, set, type = Option<String>, member = mask, mutable_ready,
         blurb = "PNG file of the frames' shape; pixels that are black there do not count, as they show the vehicle itself")]
     #[property(name = "start", get = Self::start_text, set = Self::set_start, type = Option<String>, mutable_playing,

@@ -49,8 +49,10 @@ pub struct Frames {
     next: u32,
     /// When the frame before was taken, seconds, and its number.
     before: Option<(f64, u32)>,
-    /// Why the pose from outside was left aside.
-    refused: Option<Error>,
+    /// The region of interest as the properties had it last, and its weight.
+    region: Option<(String, u32)>,
+    /// Why a property that changes while frames come was left aside.
+    refused: Option<FramesError>,
 }
 
 impl Frames {
@@ -65,7 +67,7 @@ impl Frames {
         let (engine, scene) = (&held.engine, &held.scene);
         let mut encoder = Encoder::new(engine, scene, &camera, settings.encoder_options())?;
         encoder.set_mask(mask.as_ref())?;
-        Ok(Frames {
+        let mut frames = Frames {
             encoder,
             converter,
             picture: Picture::new(camera.width, camera.height),
@@ -74,8 +76,28 @@ impl Frames {
             frame_rate,
             next: 0,
             before: None,
+            region: None,
             refused: None,
-        })
+        };
+        frames.look(settings)?;
+        Ok(frames)
+    }
+
+    /// Follows the region of interest.
+    fn look(&mut self, settings: &Settings) -> Result<(), PropertyError> {
+        let region = settings.region.clone().map(|text| (text, settings.region_weight));
+        if self.region == region {
+            return Ok(());
+        }
+        self.region = region;
+        let Camera { width, height, .. } = *self.encoder.camera();
+        let weight = |weight: u32| u8::try_from(weight).unwrap_or(u8::MAX);
+        let interest = self.region.as_ref();
+        let interest = interest
+            .map(|(text, of)| property::region(text, (width, height), weight(*of)))
+            .transpose()?;
+        self.encoder.set_interest(interest);
+        Ok(())
     }
 
     /// Goes on with frames of another size or rate. Numbers and poses carry over.
@@ -92,7 +114,8 @@ impl Frames {
         self.converter = converter;
         self.control = None;
         self.frame_rate = frame_rate;
-        Ok(())
+        self.region = None;
+        Ok(self.look(settings)?)
     }
 
     pub fn encoded(&self) -> &Encoded {
@@ -159,6 +182,9 @@ impl Frames {
                 None
             }
         };
+        if let Err(error) = self.look(settings) {
+            self.refused = Some(error.into());
+        }
         self.converter.convert(image, &mut self.picture).map_err(Error::from)?;
         self.encoder.skip(number.wrapping_sub(self.next));
         self.next = number;
@@ -206,7 +232,7 @@ impl Frames {
     fn encode(&mut self, mut known: Known) -> Result<(), Error> {
         let mut done = self.encoder.encode_into(&self.picture, known, &mut self.encoded);
         if let Err(error @ (Error::HintPose { .. } | Error::HintFar { .. })) = done {
-            self.refused = Some(error);
+            self.refused = Some(error.into());
             known.hint = None;
             done = self.encoder.encode_into(&self.picture, known, &mut self.encoded);
         }
@@ -217,8 +243,8 @@ impl Frames {
         done
     }
 
-    /// Why the last frame's pose from outside was left aside, if it was.
-    pub fn take_refused(&mut self) -> Option<Error> {
+    /// Why a pose from outside or a region was left aside, if one was. What held before goes on.
+    pub fn take_refused(&mut self) -> Option<FramesError> {
         self.refused.take()
     }
 

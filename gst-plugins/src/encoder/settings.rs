@@ -53,6 +53,8 @@ pub struct Settings {
     pub width: u32,
     pub lens: Option<String>,
     pub mask: Option<String>,
+    pub region: Option<String>,
+    pub region_weight: u32,
     pub start: Option<String>,
     /// What `start` says, until a frame has taken it.
     pub known: Option<Known>,
@@ -96,6 +98,8 @@ impl Default for Settings {
             width: 320,
             lens: None,
             mask: None,
+            region: None,
+            region_weight: 8,
             start: None,
             known: None,
             threshold: 1e-3,
