@@ -200,12 +200,18 @@ public:
             status = nvsp_encoder_skip(encoder_.get(), 1);
             return sound(status, "skipping", encoder_.get(), nvsp_encoder_last_error);
         }
+        // A packet that tells the camera takes more, for once: the sender gives the next ones less.
+        uint32_t extra = 0;
+        status = nvsp_encoder_extra_bytes(encoder_.get(), &extra);
+        if (!sound(status, "extra bytes", encoder_.get(), nvsp_encoder_last_error)) {
+            return false;
+        }
         size_t size = 0;
         nvsp_frame_stats stats;
         NVSP_INIT(&stats);
-        status = encode(path, hint, NVSP_RATE_BYTES, static_cast<float>(budget), size, stats);
+        status = encode(path, hint, NVSP_RATE_BYTES, static_cast<float>(budget + extra), size, stats);
         if (status == NVSP_ERR_BUDGET) {
-            // The first packet also tells the camera. If the bytes do not hold that, it has no difference picture.
+            // The bytes do not even hold the pose.
             status = encode(path, hint, NVSP_RATE_NONE, 0, size, stats);
         }
         if (!sound(status, path.c_str(), encoder_.get(), nvsp_encoder_last_error)) {

@@ -1,7 +1,6 @@
 //! What a packet may cost on the link. The encoder says it to the payloader, beside each packet.
 
 use nvsprior::modem::{Loss, ModemError, RateControl, RateControlOptions, Sharing, SharingOptions};
-use nvsprior::packet::{Extent, PacketError, sound_len};
 
 /// Name of the meta that carries a budget.
 const META: &str = "NvspriorBudgetMeta";
@@ -140,13 +139,6 @@ impl Budget {
 const PARTS: [f64; 8] = [1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0];
 /// What less bytes may be worth less, dB; as in [`RateControl::divide`].
 const THRIFT: f64 = 0.1;
-
-/// Bytes at the start of a packet that make a picture: those before the residual.
-pub fn picture_len(packet: &[u8]) -> Result<usize, PacketError> {
-    let latent = Extent::read(packet)?.latent;
-    let fixed = sound_len(&packet[..packet.len() - 1]);
-    Ok(fixed.max(latent))
-}
 
 #[cfg(test)]
 mod tests {

@@ -98,6 +98,8 @@ const REPAID: f64 = 0.25;
 const SPREAD: f64 = 0.25;
 /// Parts of a budget that are tried in place of all of it, if a packet is short.
 const PARTS: [f64; 5] = [0.3, 0.45, 0.6, 0.75, 0.9];
+/// Times the budget that a packet takes that tells the camera.
+const LONGER: usize = 3;
 /// What a part may be worth less, dB.
 const THRIFT: f64 = 0.1;
 
@@ -193,6 +195,28 @@ impl RateControl {
         let thrifty = parts.filter_map(|part| of(part).ok());
         let mut thrifty = thrifty.filter(|part| part.worth() >= whole.worth() - THRIFT);
         Ok(thrifty.next().unwrap_or(whole))
+    }
+
+    /// The division of a packet that may be longer than planned, as it also tells the camera. If the budget does not hold
+    /// all of it, it takes up to three times as much, and at most all shares. Returns the budget that it took, too.
+    ///
+    /// # Errors
+    /// If all shares together hold no picture.
+    pub fn divide_longer(
+        &self,
+        budget: usize,
+        picture: usize,
+        packet: usize,
+    ) -> Result<(Sharing, usize), ModemError> {
+        let RateControlOptions { mtu, overhead, most_shares, .. } = self.options;
+        let all = most_shares.saturating_mul(mtu.saturating_add(overhead));
+        let of = |budget: usize| Ok((self.divide(budget, picture, packet)?, budget));
+        match of(budget) {
+            Ok((sharing, _)) if picture > SHORT_LATENT_LEN && sharing.capacity() < packet => {}
+            Ok(first) => return Ok(first),
+            Err(_) => {}
+        }
+        of(budget.saturating_mul(LONGER)).or_else(|_: ModemError| of(all))
     }
 
     fn sharing(&self, budget: usize, picture: usize, packet: Option<usize>) -> SharingOptions {

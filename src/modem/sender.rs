@@ -1,6 +1,6 @@
 //! The vehicle's end of a link: how many bytes a frame may take, its packet to shares, and when each share goes.
 
-use crate::packet::{Extent, SHORT_LATENT_LEN};
+use crate::packet::Extent;
 
 use super::history::History;
 use super::shares::{MAX_SHARES, STREAMS};
@@ -61,8 +61,6 @@ const LIST: usize = 96;
 const LEAST_SHARE: usize = 8;
 /// Shares that wait at most, whatever the options are.
 const MOST_WAITING: usize = 1 << 16;
-/// A packet that tells the camera may take so many budgets, as it is sent seldom.
-const BUDGETS: usize = 3;
 
 /// Counts since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -218,7 +216,7 @@ impl Sender {
             return Err(ModemError::UserBytes(user_len.unwrap_or(0)));
         }
         let Extent { head, frame, .. } = Extent::read(packet)?;
-        let sharing = self.divide(budget, head, packet.len())?;
+        let (sharing, _) = self.control.divide_longer(budget, head, packet.len())?;
         let waiting = self.interleaver.len() + sharing.count();
         if waiting > self.room {
             return Err(ModemError::Waiting { waiting, room: self.room });
@@ -237,16 +235,6 @@ impl Sender {
         self.statistics.shares += sharing.count() as u64;
         self.statistics.bytes += bytes as u64;
         Ok(sharing)
-    }
-
-    fn divide(&self, budget: usize, head: usize, packet: usize) -> Result<Sharing, ModemError> {
-        let RateControlOptions { mtu, overhead, most_shares, .. } = *self.control.options();
-        let all = most_shares.saturating_mul(mtu.saturating_add(overhead));
-        let of = |budget: usize| self.control.divide(budget, head, packet);
-        let whole = |sharing: &Sharing| sharing.capacity() >= packet || head <= SHORT_LATENT_LEN;
-        let first = of(budget).ok().filter(whole);
-        let first = first.ok_or(()).or_else(|()| of(budget.saturating_mul(BUDGETS)));
-        first.or_else(|_| of(all))
     }
 
     /// Takes a report that came at `now`, seconds. The protection follows the loss that it tells, step by step. Shares that a

@@ -2,10 +2,11 @@
 
 use nvsprior::image::{Converter, ImageView, Mask};
 use nvsprior::modem::{ModemError, RateControl};
+use nvsprior::packet::Extent;
 use nvsprior::tracking::Known;
 use nvsprior::{Camera, Encoded, Encoder, Error, Picture, Rate};
 
-use crate::budget::{Budget, picture_len};
+use crate::budget::Budget;
 use crate::held_prior::HeldPrior;
 use crate::property::{self, PropertyError};
 
@@ -217,11 +218,13 @@ impl Frames {
         if control.options().loss != options.loss {
             control.set_loss(options.loss)?;
         }
-        let Some(bytes) = control.plan(now) else { return Ok(Err(Outcome::LeftOut)) };
-        match control.most(bytes) {
+        let Some(budget) = control.plan(now) else { return Ok(Err(Outcome::LeftOut)) };
+        match control.most(budget) {
             Ok(most) => {
-                self.encoder.set_rate(Some(Rate::Bytes(most.capacity())));
-                Ok(Ok(Budget::of(control, bytes)))
+                // A packet that tells the camera takes more, for once.
+                let bytes = most.capacity() + self.encoder.extra_bytes();
+                self.encoder.set_rate(Some(Rate::Bytes(bytes)));
+                Ok(Ok(Budget::of(control, budget)))
             }
             Err(error) => Ok(Err(Outcome::TooSmall(error))),
         }
@@ -251,23 +254,19 @@ impl Frames {
     /// Counts what the packet takes of the link.
     fn spend(&mut self, now: f64, mut budget: Budget) -> Result<Outcome, FramesError> {
         let packet = &self.encoded.packet;
-        let picture = picture_len(packet).map_err(Error::from)?;
-        // The first packet tells the camera, too. If the budget does not hold that, it takes more for once.
-        let sharing = budget.divide(picture, packet.len()).or_else(|_| {
-            budget.bytes = budget.bytes.saturating_mul(3);
-            budget.divide(picture, packet.len())
-        });
-        match (sharing, &mut self.control) {
-            (Ok(sharing), Some(control)) => {
-                control.sent(now + control.options().delay, budget.cost(&sharing));
+        let picture = Extent::read(packet).map_err(Error::from)?.head;
+        let Some(control) = &mut self.control else { return Ok(Outcome::Packet(Some(budget))) };
+        match control.divide_longer(budget.bytes as usize, picture, packet.len()) {
+            Ok((sharing, bytes)) => {
+                budget.bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
+                control.sent(now + control.options().delay, control.cost(&sharing));
                 Ok(Outcome::Packet(Some(budget)))
             }
-            (Err(error), _) => {
+            Err(error) => {
                 // The topside has not heard of what this packet says.
                 self.encoder.announce();
                 Ok(Outcome::TooSmall(error))
             }
-            (Ok(_), None) => Ok(Outcome::Packet(Some(budget))),
         }
     }
 }

@@ -7,8 +7,9 @@ use gst::prelude::*;
 use gst::subclass::prelude::*;
 
 use nvsprior::modem::{Interleaver, Loss, ModemError, Sharer};
+use nvsprior::packet::Extent;
 
-use crate::budget::{Budget, picture_len};
+use crate::budget::Budget;
 use crate::caps;
 use crate::lock::lock;
 use crate::stats::properties_with_stats;
@@ -139,7 +140,7 @@ impl Payloader {
         let mut cut = None;
         let mapped = buffer.map_readable();
         let packet = mapped.as_deref().unwrap_or(&[]);
-        let picture = picture_len(packet)?;
+        let picture = Extent::read(packet)?.head;
         let (budget, sharing) = match Budget::beside(buffer) {
             Some(budget) => (budget, budget.divide(picture, packet.len())?),
             None => {
