@@ -173,6 +173,28 @@ fn a_jump_is_looked_for_afresh() {
     assert_silent(&engine);
 }
 
+/// After steady frames a search begins at a fine level, which a jump leads astray.
+#[test]
+fn a_jump_after_steady_frames_ends_near_the_best_pose() {
+    let engine = engine();
+    let scene = engine.upload(&wall(3)).unwrap();
+    let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+    let mut renderer = engine.renderer(&scene, &CAMERA, Plan::picture()).unwrap();
+    let mut render = Picture::new(CAMERA.width, CAMERA.height);
+    for jump in (3..20).map(f64::from) {
+        encoder.reset();
+        for t in [0.0, 0.2, 0.4, 0.6, 0.8, 0.8 + jump] {
+            let frame = frame(&engine, &scene, &pose(t));
+            let start = (t == 0.0).then(|| pose(t));
+            let stats = encoder.encode(&frame, start).unwrap().stats;
+            renderer.picture(&pose(t), &mut render).unwrap();
+            let best = render.psnr(&frame);
+            assert!(stats.render_psnr > best - 0.7, "{jump}, {t}: {best:.2} dB, {stats:?}");
+        }
+    }
+}
+
 #[test]
 fn the_first_frame_needs_a_pose_and_a_failed_frame_changes_nothing() {
     let engine = engine();

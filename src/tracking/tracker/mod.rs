@@ -228,11 +228,13 @@ impl Tracker {
                 _ => first,
             };
         }
-        let worse = self.error.is_some_and(|before| found.outcome.mse > WORSE * before);
-        if worse && first < coarsest {
+        let limit = self.error.map_or(f64::INFINITY, |before| WORSE * before);
+        let worse = |found: &Found| found.outcome.mse > limit;
+        if first < coarsest && worse(&found) {
             self.level = coarsest;
             found = found.or_last(Found { start, ..self.from(&[pose], &at(coarsest))? });
-        } else if worse {
+        }
+        if worse(&found) {
             // A new object may draw the search away from the scene.
             let cold = self.options.gauss_newton.cold;
             let proposed = self.search_cold(frame, &pose, &cold, schedule)?;
