@@ -8,7 +8,7 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 
 .PHONY: help demo demo-prior test gst gst-test c-test c-test-memory lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test \
 	dist dist-test subproject-test abi-check abi-baseline shaders \
-	shaders-check shader-toolchain clean
+	shaders-check shader-toolchain clean paper-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -35,6 +35,7 @@ help:
 	@echo "make abi-check      compares the C library's ABI with the committed one; make abi-baseline renews that"
 	@echo "make licences       the list of what is linked in, after a change of dependencies; needs cargo-about"
 	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/cross-build.md"
+	@echo "make paper-test     the paper's learned baselines (tools/paper) in a Python of their own; installs PyTorch"
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
 
@@ -125,6 +126,9 @@ abi-check:
 abi-baseline:
 	@scripts/setup.sh c
 	scripts/abi.sh baseline
+
+paper-test:
+	scripts/paper-test.sh
 
 licences:
 	scripts/licences.py write
