@@ -63,8 +63,16 @@ def train(options: argparse.Namespace) -> None:
     else:
         sources = crops.of_folder(options.pictures)
     plan = training.Plan(
-        options.method, options.of, options.rate_lambda, options.steps, options.seed, options.batch,
-        options.learning_rate, options.minutes, not options.float32, options.start,
+        options.method,
+        options.of,
+        options.rate_lambda,
+        options.steps,
+        options.seed,
+        options.batch,
+        options.learning_rate,
+        options.minutes,
+        not options.float32,
+        options.start,
     )
     done = training.train(plan, sources, options.out, options.curve)
     print(f"{options.out}: {done.steps} steps in all")
@@ -119,7 +127,9 @@ def run(options: argparse.Namespace) -> None:
 def _starts(options: argparse.ArgumentParser) -> None:
     _renderer(options)
     options.add_argument("--count", type=int, default=1000, help="renders to train on (default 1000)")
-    options.add_argument("--renders", type=Path, required=True, help="file (.npz) of the renders; drawn if it is missing")
+    options.add_argument(
+        "--renders", type=Path, required=True, help="file (.npz) of the renders; drawn if it is missing"
+    )
     options.add_argument("--steps", type=int, default=3000, help="steps of 32 renders (default 3000)")
     options.add_argument("--minutes", type=float, help="end the training after this time")
     options.add_argument("--frames", type=Path, help="camera file of the frames to start (default: --cameras)")
@@ -150,7 +160,9 @@ def starts(options: argparse.Namespace) -> None:
 
 
 def _convert(options: argparse.ArgumentParser) -> None:
-    options.add_argument("data_set", type=Path, help="folder with images_wb/ or images/, and sparse/0/ or poses_bounds.npy")
+    options.add_argument(
+        "data_set", type=Path, help="folder with images_wb/ or images/, and sparse/0/ or poses_bounds.npy"
+    )
     options.add_argument("--out", type=Path, required=True, help="folder to write")
     options.add_argument("--width", type=int, default=320, help="pictures wider than this are reduced (default 320)")
     options.add_argument("--images", help="folder of the pictures (default: images_wb, else images)")

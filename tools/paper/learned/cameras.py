@@ -117,9 +117,7 @@ def _view(image: dict, content: dict, index: int) -> View:
         raise ValueError(f"pose of {image['file']}")
     lens = [float(image.get(key, content.get(key, "missing"))) for key in ("fx", "fy", "cx", "cy")]
     split = image.get("split")
-    return View(
-        str(image["file"]), int(image.get("index", index)), split, rotation_of(quaternion), translation, *lens
-    )
+    return View(str(image["file"]), int(image.get("index", index)), split, rotation_of(quaternion), translation, *lens)
 
 
 def write(path: Path, width: int, height: int, views: list[View]) -> None:

@@ -98,7 +98,7 @@ def read_pictures(path: Path, lenses: dict[int, Lens]) -> list[Picture]:
             raise FileError(path, f"picture {number} ({name}): there is no camera {camera}")
         if not np.isfinite(pose).all() or not np.linalg.norm(pose[:4]) > 0:
             raise FileError(path, f"picture {number} ({name}): its pose is not one")
-        found.append(Picture(name, rotation_of(pose[:4]), np.array(pose[4:]), lenses[camera]))
+        found.append(Picture(name, rotation_of(np.array(pose[:4])), np.array(pose[4:]), lenses[camera]))
     if not found:
         raise FileError(path, "has no pictures")
     return sorted(found, key=lambda picture: picture.name)

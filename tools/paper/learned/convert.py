@@ -38,29 +38,38 @@ def convert(source: Path, out: Path, width: int, folder: str | None) -> Converte
     images = _picture_folder(source, folder)
     files = _files(images)
     found, points = _model(source, files)
-    pairs = [(picture, _file_of(picture, files)) for picture in found]
-    left_out = [picture.name for picture, file in pairs if file is None]
-    pairs = [(picture, file) for picture, file in pairs if file is not None]
-    if not pairs:
+    there = [picture for picture in found if Path(picture.name).stem in files]
+    left_out = [picture.name for picture in found if Path(picture.name).stem not in files]
+    if not there:
         raise FileError(images, "has none of the model's pictures")
+    if len({Path(picture.name).stem for picture in there}) < len(there):
+        raise FileError(source, "the model has pictures of one name in several folders")
     if out.resolve() == source.resolve():
         raise ArgumentError(f"--out {out}: would overwrite the data set's own pictures")
-    size, views = None, []
-    for index, (picture, file) in enumerate(pairs):
-        pixels, lens = _reduced(file, picture.lens, width)
-        if size is not None and pixels.shape[:2] != size:
-            raise FileError(file, f"becomes {pixels.shape[1]}×{pixels.shape[0]}, others {size[1]}×{size[0]}: the shapes differ")
-        size = pixels.shape[:2]
-        name = f"images/{file.stem}.png"
-        pictures.write_rgb(out / name, pixels)
-        split = "test" if index % TEST_EVERY == 0 else "train"
-        views.append(
-            cameras.View(name, index, split, picture.rotation, picture.translation, lens.fx, lens.fy, lens.cx, lens.cy)
-        )
-    cameras.write(out / "cameras.json", size[1], size[0], views)
+    views, (shape_width, shape_height) = _write_pictures(there, files, out, width)
+    cameras.write(out / "cameras.json", shape_width, shape_height, views)
     if points is not None:
         write_points(out / "points.ply", points)
     return Converted(out / "cameras.json", len(views), None if points is None else len(points.positions), left_out)
+
+
+def _write_pictures(
+    there: list[Picture], files: dict[str, Path], out: Path, width: int
+) -> tuple[list[cameras.View], tuple[int, int]]:
+    """The views of the pictures that it writes, and their width and height."""
+    views, sizes = [], []
+    for index, picture in enumerate(there):
+        file = files[Path(picture.name).stem]
+        pixels, lens = _reduced(file, picture.lens, width)
+        sizes.append((pixels.shape[1], pixels.shape[0]))
+        if sizes[0] != sizes[-1]:
+            raise FileError(file, f"becomes {sizes[-1]} pixels, others {sizes[0]}: their shapes differ")
+        name = f"images/{file.stem}.png"
+        pictures.write_rgb(out / name, pixels)
+        split = "test" if index % TEST_EVERY == 0 else "train"
+        intrinsics = (lens.fx, lens.fy, lens.cx, lens.cy)
+        views.append(cameras.View(name, index, split, picture.rotation, picture.translation, *intrinsics))
+    return views, sizes[0]
 
 
 def _picture_folder(source: Path, folder: str | None) -> Path:
@@ -83,17 +92,14 @@ def _files(images: Path) -> dict[str, Path]:
     return files
 
 
-def _file_of(picture: Picture, files: dict[str, Path]) -> Path | None:
-    return files.get(Path(picture.name).stem)
-
-
 def _model(source: Path, files: dict[str, Path]) -> tuple[list[Picture], Points | None]:
     sparse = source / "sparse" / "0"
     if (sparse / "cameras.bin").is_file():
         found = colmap.read_pictures(sparse / "images.bin", colmap.read_cameras(sparse / "cameras.bin"))
         for picture in found:
             if picture.lens.distorted and picture.lens.folds():
-                raise FileError(sparse / "cameras.bin", f"{picture.lens.model} {picture.lens.distortion} is no lens: it folds over")
+                coefficients = f"{picture.lens.model} {picture.lens.distortion}"
+                raise FileError(sparse / "cameras.bin", f"{coefficients} is no lens: it folds over")
         points = sparse / "points3D.bin"
         return found, colmap.read_points(points) if points.is_file() else None
     if (source / "poses_bounds.npy").is_file():

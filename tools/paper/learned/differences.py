@@ -39,7 +39,8 @@ def write(run: CameraFile, renderer: Renderer, each: int, seed: int, out: Path) 
     for view in run.views:
         frame = pictures.read_rgb(run.picture(view))
         if frame.shape != (run.height, run.width, 3):
-            raise FileError(run.picture(view), f"{frame.shape[1]}×{frame.shape[0]}, the camera file says {run.width}×{run.height}")
+            size = f"{frame.shape[1]}×{frame.shape[0]}"
+            raise FileError(run.picture(view), f"{size}, the camera file says {run.width}×{run.height}")
         poses = [Pose.of(view)]
         for _ in range(each - 1):
             shift = random.normal(0, SHIFT_OF_DEPTH * depth, 3)

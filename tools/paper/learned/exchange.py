@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,16 +63,21 @@ def run(exchange: Exchange, weights_file: Path, out: Path) -> dict:
     _warm_up(exchange, training, encoder, decoder)
     for name in exchange.frames:
         pixels = exchange.picture(training.of, name)
-        data, encode_ms = _timed(lambda: stream.encode(encoder, pixels))
-        decoded, decode_ms = _timed(lambda: stream.decode(decoder, data))
+        data, encode_ms = _timed(stream.encode, encoder, pixels)
+        decoded, decode_ms = _timed(stream.decode, decoder, data)
         pictures.write_rgb(folder / "pictures" / f"{name}.png", decoded)
         rows.append((name, len(data), f"{encode_ms:.2f}", f"{decode_ms:.2f}"))
         fidelity.append(_fidelity(exchange, training, name, decoded))
     _write(folder, training, encoder, weights_file, rows)
     sizes, encode_times, decode_times = ([float(row[column]) for row in rows] for column in (1, 2, 3))
     return {
-        "method": folder.name, "set": exchange.set, "frames": len(rows), "bytes": np.mean(sizes),
-        "psnr": np.mean(fidelity), "encode_ms": np.mean(encode_times), "decode_ms": np.mean(decode_times),
+        "method": folder.name,
+        "set": exchange.set,
+        "frames": len(rows),
+        "bytes": np.mean(sizes),
+        "psnr": np.mean(fidelity),
+        "encode_ms": np.mean(encode_times),
+        "decode_ms": np.mean(decode_times),
     }
 
 
@@ -88,9 +94,9 @@ def _warm_up(exchange: Exchange, training: weights.Training, encoder, decoder) -
     stream.decode(decoder, stream.encode(encoder, exchange.picture(training.of, exchange.frames[0])))
 
 
-def _timed(work) -> tuple:
+def _timed(work: Callable, *arguments: object) -> tuple:
     began = time.perf_counter()
-    result = work()
+    result = work(*arguments)
     return result, 1000 * (time.perf_counter() - began)
 
 
@@ -103,8 +109,13 @@ def _fidelity(exchange: Exchange, training: weights.Training, name: str, decoded
 
 def _write(folder: Path, training: weights.Training, model: torch.nn.Module, weights_file: Path, rows: list) -> None:
     description = {
-        "method": method_name(training), "lambda": training.rate_lambda, "parameters": weights.parameters(model),
-        "seed": training.seed, "steps": training.steps, "of": training.of, "weights": weights.digest(weights_file),
+        "method": method_name(training),
+        "lambda": training.rate_lambda,
+        "parameters": weights.parameters(model),
+        "seed": training.seed,
+        "steps": training.steps,
+        "of": training.of,
+        "weights": weights.digest(weights_file),
         "stages": training.stages,
     }
     try:

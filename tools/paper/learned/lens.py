@@ -38,7 +38,8 @@ class Lens:
         name, _ = MODELS[number]
         if name in ONE_FOCAL_LENGTH:
             parameters = (parameters[0], *parameters)
-        return cls(name, width, height, *parameters[:4], tuple(parameters[4:]))
+        fx, fy, cx, cy, *distortion = parameters
+        return cls(name, width, height, fx, fy, cx, cy, tuple(distortion))
 
     @property
     def distorted(self) -> bool:

@@ -19,7 +19,7 @@ Smaller than the authors' (N = 192, M = 320, 10 slices of 32): see `DEFAULTS`.
 
 from __future__ import annotations
 
-from typing import Callable
+from collections.abc import Callable
 
 import torch
 import torch.nn as nn
@@ -28,7 +28,6 @@ from compressai.ans import BufferedRansEncoder, RansDecoder
 from compressai.entropy_models import EntropyBottleneck, GaussianConditional
 from compressai.layers import ResidualBlock, ResidualBlockUpsample, ResidualBlockWithStride, conv3x3, subpel_conv3x3
 from compressai.models import CompressionModel
-from compressai.models.utils import conv
 from compressai.ops import quantize_ste
 
 METHOD = "mlic++"
@@ -181,12 +180,26 @@ class MlicPlusPlus(CompressionModel):
             subpel_conv3x3(n, 3, 2),
         )
         self.h_a = nn.Sequential(
-            conv3x3(m, n), nn.GELU(), conv3x3(n, n), nn.GELU(), conv3x3(n, n, stride=2), nn.GELU(),
-            conv3x3(n, n), nn.GELU(), conv3x3(n, n, stride=2),
+            conv3x3(m, n),
+            nn.GELU(),
+            conv3x3(n, n),
+            nn.GELU(),
+            conv3x3(n, n, stride=2),
+            nn.GELU(),
+            conv3x3(n, n),
+            nn.GELU(),
+            conv3x3(n, n, stride=2),
         )
         self.h_s = nn.Sequential(
-            conv3x3(n, n), nn.GELU(), subpel_conv3x3(n, n, 2), nn.GELU(), conv3x3(n, n), nn.GELU(),
-            subpel_conv3x3(n, n, 2), nn.GELU(), conv3x3(n, 2 * n),
+            conv3x3(n, n),
+            nn.GELU(),
+            subpel_conv3x3(n, n, 2),
+            nn.GELU(),
+            conv3x3(n, n),
+            nn.GELU(),
+            subpel_conv3x3(n, n, 2),
+            nn.GELU(),
+            conv3x3(n, 2 * n),
         )
         self.slices = nn.ModuleList(Slice(self.channels, i * self.channels, 2 * n) for i in range(slices))
         self.entropy_bottleneck = EntropyBottleneck(n)

@@ -128,7 +128,9 @@ class PoseRegressor(nn.Module):
         for before, after in zip(widths, widths[1:]):
             layers += [nn.Conv2d(before, after, 3, stride=2, padding=1), nn.BatchNorm2d(after), nn.ReLU()]
         self.features = nn.Sequential(*layers)
-        self.head = nn.Sequential(nn.Flatten(), nn.Linear(128 * 2 * 3, 256), nn.ReLU(), nn.Dropout(0.2), nn.Linear(256, 9))
+        self.head = nn.Sequential(
+            nn.Flatten(), nn.Linear(128 * 2 * 3, 256), nn.ReLU(), nn.Dropout(0.2), nn.Linear(256, 9)
+        )
 
     def forward(self, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Centres (in depths, from the survey's middle), rotations."""
@@ -189,7 +191,9 @@ def train(renders: Renders, steps: int, minutes: float | None, seed: int, curve:
             trained.model.train()
             batch = chosen[torch.randint(len(chosen), (32,))]
             centre, rotation = trained.model(_normal(_disturbed(inputs[batch])))
-            loss = F.smooth_l1_loss(centre, targets[batch], beta=0.05) + F.smooth_l1_loss(rotation, rotations[batch], beta=0.05)
+            loss = F.smooth_l1_loss(centre, targets[batch], beta=0.05) + F.smooth_l1_loss(
+                rotation, rotations[batch], beta=0.05
+            )
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()

@@ -38,7 +38,15 @@ def decode(model: CompressionModel, data: bytes) -> np.ndarray:
     width, height, length = HEADER.unpack_from(data)
     latents, hyper = data[HEADER.size : HEADER.size + length], data[HEADER.size + length :]
     # The range coder reads 32-bit words, one at least.
-    if width == 0 or height == 0 or len(latents) != length or length < 4 or len(hyper) < 4 or length % 4 or len(hyper) % 4:
+    if (
+        width == 0
+        or height == 0
+        or len(latents) != length
+        or length < 4
+        or len(hyper) < 4
+        or length % 4
+        or len(hyper) % 4
+    ):
         raise StreamError(f"{len(data)} bytes, {length} of them for the latents of {width}×{height} pixels: cut short")
     shape = (-(-height // HYPER_STRIDE), -(-width // HYPER_STRIDE))
     with torch.inference_mode():

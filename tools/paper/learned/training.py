@@ -68,7 +68,13 @@ def train(plan: Plan, sources: list[np.ndarray], out: Path, curve: Path) -> weig
             step += 1
             if step % REPORT_EVERY == 0:
                 bits, mse, loss = sums / REPORT_EVERY
-                row = [step, f"{time.monotonic() - began:.0f}", f"{bits:.4f}", f"{-10 * math.log10(mse):.3f}", f"{loss:.4f}"]
+                row = [
+                    step,
+                    f"{time.monotonic() - began:.0f}",
+                    f"{bits:.4f}",
+                    f"{-10 * math.log10(mse):.3f}",
+                    f"{loss:.4f}",
+                ]
                 table.writerow(row)
                 file.flush()
                 print(*row, flush=True)
@@ -130,7 +136,15 @@ def _step(model, x: torch.Tensor, plan: Plan, optimizer, quantiles) -> np.ndarra
 
 
 def _so_far(plan: Plan, size: dict[str, int], earlier: list[dict], steps: int) -> weights.Training:
-    stage = {"of": plan.of, "lambda": plan.rate_lambda, "steps": steps, "seed": plan.seed, "batch": plan.batch,
-             "learning_rate": plan.learning_rate}
+    stage = {
+        "of": plan.of,
+        "lambda": plan.rate_lambda,
+        "steps": steps,
+        "seed": plan.seed,
+        "batch": plan.batch,
+        "learning_rate": plan.learning_rate,
+    }
     stages = [*earlier, stage]
-    return weights.Training(plan.method, plan.of, plan.rate_lambda, plan.seed, sum(s["steps"] for s in stages), size, stages)
+    return weights.Training(
+        plan.method, plan.of, plan.rate_lambda, plan.seed, sum(s["steps"] for s in stages), size, stages
+    )

@@ -14,7 +14,10 @@ from compressai.models import CompressionModel
 from . import mean_scale, mlic
 from .errors import ArgumentError, FileError
 
-METHODS = {mean_scale.METHOD: (mean_scale.MeanScale, mean_scale.DEFAULTS), mlic.METHOD: (mlic.MlicPlusPlus, mlic.DEFAULTS)}
+METHODS = {
+    mean_scale.METHOD: (mean_scale.MeanScale, mean_scale.DEFAULTS),
+    mlic.METHOD: (mlic.MlicPlusPlus, mlic.DEFAULTS),
+}
 SUBJECTS = ("frames", "differences")
 
 

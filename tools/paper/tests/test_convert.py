@@ -79,8 +79,11 @@ class Converting(unittest.TestCase):
 
     def test_an_undistorted_picture_has_its_marks_where_the_pinhole_puts_them(self) -> None:
         """Marks are drawn where the distorting lens sees each point; after it, the pinhole must find them."""
-        for model, parameters in [(3, RADIAL), (4, (500.0, 505.0, 322.0, 178.0, -0.08, 0.01, 0.002, -0.001)),
-                                  (5, (500.0, 505.0, 322.0, 178.0, -0.02, 0.003, 0.0, 0.0))]:
+        for model, parameters in [
+            (3, RADIAL),
+            (4, (500.0, 505.0, 322.0, 178.0, -0.08, 0.01, 0.002, -0.001)),
+            (5, (500.0, 505.0, 322.0, 178.0, -0.02, 0.003, 0.0, 0.0)),
+        ]:
             with self.subTest(model=lens.MODELS[model][0]), tempfile.TemporaryDirectory() as scratch:
                 source, out = Path(scratch) / "set", Path(scratch) / "out"
                 write_colmap(source, model, parameters, 1, self.points)
@@ -108,7 +111,10 @@ class Converting(unittest.TestCase):
             convert.convert(write, self.out, WIDTH, None)
             view = cameras.read(self.out / "cameras.json").views[0]
             optics = lens.Lens.of(3, WIDTH, HEIGHT, (*RADIAL[:3], *distortion))
-            corners = (np.array([[0, 0], [WIDTH, 0], [0, HEIGHT], [WIDTH, HEIGHT]]) - [view.cx, view.cy]) / [view.fx, view.fy]
+            corners = (np.array([[0, 0], [WIDTH, 0], [0, HEIGHT], [WIDTH, HEIGHT]]) - [view.cx, view.cy]) / [
+                view.fx,
+                view.fy,
+            ]
             there = optics.project(corners)
             self.assertTrue((there >= -1e-9).all() and (there <= np.array([WIDTH, HEIGHT]) + 1e-9).all())
 

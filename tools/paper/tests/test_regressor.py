@@ -60,8 +60,10 @@ class Regressing(unittest.TestCase):
     def test_it_learns_poses_of_renders_and_starts_frames(self) -> None:
         poses = regressor.random_poses(self.survey, 4.0, 120, np.random.default_rng(1))
         drawn = regressor.Renders(
-            np.stack([patch(pose) for _, pose in poses]), np.stack([p.rotation for _, p in poses]),
-            np.stack([p.translation for _, p in poses]), 4.0,
+            np.stack([patch(pose) for _, pose in poses]),
+            np.stack([p.rotation for _, p in poses]),
+            np.stack([p.translation for _, p in poses]),
+            4.0,
         )
         untrained = regressor.train(drawn, 1, None, 1, self.folder / "none.csv")
         trained = regressor.train(drawn, 120, None, 1, self.folder / "curve.csv")
