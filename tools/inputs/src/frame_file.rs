@@ -21,9 +21,12 @@ pub enum FrameFileError {
     #[error("{}: {}×{} is of another shape than the camera's {}×{}; resizing would distort it",
         path.display(), found.0, found.1, expected.0, expected.1)]
     Shape { path: PathBuf, found: (u32, u32), expected: (u32, u32) },
-    #[error("{}: column \"{column}\" is missing; the header must name {}",
-        path.display(), COLUMNS.join(","))]
-    Column { path: PathBuf, column: &'static str },
+    #[error("{}: {}×{}, but a picture of {}×{} is needed",
+        path.display(), found.0, found.1, expected.0, expected.1)]
+    Size { path: PathBuf, found: (u32, u32), expected: (u32, u32) },
+    #[error("{}: column \"{column}\" is missing; the header must name {key},{}",
+        path.display(), POSE.join(","))]
+    Column { path: PathBuf, key: &'static str, column: &'static str },
     #[error("{}: the columns {} must be there all or not at all", path.display(), DEVIATION.join(","))]
     Deviation { path: PathBuf },
     #[error("{}: row {row}: {what}", path.display())]
@@ -45,6 +48,16 @@ pub fn read_frame(path: &Path, width: u32, height: u32) -> Result<Picture, Frame
     } else {
         return Err(FrameFileError::Shape { path: path.to_path_buf(), found, expected });
     };
+    Ok(Picture { width, height, data: picture.into_raw() })
+}
+
+/// Reads a PNG, JPEG or WebP that must have this size.
+pub fn read_picture(path: &Path, width: u32, height: u32) -> Result<Picture, FrameFileError> {
+    let picture = open_image(path)?.to_rgb8();
+    let (found, expected) = (picture.dimensions(), (width, height));
+    if found != expected {
+        return Err(FrameFileError::Size { path: path.to_path_buf(), found, expected });
+    }
     Ok(Picture { width, height, data: picture.into_raw() })
 }
 
@@ -85,25 +98,36 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FrameFileError> {
         .map_err(|error| FrameFileError::Image { path: path.to_path_buf(), error })
 }
 
-const COLUMNS: [&str; 8] = ["file", "qw", "qx", "qy", "qz", "tx", "ty", "tz"];
+/// The column that names a frame: by its file.
+const FILE: &str = "file";
+const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx", "ty", "tz"];
 /// Standard deviations of a pose, those of a left step: ρ in the prior's unit, θ in degrees.
 const DEVIATION: [&str; 6] = ["srx", "sry", "srz", "sax", "say", "saz"];
 
 /// The places of a CSV file's columns.
 struct Columns {
-    pose: [usize; 8],
+    key: usize,
+    pose: [usize; 7],
     time: Option<usize>,
     age: Option<usize>,
     deviation: Option<[usize; 6]>,
 }
 
 impl Columns {
-    fn of(header: &csv::StringRecord, path: &Path) -> Result<Columns, FrameFileError> {
+    /// `key`: the column that names a frame.
+    fn of(
+        header: &csv::StringRecord,
+        key: &'static str,
+        path: &Path,
+    ) -> Result<Columns, FrameFileError> {
         let at = |column: &str| header.iter().position(|name| name == column);
-        let mut pose = [0; 8];
-        for (place, column) in pose.iter_mut().zip(COLUMNS) {
-            let missing = || FrameFileError::Column { path: path.to_path_buf(), column };
-            *place = at(column).ok_or_else(missing)?;
+        let place = |column: &'static str| {
+            let missing = || FrameFileError::Column { path: path.to_path_buf(), key, column };
+            at(column).ok_or_else(missing)
+        };
+        let mut pose = [0; 7];
+        for (to, column) in pose.iter_mut().zip(POSE) {
+            *to = place(column)?;
         }
         let found = DEVIATION.map(at);
         let deviation = match found.iter().flatten().count() {
@@ -111,7 +135,7 @@ impl Columns {
             6 => Some(found.map(Option::unwrap_or_default)),
             _ => return Err(FrameFileError::Deviation { path: path.to_path_buf() }),
         };
-        Ok(Columns { pose, time: at("time"), age: at("age"), deviation })
+        Ok(Columns { key: place(key)?, pose, time: at("time"), age: at("age"), deviation })
     }
 
     /// What a row states; what is wrong with it.
@@ -125,8 +149,8 @@ impl Columns {
         let optional = |i: Option<usize>, name: &str| {
             i.filter(|i| !at(*i).is_empty()).map(|i| number(i, name)).transpose()
         };
-        let pose = |i: usize| number(self.pose[i], COLUMNS[i]);
-        let (q, t) = ([pose(1)?, pose(2)?, pose(3)?, pose(4)?], [pose(5)?, pose(6)?, pose(7)?]);
+        let pose = |i: usize| number(self.pose[i], POSE[i]);
+        let (q, t) = ([pose(0)?, pose(1)?, pose(2)?, pose(3)?], [pose(4)?, pose(5)?, pose(6)?]);
         let pose = Pose::from_wxyz(q, t).ok_or("no pose")?;
         let mut hint = Hint::of(pose);
         if let Some(columns) = self.deviation.filter(|c| c.iter().any(|i| !at(*i).is_empty())) {
@@ -150,14 +174,22 @@ impl Columns {
 /// (world-to-camera) and optional columns for the frame's time, the pose's age (seconds) and its
 /// standard deviations. Fields of optional columns may be empty. Columns may have any order.
 pub fn read_known(path: &Path) -> Result<HashMap<String, Known>, FrameFileError> {
+    read_known_by(FILE, path)
+}
+
+/// As [`read_known`]; `key` is the column that names the frames.
+pub fn read_known_by(
+    key: &'static str,
+    path: &Path,
+) -> Result<HashMap<String, Known>, FrameFileError> {
     let failed = |error| FrameFileError::Csv { path: path.to_path_buf(), error };
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(failed)?;
-    let columns = Columns::of(reader.headers().map_err(failed)?, path)?;
+    let columns = Columns::of(reader.headers().map_err(failed)?, key, path)?;
     let mut frames = HashMap::new();
     for (row, record) in reader.records().enumerate() {
         let record = record.map_err(failed)?;
-        let file = record.get(columns.pose[0]).unwrap_or_default();
+        let file = record.get(columns.key).unwrap_or_default();
         let wrong = |what| FrameFileError::Row { path: path.to_path_buf(), row: row + 1, what };
         let known = columns.known(&record).map_err(wrong)?;
         if frames.insert(file.to_owned(), known).is_some() {

@@ -69,14 +69,16 @@ impl Input {
 impl InputArgs {
     /// The frames, in time order; at least one.
     pub fn frames(&self) -> anyhow::Result<Vec<Input>> {
+        self.frames_from(&self.starts)
+    }
+
+    /// As [`InputArgs::frames`], with other poses from outside than `--starts` says; `starts` is one of its values.
+    pub fn frames_from(&self, starts: &str) -> anyhow::Result<Vec<Input>> {
         let file = CameraFile::open(&self.cameras)?;
         let mut views = file.select(self.split.as_deref())?;
         views.truncate(self.limit.unwrap_or(usize::MAX));
         anyhow::ensure!(!views.is_empty(), "{}: no frames to encode", self.cameras.display());
-        let csv = match self.starts.as_str() {
-            "none" | "first" | "camera-file" => None,
-            path => Some(self.read_starts(Path::new(path))?),
-        };
+        let csv = starts_file(starts).map(|path| self.read_starts(path)).transpose()?;
         let mut names = HashSet::new();
         let distinct = views.iter().all(|view| names.insert(stem(&view.file)));
         let input = |(index, view): (usize, &View)| {
@@ -88,7 +90,7 @@ impl InputArgs {
                 file: view.name.clone(),
                 name: if distinct { stem(&view.file) } else { flat_name(&view.name) },
                 camera,
-                external: self.external(index, view, csv.as_ref()),
+                external: self.external(starts, index, view, csv.as_ref()),
                 known: view.pose,
             })
         };
@@ -103,8 +105,14 @@ impl InputArgs {
         Ok(frame_file::read_known(path)?)
     }
 
-    fn external(&self, index: usize, view: &View, csv: Option<&HashMap<String, Known>>) -> Known {
-        let mut known = match (csv, self.starts.as_str()) {
+    fn external(
+        &self,
+        starts: &str,
+        index: usize,
+        view: &View,
+        csv: Option<&HashMap<String, Known>>,
+    ) -> Known {
+        let mut known = match (csv, starts) {
             (Some(frames), _) => frames.get(&view.name).copied().unwrap_or_default(),
             (None, "camera-file") => view.pose.into(),
             (None, "first") if index == 0 => view.pose.into(),
@@ -115,6 +123,14 @@ impl InputArgs {
         }
         known.time = view.time.or(known.time);
         known
+    }
+}
+
+/// The file that a value of `--starts` names, if it names one.
+pub fn starts_file(starts: &str) -> Option<&Path> {
+    match starts {
+        "none" | "first" | "camera-file" => None,
+        path => Some(Path::new(path)),
     }
 }
 

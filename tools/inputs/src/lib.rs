@@ -9,6 +9,7 @@ pub mod mode;
 pub mod points;
 pub mod posed;
 pub mod run_writer;
+pub mod sheet;
 pub mod structure;
 pub mod undistort;
 pub mod values;

@@ -6,6 +6,7 @@ mod configurations;
 mod context;
 mod forward;
 mod optimum;
+mod paper;
 mod perturbed;
 mod plot;
 mod print;
@@ -66,6 +67,8 @@ pub struct Args {
     recovery: recovery::RecoveryArgs,
     #[command(flatten)]
     codecs: codecs::CodecsArgs,
+    #[command(flatten)]
+    paper: paper::PaperArgs,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
     threshold: f64,
@@ -93,6 +96,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         codecs::run(&mut context, folder)?;
         return args.device.check(&context.engine);
     }
+    if args.paper.paper {
+        paper::run(&args.paper, &args.input, &mut context, folder)?;
+        return args.device.check(&context.engine);
+    }
     let report = measure(args, &mut context)?;
     print::print(&context, &report);
     report::write(&folder.join("report.json"), &context, &report)?;
@@ -114,7 +121,8 @@ fn open(args: &Args) -> anyhow::Result<Context> {
     let prior = args.prior.open()?;
     let mut preprocessor = Preprocessor::new(prior.preprocessing());
     let read = |input| Shot::read(input, &mut preprocessor);
-    let shots = args.input.frames()?.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
+    let inputs = args.input.frames_from(args.paper.starts(&args.input))?;
+    let shots = inputs.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
     anyhow::ensure!(shots.len() > 1, "one frame is no run, as the first one does not count");
     let engine = args.device.open()?;
     let scene = engine.upload(&prior)?;

@@ -16,6 +16,7 @@ mod map;
 mod map_hard;
 #[cfg(unix)]
 mod map_structure;
+mod paper;
 mod preprocessing;
 mod recovery;
 mod refusals;

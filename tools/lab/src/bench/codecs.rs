@@ -1,20 +1,20 @@
 //! `nvsprior bench --codecs`: the wavelet coder beside other coders, on the same frames and difference pictures.
 
-mod affine;
-mod external;
+pub mod affine;
+pub mod external;
 mod frames;
-mod own;
-mod point;
+pub mod own;
+pub mod point;
 mod rates;
 mod report;
-mod run;
+pub mod run;
 mod times;
 
 use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context as _;
-use nvsprior::{EncoderOptions, Pose};
+use nvsprior::{EncoderOptions, Picture, Pose};
 use nvsprior_inputs::args::progress;
 
 use super::context::{Context, Shot};
@@ -45,14 +45,11 @@ const SEED: u64 = 1;
 
 /// Measures, prints and writes it all to a folder.
 pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
-    let camera = context.shots[0].camera;
-    for Shot { file, camera: other, .. } in &context.shots {
-        anyhow::ensure!(
-            (other.width, other.height) == (camera.width, camera.height),
-            "{file}: of another size than the first frame; --codecs needs frames of one size"
-        );
-    }
-    let (run, poses) = found(context)?;
+    context.one_size("--codecs")?;
+    let found = found(context, context.options())?;
+    let (poses, beside) = (found.poses, Beside::default());
+    let frames = context.shots.iter().map(|shot| shot.picture.clone()).collect();
+    let run = Run::new(frames, found.renders, beside);
     let wavelet = Own::wavelet(&context.scene, context.engine.device().portable);
     let bar = progress(times::RATES.len(), "the wavelet coder's time");
     let times = times::measure(context, &run, &poses, || bar.inc(1))?;
@@ -136,22 +133,35 @@ impl Measured {
     }
 }
 
-/// The frames beside the renders at the poses that the encoder finds, and these poses.
-fn found(context: &mut Context) -> anyhow::Result<(Run, Vec<Pose>)> {
-    let options = EncoderOptions { rate: None, ..context.options() };
-    let mut encoder = context.encoder(options)?;
-    let (mut frames, mut renders, mut poses) = (Vec::new(), Vec::new(), Vec::new());
+/// The poses that an encoder finds, one frame after the other.
+pub struct Found {
+    pub poses: Vec<Pose>,
+    /// The renders there.
+    pub renders: Vec<Picture>,
+    /// PSNR of each render, dB.
+    pub psnr: Vec<f64>,
+    /// Time of a search, mean, milliseconds.
+    pub ms: f64,
+}
+
+/// Has an encoder of these options look for all frames. It codes no difference pictures.
+pub fn found(context: &Context, options: EncoderOptions) -> anyhow::Result<Found> {
+    let mut encoder = context.encoder(EncoderOptions { rate: None, ..options })?;
+    let mut found = Found { poses: Vec::new(), renders: Vec::new(), psnr: Vec::new(), ms: 0.0 };
     let bar = progress(context.shots.len(), "renders");
-    for Shot { file, picture, external, .. } in &context.shots {
-        let encoded =
-            encoder.encode(picture, *external).with_context(|| format!("encoding {file}"))?;
-        frames.push(picture.clone());
-        renders.push(encoded.render);
-        poses.push(encoded.pose);
+    for shot in &context.shots {
+        let Shot { file, picture, external, camera, .. } = shot;
+        let encoding = || format!("encoding {file}");
+        encoder.set_camera(camera).with_context(encoding)?;
+        let encoded = encoder.encode(picture, shot.told(*external)).with_context(encoding)?;
+        found.renders.push(encoded.render);
+        found.poses.push(encoded.pose);
+        found.psnr.push(encoded.stats.render_psnr);
+        found.ms += encoded.stats.refine_milliseconds / context.shots.len() as f64;
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok((Run::new(frames, renders, Beside::default()), poses))
+    Ok(found)
 }
 
 /// The run with renders at an estimator's poses: the camera file's, moved off by as much as the paper says of
@@ -168,13 +178,13 @@ fn estimated(context: &mut Context, run: &Run) -> anyhow::Result<Option<Run>> {
 }
 
 /// Milliseconds that something takes, and what it gives.
-fn timed<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<(T, f64)> {
+pub fn timed<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<(T, f64)> {
     let (value, ms) = timed_value(work);
     Ok((value?, ms))
 }
 
 /// As `coder`, for coders that cannot fail.
-fn timed_value<T>(work: impl FnOnce() -> T) -> (T, f64) {
+pub fn timed_value<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let since = Instant::now();
     let value = work();
     (value, since.elapsed().as_secs_f64() * 1e3)

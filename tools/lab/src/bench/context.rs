@@ -7,7 +7,9 @@ use nvsprior::image::Preprocessor;
 use nvsprior::render::Scene;
 use nvsprior::tracking::{Evaluation, Optimizer};
 use nvsprior::vulkan::MemoryUse;
-use nvsprior::{Camera, Encoder, EncoderOptions, Engine, FrameStats, Picture, Pose, Prior};
+use nvsprior::{
+    Camera, Encoder, EncoderOptions, Engine, FrameStats, Hint, Known, Picture, Pose, Prior,
+};
 
 use super::forward::Forward;
 use nvsprior_inputs::frame_file;
@@ -16,6 +18,8 @@ use nvsprior_inputs::input::Input;
 /// A frame of the run.
 pub struct Shot {
     pub file: String,
+    /// Name of what is written about it, without ending.
+    pub name: String,
     pub camera: Camera,
     /// As the prior's preprocessing left it.
     pub picture: Picture,
@@ -28,12 +32,18 @@ pub struct Shot {
 }
 
 impl Shot {
+    /// What an encoder is told of it, if it is told this pose.
+    pub fn told(&self, pose: Option<Pose>) -> Known {
+        Known { hint: pose.map(Hint::of), time: self.time }
+    }
+
     pub fn read(input: &Input, preprocessor: &mut Preprocessor) -> anyhow::Result<Shot> {
         let Camera { width, height, .. } = input.camera;
         let mut picture = frame_file::read_frame(&input.path, width, height)?;
         preprocessor.apply(&mut picture);
         Ok(Shot {
             file: input.file.clone(),
+            name: input.name.clone(),
             camera: input.camera,
             picture,
             external: input.external.hint.map(|hint| hint.pose),
@@ -97,6 +107,18 @@ impl Context {
     /// Encoder options of this run, the rest at their defaults. The shots were treated when they were read.
     pub fn options(&self) -> EncoderOptions {
         EncoderOptions { threshold: self.threshold, frames_treated: true, ..Default::default() }
+    }
+
+    /// Fails unless all frames have one size. `option`: what needs that.
+    pub fn one_size(&self, option: &str) -> anyhow::Result<()> {
+        let camera = self.shots[0].camera;
+        for Shot { file, camera: other, .. } in &self.shots {
+            anyhow::ensure!(
+                (other.width, other.height) == (camera.width, camera.height),
+                "{file}: of another size than the first frame; {option} needs frames of one size"
+            );
+        }
+        Ok(())
     }
 
     /// An encoder of the first frame's camera.

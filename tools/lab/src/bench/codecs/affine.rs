@@ -23,9 +23,10 @@ const LEAST_GAIN: f64 = 1e-5;
 /// Damping at first, and at which a level ends.
 const DAMPING: (f64, f64) = (1e-3, 1e4);
 
-/// The run with each render warped onto its frame.
+/// The run with each render warped onto its frame; the warp is counted beside what a frame took already.
 pub fn warped(run: &Run) -> Run {
-    let (mut renders, mut beside) = (Vec::new(), Beside { bytes: BYTES, ..Beside::default() });
+    let before = run.beside;
+    let (mut renders, mut beside) = (Vec::new(), Beside { bytes: before.bytes + BYTES, ..before });
     let share = 1.0 / run.frames.len() as f64;
     for (frame, render) in run.frames.iter().zip(&run.renders) {
         let (warp, ms) = timed_value(|| Warp::fit(render, frame));

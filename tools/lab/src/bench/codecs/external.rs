@@ -173,13 +173,7 @@ impl External {
         let mut points = Vec::new();
         for &mode in self.modes {
             for &quality in self.qualities {
-                let folder = tempfile::tempdir()?;
-                let show = |index, decoded: &Picture| run.show(input, index, decoded);
-                let mut outcome = self
-                    .code(run.pictures(input), mode, quality, folder.path())
-                    .with_context(|| format!("{} at {quality}", self.name))?;
-                let decoded = outcome.shown.iter().enumerate();
-                outcome.shown = decoded.map(|(index, picture)| show(index, picture)).collect();
+                let outcome = self.code(run, input, mode, quality)?;
                 points.push(run.point(self.name, input, mode, &outcome));
                 done();
             }
@@ -187,17 +181,23 @@ impl External {
         Ok(points)
     }
 
-    fn code(
+    /// Codes the run at a quality setting.
+    pub fn code(
         &self,
-        pictures: &[Picture],
+        run: &Run,
+        input: Input,
         mode: Mode,
         quality: f64,
-        folder: &Path,
     ) -> anyhow::Result<Outcome> {
-        match &self.kind {
-            Kind::JpegXl => code_jpeg_xl(pictures, quality, folder),
-            Kind::Ffmpeg(coder) => coder.code(pictures, mode, quality, folder),
-        }
+        let (folder, pictures) = (tempfile::tempdir()?, run.pictures(input));
+        let coded = match &self.kind {
+            Kind::JpegXl => code_jpeg_xl(pictures, quality, folder.path()),
+            Kind::Ffmpeg(coder) => coder.code(pictures, mode, quality, folder.path()),
+        };
+        let mut outcome = coded.with_context(|| format!("{} at {quality}", self.name))?;
+        let decoded = outcome.shown.iter().enumerate();
+        outcome.shown = decoded.map(|(index, p)| run.show(input, index, p)).collect();
+        Ok(outcome)
     }
 }
 

@@ -66,7 +66,8 @@ impl Own {
         self.rates.iter().map(point).collect()
     }
 
-    fn code(&self, run: &Run, input: Input, rate: Rate) -> anyhow::Result<Outcome> {
+    /// Codes the run at a rate.
+    pub fn code(&self, run: &Run, input: Input, rate: Rate) -> anyhow::Result<Outcome> {
         let Own { coder, portable, .. } = *self;
         let (width, height) = (run.frames[0].width, run.frames[0].height);
         let tables = self.tables.clone();

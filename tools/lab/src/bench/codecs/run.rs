@@ -13,7 +13,7 @@ pub struct Run {
     differences: Vec<Picture>,
     /// For each frame; what a plain frame is the difference from.
     grey: Vec<Picture>,
-    beside: Beside,
+    pub beside: Beside,
 }
 
 /// What a frame takes beside coding its difference picture, in the mean.
@@ -55,7 +55,8 @@ impl Run {
         Run { frames, renders, differences, grey, beside }
     }
 
-    fn len(&self) -> f64 {
+    /// Number of frames.
+    pub fn len(&self) -> f64 {
         self.frames.len() as f64
     }
 

@@ -70,6 +70,7 @@ fn rolled(context: &mut Context, trials: usize) -> anyhow::Result<Vec<Rolled>> {
         let (picture, shown) = roll::picture(&from.camera, &from.picture, angle);
         let shot = Shot {
             file: from.file.clone(),
+            name: from.name.clone(),
             camera: from.camera,
             picture,
             external: None,

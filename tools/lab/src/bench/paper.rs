@@ -1,0 +1,215 @@
+//! `nvsprior bench --paper`: the paper's tables, row by row, on any frames.
+
+mod coders;
+mod equal;
+mod estimator;
+mod exchange;
+mod learned;
+mod methods;
+mod ours;
+mod picture;
+mod published;
+mod quality;
+mod report;
+mod row;
+mod starts;
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use nvsprior::packet::PoseProfile;
+use nvsprior::tracking::Optimizer;
+use nvsprior::{EncoderOptions, Pose};
+use nvsprior_inputs::input::{InputArgs, starts_file};
+
+use super::codecs::run::{Beside, Run};
+use super::codecs::{Found, affine, found};
+use super::context::Context;
+use estimator::{Estimates, estimates};
+use learned::Learned;
+use methods::Methods;
+use row::Entry;
+
+/// `bench --paper` and what it takes.
+#[derive(clap::Args)]
+pub struct PaperArgs {
+    /// Measure only the methods of the paper's tables, and the program's own
+    ///
+    /// WebP, JPEG XL, affine warps and BFGS with both, the program's own coder picture by picture and as a stream, and
+    /// pose estimators. JPEG XL needs `cjxl` and `djxl`. The learned coders come from `tools/paper` (--learned). Methods that
+    /// cannot be measured are named. Writes paper.json, paper-equal.json (all at one PSNR), paper.md with what the paper
+    /// reports beside each row, paper.svg, paper.png, and exchange/ for `tools/paper`. A CSV file given with --starts
+    /// holds the starts of a pose regressor (name,qw,qx,qy,qz,tx,ty,tz), which get a row of their own.
+    #[arg(long, conflicts_with_all = ["ablation", "recovery", "codecs"])]
+    pub paper: bool,
+    /// Folder of what learned coders made of exchange/, as `tools/paper` writes it
+    #[arg(long, value_name = "DIR", requires = "paper")]
+    learned: Option<PathBuf>,
+    /// Only N frames, spread evenly over the run
+    #[arg(long, value_name = "N", requires = "paper")]
+    frames: Option<NonZeroUsize>,
+}
+
+impl PaperArgs {
+    /// What `--starts` says to the encoder: a file of starts is for a row of its own.
+    pub fn starts<'a>(&self, input: &'a InputArgs) -> &'a str {
+        match starts_file(&input.starts) {
+            Some(_) if self.paper => "first",
+            _ => &input.starts,
+        }
+    }
+}
+
+/// The frames: where they come from.
+pub struct Set {
+    /// The split, or `all`.
+    pub name: String,
+    /// Name of the camera file.
+    pub cameras: String,
+}
+
+/// Length of a pose in the paper: seven numbers as f32.
+const POSE_BYTES: f64 = 28.0;
+
+/// Measures, prints and writes it all to a folder.
+pub fn run(
+    args: &PaperArgs,
+    input: &InputArgs,
+    context: &mut Context,
+    folder: &Path,
+) -> anyhow::Result<()> {
+    context.one_size("--paper")?;
+    if let Some(count) = args.frames {
+        spread(context, count.get());
+    }
+    let learned = args.learned.as_deref().map(|dir| learned::read(dir, &context.shots));
+    let learned = learned.transpose()?;
+    let starts = starts_file(&input.starts).map(|file| starts::read(file, &context.shots));
+    // How long the regressor takes is not known here.
+    let starts = starts.transpose()?.map(|poses| Estimates { poses, ms: 0.0 });
+    let set = Set {
+        name: input.split.clone().unwrap_or_else(|| "all".into()),
+        cameras: input.cameras.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+    };
+    let estimates = estimates(context)?;
+    first_start(context, estimates.as_ref())?;
+    let runs = Runs::new(context, estimates.as_ref(), starts.as_ref())?;
+    exchange::write(&folder.join("exchange"), &set, context, &runs.invs)?;
+    let rows = rows(&set, context, &runs, learned.as_ref(), starts.as_ref())?;
+    report::print(&rows);
+    report::write(folder, &set, &runs.frames, &rows)
+}
+
+/// Keeps `count` frames, from the first to the last.
+fn spread(context: &mut Context, count: usize) {
+    let (all, count) = (context.shots.len(), count.min(context.shots.len()));
+    let kept: Vec<usize> = (0..count).map(|i| i * (all - 1) / (count - 1).max(1)).collect();
+    let mut index = 0;
+    context.shots.retain(|_| {
+        index += 1;
+        kept.contains(&(index - 1))
+    });
+}
+
+/// Takes an estimate as the first frame's start, if nothing else gives one: the paper does so.
+fn first_start(context: &mut Context, estimates: Option<&Estimates>) -> anyhow::Result<()> {
+    let first = &mut context.shots[0];
+    if first.external.is_none() {
+        let estimate = estimates.map(|estimates| estimates.poses[0]);
+        first.external = Some(estimate.with_context(|| {
+            format!(
+                "{}: no start. Write its pose into the camera file, or give the prior key frames with `nvsprior \
+                 key-frames`",
+                first.file
+            )
+        })?);
+    }
+    Ok(())
+}
+
+/// What coders of pictures code: frames beside renders.
+pub struct Runs {
+    /// Frames alone.
+    pub frames: Run,
+    /// Beside renders at the poses of BFGS.
+    pub invs: Run,
+    /// PSNR of these renders, dB.
+    pub invs_psnr: Vec<f64>,
+    /// Beside warped renders at the relocaliser's poses; `None` without key frames.
+    pub affine: Option<Run>,
+    /// The same at the poses of a regressor outside; `None` if there are none.
+    pub affine_cnn: Option<Run>,
+}
+
+impl Runs {
+    fn new(
+        context: &mut Context,
+        estimates: Option<&Estimates>,
+        regressed: Option<&Estimates>,
+    ) -> anyhow::Result<Runs> {
+        let frames: Vec<_> = context.shots.iter().map(|shot| shot.picture.clone()).collect();
+        let mut options = EncoderOptions { profile: PoseProfile::Paper, ..context.options() };
+        options.refine.optimizer = Optimizer::Bfgs;
+        let Found { poses, renders, psnr, ms } = found(context, options)?;
+        let decode_ms = render_ms(context, &poses)?;
+        let beside = Beside { bytes: POSE_BYTES, encode_ms: ms, decode_ms };
+        let grey = frames.clone();
+        let invs = Run::new(frames.clone(), renders, beside);
+        let mut warped = |estimates: Option<&Estimates>| {
+            estimates.map(|estimates| Self::affine(context, &frames, estimates)).transpose()
+        };
+        let (affine, affine_cnn) = (warped(estimates)?, warped(regressed)?);
+        let frames = Run::new(frames, grey, Beside::default());
+        Ok(Runs { frames, invs, invs_psnr: psnr, affine, affine_cnn })
+    }
+
+    /// The paper's affine baseline: no search, but a warp of the render at the estimate.
+    fn affine(
+        context: &mut Context,
+        frames: &[nvsprior::Picture],
+        estimates: &Estimates,
+    ) -> anyhow::Result<Run> {
+        let mut renders = Vec::new();
+        for (index, pose) in estimates.poses.iter().enumerate() {
+            let camera = context.shots[index].camera;
+            renders.push(context.forward.picture(&camera, pose)?.clone());
+        }
+        let decode_ms = render_ms(context, &estimates.poses)?;
+        let encode_ms = estimates.ms + decode_ms;
+        let beside = Beside { bytes: POSE_BYTES, encode_ms, decode_ms };
+        Ok(affine::warped(&Run::new(frames.to_vec(), renders, beside)))
+    }
+}
+
+/// Mean time of a render at these poses, milliseconds.
+fn render_ms(context: &mut Context, poses: &[Pose]) -> anyhow::Result<f64> {
+    let mut ms = 0.0;
+    for (index, pose) in poses.iter().enumerate() {
+        let camera = context.shots[index].camera;
+        ms += context.forward.measure(&camera, pose)? / poses.len() as f64;
+    }
+    Ok(ms)
+}
+
+/// All rows: at the working points, and at one PSNR.
+pub struct Rows {
+    pub working: Vec<Entry>,
+    /// The PSNR that [`Rows::equal`] aims at, dB.
+    pub target: f64,
+    pub equal: Vec<Entry>,
+}
+
+fn rows(
+    set: &Set,
+    context: &Context,
+    runs: &Runs,
+    learned: Option<&Learned>,
+    starts: Option<&Estimates>,
+) -> anyhow::Result<Rows> {
+    let methods = Methods::new(context, runs, &set.name)?;
+    let anchor = methods.anchor()?;
+    let equal = methods.equal(&anchor)?;
+    let working = methods.working(&equal, learned, starts)?;
+    Ok(Rows { working, target: anchor.psnr, equal })
+}

@@ -1,0 +1,80 @@
+//! What `tools/paper` reads: frames, renders at the poses of BFGS, and difference pictures in the paper's form.
+
+use std::path::Path;
+
+use anyhow::Context as _;
+use nvsprior::Picture;
+use nvsprior_inputs::frame_file::write_png;
+use nvsprior_inputs::values::make_folder;
+use serde_json::json;
+
+use super::Set;
+use crate::bench::codecs::run::Run;
+use crate::bench::context::Context;
+
+/// Writes it to a folder.
+pub fn write(folder: &Path, set: &Set, context: &Context, invs: &Run) -> anyhow::Result<()> {
+    let kinds = ["frames", "renders", "differences"].map(|kind| folder.join(kind));
+    for kind in &kinds {
+        make_folder("--report", kind)?;
+    }
+    let [frames, renders, differences] = kinds;
+    for (index, shot) in context.shots.iter().enumerate() {
+        let (file, render) = (format!("{}.png", shot.name), &invs.renders[index]);
+        write_png(&frames.join(&file), &shot.picture)?;
+        write_png(&renders.join(&file), render)?;
+        write_png(&differences.join(&file), &halved(&shot.picture, render))?;
+    }
+    let camera = context.shots[0].camera;
+    let names: Vec<&str> = context.shots.iter().map(|shot| shot.name.as_str()).collect();
+    let manifest = json!({
+        "set": set.name,
+        "width": camera.width,
+        "height": camera.height,
+        "frames": names,
+        "prior": format!("{:08x}", context.scene.id().0),
+        "cameras": set.cameras,
+    });
+    let path = folder.join("manifest.json");
+    let text = serde_json::to_string_pretty(&manifest)? + "\n";
+    std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))
+}
+
+/// The paper's difference picture: half of frame less render, around the middle, rounded up.
+fn halved(frame: &Picture, render: &Picture) -> Picture {
+    let mut halved = frame.clone();
+    for (value, render) in halved.data.iter_mut().zip(&render.data) {
+        *value = ((256 + u16::from(*value) - u16::from(*render)) / 2) as u8;
+    }
+    halved
+}
+
+/// The picture that such a difference picture makes of a render.
+pub fn added(render: &Picture, halved: &Picture) -> Picture {
+    let mut shown = render.clone();
+    for (value, halved) in shown.data.iter_mut().zip(&halved.data) {
+        *value = (i16::from(*value) + 2 * i16::from(*halved) - 255).clamp(0, 255) as u8;
+    }
+    shown
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_a_difference_loses_one_level_at_most() {
+        let all: Vec<u8> = (0..=255).collect();
+        for level in [0, 1, 100, 254, 255] {
+            let frame = Picture::from_rgb(256, 1, all.iter().flat_map(|v| [*v; 3]).collect());
+            let frame = frame.expect("its size");
+            let mut render = frame.clone();
+            render.data.fill(level);
+            let shown = added(&render, &halved(&frame, &render));
+            let off = frame.data.iter().zip(&shown.data).map(|(a, b)| a.abs_diff(*b)).max();
+            assert!(off <= Some(1), "{off:?}");
+        }
+        let grey = Picture::new(4, 1);
+        assert_eq!(halved(&grey, &grey).data, [128; 12]);
+    }
+}

@@ -1,0 +1,211 @@
+//! The rows: printed, as JSON, as Markdown beside the paper's figures, as a plot and as pictures.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::Context as _;
+use serde_json::{Map, Value, json};
+
+use super::methods::ANCHOR;
+use super::published::{Table, frame_psnr, tables};
+use super::row::{Entry, Row};
+use super::{Rows, Set, equal, picture};
+use crate::bench::codecs::run::Run;
+use crate::bench::perturbed::SHORT;
+use crate::bench::plot;
+
+/// Prints both lists.
+pub fn print(rows: &Rows) {
+    println!("means per frame; bytes are all that is sent, pose and header included");
+    list(&rows.working);
+    println!("\nat the PSNR of {ANCHOR}, {:.2} dB", rows.target);
+    list(&rows.equal);
+}
+
+fn list(entries: &[Entry]) {
+    println!(
+        "{:<34} {:>8} {:>7} {:>6} {:>6} {:>7} {:>10} {:>10}  setting",
+        "method", "bytes", "ratio", "dB", "SSIM", "MS-SSIM", "encode ms", "decode ms"
+    );
+    for entry in entries {
+        match entry {
+            Entry::Missing { method, what } => println!("{method:<34} {what}"),
+            Entry::Measured(row) => {
+                let Row { method, coded, psnr, similarity, .. } = &**row;
+                println!(
+                    "{method:<34} {:>8.0} {:>7.1} {psnr:>6.2} {:>6} {:>7} {:>10.1} {:>10.1}  {}",
+                    coded.bytes,
+                    row.ratio(),
+                    number(similarity.ssim, 3),
+                    number(similarity.ms_ssim, 3),
+                    coded.encode_ms,
+                    coded.decode_ms,
+                    words(row),
+                );
+            }
+        }
+    }
+}
+
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or("–".into(), |value| format!("{value:.digits$}"))
+}
+
+/// A row's setting, and what else there is to say of it.
+fn words(row: &Row) -> String {
+    let mut words = row.coded.setting.text();
+    if let Some(found) = row.found {
+        words += &format!(", {found} of {} frames found", row.coded.shown.len());
+    }
+    if let Some(parameters) = row.parameters {
+        words += &format!(", {:.1} M weights", parameters as f64 * 1e-6);
+    }
+    if row.reached == Some(false) {
+        words += ", the nearest to the PSNR asked for";
+    }
+    words
+}
+
+/// Writes paper.json, paper-equal.json, paper.md, paper.svg and paper.png.
+pub fn write(folder: &Path, set: &Set, frames: &Run, rows: &Rows) -> anyhow::Result<()> {
+    json_list(&folder.join("paper.json"), &rows.working)?;
+    json_list(&folder.join("paper-equal.json"), &rows.equal)?;
+    let path = folder.join("paper.md");
+    let text = markdown(set, frames, rows);
+    std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
+    plot::codecs(&folder.join("paper.svg"), curves(rows))?;
+    picture::write(&folder.join("paper.png"), frames, &rows.working)
+}
+
+fn json_list(path: &Path, entries: &[Entry]) -> anyhow::Result<()> {
+    let list: Vec<Value> = entries.iter().map(value).collect();
+    let text = serde_json::to_string_pretty(&list)? + "\n";
+    std::fs::write(path, text).with_context(|| format!("writing {}", path.display()))
+}
+
+fn value(entry: &Entry) -> Value {
+    let row = match entry {
+        Entry::Missing { method, what } => return json!({ "method": method, "missing": what }),
+        Entry::Measured(row) => row,
+    };
+    let mut value = json!({
+        "method": row.method,
+        "bytes": row.coded.bytes,
+        "ratio": row.ratio(),
+        "psnr": row.psnr,
+        "ssim": row.similarity.ssim,
+        "ms_ssim": row.similarity.ms_ssim,
+        "encode_ms": row.coded.encode_ms,
+        "decode_ms": row.coded.decode_ms,
+        "frames": row.coded.shown.len(),
+        "setting": row.coded.setting.text(),
+    });
+    let more = [
+        ("found", row.found.map(Value::from)),
+        ("reached", row.reached.map(Value::from)),
+        ("parameters", row.parameters.map(Value::from)),
+    ];
+    let fields = value.as_object_mut().into_iter();
+    fields.for_each(|fields: &mut Map<String, Value>| {
+        fields.extend(more.iter().filter_map(|(key, value)| Some(((*key).into(), value.clone()?))));
+    });
+    value
+}
+
+/// A curve per method: its working point, and that at the common PSNR.
+fn curves(rows: &Rows) -> Vec<(String, Vec<(f64, f64)>)> {
+    let point = |row: &Row| (row.coded.bytes, row.psnr);
+    let curve = |row: &Row| {
+        let equal = rows.equal.iter().filter_map(Entry::row);
+        let equal = equal.filter(|equal| equal.method == row.method);
+        let points = std::iter::once(row).chain(equal).map(point);
+        (row.method.clone(), points.filter(|point| point.1.is_finite()).collect())
+    };
+    rows.working.iter().filter_map(Entry::row).map(curve).collect()
+}
+
+fn markdown(set: &Set, frames: &Run, rows: &Rows) -> String {
+    let (tables, psnr) = (tables(&set.name), frame_psnr(&set.name));
+    let mut text = String::new();
+    let size = frames.frames.first().map_or((0, 0), |frame| (frame.width, frame.height));
+    let _ = writeln!(
+        text,
+        "# {}, {} frames of {}×{}\n\n\
+         All figures are means per frame. Bytes are all that is sent for a frame: for `affine+` and `invs+` the payload, 28 \
+         bytes of pose as in the paper, and 24 of a warp; for `ours-` and `estimator` whole packets; for the others the \
+         payload alone. WebP's payload is counted without its container. Times are of this machine; those of JPEG XL \
+         include the start of its programs.\n\n## Working points\n\n\
+         The paper does not state its coders' settings, but what PSNR they give plain frames. So WebP has the one quality, \
+         in all its rows, with which plain frames come nearest to the paper's {:.2} dB; JPEG XL has the one distance with \
+         which they come nearest to {:.2} dB. The program's own coder has the quality with which it reaches the PSNR of \
+         `{ANCHOR}`, {:.2} dB. `estimator` starts each frame from nothing, by the prior's key frames; `estimator-cnn` at \
+         given poses, and searches nowhere else. Packets of both are of the full form, 12 bytes longer. A frame is found \
+         if its render is at most {SHORT} dB below the best that any row has.\n",
+        set.name,
+        frames.frames.len(),
+        size.0,
+        size.1,
+        psnr[0],
+        psnr[1],
+        rows.target,
+    );
+    table(&mut text, &rows.working, tables);
+    for Table { data, label, frames, .. } in tables {
+        let _ = writeln!(
+            text,
+            "\n\"{data}\": what the paper reports (`{label}`), on its own data of {frames} frames and its own machine."
+        );
+    }
+    let _ = writeln!(
+        text,
+        "\n## At one PSNR\n\nThe quality of each method is set for {:.2} dB, the PSNR of `{ANCHOR}` above, to within {} dB.\n",
+        rows.target,
+        equal::TOLERANCE,
+    );
+    table(&mut text, &rows.equal, &[]);
+    text
+}
+
+fn table(text: &mut String, entries: &[Entry], published: &[Table]) {
+    let columns = [
+        "method",
+        "bytes",
+        "ratio",
+        "PSNR, dB",
+        "SSIM",
+        "MS-SSIM",
+        "encode, ms",
+        "decode, ms",
+        "setting",
+    ];
+    let cited = published.iter().map(|table| format!("\"{}\": bytes, ratio, PSNR, ms", table.data));
+    let header: Vec<String> = columns.map(String::from).into_iter().chain(cited).collect();
+    let _ = writeln!(text, "| {} |\n|{}", header.join(" | "), "---|".repeat(header.len()));
+    for entry in entries {
+        let method = entry.method();
+        let cells = match entry {
+            Entry::Missing { what, .. } => {
+                let mut cells = vec![String::from("–"); columns.len() - 2];
+                cells.push(format!("missing: {what}"));
+                cells
+            }
+            Entry::Measured(row) => vec![
+                format!("{:.0}", row.coded.bytes),
+                format!("{:.1}", row.ratio()),
+                format!("{:.2}", row.psnr),
+                number(row.similarity.ssim, 3),
+                number(row.similarity.ms_ssim, 3),
+                format!("{:.1}", row.coded.encode_ms),
+                format!("{:.1}", row.coded.decode_ms),
+                words(row),
+            ],
+        };
+        let cited = published.iter().map(|table| {
+            table.row(method).map_or("–".into(), |row| {
+                format!("{}, {:.2}, {:.2}, {}", row.bytes, row.ratio, row.psnr, row.ms)
+            })
+        });
+        let cells: Vec<String> = cells.into_iter().chain(cited).collect();
+        let _ = writeln!(text, "| `{method}` | {} |", cells.join(" | "));
+    }
+}
