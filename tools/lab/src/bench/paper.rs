@@ -134,8 +134,8 @@ pub struct Runs {
     pub frames: Run,
     /// Beside renders at the poses of BFGS.
     pub invs: Run,
-    /// PSNR of these renders, dB.
-    pub invs_psnr: Vec<f64>,
+    /// PSNR of each frame's render, the better one of BFGS and the program's own search, dB.
+    pub found_psnr: Vec<f64>,
     /// Beside warped renders at the relocaliser's poses; `None` without key frames.
     pub affine: Option<Run>,
     /// The same at the poses of a regressor outside; `None` if there are none.
@@ -161,7 +161,9 @@ impl Runs {
         };
         let (affine, affine_cnn) = (warped(estimates)?, warped(regressed)?);
         let frames = Run::new(frames, grey, Beside::default());
-        Ok(Runs { frames, invs, invs_psnr: psnr, affine, affine_cnn })
+        let own = found(context, context.options())?.psnr;
+        let found_psnr = psnr.iter().zip(own).map(|(a, b)| a.max(b)).collect();
+        Ok(Runs { frames, invs, found_psnr, affine, affine_cnn })
     }
 
     /// The paper's affine baseline: no search, but a warp of the render at the estimate.

@@ -29,11 +29,15 @@ pub fn estimates(context: &Context) -> anyhow::Result<Option<Estimates>> {
     }
     let mut estimates = Estimates { poses: Vec::new(), ms: 0.0 };
     let mut estimator: Option<(Camera, Estimator)> = None;
-    let bar = progress(context.shots.len(), "estimating poses");
+    let bar = progress(context.shots.len(), "key frames, estimates of poses");
     for Shot { camera, picture, .. } in &context.shots {
         let estimator = match &mut estimator {
             Some((of, estimator)) if of == camera => estimator,
-            slot => &mut slot.insert((*camera, Estimator::new(context, camera)?)).1,
+            slot => {
+                bar.inc_length(key_frames.len() as u64);
+                let estimator = Estimator::new(context, camera, || bar.inc(1))?;
+                &mut slot.insert((*camera, estimator)).1
+            }
         };
         let (pose, ms) = timed(|| estimator.estimate(picture))?;
         // With key frames there is always one that is likeliest.
@@ -52,18 +56,16 @@ struct Estimator {
 
 impl Estimator {
     /// Renders all key frames.
-    fn new(context: &Context, camera: &Camera) -> anyhow::Result<Estimator> {
+    fn new(context: &Context, camera: &Camera, done: impl Fn()) -> anyhow::Result<Estimator> {
         let plan = Plan { jacobians: vec![Jacobian::Flow], ..Plan::picture() };
         let renderer = context.engine.renderer(&context.scene, camera, plan)?;
         let mut objective = Objective::new(renderer);
         let key_frames = context.scene.key_frames().poses();
         let mut relocaliser = Relocaliser::new(&mut objective, key_frames);
-        let bar = progress(key_frames.len(), "key frames");
         while relocaliser.left() > 0 {
             relocaliser.learn(&mut objective, 1)?;
-            bar.inc(1);
+            done();
         }
-        bar.finish_and_clear();
         Ok(Estimator { objective, relocaliser })
     }
 

@@ -10,7 +10,6 @@ use super::learned::{Learned, LearnedCoder, OF_DIFFERENCES, OF_FRAMES};
 use super::ours::{Ours, Packets, Starts, packets};
 use super::row::{Coded, Entry, Row, Setting};
 use super::{Runs, equal, published};
-use crate::bench::codecs::found;
 use crate::bench::codecs::point::Input;
 use crate::bench::codecs::run::Run;
 use crate::bench::context::Context;
@@ -139,7 +138,7 @@ impl<'a> Methods<'a> {
                 }
                 "ours-stream" => {
                     let intra = of_equal("ours-intra");
-                    let setting = intra.as_ref().and_then(Entry::row).map(|row| row.coded.setting);
+                    let setting = intra.as_ref().and_then(Entry::row).map(|row| row.setting);
                     entries.extend(self.estimators(setting, starts)?);
                     bar.inc(1);
                 }
@@ -231,10 +230,9 @@ impl<'a> Methods<'a> {
         };
         let sure = [&relocalised, &regressed];
         let others = sure.iter().filter_map(|packets| packets.as_ref().ok());
-        let tracked = found(self.context, self.context.options())?.psnr;
-        let mut best = self.runs.invs_psnr.clone();
-        for of_search in others.map(|packets| &packets.render_psnr).chain([&tracked]) {
-            for (best, psnr) in best.iter_mut().zip(of_search) {
+        let mut best = self.runs.found_psnr.clone();
+        for packets in others {
+            for (best, psnr) in best.iter_mut().zip(&packets.render_psnr) {
                 *best = best.max(*psnr);
             }
         }

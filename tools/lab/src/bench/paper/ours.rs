@@ -7,7 +7,6 @@ use super::coders::Method;
 use super::row::{Coded, Setting};
 use crate::bench::codecs::timed;
 use crate::bench::context::{Context, Shot};
-use nvsprior_inputs::args::progress;
 
 /// The program's own coder.
 pub struct Ours<'a> {
@@ -80,7 +79,6 @@ pub fn packets(
     let shown = Vec::new();
     let mut coded = Coded { setting, bytes: 0.0, encode_ms: 0.0, decode_ms: 0.0, shown };
     let mut render_psnr = Vec::new();
-    let bar = progress(context.shots.len(), "encoding");
     for (index, shot) in context.shots.iter().enumerate() {
         let encoding = || format!("encoding {}", shot.file);
         if !matches!(starts, Starts::Track) {
@@ -104,8 +102,6 @@ pub fn packets(
         coded.decode_ms += share * ms;
         coded.shown.push(decoded.picture);
         render_psnr.push(encoded.stats.render_psnr);
-        bar.inc(1);
     }
-    bar.finish_and_clear();
     Ok(Packets { coded, render_psnr })
 }

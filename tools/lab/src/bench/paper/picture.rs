@@ -24,12 +24,19 @@ const ROWS: usize = 3;
 /// Height of a label, pixels: two lines of text.
 const LABEL: u32 = 34;
 
+/// Which of so many frames are shown.
+pub fn indices(count: usize) -> Vec<usize> {
+    let mut indices: Vec<usize> =
+        (0..ROWS).map(|i| i * count.saturating_sub(1) / (ROWS - 1)).collect();
+    indices.dedup();
+    indices
+}
+
 /// Writes the camera's frames beside what each method shows, as one PNG.
 pub fn write(path: &Path, frames: &Run, entries: &[Entry]) -> anyhow::Result<()> {
     let rows: Vec<&Row> = SHOWN.iter().filter_map(|name| named(entries, name)).collect();
-    let (count, frames) = (frames.frames.len(), &frames.frames);
-    let mut indices: Vec<usize> = (0..ROWS).map(|i| i * (count - 1) / (ROWS - 1)).collect();
-    indices.dedup();
+    let frames = &frames.frames;
+    let indices = indices(frames.len());
     let cell = (frames[0].width, frames[0].height);
     let (columns, lines) = (rows.len() as u32 + 1, indices.len() as u32);
     let mut sheet = Sheet::new(columns, lines, cell, LABEL);
@@ -39,9 +46,9 @@ pub fn write(path: &Path, frames: &Run, entries: &[Entry]) -> anyhow::Result<()>
         label(&mut sheet, 0, line, "camera", "");
         for (column, row) in rows.iter().enumerate() {
             let column = column as u32 + 1;
-            sheet.paste(column, line, &row.coded.shown[index]);
-            let psnr = frames[index].psnr(&row.coded.shown[index]);
-            let below = format!("{psnr:.2} dB; mean {:.0} bytes", row.coded.bytes);
+            let shown = &row.shown[line as usize];
+            sheet.paste(column, line, shown);
+            let below = format!("{:.2} dB; mean {:.0} bytes", frames[index].psnr(shown), row.bytes);
             label(&mut sheet, column, line, &row.method, &below);
         }
     }

@@ -105,14 +105,14 @@ pub fn frame_psnr(set: &str) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// The paper divides 320·180·3 by the bytes; two of its ratios are off in the last digit.
+    /// They are 320·180·3 by the mean bytes. The bytes are rounded, so three ratios differ in the last digit.
     #[test]
     fn the_ratios_are_those_of_the_bytes() {
         for table in [T1, T2, IUI3, WRECK] {
             for Published { method, bytes, ratio, .. } in table.rows {
                 let expected = 172_800.0 / f64::from(*bytes);
                 assert!(
-                    (ratio / expected - 1.0).abs() < 2e-3,
+                    (ratio / expected - 1.0).abs() < 5e-4,
                     "{}, {method}: {expected}",
                     table.data
                 );

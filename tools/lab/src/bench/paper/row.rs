@@ -2,6 +2,7 @@
 
 use nvsprior::{Picture, Rate};
 
+use super::picture;
 use super::quality::Similarity;
 use crate::bench::codecs::run::Run;
 
@@ -40,7 +41,6 @@ impl Setting {
 }
 
 /// All frames coded: means per frame.
-#[derive(Clone)]
 pub struct Coded {
     pub setting: Setting,
     /// All that is sent for a frame.
@@ -51,11 +51,21 @@ pub struct Coded {
     pub shown: Vec<Picture>,
 }
 
-/// A method's row.
+/// A method's row: means per frame.
 #[derive(Clone)]
 pub struct Row {
     pub method: String,
-    pub coded: Coded,
+    pub setting: Setting,
+    /// All that is sent for a frame.
+    pub bytes: f64,
+    /// Bytes of the raw frame for each byte that is sent.
+    pub ratio: f64,
+    pub encode_ms: f64,
+    pub decode_ms: f64,
+    /// Number of frames.
+    pub frames: usize,
+    /// What the topside shows of the frames of [`picture::indices`].
+    pub shown: Vec<Picture>,
     /// Mean over the frames, dB.
     pub psnr: f64,
     pub similarity: Similarity,
@@ -70,21 +80,24 @@ pub struct Row {
 impl Row {
     /// Measures what is shown. `frames`: the run of the frames.
     pub fn new(method: impl Into<String>, coded: Coded, frames: &Run) -> Row {
+        let Coded { setting, bytes, encode_ms, decode_ms, shown } = coded;
+        let raw = shown.first().map_or(0, |picture| picture.data.len());
+        let kept = picture::indices(shown.len()).into_iter().map(|index| shown[index].clone());
         Row {
             method: method.into(),
-            psnr: frames.psnr(&coded.shown),
-            similarity: Similarity::of(&frames.frames, &coded.shown),
-            coded,
+            setting,
+            bytes,
+            ratio: raw as f64 / bytes,
+            encode_ms,
+            decode_ms,
+            frames: shown.len(),
+            shown: kept.collect(),
+            psnr: frames.psnr(&shown),
+            similarity: Similarity::of(&frames.frames, &shown),
             found: None,
             reached: None,
             parameters: None,
         }
-    }
-
-    /// Bytes of the raw frame for each byte that is sent.
-    pub fn ratio(&self) -> f64 {
-        let raw = self.coded.shown.first().map_or(0, |picture| picture.data.len());
-        raw as f64 / self.coded.bytes
     }
 }
 
