@@ -96,7 +96,10 @@ fn every_row_is_measured_or_says_what_it_needs() {
     assert!(number(ours, "bytes") < number(webp, "bytes"), "{ours} {webp}");
 
     let text = String::from_utf8(dive.bytes("out/paper.md")).unwrap();
-    assert!(text.contains("what the paper reports") && text.contains("1670, 103.47"), "{text}");
+    assert!(
+        text.contains("the paper reports for its IUI3-RedSea") && text.contains("1670, 103.47"),
+        "{text}"
+    );
     let sheet = dive.picture("out/paper.png");
     assert!(sheet.width > 3 * CAMERA.width && sheet.height > 2 * CAMERA.height);
     assert!(dive.path("out/paper.svg").exists());

@@ -170,7 +170,7 @@ fn means(path: &Path, shots: &[Shot]) -> Result<[f64; 3], LearnedError> {
     let failed = |error| LearnedError::Csv { path: path.to_path_buf(), error };
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(failed)?;
-    if reader.headers().map_err(failed)? != &COLUMNS[..] {
+    if reader.headers().map_err(failed)?.iter().ne(COLUMNS) {
         return Err(LearnedError::Header { path: path.to_path_buf() });
     }
     let mut rows = HashMap::new();

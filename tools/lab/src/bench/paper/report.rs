@@ -153,7 +153,8 @@ fn markdown(set: &Set, frames: &Run, rows: &Rows) -> String {
     for Table { data, label, frames, .. } in tables {
         let _ = writeln!(
             text,
-            "\n\"{data}\": what the paper reports (`{label}`), on its own data of {frames} frames and its own machine."
+            "\nThe figures for \"{data}\" are cited from the paper (`{label}`): {frames} frames of its own data, on its own \
+             machine."
         );
     }
     let _ = writeln!(
@@ -178,7 +179,9 @@ fn table(text: &mut String, entries: &[Entry], published: &[Table]) {
         "decode, ms",
         "setting",
     ];
-    let cited = published.iter().map(|table| format!("\"{}\": bytes, ratio, PSNR, ms", table.data));
+    let cited = published
+        .iter()
+        .map(|table| format!("the paper reports for its {}: bytes, ratio, PSNR, ms", table.data));
     let header: Vec<String> = columns.map(String::from).into_iter().chain(cited).collect();
     let _ = writeln!(text, "| {} |\n|{}", header.join(" | "), "---|".repeat(header.len()));
     for entry in entries {
