@@ -83,7 +83,6 @@ def _renderer(options: argparse.ArgumentParser) -> None:
     options.add_argument("--prior", type=Path, required=True)
     options.add_argument("--cameras", type=Path, required=True, help="camera file of the mapping run")
     options.add_argument("--split", help="only this split of the camera file")
-    options.add_argument("--jobs", type=int, default=2, help="pictures drawn at the same time (default 2)")
     options.add_argument("--seed", type=int, default=1)
 
 
@@ -97,7 +96,7 @@ def _differences(options: argparse.ArgumentParser) -> None:
 def write_differences(options: argparse.Namespace) -> None:
     from learned import cameras, differences, renders
 
-    renderer = renders.Renderer(options.program, options.prior, options.jobs)
+    renderer = renders.Renderer(options.program, options.prior)
     run = cameras.read(options.cameras, options.split)
     count = differences.write(run, renderer, options.each, options.seed, options.out)
     print(f"{options.out}: {count} difference pictures")
@@ -147,7 +146,7 @@ def starts(options: argparse.Namespace) -> None:
     if options.renders.exists():
         drawn = regressor.read(options.renders)
     else:
-        renderer = renders.Renderer(options.program, options.prior, options.jobs)
+        renderer = renders.Renderer(options.program, options.prior)
         drawn = regressor.draw(survey, renderer, options.count, options.seed, options.renders)
     trained = regressor.train(drawn, options.steps, options.minutes, options.seed, options.curve)
     found = regressor.starts(trained, frames)

@@ -1,4 +1,4 @@
-//! `nvsprior render`: one view of the prior.
+//! `nvsprior render`: views of the prior.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -9,11 +9,11 @@ use npyz::WriterBuilder;
 use nvsprior::render::{Plan, to_byte};
 use nvsprior::{Camera, Picture, Pose};
 
-use nvsprior_inputs::args::{DeviceArgs, PriorArgs, numbers};
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs, numbers, progress};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::{frame_file, values};
 
-/// Render the prior at a pose
+/// Render the prior at a pose, or at many
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -28,12 +28,19 @@ pub struct Args {
     #[arg(long, value_name = "POSE", value_parser = parse_pose, allow_hyphen_values = true)]
     pose: Option<Pose>,
     /// Picture to write (PNG)
-    #[arg(long, value_name = "FILE", required_unless_present = "raw", value_parser = values::png)]
+    #[arg(long, value_name = "FILE", required_unless_present_any = ["raw", "poses"],
+        value_parser = values::png)]
     out: Option<PathBuf>,
     /// float32 NumPy file to write, height × width × 5: linear R, G, B as blended before clamping,
     /// depth (Σ wᵢ zᵢ), transmittance
     #[arg(long, value_name = "FILE")]
     raw: Option<PathBuf>,
+    /// Render at each pose of a CSV file, with the view's camera: the columns name,qw,qx,qy,qz,tx,ty,tz
+    #[arg(long, value_name = "FILE", requires = "pictures", conflicts_with_all = ["pose", "out", "raw"])]
+    poses: Option<PathBuf>,
+    /// Folder for the pictures of --poses: one NAME.png of each row
+    #[arg(long, value_name = "DIR", requires = "poses")]
+    pictures: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -46,11 +53,58 @@ fn parse_pose(text: &str) -> Result<Pose, String> {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let cameras = CameraFile::open(&args.cameras)?;
     let view = cameras.view(&args.frame)?;
-    let pose = args.pose.or(view.pose).with_context(|| {
-        format!("{}: {} has no pose; give one with --pose", args.cameras.display(), args.frame)
-    })?;
     let camera = view.camera;
     camera.check().with_context(|| format!("{}: {}", args.cameras.display(), args.frame))?;
+    match (&args.poses, &args.pictures) {
+        (Some(poses), Some(folder)) => draw_many(args, &camera, &read_poses(poses)?, folder),
+        _ => {
+            let pose = args.pose.or(view.pose).with_context(|| {
+                format!(
+                    "{}: {} has no pose; give one with --pose",
+                    args.cameras.display(),
+                    args.frame
+                )
+            })?;
+            draw_one(args, &camera, &pose)
+        }
+    }
+}
+
+/// Names and poses, in the order of the names.
+fn read_poses(path: &Path) -> anyhow::Result<Vec<(String, Pose)>> {
+    let known = frame_file::read_known_by("name", path)?;
+    let mut poses = Vec::new();
+    for (name, known) in known {
+        let is_plain = Path::new(&name).file_name().is_some_and(|file| file == name.as_str());
+        anyhow::ensure!(is_plain, "{}: \"{name}\" cannot be the name of a picture", path.display());
+        poses.extend(known.hint.map(|hint| (name, hint.pose)));
+    }
+    anyhow::ensure!(!poses.is_empty(), "{}: has no poses", path.display());
+    poses.sort_by(|a, b| a.0.cmp(&b.0));
+    Ok(poses)
+}
+
+fn draw_many(
+    args: &Args,
+    camera: &Camera,
+    poses: &[(String, Pose)],
+    folder: &Path,
+) -> anyhow::Result<()> {
+    values::make_folder("--pictures", folder)?;
+    let engine = args.device.open()?;
+    let scene = args.prior.upload(&engine)?;
+    let mut renderer = engine.renderer(&scene, camera, Plan::picture())?;
+    let bar = progress(poses.len(), "renders");
+    for (name, pose) in poses {
+        let picture = to_picture(camera, renderer.draw(pose)?);
+        frame_file::write_png(&folder.join(format!("{name}.png")), &picture)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    args.device.check(&engine)
+}
+
+fn draw_one(args: &Args, camera: &Camera, pose: &Pose) -> anyhow::Result<()> {
     for (option, path) in [("--out", &args.out), ("--raw", &args.raw)] {
         if let Some(path) = path {
             values::check_file(option, path)?;
@@ -58,13 +112,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
-    let mut renderer = engine.renderer(&scene, &camera, Plan::picture())?;
-    let pixels = renderer.draw(&pose)?;
+    let mut renderer = engine.renderer(&scene, camera, Plan::picture())?;
+    let pixels = renderer.draw(pose)?;
     if let Some(path) = &args.out {
-        frame_file::write_png(path, &to_picture(&camera, pixels))?;
+        frame_file::write_png(path, &to_picture(camera, pixels))?;
     }
     if let Some(path) = &args.raw {
-        write_npy(path, &camera, pixels).with_context(|| format!("writing {}", path.display()))?;
+        write_npy(path, camera, pixels).with_context(|| format!("writing {}", path.display()))?;
     }
     args.device.check(&engine)
 }

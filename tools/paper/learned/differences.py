@@ -36,15 +36,16 @@ def write(run: CameraFile, renderer: Renderer, each: int, seed: int, out: Path) 
     renderer.check()
     random = np.random.default_rng(seed)
     depth = renderer.median_depth(run, run.views[0])
+    places = []
     for view in run.views:
+        places.append((view, Pose.of(view)))
+        for _ in range(each - 1):
+            shift = random.normal(0, SHIFT_OF_DEPTH * depth, 3)
+            places.append((view, Pose.of(view).moved(shift, np.radians(random.normal(0, TURN_DEGREES, 3)))))
+    for index, ((view, _), render) in enumerate(zip(places, renderer.colours(run, places))):
         frame = pictures.read_rgb(run.picture(view))
         if frame.shape != (run.height, run.width, 3):
             size = f"{frame.shape[1]}×{frame.shape[0]}"
             raise FileError(run.picture(view), f"{size}, the camera file says {run.width}×{run.height}")
-        poses = [Pose.of(view)]
-        for _ in range(each - 1):
-            shift = random.normal(0, SHIFT_OF_DEPTH * depth, 3)
-            poses.append(poses[0].moved(shift, np.radians(random.normal(0, TURN_DEGREES, 3))))
-        for number, render in enumerate(renderer.colours(run, view, poses)):
-            pictures.write_rgb(out / f"{view.name}-{number}.png", difference(frame, render))
-    return each * len(run.views)
+        pictures.write_rgb(out / f"{view.name}-{index % each}.png", difference(frame, render))
+    return len(places)

@@ -93,10 +93,7 @@ def draw(run: CameraFile, renderer: Renderer, count: int, seed: int, cache: Path
     renderer.check()
     depth = renderer.median_depth(run, run.views[len(run.views) // 2])
     poses = random_poses(run, depth, count, np.random.default_rng(seed))
-    drawn = []
-    for begin in range(0, count, 50):
-        for view, pose in poses[begin : begin + 50]:
-            drawn.append(shrink(renderer.colours(run, view, [pose])[0]))
+    drawn = [shrink(picture) for picture in renderer.colours(run, poses)]
     renders = Renders(
         np.stack(drawn), np.stack([p.rotation for _, p in poses]), np.stack([p.translation for _, p in poses]), depth
     )

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
+import csv
 import subprocess
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from . import pictures
 from .cameras import CameraFile, View, quaternion_of
-from .errors import ArgumentError, FileError, PaperError
+from .errors import FileError, PaperError
 
 
 @dataclass(frozen=True)
@@ -43,31 +43,37 @@ def rotation_vector(turn: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Renderer:
-    """The program and the prior. One process draws one picture; `jobs` run at a time."""
+    """The program and the prior. One process draws all pictures of a camera."""
 
     program: Path
     prior: Path
-    jobs: int = 2
 
     def check(self) -> None:
         if not self.prior.is_file():
             raise FileError(self.prior, "there is no such prior")
-        if self.jobs < 1:
-            raise ArgumentError("--jobs must be at least 1")
 
-    def colours(self, run: CameraFile, view: View, poses: list[Pose]) -> list[np.ndarray]:
-        """The view's camera at each pose: height × width × 3 uint8."""
+    def colours(self, run: CameraFile, places: list[tuple[View, Pose]]) -> Iterator[np.ndarray]:
+        """Each view's camera at the pose beside it, in order: height × width × 3 uint8."""
+        of_camera: dict[tuple[float, ...], list[int]] = {}
+        for number, (view, _) in enumerate(places):
+            of_camera.setdefault((view.fx, view.fy, view.cx, view.cy), []).append(number)
         with tempfile.TemporaryDirectory() as folder:
-            files = [Path(folder) / f"{number}.png" for number in range(len(poses))]
-            with ThreadPoolExecutor(self.jobs) as pool:
-                list(pool.map(lambda pair: self._draw(run, view, pair[0], "--out", pair[1]), zip(poses, files)))
-            return [pictures.read_rgb(file) for file in files]
+            for numbers in of_camera.values():
+                poses = Path(folder) / "poses.csv"
+                with poses.open("w", newline="", encoding="utf-8") as file:
+                    table = csv.writer(file, lineterminator="\n")
+                    table.writerow(["name", "qw", "qx", "qy", "qz", "tx", "ty", "tz"])
+                    table.writerows([number, *_numbers(places[number][1])] for number in numbers)
+                self._draw(run, places[numbers[0]][0], "--poses", poses, "--pictures", folder)
+            for number in range(len(places)):
+                yield pictures.read_rgb(Path(folder) / f"{number}.png")
 
     def median_depth(self, run: CameraFile, view: View) -> float:
         """Median over the pixels that show something, at the view's own pose, in the prior's unit."""
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "raw.npy"
-            self._draw(run, view, Pose.of(view), "--raw", file)
+            pose = ",".join(_numbers(Pose.of(view)))
+            self._draw(run, view, f"--pose={pose}", "--raw", file)
             values = np.load(file)
         seen = 1 - values[..., 4]
         shown = seen > 0.5
@@ -75,13 +81,16 @@ class Renderer:
             raise PaperError(f"{self.prior}: shows nothing at the pose of {view.file}")
         return float(np.median(values[..., 3][shown] / seen[shown]))
 
-    def _draw(self, run: CameraFile, view: View, pose: Pose, kind: str, out: Path) -> None:
-        numbers = ",".join(f"{value:.9g}" for value in [*quaternion_of(pose.rotation), *pose.translation])
-        command = [self.program, "render", "--prior", self.prior, "--cameras", run.path, "--frame", view.file]
-        command += [f"--pose={numbers}", kind, out]
+    def _draw(self, run: CameraFile, view: View, *more: object) -> None:
+        command = [self.program, "render", "--prior", self.prior, "--cameras", run.path, "--frame", view.file, *more]
         try:
-            done = subprocess.run([str(part) for part in command], capture_output=True, text=True, env=os.environ)
+            done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
         except OSError as error:
             raise FileError(self.program, f"cannot be run: {error}") from None
         if done.returncode != 0:
             raise PaperError(f"{self.program} render, {view.file}: {done.stderr.strip()}")
+
+
+def _numbers(pose: Pose) -> list[str]:
+    """qw, qx, qy, qz, tx, ty, tz."""
+    return [f"{value:.9g}" for value in [*quaternion_of(pose.rotation), *pose.translation]]

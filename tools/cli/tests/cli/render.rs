@@ -49,6 +49,27 @@ fn a_given_pose_stands_in_for_the_view_s() {
 }
 
 #[test]
+fn many_poses_give_a_picture_each() {
+    let dive = Dive::new();
+    let render = format!("render --prior prior.ply --cameras cameras.json --frame {}", name(3));
+    let many = format!("{render} --poses poses.csv --pictures many");
+    let header = "name,qw,qx,qy,qz,tx,ty,tz\n";
+    std::fs::write(dive.path("poses.csv"), format!("{header}b,1,0,0,0,0.1,0,0\na,1,0,0,0,0,0,0\n"))
+        .unwrap();
+    dive.run(&many).ends_with(0);
+    for (name, pose) in [("a", "1,0,0,0,0,0,0"), ("b", "1,0,0,0,0.1,0,0")] {
+        dive.run(&format!("{render} --out one.png --pose {pose}")).ends_with(0);
+        assert_eq!(dive.bytes(&format!("many/{name}.png")), dive.bytes("one.png"));
+    }
+    for (rows, says) in [("", "no poses"), ("../a,1,0,0,0,0,0,0\n", "\"../a\" cannot be the name")]
+    {
+        std::fs::write(dive.path("poses.csv"), format!("{header}{rows}")).unwrap();
+        dive.run(&many).ends_with(1).says(says);
+    }
+    dive.run(&format!("{render} --poses poses.csv")).ends_with(2).says("--pictures");
+}
+
+#[test]
 fn validation_is_silent_where_its_layer_is_installed() {
     let dive = Dive::new();
     let args = format!("--cameras cameras.json --frame {} --out a.png --validate", name(0));

@@ -138,8 +138,9 @@ fn markdown(set: &Set, frames: &Run, rows: &Rows) -> String {
          The paper does not state its coders' settings, but what PSNR they give plain frames. So WebP has the one quality, \
          in all its rows, with which plain frames come nearest to the paper's {:.2} dB; JPEG XL has the one distance with \
          which they come nearest to {:.2} dB. The program's own coder has the quality with which it reaches the PSNR of \
-         `{ANCHOR}`, {:.2} dB. `estimator` starts each frame from nothing, by the prior's key frames; `estimator-cnn` at \
-         given poses, and searches nowhere else; its time and that of `affine-cnn` is without the regressor's. Packets of both are of the full form, 12 bytes longer. A frame is found \
+         `{ANCHOR}`, {:.2} dB. `estimator` starts each frame from nothing, by the prior's key frames; `estimator-cnn` starts \
+         at given poses, and searches nowhere else. Its time and that of `affine-cnn` are without the regressor's. Packets \
+         of both estimators are of the full form, 12 bytes longer. A frame is found \
          if its render is at most {SHORT} dB below the best that any row has.\n",
         set.name,
         frames.frames.len(),
