@@ -10,7 +10,7 @@ from pathlib import Path
 
 warnings.filterwarnings("ignore", category=FutureWarning)
 
-from learned.errors import PaperError  # noqa: E402
+from learned.errors import ArgumentError, PaperError  # noqa: E402
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -131,31 +131,39 @@ def _starts(options: argparse.ArgumentParser) -> None:
     )
     options.add_argument("--steps", type=int, default=3000, help="steps of 32 renders (default 3000)")
     options.add_argument("--minutes", type=float, help="end the training after this time")
-    options.add_argument("--frames", type=Path, help="camera file of the frames to start (default: --cameras)")
-    options.add_argument("--frames-split", help="only this split of it")
+    options.add_argument(
+        "--frames", type=Path, nargs="+", help="camera files of the frames to start (default: --cameras)"
+    )
+    options.add_argument("--frames-split", help="only this split of them")
     options.add_argument("--curve", type=Path, required=True, help="CSV of the training curve to write")
-    options.add_argument("--out", type=Path, required=True, help="CSV for `bench --paper --starts`")
+    options.add_argument(
+        "--out", type=Path, nargs="+", required=True, help="CSV for `bench --paper --starts`, one for each of --frames"
+    )
     options.set_defaults(command=starts)
 
 
 def starts(options: argparse.Namespace) -> None:
     from learned import cameras, regressor, renders
 
+    files = options.frames or [options.cameras]
+    if len(files) != len(options.out):
+        raise ArgumentError(f"{len(files)} camera files of frames, but {len(options.out)} files for --out")
     survey = cameras.read(options.cameras, options.split)
-    frames = cameras.read(options.frames or options.cameras, options.frames_split)
+    runs = [cameras.read(file, options.frames_split) for file in files]
     if options.renders.exists():
         drawn = regressor.read(options.renders)
     else:
         renderer = renders.Renderer(options.program, options.prior)
         drawn = regressor.draw(survey, renderer, options.count, options.seed, options.renders)
     trained = regressor.train(drawn, options.steps, options.minutes, options.seed, options.curve)
-    found = regressor.starts(trained, frames)
-    regressor.write_starts(found, options.out)
-    for start in found:
-        print(f"{start.name}: {start.depths:.3f} of the depth, {start.degrees:.2f} degrees")
-    good = sum(start.good for start in found)
     limits = f"{regressor.START_OF_DEPTH} of the median depth and {regressor.START_DEGREES} degrees"
-    print(f"{good} of {len(found)} frames start within {limits}")
+    for run, out in zip(runs, options.out):
+        found = regressor.starts(trained, run)
+        regressor.write_starts(found, out)
+        for start in found:
+            print(f"{start.name}: {start.depths:.3f} of the depth, {start.degrees:.2f} degrees")
+        good = sum(start.good for start in found)
+        print(f"{out}: {good} of {len(found)} frames start within {limits}")
 
 
 def _convert(options: argparse.ArgumentParser) -> None:
