@@ -89,6 +89,49 @@ fn the_wavelet_coder_has_no_cliff() {
     }
 }
 
+/// Smooth noise at octaves from 2 to 32 pixels, as natural pictures have it.
+fn natural(x: f64, y: f64) -> f64 {
+    let hash = |x: f64, y: f64, octave: u32| {
+        let n = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77);
+        let n = (n ^ octave.wrapping_mul(0xC2B2_AE3D)).wrapping_mul(0x27D4_EB2F);
+        f64::from((n ^ n >> 15).wrapping_mul(0x2C1B_3C6D) >> 16) / 65_536.0 - 0.5
+    };
+    let octave = |octave: u32| {
+        let size = f64::from(1 << octave);
+        let (x, y) = (x / size, y / size);
+        let (u, v) = (x.fract(), y.fract());
+        let at = |dx: f64, dy: f64| hash(x.floor() + dx, y.floor() + dy, octave);
+        let mix = |a: f64, b: f64, t: f64| a + (b - a) * t * t * (3.0 - 2.0 * t);
+        size.sqrt() * mix(mix(at(0.0, 0.0), at(1.0, 0.0), u), mix(at(0.0, 1.0), at(1.0, 1.0), u), v)
+    };
+    (1..=5).map(octave).sum()
+}
+
+/// If the pose is wrong, most blocks of a fine picture are better off without the render's details, but not those of a
+/// coarse picture.
+#[test]
+fn few_bytes_help_at_a_wrong_pose_too() {
+    let (width, height) = (192, 128);
+    let (mut camera, mut render) = (Picture::new(width, height), Picture::new(width, height));
+    for i in 0..camera.data.len() {
+        let (x, y) = ((i / 3 % 192) as f64 + 64.0, (i / 576) as f64 + 64.0);
+        camera.data[i] = (116.0 + 12.0 * natural(x, y)) as u8;
+        render.data[i] = (108.0 + 12.0 * natural(x + 5.0, y + 4.0)) as u8;
+    }
+    let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
+    let mut encoder = ResidualEncoder::new(&setup);
+    let alone = camera.psnr(&render);
+    let mut last = alone;
+    for budget in 8..100 {
+        let coded = encoder.encode(&camera, &render, Rate::Bytes(budget), 0).unwrap();
+        check_honest(&coded, &camera, &render);
+        assert!(part_len(&coded.residual) <= budget);
+        assert!(coded.psnr >= last - 0.2, "{budget} bytes: {} after {last}", coded.psnr);
+        assert!(budget < 14 || coded.psnr > alone + 1.0, "{budget} bytes: {}", coded.psnr);
+        last = coded.psnr;
+    }
+}
+
 #[test]
 fn no_room_and_no_need_are_told_apart() {
     let (camera, render) = sample();

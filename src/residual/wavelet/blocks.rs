@@ -40,6 +40,28 @@ pub fn choose(frame: &mut Frame, difference: &mut Planes) {
     }
 }
 
+/// Takes back what [`choose`] did, so that all is predicted from the render. Whether that is a change.
+pub fn predict_all(frame: &mut Frame, difference: &mut Planes) -> bool {
+    let columns = frame.geometry.sizes[frame.geometry.levels].0;
+    let Frame { geometry, render, predicted, low_predicted, .. } = frame;
+    let changes = !*low_predicted || predicted.contains(&false);
+    for (at, predicted) in predicted.iter_mut().enumerate().filter(|(_, predicted)| !**predicted) {
+        *predicted = true;
+        let block = (at % columns, at / columns);
+        visit_details(geometry, block, &mut |plane, i, _| take_away(difference, render, plane, i));
+    }
+    if !*low_predicted {
+        *low_predicted = true;
+        visit_low(geometry, &mut |plane, i, _| take_away(difference, render, plane, i));
+    }
+    changes
+}
+
+fn take_away(difference: &mut Planes, render: &RenderBands, plane: usize, index: usize) {
+    let value = &mut difference[plane][index];
+    *value = value.wrapping_sub(render.planes[plane][index]);
+}
+
 fn add(difference: &mut Planes, render: &RenderBands, plane: usize, index: usize) {
     let value = &mut difference[plane][index];
     *value = value.wrapping_add(render.planes[plane][index]);

@@ -122,6 +122,12 @@ impl WaveletEncoder {
         pays
     }
 
+    /// Predicts the whole frame that was set from the render, also where the render is of no use. Whether that is a
+    /// change.
+    pub(super) fn predict_all(&mut self) -> bool {
+        blocks::predict_all(&mut self.frame, &mut self.difference)
+    }
+
     /// A rough model of the frame, coded.
     pub(super) fn model(&self) -> Model {
         let geometry = &self.frame.geometry;

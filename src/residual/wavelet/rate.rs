@@ -22,6 +22,9 @@ const PSNR_SLACK: f64 = 0.05;
 const REFERENCE_BYTES: f64 = 2.0;
 /// Share of its bytes that a frame must save to lean, if it is in doubt: one that stands alone outlasts losses.
 const WORTH_LEANING: f64 = 0.02;
+/// Payloads up to this length are coded with the whole frame predicted from the render, too. On the reef's frames beside the
+/// renders of their neighbours this gains up to 1.6 dB below 30 bytes, and nothing above 160.
+const TIGHT: usize = 160;
 /// Share of a budget that is used at least.
 const USED: f64 = 0.98;
 
@@ -294,15 +297,27 @@ impl RateEncoder {
     /// The best picture whose residual part has at most `room` bytes.
     fn within(&mut self, camera: &Picture, render: &Picture, room: usize) {
         let most = most_payload(room);
+        self.best.psnr = f64::NEG_INFINITY;
+        self.best.payload.clear();
+        self.search_within(camera, render, most);
+        // Blocks were chosen as a fine picture needs them. A coarse one lacks the render's details in the others.
+        if most <= TIGHT && self.encoder.predict_all() {
+            self.search_within(camera, render, most);
+        }
+    }
+
+    /// Codes until a payload has about `most` bytes; keeps what is better than the best so far.
+    fn search_within(&mut self, camera: &Picture, render: &Picture, most: usize) {
         let target = (most as f64 * (1.0 + USED) / 2.0).max(1.0);
         let model = self.encoder.model();
         let mut bracket = Bracket::new(target.ln(), |at| model.bytes(at).ln());
-        self.best.psnr = f64::NEG_INFINITY;
-        self.best.payload.clear();
+        let first = self.probes;
         let mut length = FIRST;
+        // The longest that was written and has room.
+        let mut longest = 0.0f64;
         // Too long, and short enough but not written: those nearest to the target.
         let (mut over, mut under) = (None, None);
-        while let Some(fineness) = bracket.next().filter(|_| self.probes < MOST_PROBES) {
+        while let Some(fineness) = bracket.next().filter(|_| self.probes - first < MOST_PROBES) {
             let weighed = self.choose(fineness);
             let mut len = length.of(weighed);
             let is_near = length.may_be(len, target);
@@ -317,16 +332,17 @@ impl RateEncoder {
             let here = Some((len, fineness));
             if len > most as f64 {
                 over = over.filter(|(least, _)| *least <= len).or(here);
-            } else if !is_near {
+            } else if is_near {
+                longest = longest.max(len);
+            } else {
                 under = under.filter(|(longest, _)| *longest >= len).or(here);
             }
         }
-        let longer = |(len, _): &(f64, Fineness)| *len > self.best.payload.len() as f64;
-        if let Some((_, fineness)) = under.filter(longer) {
+        if let Some((_, fineness)) = under.filter(|(len, _): &(f64, Fineness)| *len > longest) {
             self.choose(fineness);
-            self.write_within(camera, render, most);
+            longest = longest.max(self.write_within(camera, render, most));
         }
-        if (self.best.payload.len() as f64) < USED * most as f64
+        if !(USED * most as f64..=most as f64).contains(&longest)
             && let Some((_, fineness)) = over
         {
             self.cut(camera, render, fineness, most);
