@@ -46,7 +46,7 @@ def _train(options: argparse.ArgumentParser) -> None:
     options.add_argument("--steps", type=int, default=10000, help="steps of 4 crops of 128 × 128 (default 10000)")
     options.add_argument("--minutes", type=float, help="end after this time; the learning rate falls in time for it")
     options.add_argument("--batch", type=int, default=4)
-    options.add_argument("--learning-rate", type=float, default=4e-4)
+    options.add_argument("--learning-rate", type=float, default=2e-4)
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--float32", action="store_true", help="no bfloat16 in the transforms")
     options.add_argument("--from", dest="start", type=Path, help="weights to start from (default: random ones)")
