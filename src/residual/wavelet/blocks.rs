@@ -40,7 +40,7 @@ pub fn choose(frame: &mut Frame, difference: &mut Planes) {
     }
 }
 
-/// Takes back what [`choose`] did, so that all is predicted from the render. Whether that is a change.
+/// Takes back what [`choose`] did, so that all is predicted from the render. Returns whether a block changes.
 pub fn predict_all(frame: &mut Frame, difference: &mut Planes) -> bool {
     let columns = frame.geometry.sizes[frame.geometry.levels].0;
     let Frame { geometry, render, predicted, low_predicted, .. } = frame;

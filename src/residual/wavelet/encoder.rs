@@ -122,8 +122,7 @@ impl WaveletEncoder {
         pays
     }
 
-    /// Predicts the whole frame that was set from the render, also where the render is of no use. Whether that is a
-    /// change.
+    /// Predicts all blocks of the frame from the render, even if it is of no use there. Returns whether a block changes.
     pub(super) fn predict_all(&mut self) -> bool {
         blocks::predict_all(&mut self.frame, &mut self.difference)
     }

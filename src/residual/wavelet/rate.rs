@@ -14,7 +14,7 @@ use super::geometry::Planes;
 use super::lean::Pays;
 use super::tables::Tables;
 
-/// Most codings of a frame.
+/// Most codings of a search. A frame with a tight budget may have two searches.
 const MOST_PROBES: u32 = 10;
 /// A PSNR may lie above its target by this much, dB.
 const PSNR_SLACK: f64 = 0.05;
@@ -22,8 +22,8 @@ const PSNR_SLACK: f64 = 0.05;
 const REFERENCE_BYTES: f64 = 2.0;
 /// Share of its bytes that a frame must save to lean, if it is in doubt: one that stands alone outlasts losses.
 const WORTH_LEANING: f64 = 0.02;
-/// Payloads up to this length are coded with the whole frame predicted from the render, too. On the reef's frames beside the
-/// renders of their neighbours this gains up to 1.6 dB below 30 bytes, and nothing above 160.
+/// Payloads up to this length are also coded with the whole frame predicted from the render. On the reef's frames beside
+/// the renders of their neighbours this gains up to 1.6 dB below 30 bytes, and nothing above 160.
 const TIGHT: usize = 160;
 /// Share of a budget that is used at least.
 const USED: f64 = 0.98;
@@ -313,7 +313,7 @@ impl RateEncoder {
         let mut bracket = Bracket::new(target.ln(), |at| model.bytes(at).ln());
         let first = self.probes;
         let mut length = FIRST;
-        // The longest that was written and has room.
+        // The longest that was written. Only the last one, from `under`, may have no room.
         let mut longest = 0.0f64;
         // Too long, and short enough but not written: those nearest to the target.
         let (mut over, mut under) = (None, None);

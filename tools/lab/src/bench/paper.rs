@@ -61,7 +61,7 @@ impl PaperArgs {
     }
 }
 
-/// The frames: where they come from.
+/// Where the frames come from.
 pub struct Set {
     /// The split, or `all`.
     pub name: String,
