@@ -76,7 +76,7 @@ lint:
 
 lib:
 	@scripts/setup.sh lib
-	cargo cbuild --release -p nvsprior --no-default-features --features capi
+	cargo cbuild --release -p nvsprior --no-default-features --features capi,paper
 
 install:
 	@scripts/setup.sh lib

@@ -32,7 +32,10 @@ if [ -n "${GLIBC:-}" ]; then
     export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}/glibc-$GLIBC"
 fi
 
-cargo cinstall -p nvsprior --profile "$profile" --target "$target" --no-default-features --features capi \
+# A vehicle does without what only a comparison with the paper takes.
+features=capi,paper
+[ "$profile" != firmware ] || features=capi
+cargo cinstall -p nvsprior --profile "$profile" --target "$target" --no-default-features --features "$features" \
     --prefix "$prefix" --libdir "$libdir" --includedir "$includedir" \
     ${destdir:+--destdir "$destdir"}
 

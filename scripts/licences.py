@@ -16,7 +16,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "packaging" / "licences"
 # What is linked, the manifest and features that say so, and the package whose dependencies are checked.
 PARTS = {
-    "library": ("Cargo.toml", "nvsprior", ["--no-default-features", "--features", "capi"]),
+    "library": ("Cargo.toml", "nvsprior", ["--no-default-features", "--features", "capi,paper"]),
     "program": ("tools/cli/Cargo.toml", "nvsprior-cli", []),
     "gstreamer-plugin": ("gst-plugins/Cargo.toml", "nvsprior-gst", []),
 }

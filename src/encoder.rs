@@ -54,8 +54,6 @@ pub struct EncoderOptions {
     pub frames_treated: bool,
 }
 
-/// A difference picture's value for no difference.
-const NO_DIFFERENCE: u8 = 128;
 /// How many bytes longer the residual's check is after the full form than after the short one.
 const LONGER_CHECK: usize = 2;
 
@@ -323,13 +321,10 @@ impl Encoder {
         let renderer = self.tracker.objective().renderer();
         tracked.render.resize(frame.width, frame.height);
         tracked.render.data.copy_from_slice(renderer.rendered());
-        tracked.difference.resize(frame.width, frame.height);
-        tracked.difference.data.copy_from_slice(renderer.difference());
         if let Some(mask) = &self.mask {
             let render = &tracked.render.data;
             let as_render = |at: usize, rgb: &mut [u8]| rgb.copy_from_slice(&render[at..at + 3]);
             mask.each_masked(&mut tracked.frame.data, as_render);
-            mask.each_masked(&mut tracked.difference.data, |_, rgb| rgb.fill(NO_DIFFERENCE));
         }
         tracked.pose = pose.dequantise(&self.scene.frame());
         let latent = Latent {

@@ -29,7 +29,7 @@
 
 #[cfg(feature = "capi")]
 #[allow(unsafe_code)]
-// With `vulkan` and `residual::libwebp` the only places; each block says why it is sound.
+// With `vulkan` and `residual::webp` the only places; each block says why it is sound.
 pub mod capi;
 pub mod geometry;
 pub mod image;

@@ -21,8 +21,6 @@ pub(crate) struct TrackedFrame {
     /// Which parts count more.
     pub interest: Option<Arc<Interest>>,
     pub render: Picture,
-    /// See [`crate::residual::difference`].
-    pub difference: Picture,
     pub latent: Option<Latent>,
     pub camera: Option<Camera>,
     /// Whether the packet tells what the render is.
@@ -54,8 +52,7 @@ impl TrackedFrame {
     #[cfg(feature = "capi")]
     pub fn with_room(width: u32, height: u32) -> TrackedFrame {
         let picture = || Picture::new(width, height);
-        let (frame, render, difference) = (picture(), picture(), picture());
-        TrackedFrame { frame, render, difference, ..TrackedFrame::default() }
+        TrackedFrame { frame: picture(), render: picture(), ..TrackedFrame::default() }
     }
 
     /// Codes the frame's difference picture, and writes the packet and the picture that the topside will show. Moves
@@ -147,7 +144,7 @@ impl TrackedFrame {
         {
             return Err(Error::Budget { budget, needed });
         }
-        let (frame, render, difference) = (&self.frame, &self.render, &mut self.difference);
+        let (frame, render) = (&self.frame, &self.render);
         // The coder counts the check of the full form.
         let others = needed - packet.latent.spared_check();
         let in_stream = self.stream.as_ref().map(|stream| InStream {
@@ -164,7 +161,7 @@ impl TrackedFrame {
         }
         let coded = match &in_stream {
             Some(stream) => residual.encode_in_stream(frame, render, rate, others, stream)?,
-            None => residual.encode_difference(frame, render, difference, rate, others)?,
+            None => residual.encode(frame, render, rate, others)?,
         };
         packet.residual = coded.residual;
         let reached = coded.reached;

@@ -441,3 +441,22 @@ proptest! {
         prop_assert!(decoder.add(&residual, true, &mut render.clone()).is_ok());
     }
 }
+
+/// A library for vehicles has no libwebp: the render stays, and the error names the coder.
+#[cfg(not(feature = "paper"))]
+#[test]
+fn webp_payloads_name_the_coder_that_is_missing() {
+    use nvsprior::residual::ResidualError;
+    let mut decoder = ResidualDecoder::new(SIZE.0, SIZE.1, &Tables::generic());
+    let mut picture = Picture::new(SIZE.0, SIZE.1);
+    picture.data.fill(77);
+    let render = picture.clone();
+    let missing = ResidualError::CoderMissing { coder: "WebP", feature: "paper" };
+    for coder in [Coder::Vp8, Coder::WebP] {
+        let residual = Residual::Coded { coder, payload: &[1, 2, 3] };
+        assert_eq!(decoder.add(&residual, true, &mut picture), Err(missing.clone()));
+        let start = ResidualStart { coder, reference: None, payload: &[1], payload_len: 3 };
+        assert_eq!(decoder.add_start(&start, true, &mut picture), Err(missing.clone()));
+    }
+    assert_eq!(picture, render);
+}

@@ -340,9 +340,16 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
     };
     made.refine.optimizer = match options.optimizer {
         NVSP_OPTIMIZER_GAUSS_NEWTON => Optimizer::GaussNewton,
+        #[cfg(feature = "paper")]
         NVSP_OPTIMIZER_BFGS => Optimizer::Bfgs,
+        #[cfg(feature = "paper")]
         NVSP_OPTIMIZER_ADAM => Optimizer::Adam,
+        #[cfg(feature = "paper")]
         NVSP_OPTIMIZER_ADAM_BFGS => Optimizer::AdamBfgs,
+        #[cfg(not(feature = "paper"))]
+        NVSP_OPTIMIZER_BFGS | NVSP_OPTIMIZER_ADAM | NVSP_OPTIMIZER_ADAM_BFGS => {
+            return Err(without_paper("nvsp_encoder_options.optimizer"));
+        }
         _ => return Err(Failure::argument("nvsp_encoder_options.optimizer")),
     };
     made.profile = match options.profile {
@@ -357,7 +364,10 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
     };
     made.residual = match options.residual {
         NVSP_RESIDUAL_WAVELET => ResidualCoder::Wavelet,
+        #[cfg(feature = "paper")]
         NVSP_RESIDUAL_WEBP => ResidualCoder::Webp,
+        #[cfg(not(feature = "paper"))]
+        NVSP_RESIDUAL_WEBP => return Err(without_paper("nvsp_encoder_options.residual")),
         _ => return Err(Failure::argument("nvsp_encoder_options.residual")),
     };
     made.mode = mode(options)?;
@@ -385,6 +395,12 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         _ => return Err(Failure::argument("nvsp_encoder_options.threshold")),
     }
     Ok(made)
+}
+
+/// An option that only a library with the feature `paper` has.
+#[cfg(not(feature = "paper"))]
+fn without_paper(option: &'static str) -> Failure {
+    Failure::at(NVSP_ERR_UNSUPPORTED, option)
 }
 
 fn mode(options: &nvsp_encoder_options) -> Result<Mode, Failure> {

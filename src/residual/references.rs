@@ -4,7 +4,6 @@ use crate::packet::{Latent, Reference};
 use crate::{Camera, Picture};
 
 use super::difference::difference_into;
-use super::stream::StreamFrame;
 use super::warp::Vantage;
 
 /// Frames that are remembered, and so the greatest distance of a reference.
@@ -58,8 +57,14 @@ impl References {
     }
 
     /// Remembers a frame, in place of the oldest, or of one of the same number. The pictures have the camera's size.
-    pub fn keep(&mut self, frame: &StreamFrame, position: u32, shown: &Picture, render: &Picture) {
-        let StreamFrame { frame, vantage, .. } = *frame;
+    pub fn keep(
+        &mut self,
+        frame: u32,
+        vantage: &Vantage,
+        position: u32,
+        shown: &Picture,
+        render: &Picture,
+    ) {
         self.prepare(vantage);
         let same = |kept: &Kept| kept.used && frames_behind(kept.frame, frame) == 0;
         let index = self.kept.iter().position(same).unwrap_or_else(|| {
@@ -146,9 +151,7 @@ mod tests {
     }
 
     fn keep(references: &mut References, frame: u32, shown: u8, render: u8) {
-        let vantage = vantage(0.0);
-        let frame = StreamFrame { frame, vantage: &vantage, depths: &[] };
-        references.keep(&frame, 0, &picture(shown), &picture(render));
+        references.keep(frame, &vantage(0.0), 0, &picture(shown), &picture(render));
     }
 
     fn picture(value: u8) -> Picture {

@@ -105,9 +105,9 @@ pub struct StreamFrame<'a> {
 
 impl StreamFrame<'_> {
     /// Checks that it has the size of a picture, and a depth for every pixel.
-    pub(super) fn check(&self, of: &Picture) -> Result<(), ResidualError> {
+    pub(super) fn check(&self, expected: (u32, u32)) -> Result<(), ResidualError> {
         let camera = &self.vantage.camera;
-        let (expected, found) = ((of.width, of.height), (camera.width, camera.height));
+        let found = (camera.width, camera.height);
         if expected != found {
             return Err(ResidualError::Size { expected, found });
         }
@@ -139,7 +139,7 @@ impl StreamEncoder {
     }
 
     /// What a frame may lean on, warped to its view.
-    pub fn leanable(
+    pub fn reference(
         &mut self,
         frame: &StreamFrame,
         structure: Structure,
@@ -170,7 +170,7 @@ impl StreamEncoder {
             self.key = Some(frame.frame);
         }
         let position = self.key.map_or(0, |key| frames_behind(key, frame.frame));
-        self.references.keep(frame, position, shown, render);
+        self.references.keep(frame.frame, frame.vantage, position, shown, render);
     }
 }
 
@@ -206,7 +206,7 @@ impl StreamDecoder {
 
     /// Remembers a frame that was decoded in full.
     pub fn keep(&mut self, frame: &StreamFrame, shown: &Picture) {
-        self.references.keep(frame, 0, shown, &self.render);
+        self.references.keep(frame.frame, frame.vantage, 0, shown, &self.render);
     }
 }
 
@@ -237,7 +237,7 @@ mod tests {
         let distances = (0..frames).map(|i| {
             let frame = StreamFrame { frame: number(i), vantage: &vantage, depths: &[1.0; 48] };
             heard(i).map(number).into_iter().for_each(|frame| acknowledged.add(frame));
-            let reference = encoder.leanable(&frame, structure, &acknowledged).map(|(r, _)| r);
+            let reference = encoder.reference(&frame, structure, &acknowledged).map(|(r, _)| r);
             let residual = Residual::Stream { reference, payload: &[] };
             encoder.keep(&frame, &residual, &picture, &picture);
             reference.map_or(0, |reference| reference.distance)

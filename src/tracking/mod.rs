@@ -1,19 +1,18 @@
 //! iNVS, inverse novel view synthesis: the pose at which the prior looks most like a frame.
 //!
 //! There is one [`Objective`]: the mean squared error over pixels and channels (the paper's eq. mse, averaged over
-//! channels too). Four optimisers minimise it. Poses move by left perturbations `T' = Exp(τ) T`; all optimisers work on
-//! τ. Gauss–Newton runs on the device ([`crate::search`]). The host leads BFGS and Adam, the paper's choices, with one
-//! evaluation per submission.
+//! channels too). Gauss–Newton minimises it on the device ([`crate::search`]). Poses move by left perturbations
+//! `T' = Exp(τ) T`; all optimisers work on τ. With the feature `paper` there are the paper's choices too, BFGS and Adam.
+//! The host leads them, with one evaluation per submission.
 
-mod adam;
 mod agreement;
-mod bfgs;
 mod cold;
+#[cfg(feature = "paper")]
+mod descent;
 mod found;
 mod gauss_newton;
 mod hypotheses;
 mod known;
-mod line_search;
 mod objective;
 mod observability;
 mod phase_correlation;
@@ -22,9 +21,9 @@ mod relocaliser;
 mod starts;
 mod tracker;
 
-pub use adam::AdamOptions;
 pub use agreement::{Agreement, Comparison};
-pub use bfgs::BfgsOptions;
+#[cfg(feature = "paper")]
+pub use descent::{AdamOptions, BfgsOptions};
 pub use found::Found;
 pub use gauss_newton::{GaussNewtonOptions, Schedule};
 pub use hypotheses::{Hypotheses, Proposal};
@@ -48,10 +47,13 @@ pub enum Optimizer {
     #[default]
     GaussNewton,
     /// BFGS at full resolution, the paper's choice.
+    #[cfg(feature = "paper")]
     Bfgs,
     /// Adam at full resolution.
+    #[cfg(feature = "paper")]
     Adam,
     /// Adam until it converges, then BFGS.
+    #[cfg(feature = "paper")]
     AdamBfgs,
 }
 
@@ -60,8 +62,11 @@ impl Optimizer {
     pub fn name(self) -> &'static str {
         match self {
             Optimizer::GaussNewton => "gauss-newton",
+            #[cfg(feature = "paper")]
             Optimizer::Bfgs => "bfgs",
+            #[cfg(feature = "paper")]
             Optimizer::Adam => "adam",
+            #[cfg(feature = "paper")]
             Optimizer::AdamBfgs => "adam-bfgs",
         }
     }
@@ -79,8 +84,10 @@ pub struct RefineOptions {
     /// Options of Gauss–Newton.
     pub gauss_newton: GaussNewtonOptions,
     /// Options of BFGS.
+    #[cfg(feature = "paper")]
     pub bfgs: BfgsOptions,
     /// Options of Adam.
+    #[cfg(feature = "paper")]
     pub adam: AdamOptions,
     /// Renders, of any level, that one frame may take to search afresh. A search that has begun is finished, even if it
     /// takes more. If the frame finds no pose, the next frame searches again.
@@ -96,7 +103,9 @@ impl Default for RefineOptions {
             jacobian: Jacobian::Flow,
             sort_precision: SortPrecision::default(),
             gauss_newton: GaussNewtonOptions::default(),
+            #[cfg(feature = "paper")]
             bfgs: BfgsOptions::default(),
+            #[cfg(feature = "paper")]
             adam: AdamOptions::default(),
             lost_renders: 96,
             masks: true,
@@ -109,6 +118,7 @@ impl RefineOptions {
     pub fn jacobian(&self) -> Jacobian {
         match self.optimizer {
             Optimizer::GaussNewton => self.jacobian,
+            #[cfg(feature = "paper")]
             _ => Jacobian::Exact,
         }
     }
@@ -137,27 +147,4 @@ pub struct Outcome {
     pub mse: f64,
     /// Why the search ended.
     pub stop: Stop,
-}
-
-fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn scaled(a: &[f64; 6], factor: f64) -> [f64; 6] {
-    a.map(|v| v * factor)
-}
-
-/// Turns a step whose translation is in units of `length` into one in the prior's unit. Also turns a gradient with
-/// respect to the second into one with respect to the first.
-fn moved_in(length: f64, step: &[f64; 6]) -> [f64; 6] {
-    std::array::from_fn(|i| if i < 3 { step[i] * length } else { step[i] })
-}
-
-fn minus(a: &[f64; 6], b: &[f64; 6]) -> [f64; 6] {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-/// Largest absolute component; a NaN counts as infinite.
-fn norm_max(a: &[f64; 6]) -> f64 {
-    a.iter().fold(0.0, |m: f64, v| if v.is_nan() { f64::INFINITY } else { m.max(v.abs()) })
 }

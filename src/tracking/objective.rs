@@ -197,6 +197,7 @@ impl Objective {
     }
 
     /// The length that makes translations comparable with turns: the prior's own.
+    #[cfg(feature = "paper")]
     pub(super) fn length(&self) -> f64 {
         self.renderer.scene().frame().unit()
     }

@@ -1,16 +1,9 @@
-//! Where a frame's refinement starts.
-//!
-//! As in the paper: the previous frame's pose if the prior, rendered there, is nearer to the frame than a threshold;
-//! else the pose from outside. The pose that constant velocity predicts is a second candidate beside the previous pose.
-//! A coarse level of the pyramid tells which of the two is better, at a fraction of a render. The threshold is then
-//! applied to the better one at full resolution.
+//! Where a frame's refinement starts: at the pose that constant velocity predicts, or at the previous frame's.
 
 use crate::Pose;
 use crate::geometry::Step;
-use crate::render::Jacobian;
-use crate::vulkan::Error;
 
-use super::{Objective, Observability};
+use super::Observability;
 
 /// Where a start came from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -67,9 +60,6 @@ pub struct Starts {
     observability: Option<Observability>,
 }
 
-/// Level at which candidates are compared.
-const NEAR_LEVEL: usize = 2;
-
 impl Starts {
     /// Notes the pose found for a frame. If it did not start from the frames before, it says
     /// nothing about the velocity. Directions that the picture did not determine say nothing
@@ -106,6 +96,12 @@ impl Starts {
         (share.is_finite() && share.abs() <= LONGEST).then(|| motion.map(|v| v * share))
     }
 
+    /// The pose of the frame before the last, if the last one's search started from it.
+    #[cfg(feature = "paper")]
+    pub(super) fn before_last(&self) -> Option<Pose> {
+        self.before_last
+    }
+
     /// The pose of the frame before.
     pub(super) fn last(&self) -> Option<Pose> {
         self.last
@@ -123,7 +119,7 @@ impl Starts {
 
     /// The pose that constant velocity predicts. In directions that the picture does not determine the camera is
     /// assumed to stay: nothing would ever end a drift that noise began there.
-    fn predicted(&self, last: &Pose, before: &Pose) -> Pose {
+    pub(super) fn predicted(&self, last: &Pose, before: &Pose) -> Pose {
         let motions = self.motions();
         match &self.observability {
             Some(observed) if observed.undetermined().next().is_some() => {
@@ -135,48 +131,5 @@ impl Starts {
             }
             _ => last.predicted(before),
         }
-    }
-
-    /// Chooses the start of the next frame; `None` if there is neither a frame before nor a pose
-    /// from outside. `threshold`: mean squared error, values in [0, 1].
-    pub fn choose(
-        &self,
-        objective: &mut Objective,
-        jacobian: Jacobian,
-        external: Option<Pose>,
-        threshold: f64,
-    ) -> Result<Option<Start>, Error> {
-        let from_outside = |pose| Start { pose, kind: StartKind::External };
-        let Some((pose, kind)) = self.better_candidate(objective, jacobian)? else {
-            return Ok(external.map(from_outside));
-        };
-        let mse = objective.evaluate(0, jacobian, &pose)?.mse();
-        Ok(Some(match external {
-            _ if mse < threshold => Start { pose, kind },
-            Some(pose) => from_outside(pose),
-            None => Start { pose, kind: StartKind::BestOfBad },
-        }))
-    }
-
-    /// The better of the previous pose and the predicted one, by a coarse level.
-    fn better_candidate(
-        &self,
-        objective: &mut Objective,
-        jacobian: Jacobian,
-    ) -> Result<Option<(Pose, StartKind)>, Error> {
-        let Some(last) = self.last else { return Ok(None) };
-        let Some(before) = self.before_last else {
-            return Ok(Some((last, StartKind::Previous)));
-        };
-        let predicted = self.predicted(&last, &before);
-        let level = NEAR_LEVEL.min(objective.levels() - 1);
-        let stay = objective.evaluate(level, jacobian, &last)?.mse();
-        let go_on = objective.evaluate(level, jacobian, &predicted)?.mse();
-        let predicted_is_better = go_on < stay;
-        Ok(Some(if predicted_is_better {
-            (predicted, StartKind::Predicted)
-        } else {
-            (last, StartKind::Previous)
-        }))
     }
 }

@@ -6,7 +6,7 @@ use crate::Picture;
 use crate::packet::{Coder, Reference, Residual, residual_part_len};
 
 use super::super::interest::Interest;
-use super::super::rate::{Choice, Rate};
+use super::super::rate::{Content, Rate, RateResult};
 use super::decoder::WaveletDecoder;
 use super::encoder::WaveletEncoder;
 use super::fineness::{Bracket, Fineness};
@@ -113,7 +113,7 @@ impl RateEncoder {
         rate: Rate,
         overhead: usize,
         stream: Option<&Leanable>,
-    ) -> Choice {
+    ) -> RateResult {
         self.stream = stream.map(|_| None);
         if stream.is_some() {
             self.encoder.prepare_lean();
@@ -122,7 +122,7 @@ impl RateEncoder {
         self.probes = 0;
         let plain = camera.psnr(render);
         if matches!(rate, Rate::Psnr(target) if plain >= target) {
-            return Choice { residual: Err(Residual::None), reached: true, probes: 0 };
+            return RateResult { content: Content::NotNeeded, reached: true, probes: 0 };
         }
         let overhead = overhead + self.set(camera, render, rate, stream);
         let (coded, reached) = match rate {
@@ -130,13 +130,13 @@ impl RateEncoder {
                 self.choose(Fineness::of_quality(quality));
                 self.show(camera, render);
                 self.write_or_coarser(camera, render);
-                return Choice { residual: Ok(()), reached: true, probes: self.probes };
+                let content = Content::Payload;
+                return RateResult { content, reached: true, probes: self.probes };
             }
             Rate::Bytes(budget) => {
                 let room = budget.saturating_sub(overhead);
                 if room <= residual_part_len(0) {
-                    let residual = Err(Residual::Omitted);
-                    return Choice { residual, reached: false, probes: 0 };
+                    return RateResult { content: Content::NoRoom, reached: false, probes: 0 };
                 }
                 self.within(camera, render, room);
                 (self.best.psnr > plain, true)
@@ -146,8 +146,7 @@ impl RateEncoder {
                 (self.best.psnr > plain, reached)
             }
         };
-        let residual = if coded { Ok(()) } else { Err(Residual::None) };
-        Choice { residual, reached, probes: self.probes }
+        RateResult { content: Content::payload_if(coded), reached, probes: self.probes }
     }
 
     /// Sets which parts of the picture count more, from here on.

@@ -14,10 +14,12 @@ use crate::{Picture, Pose};
 
 use self::afresh::disagrees;
 use self::judgement::MOSTLY;
+#[cfg(feature = "paper")]
+use super::descent;
 use super::gauss_newton::{self, Schedule};
 use super::{
     ColdStart, Comparison, Evaluation, Found, Hint, Known, Objective, Optimizer, Outcome,
-    RefineOptions, Relocaliser, StartKind, Starts, adam, bfgs,
+    RefineOptions, Relocaliser, StartKind, Starts,
 };
 
 /// If the error at a search's start is below this many times the error at its end, the start was close. The next search
@@ -138,10 +140,10 @@ impl Tracker {
     pub fn track(&mut self, frame: &Picture, known: &Known) -> Result<Option<Found>, Error> {
         self.objective.set_frame(frame);
         self.starts.set_time(known.time);
-        if self.options.optimizer == Optimizer::GaussNewton {
-            self.search(frame, known)
-        } else {
-            self.descend(known.hint.map(|hint| hint.pose))
+        match self.options.optimizer {
+            Optimizer::GaussNewton => self.search(frame, known),
+            #[cfg(feature = "paper")]
+            _ => self.descend(known.hint.map(|hint| hint.pose)),
         }
     }
 
@@ -281,20 +283,12 @@ impl Tracker {
     }
 
     /// The gradient methods, led by the host.
+    #[cfg(feature = "paper")]
     fn descend(&mut self, external: Option<Pose>) -> Result<Option<Found>, Error> {
         let (objective, options) = (&mut self.objective, &self.options);
-        let jacobian = options.jacobian();
-        let Some(start) = self.starts.choose(objective, jacobian, external, self.threshold)? else {
-            return Ok(None);
-        };
-        let outcome = match options.optimizer {
-            Optimizer::Adam => adam::minimise(objective, &start.pose, &options.adam)?,
-            Optimizer::AdamBfgs => {
-                let first = adam::minimise(objective, &start.pose, &options.adam)?;
-                bfgs::minimise(objective, &first.pose, &options.bfgs)?
-            }
-            _ => bfgs::minimise(objective, &start.pose, &options.bfgs)?,
-        };
+        let begin = descent::choose_start(&self.starts, objective, external, self.threshold)?;
+        let Some(start) = begin else { return Ok(None) };
+        let outcome = descent::minimise(objective, &start.pose, options)?;
         let observability = *self.objective.observability();
         let (code, mse) = self.draw(&outcome.pose)?;
         let agreement = self.agreement();

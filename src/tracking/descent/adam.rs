@@ -5,7 +5,8 @@ use crate::Pose;
 use crate::render::Jacobian;
 use crate::vulkan::Error;
 
-use super::{Objective, Outcome, Stop, moved_in, norm_max};
+use super::super::{Objective, Outcome, Stop};
+use super::vectors::{moved_in, norm_max};
 
 /// Options of Adam.
 #[derive(Clone, Copy, Debug, PartialEq)]

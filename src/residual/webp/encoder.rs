@@ -3,17 +3,19 @@
 use crate::Picture;
 use crate::packet::{Coder, Residual, residual_part_len};
 
-use super::difference::add;
-use super::rate::{Choice, Rate};
-use super::{ResidualError, Webp, max_payload_len};
+use super::super::difference::{add, difference_into};
+use super::super::rate::{Content, Rate, RateResult};
+use super::super::{ResidualError, max_payload_len};
+use super::Webp;
 
 /// Steps of the bisection. Libwebp has 128 quantisers, so seven steps tell them all apart.
 const STEPS: u32 = 7;
 
 /// Codes difference pictures of one size by WebP, in memory of its own.
-pub(super) struct WebpEncoder {
+pub struct WebpEncoder {
     webp: Webp,
-    /// What libwebp made of the difference.
+    difference: Picture,
+    /// What libwebp made of it.
     decoded: Picture,
     /// The coding to keep, and the one just tried.
     best: Probe,
@@ -22,14 +24,14 @@ pub(super) struct WebpEncoder {
 }
 
 /// What is coded.
-struct Frame<'a> {
-    camera: &'a Picture,
+#[derive(Clone, Copy)]
+struct Source<'a> {
+    frame: &'a Picture,
     render: &'a Picture,
-    difference: &'a Picture,
 }
 
-/// Whether a difference picture was coded, and if not, why. Then whether the rate was kept.
-type Found = (Result<(), Residual<'static>>, bool);
+/// What was coded, and whether the rate was kept.
+type Kept = (Content, bool);
 
 /// One coding of the difference picture.
 struct Probe {
@@ -62,6 +64,7 @@ impl WebpEncoder {
     pub fn new(width: u32, height: u32) -> WebpEncoder {
         WebpEncoder {
             webp: Webp::new(width, height),
+            difference: Picture::new(width, height),
             decoded: Picture::new(width, height),
             best: Probe::new(width, height),
             trial: Probe::new(width, height),
@@ -72,24 +75,24 @@ impl WebpEncoder {
     /// Codes a difference picture; the outcome is in [`WebpEncoder::coded`].
     pub fn encode(
         &mut self,
-        camera: &Picture,
+        frame: &Picture,
         render: &Picture,
-        difference: &Picture,
         rate: Rate,
         overhead: usize,
-    ) -> Result<Choice, ResidualError> {
+    ) -> Result<RateResult, ResidualError> {
         self.probes = 0;
-        let frame = Frame { camera, render, difference };
-        let (residual, reached) = match rate {
+        difference_into(frame, render, &mut self.difference);
+        let source = Source { frame, render };
+        let (content, reached) = match rate {
             Rate::Quality(quality) => {
-                self.probe(&frame, quality)?;
+                self.probe(&source, quality)?;
                 self.keep();
-                (Ok(()), true)
+                (Content::Payload, true)
             }
-            Rate::Bytes(budget) => self.within(&frame, budget, overhead)?,
-            Rate::Psnr(target) => self.reaching(&frame, target)?,
+            Rate::Bytes(budget) => self.within(&source, budget, overhead)?,
+            Rate::Psnr(target) => self.reaching(&source, target)?,
         };
-        Ok(Choice { residual, reached, probes: self.probes })
+        Ok(RateResult { content, reached, probes: self.probes })
     }
 
     /// What was coded, the picture that it makes, and its PSNR, dB.
@@ -99,20 +102,20 @@ impl WebpEncoder {
     }
 
     /// Codes at a quality; the outcome is in `trial`.
-    fn probe(&mut self, frame: &Frame, quality: f32) -> Result<(), ResidualError> {
-        let Frame { camera, render, difference } = *frame;
+    fn probe(&mut self, source: &Source, quality: f32) -> Result<(), ResidualError> {
+        let Source { frame, render } = *source;
         self.probes += 1;
         let trial = &mut self.trial;
         trial.quality = quality;
-        trial.coder = self.webp.encode(difference, quality, &mut trial.payload)?;
-        let (width, height) = (camera.width, camera.height);
+        trial.coder = self.webp.encode(&self.difference, quality, &mut trial.payload)?;
+        let (width, height) = (frame.width, frame.height);
         if trial.payload.len() > max_payload_len(width, height) {
             return Err(ResidualError::Encode(format!("{} bytes", trial.payload.len())));
         }
         self.webp.decode(trial.coder, &trial.payload, &mut self.decoded)?;
         trial.reconstruction.data.copy_from_slice(&render.data);
         add(&self.decoded.data, &mut trial.reconstruction.data);
-        trial.psnr = camera.psnr(&trial.reconstruction);
+        trial.psnr = frame.psnr(&trial.reconstruction);
         Ok(())
     }
 
@@ -124,29 +127,25 @@ impl WebpEncoder {
     /// The best picture within the budget.
     fn within(
         &mut self,
-        frame: &Frame,
+        source: &Source,
         budget: usize,
         overhead: usize,
-    ) -> Result<Found, ResidualError> {
+    ) -> Result<Kept, ResidualError> {
         let room = budget.saturating_sub(overhead);
         if room <= residual_part_len(0) {
-            return Ok((Err(Residual::Omitted), false));
+            return Ok((Content::NoRoom, false));
         }
         let fits = |probe: &Probe| probe.part_len() <= room;
         let preferred =
             |new: &Probe, old: &Probe| fits(new) && !(fits(old) && old.psnr >= new.psnr);
-        self.bisect(frame, fits, preferred)?;
-        Ok(if fits(&self.best) {
-            (self.if_better(frame), true)
-        } else {
-            (Err(Residual::Omitted), false)
-        })
+        self.bisect(source, fits, preferred)?;
+        Ok(if fits(&self.best) { (self.if_better(source), true) } else { (Content::NoRoom, false) })
     }
 
     /// The fewest bytes that reach the target, or the best picture there is.
-    fn reaching(&mut self, frame: &Frame, target: f64) -> Result<Found, ResidualError> {
-        if frame.camera.psnr(frame.render) >= target {
-            return Ok((Err(Residual::None), true));
+    fn reaching(&mut self, source: &Source, target: f64) -> Result<Kept, ResidualError> {
+        if source.frame.psnr(source.render) >= target {
+            return Ok((Content::NotNeeded, true));
         }
         let reaches = |probe: &Probe| probe.psnr >= target;
         let preferred = |new: &Probe, old: &Probe| match (reaches(new), reaches(old)) {
@@ -154,8 +153,8 @@ impl WebpEncoder {
             (false, false) => new.psnr > old.psnr,
             (new, _) => new,
         };
-        self.bisect(frame, |probe| !reaches(probe), preferred)?;
-        Ok((self.if_better(frame), reaches(&self.best)))
+        self.bisect(source, |probe| !reaches(probe), preferred)?;
+        Ok((self.if_better(source), reaches(&self.best)))
     }
 
     /// Codes at qualities that close in on the one at which `finer` turns from true to false. If
@@ -163,7 +162,7 @@ impl WebpEncoder {
     /// `preferred` over all others.
     fn bisect(
         &mut self,
-        frame: &Frame,
+        source: &Source,
         finer: impl Fn(&Probe) -> bool,
         preferred: impl Fn(&Probe, &Probe) -> bool,
     ) -> Result<(), ResidualError> {
@@ -178,7 +177,7 @@ impl WebpEncoder {
             } else {
                 break;
             };
-            self.probe(frame, quality_of(level))?;
+            self.probe(source, quality_of(level))?;
             if finer(&self.trial) {
                 low = level
             } else {
@@ -191,9 +190,8 @@ impl WebpEncoder {
         Ok(())
     }
 
-    fn if_better(&self, frame: &Frame) -> Result<(), Residual<'static>> {
-        let better = self.best.psnr > frame.camera.psnr(frame.render);
-        if better { Ok(()) } else { Err(Residual::None) }
+    fn if_better(&self, source: &Source) -> Content {
+        Content::payload_if(self.best.psnr > source.frame.psnr(source.render))
     }
 }
 

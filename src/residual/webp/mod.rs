@@ -11,11 +11,16 @@
 //! | 26–29 | width and height, 14 bits each, scale 0 | no |
 //! | 30–… | partitions, a zero after an odd number of bytes | yes, less one last zero |
 
-use super::libwebp::{Arena, Lossy, decode_rgb, decode_rows, encode_rgb, features};
+mod encoder;
+mod libwebp;
+
 use crate::Picture;
 use crate::packet::{Coder, ResidualStart};
 
-use super::{ResidualError, check_shape};
+use super::checks::check_shape;
+use super::{ResidualError, max_payload_len};
+pub(super) use encoder::WebpEncoder;
+use libwebp::{Arena, Lossy, decode_rgb, decode_rows, encode_rgb, features};
 
 /// Bytes of the container, and of the frame tag after it.
 const CONTAINER_LEN: usize = 20;
@@ -36,7 +41,7 @@ pub struct Webp {
 impl Webp {
     /// Makes one for pictures of a size. Larger pictures work too, but cost allocations.
     pub fn new(width: u32, height: u32) -> Webp {
-        let file = || Vec::with_capacity(super::max_payload_len(width, height) + CONTAINER_LEN + 8);
+        let file = || Vec::with_capacity(max_payload_len(width, height) + CONTAINER_LEN + 8);
         let arena = Arena::with_capacity(arena_len(width, height));
         Webp { arena, file: file(), rebuilt: file() }
     }
@@ -293,7 +298,7 @@ mod tests {
             let mut picture = Picture::new(width, height);
             picture.data.fill_with(&mut noise);
             let mut webp = Webp::new(width, height);
-            let mut payload = Vec::with_capacity(super::super::max_payload_len(width, height));
+            let mut payload = Vec::with_capacity(max_payload_len(width, height));
             let before = [payload.capacity(), webp.file.capacity(), webp.rebuilt.capacity()];
             for quality in [0.0, 30.0, 100.0] {
                 let coder = webp.encode(&picture, quality, &mut payload).unwrap();

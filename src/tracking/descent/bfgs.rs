@@ -7,8 +7,9 @@ use crate::Pose;
 use crate::render::Jacobian;
 use crate::vulkan::Error;
 
+use super::super::{Objective, Outcome, Stop};
 use super::line_search::{Point, strong_wolfe};
-use super::{Objective, Outcome, Stop, dot, minus, moved_in, norm_max, scaled};
+use super::vectors::{dot, minus, moved_in, norm_max, scaled};
 
 /// Options of BFGS.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,0 +1,192 @@
+//! Residuals added to renders.
+
+use crate::Picture;
+use crate::packet::{Coder, Latent, Reference, Residual, ResidualStart};
+
+use super::ResidualError;
+use super::checks::check_size;
+use super::stream::{StreamDecoder, StreamFrame};
+use super::warp::Vantage;
+use super::wavelet::{Tables, Tail, WaveletDecoder};
+#[cfg(feature = "paper")]
+use super::{difference, webp::Webp};
+
+/// Adds residuals to renders of one size, in memory of its own.
+pub struct ResidualDecoder {
+    wavelet: WaveletDecoder,
+    stream: StreamDecoder,
+    /// Size of the pictures.
+    size: (u32, u32),
+    #[cfg(feature = "paper")]
+    webp: Webp,
+    /// What WebP decoded.
+    #[cfg(feature = "paper")]
+    difference: Picture,
+}
+
+impl ResidualDecoder {
+    /// Makes one for pictures of a size, rendered from a prior with `tables`.
+    pub fn new(width: u32, height: u32, tables: &Tables) -> ResidualDecoder {
+        ResidualDecoder {
+            wavelet: WaveletDecoder::new(width, height, tables),
+            stream: StreamDecoder::default(),
+            size: (width, height),
+            #[cfg(feature = "paper")]
+            webp: Webp::new(width, height),
+            #[cfg(feature = "paper")]
+            difference: Picture::new(width, height),
+        }
+    }
+
+    /// Adds a residual to a render, which becomes the picture. Changes nothing on an error. `portable`: the render is
+    /// the encoder's, byte for byte.
+    ///
+    /// # Errors
+    /// If the payload is no picture of the render's size, or needs the encoder's render and this is another.
+    pub fn add(
+        &mut self,
+        residual: &Residual,
+        portable: bool,
+        render: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        let (coder, payload) = match *residual {
+            Residual::None | Residual::Omitted => return Ok(()),
+            Residual::Coded { coder, payload } => (coder, payload),
+            Residual::Stream { reference: None, payload } => (Coder::Wavelet, payload),
+            Residual::Stream { reference: Some(_), .. } => return Err(OUT_OF_STREAM),
+        };
+        check_size(self.size, render)?;
+        match coder {
+            Coder::Wavelet => self.wavelet.add(payload, Tail::Zeros, portable, render),
+            Coder::Vp8 | Coder::WebP => self.add_webp(coder, payload, render),
+        }
+    }
+
+    #[cfg(feature = "paper")]
+    fn add_webp(
+        &mut self,
+        coder: Coder,
+        payload: &[u8],
+        render: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        self.webp.decode(coder, payload, &mut self.difference)?;
+        difference::add(&self.difference.data, &mut render.data);
+        Ok(())
+    }
+
+    #[cfg(not(feature = "paper"))]
+    fn add_webp(&mut self, _: Coder, _: &[u8], _: &mut Picture) -> Result<(), ResidualError> {
+        Err(NO_WEBP)
+    }
+
+    /// Whether the frame that another one leans on is there, and the same as the encoder's.
+    pub fn holds(&self, reference: Reference, frame: u32, vantage: &Vantage) -> bool {
+        self.stream.holds(reference, frame, vantage)
+    }
+
+    /// As [`ResidualDecoder::add`], for a stream's residual that came whole. Later frames may lean on the frame if the
+    /// render is the encoder's. `frame` needs depths only if the residual leans on another.
+    ///
+    /// # Errors
+    /// As for [`ResidualDecoder::add`]. If the reference is missing.
+    pub fn add_in_stream(
+        &mut self,
+        reference: Option<Reference>,
+        payload: &[u8],
+        frame: &StreamFrame,
+        portable: bool,
+        render: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        check_size(self.size, render)?;
+        self.wavelet.prepare_lean();
+        self.stream.set_render(frame, render);
+        self.add_wavelet(reference, payload, Tail::Zeros, frame, portable, render)?;
+        if portable {
+            self.stream.keep(frame, render);
+        }
+        Ok(())
+    }
+
+    /// As [`ResidualDecoder::add_start`], for a stream's residual. No frame can lean on it.
+    ///
+    /// # Errors
+    /// As for [`ResidualDecoder::add_in_stream`].
+    pub fn add_start_in_stream(
+        &mut self,
+        start: &ResidualStart,
+        frame: &StreamFrame,
+        portable: bool,
+        render: &mut Picture,
+    ) -> Result<u32, ResidualError> {
+        check_size(self.size, render)?;
+        let ResidualStart { reference, payload, .. } = *start;
+        self.add_wavelet(reference, payload, Tail::Unknown, frame, portable, render)?;
+        Ok(render.height)
+    }
+
+    fn add_wavelet(
+        &mut self,
+        reference: Option<Reference>,
+        payload: &[u8],
+        tail: Tail,
+        frame: &StreamFrame,
+        portable: bool,
+        render: &mut Picture,
+    ) -> Result<(), ResidualError> {
+        let Some(reference) = reference else {
+            return self.wavelet.add(payload, tail, portable, render);
+        };
+        if !portable {
+            return Err(ResidualError::OtherRender);
+        }
+        if !self.stream.holds(reference, frame.frame, frame.vantage) {
+            let reference = frame.frame.wrapping_sub(reference.distance.into()) % Latent::FRAMES;
+            return Err(ResidualError::ReferenceMissing { frame: frame.frame, reference });
+        }
+        frame.check((render.width, render.height))?;
+        let warped = self.stream.warped(reference, frame);
+        self.wavelet.add_leaning(payload, tail, portable, warped, render)
+    }
+
+    /// As [`ResidualDecoder::add`], with the start of a payload. Returns the number of rows that it reaches. A wavelet
+    /// payload reaches all rows; the longer its start, the finer they are.
+    pub fn add_start(
+        &mut self,
+        start: &ResidualStart,
+        portable: bool,
+        render: &mut Picture,
+    ) -> Result<u32, ResidualError> {
+        check_size(self.size, render)?;
+        if start.reference.is_some() {
+            return Err(OUT_OF_STREAM);
+        }
+        if start.coder == Coder::Wavelet {
+            self.wavelet.add(start.payload, Tail::Unknown, portable, render)?;
+            return Ok(render.height);
+        }
+        self.add_webp_start(start, render)
+    }
+
+    #[cfg(feature = "paper")]
+    fn add_webp_start(
+        &mut self,
+        start: &ResidualStart,
+        render: &mut Picture,
+    ) -> Result<u32, ResidualError> {
+        let rows = self.webp.decode_start(start, &mut self.difference)?;
+        let bytes = rows * render.width as usize * 3;
+        difference::add(&self.difference.data[..bytes], &mut render.data[..bytes]);
+        Ok(rows as u32)
+    }
+
+    #[cfg(not(feature = "paper"))]
+    fn add_webp_start(&mut self, _: &ResidualStart, _: &mut Picture) -> Result<u32, ResidualError> {
+        Err(NO_WEBP)
+    }
+}
+
+#[cfg(not(feature = "paper"))]
+const NO_WEBP: ResidualError = ResidualError::CoderMissing { coder: "WebP", feature: "paper" };
+
+const OUT_OF_STREAM: ResidualError =
+    ResidualError::Payload("it is predicted from another frame of its stream");

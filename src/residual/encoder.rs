@@ -1,0 +1,210 @@
+//! Difference pictures coded at a rate.
+
+use std::sync::Arc;
+
+use crate::Picture;
+use crate::packet::Residual;
+
+use super::ResidualError;
+use super::checks::check_size;
+use super::interest::Interest;
+use super::rate::{Rate, RateResult};
+use super::stream::{Acknowledged, StreamEncoder, StreamFrame, Structure};
+use super::wavelet::{RateEncoder, Tables};
+#[cfg(feature = "paper")]
+use super::webp::WebpEncoder;
+
+/// A coded difference picture, and what the decoder will make of it.
+#[derive(Clone, Debug)]
+pub struct CodedResidual<'a> {
+    /// What to put in the packet.
+    pub residual: Residual<'a>,
+    /// The picture that the decoder will show, from the actual payload.
+    pub reconstruction: &'a Picture,
+    /// Its PSNR against the camera's picture, dB.
+    pub psnr: f64,
+    /// How often the difference picture was coded.
+    pub probes: u32,
+    /// Whether the rate was kept. It is not if a budget holds no difference picture at all, or if the best one does not
+    /// reach a PSNR.
+    pub reached: bool,
+}
+
+/// A frame of a stream, and what it may be predicted from.
+#[derive(Clone, Copy)]
+pub struct InStream<'a> {
+    /// The frame.
+    pub frame: StreamFrame<'a>,
+    /// Which frame is its reference.
+    pub structure: Structure,
+    /// The frames that the topside is known to hold.
+    pub acknowledged: &'a Acknowledged,
+}
+
+/// Which coder codes difference pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ResidualCoder {
+    /// The wavelet coder, which knows the render.
+    #[default]
+    Wavelet,
+    /// WebP, as in the paper.
+    #[cfg(feature = "paper")]
+    Webp,
+}
+
+/// Codes difference pictures of one size, in memory of its own.
+pub struct ResidualEncoder {
+    coder: AnyEncoder,
+    stream: StreamEncoder,
+    /// The last frame has a residual, from which later ones may be predicted.
+    keepable: bool,
+    /// Size of the pictures.
+    size: (u32, u32),
+}
+
+enum AnyEncoder {
+    Wavelet(Box<RateEncoder>),
+    #[cfg(feature = "paper")]
+    Webp(Box<WebpEncoder>),
+}
+
+/// What an encoder of difference pictures is made for.
+#[derive(Clone, Debug)]
+pub struct ResidualSetup {
+    /// Size of the pictures, pixels.
+    pub width: u32,
+    /// See `width`.
+    pub height: u32,
+    /// Which coder.
+    pub coder: ResidualCoder,
+    /// The prior's tables, of the wavelet coder.
+    pub tables: Arc<Tables>,
+    /// The topside draws this device's renders, byte for byte.
+    pub portable: bool,
+}
+
+impl ResidualSetup {
+    /// A coder of pictures of a size, with the generic tables, on a portable device.
+    pub fn new(width: u32, height: u32, coder: ResidualCoder) -> ResidualSetup {
+        let tables = Arc::new(Tables::generic());
+        ResidualSetup { width, height, coder, tables, portable: true }
+    }
+
+    /// Whether an encoder made for one setup serves the other. Tables count as equal only if they are the same object.
+    pub(crate) fn is_as(&self, other: &ResidualSetup) -> bool {
+        (self.width, self.height) == (other.width, other.height)
+            && (self.coder, self.portable) == (other.coder, other.portable)
+            && Arc::ptr_eq(&self.tables, &other.tables)
+    }
+}
+
+impl ResidualEncoder {
+    /// Makes an encoder.
+    pub fn new(setup: &ResidualSetup) -> ResidualEncoder {
+        let ResidualSetup { width, height, coder, ref tables, portable } = *setup;
+        let coder = match coder {
+            ResidualCoder::Wavelet => {
+                let coder = RateEncoder::new(width, height, tables, portable);
+                AnyEncoder::Wavelet(Box::new(coder))
+            }
+            #[cfg(feature = "paper")]
+            ResidualCoder::Webp => AnyEncoder::Webp(Box::new(WebpEncoder::new(width, height))),
+        };
+        let size = (width, height);
+        ResidualEncoder { coder, stream: StreamEncoder::default(), keepable: false, size }
+    }
+
+    /// Codes what the camera saw and the render did not. `overhead`: the length of everything else that counts against
+    /// [`Rate::Bytes`], such as the packet's latent and camera part and link headers. The residual part's own length
+    /// and check are added here.
+    ///
+    /// With a budget or a target: if no difference picture improves the render, none is coded.
+    pub fn encode<'a>(
+        &'a mut self,
+        frame: &Picture,
+        render: &'a Picture,
+        rate: Rate,
+        overhead: usize,
+    ) -> Result<CodedResidual<'a>, ResidualError> {
+        self.encode_any(frame, render, rate, overhead, None)
+    }
+
+    /// As [`ResidualEncoder::encode`], as a frame of a stream: it may be predicted from frames that were
+    /// [kept](Self::keep). WebP codes it by itself.
+    pub fn encode_in_stream<'a>(
+        &'a mut self,
+        frame: &Picture,
+        render: &'a Picture,
+        rate: Rate,
+        overhead: usize,
+        stream: &InStream,
+    ) -> Result<CodedResidual<'a>, ResidualError> {
+        stream.frame.check(self.size)?;
+        self.encode_any(frame, render, rate, overhead, Some(stream))
+    }
+
+    /// Sets which parts of the picture get more of the bits, from here on; `None`: all get the same. WebP knows no such
+    /// parts.
+    pub fn set_interest(&mut self, interest: Option<&Arc<Interest>>) {
+        match &mut self.coder {
+            AnyEncoder::Wavelet(coder) => coder.set_interest(interest),
+            #[cfg(feature = "paper")]
+            AnyEncoder::Webp(_) => {}
+        }
+    }
+
+    /// Lets later frames be predicted from the one that was just coded. Call it if its packet was made.
+    pub fn keep(&mut self, frame: &StreamFrame, render: &Picture) {
+        match &self.coder {
+            AnyEncoder::Wavelet(coder) if self.keepable => {
+                let (residual, shown, _) = coder.coded();
+                self.stream.keep(frame, &residual, shown, render);
+            }
+            _ => {}
+        }
+    }
+
+    /// Forgets the frames that were kept: the next one is intra.
+    pub fn forget(&mut self) {
+        self.stream.clear();
+    }
+
+    fn encode_any<'a>(
+        &'a mut self,
+        frame: &Picture,
+        render: &'a Picture,
+        rate: Rate,
+        overhead: usize,
+        stream: Option<&InStream>,
+    ) -> Result<CodedResidual<'a>, ResidualError> {
+        self.keepable = false;
+        check_size(self.size, frame)?;
+        check_size(self.size, render)?;
+        if !rate.is_valid() {
+            return Err(ResidualError::Rate(rate));
+        }
+        let result = match &mut self.coder {
+            AnyEncoder::Wavelet(coder) => {
+                let reference = stream.map(|InStream { frame, structure, acknowledged }| {
+                    self.stream.reference(frame, *structure, acknowledged)
+                });
+                coder.encode(frame, render, rate, overhead, reference.as_ref())
+            }
+            #[cfg(feature = "paper")]
+            AnyEncoder::Webp(coder) => coder.encode(frame, render, rate, overhead)?,
+        };
+        let RateResult { content, reached, probes } = result;
+        let without = content.without_payload();
+        self.keepable = stream.is_some() && without.is_none();
+        let (residual, reconstruction, psnr) = match (without, &self.coder) {
+            (Some(without), _) => (without, render, frame.psnr(render)),
+            (None, AnyEncoder::Wavelet(coder)) => coder.coded(),
+            #[cfg(feature = "paper")]
+            (None, AnyEncoder::Webp(coder)) => coder.coded(),
+        };
+        Ok(CodedResidual { residual, reconstruction, psnr, probes, reached })
+    }
+}
+
+#[cfg(test)]
+mod tests;
