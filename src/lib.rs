@@ -31,6 +31,7 @@
 #[allow(unsafe_code)]
 // With `vulkan` and `residual::webp` the only places; each block says why it is sound.
 pub mod capi;
+pub mod coder_tables;
 pub mod geometry;
 pub mod image;
 pub mod modem;

@@ -181,7 +181,7 @@ fn preprocessing_goes_from_container_to_container() {
     // It stays when another part is replaced.
     let key_frames = KeyFrames::new(vec![pose(0.0), pose(1.0)]).unwrap();
     let more = compact::with_key_frames(&stated, &key_frames).unwrap();
-    let tables = nvsprior::residual::wavelet::Tables::generic();
+    let tables = nvsprior::coder_tables::Tables::generic();
     let more = compact::with_coder_tables(&more, Some(&tables)).unwrap();
     let all = open(&more);
     assert_eq!((all.preprocessing(), all.key_frames().len()), (&preprocessing(), 2));

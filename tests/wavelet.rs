@@ -2,8 +2,8 @@
 
 use std::sync::{Arc, OnceLock};
 
+use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{Coder, Reference, Residual, ResidualStart};
-use nvsprior::residual::wavelet::Tables;
 use nvsprior::residual::{
     Acknowledged, InStream, Interest, Placement, Rate, ResidualCoder, ResidualDecoder,
     ResidualEncoder, ResidualError, ResidualSetup, StreamFrame, Structure, Vantage,

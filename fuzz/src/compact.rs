@@ -1,9 +1,9 @@
 //! A compact prior: must give an error or a sound prior. The check at the end is made to match first, else no input
 //! would get past it.
+use nvsprior::coder_tables::Tables;
 use nvsprior::image::Preprocessing;
 use nvsprior::prior::KeyFrames;
 use nvsprior::prior::compact::{self, Quantisation};
-use nvsprior::residual::wavelet::Tables;
 use nvsprior::{Prior, RenderOverrides};
 
 pub fn run(bytes: &[u8]) {

@@ -1,8 +1,8 @@
 //! Packets and the difference pictures in them: any bytes must give an error or a picture.
 //!
 //! Random bytes hardly ever match a check. So the first byte of the input says which checks to make right first.
+use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{CAMERA_PART_LEN, Residual, SHORT_LATENT_LEN, Salvage, Session};
-use nvsprior::residual::wavelet::Tables;
 use nvsprior::residual::{Placement, ResidualDecoder, StreamFrame, Vantage};
 use nvsprior::{Camera, Packet, Picture};
 

@@ -5,8 +5,8 @@
 use std::cell::RefCell;
 
 use nvsprior::Picture;
+use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{Coder, Residual, ResidualStart};
-use nvsprior::residual::wavelet::Tables;
 use nvsprior::residual::{ResidualDecoder, ResidualError};
 
 /// Sizes of pictures. Small ones, so that inputs take microseconds.

@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io::{Error, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-use super::PriorError;
+use super::error::PriorError;
 
 /// The path of a prior's file with an ending added.
 pub fn path(prior: &Path, ending: &str) -> PathBuf {

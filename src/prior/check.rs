@@ -2,50 +2,8 @@
 
 use std::fmt;
 
-use super::Splats;
-
-/// Largest magnitude of a logarithmic scale. Up to this a variance `exp(2 s)` is a normal f32, with
-/// room for the products of a covariance.
-pub const MAX_LOG_SCALE: f32 = 40.0;
-
-/// Largest magnitude of a spherical harmonic's coefficient: a million times white. Up to this sums of squared colours
-/// stay within an f32.
-pub const MAX_COEFFICIENT: f32 = 1e6;
-
-/// An infinite opacity logit becomes this, with its sign. Converters of quantised scenes write an
-/// opacity of exactly 1 as an infinite logit. At 20 the opacity is 1 to the last bit of an f32.
-pub const INFINITE_LOGIT: f32 = 20.0;
-
-/// Shortest quaternion that still names a rotation.
-const MIN_QUATERNION: f64 = 1e-6;
-
-/// What makes a splat unusable.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fault {
-    /// A parameter is infinite or not a number.
-    NonFinite,
-    /// The quaternion is shorter than 1e-6.
-    Rotation,
-    /// A logarithmic scale lies beyond ±[`MAX_LOG_SCALE`].
-    Scale,
-    /// A coefficient of the spherical harmonics lies beyond ±[`MAX_COEFFICIENT`].
-    Colour,
-}
-
-impl Fault {
-    const ALL: [Fault; 4] = [Fault::NonFinite, Fault::Rotation, Fault::Scale, Fault::Colour];
-}
-
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Fault::NonFinite => write!(f, "parameter that is not a finite number"),
-            Fault::Rotation => write!(f, "quaternion shorter than {MIN_QUATERNION:e}"),
-            Fault::Scale => write!(f, "logarithmic scale beyond ±{MAX_LOG_SCALE}"),
-            Fault::Colour => write!(f, "colour coefficient beyond ±{MAX_COEFFICIENT:e}"),
-        }
-    }
-}
+use super::fault::{Fault, INFINITE_LOGIT, MAX_COEFFICIENT, MAX_LOG_SCALE, MIN_QUATERNION};
+use super::splats::{Splats, quaternion_length};
 
 /// Splats dropped for one reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,11 +21,6 @@ impl fmt::Display for Dropped {
         let Dropped { fault, count, first } = self;
         write!(f, "{count} splats dropped, first splat {first}: {fault}")
     }
-}
-
-/// Length of a quaternion, in f64: no finite f32 overflows it.
-pub(super) fn quaternion_length(q: [f32; 4]) -> f64 {
-    q.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt()
 }
 
 /// Replaces infinite opacity logits by ±[`INFINITE_LOGIT`]. Returns how many there were.

@@ -10,8 +10,9 @@
 
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PropertyType, ScalarType};
 
+use super::limits::MAX_SPLATS;
 use super::ply_header::{Comments, check_length, rest_properties};
-use super::{Prior, PriorError, PriorFile, PriorFormat, Splats};
+use super::{PriorError, PriorFile, PriorFormat, Splats};
 
 /// Splats of a chunk.
 const CHUNK: usize = 256;
@@ -51,7 +52,7 @@ pub fn read(bytes: &[u8], header: PlyHeader, body: usize) -> Result<PriorFile, P
     if vertices.count == 0 {
         return Err(PriorError::Empty);
     }
-    if vertices.count > Prior::MAX_SPLATS {
+    if vertices.count > MAX_SPLATS {
         return Err(PriorError::TooMany { count: vertices.count });
     }
     if chunks.count < vertices.count.div_ceil(CHUNK) {

@@ -1,6 +1,8 @@
 //! Why a prior cannot be used.
 
-use super::{Fault, KeyFrames, Prior, PriorId, Splats};
+use super::fault::Fault;
+use super::id::PriorId;
+use super::limits::{MAX_KEY_FRAMES, MAX_SH_DEGREE, MAX_SPLATS};
 
 /// Why a prior cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -72,7 +74,7 @@ pub enum PriorError {
     #[error("no splats")]
     Empty,
     /// There are more splats than an index reaches.
-    #[error("{count} splats: more than {}", Prior::MAX_SPLATS)]
+    #[error("{count} splats: more than {}", MAX_SPLATS)]
     TooMany {
         /// How many.
         count: usize,
@@ -97,7 +99,7 @@ pub enum PriorError {
         value: f32,
     },
     /// The degree of the spherical harmonics is not known.
-    #[error("spherical harmonics of degree {degree}: at most {}", Splats::MAX_SH_DEGREE)]
+    #[error("spherical harmonics of degree {degree}: at most {}", MAX_SH_DEGREE)]
     ShDegree {
         /// The degree.
         degree: u32,
@@ -187,7 +189,7 @@ pub enum PriorError {
         reason: &'static str,
     },
     /// There are more key frames than a prior may have.
-    #[error("{count} key frames: at most {}; thin them out by a greater distance", KeyFrames::MAX)]
+    #[error("{count} key frames: at most {}; thin them out by a greater distance", MAX_KEY_FRAMES)]
     TooManyKeyFrames {
         /// How many, at least.
         count: usize,

@@ -9,8 +9,12 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::{PriorError, beside, replace_file};
+use super::beside;
+use super::error::PriorError;
+use super::limits::MAX_KEY_FRAMES;
+use super::replace::replace_file;
 use crate::Pose;
+use text::{COLUMNS, HEADER};
 pub(super) use text::{pose_from_words, words};
 
 /// A checked list of key frames, possibly empty.
@@ -28,7 +32,7 @@ const MOST_BYTES: u64 = 256 * (KeyFrames::MAX as u64 + 1);
 
 impl KeyFrames {
     /// Most key frames of a prior.
-    pub const MAX: usize = 65_536;
+    pub const MAX: usize = MAX_KEY_FRAMES;
 
     /// None.
     pub const NONE: KeyFrames = KeyFrames { poses: Vec::new() };
@@ -113,6 +117,39 @@ impl KeyFrames {
     pub(super) fn open_beside(prior: &Path) -> Result<Option<KeyFrames>, PriorError> {
         let path = KeyFrames::path_beside(prior);
         if beside::is_absent(&path) { Ok(None) } else { KeyFrames::open(&path).map(Some) }
+    }
+
+    /// Reads the content of a file of key frames: the line `qw,qx,qy,qz,tx,ty,tz`, then seven finite numbers per line.
+    /// Quaternions may have any length but zero. Allowed are blanks around numbers, line ends of either kind, and a
+    /// last line without one. All else is an error, which names the line.
+    pub fn from_csv(text: &str) -> Result<KeyFrames, PriorError> {
+        let wrong = |line: usize, reason: String| PriorError::Line { line, reason };
+        let mut lines = text.lines();
+        let header = lines.next().unwrap_or_default();
+        if header.trim_end() != HEADER {
+            return Err(wrong(1, format!("must be {HEADER}")));
+        }
+        let mut poses = Vec::new();
+        for (line, row) in (2..).zip(lines) {
+            if poses.len() == KeyFrames::MAX {
+                return Err(wrong(line, format!("more than {} key frames", KeyFrames::MAX)));
+            }
+            let fields: Vec<&str> = row.splitn(COLUMNS + 1, ',').map(str::trim).collect();
+            let pose = pose_from_words(&fields).map_err(|reason| wrong(line, reason))?;
+            fault(&pose).map_or(Ok(()), |reason| Err(wrong(line, reason.into())))?;
+            poses.push(pose);
+        }
+        KeyFrames::new(poses)
+    }
+
+    /// The content of a file of key frames; [`from_csv`](Self::from_csv) gives them back unchanged.
+    pub fn to_csv(&self) -> String {
+        let mut text = format!("{HEADER}\n");
+        for pose in self.poses() {
+            text += &words(pose).join(",");
+            text.push('\n');
+        }
+        text
     }
 
     /// Writes a file of key frames, whole or not at all. [`open`](Self::open) gives them back

@@ -25,11 +25,12 @@ use serde::de::{DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess,
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType};
 
 use super::key_frames::words;
+use super::limits::MAX_SPLATS;
 use super::ply_header::{
     CLAHE, COMMENT_PREFIX, Comments, GRAY_WORLD, KEY_FRAME, WHITE_BALANCE, check_length,
     read_header, rest_properties,
 };
-use super::{KeyFrames, Prior, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use super::{KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 use crate::Pose;
 use crate::image::{Preprocessing, WhiteBalance};
 
@@ -96,7 +97,7 @@ impl Layout {
         if vertex.count == 0 {
             return Err(PriorError::Empty);
         }
-        if vertex.count > Prior::MAX_SPLATS {
+        if vertex.count > MAX_SPLATS {
             return Err(PriorError::TooMany { count: vertex.count });
         }
         let found = vertex.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();

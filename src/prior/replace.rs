@@ -5,7 +5,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use super::PriorError;
+use super::error::PriorError;
 
 /// Names that are tried for the temporary file.
 const ATTEMPTS: u32 = 100;

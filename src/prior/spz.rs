@@ -14,7 +14,8 @@ use std::io::Read;
 use flate2::read::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
-use super::{KeyFrames, Prior, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use super::limits::MAX_SPLATS;
+use super::{KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 use crate::image::Preprocessing;
 
 /// How SPZ files start: as gzip up to version 3, with the format's own mark in version 4.
@@ -89,7 +90,7 @@ impl Header {
         if count == 0 {
             return Err(PriorError::Empty);
         }
-        if count > Prior::MAX_SPLATS {
+        if count > MAX_SPLATS {
             return Err(PriorError::TooMany { count });
         }
         let sh_degree = u32::from(bytes[12]);

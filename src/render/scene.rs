@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
 
+use crate::coder_tables::Tables;
 use crate::image::Preprocessing;
 use crate::prior::analysis::PriorAnalysis;
 use crate::prior::{KeyFrames, PriorFrame, Splats};
-use crate::residual::wavelet::Tables;
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};

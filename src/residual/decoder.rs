@@ -7,9 +7,10 @@ use super::ResidualError;
 use super::checks::check_size;
 use super::stream::{StreamDecoder, StreamFrame};
 use super::warp::Vantage;
-use super::wavelet::{Tables, Tail, WaveletDecoder};
+use super::wavelet::{Tail, WaveletDecoder};
 #[cfg(feature = "paper")]
 use super::{difference, webp::Webp};
+use crate::coder_tables::Tables;
 
 /// Adds residuals to renders of one size, in memory of its own.
 pub struct ResidualDecoder {

@@ -10,9 +10,10 @@ use super::checks::check_size;
 use super::interest::Interest;
 use super::rate::{Rate, RateResult};
 use super::stream::{Acknowledged, StreamEncoder, StreamFrame, Structure};
-use super::wavelet::{RateEncoder, Tables};
+use super::wavelet::RateEncoder;
 #[cfg(feature = "paper")]
 use super::webp::WebpEncoder;
+use crate::coder_tables::Tables;
 
 /// A coded difference picture, and what the decoder will make of it.
 #[derive(Clone, Debug)]

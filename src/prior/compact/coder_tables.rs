@@ -1,9 +1,9 @@
 //! Coder tables in a compact prior: as many bytes as they have, and those.
 
 use super::super::PriorError;
-use super::super::coder_tables::refusal;
-use super::FORMAT;
-use crate::residual::wavelet::Tables;
+use super::super::tables_file::refusal;
+use super::format::FORMAT;
+use crate::coder_tables::Tables;
 
 /// Bytes of their length.
 const START: usize = 4;
@@ -33,7 +33,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::prior::coder_tables::tests::sample_tables;
+    use crate::prior::tables_file::tests::sample_tables;
 
     #[test]
     fn tables_come_back() {

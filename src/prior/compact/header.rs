@@ -1,7 +1,8 @@
 //! The first bytes of a compact prior.
 
 use super::super::{PriorError, PriorId, RenderOptions, Splats};
-use super::{Grid, MAGIC, Quantisation, refusal};
+use super::format::{FORMAT, MAGIC, refusal};
+use super::quantise::{Grid, Quantisation};
 
 /// Version of the format.
 const VERSION: u8 = 1;
@@ -51,7 +52,7 @@ impl Header {
         let triple = |at| [float(at), float(at + 4), float(at + 8)];
         if bytes[4] != VERSION {
             let (version, known) = (bytes[4].into(), VERSION.into());
-            return Err(PriorError::Newer { format: super::FORMAT, version, known });
+            return Err(PriorError::Newer { format: FORMAT, version, known });
         }
         let sh_degree = u32::from(bytes[5]);
         if sh_degree > Splats::MAX_SH_DEGREE {

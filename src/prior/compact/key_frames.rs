@@ -8,7 +8,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use glam::{DQuat, DVec3};
 
 use super::super::{KeyFrames, PriorError};
-use super::refusal;
+use super::format::refusal;
 use crate::Pose;
 
 /// Bytes of their number and bounds, and of a key frame.

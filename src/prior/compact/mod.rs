@@ -68,6 +68,7 @@
 //! the size and opacity of a splat gave worse pictures at the same bytes than even steps.
 
 mod coder_tables;
+mod format;
 mod header;
 mod key_frames;
 mod orientation;
@@ -78,18 +79,15 @@ mod stream;
 use std::io::Write;
 
 use super::check::fault_of;
+use super::identity::identity_of;
 use super::{KeyFrames, PriorError, PriorFile, PriorFormat, PriorId, RenderOptions, Splats};
+use crate::coder_tables::Tables;
 use crate::image::Preprocessing;
-use crate::residual::wavelet::Tables;
+use format::FORMAT;
+pub use format::MAGIC;
 use header::Header;
 use quantise::{Grid, dequantise, quantise};
 pub use quantise::{Quantisation, UNIFORM_BITS};
-
-/// How a compact prior starts.
-pub const MAGIC: &[u8] = b"nvsg";
-
-/// What errors call it.
-const FORMAT: &str = "compact prior";
 
 /// Bytes of the check at the end.
 const CHECK: usize = 4;
@@ -116,7 +114,7 @@ pub fn write(
         u32::try_from(splats.len()).map_err(|_| PriorError::TooMany { count: splats.len() })?;
     let coded = Coded::of(splats, quantisation)?;
     let kept = coded.splats(splats.sh_degree, quantisation);
-    let id = PriorId::of(&kept, options, None);
+    let id = identity_of(&kept, options, None);
     let header = Header {
         sh_degree: splats.sh_degree,
         key_frames: !key_frames.is_empty(),
@@ -146,7 +144,7 @@ pub fn with_key_frames(bytes: &[u8], key_frames: &KeyFrames) -> Result<Vec<u8>, 
 pub fn with_coder_tables(bytes: &[u8], tables: Option<&Tables>) -> Result<Vec<u8>, PriorError> {
     let file = read(bytes)?;
     let parts = Parts::of(bytes)?;
-    let id = PriorId::of(&file.splats, &file.options, tables);
+    let id = identity_of(&file.splats, &file.options, tables);
     let header = Header { coder_tables: tables.is_some(), id, ..parts.header };
     Ok(assembled(&header, &parts.preprocessing, &parts.key_frames, tables, parts.stream))
 }
@@ -198,7 +196,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     })?;
     let coded = Coded { grid: header.grid, ranks, columns };
     let splats = coded.splats(header.sh_degree, &header.quantisation);
-    let found = PriorId::of(&splats, &header.options, coder_tables.as_ref());
+    let found = identity_of(&splats, &header.options, coder_tables.as_ref());
     if found != header.id {
         return Err(PriorError::Identity { stated: header.id, found });
     }
@@ -260,10 +258,6 @@ impl Parts<'_> {
         }
         Ok(Parts { header, preprocessing, key_frames, coder_tables, stream_at, stream })
     }
-}
-
-fn refusal(offset: usize, reason: String) -> PriorError {
-    PriorError::Field { format: FORMAT, offset: offset as u64, reason }
 }
 
 /// Splats in steps, in the order of the file.

@@ -1,7 +1,7 @@
 //! The preprocessing in a compact prior.
 
 use super::super::PriorError;
-use super::refusal;
+use super::format::refusal;
 use crate::image::{Clahe, Preprocessing, WhiteBalance};
 
 /// Bytes of it.

@@ -3,7 +3,7 @@
 //! Only additions, products, quotients and square roots of f64 are used. Every machine rounds these in the same way: a
 //! file gives the same splats, and the same identity, everywhere.
 
-use super::super::check::{INFINITE_LOGIT, MAX_LOG_SCALE};
+use super::super::fault::{INFINITE_LOGIT, MAX_LOG_SCALE};
 use super::super::{PriorError, PriorFrame, Splats};
 use super::orientation;
 

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
-use super::super::coder_tables::tests::sample_tables;
 use super::super::key_frames::tests::sample_key_frames;
+use super::super::tables_file::tests::sample_tables;
 use super::super::tests::sample_splats;
 use super::super::{Fault, INFINITE_LOGIT, PartSource, Prior, PriorFrame, RenderOverrides};
 use super::*;
@@ -328,7 +328,7 @@ proptest! {
         let q = Quantisation::default().scaled(factor);
         let (id, bytes) = written(&splats, &RenderOptions::INRIA, &q);
         let file = read(&bytes).unwrap();
-        prop_assert_eq!(PriorId::of(&file.splats, &file.options, None), id);
+        prop_assert_eq!(identity_of(&file.splats, &file.options, None), id);
         let (again, bytes) = written(&file.splats, &file.options, &q);
         prop_assert_eq!(read(&bytes).unwrap().splats, file.splats);
         prop_assert_eq!(again, id);

@@ -1,5 +1,6 @@
 use proptest::prelude::*;
 
+use super::super::Prior;
 use super::super::RenderOverrides;
 use super::super::ply::read_ply;
 use super::*;

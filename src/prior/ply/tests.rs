@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::super::key_frames::tests::sample_key_frames;
 use super::super::tests::sample_splats;
-use super::super::{Fault, RenderOverrides};
+use super::super::{Fault, Prior, RenderOverrides};
 use super::*;
 use crate::image::Clahe;
 

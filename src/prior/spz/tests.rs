@@ -4,6 +4,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use proptest::prelude::*;
 
+use super::super::Prior;
 use super::super::RenderOverrides;
 use super::*;
 

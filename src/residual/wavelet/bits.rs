@@ -2,12 +2,12 @@
 
 use super::context::BandContext;
 use super::gains::{Gains, LevelGains};
-use super::geometry::PLANES;
-use super::network::{LOGITS, Logit};
 use super::pass::{Due, Source};
 use super::predictor::{Chances, Predictor};
 use super::quantised::Quantised;
 use super::range_coder::{EVEN, RangeDecoder, RangeEncoder};
+use crate::coder_tables::PLANES;
+use crate::coder_tables::networks::{LOGITS, Logit};
 
 /// Magnitudes up to this are coded in unary.
 pub const UNARY: i32 = 24;

@@ -5,9 +5,10 @@
 
 use super::fixed::{ONE, log_size};
 use super::frame::Frame;
-use super::geometry::{Geometry, Orientation, PLANES, Planes};
+use super::geometry::{Geometry, Orientation, Planes};
 use super::render::RenderBands;
 use super::step::Step;
+use crate::coder_tables::PLANES;
 
 /// The step at which both ways are compared: amid those in use.
 pub const COMPARED_AT: u8 = 36;

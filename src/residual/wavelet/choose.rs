@@ -3,11 +3,11 @@
 use super::bits::{First, LARGEST_MAGNITUDE, cost};
 use super::context::BandContext;
 use super::gains::{GainFit, Gains, LevelGains};
-use super::geometry::PLANES;
 use super::pass::{Due, Source};
 use super::predictor::Predictor;
 use super::prices::Prices;
 use super::quantised::Quantised;
+use crate::coder_tables::PLANES;
 
 /// Coefficients nearer to zero than this are zero, steps.
 const LEAST: f32 = 0.45;

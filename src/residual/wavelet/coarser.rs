@@ -1,8 +1,9 @@
 //! The decoded coarser picture and the render's, as the contexts of a level look at them.
 
 use super::frame::Frame;
-use super::geometry::{Geometry, PLANES};
+use super::geometry::Geometry;
 use super::lifting::FRACTION;
+use crate::coder_tables::PLANES;
 
 /// A plane's first-row sum of grey in the planes' places: what the render's luma lies above.
 const GREY_LUMA: i32 = (221 + 12) << FRACTION;

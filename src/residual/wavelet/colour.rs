@@ -1,7 +1,7 @@
 //! Three planes of a picture's colours, as little alike as a rotation makes them.
 
-use super::geometry::PLANES;
 use super::lifting::FRACTION;
+use crate::coder_tables::PLANES;
 
 /// Binary places of the rotation.
 const PLACES: u32 = 14;

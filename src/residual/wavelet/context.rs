@@ -4,14 +4,15 @@
 //! norm. Both are given as logarithms; signed numbers are clamped.
 
 use super::coarser::{Around, Coarser, in_steps};
-use super::fixed::{FEATURE_PLACES, LARGEST, ONE, log_count, log_size};
+use super::fixed::{ONE, log_count, log_size};
 use super::frame::Frame;
 use super::gains::Seen;
 use super::geometry::Band;
 use super::lean::Lean;
-use super::network::{COUNT_INPUTS, classes};
 use super::predictor::{BandBias, MagnitudeInputs, Predictor, QuietInputs, SignInputs};
 use super::quantised::{Places, Quantised};
+use crate::coder_tables::networks::{COUNT_INPUTS, classes};
+use crate::coder_tables::networks::{FEATURE_PLACES, LARGEST};
 
 /// All that is the same for a band of a plane.
 pub struct BandContext<'a> {

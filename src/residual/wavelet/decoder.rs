@@ -12,7 +12,7 @@ use super::lean::Lean;
 use super::pass::Pass;
 use super::predictor::Predictors;
 use super::range_coder::{RangeDecoder, Tail};
-use super::tables::Tables;
+use crate::coder_tables::Tables;
 
 /// Decodes the pictures of one size, in memory of its own.
 pub struct WaveletDecoder {

@@ -13,7 +13,7 @@ use super::colour;
 use super::context::BandContext;
 use super::frame::Frame;
 use super::gains::{Gains, LevelGains};
-use super::geometry::{Geometry, PLANES, Planes};
+use super::geometry::{Geometry, Planes};
 use super::header::Header;
 use super::lean::{Lean, Pays};
 use super::lifting::{self, FRACTION};
@@ -24,7 +24,8 @@ use super::prices::Prices;
 use super::quantised::Quantised;
 use super::range_coder::RangeEncoder;
 use super::step::Step;
-use super::tables::Tables;
+use crate::coder_tables::PLANES;
+use crate::coder_tables::Tables;
 
 /// What a bit is worth, squared quantiser steps.
 pub const LAMBDA: f32 = 0.13;

@@ -1,11 +1,9 @@
 //! Logarithms in integers.
 
-/// Binary places of a feature.
-pub const FEATURE_PLACES: u32 = 6;
+use crate::coder_tables::networks::FEATURE_PLACES;
+
 /// A feature of 1.
 pub const ONE: i32 = 1 << FEATURE_PLACES;
-/// Largest magnitude of a feature.
-pub const LARGEST: i32 = 1000;
 
 /// `64 log2(1 + i/64)`, rounded.
 const FRACTIONS: [u8; 64] = [
@@ -53,6 +51,7 @@ static SIZES: [i16; 1024] = {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::coder_tables::networks::LARGEST;
 
     #[test]
     fn fractions_are_those_of_the_logarithm() {

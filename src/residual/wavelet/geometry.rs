@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
+use crate::coder_tables::PLANES;
+
 use super::lifting;
 
 /// Most levels of the transform.
 pub const MAX_LEVELS: usize = 6;
-/// Planes of a picture after the colour transform.
-pub const PLANES: usize = 3;
 /// Values by plane, rows of the picture's width.
 pub type Planes = [Vec<i32>; PLANES];
 /// A picture whose longer side is this or less is not divided further, pixels.

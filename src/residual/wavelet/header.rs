@@ -1,9 +1,10 @@
 //! What a payload says first.
 
-use super::geometry::{MAX_LEVELS, PLANES};
+use super::geometry::MAX_LEVELS;
 use super::pass::Finest;
 use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
 use super::step::Step;
+use crate::coder_tables::PLANES;
 
 /// What the coefficients are read with.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -5,12 +5,13 @@
 //! fits, and blocks in which nothing is predicted: what the frame shows there was hidden before, or has changed.
 
 use super::blocks;
-use super::geometry::{Geometry, Orientation, PLANES, Planes};
+use super::geometry::{Geometry, Orientation, Planes};
 use super::lifting::{self, Scratch};
 use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
 use super::render::{box_mean, mean_room};
 use super::step::Step;
-use super::tables::RANKS;
+use crate::coder_tables::PLANES;
+use crate::coder_tables::RANKS;
 
 /// Ages that are told apart.
 const AGES: usize = 8;

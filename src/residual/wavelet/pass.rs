@@ -6,13 +6,14 @@
 use super::coarser::Coarser;
 use super::colour;
 use super::context::BandContext;
-use super::fixed::FEATURE_PLACES;
 use super::frame::Frame;
 use super::gains::Gains;
-use super::geometry::{Band, Geometry, Orientation, PLANES, Planes};
+use super::geometry::{Band, Geometry, Orientation, Planes};
 use super::lifting::{self, Scratch};
 use super::predictor::{MagnitudeInputs, Predictor, QuietInputs, SignInputs};
 use super::quantised::Quantised;
+use crate::coder_tables::PLANES;
+use crate::coder_tables::networks::FEATURE_PLACES;
 
 /// The coefficient that is due.
 pub struct Due<'a> {
@@ -294,10 +295,11 @@ fn dequantised(value: i16, offsets: &[i8; 3], units: i64) -> i32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::network::COUNT_INPUTS;
-    use super::super::{Step, Tables, WaveletEncoder};
+    use super::super::{Step, WaveletEncoder};
     use super::*;
     use crate::Picture;
+    use crate::coder_tables::Tables;
+    use crate::coder_tables::networks::COUNT_INPUTS;
 
     /// A picture of few or many details.
     fn picture(width: u32, height: u32, every: usize) -> Picture {

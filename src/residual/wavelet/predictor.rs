@@ -2,15 +2,15 @@
 
 use wide::{i16x8, i32x4};
 
-use super::fixed::FEATURE_PLACES;
 use super::frame::Frame;
-use super::network::{
+use super::range_coder::Probability;
+use crate::coder_tables::networks::FEATURE_PLACES;
+use crate::coder_tables::networks::{
     COUNT_INPUTS, HIDDEN, HIDDEN_2, HIDDEN_QUIET, HIDDEN_SIGN, LARGEST_HIDDEN, LARGEST_LOGIT,
     LOGIT_PLACES, LOGITS, Logit, MAGNITUDE_INPUTS, Networks, QUIET_INPUTS, SIGN_INPUTS,
     WEIGHT_PLACES,
 };
-use super::range_coder::Probability;
-use super::tables::{Offsets, Tables};
+use crate::coder_tables::{Offsets, Tables};
 
 /// Weights of four outputs in pairs: processors multiply and add two at a time.
 #[derive(Clone)]

@@ -1,6 +1,7 @@
 //! Quantised coefficients, with margins of zeros around each band.
 
-use super::geometry::{Band, Geometry, MAX_LEVELS, Orientation, PLANES};
+use super::geometry::{Band, Geometry, MAX_LEVELS, Orientation};
+use crate::coder_tables::PLANES;
 
 /// Zeros on every side of a band: as far as contexts look.
 const MARGIN: usize = 3;

@@ -12,7 +12,7 @@ use super::encoder::WaveletEncoder;
 use super::fineness::{Bracket, Fineness};
 use super::geometry::Planes;
 use super::lean::Pays;
-use super::tables::Tables;
+use crate::coder_tables::Tables;
 
 /// Most codings of a search. A frame with a tight budget may have two searches.
 const MOST_PROBES: u32 = 10;

@@ -3,8 +3,9 @@
 use crate::Picture;
 
 use super::colour;
-use super::geometry::{Geometry, MAX_LEVELS, PLANES};
+use super::geometry::{Geometry, MAX_LEVELS};
 use super::lifting::{self, Scratch};
+use crate::coder_tables::PLANES;
 
 /// Grey, from which pixels are counted.
 const GREY: i32 = 128;

@@ -1,15 +1,12 @@
 //! What training the tables needs: the inputs and outcomes of a coded frame.
 
 use super::encoder::LAMBDA;
-use super::{Step, Tables, WaveletEncoder};
+use super::{Step, WaveletEncoder};
+use crate::coder_tables::Tables;
+use crate::coder_tables::networks::{MAGNITUDE_INPUTS, SIGN_INPUTS};
 
 pub use super::bits::UNARY;
 pub use super::lean::Pays;
-pub use super::network::{
-    CLASSES, COUNT_INPUTS, FEATURE_SCALE, HIDDEN, HIDDEN_2, HIDDEN_QUIET, HIDDEN_SIGN, LOGITS,
-    MAGNITUDE_INPUTS, Networks, QUIET_INPUTS, SIGN_INPUTS, WEIGHT_SCALE, classes,
-};
-pub use super::tables::{MAGNITUDES, RANKS};
 
 /// One coefficient that was coded.
 pub struct Sample {

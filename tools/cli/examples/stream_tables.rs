@@ -8,10 +8,11 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use nvsprior::coder_tables::Tables;
 use nvsprior::packet::Packet;
 use nvsprior::render::Plan;
 use nvsprior::residual::Vantage;
-use nvsprior::residual::wavelet::{Step, Tables};
+use nvsprior::residual::wavelet::Step;
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior};
 use nvsprior_inputs::args::SizeArgs;
 use nvsprior_inputs::input::InputArgs;

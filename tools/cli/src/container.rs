@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use nvsprior::RenderOptions;
+use nvsprior::coder_tables::Tables;
 use nvsprior::image::Preprocessing;
 use nvsprior::prior::compact::{self, Quantisation};
 use nvsprior::prior::{KeyFrames, PriorError, Splats, ply};
-use nvsprior::residual::wavelet::Tables;
 
 /// A kind of file, by the ending of its name.
 #[derive(Clone, Copy)]

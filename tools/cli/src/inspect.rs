@@ -5,8 +5,8 @@ mod study;
 use std::path::PathBuf;
 
 use nvsprior::Prior;
+use nvsprior::coder_tables::Tables;
 use nvsprior::prior::PartSource;
-use nvsprior::residual::wavelet::Tables;
 
 use crate::key_frames;
 use crate::mission::MissionArgs;

@@ -6,10 +6,10 @@ mod range;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use nvsprior::coder_tables::Tables;
 use nvsprior::prior::{
-    Covering, KeyFrames, PriorError, PriorFormat, Splats, coder_tables, compact, ply, replace_file,
+    Covering, KeyFrames, PriorError, PriorFormat, Splats, compact, ply, replace_file, tables_file,
 };
-use nvsprior::residual::wavelet::Tables;
 use nvsprior::{Camera, Pose, Prior};
 
 use nvsprior_inputs::camera_file::CameraFile;
@@ -80,7 +80,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     // Reads the bytes, not by path: the user may want to replace a broken file beside the prior.
     let bytes = std::fs::read(&args.prior).with_context(|| name.clone())?;
     let prior = Prior::from_bytes(&bytes, &name, &Default::default())?;
-    let tables = coder_tables::open_beside(&args.prior)?;
+    let tables = tables_file::open_beside(&args.prior)?;
     kind.check(&out, &prior, tables.as_ref()).with_context(|| out.display().to_string())?;
     values::check_file("--out", &out)?;
     let views = args.cameras.as_deref().map(|file| Views::of(args, file, &prior)).transpose()?;
@@ -91,7 +91,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let content = kind.content(&bytes, &prior, key_frames)?;
     replace_file(&out, &content)?;
     if let (Some(tables), Kind::Ply | Kind::Compact) = (&tables, kind) {
-        coder_tables::save(tables, &coder_tables::path_beside(&out))?;
+        tables_file::save(tables, &tables_file::path_beside(&out))?;
     }
     let prior = if tables.is_some() { prior.with_coder_tables(tables) } else { prior };
     if let Some(views) = &views {
@@ -247,7 +247,7 @@ impl Kind {
             "{} takes precedence over key frames in the copy; remove it first",
             beside.display()
         );
-        let beside = coder_tables::path_beside(out);
+        let beside = tables_file::path_beside(out);
         anyhow::ensure!(
             tables.is_some() || !beside.exists(),
             "{} would make the copy another prior; remove it first",

@@ -5,8 +5,8 @@ mod gain;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use nvsprior::prior::{PriorFormat, coder_tables, compact, replace_file};
-use nvsprior::residual::wavelet::Tables;
+use nvsprior::coder_tables::Tables;
+use nvsprior::prior::{PriorFormat, compact, replace_file, tables_file};
 use nvsprior::{Encoder, EncoderOptions, Prior};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::input::{Input, InputArgs};
@@ -56,7 +56,7 @@ enum Kind {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let path = &args.prior.prior;
     let name = path.display().to_string();
-    let out = args.out.clone().unwrap_or_else(|| coder_tables::path_beside(path));
+    let out = args.out.clone().unwrap_or_else(|| tables_file::path_beside(path));
     let kind = Kind::of(&out)?;
     // Not by its path: a broken file beside the prior is what this may be asked to replace.
     let bytes = std::fs::read(path).with_context(|| name.clone())?;
@@ -182,7 +182,7 @@ impl Kind {
             format == PriorFormat::Compact,
             "the prior is no .nvsg but {format}; write a .tables file instead"
         );
-        let beside = coder_tables::path_beside(out);
+        let beside = tables_file::path_beside(out);
         anyhow::ensure!(
             !beside.exists(),
             "{} takes precedence over tables in the copy; remove it first",

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use nvsprior::prior::compact::Quantisation;
-use nvsprior::prior::{KeyFrames, PriorError, coder_tables};
+use nvsprior::prior::{KeyFrames, PriorError, tables_file};
 use nvsprior::{Camera, Pose, Prior};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::trim::{TrimOptions, trim};
@@ -142,13 +142,13 @@ fn check_beside(out: &Path) -> anyhow::Result<()> {
 /// Puts a prior's coder tables beside the reduced one, if that cannot hold them. If an earlier run left tables there,
 /// they would be read with it: says so.
 fn place_tables(prior: &Prior, container: Container, out: &Path) -> Result<(), PriorError> {
-    let beside = coder_tables::path_beside(out);
+    let beside = tables_file::path_beside(out);
     match (prior.coder_tables(), container) {
-        (Some(tables), Container::Ply) => return coder_tables::save(tables, &beside),
+        (Some(tables), Container::Ply) => return tables_file::save(tables, &beside),
         _ if !beside.exists() => return Ok(()),
         _ => (),
     }
-    coder_tables::open(&beside)?;
+    tables_file::open(&beside)?;
     eprintln!("{}: takes precedence over the coder tables of the prior", beside.display());
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! What a scene's own tables save.
 
-use nvsprior::residual::wavelet::{Step, Tables};
+use nvsprior::coder_tables::Tables;
+use nvsprior::residual::wavelet::Step;
 use nvsprior_train::coder_tables::{Pair, measure};
 
 use super::row;

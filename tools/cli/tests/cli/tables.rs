@@ -1,9 +1,9 @@
 //! `nvsprior tables`, and what the other commands make of coder tables.
 
 use nvsprior::Prior;
+use nvsprior::coder_tables::Tables;
 use nvsprior::prior::compact::{self, Quantisation};
-use nvsprior::prior::{KeyFrames, PartSource, coder_tables};
-use nvsprior::residual::wavelet::Tables;
+use nvsprior::prior::{KeyFrames, PartSource, tables_file};
 
 use crate::dive::{Dive, FRAMES, INPUT};
 use crate::scene::wall;
@@ -77,7 +77,7 @@ fn the_same_frames_give_the_same_bytes_in_any_container() {
 fn other_commands_carry_them_over() {
     let dive = Dive::new();
     let tables = Tables::zero();
-    coder_tables::save(&tables, &dive.path("prior.ply.tables")).unwrap();
+    tables_file::save(&tables, &dive.path("prior.ply.tables")).unwrap();
     let id = open(&dive, "prior.ply").id();
     let command = "key-frames prior.ply --cameras cameras.json --cover 0";
     for out in ["", "--out with.ply"] {

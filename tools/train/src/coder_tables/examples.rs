@@ -1,6 +1,7 @@
 //! Coefficients to learn from, as the coder meets them.
 
-use nvsprior::residual::wavelet::training::{MAGNITUDE_INPUTS, SIGN_INPUTS, Sample};
+use nvsprior::coder_tables::networks::{MAGNITUDE_INPUTS, SIGN_INPUTS};
+use nvsprior::residual::wavelet::training::Sample;
 
 use nvsprior::random::Random;
 

@@ -1,10 +1,11 @@
 //! The coder's networks in floats: their loss and its gradient.
 
-use nvsprior::residual::wavelet::Tables;
-use nvsprior::residual::wavelet::training::{
+use nvsprior::coder_tables::Tables;
+use nvsprior::coder_tables::networks::{
     CLASSES, COUNT_INPUTS, FEATURE_SCALE, HIDDEN, HIDDEN_2, HIDDEN_QUIET, HIDDEN_SIGN, LOGITS,
-    MAGNITUDE_INPUTS, Networks, QUIET_INPUTS, SIGN_INPUTS, UNARY, WEIGHT_SCALE, classes,
+    MAGNITUDE_INPUTS, Networks, QUIET_INPUTS, SIGN_INPUTS, WEIGHT_SCALE, classes,
 };
+use nvsprior::residual::wavelet::training::UNARY;
 
 use super::examples::Example;
 

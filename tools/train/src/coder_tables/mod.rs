@@ -7,8 +7,9 @@ mod stream;
 mod vary;
 
 use nvsprior::Picture;
-use nvsprior::residual::wavelet::training::{MAGNITUDES, RANKS, Sampler};
-use nvsprior::residual::wavelet::{Step, Tables};
+use nvsprior::coder_tables::{MAGNITUDES, RANKS, Tables};
+use nvsprior::residual::wavelet::Step;
+use nvsprior::residual::wavelet::training::Sampler;
 use rayon::prelude::*;
 
 use examples::{Collector, Example};

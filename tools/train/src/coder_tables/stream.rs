@@ -1,9 +1,10 @@
 //! Training the tables of frames that lean on earlier ones.
 
 use nvsprior::Picture;
+use nvsprior::coder_tables::Tables;
 use nvsprior::random::Random;
 use nvsprior::residual::wavelet::training::{Pays, Sampler};
-use nvsprior::residual::wavelet::{Planes, Step, Tables};
+use nvsprior::residual::wavelet::{Planes, Step};
 use nvsprior::residual::{Vantage, difference, warp};
 use rayon::prelude::*;
 

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context as _;
+use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{Residual, residual_part_len};
-use nvsprior::residual::wavelet::Tables;
 use nvsprior::residual::{CodedResidual, Rate, ResidualCoder, ResidualEncoder, ResidualSetup};
 
 use super::run::Run;

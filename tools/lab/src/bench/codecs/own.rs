@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use nvsprior::coder_tables::Tables;
 use nvsprior::packet::Residual;
 use nvsprior::render::Scene;
-use nvsprior::residual::wavelet::Tables;
 use nvsprior::residual::{Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
 
 use super::{Input, Mode, Outcome, Point, Run, timed};

@@ -4,8 +4,6 @@
 //! [`LOGIT_PLACES`]. No sum leaves 32 bits: inputs stay within [`LARGEST`], hidden values within [`LARGEST_HIDDEN`], and
 //! layers have at most [`MAGNITUDE_INPUTS`] inputs.
 
-use super::fixed::{FEATURE_PLACES, LARGEST};
-
 /// Numbers that the network for magnitudes looks at.
 pub const MAGNITUDE_INPUTS: usize = 33;
 /// Numbers that the network for signs looks at.
@@ -27,6 +25,10 @@ pub const HIDDEN_SIGN: usize = 16;
 /// Logits of a magnitude: not zero; above one; above two; one more beyond.
 pub const LOGITS: usize = 4;
 
+/// Binary places of a feature.
+pub const FEATURE_PLACES: u32 = 6;
+/// Largest magnitude of a feature.
+pub const LARGEST: i32 = 1000;
 /// Binary places of a weight.
 pub const WEIGHT_PLACES: u32 = 11;
 /// A weight of 1, and an input of 1.

@@ -1,8 +1,9 @@
 //! The coder's tables: networks, and where in its interval a coefficient lies.
 
-use super::geometry::PLANES;
-use super::network::Networks;
+use super::networks::Networks;
 
+/// Planes of a difference picture: brightness and two of colour.
+pub const PLANES: usize = 3;
 /// Ranks of bands: 0 the low one, else the level.
 pub const RANKS: usize = 7;
 /// Magnitudes told apart: one, two, three and above.
@@ -45,13 +46,13 @@ impl Tables {
         Tables::read(include_bytes!("generic.nvt")).unwrap_or_else(|_| Tables::zero())
     }
 
-    /// Those of frames that lean on a reference. They come with the library.
+    /// Those of inter frames. They come with the library.
     pub fn stream() -> Tables {
         Tables::read(include_bytes!("stream.nvt")).unwrap_or_else(|_| Tables::zero())
     }
 
-    /// Tables of frames that stand alone, as a beginning for tables of frames that lean: what inputs mean there that have
-    /// another meaning here is forgotten.
+    /// Makes first tables of inter frames from tables of intra frames. Forgets the weights of inputs that mean something
+    /// else in inter frames.
     pub fn for_stream(&self) -> Tables {
         let mut tables = self.clone();
         let networks = &mut tables.networks;

@@ -5,8 +5,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{PriorError, beside, replace_file};
-use crate::residual::wavelet::{Tables, TablesError};
+use super::beside;
+use super::error::PriorError;
+use super::replace::replace_file;
+use crate::coder_tables::{Tables, TablesError};
 
 /// What errors call them.
 const FORMAT: &str = "coder tables";

@@ -1,0 +1,46 @@
+//! Reading a prior's file, of any format.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::error::PriorError;
+use super::file_content::PriorFile;
+#[cfg(feature = "formats")]
+use super::spz;
+use super::{compact, ply};
+
+/// Reads a file's content. The first bytes tell the format.
+pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
+    if bytes.starts_with(compact::MAGIC) {
+        return compact::read(bytes);
+    }
+    #[cfg(feature = "formats")]
+    if spz::MAGICS.iter().any(|magic| bytes.starts_with(magic)) {
+        return spz::read(bytes);
+    }
+    ply::read_ply(bytes)
+}
+
+/// Whether files of a known format start so.
+fn is_known(start: &[u8]) -> bool {
+    let known = start.starts_with(ply::MAGIC) || start.starts_with(compact::MAGIC);
+    #[cfg(feature = "formats")]
+    let known = known || spz::MAGICS.iter().any(|magic| start.starts_with(magic));
+    known
+}
+
+/// Longest start of a file that tells its format, bytes.
+const LONGEST_MAGIC: u64 = 4;
+
+/// Reads the file. If its first bytes show another format, reads no further, so that a wrong path
+/// (a device, a video) costs neither time nor memory.
+pub(super) fn read_prior_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    let mut bytes = Vec::new();
+    (&mut file).take(LONGEST_MAGIC).read_to_end(&mut bytes)?;
+    if is_known(&bytes) {
+        file.read_to_end(&mut bytes)?;
+    }
+    Ok(bytes)
+}

@@ -1,0 +1,64 @@
+//! What loading a prior found.
+
+use std::fmt;
+
+use super::check::Dropped;
+use super::part_source::PartSource;
+
+/// Where a prior's splats came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PriorFormat {
+    /// Handed over in memory.
+    Memory,
+    /// A PLY file in text.
+    PlyAscii,
+    /// A binary PLY file, little endian.
+    PlyLittleEndian,
+    /// A binary PLY file, big endian.
+    PlyBigEndian,
+    /// A compact prior.
+    Compact,
+    /// A PLY file packed by PlayCanvas's tools.
+    #[cfg(feature = "formats")]
+    PlyCompressed,
+    /// A scene in Niantic's format, of this version.
+    #[cfg(feature = "formats")]
+    Spz(u32),
+}
+
+impl fmt::Display for PriorFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            PriorFormat::Memory => "memory",
+            PriorFormat::PlyAscii => "PLY, ascii",
+            PriorFormat::PlyLittleEndian => "PLY, binary little endian",
+            PriorFormat::PlyBigEndian => "PLY, binary big endian",
+            PriorFormat::Compact => "compact prior",
+            #[cfg(feature = "formats")]
+            PriorFormat::PlyCompressed => "PLY, compressed",
+            #[cfg(feature = "formats")]
+            PriorFormat::Spz(version) => return write!(f, "SPZ, version {version}"),
+        })
+    }
+}
+
+/// What loading a prior found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadReport {
+    /// Container the splats came in.
+    pub format: PriorFormat,
+    /// Splats in the file.
+    pub read: usize,
+    /// Splats kept.
+    pub kept: usize,
+    /// Splats left out, by reason; empty if all were sound.
+    pub dropped: Vec<Dropped>,
+    /// Splats whose opacity logit was infinite, and became ±[`INFINITE_LOGIT`].
+    pub clamped_logits: usize,
+    /// Comments in the file's header, unchanged, without those that are key frames.
+    pub comments: Vec<String>,
+    /// Where the key frames came from.
+    pub key_frames: PartSource,
+    /// Where the coder tables came from.
+    pub coder_tables: PartSource,
+}

@@ -1,0 +1,119 @@
+//! The splats of a prior: trained parameters, as files hold them.
+
+use super::error::PriorError;
+use super::limits::MAX_SH_DEGREE;
+
+/// Trained parameters of all splats, as files hold them: scales as logarithms, opacities as logits.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Splats {
+    /// Means, world axes, the prior's unit.
+    pub positions: Vec<[f32; 3]>,
+    /// Natural logarithms of the standard deviations along the splat's own axes.
+    pub log_scales: Vec<[f32; 3]>,
+    /// Quaternions (w, x, y, z), splat to world; any length but zero.
+    pub rotations: Vec<[f32; 4]>,
+    /// Logits of the opacities.
+    pub opacity_logits: Vec<f32>,
+    /// Spherical harmonics: per splat `(degree + 1)²` coefficients of RGB triples.
+    pub sh: Vec<f32>,
+    /// Degree of the spherical harmonics, 0 to 3.
+    pub sh_degree: u32,
+}
+
+impl Splats {
+    /// Highest degree of spherical harmonics.
+    pub const MAX_SH_DEGREE: u32 = MAX_SH_DEGREE;
+
+    /// None yet, with room for `count` of the degree.
+    pub(crate) fn with_capacity(count: usize, sh_degree: u32) -> Splats {
+        let mut splats = Splats { sh_degree, ..Splats::default() };
+        splats.positions.reserve_exact(count);
+        splats.log_scales.reserve_exact(count);
+        splats.rotations.reserve_exact(count);
+        splats.opacity_logits.reserve_exact(count);
+        splats.sh.reserve_exact(count * splats.sh_stride());
+        splats
+    }
+
+    /// Number of splats.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// Floats of spherical harmonics per splat: `3 (degree + 1)²`.
+    pub fn sh_stride(&self) -> usize {
+        3 * (self.sh_degree as usize + 1).pow(2)
+    }
+
+    /// Rotation of splat `index` at unit length, (w, x, y, z). The stored rotation may have any
+    /// length. It is kept as trained, so that reading and writing a prior does not change its
+    /// identity.
+    pub fn unit_rotation(&self, index: usize) -> [f32; 4] {
+        let q = self.rotations[index];
+        let length = quaternion_length(q);
+        q.map(|v| (f64::from(v) / length) as f32)
+    }
+
+    /// Opacity of splat `index`, from its logit.
+    pub fn opacity(&self, index: usize) -> f64 {
+        1.0 / (1.0 + libm::exp(-f64::from(self.opacity_logits[index])))
+    }
+
+    /// The splats that `kept` names, in their order.
+    ///
+    /// # Panics
+    /// If `kept` has not an entry per splat.
+    pub fn filtered(&self, kept: &[bool]) -> Splats {
+        assert_eq!(kept.len(), self.len(), "one entry per splat");
+        Splats {
+            positions: pick(&self.positions, kept, 1),
+            log_scales: pick(&self.log_scales, kept, 1),
+            rotations: pick(&self.rotations, kept, 1),
+            opacity_logits: pick(&self.opacity_logits, kept, 1),
+            sh: pick(&self.sh, kept, self.sh_stride()),
+            sh_degree: self.sh_degree,
+        }
+    }
+
+    /// The splats without the spherical harmonics above a degree.
+    pub fn with_sh_degree(&self, degree: u32) -> Splats {
+        let sh_degree = degree.min(self.sh_degree);
+        let own = 3 * (sh_degree as usize + 1).pow(2);
+        let sh = self.sh.chunks_exact(self.sh_stride()).flat_map(|c| &c[..own]).copied().collect();
+        Splats { sh, sh_degree, ..self.clone() }
+    }
+
+    /// Checks that the degree is known and that all arrays hold the same number of splats.
+    pub fn check_shape(&self) -> Result<(), PriorError> {
+        if self.sh_degree > Self::MAX_SH_DEGREE {
+            return Err(PriorError::ShDegree { degree: self.sh_degree });
+        }
+        let expected = self.len();
+        let lengths = [
+            ("log_scales", self.log_scales.len(), expected),
+            ("rotations", self.rotations.len(), expected),
+            ("opacity_logits", self.opacity_logits.len(), expected),
+            ("sh", self.sh.len(), expected * self.sh_stride()),
+        ];
+        match lengths.into_iter().find(|(_, found, expected)| found != expected) {
+            Some((array, found, expected)) => Err(PriorError::Shape { array, found, expected }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Entries of the splats that are kept, `stride` a splat.
+fn pick<T: Copy>(array: &[T], kept: &[bool], stride: usize) -> Vec<T> {
+    let entries = array.chunks_exact(stride).zip(kept);
+    entries.filter(|(_, kept)| **kept).flat_map(|(entry, _)| entry).copied().collect()
+}
+
+/// Length of a quaternion, in f64: no finite f32 overflows it.
+pub(super) fn quaternion_length(q: [f32; 4]) -> f64 {
+    q.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt()
+}
