@@ -1,6 +1,6 @@
 //! Why an image cannot be read or a picture cannot be written.
 
-use super::PixelFormat;
+use super::pixel_format::PixelFormat;
 
 /// Why an image cannot be read or a picture cannot be written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

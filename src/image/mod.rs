@@ -12,6 +12,7 @@ mod convert;
 mod error;
 mod mask;
 mod picture;
+mod pixel_format;
 mod preprocessing;
 mod scaler;
 mod undistortion;
@@ -22,8 +23,9 @@ pub use convert::Converter;
 pub use error::PixelError;
 pub use mask::Mask;
 pub use picture::{Picture, psnr_of_mse};
+pub use pixel_format::PixelFormat;
 pub use preprocessing::{Clahe, Preprocessing, PreprocessingError, Preprocessor, WhiteBalance};
-pub use view::{Colour, ImageView, PixelFormat};
+pub use view::{Colour, ImageView};
 pub use write::write_picture;
 
 #[cfg(test)]

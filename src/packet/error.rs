@@ -5,6 +5,9 @@ use std::fmt;
 use crate::geometry::CameraError;
 use crate::prior::PriorId;
 
+/// Longest payload of a residual, bytes: four groups of seven bits.
+pub(super) const MAX_PAYLOAD: usize = (1 << 28) - 1;
+
 /// A part of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
@@ -111,7 +114,7 @@ pub enum PacketError {
     #[error("residual part: {0} bytes, too few to name the frame that it leans on")]
     Reference(usize),
     /// The residual's length does not fit its field.
-    #[error("residual part: length beyond {max} bytes", max = super::residual::MAX_PAYLOAD)]
+    #[error("residual part: length beyond {max} bytes", max = MAX_PAYLOAD)]
     PayloadLength,
     /// The packet is about another prior than the one at hand.
     #[error("packet about prior {packet}, this side holds {held}")]

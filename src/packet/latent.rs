@@ -5,9 +5,11 @@ use crate::prior::PriorId;
 
 use super::bytes::{Reader, crc16, from_u24, to_u24};
 use super::camera_tag::size_bytes;
-use super::pose::SHORT_LEN;
+use super::error::{PacketError, Part};
+use super::form::{FRAMES, Form, SHORT_FRAMES, SHORT_LATENT_LEN};
+use super::pose::{PoseProfile, QuantisedPose};
 use super::residual::Check;
-use super::{PacketError, Part, PoseProfile, QuantisedPose, Session};
+use super::session::Session;
 
 /// High four bits of the first byte.
 const MAGIC: u8 = 0xB;
@@ -19,11 +21,6 @@ const VERSION_NOT_PORTABLE: u8 = 2;
 /// full form are flags of the short one. So only three flipped bits make one form read as the other.
 const VERSION_SHORT: u8 = 4;
 const VERSION_SHORT_NOT_PORTABLE: u8 = 7;
-/// Bytes of the full form that are not the pose.
-pub(super) const FIXED_LEN: usize = 15;
-/// Bytes of the short form.
-pub(super) const SHORT_LATENT_LEN: usize = 7 + SHORT_LEN;
-
 const FLAG_UNCERTAIN: u8 = 1 << 2;
 const FLAG_CAMERA: u8 = 1 << 3;
 const FLAG_RENDER: u8 = 1 << 7;
@@ -61,36 +58,11 @@ impl Follows {
     }
 }
 
-/// What the first two bytes say of the part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Form {
-    Full(PoseProfile),
-    Short,
-}
-
-impl Form {
-    /// Length of the part, bytes.
-    pub(super) fn latent_len(self) -> usize {
-        match self {
-            Form::Full(profile) => FIXED_LEN + profile.encoded_len(),
-            Form::Short => SHORT_LATENT_LEN,
-        }
-    }
-
-    /// Frame numbers are sent modulo this.
-    pub(super) fn frames(self) -> u32 {
-        match self {
-            Form::Full(_) => Latent::FRAMES,
-            Form::Short => Latent::SHORT_FRAMES,
-        }
-    }
-}
-
 impl Latent {
     /// Frame numbers are sent modulo this.
-    pub const FRAMES: u32 = 1 << 24;
+    pub const FRAMES: u32 = FRAMES;
     /// In the short form, modulo this; see [`Latent::frame_near`].
-    pub const SHORT_FRAMES: u32 = 1 << 16;
+    pub const SHORT_FRAMES: u32 = SHORT_FRAMES;
 
     /// The latent part of a frame seen by `camera`, on a portable device, in the full form.
     pub fn new(

@@ -111,6 +111,7 @@ mod camera;
 mod camera_tag;
 mod error;
 mod extent;
+mod form;
 mod latent;
 pub mod pose;
 mod render;
@@ -132,10 +133,10 @@ pub use residual::{Coder, Reference, Residual, ResidualStart, residual_part_len}
 pub use session::{Session, session_tag};
 
 /// Length of the latent part in the paper's profile, the longer one, bytes.
-pub const LONGEST_LATENT: usize = latent::FIXED_LEN + pose::LONGEST;
+pub const LONGEST_LATENT: usize = form::FIXED_LEN + pose::LONGEST;
 
 /// Length of the latent part in the short form, bytes.
-pub const SHORT_LATENT_LEN: usize = latent::SHORT_LATENT_LEN;
+pub const SHORT_LATENT_LEN: usize = form::SHORT_LATENT_LEN;
 
 /// Length of the camera part, bytes.
 pub const CAMERA_PART_LEN: usize = camera::LEN;

@@ -1,11 +1,9 @@
 //! The residual part: a coded difference picture, or why there is none.
 
 use super::bytes::{Reader, crc16};
-use super::latent::Form;
-use super::{PacketError, Part};
+use super::error::{MAX_PAYLOAD, PacketError, Part};
+use super::form::Form;
 
-/// Longest payload, bytes: four groups of seven bits.
-pub(super) const MAX_PAYLOAD: usize = (1 << 28) - 1;
 /// What a part ends with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Check {

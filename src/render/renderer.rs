@@ -12,22 +12,13 @@ use crate::{Camera, Picture, Pose};
 
 use super::binning::{self, Binning};
 use super::frame::{Bytes, Coded, FrameBuffers};
+use super::jacobian::Jacobian;
 use super::levels::{LevelBuffers, NormalEquations, Pass, anchor};
 use super::light::{Correction, FlatField};
 use super::radix::SortPrecision;
 use super::stages::{Channels, EVALUATIONS_PER_SUBMISSION, SearchStages, Stages};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
-
-/// Which pose Jacobian the normal equations are made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Jacobian {
-    /// Optical flow of each pixel's own ray. A search takes as many renders as with the exact Jacobian and ends at the
-    /// same error.
-    Flow,
-    /// Derivatives of exactly what is drawn: means, covariances, colours.
-    Exact,
-}
 
 /// What a renderer is to be ready for; only that is allocated and recorded.
 #[derive(Clone, Debug)]

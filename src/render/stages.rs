@@ -5,12 +5,13 @@ use std::mem::offset_of;
 use crate::shared::{GROUP, Groups};
 use crate::vulkan::{Error, Recorder};
 
+use super::Kernels;
 use super::frame::{Bytes, FrameBuffers};
+use super::jacobian::Jacobian;
 use super::levels::{Level, LevelBuffers, Pass};
 use super::radix::{Sort, SortPrecision};
 use super::scene::SplatBuffers;
 use super::workspace::Workspace;
-use super::{Jacobian, Kernels};
 
 /// Evaluations that one submission has room for. A frame that follows another takes six to eight. A search that needs
 /// more goes on in a second submission. Unused evaluations cost their empty dispatches.

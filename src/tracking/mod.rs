@@ -15,6 +15,8 @@ mod hypotheses;
 mod known;
 mod objective;
 mod observability;
+mod options;
+mod outcome;
 mod phase_correlation;
 mod pyramid;
 mod relocaliser;
@@ -30,121 +32,9 @@ pub use hypotheses::{Hypotheses, Proposal};
 pub use known::{Covariance, Hint, Known};
 pub use objective::{Evaluation, Objective};
 pub use observability::Observability;
+pub use options::{Optimizer, RefineOptions};
+pub use outcome::{Outcome, Stop};
 pub use pyramid::Pyramid;
 pub use relocaliser::{Candidate, Relocaliser};
 pub use starts::{Start, StartKind, Starts};
 pub use tracker::Tracker;
-
-use cold::ColdStart;
-
-use crate::Pose;
-use crate::render::{Jacobian, SortPrecision};
-
-/// Which optimiser refines the pose.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Optimizer {
-    /// Gauss–Newton with Levenberg–Marquardt damping, over the pyramid.
-    #[default]
-    GaussNewton,
-    /// BFGS at full resolution, the paper's choice.
-    #[cfg(feature = "paper")]
-    Bfgs,
-    /// Adam at full resolution.
-    #[cfg(feature = "paper")]
-    Adam,
-    /// Adam until it converges, then BFGS.
-    #[cfg(feature = "paper")]
-    AdamBfgs,
-}
-
-impl Optimizer {
-    /// Name in reports and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Optimizer::GaussNewton => "gauss-newton",
-            #[cfg(feature = "paper")]
-            Optimizer::Bfgs => "bfgs",
-            #[cfg(feature = "paper")]
-            Optimizer::Adam => "adam",
-            #[cfg(feature = "paper")]
-            Optimizer::AdamBfgs => "adam-bfgs",
-        }
-    }
-}
-
-/// Options of the refinement.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RefineOptions {
-    /// The optimiser.
-    pub optimizer: Optimizer,
-    /// Jacobian of Gauss–Newton; the gradient methods always use the exact one.
-    pub jacobian: Jacobian,
-    /// How finely Gauss–Newton's evaluations tell depths apart. Final pictures are always exact.
-    pub sort_precision: SortPrecision,
-    /// Options of Gauss–Newton.
-    pub gauss_newton: GaussNewtonOptions,
-    /// Options of BFGS.
-    #[cfg(feature = "paper")]
-    pub bfgs: BfgsOptions,
-    /// Options of Adam.
-    #[cfg(feature = "paper")]
-    pub adam: AdamOptions,
-    /// Renders, of any level, that one frame may take to search afresh. A search that has begun is finished, even if it
-    /// takes more. If the frame finds no pose, the next frame searches again.
-    pub lost_renders: u32,
-    /// Whether a fresh search may also mask what does not agree.
-    pub masks: bool,
-}
-
-impl Default for RefineOptions {
-    fn default() -> Self {
-        RefineOptions {
-            optimizer: Optimizer::default(),
-            jacobian: Jacobian::Flow,
-            sort_precision: SortPrecision::default(),
-            gauss_newton: GaussNewtonOptions::default(),
-            #[cfg(feature = "paper")]
-            bfgs: BfgsOptions::default(),
-            #[cfg(feature = "paper")]
-            adam: AdamOptions::default(),
-            lost_renders: 96,
-            masks: true,
-        }
-    }
-}
-
-impl RefineOptions {
-    /// The Jacobian that a refinement with these options asks a renderer for.
-    pub fn jacobian(&self) -> Jacobian {
-        match self.optimizer {
-            Optimizer::GaussNewton => self.jacobian,
-            #[cfg(feature = "paper")]
-            _ => Jacobian::Exact,
-        }
-    }
-}
-
-/// Why an optimiser stopped.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Stop {
-    /// The gradient is below its tolerance.
-    Gradient,
-    /// The step or the decrease that it brought is below its tolerance.
-    Progress,
-    /// No step along the direction decreased the error.
-    NoDescent,
-    /// The number of iterations is used up.
-    #[default]
-    Iterations,
-}
-
-/// What an optimiser found: never worse than its start.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outcome {
-    /// The best pose seen at full resolution.
-    pub pose: Pose,
-    /// Its mean squared error at full resolution.
-    pub mse: f64,
-    /// Why the search ended.
-    pub stop: Stop,
-}

@@ -8,7 +8,7 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use super::device::Inner;
-use super::{Device, Error, Recorder, Timing};
+use super::{Device, Error};
 
 /// Who reads and writes a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,25 +122,6 @@ impl Buffer {
         Ok(Buffer { shared: Arc::new(shared), name, bytes })
     }
 
-    /// A buffer that the device only reads, filled with `data`. If host and device share memory
-    /// it is written in place, else through a staging copy.
-    pub fn from_slice<T: NoUninit>(
-        device: &Device,
-        name: &'static str,
-        data: &[T],
-    ) -> Result<Buffer, Error> {
-        let mut upload = Buffer::new::<T>(device, name, data.len(), Memory::Upload)?;
-        upload.write(data);
-        if device.info().unified {
-            return Ok(upload);
-        }
-        let buffer = Buffer::new::<T>(device, name, data.len(), Memory::Device)?;
-        let mut recorder = Recorder::new(device, Timing::None)?;
-        recorder.copy(&upload, &buffer)?;
-        recorder.finish()?.run()?;
-        Ok(buffer)
-    }
-
     /// Whether it was made on this very device, as it was opened.
     pub(crate) fn is_on(&self, device: &Device) -> bool {
         Arc::ptr_eq(&self.shared.device, &device.inner)
@@ -176,15 +157,6 @@ impl Buffer {
             let to = mapped.as_ptr().cast::<u8>().add(offset);
             std::ptr::copy_nonoverlapping(bytes.as_ptr(), to, bytes.len());
         }
-    }
-
-    /// Copies the first `count` values to the host, of a buffer that only the device sees.
-    pub fn fetch<T: AnyBitPattern>(&self, device: &Device, count: usize) -> Result<Vec<T>, Error> {
-        let to = Buffer::new::<T>(device, "read back", count, Memory::Readback)?;
-        let mut recorder = Recorder::new(device, Timing::None)?;
-        recorder.copy(self, &to)?;
-        recorder.finish()?.run()?;
-        Ok(to.read(count).to_vec())
     }
 
     /// The values the device left, `count` of them.

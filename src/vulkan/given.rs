@@ -7,7 +7,7 @@ use std::sync::Arc;
 use ash::{Entry, vk};
 
 use super::Error;
-use super::device::{Instance, Opened};
+use super::instance::{Instance, Opened};
 
 /// Guards a queue that the program uses, too: Vulkan lets one thread at a time use a queue.
 pub trait QueueLock: Send + Sync {

@@ -6,16 +6,20 @@ mod buffer;
 mod cache;
 mod commands;
 mod device;
+mod device_info;
 mod error;
 mod given;
+mod instance;
 mod kernel;
 mod spirv;
+mod transfer;
 
 // The types of a given device's handles.
 pub use ash;
 pub use buffer::{Buffer, Memory};
 pub use commands::{Commands, Recorder, StageTime, Timing};
-pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions, ListedDevice, MemoryUse, devices};
+pub use device::{Device, DeviceOptions, MemoryUse, devices};
+pub use device_info::{DeviceInfo, DeviceKind, ListedDevice};
 pub use error::Error;
 pub use given::{DeviceHandles, EnabledFeatures, GivenDevice, QueueLock};
 pub use kernel::{Code, Kernel};

@@ -1,6 +1,20 @@
 //! Gray-world white balance.
 
-use super::WhiteBalance;
+/// How colours are balanced.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum WhiteBalance {
+    /// They stay as they are.
+    #[default]
+    None,
+    /// Gray world (Buchsbaum 1980): each channel gets a gain, so that the means of all three become their common mean.
+    /// A gain is at most [`WhiteBalance::MAX_GAIN`], and never below ⅓. It is rounded to 1/4096.
+    GrayWorld,
+}
+
+impl WhiteBalance {
+    /// The largest gain. A dark frame, or one of a single colour, has a channel of little but noise: it stays dark.
+    pub const MAX_GAIN: u32 = 4;
+}
 
 /// Fractional bits of gains.
 const GAIN_BITS: u32 = 12;

@@ -6,11 +6,12 @@
 use super::coarser::{Around, Coarser, in_steps};
 use super::fixed::{ONE, log_count, log_size};
 use super::frame::Frame;
-use super::gains::Seen;
+
 use super::geometry::Band;
 use super::lean::Lean;
 use super::predictor::{BandBias, MagnitudeInputs, Predictor, QuietInputs, SignInputs};
 use super::quantised::{Places, Quantised};
+use super::render_value::RenderValue;
 use crate::coder_tables::networks::{COUNT_INPUTS, classes};
 use crate::coder_tables::networks::{FEATURE_PLACES, LARGEST};
 
@@ -39,7 +40,7 @@ pub struct BandContext<'a> {
 
 /// What the render tells of a coefficient and those around it, features in steps.
 struct Sight {
-    seen: Seen,
+    render: RenderValue,
     /// Mean magnitude around; the same, times the change of light.
     energy: i32,
     energy_guess: i32,
@@ -173,7 +174,7 @@ impl<'a> BandContext<'a> {
     }
 
     /// Visits the zeros of a band of details of which the render tells something.
-    pub fn zeros(&self, quantised: &Quantised, mut visit: impl FnMut(usize, Seen)) {
+    pub fn zeros(&self, quantised: &Quantised, mut visit: impl FnMut(usize, RenderValue)) {
         if !self.frame.sees_render {
             return;
         }
@@ -182,16 +183,16 @@ impl<'a> BandContext<'a> {
             for (x, value) in row.iter().enumerate() {
                 if *value == 0 && self.is_known(x, y) {
                     let index = self.index(x, y);
-                    visit(index, self.seen(index, self.coarser.light(x, y)));
+                    visit(index, self.render_value(index, self.coarser.light(x, y)));
                 }
             }
         }
     }
 
     /// What the render tells of a coefficient.
-    fn seen(&self, index: usize, light: i32) -> Seen {
+    fn render_value(&self, index: usize, light: i32) -> RenderValue {
         let own = in_steps(self.frame.render.planes[self.plane][index], self.scale);
-        Seen { own, guess: ((i64::from(own) * i64::from(light)) >> 8) as i32 }
+        RenderValue { own, guess: ((i64::from(own) * i64::from(light)) >> 8) as i32 }
     }
 
     /// What it tells of it and those around it.
@@ -199,7 +200,7 @@ impl<'a> BandContext<'a> {
         let (index, light) = (self.index(x, y), self.coarser.light(x, y));
         let energy = in_steps(self.frame.render.energy[self.plane][index], self.scale);
         let energy_guess = ((i64::from(energy) * i64::from(light)) >> 8) as i32;
-        Sight { seen: self.seen(index, light), energy, energy_guess }
+        Sight { render: self.render_value(index, light), energy, energy_guess }
     }
 
     /// What is predicted of a coefficient from an earlier frame.
@@ -235,7 +236,8 @@ impl<'a> BandContext<'a> {
             return;
         }
         if known {
-            let Sight { seen: Seen { own, guess }, energy, energy_guess } = self.sight(x, y);
+            let Sight { render: RenderValue { own, guess }, energy, energy_guess } =
+                self.sight(x, y);
             inputs[5] = bounded(log_size(guess));
             inputs[6] = bounded(log_size(energy_guess));
             inputs[7] = bounded(log_size(own / 10));
@@ -271,7 +273,7 @@ impl<'a> BandContext<'a> {
             return inputs;
         }
         if self.is_known(x, y) {
-            let Seen { own, guess } = self.sight(x, y).seen;
+            let RenderValue { own, guess } = self.sight(x, y).render;
             all[9] = clamped(guess, 2);
             all[10] = clamped(own / 10, 2);
         }

@@ -11,14 +11,15 @@ use super::blocks;
 use super::choose::Chooser;
 use super::colour;
 use super::context::BandContext;
+use super::fineness::LAMBDA;
 use super::frame::Frame;
 use super::gains::{Gains, LevelGains};
-use super::geometry::{Geometry, Planes};
+use super::geometry::{Finest, Geometry, Planes};
 use super::header::Header;
 use super::lean::{Lean, Pays};
 use super::lifting::{self, FRACTION};
 use super::model::Model;
-use super::pass::{Due, Finest, Pass, Source};
+use super::pass::{Due, Pass, Source};
 use super::predictor::{Predictor, Predictors};
 use super::prices::Prices;
 use super::quantised::Quantised;
@@ -27,8 +28,6 @@ use super::step::Step;
 use crate::coder_tables::PLANES;
 use crate::coder_tables::Tables;
 
-/// What a bit is worth, squared quantiser steps.
-pub const LAMBDA: f32 = 0.13;
 /// A level with a coefficient above this is looked through, steps.
 const WORTH_A_LOOK: f32 = 0.9;
 
@@ -108,7 +107,8 @@ impl WaveletEncoder {
         colour::to_planes(pixel, [a, b, c]);
         for plane in &mut *difference {
             for level in 0..frame.geometry.levels {
-                lifting::forward(plane, &frame.geometry, level, &mut frame.scratch);
+                let geometry = &frame.geometry;
+                lifting::forward(plane, geometry.width, geometry.sizes[level], &mut frame.scratch);
             }
         }
         let pays = match (warped, &mut frame.lean) {

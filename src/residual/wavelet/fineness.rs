@@ -1,7 +1,9 @@
 //! How finely a frame is coded, as one number; and the search for it.
 
-use super::encoder::LAMBDA;
 use super::step::{STEPS, Step};
+
+/// What a bit is worth, squared quantiser steps.
+pub const LAMBDA: f32 = 0.13;
 
 /// The quantiser's index and, between two of them, what a bit is worth: from 0, the finest, to [`STEPS`].
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]

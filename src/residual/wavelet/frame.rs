@@ -43,7 +43,7 @@ impl Frame {
             step: Step::new(0),
             lean: None,
             leans: false,
-            scratch: Scratch::new(&geometry),
+            scratch: Scratch::new(geometry.len()),
             geometry,
         }
     }

@@ -9,6 +9,7 @@ use super::context::BandContext;
 use super::geometry::MAX_LEVELS;
 use super::quantised::Quantised;
 use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
+use super::render_value::RenderValue;
 
 /// The gains of a level, in parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -21,15 +22,6 @@ pub struct Gains {
 
 /// The gains of all levels.
 pub type LevelGains = [Gains; MAX_LEVELS + 1];
-
-/// What the render tells of a coefficient, features in steps.
-#[derive(Clone, Copy)]
-pub struct Seen {
-    /// The render's own coefficient.
-    pub own: i32,
-    /// The same, times the change of light.
-    pub guess: i32,
-}
 
 /// Parts of a gain of one.
 const PARTS: (i32, i32) = (8, 64);
@@ -49,10 +41,10 @@ impl Gains {
     }
 
     /// What a zero is decoded as, a feature in steps.
-    pub fn value(self, seen: Seen) -> i32 {
+    pub fn value(self, render: RenderValue) -> i32 {
         let of = |seen: i32| seen.clamp(-LARGEST_SEEN, LARGEST_SEEN);
-        let guess = i32::from(self.guess) * (PARTS.1 / PARTS.0) * of(seen.guess);
-        let sum = guess + i32::from(self.own) * of(seen.own);
+        let guess = i32::from(self.guess) * (PARTS.1 / PARTS.0) * of(render.guess);
+        let sum = guess + i32::from(self.own) * of(render.own);
         (sum / PARTS.1).clamp(-LARGEST_VALUE, LARGEST_VALUE)
     }
 
@@ -144,9 +136,9 @@ pub struct GainFit {
 impl GainFit {
     /// Takes the zeros of a band. `wanted`: the coefficients to code, in steps.
     pub fn take(&mut self, context: &BandContext, quantised: &Quantised, wanted: &[f32]) {
-        context.zeros(quantised, |index, seen| {
+        context.zeros(quantised, |index, render| {
             let of = |seen: i32| f64::from(seen.clamp(-LARGEST_SEEN, LARGEST_SEEN)) / 64.0;
-            let (guess, own) = (of(seen.guess), of(seen.own));
+            let (guess, own) = (of(render.guess), of(render.own));
             let wanted = f64::from(wanted[index]);
             self.guess_guess += guess * guess;
             self.guess_own += guess * own;

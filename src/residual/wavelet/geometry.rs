@@ -10,6 +10,8 @@ use super::lifting;
 pub const MAX_LEVELS: usize = 6;
 /// Values by plane, rows of the picture's width.
 pub type Planes = [Vec<i32>; PLANES];
+/// Finest level that is coded, by plane; one more than the levels: none at all.
+pub type Finest = [usize; PLANES];
 /// A picture whose longer side is this or less is not divided further, pixels.
 const SMALLEST: usize = 5;
 

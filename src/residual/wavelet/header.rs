@@ -1,7 +1,6 @@
 //! What a payload says first.
 
-use super::geometry::MAX_LEVELS;
-use super::pass::Finest;
+use super::geometry::{Finest, MAX_LEVELS};
 use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
 use super::step::Step;
 use crate::coder_tables::PLANES;

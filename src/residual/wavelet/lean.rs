@@ -4,7 +4,7 @@
 //! and on the *age* of the reference: the light moves on, and fine details of it first. The encoder chooses the age that
 //! fits, and blocks in which nothing is predicted: what the frame shows there was hidden before, or has changed.
 
-use super::blocks;
+use super::block_cost;
 use super::geometry::{Geometry, Orientation, Planes};
 use super::lifting::{self, Scratch};
 use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
@@ -165,7 +165,9 @@ impl Lean {
     pub fn set(&mut self, geometry: &Geometry, warped: &Planes, scratch: &mut Scratch) {
         for (own, warped) in self.warped.iter_mut().zip(warped) {
             own.copy_from_slice(warped);
-            (0..geometry.levels).for_each(|level| lifting::forward(own, geometry, level, scratch));
+            (0..geometry.levels).for_each(|level| {
+                lifting::forward(own, geometry.width, geometry.sizes[level], scratch)
+            });
         }
     }
 
@@ -216,7 +218,7 @@ impl Lean {
     fn energies(&self, geometry: &Geometry, difference: &Planes) -> [[Energies; RANKS]; PLANES] {
         let mut energies = [[Energies::default(); RANKS]; PLANES];
         for band in geometry.bands() {
-            let scale = Step::new(blocks::COMPARED_AT).per_unit(geometry.norm(&band));
+            let scale = Step::new(block_cost::COMPARED_AT).per_unit(geometry.norm(&band));
             let scale = scale as f64 / f64::from(1u32 << 22);
             for plane in 0..PLANES {
                 let energies = &mut energies[plane][band.rank()];
@@ -257,11 +259,11 @@ impl Lean {
         let predicted = &self.predicted;
         let add = |costs: &mut (i64, i64), plane: usize, index: usize, scale: i64| {
             let (value, predicted) = (difference[plane][index], predicted[plane][index]);
-            costs.0 += blocks::cost(value, scale);
-            costs.1 += blocks::cost(value.wrapping_sub(predicted), scale);
+            costs.0 += block_cost::cost(value, scale);
+            costs.1 += block_cost::cost(value.wrapping_sub(predicted), scale);
         };
         let mut low = (0, 0);
-        blocks::visit_low(geometry, &mut |plane, i, scale| add(&mut low, plane, i, scale));
+        block_cost::visit_low(geometry, &mut |plane, i, scale| add(&mut low, plane, i, scale));
         let (plain, left) = low;
         self.says.low = left <= plain;
         let (mut all, mut least) = (plain, plain.min(left));
@@ -269,7 +271,7 @@ impl Lean {
             for bx in 0..columns {
                 let mut costs = (0, 0);
                 let add = |plane, i, scale| add(&mut costs, plane, i, scale);
-                blocks::visit_details(geometry, (bx, by), add);
+                block_cost::visit_details(geometry, (bx, by), add);
                 let (plain, left) = costs;
                 self.blocks[by * columns + bx] = left <= plain;
                 (all, least) = (all + plain, least + plain.min(left));
@@ -306,7 +308,7 @@ impl Lean {
             box_mean(predicted, geometry, rows, energy);
             picture.copy_from_slice(predicted);
             for level in (0..geometry.levels).rev() {
-                lifting::inverse(picture, geometry, level, scratch);
+                lifting::inverse(picture, geometry.width, geometry.sizes[level], scratch);
             }
         }
     }

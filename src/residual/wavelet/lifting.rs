@@ -4,8 +4,6 @@
 //! high band is as the lifting steps leave it. Sums wrap around, so that damaged input gives a picture, whatever
 //! it shows; pictures of 8 bits in [`FRACTION`] binary places stay far from that.
 
-use super::geometry::Geometry;
-
 /// Binary places of a plane's values.
 pub const FRACTION: u32 = 6;
 
@@ -32,16 +30,20 @@ fn neighbours(index: usize, len: usize) -> (usize, usize) {
 pub struct Scratch(Vec<i32>);
 
 impl Scratch {
-    /// For planes of a size.
-    pub fn new(geometry: &Geometry) -> Scratch {
-        Scratch(vec![0; geometry.len().max(1)])
+    /// For planes of `len` values.
+    pub fn new(len: usize) -> Scratch {
+        Scratch(vec![0; len.max(1)])
     }
 }
 
-/// Divides the low band of `level` into the bands of `level + 1`.
-pub fn forward(plane: &mut [i32], geometry: &Geometry, level: usize, scratch: &mut Scratch) {
-    let (width, height) = geometry.sizes[level];
-    let stride = geometry.width;
+/// Divides a low band of a size, in the upper left corner of a plane with rows of `stride` values, into the bands of the
+/// next level.
+pub fn forward(
+    plane: &mut [i32],
+    stride: usize,
+    (width, height): (usize, usize),
+    scratch: &mut Scratch,
+) {
     if width > 1 {
         let (even, odd) = scratch.0[..width].split_at_mut(width.div_ceil(2));
         for row in plane.chunks_mut(stride).take(height) {
@@ -77,10 +79,13 @@ pub fn forward(plane: &mut [i32], geometry: &Geometry, level: usize, scratch: &m
     }
 }
 
-/// Joins the bands of `level + 1` to the low band of `level`.
-pub fn inverse(plane: &mut [i32], geometry: &Geometry, level: usize, scratch: &mut Scratch) {
-    let (width, height) = geometry.sizes[level];
-    let stride = geometry.width;
+/// Undoes [`forward`].
+pub fn inverse(
+    plane: &mut [i32],
+    stride: usize,
+    (width, height): (usize, usize),
+    scratch: &mut Scratch,
+) {
     if height > 1 {
         let low = height.div_ceil(2);
         let room = &mut scratch.0[..width * height];
@@ -201,6 +206,7 @@ fn widened(line: &[f64], high: bool) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::geometry::Geometry;
     use super::*;
 
     fn plane(geometry: &Geometry) -> Vec<i32> {
@@ -212,14 +218,14 @@ mod tests {
     fn the_inverse_gives_the_plane_back_to_a_part_of_a_level() {
         for size in [(1, 1), (1, 9), (2, 2), (6, 1), (7, 13), (320, 180)] {
             let geometry = Geometry::new(size.0, size.1);
-            let mut scratch = Scratch::new(&geometry);
+            let mut scratch = Scratch::new(geometry.len());
             let before = plane(&geometry);
             let mut after = before.clone();
             for level in 0..geometry.levels {
-                forward(&mut after, &geometry, level, &mut scratch);
+                forward(&mut after, geometry.width, geometry.sizes[level], &mut scratch);
             }
             for level in (0..geometry.levels).rev() {
-                inverse(&mut after, &geometry, level, &mut scratch);
+                inverse(&mut after, geometry.width, geometry.sizes[level], &mut scratch);
             }
             let worst = before.iter().zip(&after).map(|(a, b)| (a - b).abs()).max();
             assert!(worst < Some(1 << (FRACTION - 2)), "{size:?}: {worst:?}");
@@ -230,9 +236,9 @@ mod tests {
     fn the_low_band_keeps_a_flat_picture() {
         let geometry = Geometry::new(64, 48);
         let mut plane = vec![200 << FRACTION; geometry.len()];
-        let mut scratch = Scratch::new(&geometry);
+        let mut scratch = Scratch::new(geometry.len());
         for level in 0..geometry.levels {
-            forward(&mut plane, &geometry, level, &mut scratch);
+            forward(&mut plane, geometry.width, geometry.sizes[level], &mut scratch);
         }
         let (width, height) = geometry.sizes[geometry.levels];
         for y in 0..height {
@@ -245,13 +251,13 @@ mod tests {
     #[test]
     fn norms_are_those_of_the_pictures() {
         let geometry = Geometry::new(256, 256);
-        let mut scratch = Scratch::new(&geometry);
+        let mut scratch = Scratch::new(geometry.len());
         for band in geometry.bands() {
             let one = 1 << 16;
             let mut plane = vec![0; geometry.len()];
             plane[band.offset + band.height / 2 * geometry.width + band.width / 2] = one;
             for level in (0..geometry.levels).rev() {
-                inverse(&mut plane, &geometry, level, &mut scratch);
+                inverse(&mut plane, geometry.width, geometry.sizes[level], &mut scratch);
             }
             let norm = plane.iter().map(|v| (f64::from(*v) / f64::from(one)).powi(2)).sum::<f64>();
             let ratio = norm.sqrt() / geometry.norm(&band);

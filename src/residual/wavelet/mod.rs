@@ -7,6 +7,7 @@
 //! render's own bands (`context`). All of it is integers: encoder and decoder agree on every processor.
 
 mod bits;
+mod block_cost;
 mod blocks;
 mod choose;
 mod coarser;
@@ -30,6 +31,7 @@ mod quantised;
 mod range_coder;
 mod rate;
 mod render;
+mod render_value;
 mod step;
 pub mod training;
 pub use range_coder::Tail;

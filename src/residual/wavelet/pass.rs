@@ -8,7 +8,7 @@ use super::colour;
 use super::context::BandContext;
 use super::frame::Frame;
 use super::gains::Gains;
-use super::geometry::{Band, Geometry, Orientation, Planes};
+use super::geometry::{Band, Finest, Geometry, Orientation, Planes};
 use super::lifting::{self, Scratch};
 use super::predictor::{MagnitudeInputs, Predictor, QuietInputs, SignInputs};
 use super::quantised::Quantised;
@@ -60,9 +60,6 @@ pub trait Source {
     fn gains(&mut self, zeros: &[BandContext; 3], quantised: &Quantised) -> Option<Gains>;
 }
 
-/// Finest level that is coded, by plane; one more than the levels: none at all.
-pub type Finest = [usize; PLANES];
-
 /// What a pass is about.
 struct Run<'a, S> {
     frame: &'a Frame,
@@ -97,7 +94,7 @@ impl Pass {
             coarser: Coarser::new(geometry),
             unfinished: None,
             taken: vec![0; geometry.len()],
-            scratch: Scratch::new(geometry),
+            scratch: Scratch::new(geometry.len()),
         }
     }
 
@@ -149,7 +146,8 @@ impl Pass {
             self.dequantise(frame, predictor, band, gains);
         }
         for plane in &mut self.decoded {
-            lifting::inverse(plane, &frame.geometry, level - 1, &mut self.scratch);
+            let geometry = &frame.geometry;
+            lifting::inverse(plane, geometry.width, geometry.sizes[level - 1], &mut self.scratch);
         }
     }
 
@@ -251,7 +249,12 @@ impl Pass {
                 }
             }
             for level in (0..geometry.levels).rev() {
-                lifting::inverse(&mut self.taken, geometry, level, &mut self.scratch);
+                lifting::inverse(
+                    &mut self.taken,
+                    geometry.width,
+                    geometry.sizes[level],
+                    &mut self.scratch,
+                );
             }
             for (to, taken) in decoded.iter_mut().zip(&self.taken) {
                 *to = to.wrapping_sub(*taken);

@@ -46,7 +46,7 @@ impl RenderBands {
         colour::to_planes(pixel, [a, b, c]);
         for (plane, low) in self.planes.iter_mut().zip(&mut self.low) {
             for level in 0..geometry.levels {
-                lifting::forward(plane, geometry, level, scratch);
+                lifting::forward(plane, geometry.width, geometry.sizes[level], scratch);
                 let (width, height) = geometry.sizes[level + 1];
                 let rows = plane.chunks(geometry.width).take(height);
                 for (to, row) in low[level + 1].chunks_mut(width.max(1)).zip(rows) {

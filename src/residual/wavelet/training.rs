@@ -1,6 +1,6 @@
 //! What training the tables needs: the inputs and outcomes of a coded frame.
 
-use super::encoder::LAMBDA;
+use super::fineness::LAMBDA;
 use super::{Step, WaveletEncoder};
 use crate::coder_tables::Tables;
 use crate::coder_tables::networks::{MAGNITUDE_INPUTS, SIGN_INPUTS};

@@ -3,10 +3,11 @@
 use crate::vulkan::Error;
 use crate::{Picture, Pose};
 
+use super::super::Found;
 use super::super::gauss_newton::Schedule;
 use super::super::{GaussNewtonOptions, Hint, StartKind};
 use super::judgement::PARTLY;
-use super::{Found, SURE, Tracker};
+use super::state::{SURE, Tracker};
 
 /// Hypotheses that a cold start follows. One is enough: it reached the optimum from each of 200 starts off by up to 10°
 /// and 0.3 units. Each further one costs a coarse render and more.

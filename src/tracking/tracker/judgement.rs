@@ -5,9 +5,10 @@ use crate::Pose;
 use crate::render::Correction;
 use crate::vulkan::Error;
 
+use super::super::Found;
 use super::super::gauss_newton::Schedule;
 use super::super::{Agreement, Outcome, StartKind};
-use super::{Found, Tracker};
+use super::state::Tracker;
 
 /// If the light differs by less than this, it is not corrected again.
 const LIGHT: f32 = 0.03;
@@ -22,8 +23,6 @@ pub(super) const PARTLY: f64 = 0.6;
 /// If a frame has less of the render's fine detail than this, it is blurred. Sharp frames have 0.8 and more; frames
 /// blurred by a Gaussian of 2 pixels have 0.2 and less.
 const BLURRED: f64 = 0.4;
-/// The finest level at which blurred frames are searched: half the size.
-const FINEST_BLURRED: usize = 1;
 /// A search counts as better than another if its score is higher by more.
 const BETTER: f64 = 0.01;
 /// If less agrees at a proposed pose, masks would leave only what agrees by chance.
@@ -165,23 +164,6 @@ impl Tracker {
         let changes = told && self.blurred != (agreement.sharpness < BLURRED);
         self.blurred ^= changes;
         changes
-    }
-
-    /// A schedule for the frame's sharpness. Detail that a blurred frame lacks would pull the camera away from the
-    /// scene. So the finest level only measures the error.
-    pub(super) fn at_sharpness(&self, schedule: &Schedule) -> Schedule {
-        let Schedule { first_level, follow_level, .. } = *schedule;
-        if !self.blurred {
-            return *schedule;
-        }
-        let levels = schedule.levels & !1 | 1 << FINEST_BLURRED;
-        let [first_level, follow_level] =
-            [first_level, follow_level].map(|l| l.max(FINEST_BLURRED));
-        // Most of the error is the lack of detail, so even steps that matter lower it by little.
-        let coarse_tolerance = 0.1 * schedule.tolerance;
-        let (coarse_leap, leap) = (0.0, 0.0);
-        let to_the_end = Schedule { coarse_tolerance, coarse_leap, leap, renders: 1, ..*schedule };
-        Schedule { first_level, follow_level, levels, ..to_the_end }
     }
 
     fn is_uneven(&self, agreement: &Agreement, most: f64) -> bool {

@@ -1,0 +1,144 @@
+//! Following the camera from the frames before.
+
+use crate::vulkan::Error;
+use crate::{Picture, Pose};
+
+#[cfg(feature = "paper")]
+use super::super::descent;
+use super::super::gauss_newton::Schedule;
+use super::super::{Found, Hint, Known, Optimizer, Outcome, StartKind};
+use super::afresh::disagrees;
+use super::judgement::MOSTLY;
+use super::state::Tracker;
+
+/// If the error at a search's start is below this many times the error at its end, the start was close. The next search
+/// then begins one level finer.
+const CLOSE: f64 = 1.3;
+/// If the ratio is above this, the next search begins one level coarser.
+const FAR: f64 = 2.0;
+/// If a frame's error is more than this many times that of the frame before, it is searched again from the coarsest
+/// level: its start may have been too far off for a fine level.
+const WORSE: f64 = 1.15;
+/// Going back along directions that the picture does not determine may multiply the error by this at most.
+const SETTLED: f64 = 1.01;
+
+impl Tracker {
+    /// Finds the pose of a frame; `None` if there is neither a frame before, nor a hint, nor a key frame
+    /// that looks like it.
+    ///
+    /// # Panics
+    /// If the frame has not the camera's size.
+    pub fn track(&mut self, frame: &Picture, known: &Known) -> Result<Option<Found>, Error> {
+        self.objective.set_frame(frame);
+        self.starts.set_time(known.time);
+        match self.options.optimizer {
+            Optimizer::GaussNewton => self.search(frame, known),
+            #[cfg(feature = "paper")]
+            _ => self.descend(known.hint.map(|hint| hint.pose)),
+        }
+    }
+
+    /// Gauss–Newton on the device.
+    fn search(&mut self, frame: &Picture, known: &Known) -> Result<Option<Found>, Error> {
+        let hint = known.hint.map(|hint| self.brought_up(hint));
+        let schedule = self.options.gauss_newton.warm;
+        let mut warm = if self.masked { self.follow_masked()? } else { None };
+        if warm.is_none()
+            && let Some(found) = self.follow(frame, &schedule)?
+        {
+            let found = self.judged(found)?;
+            warm = Some(self.with_masks(found, MOSTLY)?);
+        }
+        if let Some(found) = warm
+            && (self.settles(&found) || (!found.agreement.tells && !self.lost(found.outcome.mse)))
+        {
+            let found = match hint {
+                Some(hint) if disagrees(&hint, &found) => self.heard(frame, found, &hint)?,
+                _ => found,
+            };
+            return self.settled(found).map(Some);
+        }
+        let found = self.look_afresh(frame, warm, hint.as_ref())?;
+        found.map(|found| self.settled(found)).transpose()
+    }
+
+    /// Moves a hint on by the camera's motion since it was taken, if that motion is known.
+    fn brought_up(&self, hint: Hint) -> Hint {
+        match self.starts.motion_of(hint.age) {
+            Some(motion) => Hint { pose: hint.pose.stepped(&motion), age: 0.0, ..hint },
+            None => hint,
+        }
+    }
+
+    /// Searches from the frames before, beginning at the level that was enough for the last one. If
+    /// the error comes out worse, searches again from the coarsest level, or, if it began there, from
+    /// the poses that phase correlation proposes. `None` if there are no frames before.
+    fn follow(&mut self, frame: &Picture, schedule: &Schedule) -> Result<Option<Found>, Error> {
+        let Some((pose, start)) = self.starts.near() else { return Ok(None) };
+        let coarsest = schedule.first_level.max(schedule.far_level);
+        let first = match start {
+            StartKind::Predicted => self.level.clamp(schedule.first_level, coarsest),
+            // The motion between two frames is still unknown.
+            _ => coarsest,
+        };
+        let at = |level| Schedule { first_level: level, follow_level: level, ..*schedule };
+        let mut found = Found { start, ..self.from(&[pose], &at(first))? };
+        if start == StartKind::Predicted {
+            let ratio = found.first_mse / found.outcome.mse;
+            self.level = match ratio {
+                _ if ratio < CLOSE => first.saturating_sub(1),
+                _ if ratio > FAR => first + 1,
+                _ => first,
+            };
+        }
+        let limit = self.error.map_or(f64::INFINITY, |before| WORSE * before);
+        let worse = |found: &Found| found.outcome.mse > limit;
+        if first < coarsest && worse(&found) {
+            self.level = coarsest;
+            found = found.or_last(Found { start, ..self.from(&[pose], &at(coarsest))? });
+        }
+        if worse(&found) {
+            // A new object may draw the search away from the scene.
+            let cold = self.options.gauss_newton.cold;
+            let proposed = self.search_cold(frame, &pose, &cold, schedule)?;
+            found = found.or_last(Found { start, ..proposed });
+        }
+        Ok(Some(found))
+    }
+
+    /// Takes back the motion along directions that the picture does not determine, if that costs nothing. Noise caused
+    /// that motion, and over many frames the pose would drift.
+    fn settled(&mut self, found: Found) -> Result<Found, Error> {
+        if found.observability.undetermined().next().is_none() {
+            return Ok(found);
+        }
+        let (pose, begun) = (found.outcome.pose, found.begun);
+        let motion = pose.after(&begun.inverse()).log();
+        let pose = begun.stepped(&found.observability.determined(&motion));
+        let (code, mse) = self.draw(&pose)?;
+        if !(mse <= SETTLED * found.outcome.mse) {
+            return Ok(Found { drawn: None, ..found });
+        }
+        let outcome = Outcome { pose, mse, ..found.outcome };
+        Ok(Found { outcome, drawn: Some(code), ..found })
+    }
+
+    /// The gradient methods, led by the host.
+    #[cfg(feature = "paper")]
+    fn descend(&mut self, external: Option<Pose>) -> Result<Option<Found>, Error> {
+        let (objective, options) = (&mut self.objective, &self.options);
+        let begin = descent::choose_start(&self.starts, objective, external, self.threshold)?;
+        let Some(start) = begin else { return Ok(None) };
+        let outcome = descent::minimise(objective, &start.pose, options)?;
+        let observability = *self.objective.observability();
+        let (code, mse) = self.draw(&outcome.pose)?;
+        let agreement = self.agreement();
+        Ok(Some(Found {
+            drawn: Some(code),
+            observability,
+            certain: agreement.confirms(),
+            agreement,
+            ..Found::from_start(&start, Outcome { mse, ..outcome })
+        }))
+    }
+}
