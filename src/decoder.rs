@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use crate::packet::{Latent, Reference, RenderCheck, Residual, Salvage, Session};
+use crate::packet::{Latent, Parsed, Reference, RenderCheck, Residual, Salvage, Session};
 use crate::render::{Plan, Renderer, Scene};
 use crate::residual::{ResidualDecoder, StreamFrame, Vantage};
-use crate::{Camera, Engine, Error, Packet, Picture, Pose};
+use crate::{Camera, Engine, Error, Picture, Pose};
 
 /// A decoded frame.
 #[derive(Debug, Default)]
@@ -120,22 +120,17 @@ impl Decoder {
     }
 
     /// The picture size of a packet, if decoding it takes memory: if it is not that of the packet before. `None` also
-    /// if the packet is damaged or its camera not known.
-    pub fn size_to_prepare(&self, bytes: &[u8]) -> Option<(u32, u32)> {
-        let Salvage { latent, camera, .. } = Packet::salvage(bytes).ok()?;
-        let camera = match camera {
-            Ok(Some(camera)) => camera,
-            _ => *self.camera_of(&latent)?,
-        };
+    /// if its camera is not known.
+    pub fn size_to_prepare(&self, packet: &Parsed) -> Option<(u32, u32)> {
+        let camera = self.camera_told(packet)?;
         let ready = self.camera_decoder.as_ref().is_some_and(|view| view.camera == camera);
         (!ready).then_some((camera.width, camera.height))
     }
 
     /// The picture size of a packet, if it is the first of a stream from a camera: decoding it then takes memory for the
-    /// frames that others lean on. `None` also as for [`Decoder::size_to_prepare`].
-    pub fn stream_to_prepare(&self, bytes: &[u8]) -> Option<(u32, u32)> {
-        let Salvage { latent, camera, residual, residual_start, .. } =
-            Packet::salvage(bytes).ok()?;
+    /// reference frames. `None` also as for [`Decoder::size_to_prepare`].
+    pub fn stream_to_prepare(&self, packet: &Parsed) -> Option<(u32, u32)> {
+        let Salvage { residual, residual_start, .. } = packet.parts();
         let is_stream = match residual {
             Ok(residual) => matches!(residual, Residual::Stream { .. }),
             Err(_) => residual_start.is_some_and(|start| start.reference.is_some()),
@@ -143,12 +138,18 @@ impl Decoder {
         if !is_stream {
             return None;
         }
-        let camera = match camera {
-            Ok(Some(camera)) => camera,
-            _ => *self.camera_of(&latent)?,
-        };
+        let camera = self.camera_told(packet)?;
         let ready = |view: &CameraDecoder| view.camera == camera && !view.depths.is_empty();
         (!self.camera_decoder.as_ref().is_some_and(ready)).then_some((camera.width, camera.height))
+    }
+
+    /// The camera that a packet tells, or that it names.
+    fn camera_told(&self, packet: &Parsed) -> Option<Camera> {
+        let Salvage { latent, camera, .. } = packet.parts();
+        match camera {
+            Ok(Some(camera)) => Some(*camera),
+            _ => self.camera_of(latent).copied(),
+        }
     }
 
     /// Goes on with another engine, after the device of the old one was lost. `scene` is the same
@@ -195,7 +196,18 @@ impl Decoder {
         trust: Trust,
         decoded: &mut Decoded,
     ) -> Result<(), Error> {
-        let mut salvage = Packet::salvage(bytes)?;
+        self.decode_parsed(&Parsed::of(bytes)?, bytes, trust, decoded)
+    }
+
+    /// As [`Decoder::decode_into`], for bytes that were read before.
+    pub fn decode_parsed(
+        &mut self,
+        packet: &Parsed,
+        bytes: &[u8],
+        trust: Trust,
+        decoded: &mut Decoded,
+    ) -> Result<(), Error> {
+        let mut salvage = packet.salvage(bytes);
         let latent = salvage.latent;
         latent.check_prior(self.scene.id())?;
         if let Session::Stated { width, height, .. } = latent.session {
@@ -252,7 +264,7 @@ impl Decoder {
     /// # Errors
     /// If its latent part is damaged.
     pub fn pose_of(&self, packet: &[u8]) -> Result<(Pose, bool), Error> {
-        let latent = Packet::salvage(packet)?.latent;
+        let latent = Latent::decode(packet)?;
         Ok((latent.pose.dequantise(&self.scene.frame()), !latent.uncertain))
     }
 

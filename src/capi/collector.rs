@@ -6,7 +6,6 @@ use std::ptr::null_mut;
 use crate::modem::{Collected, CollectedPacket, Collector, CollectorOptions};
 
 use super::handle::{Handle, Opaque, fence};
-use super::image::{slice, slice_mut};
 use super::limits::SMALL;
 use super::log::Log;
 use super::memory::Grant;
@@ -14,6 +13,7 @@ use super::modem::{
     NVSP_EVENT_COMPLETE, NVSP_EVENT_DAMAGED, NVSP_EVENT_DUPLICATE, NVSP_EVENT_GROWN,
     NVSP_EVENT_KEPT,
 };
+use super::slices::{slice, slice_mut};
 use super::status::*;
 use super::structs::{Out, number, read, versioned};
 

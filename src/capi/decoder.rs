@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 use std::time::Duration;
 
-use crate::packet::{LONGEST_LATENT, Latent, PacketError, PoseProfile, Session};
+use crate::packet::{LONGEST_LATENT, Latent, PacketError, Parsed, PoseProfile, Session};
 use crate::prior::PriorFrame;
 use crate::{Decoded, Decoder, Picture, Trust, packet_bound};
 
@@ -12,6 +12,7 @@ use super::handle::{Handle, Opaque};
 use super::image::{self, nvsp_camera, nvsp_picture, nvsp_pose};
 use super::limits::Limits;
 use super::prior::{PriorContent, nvsp_prior};
+use super::slices;
 use super::status::*;
 use super::structs::{Out, versioned};
 use super::worker::Worker;
@@ -39,6 +40,8 @@ impl Opaque for nvsp_decoder {
 pub(super) struct Core {
     decoder: Decoder,
     packet: Vec<u8>,
+    /// The packet as it was read, or why it cannot be.
+    parsed: Result<Parsed, PacketError>,
     trust: Trust,
     decoded: Decoded,
     /// What nvsp_decoder_draw drew last.
@@ -166,6 +169,7 @@ pub unsafe extern "C" fn nvsp_decoder_create(
             let core = Core {
                 decoder: decoder_made,
                 packet: Vec::new(),
+                parsed: Parsed::of(&[]),
                 trust: Trust::Whole,
                 decoded: Decoded::default(),
                 drawn: Picture::default(),
@@ -456,7 +460,7 @@ pub unsafe extern "C" fn nvsp_decode_header(
     // SAFETY: as the caller promises.
     let read = || unsafe {
         let out = Out::required(header)?;
-        let latent = match Latent::decode(image::slice(packet, size, "packet")?) {
+        let latent = match Latent::decode(slices::slice(packet, size, "packet")?) {
             Err(PacketError::Version(version)) => {
                 let wire_version = version.into();
                 out.write(&nvsp_header { wire_version, ..std::mem::zeroed() });
@@ -506,7 +510,7 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
         },
         latent_bytes: latent.encoded_len() as u32,
         session,
-        wire_version: 1,
+        wire_version: latent.version().into(),
         reserved: 0,
         pose: match pose {
             Some(pose) => image::pose_out(&pose),
@@ -520,11 +524,13 @@ fn dropped(_: &mut Core) {}
 
 /// The job.
 fn decode(core: &mut Core) -> Result<(), Failure> {
-    let size = core.decoder.size_to_prepare(&core.packet);
-    let _memory = size.map(|size| core.limits.decoder(size)).transpose()?;
-    let size = core.decoder.stream_to_prepare(&core.packet);
-    let _stream = size.map(|size| core.limits.stream(size)).transpose()?;
-    Ok(core.decoder.decode_into(&core.packet, core.trust, &mut core.decoded)?)
+    let Core { decoder, packet, parsed, trust, decoded, limits, .. } = core;
+    let parsed = parsed.as_ref().map_err(|error| crate::Error::from(error.clone()))?;
+    let size = decoder.size_to_prepare(parsed);
+    let _memory = size.map(|size| limits.decoder(size)).transpose()?;
+    let size = decoder.stream_to_prepare(parsed);
+    let _stream = size.map(|size| limits.stream(size)).transpose()?;
+    Ok(decoder.decode_parsed(parsed, packet, *trust, decoded)?)
 }
 
 /// Takes a packet in.
@@ -546,11 +552,13 @@ unsafe fn prepare(
         return Err(Failure::null("packet"));
     }
     // SAFETY: as the caller promises; the slice ends with this call.
-    let packet = unsafe { image::slice(packet, size, "packet")? };
+    let packet = unsafe { slices::slice(packet, size, "packet")? };
     // No packet of its size is longer than this; what follows it is padding.
-    let size = Latent::decode(packet).ok().and_then(|latent| match latent.session {
+    core.parsed = Parsed::of(packet);
+    let latent = core.parsed.as_ref().ok().map(|parsed| &parsed.parts().latent);
+    let size = latent.and_then(|latent| match latent.session {
         Session::Stated { width, height, .. } => Some((width, height)),
-        Session::Tagged(_) => core.decoder.camera_of(&latent).map(|c| (c.width, c.height)),
+        Session::Tagged(_) => core.decoder.camera_of(latent).map(|c| (c.width, c.height)),
     });
     let longest = size.map_or(0, |(width, height)| packet_bound(width, height));
     let longest = longest.max(LONGEST_LATENT);

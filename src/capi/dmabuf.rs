@@ -4,13 +4,13 @@
 //! ioctls that keep the CPU's caches true. That works with every exporter whose buffers can be mapped, and asks nothing of
 //! the Vulkan device.
 
-use std::fmt;
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
 use std::ptr::null_mut;
 use std::sync::Arc;
 
 use super::engine::nvsp_engine;
 use super::handle::{Handle, Opaque};
+use super::modifier::Modifier;
 use super::status::*;
 
 /// A DMA-BUF that frames are read from; import each buffer of a camera's ring once. Any number of threads may use it at
@@ -194,30 +194,6 @@ pub(super) unsafe fn planes<'a>(places: &Places, count: usize) -> Result<Planes<
         }
     }
     Ok((planes, readings))
-}
-
-/// A layout of pixels that only its maker's hardware reads: a DRM format modifier.
-#[derive(Debug)]
-pub(super) struct Modifier(pub u64);
-
-impl fmt::Display for Modifier {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let owner = match self.0 >> 56 {
-            _ if self.0 == 0x00ff_ffff_ffff_ffff => "DRM_FORMAT_MOD_INVALID, an unknown layout",
-            0x01 => "a layout of Intel's",
-            0x02 => "a layout of AMD's",
-            0x03 => "a layout of NVIDIA's, such as block-linear",
-            0x04 => "a layout of Samsung's",
-            0x05 => "a layout of Qualcomm's",
-            0x06 => "a layout of Vivante's",
-            0x07 => "a layout of Broadcom's",
-            0x08 => "a layout of Arm's, such as AFBC",
-            0x09 => "a layout of Allwinner's",
-            0x0a => "a layout of Amlogic's",
-            _ => "an unknown layout",
-        };
-        write!(f, "modifier {:#018x}: {owner}", self.0)
-    }
 }
 
 /// Imports a DMA-BUF, to read frames from it without a copy. The rows of its pixels lie one after the other

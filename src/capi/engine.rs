@@ -215,7 +215,7 @@ unsafe fn open_options(options: &nvsp_engine_options) -> Result<OpenOptions, Fai
     }
     let (cache, size) = (options.pipeline_cache, options.pipeline_cache_size);
     // SAFETY: as the caller promises.
-    let cache = unsafe { super::image::slice(cache, size, "nvsp_engine_options.pipeline_cache")? };
+    let cache = unsafe { super::slices::slice(cache, size, "nvsp_engine_options.pipeline_cache")? };
     let mut pipeline_cache = Vec::new();
     let refused = |_| Failure::at(NVSP_ERR_MEMORY, "a copy of the pipeline cache");
     pipeline_cache.try_reserve_exact(cache.len()).map_err(refused)?;

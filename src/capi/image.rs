@@ -7,6 +7,7 @@ use crate::{Camera, Picture, Pose};
 
 use super::dmabuf::{self, Places, Reading, nvsp_dmabuf};
 use super::handle::fence;
+use super::slices::{slice, slice_mut};
 use super::status::*;
 use super::structs::{NVSP_ABI_VERSION, Out, read, versioned};
 
@@ -133,42 +134,6 @@ pub struct nvsp_pose {
     pub translation: [f64; 3],
 }
 versioned!(nvsp_pose, 64);
-
-/// The bytes at a pointer; an empty slice if `size` is 0.
-///
-/// # Safety
-/// `bytes` is null or has `size` bytes that nobody changes for as long as the slice is in use.
-pub(super) unsafe fn slice<'a>(
-    bytes: *const u8,
-    size: usize,
-    name: &'static str,
-) -> Result<&'a [u8], Failure> {
-    match (bytes.is_null(), size) {
-        (_, 0) => Ok(&[]),
-        (true, _) => Err(Failure::null(name)),
-        (false, size) if size > isize::MAX as usize => Err(Failure::argument(name)),
-        // SAFETY: as the caller promises.
-        (false, size) => Ok(unsafe { std::slice::from_raw_parts(bytes, size) }),
-    }
-}
-
-/// As [`slice()`], to write.
-///
-/// # Safety
-/// As for [`slice()`], and nobody reads the bytes either.
-pub(super) unsafe fn slice_mut<'a>(
-    bytes: *mut u8,
-    size: usize,
-    name: &'static str,
-) -> Result<&'a mut [u8], Failure> {
-    match (bytes.is_null(), size) {
-        (_, 0) => Ok(&mut []),
-        (true, _) => Err(Failure::null(name)),
-        (false, size) if size > isize::MAX as usize => Err(Failure::argument(name)),
-        // SAFETY: as the caller promises.
-        (false, size) => Ok(unsafe { std::slice::from_raw_parts_mut(bytes, size) }),
-    }
-}
 
 fn format(code: u32, field: &'static str) -> Result<PixelFormat, Failure> {
     match code {

@@ -9,7 +9,7 @@ use crate::{Camera, Error};
 
 use super::encoder::{Core, nvsp_encoder};
 use super::handle::{Handle, Opaque};
-use super::image::slice;
+use super::slices::slice;
 use super::status::*;
 use super::structs::{read, versioned};
 

@@ -8,41 +8,10 @@
 //!
 //! The allocator stands only in the C library, which cargo-c builds with `cfg(cargo_c)`. Rust programs choose their own.
 
-use std::ffi::c_void;
-
+use super::allocator::nvsp_allocator;
 use super::handle::fence;
 use super::status::*;
-use super::structs::{read, versioned};
-
-/// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on any
-/// thread, on several at once. It must not call the library, and must not unwind.
-#[allow(non_camel_case_types)]
-pub type nvsp_allocate_callback =
-    Option<unsafe extern "C" fn(user: *mut c_void, size: usize, alignment: usize) -> *mut c_void>;
-
-/// Takes a block back that nvsp_allocate_callback gave, with the size and alignment that it was asked for.
-#[allow(non_camel_case_types)]
-pub type nvsp_release_callback = Option<
-    unsafe extern "C" fn(user: *mut c_void, block: *mut c_void, size: usize, alignment: usize),
->;
-
-/// Where the library takes host memory from.
-#[allow(non_camel_case_types)]
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct nvsp_allocator {
-    /// Set by NVSP_INIT.
-    pub struct_size: u32,
-    /// Set by NVSP_INIT.
-    pub abi_version: u32,
-    /// Gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
-    pub allocate: nvsp_allocate_callback,
-    /// Takes it back.
-    pub release: nvsp_release_callback,
-    /// Passed to both as it is. What it points to must stay as long as the library is loaded.
-    pub user: *mut c_void,
-}
-versioned!(nvsp_allocator, 32);
+use super::structs::read;
 
 /// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles are
 /// destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.

@@ -4,6 +4,7 @@
 //! Every exported function checks its arguments, then does its work on safe types behind a fence: errors become
 //! status codes with a text, panics are caught, and nothing is written unless all of it succeeded.
 
+mod allocator;
 mod collector;
 mod decoder;
 mod device;
@@ -18,9 +19,11 @@ mod limits;
 mod log;
 mod memory;
 mod modem;
+mod modifier;
 mod pipelined;
 mod prior;
 mod sender;
+mod slices;
 mod status;
 mod structs;
 mod thread;

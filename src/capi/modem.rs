@@ -8,8 +8,8 @@ use crate::modem::{
 };
 
 use super::handle::{Handle, Opaque, fence};
-use super::image::{slice, slice_mut};
 use super::log::Log;
+use super::slices::{slice, slice_mut};
 use super::status::*;
 use super::structs::{Out, number, read, versioned};
 

@@ -230,7 +230,7 @@ pub unsafe extern "C" fn nvsp_prior_open_memory(
     // SAFETY: as the caller promises.
     unsafe {
         open(engine, options, prior, || {
-            Ok(Source::Memory(super::image::slice(bytes, size, "bytes")?))
+            Ok(Source::Memory(super::slices::slice(bytes, size, "bytes")?))
         })
     }
 }

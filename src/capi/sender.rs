@@ -8,10 +8,10 @@ use crate::modem::{
 };
 
 use super::handle::{Handle, Opaque};
-use super::image::{slice, slice_mut};
 use super::limits::SMALL;
 use super::log::Log;
 use super::memory::Grant;
+use super::slices::{slice, slice_mut};
 use super::status::*;
 use super::structs::{Out, number, read, versioned};
 

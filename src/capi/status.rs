@@ -9,7 +9,7 @@ use crate::prior::PriorError;
 use crate::residual::ResidualError;
 use crate::vulkan;
 
-use super::dmabuf::Modifier;
+use super::modifier::Modifier;
 
 /// What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
 #[allow(non_camel_case_types)]

@@ -112,6 +112,16 @@ impl Latent {
         }
     }
 
+    /// Version of the wire format, as the first byte states it.
+    pub fn version(&self) -> u8 {
+        match (self.form(), self.portable) {
+            (Form::Full(_), true) => VERSION,
+            (Form::Full(_), false) => VERSION_NOT_PORTABLE,
+            (Form::Short, true) => VERSION_SHORT,
+            (Form::Short, false) => VERSION_SHORT_NOT_PORTABLE,
+        }
+    }
+
     /// Whether it is written in the short form.
     pub fn is_short(&self) -> bool {
         self.form() == Form::Short
@@ -153,13 +163,7 @@ impl Latent {
             | if follows.camera { FLAG_CAMERA } else { 0 }
             | if follows.render { FLAG_RENDER } else { 0 }
             | follows.residual << 4;
-        let version = match (form, self.portable) {
-            (Form::Full(_), true) => VERSION,
-            (Form::Full(_), false) => VERSION_NOT_PORTABLE,
-            (Form::Short, true) => VERSION_SHORT,
-            (Form::Short, false) => VERSION_SHORT_NOT_PORTABLE,
-        };
-        bytes.extend_from_slice(&[MAGIC << 4 | version, flags]);
+        bytes.extend_from_slice(&[MAGIC << 4 | self.version(), flags]);
         match self.session {
             Session::Stated { prior, width, height, camera_tag } => {
                 bytes.extend_from_slice(&to_u24(self.frame));

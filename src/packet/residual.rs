@@ -127,6 +127,26 @@ pub enum Residual<'a> {
     },
 }
 
+impl<'a> Residual<'a> {
+    /// The payload; empty if there is none.
+    pub(super) fn payload(&self) -> &'a [u8] {
+        match *self {
+            Residual::None | Residual::Omitted => &[],
+            Residual::Coded { payload, .. } | Residual::Stream { payload, .. } => payload,
+        }
+    }
+
+    /// The same with another payload.
+    pub(super) fn with_payload<'b>(self, payload: &'b [u8]) -> Residual<'b> {
+        match self {
+            Residual::None => Residual::None,
+            Residual::Omitted => Residual::Omitted,
+            Residual::Coded { coder, .. } => Residual::Coded { coder, payload },
+            Residual::Stream { reference, .. } => Residual::Stream { reference, payload },
+        }
+    }
+}
+
 /// The start of a coded difference picture whose end is missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ResidualStart<'a> {

@@ -476,7 +476,8 @@ proptest! {
         for version in [0xB1, 0xB4, 0xB7] {
             let start = [version, bytes.first().copied().unwrap_or(0)];
             let bytes = [&start, &bytes[..]].concat();
-            let _ = Packet::salvage(&bytes);
+            let (salvage, parsed) = (Packet::salvage(&bytes), Parsed::of(&bytes));
+            prop_assert_eq!(salvage.map(|s| format!("{s:?}")), parsed.map(|p| format!("{:?}", p.salvage(&bytes))));
             let _ = Extent::read(&bytes);
             prop_assert!(sound_len(&bytes) <= bytes.len());
         }
@@ -492,7 +493,10 @@ proptest! {
         let follows = Follows { camera, render, residual };
         latent(PoseProfile::Compact).write(&follows, &mut bytes).unwrap();
         bytes.extend(tail);
-        prop_assert!(Packet::salvage(&bytes).is_ok());
+        let salvage = format!("{:?}", Packet::salvage(&bytes).unwrap());
+        let parsed = Parsed::of(&bytes).unwrap();
+        prop_assert_eq!(salvage, format!("{:?}", parsed.salvage(&bytes)));
+        let _ = parsed.salvage(&bytes[..31]);
         let _ = Extent::read(&bytes);
         prop_assert!((31..=bytes.len()).contains(&sound_len(&bytes)));
     }

@@ -6,7 +6,7 @@ use std::mem::transmute;
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
-use crate::capi::memory::nvsp_allocator;
+use crate::capi::allocator::nvsp_allocator;
 
 type Allocate = unsafe extern "C" fn(*mut c_void, usize, usize) -> *mut c_void;
 type Release = unsafe extern "C" fn(*mut c_void, *mut c_void, usize, usize);

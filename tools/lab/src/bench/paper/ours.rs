@@ -1,6 +1,7 @@
 //! The program's own coder and search, with packets as they are sent.
 
 use anyhow::Context as _;
+use nvsprior::packet::Parsed;
 use nvsprior::{Decoder, EncoderOptions, Known, Mode, Pose};
 
 use super::coders::Method;
@@ -87,7 +88,7 @@ pub fn packets(
         encoder.set_camera(&shot.camera).with_context(encoding)?;
         let encoded = encoder.encode(&shot.picture, starts.known(index, shot));
         let encoded = encoded.with_context(encoding)?;
-        if decoder.size_to_prepare(&encoded.packet).is_some() {
+        if decoder.size_to_prepare(&Parsed::of(&encoded.packet)?).is_some() {
             // Not counted: the first picture of a camera waits for its pipelines.
             decoder.decode(&encoded.packet)?;
         }
