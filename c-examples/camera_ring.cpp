@@ -138,11 +138,14 @@ bool encode(nvsp_encoder *encoder, const nvsp_camera &camera, const nvsp_pose &s
     for (const Nv12 *frame; (frame = ring.take()) != nullptr; encoded++) {
         const nvsp_image image = frame->image();
         const double waited = milliseconds(Clock::now() - frame->taken);
+        nvsp_frame_info info;
+        NVSP_INIT(&info);
+        info.hint = encoded == 0 ? &start : nullptr;
         nvsp_frame_stats stats;
         NVSP_INIT(&stats);
         size_t size = 0;
-        const nvsp_status status = nvsp_encode(encoder, &image, encoded == 0 ? &start : nullptr,
-                                               packet.data(), packet.size(), &size, &stats);
+        const nvsp_status status =
+            nvsp_encode(encoder, &image, &info, packet.data(), packet.size(), &size, &stats);
         if (status != NVSP_OK) {
             char text[512] = "";
             nvsp_encoder_last_error(encoder, text, sizeof text);

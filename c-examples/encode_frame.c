@@ -33,7 +33,10 @@ static size_t encode(nvsp_encoder *encoder, const ppm *frame, const nvsp_pose *s
     nvsp_frame_stats stats;
     NVSP_INIT(&stats);
     size_t written = 0;
-    const nvsp_status status = nvsp_encode(encoder, &image, start, packet, room, &written, &stats);
+    nvsp_frame_info info;
+    NVSP_INIT(&info);
+    info.hint = start;
+    const nvsp_status status = nvsp_encode(encoder, &image, &info, packet, room, &written, &stats);
     if (status != NVSP_OK) {
         char text[512] = "";
         nvsp_encoder_last_error(encoder, text, sizeof text);

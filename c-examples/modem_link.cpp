@@ -257,7 +257,10 @@ private:
             return status == NVSP_OK ? NVSP_ERR_FILE : status;
         }
         const nvsp_image image = ppm_image(&frame);
-        status = nvsp_encode_begin(encoder_.get(), &image, hint);
+        nvsp_frame_info info;
+        NVSP_INIT(&info);
+        info.hint = hint;
+        status = nvsp_encode_begin(encoder_.get(), &image, &info);
         std::free(frame.pixels);
         if (status != NVSP_OK) {
             return status;

@@ -414,7 +414,7 @@ typedef struct nvsp_dmabuf nvsp_dmabuf;
 
 // Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
 //
-//     if (nvsp_encode_begin(encoder, &image, hint) != NVSP_OK) return;
+//     if (nvsp_encode_begin(encoder, &image, &info) != NVSP_OK) return;
 //     while (nvsp_encode_poll(encoder) == NVSP_PENDING) steer();
 //     status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
 typedef struct nvsp_encoder nvsp_encoder;
@@ -841,6 +841,32 @@ typedef struct nvsp_image {
   size_t offsets[3];
 } nvsp_image;
 
+// What is known of a frame besides its image; all zero: nothing. Read during the call only.
+typedef struct nvsp_frame_info {
+  // Set by NVSP_INIT.
+  uint32_t struct_size;
+  // Set by NVSP_INIT.
+  uint32_t abi_version;
+  // A pose from sensors or an estimator; NULL: none. It is used if there is no certain pose of the frame before, and if
+  // it disagrees with that one by more than a tenth of the scene's depth or 6 degrees; the picture decides. On the
+  // scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104 starts each all were found. What is
+  // farther off costs time, not certainty. Beyond a million spreads of the prior it is refused.
+  const struct nvsp_pose *hint;
+  // How sure the hint is: the covariance of the small motion from the hint to the true pose. 36 values, row by row:
+  // translation along the camera's axes (the prior's unit), then turns about them (radians). Finite, symmetric and
+  // positive semidefinite. NULL: not stated.
+  const double *hint_covariance;
+  // Seconds from the time of the hint to the time of the frame; 0 or more.
+  double hint_age;
+  // When the frame was taken, seconds on a clock of yours. Used if `given` has NVSP_GIVEN_TIME. A later frame must
+  // not have an earlier time. After nvsp_encoder_reset any time is allowed again.
+  double time;
+  // NVSP_GIVEN_TIME, or 0.
+  uint32_t given;
+  // Zero.
+  uint32_t reserved;
+} nvsp_frame_info;
+
 // What encoding a frame took and gave.
 typedef struct nvsp_frame_stats {
   // Set by NVSP_INIT.
@@ -886,29 +912,6 @@ typedef struct nvsp_frame_stats {
   // How many frames before this one the frame came that its difference picture leans on; 0: it stands alone.
   uint32_t leans_on;
 } nvsp_frame_stats;
-
-// What is known of a frame besides its image; all zero: nothing. Read during the call only.
-typedef struct nvsp_frame_info {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // A pose from sensors or an estimator; NULL: none.
-  const struct nvsp_pose *hint;
-  // How sure the hint is: the covariance of the small motion from the hint to the true pose. 36 values, row by row:
-  // translation along the camera's axes (the prior's unit), then turns about them (radians). Finite, symmetric and
-  // positive semidefinite. NULL: not stated.
-  const double *hint_covariance;
-  // Seconds from the time of the hint to the time of the frame; 0 or more.
-  double hint_age;
-  // When the frame was taken, seconds on a clock of yours. Used if `given` has NVSP_GIVEN_TIME. A later frame must
-  // not have an earlier time. After nvsp_encoder_reset any time is allowed again.
-  double time;
-  // NVSP_GIVEN_TIME, or 0.
-  uint32_t given;
-  // Zero.
-  uint32_t reserved;
-} nvsp_frame_info;
 
 // A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if it
 // fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
@@ -999,8 +1002,8 @@ typedef struct nvsp_decoded {
   // alone. The start of a wavelet payload reaches all rows.
   uint32_t rows;
   // NVSP_OK, or what was wrong with a part of the packet that the picture does without:
-  // NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_REFERENCE (the frame that it leans on is missing) or
-  // NVSP_ERR_PACKET (the camera).
+  // NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_UNSUPPORTED (this library was built without its coder),
+  // NVSP_ERR_REFERENCE (its reference frame is missing) or NVSP_ERR_PACKET (the camera).
   nvsp_status damage;
   // The pose.
   struct nvsp_pose pose;
@@ -1803,11 +1806,11 @@ nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 
 // Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
-// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device. Uses the hint if the
-// frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
+// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device. Uses the hint in
+// `info` if the frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
 // from the second frame on, unless a view of the prior needs more room on the device than any before it.
 //
-// The same frames, poses and calls give the same packets, byte for byte, on the same device and
+// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls give the same packets, byte for byte, on the same device and
 // driver.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
@@ -1819,31 +1822,6 @@ size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known. It is used if there is no
-//   certain pose of the frame before, and if it disagrees with that one by more than a tenth of the scene's depth or 6
-//   degrees; the picture decides. On the scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104
-//   starts each all were found. What is farther off costs time, not certainty. Beyond a million spreads of the prior it
-//   is refused.
-// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
-NVSP_CHECKED
-nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
-                        const struct nvsp_image *image,
-                        const struct nvsp_pose *hint,
-                        uint8_t *packet,
-                        size_t size,
-                        size_t *written,
-                        struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
-
-// As nvsp_encode, but takes all that is known of the frame in place of the hint.
-//
-// Fails as nvsp_encode does; the text of NVSP_ERR_ARGUMENT names the field of `info`.
-//
-// Parameters:
-// - `encoder`: a live encoder. Not NULL.
-// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
 // - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
 //   call. NULL: nothing is known.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
@@ -1851,13 +1829,13 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
 // - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 // - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 NVSP_CHECKED
-nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
-                              const struct nvsp_image *image,
-                              const struct nvsp_frame_info *info,
-                              uint8_t *packet,
-                              size_t size,
-                              size_t *written,
-                              struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
+nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
+                        const struct nvsp_image *image,
+                        const struct nvsp_frame_info *info,
+                        uint8_t *packet,
+                        size_t size,
+                        size_t *written,
+                        struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
 
 // Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that it
 // was given and reads the image: it converts it to RGB and scales it to the camera's size. The first such call starts
@@ -1876,7 +1854,7 @@ nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
 // third frame. Example, which is always one packet behind:
 //
 //     while (next_image(&image)) {
-//         status = nvsp_encode_begin(encoder, &image, NULL); /* the first with a hint */
+//         status = nvsp_encode_begin(encoder, &image, NULL); /* the first with a hint in place of NULL */
 //         if (status == NVSP_OK && ++begun == 2) {
 //             while (nvsp_encode_wait(encoder, 20) == NVSP_PENDING) steer();
 //             status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
@@ -1884,31 +1862,17 @@ nvsp_status nvsp_encode_frame(struct nvsp_encoder *encoder,
 //         }
 //     }
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
 // NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
+// - `info`: as for nvsp_encode.
 NVSP_CHECKED
 nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
-                              const struct nvsp_pose *hint) NVSP_NONNULL(1, 2);
-
-// As nvsp_encode_begin, but takes all that is known of the frame in place of the hint.
-//
-// Fails as nvsp_encode_begin does, and with NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
-//
-// Parameters:
-// - `encoder`: a live encoder. Not NULL.
-// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
-//   call. NULL: nothing is known.
-NVSP_CHECKED
-nvsp_status nvsp_encode_begin_frame(struct nvsp_encoder *encoder,
-                                    const struct nvsp_image *image,
-                                    const struct nvsp_frame_info *info) NVSP_NONNULL(1, 2);
+                              const struct nvsp_frame_info *info) NVSP_NONNULL(1, 2);
 
 // Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
 // waits.

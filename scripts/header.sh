@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 # One source in the header's order, so that cbindgen sees only what is exported.
 source=$(mktemp --suffix=.rs)
 trap 'rm -f "$source"' EXIT
-for part in structs version status log thread allocator memory device vulkan engine prior dmabuf image frame encoder lens decoder modem sender collector; do
+for part in structs version status log thread allocator memory device vulkan engine prior dmabuf image frame encoding encoder lens decoder modem sender collector; do
     sed '/^\/\/!/d' "src/capi/$part.rs"
 done > "$source"
 cbindgen --quiet --config cbindgen.toml "$source" |

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::frame_work::{FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
 use crate::packet::{
     CAMERA_PART_LEN, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN, SHORT_LATENT_LEN,
@@ -11,7 +12,6 @@ use crate::render::{Plan, Scene};
 use crate::residual::{
     Acknowledged, Interest, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Vantage,
 };
-use crate::tracked_frame::{TrackedFrame, TrackedStream};
 use crate::tracking::{Evaluation, Found, Known, Objective, Optimizer, RefineOptions, Tracker};
 use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
 
@@ -92,7 +92,7 @@ pub struct Encoder {
     /// Treats frames as the prior's pictures were.
     preprocessor: Preprocessor,
     residual: ResidualEncoder,
-    tracked: TrackedFrame,
+    work: FrameWork,
     /// Renders by level before the frame.
     renders_before: Vec<u32>,
     frame: u32,
@@ -138,7 +138,7 @@ impl Encoder {
                 options.residual,
             )),
             options,
-            tracked: TrackedFrame::default(),
+            work: FrameWork::default(),
             renders_before: Vec::new(),
             camera_age: None,
             full_due: true,
@@ -259,84 +259,95 @@ impl Encoder {
         known: impl Into<Known>,
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
-        let known = known.into();
-        let mut tracked = std::mem::take(&mut self.tracked);
-        let done = self.track(frame, &known, &mut tracked).and_then(|found| {
-            tracked.encode(&mut self.residual, encoded)?;
-            self.keep(&tracked, &found, &known);
-            Ok(())
-        });
-        self.tracked = tracked;
+        self.check_frame(frame)?;
+        let mut work = std::mem::take(&mut self.work);
+        work.frame.clone_from(frame);
+        work.known = known.into();
+        std::mem::swap(&mut work.encoded, encoded);
+        let done = self.encode_filled(&mut work);
+        std::mem::swap(&mut work.encoded, encoded);
+        self.work = work;
         done
+    }
+
+    /// As [`Encoder::encode_into`], for a frame that was filled in.
+    pub(crate) fn encode_filled(&mut self, work: &mut FrameWork) -> Result<(), Error> {
+        let found = self.track(work)?;
+        work.code(&mut self.residual)?;
+        self.keep(work, &found);
+        Ok(())
     }
 
     /// The last frame that [`encode`](Self::encode) searched a pose for, as it was treated. Its masked pixels show the
     /// render. It is empty before the first frame, and not kept in a [`Pipeline`](crate::Pipeline).
     pub fn treated_frame(&self) -> &Picture {
-        &self.tracked.frame
+        &self.work.frame
     }
 
-    /// The first half of a frame: finds its pose and draws it. The next frame goes on from there.
+    /// Takes a frame, and does the first half of it: see [`Encoder::track_filled`].
     pub(crate) fn track_next(
         &mut self,
         frame: &Picture,
-        known: &Known,
-        tracked: &mut TrackedFrame,
+        known: Known,
+        work: &mut FrameWork,
     ) -> Result<(), Error> {
-        let found = self.track(frame, known, tracked)?;
-        self.keep(tracked, &found, known);
+        self.check_frame(frame)?;
+        work.frame.clone_from(frame);
+        work.known = known;
+        self.track_filled(work)
+    }
+
+    /// The first half of a frame that was filled in: finds its pose and draws it. The next frame goes on from there.
+    pub(crate) fn track_filled(&mut self, work: &mut FrameWork) -> Result<(), Error> {
+        let found = self.track(work)?;
+        self.keep(work, &found);
         Ok(())
     }
 
     /// Treats a frame, finds its pose and draws it. Changes nothing that the next frame goes on from.
-    fn track(
-        &mut self,
-        frame: &Picture,
-        known: &Known,
-        tracked: &mut TrackedFrame,
-    ) -> Result<Found, Error> {
+    fn track(&mut self, work: &mut FrameWork) -> Result<Found, Error> {
         let since = Instant::now();
-        self.check_frame(frame)?;
-        self.check_known(known)?;
+        self.check_frame(&work.frame)?;
+        let known = work.known;
+        self.check_known(&known)?;
         self.renders_before.clear();
         self.renders_before.extend_from_slice(self.tracker.objective().renderer().renders());
         let short = self.short_next();
         let profile = if short { PoseProfile::Short } else { self.options.profile };
         self.tracker.set_profile(profile.word());
-        tracked.frame.clone_from(frame);
-        tracked.mask.clone_from(&self.mask);
-        tracked.interest.clone_from(&self.interest);
-        self.preprocessor.apply_by(&mut tracked.frame, self.mask.as_deref());
+        work.mask.clone_from(&self.mask);
+        work.interest.clone_from(&self.interest);
+        self.preprocessor.apply_by(&mut work.frame, self.mask.as_deref());
         if let Some(mask) = &self.mask {
-            mask.level_out(&mut tracked.frame);
+            mask.level_out(&mut work.frame);
         }
-        let found = self.tracker.track(&tracked.frame, known)?;
+        let found = self.tracker.track(&work.frame, &known)?;
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
-        self.set_stream(&pose, tracked);
+        self.set_stream(&pose, work);
         let lost_frames = self.lost_frames_with(&found);
         let camera = self.camera_due().then_some(self.camera);
-        tracked.checked = self.check_due();
-        tracked.residual = Some(self.residual_setup());
+        work.has_render_check = self.check_due();
+        work.residual = Some(self.residual_setup());
         let renderer = self.tracker.objective().renderer();
-        tracked.render.resize(frame.width, frame.height);
-        tracked.render.data.copy_from_slice(renderer.rendered());
+        work.render.resize(self.camera.width, self.camera.height);
+        work.render.data.copy_from_slice(renderer.rendered());
         if let Some(mask) = &self.mask {
-            let render = &tracked.render.data;
+            let render = &work.render.data;
             let as_render = |at: usize, rgb: &mut [u8]| rgb.copy_from_slice(&render[at..at + 3]);
-            mask.each_masked(&mut tracked.frame.data, as_render);
+            mask.each_masked(&mut work.frame.data, as_render);
         }
-        tracked.pose = pose.dequantise(&self.scene.frame());
+        work.pose = pose.dequantise(&self.scene.frame());
         let latent = Latent {
             portable: self.engine.device().portable,
             ..Latent::new(self.frame, self.scene.id(), &self.camera, pose, !found.certain)?
         };
         let latent = if short { latent.shortened(self.scene.id(), &self.camera)? } else { latent };
-        tracked.latent = Some(latent);
-        tracked.camera = camera;
-        tracked.rate = self.options.rate;
+        work.latent = Some(latent);
+        work.camera = camera;
+        work.rate = self.options.rate;
 
-        let stats = &mut tracked.stats;
+        let stats = &mut work.stats;
         stats.renders.clear();
         let renders = renderer.renders().iter().zip(&self.renders_before);
         stats.renders.extend(renders.map(|(after, before)| after - before));
@@ -354,13 +365,13 @@ impl Encoder {
         Ok(found)
     }
 
-    /// States what the frame may lean on.
-    fn set_stream(&mut self, pose: &QuantisedPose, tracked: &mut TrackedFrame) {
+    /// States what the frame may be predicted from.
+    fn set_stream(&mut self, pose: &QuantisedPose, work: &mut FrameWork) {
         let renderer = self.tracker.objective().renderer();
-        tracked.depths.clear();
-        tracked.stream = match self.options.mode {
+        work.depths.clear();
+        work.stream = match self.options.mode {
             Mode::Stream(structure) if self.engine.device().portable => {
-                tracked.depths.extend(renderer.depths());
+                work.depths.extend(renderer.depths());
                 let placement = renderer.placed(&pose.words());
                 Some(TrackedStream {
                     vantage: Vantage { camera: self.camera, placement },
@@ -379,12 +390,12 @@ impl Encoder {
     }
 
     /// Keeps what the next frame goes on from.
-    fn keep(&mut self, tracked: &TrackedFrame, found: &Found, known: &Known) {
-        let sent = tracked.camera.is_some();
+    fn keep(&mut self, work: &FrameWork, found: &Found) {
+        let sent = work.camera.is_some();
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         (self.full_due, self.stream_ended) = (false, false);
         self.frame = self.frame.wrapping_add(1);
-        self.time = known.time.or(self.time);
+        self.time = work.known.time.or(self.time);
         self.tracker.keep(found);
     }
 

@@ -4,6 +4,7 @@ use crate::geometry::{CameraError, LensError};
 use crate::image::PixelError;
 use crate::packet::PacketError;
 use crate::prior::PriorError;
+use crate::queue::QueueError;
 use crate::residual::ResidualError;
 
 /// Anything that can fail, by the layer that failed.
@@ -141,9 +142,9 @@ pub enum Error {
     /// The system gives no thread for coding differences.
     #[error("no thread for coding differences: {0}")]
     Thread(String),
-    /// The coding thread of a pipeline has ended.
-    #[error("the thread that codes differences has ended")]
-    CoderGone,
+    /// A pipeline refuses a frame.
+    #[error(transparent)]
+    Queue(#[from] QueueError),
     /// A packet's camera was sent in an earlier packet that did not arrive.
     #[error("frame {frame}: its camera (tag {tag:#04x}) was sent in a packet that is missing")]
     CameraUnknown {

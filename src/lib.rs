@@ -49,8 +49,9 @@ mod encoded;
 mod encoder;
 mod engine;
 mod error;
+mod frame_work;
 mod pipeline;
-mod tracked_frame;
+mod queue;
 
 #[cfg(feature = "training")]
 use nvsprior_kernels::training;
@@ -66,5 +67,6 @@ pub use image::Picture;
 pub use packet::Packet;
 pub use pipeline::Pipeline;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
+pub use queue::QueueError;
 pub use residual::{Mode, Rate, Structure};
 pub use tracking::{Hint, Known};

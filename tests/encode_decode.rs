@@ -80,7 +80,7 @@ fn a_pipeline_gives_the_same_packets() {
     let encoder = || Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
     let mut alone = encoder();
     let start = |t: usize| (t == 0).then(|| pose(0.0).stepped(&OFFSET));
-    let mut pipeline = Pipeline::new(encoder()).unwrap();
+    let mut pipeline = Pipeline::new(encoder());
     let mut encoded = Encoded::default();
     let mut packets = Vec::new();
     for (t, frame) in frames.iter().enumerate() {
@@ -240,7 +240,7 @@ fn what_is_stated_of_a_frame_is_checked() {
     assert_eq!(encoder.trace().len(), before.len(), "no work was done");
     assert_eq!(encoder.encode(&frames[1], sound[1]).unwrap().packet, expected[1]);
 
-    let mut pipeline = Pipeline::new(encoder).unwrap();
+    let mut pipeline = Pipeline::new(encoder);
     let mut encoded = Encoded::default();
     let back = pipeline.push(&frames[1], at(None, 4.0), &mut encoded);
     assert!(matches!(back, Err(Error::FrameTimeBack { frame: 2, time: 4.0, before: 5.5 })));

@@ -215,7 +215,7 @@ fn a_pipeline_masks_as_the_encoder_does() {
     let mask = arm();
     let mut encoder = encoder(&engine, &scene, options);
     encoder.set_mask(Some(&mask)).unwrap();
-    let mut pipeline = Pipeline::new(encoder).unwrap();
+    let mut pipeline = Pipeline::new(encoder);
     let (mut encoded, mut found) = (Encoded::default(), Vec::new());
     for t in 0..3u32 {
         let truth = pose(t.into());

@@ -85,7 +85,7 @@ fn a_pipeline_treats_its_frames_too() {
     let raw = frames(&engine);
     let expected = encode(&engine, &scene, &raw, options());
     let encoder = Encoder::new(&engine, &scene, &CAMERA, options()).unwrap();
-    let mut pipeline = Pipeline::new(encoder).unwrap();
+    let mut pipeline = Pipeline::new(encoder);
     let mut encoded = Encoded::default();
     for (t, frame) in raw.iter().enumerate() {
         if pipeline.push(frame, Some(pose(t as f64)), &mut encoded).unwrap() {

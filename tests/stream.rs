@@ -298,7 +298,7 @@ fn only_acknowledged_frames_are_leaned_on() {
 
 #[test]
 fn a_pipeline_gives_the_same_packets() {
-    let mut pipeline = Pipeline::new(new_encoder(options(CHAIN))).unwrap();
+    let mut pipeline = Pipeline::new(new_encoder(options(CHAIN)));
     let mut encoded = Encoded::default();
     let mut packets = Vec::new();
     for (t, frame) in frames().iter().enumerate() {

@@ -1,11 +1,13 @@
 //! The decoder's handle, and packet headers.
 
 use std::ffi::c_char;
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use crate::packet::{LONGEST_LATENT, Latent, PacketError, Parsed, PoseProfile, Session};
 use crate::prior::PriorFrame;
-use crate::{Decoded, Decoder, Picture, Trust, packet_bound};
+use crate::queue::{Queue, QueueError};
+use crate::{Decoded, Decoder, Error, Picture, Trust, packet_bound};
 
 use super::engine::nvsp_engine;
 use super::handle::{Handle, Opaque};
@@ -15,7 +17,7 @@ use super::prior::{PriorContent, nvsp_prior};
 use super::slices;
 use super::status::*;
 use super::structs::{Out, versioned};
-use super::worker::Worker;
+use super::thread::{ThreadStart, spawner};
 
 /// Decodes packets, in any order. One thread at a time may use it. Example:
 ///
@@ -33,23 +35,72 @@ pub struct nvsp_decoder {
 }
 
 impl Opaque for nvsp_decoder {
-    type Content = Content;
+    type Content = Decoding;
 }
 
-/// What a decoder works on.
+/// A decoder with the packet under way.
+pub(super) struct Decoding {
+    core: Arc<Mutex<Core>>,
+    queue: Queue<PacketWork, Failure>,
+}
+
+/// What the packets of a decoder share.
 pub(super) struct Core {
     decoder: Decoder,
-    packet: Vec<u8>,
-    /// The packet as it was read, or why it cannot be.
-    parsed: Result<Parsed, PacketError>,
-    trust: Trust,
-    decoded: Decoded,
     /// What nvsp_decoder_draw drew last.
     drawn: Picture,
     limits: Limits,
 }
 
-type Content = Worker<Core>;
+/// A packet on its way. Buffers are kept from packet to packet.
+struct PacketWork {
+    bytes: Vec<u8>,
+    /// The packet as it was read, or why it cannot be.
+    parsed: Result<Parsed, PacketError>,
+    trust: Trust,
+    decoded: Decoded,
+}
+
+impl Decoding {
+    fn new(decoder: Decoder, limits: Limits, start: ThreadStart) -> Decoding {
+        let core = Core { decoder, drawn: Picture::default(), limits };
+        let core = Arc::new(Mutex::new(core));
+        let work = PacketWork {
+            bytes: Vec::new(),
+            parsed: Parsed::of(&[]),
+            trust: Trust::Whole,
+            decoded: Decoded::default(),
+        };
+        let own = core.clone();
+        let decode = move |work: &mut PacketWork| decode(&mut *locked(&own)?, work);
+        let spawn = spawner([c"nvsp-decoder"], start);
+        // If nobody takes a picture, nothing is lost: no other picture depends on it.
+        let queue = Queue::new(vec![Box::new(decode)], vec![work], Box::new(|| ()), spawn);
+        Decoding { core, queue }
+    }
+
+    /// Fails from the beginning of a packet until it is finished or cancelled.
+    fn core(&self) -> Result<MutexGuard<'_, Core>, Failure> {
+        self.queue.check_idle()?;
+        locked(&self.core)
+    }
+
+    fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
+        Ok(if self.queue.wait(timeout)? { NVSP_OK } else { NVSP_PENDING })
+    }
+
+    fn take(
+        &mut self,
+        fetch: impl FnOnce(&Decoded) -> Result<(), Failure>,
+    ) -> Result<nvsp_status, Failure> {
+        let taken = self.queue.take(|work| fetch(&work.decoded))?;
+        Ok(if taken { NVSP_OK } else { NVSP_PENDING })
+    }
+}
+
+fn locked(core: &Mutex<Core>) -> Result<MutexGuard<'_, Core>, Failure> {
+    core.lock().map_err(|_| QueueError::Poisoned.into())
+}
 
 /// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives it. If the
 /// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
@@ -90,8 +141,8 @@ pub struct nvsp_decoded {
     /// alone. The start of a wavelet payload reaches all rows.
     pub rows: u32,
     /// NVSP_OK, or what was wrong with a part of the packet that the picture does without:
-    /// NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_REFERENCE (the frame that it leans on is missing) or
-    /// NVSP_ERR_PACKET (the camera).
+    /// NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_UNSUPPORTED (this library was built without its coder),
+    /// NVSP_ERR_REFERENCE (its reference frame is missing) or NVSP_ERR_PACKET (the camera).
     pub damage: nvsp_status,
     /// The pose.
     pub pose: nvsp_pose,
@@ -166,19 +217,8 @@ pub unsafe extern "C" fn nvsp_decoder_create(
             let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
             let mut decoder_made = Decoder::new(&engine.engine, &scene);
             decoder_made.set_pixel_limit(engine.how.limits.frame_pixels);
-            let core = Core {
-                decoder: decoder_made,
-                packet: Vec::new(),
-                parsed: Parsed::of(&[]),
-                trust: Trust::Whole,
-                decoded: Decoded::default(),
-                drawn: Picture::default(),
-                limits: engine.how.limits,
-            };
-            *decoder = nvsp_decoder::address(Handle::boxed(
-                Worker::new(core, (decode, dropped), c"nvsp-decoder", engine.how.threads),
-                handle.log(),
-            ));
+            let decoding = Decoding::new(decoder_made, engine.how.limits, engine.how.threads);
+            *decoder = nvsp_decoder::address(Handle::boxed(decoding, handle.log()));
             Ok(NVSP_OK)
         })
     }
@@ -270,8 +310,9 @@ pub unsafe extern "C" fn nvsp_decode(
     unsafe {
         Handle::call(nvsp_decoder::handle(decoder), |content| {
             let out = Out::new(info)?;
-            content.run(|core| prepare(core, packet, size, flags))?;
-            content.take(|core| fetch(core, picture, &out))
+            let Decoding { core, queue } = &mut *content;
+            queue.run(|work| fill(&*locked(core)?, work, packet, size, flags))?;
+            content.take(|decoded| fetch(decoded, picture, &out))
         })
     }
 }
@@ -299,7 +340,8 @@ pub unsafe extern "C" fn nvsp_decode_begin(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_decoder::handle(decoder), |content| {
-            content.begin(|core| prepare(core, packet, size, flags))?;
+            let Decoding { core, queue } = &mut *content;
+            queue.begin(|work| fill(&*locked(core)?, work, packet, size, flags))?;
             Ok(NVSP_OK)
         })
     }
@@ -353,7 +395,7 @@ pub unsafe extern "C" fn nvsp_decode_finish(
     unsafe {
         Handle::call(nvsp_decoder::handle(decoder), |content| {
             let out = Out::new(info)?;
-            content.take(|core| fetch(core, picture, &out))
+            content.take(|decoded| fetch(decoded, picture, &out))
         })
     }
 }
@@ -368,7 +410,11 @@ pub unsafe extern "C" fn nvsp_decode_finish(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_cancel(decoder: *mut nvsp_decoder) -> nvsp_status {
     // SAFETY: as the caller promises.
-    unsafe { Handle::call(nvsp_decoder::handle(decoder), |content| content.cancel()) }
+    unsafe {
+        Handle::call(nvsp_decoder::handle(decoder), |content| {
+            Ok(if content.queue.cancel() { NVSP_OK } else { NVSP_PENDING })
+        })
+    }
 }
 
 /// Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a pose
@@ -519,31 +565,29 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
     }
 }
 
-/// Nobody takes the picture: nothing depends on it.
-fn dropped(_: &mut Core) {}
-
-/// The job.
-fn decode(core: &mut Core) -> Result<(), Failure> {
-    let Core { decoder, packet, parsed, trust, decoded, limits, .. } = core;
-    let parsed = parsed.as_ref().map_err(|error| crate::Error::from(error.clone()))?;
+/// The stage.
+fn decode(core: &mut Core, work: &mut PacketWork) -> Result<(), Failure> {
+    let (Core { decoder, limits, .. }, PacketWork { bytes, parsed, trust, decoded }) = (core, work);
+    let parsed = parsed.as_ref().map_err(|error| Error::from(error.clone()))?;
     let size = decoder.size_to_prepare(parsed);
     let _memory = size.map(|size| limits.decoder(size)).transpose()?;
     let size = decoder.stream_to_prepare(parsed);
     let _stream = size.map(|size| limits.stream(size)).transpose()?;
-    Ok(decoder.decode_parsed(parsed, packet, *trust, decoded)?)
+    Ok(decoder.decode_parsed(parsed, bytes, *trust, decoded)?)
 }
 
-/// Takes a packet in.
+/// Reads a packet and copies it to its slot.
 ///
 /// # Safety
 /// `packet` is null or has `size` bytes.
-unsafe fn prepare(
-    core: &mut Core,
+unsafe fn fill(
+    core: &Core,
+    work: &mut PacketWork,
     packet: *const u8,
     size: usize,
     flags: u32,
 ) -> Result<(), Failure> {
-    core.trust = match flags {
+    work.trust = match flags {
         0 => Trust::Whole,
         NVSP_DECODE_START => Trust::Start,
         _ => return Err(Failure::argument("flags")),
@@ -554,18 +598,18 @@ unsafe fn prepare(
     // SAFETY: as the caller promises; the slice ends with this call.
     let packet = unsafe { slices::slice(packet, size, "packet")? };
     // No packet of its size is longer than this; what follows it is padding.
-    core.parsed = Parsed::of(packet);
-    let latent = core.parsed.as_ref().ok().map(|parsed| &parsed.parts().latent);
+    work.parsed = Parsed::of(packet);
+    let latent = work.parsed.as_ref().ok().map(|parsed| &parsed.parts().latent);
     let size = latent.and_then(|latent| match latent.session {
         Session::Stated { width, height, .. } => Some((width, height)),
         Session::Tagged(_) => core.decoder.camera_of(latent).map(|c| (c.width, c.height)),
     });
     let longest = size.map_or(0, |(width, height)| packet_bound(width, height));
     let longest = longest.max(LONGEST_LATENT);
-    core.packet.clear();
+    work.bytes.clear();
     let refused = |_| Failure::at(NVSP_ERR_MEMORY, "a copy of the packet");
-    core.packet.try_reserve(longest).map_err(refused)?;
-    core.packet.extend_from_slice(&packet[..packet.len().min(longest)]);
+    work.bytes.try_reserve(longest).map_err(refused)?;
+    work.bytes.extend_from_slice(&packet[..packet.len().min(longest)]);
     Ok(())
 }
 
@@ -574,11 +618,10 @@ unsafe fn prepare(
 /// # Safety
 /// `picture` is null or as for [`nvsp_decode`].
 unsafe fn fetch(
-    core: &Core,
+    decoded: &Decoded,
     picture: *mut nvsp_picture,
     out: &Out<nvsp_decoded>,
 ) -> Result<(), Failure> {
-    let decoded = &core.decoded;
     let render = match decoded.same_render {
         Some(true) => NVSP_DECODED_SAME_RENDER,
         Some(false) => NVSP_DECODED_OTHER_RENDER,

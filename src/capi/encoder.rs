@@ -1,66 +1,23 @@
 //! The encoder's handle.
 
 use std::ffi::c_char;
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use crate::image::Converter;
 use crate::packet::PoseProfile;
 use crate::residual::ResidualCoder;
-use crate::tracked_frame::TrackedFrame;
 use crate::tracking::{Optimizer, StartKind, Stop};
-use crate::{
-    Encoded, Encoder, EncoderOptions, Known, Mode, Picture, Rate, Structure, packet_bound,
-};
+use crate::{Encoded, Encoder, EncoderOptions, Mode, Rate, Structure, packet_bound};
 
+use super::encoding::{Encoding, GivenFrame, nvsp_encoder};
 use super::engine::nvsp_engine;
 use super::frame::{self, nvsp_frame_info};
 use super::handle::{Handle, Opaque};
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
-use super::lens::Seen;
 use super::limits::Limits;
-use super::memory::Grant;
-use super::pipelined::{COLD, Pipelined};
 use super::prior::nvsp_prior;
 use super::status::*;
 use super::structs::{Out, number, read, versioned};
-use super::work::{Given, Work};
-use super::worker::Worker;
-
-/// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
-///
-/// ```c
-/// if (nvsp_encode_begin(encoder, &image, hint) != NVSP_OK) return;
-/// while (nvsp_encode_poll(encoder) == NVSP_PENDING) steer();
-/// status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
-/// ```
-#[allow(non_camel_case_types)]
-pub struct nvsp_encoder {
-    _opaque: [u8; 0],
-}
-
-impl Opaque for nvsp_encoder {
-    type Content = Content;
-}
-
-/// What an encoder works on.
-pub(super) struct Core {
-    pub encoder: Encoder,
-    pub converter: Arc<Mutex<Converter>>,
-    /// What the converter and the encoder's mask are made of.
-    pub seen: Seen,
-    pub frame: Picture,
-    known: Known,
-    pub encoded: Encoded,
-    /// Whether `encoded` holds a frame.
-    pub full: bool,
-    pub limits: Limits,
-    /// Frames that still take memory, and how many do after the encoder itself took some.
-    cold: usize,
-    most_cold: usize,
-}
-
-type Content = Work;
 
 /// Quality 10.
 pub const NVSP_RATE_DEFAULT: u32 = 0;
@@ -306,27 +263,8 @@ pub unsafe extern "C" fn nvsp_encoder_create(
                 if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
             let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
             let converter = Converter::new(camera.width, camera.height)?;
-            let converter = Arc::new(Mutex::new(converter));
-            let most_cold = if pipelined { COLD } else { 1 };
-            let core = Core {
-                encoder: made,
-                converter: converter.clone(),
-                seen: Seen::default(),
-                frame: Picture::new(camera.width, camera.height),
-                known: Known::default(),
-                encoded: Encoded::with_room(camera.width, camera.height),
-                full: false,
-                limits,
-                cold: most_cold,
-                most_cold,
-            };
-            let start = engine.how.threads;
-            let work = if pipelined {
-                Work::Pipelined(Box::new(Pipelined::new(core, start)), converter)
-            } else {
-                Work::OneByOne(Worker::new(core, (encode, dropped), c"nvsp-encoder", start))
-            };
-            *encoder = nvsp_encoder::address(Handle::boxed(work, handle.log()));
+            let encoding = Encoding::new(made, converter, limits, pipelined, engine.how.threads);
+            *encoder = nvsp_encoder::address(Handle::boxed(encoding, handle.log()));
             Ok(NVSP_OK)
         })
     }
@@ -680,11 +618,11 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 }
 
 /// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
-/// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device. Uses the hint if the
-/// frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
+/// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device. Uses the hint in
+/// `info` if the frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
 /// from the second frame on, unless a view of the prior needs more room on the device than any before it.
 ///
-/// The same frames, poses and calls give the same packets, byte for byte, on the same device and
+/// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls give the same packets, byte for byte, on the same device and
 /// driver.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
@@ -696,41 +634,6 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known. It is used if there is no
-///   certain pose of the frame before, and if it disagrees with that one by more than a tenth of the scene's depth or 6
-///   degrees; the picture decides. On the scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104
-///   starts each all were found. What is farther off costs time, not certainty. Beyond a million spreads of the prior it
-///   is refused.
-/// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-/// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encode(
-    encoder: *mut nvsp_encoder,
-    image: *const nvsp_image,
-    hint: *const nvsp_pose,
-    packet: *mut u8,
-    size: usize,
-    written: *mut usize,
-    stats: *mut nvsp_frame_stats,
-) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let place = Place::new(packet, size, written, stats)?;
-            encode_now(content, image, place, || Ok(image::pose(hint)?.into()))
-        })
-    }
-}
-
-/// As nvsp_encode, but takes all that is known of the frame in place of the hint.
-///
-/// Fails as nvsp_encode does; the text of NVSP_ERR_ARGUMENT names the field of `info`.
-///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
-/// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
 /// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
 ///   call. NULL: nothing is known.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
@@ -738,7 +641,7 @@ pub unsafe extern "C" fn nvsp_encode(
 /// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 /// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encode_frame(
+pub unsafe extern "C" fn nvsp_encode(
     encoder: *mut nvsp_encoder,
     image: *const nvsp_image,
     info: *const nvsp_frame_info,
@@ -751,7 +654,8 @@ pub unsafe extern "C" fn nvsp_encode_frame(
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
             let place = Place::new(packet, size, written, stats)?;
-            encode_now(content, image, place, || frame::known(info))
+            content.run(&given(image, info)?)?;
+            content.take(|encoded| place.write(encoded))
         })
     }
 }
@@ -774,7 +678,7 @@ pub unsafe extern "C" fn nvsp_encode_frame(
 ///
 /// ```c
 /// while (next_image(&image)) {
-///     status = nvsp_encode_begin(encoder, &image, NULL); /* the first with a hint */
+///     status = nvsp_encode_begin(encoder, &image, NULL); /* the first with a hint in place of NULL */
 ///     if (status == NVSP_OK && ++begun == 2) {
 ///         while (nvsp_encode_wait(encoder, 20) == NVSP_PENDING) steer();
 ///         status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
@@ -783,39 +687,15 @@ pub unsafe extern "C" fn nvsp_encode_frame(
 /// }
 /// ```
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
 /// NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
 /// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `hint`: a pose from sensors or an estimator. Read during the call. NULL: nothing is known.
+/// - `info`: as for nvsp_encode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_begin(
-    encoder: *mut nvsp_encoder,
-    image: *const nvsp_image,
-    hint: *const nvsp_pose,
-) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            content.begin(|| given(image, image::pose(hint)?.into()))?;
-            Ok(NVSP_OK)
-        })
-    }
-}
-
-/// As nvsp_encode_begin, but takes all that is known of the frame in place of the hint.
-///
-/// Fails as nvsp_encode_begin does, and with NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
-///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
-/// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
-///   call. NULL: nothing is known.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encode_begin_frame(
     encoder: *mut nvsp_encoder,
     image: *const nvsp_image,
     info: *const nvsp_frame_info,
@@ -823,7 +703,7 @@ pub unsafe extern "C" fn nvsp_encode_begin_frame(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
-            content.begin(|| given(image, frame::known(info)?))?;
+            content.begin(&given(image, info)?)?;
             Ok(NVSP_OK)
         })
     }
@@ -900,7 +780,7 @@ pub unsafe extern "C" fn nvsp_encode_finish(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_cancel(encoder: *mut nvsp_encoder) -> nvsp_status {
     // SAFETY: as the caller promises.
-    unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| content.cancel()) }
+    unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| Ok(content.cancel())) }
 }
 
 /// What the topside will show of the last frame.
@@ -926,14 +806,13 @@ pub unsafe extern "C" fn nvsp_encoder_get_picture(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_encoder::handle(encoder), |content| {
-            content.with_last(|encoded| {
-                let from = match which {
-                    NVSP_PICTURE_SHOWN => &encoded.picture,
-                    NVSP_PICTURE_RENDER => &encoded.render,
-                    _ => return Err(Failure::argument("which picture")),
-                };
-                image::write(from, picture)
-            })?;
+            let encoded = content.last()?;
+            let from = match which {
+                NVSP_PICTURE_SHOWN => &encoded.picture,
+                NVSP_PICTURE_RENDER => &encoded.render,
+                _ => return Err(Failure::argument("which picture")),
+            };
+            image::write(from, picture)?;
             Ok(NVSP_OK)
         })
     }
@@ -965,74 +844,14 @@ pub unsafe extern "C" fn nvsp_encoder_destroy(encoder: *mut nvsp_encoder) {
     unsafe { Handle::destroy(nvsp_encoder::handle(encoder).cast_mut()) }
 }
 
-/// Nobody takes the packet: it may have told the camera.
-fn dropped(core: &mut Core) {
-    core.encoder.announce();
-}
-
-/// The job.
-fn encode(core: &mut Core) -> Result<(), Failure> {
-    core.full = false;
-    let _memory = core.memory()?;
-    core.encoder.encode_into(&core.frame, core.known, &mut core.encoded)?;
-    (core.full, core.cold) = (true, 0);
-    Ok(())
-}
-
-impl Core {
-    /// Sets memory aside for the next call, unless all that it takes is there.
-    fn memory(&self) -> Result<Option<Grant>, Failure> {
-        (self.cold > 0).then(|| self.limits.encoder(self.encoder.camera())).transpose()
-    }
-
-    /// The next frames take memory again.
-    pub(super) fn chill(&mut self) {
-        self.cold = self.most_cold;
-    }
-
-    /// Takes a frame in.
-    pub(super) fn take_in(&mut self, given: Given) -> Result<(), Failure> {
-        self.encoder.check_known(&given.known).map_err(frame::refused)?;
-        given.take_in(&self.converter, &mut self.frame, &mut self.known)
-    }
-
-    /// The first half of a frame, if another thread codes its difference picture.
-    pub(super) fn track(
-        &mut self,
-        frame: &Picture,
-        known: &Known,
-        tracked: &mut TrackedFrame,
-    ) -> Result<(), Failure> {
-        let _memory = self.memory()?;
-        self.encoder.check_known(known).map_err(frame::refused)?;
-        self.encoder.track_next(frame, known, tracked)?;
-        self.cold = self.cold.saturating_sub(1);
-        Ok(())
-    }
-}
-
-/// A frame as the caller gives it.
-///
 /// # Safety
-/// `image` is null or valid, and its planes do not change for as long as the result is in use.
-unsafe fn given<'a>(image: *const nvsp_image, known: Known) -> Result<Given<'a>, Failure> {
-    // SAFETY: as the caller promises.
-    Ok(Given { view: unsafe { image::view(image)? }, known })
-}
-
-/// Takes a frame in, encodes it and writes its packet. `known` reads what the caller knows of it.
-///
-/// # Safety
-/// `image` is null or valid.
-unsafe fn encode_now(
-    work: &mut Work,
+/// `image` and `info` are null or valid, and so are the pointers in them.
+unsafe fn given<'a>(
     image: *const nvsp_image,
-    place: Place,
-    known: impl FnOnce() -> Result<Known, Failure>,
-) -> Result<nvsp_status, Failure> {
-    // SAFETY: as the caller promises.
-    work.run(|| unsafe { given(image, known()?) })?;
-    work.take(|encoded| place.write(encoded))
+    info: *const nvsp_frame_info,
+) -> Result<GivenFrame<'a>, Failure> {
+    // SAFETY: null or valid, as the caller of this promises.
+    unsafe { Ok(GivenFrame { view: image::view(image)?, known: frame::known(info)? }) }
 }
 
 /// Checked places for a packet and its figures.

@@ -1,13 +1,13 @@
 //! The lens that an encoder's frames were taken through, and the mask of what counts of them.
 
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
 use crate::geometry::{Distortion, Intrinsics, Lens};
-use crate::image::{Converter, Mask};
+use crate::image::Mask;
 use crate::residual::Interest;
-use crate::{Camera, Error};
+use crate::Error;
 
-use super::encoder::{Core, nvsp_encoder};
+use super::encoding::nvsp_encoder;
 use super::handle::{Handle, Opaque};
 use super::slices::slice;
 use super::status::*;
@@ -72,66 +72,6 @@ pub struct nvsp_mask {
     pub size: usize,
 }
 versioned!(nvsp_mask, 40);
-
-/// What an encoder's images are seen through.
-#[derive(Clone, Default)]
-pub(super) struct Seen {
-    pub lens: Option<Lens>,
-    /// Of the lens's size; without one, of the camera's shape.
-    pub mask: Option<Arc<Mask>>,
-}
-
-/// Bytes of a pixel of the lens's images, and of one of the camera's, that a converter and a mask take at most.
-const LENS_PIXEL: u64 = 4;
-const CAMERA_PIXEL: u64 = 48;
-/// Bytes of the rows and columns of both.
-const SIDES: u64 = 256;
-
-impl Seen {
-    /// What makes the encoder's pictures, and which of their pixels count.
-    pub fn through(&self, camera: &Camera) -> Result<(Converter, Option<Mask>), Failure> {
-        let Some(lens) = &self.lens else {
-            let converter = Converter::new(camera.width, camera.height)?;
-            let mask = self.mask.as_ref().map(|mask| shaped(mask, camera)).transpose()?;
-            return Ok((converter, mask));
-        };
-        let converter = Converter::undistorting(lens, camera).map_err(Error::from)?;
-        let mask = match &self.mask {
-            Some(mask) if (mask.width, mask.height) != lens.size() => {
-                let what = "nvsp_mask.width, height: not those of the lens";
-                return Err(Failure::argument(what));
-            }
-            Some(mask) => Some(mask.undistorted(lens, camera).map_err(Error::from)?),
-            None => converter.covered().cloned(),
-        };
-        Ok((converter, mask))
-    }
-
-    /// Host memory that [`Seen::through`] takes at most, and what it keeps; bytes.
-    pub fn bytes(&self, camera: &Camera) -> u64 {
-        let area = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
-        let own = |(width, height): (u32, u32)| {
-            LENS_PIXEL * area((width, height)) + SIDES * (u64::from(width) + u64::from(height))
-        };
-        let size = (camera.width, camera.height);
-        let mask = self.mask.as_ref().map_or(0, |mask| area((mask.width, mask.height)));
-        match &self.lens {
-            Some(lens) => own(lens.size()) + CAMERA_PIXEL * area(size) + own(size) + mask,
-            None if mask > 0 => CAMERA_PIXEL * area(size) + mask,
-            None => 0,
-        }
-    }
-}
-
-/// A mask of the camera's shape at the camera's size.
-fn shaped(mask: &Mask, camera: &Camera) -> Result<Mask, Failure> {
-    let wide = u64::from(mask.width) * u64::from(camera.height);
-    let high = u64::from(mask.height) * u64::from(camera.width);
-    if wide.abs_diff(high) * 100 > high {
-        return Err(Failure::argument("nvsp_mask.width, height: not of the camera's shape"));
-    }
-    Ok(mask.resized(camera.width, camera.height))
-}
 
 /// Sets the lens that all images from here on were taken through. Each image is freed of its distortion as it is read,
 /// in the pass that scales it: the encoder's camera stays a pinhole, and packets are about that one. Images must then
@@ -300,29 +240,4 @@ fn checked(lens: &nvsp_lens) -> Result<Lens, Failure> {
     };
     let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
     Ok(Lens::new(intrinsics, distortion).map_err(Error::from)?)
-}
-
-impl Core {
-    /// Changes what images are seen through. If it fails, nothing changes.
-    fn see(&mut self, change: impl FnOnce(&mut Seen)) -> Result<(), Failure> {
-        let mut seen = self.seen.clone();
-        change(&mut seen);
-        let camera = *self.encoder.camera();
-        self.look(seen, camera)
-    }
-
-    /// Sets camera and what images are seen through. If it fails, nothing changes.
-    pub(super) fn look(&mut self, seen: Seen, camera: Camera) -> Result<(), Failure> {
-        let same_camera = camera == *self.encoder.camera();
-        let _memory = self.limits.seen(&camera, seen.bytes(&camera), same_camera)?;
-        let (converter, mask) = seen.through(&camera)?;
-        self.encoder.set_view(&camera, mask)?;
-        if !same_camera {
-            self.chill();
-        }
-        self.seen = seen;
-        *self.converter.lock().unwrap_or_else(PoisonError::into_inner) = converter;
-        self.frame.resize(camera.width, camera.height);
-        Ok(())
-    }
 }

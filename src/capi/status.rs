@@ -6,6 +6,7 @@ use crate::image::PixelError;
 use crate::modem::ModemError;
 use crate::packet::PacketError;
 use crate::prior::PriorError;
+use crate::queue::QueueError;
 use crate::residual::ResidualError;
 use crate::vulkan;
 
@@ -192,6 +193,12 @@ impl From<vulkan::Error> for Failure {
     }
 }
 
+impl From<QueueError> for Failure {
+    fn from(error: QueueError) -> Failure {
+        Failure::Library(error.into())
+    }
+}
+
 impl From<PixelError> for Failure {
     fn from(error: PixelError) -> Failure {
         Failure::Library(error.into())
@@ -219,6 +226,7 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         }
         E::Packet(_) => NVSP_ERR_PACKET,
         E::Residual(ResidualError::ReferenceMissing { .. }) => NVSP_ERR_REFERENCE,
+        E::Residual(ResidualError::CoderMissing { .. }) => NVSP_ERR_UNSUPPORTED,
         E::Residual(_) => NVSP_ERR_RESIDUAL,
         E::Pixels(_) | E::FrameSize { .. } => NVSP_ERR_IMAGE,
         E::Budget { .. } => NVSP_ERR_BUDGET,
@@ -230,7 +238,17 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         | E::FrameTime { .. }
         | E::FrameTimeBack { .. } => NVSP_ERR_ARGUMENT,
         E::CameraUnknown { .. } | E::SessionUnknown { .. } => NVSP_ERR_CAMERA_UNKNOWN,
-        E::Thread(_) | E::CoderGone => NVSP_ERR_MEMORY,
+        E::Thread(_) => NVSP_ERR_MEMORY,
+        E::Queue(error) => of_queue(*error),
+    }
+}
+
+fn of_queue(error: QueueError) -> nvsp_status {
+    match error {
+        QueueError::Full | QueueError::Ending | QueueError::UnderWay => NVSP_ERR_UNFINISHED,
+        QueueError::Empty => NVSP_ERR_STATE,
+        QueueError::Panicked => NVSP_ERR_INTERNAL,
+        QueueError::Poisoned => NVSP_ERR_POISONED,
     }
 }
 

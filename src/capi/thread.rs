@@ -7,6 +7,7 @@ use std::mem::MaybeUninit;
 use std::ptr::null_mut;
 
 use super::status::*;
+use crate::queue::Spawn;
 
 /// Called once on each thread that the library starts, before it does any work: set its scheduling, its affinity or
 /// another name here. `name` is the name that the thread has, valid during the call. It must not call the library, and
@@ -29,6 +30,14 @@ unsafe impl Sync for ThreadStart {}
 
 /// A thread that was started. Waits for its end when dropped.
 pub(super) struct Thread(libc::pthread_t);
+
+/// Starts the threads of a queue's stages, by the names of the stages.
+pub(super) fn spawner<const N: usize>(
+    names: [&'static CStr; N],
+    start: ThreadStart,
+) -> Spawn<Failure> {
+    Box::new(move |stage, body| Ok(Box::new(Thread::spawn(names[stage.min(N - 1)], start, body)?)))
+}
 
 /// What a thread gets.
 struct Start {

@@ -195,11 +195,11 @@ static void whole_way(int number) {
     MUST(NVSP_INIT(&stats));
     size_t size = 0;
     if (number % 2) {
-        MUST(nvsp_encode_begin(both.encoder, &image, hint));
+        MUST(nvsp_encode_begin(both.encoder, &image, with_hint(hint)));
         MUST(nvsp_encode_wait(both.encoder, 60000));
         MUST(nvsp_encode_finish(both.encoder, sent, sizeof sent, &size, &stats));
     } else {
-        MUST(nvsp_encode(both.encoder, &image, hint, sent, sizeof sent, &size, &stats));
+        MUST(nvsp_encode(both.encoder, &image, with_hint(hint), sent, sizeof sent, &size, &stats));
     }
     MUST(nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &place));
     uint32_t count = 0;
@@ -244,7 +244,7 @@ static void two_at_once(void) {
         if (frame == 4) {
             start_counting();
         }
-        MUST(nvsp_encode_begin(both.encoder, &image, frame == 0 ? &dive.poses[0] : NULL));
+        MUST(nvsp_encode_begin(both.encoder, &image, with_hint(frame == 0 ? &dive.poses[0] : NULL)));
         if (frame > 0) {
             size_t size = 0;
             MUST(nvsp_encode_wait(both.encoder, 60000));

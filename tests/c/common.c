@@ -174,13 +174,20 @@ nvsp_picture place_of(uint8_t *pixels, uint32_t width, uint32_t height) {
     return (nvsp_picture){NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8, .pixels = pixels, .stride = row, .size = row * height};
 }
 
+const nvsp_frame_info *with_hint(const nvsp_pose *hint) {
+    static __thread nvsp_frame_info info;
+    MUST(NVSP_INIT(&info));
+    info.hint = hint;
+    return hint == NULL ? NULL : &info;
+}
+
 void encode_all(rig *rig, const scene *scene, packet *packets) {
     const size_t room = nvsp_packet_bound(scene->camera.width, scene->camera.height);
     for (int i = 0; i < scene->frames; i++) {
         const nvsp_image image = scene_image(scene, i);
         uint8_t *bytes = malloc(room);
         size_t size = 0;
-        MUST(nvsp_encode(rig->encoder, &image, i == 0 ? &scene->poses[0] : NULL, bytes, room, &size,
+        MUST(nvsp_encode(rig->encoder, &image, with_hint(i == 0 ? &scene->poses[0] : NULL), bytes, room, &size,
                          NULL));
         // As large as the packet: what reads beyond it is caught by a memory checker.
         packets[i] = (packet){realloc(bytes, size), size};

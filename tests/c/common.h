@@ -78,6 +78,9 @@ typedef struct packet {
 // Encodes the scene's frames with the rig's encoder, the first from its pose.
 void encode_all(rig *rig, const scene *scene, packet *packets);
 
+// What is known of a frame: a pose, until the thread's next call. NULL: nothing is known.
+const nvsp_frame_info *with_hint(const nvsp_pose *hint);
+
 // The content of a file, from malloc.
 uint8_t *read_all(const char *path, size_t *size);
 

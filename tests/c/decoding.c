@@ -13,7 +13,7 @@ static void encode_dive(void) {
         const nvsp_image image = scene_image(&dive, i);
         const size_t room = nvsp_packet_bound(dive.camera.width, dive.camera.height);
         packets[i].bytes = malloc(room);
-        MUST(nvsp_encode(both.encoder, &image, i == 0 ? &dive.poses[0] : NULL, packets[i].bytes, room,
+        MUST(nvsp_encode(both.encoder, &image, with_hint(i == 0 ? &dive.poses[0] : NULL), packets[i].bytes, room,
                          &packets[i].size, NULL));
         shown[i] = malloc(dive.size);
         nvsp_picture place = place_of(shown[i], dive.camera.width, dive.camera.height);
@@ -105,7 +105,7 @@ static void papers_profile(void) {
     nvsp_header header;
     MUST(NVSP_INIT(&stats));
     MUST(NVSP_INIT(&header));
-    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, &stats));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, &stats));
     EXPECT(NVSP_OK, nvsp_decode_header(bytes, 43, NULL, &header));
     CHECK(header.profile == NVSP_PROFILE_PAPER && header.latent_bytes == 43 && header.frame == 5);
     CHECK(header.flags & NVSP_HEADER_POSE);

@@ -167,14 +167,14 @@ static size_t encode(const nvsp_image *image, uint8_t *bytes, size_t room, int o
     size_t size = 0;
     MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, NULL, &encoder));
     if (on_thread) {
-        EXPECT(NVSP_OK, nvsp_encode_begin(encoder, image, &dive.poses[0]));
+        EXPECT(NVSP_OK, nvsp_encode_begin(encoder, image, with_hint(&dive.poses[0])));
         for (int i = 0; i < count; i++) {
             CHECK(buffers[i].reading == 0);  // The image is the caller's again.
         }
         EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 600000));
         EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, room, &size, NULL));
     } else {
-        EXPECT(NVSP_OK, nvsp_encode(encoder, image, &dive.poses[0], bytes, room, &size, NULL));
+        EXPECT(NVSP_OK, nvsp_encode(encoder, image, with_hint(&dive.poses[0]), bytes, room, &size, NULL));
     }
     nvsp_encoder_destroy(encoder);
     return size;
@@ -263,12 +263,12 @@ static void refuse(nvsp_status status, const nvsp_image *image, const char *name
     uint8_t bytes[4096];
     size_t written = 77;
     char text[600] = "";
-    EXPECT(status, nvsp_encode(both.encoder, image, &dive.poses[0], bytes, sizeof bytes, &written, NULL));
+    EXPECT(status, nvsp_encode(both.encoder, image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written, NULL));
     EXPECT(NVSP_OK, nvsp_encoder_last_error(both.encoder, text, sizeof text));
     if (!CHECK(written == 77 && strstr(text, named) != NULL)) {
         fprintf(stderr, "%s: %s\n", named, text);
     }
-    EXPECT(status, nvsp_encode_begin(both.encoder, image, &dive.poses[0]));
+    EXPECT(status, nvsp_encode_begin(both.encoder, image, with_hint(&dive.poses[0])));
     for (int i = 0; i < count; i++) {
         CHECK(buffers[i].reading == 0);
     }
@@ -323,7 +323,7 @@ static void unsound_images(void) {
     uint8_t plain[8192], found[8192];
     size_t written = 0;
     const size_t bytes = encode(&image, plain, sizeof plain, 0);
-    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &sound, &dive.poses[0], found, sizeof found, &written, NULL));
+    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &sound, with_hint(&dive.poses[0]), found, sizeof found, &written, NULL));
     CHECK(written == bytes && memcmp(plain, found, bytes) == 0);
     nvsp_dmabuf_destroy(dmabuf);
     end_buffers();

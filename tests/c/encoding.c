@@ -45,13 +45,13 @@ static void nothing_yet(void) {
     poses[2].translation[2] = strtod("inf", NULL);
     for (int i = 0; i < 3; i++) {
         EXPECT(NVSP_ERR_ARGUMENT,
-               nvsp_encode(encoder, &image, &poses[i], bytes, sizeof bytes, &written, NULL));
-        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(encoder, &image, &poses[i]));
+               nvsp_encode(encoder, &image, with_hint(&poses[i]), bytes, sizeof bytes, &written, NULL));
+        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(encoder, &image, with_hint(&poses[i])));
     }
     CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes) && all_are(pixels, 0xa5, dive.size));
     // None of that was a frame.
     EXPECT(NVSP_OK,
-           nvsp_encode(encoder, &image, &dive.poses[0], bytes, sizeof bytes, &written, NULL));
+           nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written, NULL));
     CHECK(is_packet(0, bytes, written));
     free(pixels);
     nvsp_encoder_destroy(encoder);
@@ -67,7 +67,7 @@ static void short_buffers(void) {
     MUST(NVSP_INIT(&stats));
     memset(bytes, 0xa5, sizeof bytes);
     EXPECT(NVSP_ERR_BUFFER_TOO_SMALL,
-           nvsp_encode(encoder, &image, &dive.poses[0], bytes, 0, &written, &stats));
+           nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, 0, &written, &stats));
     const size_t rooms[] = {0, 1, 31, packets[0].size - 1};
     for (size_t i = 0; i < 4; i++) {
         EXPECT(NVSP_ERR_BUFFER_TOO_SMALL,
@@ -96,9 +96,6 @@ static void busy_with(nvsp_encoder *encoder, const nvsp_image *image) {
     EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_set_camera(encoder, &dive.camera));
     EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_reopen(encoder, both.engine, both.prior));
     EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_reset(encoder));
-    EXPECT(NVSP_ERR_UNFINISHED, nvsp_encode_begin_frame(encoder, image, NULL));
-    EXPECT(NVSP_ERR_UNFINISHED,
-           nvsp_encode_frame(encoder, image, NULL, bytes, sizeof bytes, &written, NULL));
     EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
     CHECK(written == 77);
     // The frame may have ended by now: then its packet finds no room, and is kept.
@@ -117,7 +114,7 @@ static void begun_and_finished(void) {
         nvsp_image image = scene_image(&dive, i);
         memcpy(pixels, dive.pixels[i], dive.size);
         image.planes[0] = pixels;
-        EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, i == 0 ? &dive.poses[0] : NULL));
+        EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, with_hint(i == 0 ? &dive.poses[0] : NULL)));
         memset(pixels, 0, dive.size);
         if (i == 1) {
             busy_with(encoder, &image);
@@ -134,7 +131,7 @@ static void begun_and_finished(void) {
     // One that is destroyed meanwhile ends after its frame.
     encoder = new_encoder(NULL);
     const nvsp_image image = scene_image(&dive, 0);
-    EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, &dive.poses[0]));
+    EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, with_hint(&dive.poses[0])));
     nvsp_encoder_destroy(encoder);
 }
 
@@ -167,9 +164,9 @@ static void known_frames(int all) {
         size_t size = 0;
         if (i % 2 == 0) {
             EXPECT(NVSP_OK,
-                   nvsp_encode_frame(encoder, &image, &info, bytes, sizeof bytes, &size, &stats));
+                   nvsp_encode(encoder, &image, &info, bytes, sizeof bytes, &size, &stats));
         } else {
-            EXPECT(NVSP_OK, nvsp_encode_begin_frame(encoder, &image, i == 1 ? NULL : &info));
+            EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, i == 1 ? NULL : &info));
             EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 60000));
             EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, sizeof bytes, &size, &stats));
         }
@@ -188,11 +185,11 @@ static void refused(nvsp_encoder *encoder, const nvsp_frame_info *info, const ch
     size_t written = 77;
     memset(bytes, 0xa5, sizeof bytes);
     EXPECT(NVSP_ERR_ARGUMENT,
-           nvsp_encode_frame(encoder, &image, info, bytes, sizeof bytes, &written, NULL));
+           nvsp_encode(encoder, &image, info, bytes, sizeof bytes, &written, NULL));
     MUST(nvsp_encoder_last_error(encoder, text, sizeof text));
     CHECK(strstr(text, field) != NULL);
     CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes));
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin_frame(encoder, &image, info));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(encoder, &image, info));
     EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
 }
 
@@ -263,27 +260,27 @@ static void refused_and_reset(void) {
     info.given = NVSP_GIVEN_TIME;
     info.time = 20;
     nvsp_image image = scene_image(&dive, 0);
-    MUST(nvsp_encode_frame(plain, &image, &info, expected, sizeof expected, &wanted, NULL));
-    EXPECT(NVSP_OK, nvsp_encode_frame(encoder, &image, &info, bytes, sizeof bytes, &size, NULL));
+    MUST(nvsp_encode(plain, &image, &info, expected, sizeof expected, &wanted, NULL));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &info, bytes, sizeof bytes, &size, NULL));
     CHECK(size == wanted && memcmp(bytes, expected, size) == 0);
     refused_hints(encoder);
     refused_times(encoder, info.time);
     image = scene_image(&dive, 1);
     info.hint = NULL;
     info.time = 20.5;
-    MUST(nvsp_encode_frame(plain, &image, &info, expected, sizeof expected, &wanted, NULL));
-    EXPECT(NVSP_OK, nvsp_encode_frame(encoder, &image, &info, bytes, sizeof bytes, &size, NULL));
+    MUST(nvsp_encode(plain, &image, &info, expected, sizeof expected, &wanted, NULL));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &info, bytes, sizeof bytes, &size, NULL));
     CHECK(size == wanted && memcmp(bytes, expected, size) == 0);
     nvsp_encoder_destroy(plain);
 
     EXPECT(NVSP_OK, nvsp_encoder_reset(encoder));
     info.time = 3;
     EXPECT(NVSP_ERR_NO_START,
-           nvsp_encode_frame(encoder, &image, &info, bytes, sizeof bytes, &size, NULL));
+           nvsp_encode(encoder, &image, &info, bytes, sizeof bytes, &size, NULL));
     info.hint = &dive.poses[1];
     nvsp_frame_stats stats;
     MUST(NVSP_INIT(&stats));
-    EXPECT(NVSP_OK, nvsp_encode_frame(encoder, &image, &info, bytes, sizeof bytes, &size, &stats));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &info, bytes, sizeof bytes, &size, &stats));
     CHECK(stats.frame == 2 && stats.start == NVSP_START_HINT);
     nvsp_encoder_destroy(encoder);
 }
@@ -311,7 +308,7 @@ static void lost_frames(void) {
             MUST(NVSP_INIT(&stats));
             MUST(NVSP_INIT(&header));
             const nvsp_pose *hint = i == 0 || hinted ? &dive.poses[0] : NULL;
-            EXPECT(NVSP_OK, nvsp_encode(encoder, &image, hint, bytes, sizeof bytes, &size, &stats));
+            EXPECT(NVSP_OK, nvsp_encode(encoder, &image, with_hint(hint), bytes, sizeof bytes, &size, &stats));
             EXPECT(NVSP_OK, nvsp_decode_header(bytes, size, NULL, &header));
             const uint32_t uncertain = clear ? 0 : NVSP_FRAME_UNCERTAIN;
             CHECK((stats.flags & NVSP_FRAME_UNCERTAIN) == uncertain);
@@ -342,7 +339,7 @@ static void rates(void) {
         MUST(NVSP_INIT(&stats));
         size_t size = 0;
         EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_BYTES, (float)budget));
-        EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, &dive.poses[0], bytes, (size_t)budget, &size,
+        EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), bytes, (size_t)budget, &size,
                                     &stats));
         CHECK(size <= (size_t)budget && size >= 19 && stats.latent_bytes == 19);
     }
@@ -392,7 +389,7 @@ static void bound_of_noise(void) {
     const size_t bound = nvsp_packet_bound(dive.camera.width, dive.camera.height);
     uint8_t *bytes = malloc(bound);
     size_t size = 0;
-    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &dive.poses[0], bytes, bound, &size, NULL));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, bound, &size, NULL));
     CHECK(size > 1000 && size <= bound);
     free(bytes);
     free(pixels);
@@ -408,7 +405,7 @@ static void webp(void) {
     const nvsp_image image = scene_image(&dive, 0);
     uint8_t bytes[4096];
     size_t size = 0;
-    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, NULL));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, NULL));
     CHECK(!is_packet(0, bytes, size));
     uint8_t *shown = malloc(dive.size), *decoded = malloc(dive.size);
     nvsp_picture shown_place = place_of(shown, dive.camera.width, dive.camera.height);
@@ -427,7 +424,7 @@ static size_t packet_of(nvsp_prior *prior, const nvsp_encoder_options *options, 
     nvsp_encoder *encoder = NULL;
     size_t size = 0;
     MUST(nvsp_encoder_create(both.engine, prior, &dive.camera, options, &encoder));
-    EXPECT(NVSP_OK, nvsp_encode(encoder, image, &dive.poses[0], bytes, room, &size, NULL));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, image, with_hint(&dive.poses[0]), bytes, room, &size, NULL));
     nvsp_encoder_destroy(encoder);
     return size;
 }
@@ -533,7 +530,7 @@ static void another_camera(void) {
         MUST(NVSP_INIT(&header));
         size_t size = 0;
         EXPECT(NVSP_OK, nvsp_encoder_set_camera(encoder, &camera));
-        EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, NULL));
+        EXPECT(NVSP_OK, nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, NULL));
         EXPECT(NVSP_OK, nvsp_decode_header(bytes, size, NULL, &header));
         CHECK(header.width == camera.width && header.height == camera.height);
         CHECK(header.frame == (uint32_t)i);
@@ -557,7 +554,7 @@ static void order_of_ends(void) {
     uint8_t bytes[4096];
     size_t size = 0;
     EXPECT(NVSP_OK,
-           nvsp_encode(ends.encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, NULL));
+           nvsp_encode(ends.encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, NULL));
     CHECK(is_packet(0, bytes, size));
     EXPECT(NVSP_OK, nvsp_decode(ends.decoder, bytes, size, 0, NULL, NULL));
     nvsp_prior *other = NULL;
@@ -645,10 +642,10 @@ static void absurd_numbers(void) {
                                    &hint.translation[1], &hint.translation[2], &hint.translation[0],
                                    &hint.translation[2]};
         *numbers[i] = i < 2 ? NAN : i < 5 ? 1e30 : -1e30;
-        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode(both.encoder, &image, &hint, bytes, sizeof bytes, &written, NULL));
+        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode(both.encoder, &image, with_hint(&hint), bytes, sizeof bytes, &written, NULL));
         EXPECT(NVSP_OK, nvsp_encoder_last_error(both.encoder, text, sizeof text));
-        CHECK(strstr(text, i < 2 ? "pose" : "hint") != NULL);
-        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(both.encoder, &image, &hint));
+        CHECK(strstr(text, "nvsp_frame_info.hint") != NULL);
+        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(both.encoder, &image, with_hint(&hint)));
     }
     CHECK(written == 77 && made == NULL && prior == NULL);
 }

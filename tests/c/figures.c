@@ -126,7 +126,7 @@ static void calling_thread(uint32_t width, uint32_t scale, uint32_t format, cons
     for (int frame = -warm; frame < frames; frame++) {
         const double began = now(CLOCK_MONOTONIC), began_own = now(CLOCK_THREAD_CPUTIME_ID);
         const long before = allocations;
-        MUST(nvsp_encode_begin(encoder, &image, frame == -warm ? &dive.poses[0] : NULL));
+        MUST(nvsp_encode_begin(encoder, &image, with_hint(frame == -warm ? &dive.poses[0] : NULL)));
         const double ended = now(CLOCK_MONOTONIC), ended_own = now(CLOCK_THREAD_CPUTIME_ID);
         MUST(nvsp_encode_wait(encoder, 600000));
         const double fetching = now(CLOCK_MONOTONIC);
@@ -159,7 +159,7 @@ static void polls(void) {
     long pending = 0;
     double longest = 0, spent = 0;
     for (int frame = 0; frame < (few() ? 2 : FRAMES); frame++) {
-        MUST(nvsp_encode_begin(both.encoder, &image, &dive.poses[0]));
+        MUST(nvsp_encode_begin(both.encoder, &image, with_hint(&dive.poses[0])));
         for (nvsp_status status = NVSP_PENDING; status == NVSP_PENDING; pending++) {
             const double began = now(CLOCK_MONOTONIC);
             status = nvsp_encode_poll(both.encoder);

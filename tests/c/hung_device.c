@@ -35,7 +35,7 @@ static void open_rig(rig *both) {
 
 static nvsp_status encode(rig *both, int frame, uint8_t *bytes, size_t *size) {
     const nvsp_image image = scene_image(&dive, frame);
-    return nvsp_encode(both->encoder, &image, &dive.poses[frame], bytes, 4096, size, NULL);
+    return nvsp_encode(both->encoder, &image, with_hint(&dive.poses[frame]), bytes, 4096, size, NULL);
 }
 
 static void ends_in_time(void) {
@@ -68,7 +68,7 @@ static void cancelled(void) {
     uint8_t bytes[4096];
     size_t size = 77;
     hang();
-    EXPECT(NVSP_OK, nvsp_encode_begin(both.encoder, &image, &dive.poses[0]));
+    EXPECT(NVSP_OK, nvsp_encode_begin(both.encoder, &image, with_hint(&dive.poses[0])));
     EXPECT(NVSP_PENDING, nvsp_encode_wait(both.encoder, WATCHDOG / 10));
     EXPECT(NVSP_PENDING, nvsp_encode_cancel(both.encoder));
     EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_reset(both.encoder));

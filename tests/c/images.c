@@ -13,7 +13,7 @@ static size_t encode(const nvsp_image *image, const nvsp_encoder_options *option
     nvsp_encoder *encoder = NULL;
     size_t size = 0;
     MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, options, &encoder));
-    EXPECT(NVSP_OK, nvsp_encode(encoder, image, &dive.poses[0], bytes, room, &size, NULL));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, image, with_hint(&dive.poses[0]), bytes, room, &size, NULL));
     if (shown != NULL) {
         nvsp_picture place = place_of(shown, dive.camera.width, dive.camera.height);
         EXPECT(NVSP_OK, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
@@ -172,9 +172,9 @@ static void refuse(nvsp_status status, nvsp_image image) {
     uint8_t bytes[4096];
     size_t written = 77;
     memset(bytes, 0xa5, sizeof bytes);
-    EXPECT(status, nvsp_encode(both.encoder, &image, &dive.poses[0], bytes, sizeof bytes, &written,
+    EXPECT(status, nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written,
                                NULL));
-    EXPECT(status, nvsp_encode_begin(both.encoder, &image, &dive.poses[0]));
+    EXPECT(status, nvsp_encode_begin(both.encoder, &image, with_hint(&dive.poses[0])));
     EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(both.encoder));
     CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes));
 }
@@ -250,7 +250,7 @@ int main(int argc, char **argv) {
     const nvsp_image image = scene_image(&dive, 0);
     const size_t size = encode(&image, NULL, plain, sizeof plain, NULL);
     size_t found = 0;
-    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, &dive.poses[0], late, sizeof late, &found, NULL));
+    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), late, sizeof late, &found, NULL));
     CHECK(found == size && memcmp(plain, late, size) == 0);
 
     rig_close(&both);

@@ -16,7 +16,7 @@ static nvsp_encoder *new_encoder(void) {
 // Encodes frame 0 from its pose as an encoder's next one; the packet's size.
 static size_t encode(nvsp_encoder *encoder, const nvsp_image *image, uint8_t *bytes, nvsp_frame_stats *stats) {
     size_t size = 0;
-    MUST(nvsp_encode(encoder, image, &dive.poses[0], bytes, 8192, &size, stats));
+    MUST(nvsp_encode(encoder, image, with_hint(&dive.poses[0]), bytes, 8192, &size, stats));
     return size;
 }
 
@@ -133,14 +133,14 @@ static void refused_lenses(void) {
     lens.height *= 2;
     lens.fx *= 2, lens.fy *= 2, lens.cx *= 2, lens.cy *= 2;
     EXPECT(NVSP_OK, nvsp_encoder_set_lens(encoder, &lens));
-    EXPECT(NVSP_ERR_IMAGE, nvsp_encode(encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, NULL));
+    EXPECT(NVSP_ERR_IMAGE, nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, NULL));
     CHECK(says(encoder, "the lens is for images of"));
     // A camera that sees nothing of it is refused, and the old one stays.
     nvsp_camera aside = dive.camera;
     aside.cx = 1e5f;
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_set_camera(encoder, &aside));
     EXPECT(NVSP_OK, nvsp_encoder_set_lens(encoder, NULL));
-    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, NULL));
+    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, NULL));
     nvsp_encoder_destroy(encoder);
 }
 

@@ -36,8 +36,8 @@ static void all_is_lost(rig *both, int frame) {
     memset(bytes, 0xa5, sizeof bytes);
     for (int i = 0; i < 2; i++) {
         EXPECT(NVSP_ERR_DEVICE_LOST,
-               nvsp_encode(both->encoder, &image, pose, bytes, sizeof bytes, &size, NULL));
-        EXPECT(NVSP_OK, nvsp_encode_begin(both->encoder, &image, pose));
+               nvsp_encode(both->encoder, &image, with_hint(pose), bytes, sizeof bytes, &size, NULL));
+        EXPECT(NVSP_OK, nvsp_encode_begin(both->encoder, &image, with_hint(pose)));
         EXPECT(NVSP_OK, nvsp_encode_wait(both->encoder, 60000));
         EXPECT(NVSP_ERR_DEVICE_LOST,
                nvsp_encode_finish(both->encoder, bytes, sizeof bytes, &size, NULL));
@@ -78,13 +78,13 @@ static void lost_while_encoding(int frame, int submit) {
         if (i == frame) {
             lose(submit);
             EXPECT(NVSP_ERR_DEVICE_LOST,
-                   nvsp_encode(both.encoder, &image, hint, bytes, sizeof bytes, &size, NULL));
+                   nvsp_encode(both.encoder, &image, with_hint(hint), bytes, sizeof bytes, &size, NULL));
             lose_none();
             CHECK(size == 77);
             all_is_lost(&both, i);
             reopen(&both);
         }
-        EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, hint, bytes, sizeof bytes, &size, NULL));
+        EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, with_hint(hint), bytes, sizeof bytes, &size, NULL));
         CHECK(size == sound[i].size && memcmp(bytes, sound[i].bytes, size) == 0);
         EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, NULL, NULL));
     }

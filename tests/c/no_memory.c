@@ -166,7 +166,7 @@ static nvsp_status encode_with(const nvsp_camera *camera) {
         const nvsp_image image = scene_image(&dive, 0);
         uint8_t bytes[65536];
         size_t written = 77;
-        status = nvsp_encode(made, &image, &dive.poses[0], bytes, sizeof bytes, &written, NULL);
+        status = nvsp_encode(made, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written, NULL);
         CHECK((status == NVSP_OK) == (written != 77));
         if (status == NVSP_OK && camera == &dive.camera) {
             CHECK(written == packets[0].size && memcmp(bytes, packets[0].bytes, written) == 0);
@@ -219,7 +219,7 @@ static nvsp_status try_stream(void) {
         const nvsp_image image = scene_image(&dive, frame);
         uint8_t bytes[65536];
         size_t written = 0;
-        status = nvsp_encode(encoder, &image, &dive.poses[frame], bytes, sizeof bytes, &written, NULL);
+        status = nvsp_encode(encoder, &image, with_hint(&dive.poses[frame]), bytes, sizeof bytes, &written, NULL);
         if (status == NVSP_OK) {
             nvsp_decoded decoded;
             MUST(NVSP_INIT(&decoded));

@@ -21,7 +21,7 @@ static const nvsp_pose *hint_of(int frame) { return frame == 0 ? &dive.poses[0] 
 
 static nvsp_status begin(nvsp_encoder *encoder, int frame) {
     const nvsp_image image = scene_image(&dive, frame);
-    return nvsp_encode_begin(encoder, &image, hint_of(frame));
+    return nvsp_encode_begin(encoder, &image, with_hint(hint_of(frame)));
 }
 
 // Packets by nvsp_encode of an encoder of either kind.
@@ -29,7 +29,7 @@ static void encode_each(nvsp_encoder *encoder, packet *packets) {
     for (int i = 0; i < dive.frames; i++) {
         const nvsp_image image = scene_image(&dive, i);
         packets[i].bytes = malloc(8192);
-        MUST(nvsp_encode(encoder, &image, hint_of(i), packets[i].bytes, 8192, &packets[i].size, NULL));
+        MUST(nvsp_encode(encoder, &image, with_hint(hint_of(i)), packets[i].bytes, 8192, &packets[i].size, NULL));
     }
 }
 
@@ -91,7 +91,7 @@ static void images_and_short_buffers(const packet *packets) {
     image.planes[0] = pixels;
     for (int i = 0; i < 2; i++) {
         memcpy(pixels, dive.pixels[i], dive.size);
-        EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, hint_of(i)));
+        EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, with_hint(hint_of(i))));
         memset(pixels, 0x5a, dive.size);
     }
     size_t size = 0;
@@ -126,7 +126,7 @@ static void refusals(const packet *packets) {
     nvsp_pose pose = dive.poses[0];
     pose.translation[1] = strtod("nan", NULL);
     image = scene_image(&dive, 1);
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(encoder, &image, &pose));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(encoder, &image, with_hint(&pose)));
     uint8_t bytes[8192];
     size_t size = 0;
     // The first frame is not this call's, before its end and after.

@@ -420,10 +420,10 @@ static void skipped_frames(void) {
     uint8_t bytes[65536];
     size_t size = 0;
     nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
-    MUST(nvsp_encode(both.encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, &stats));
+    MUST(nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, &stats));
     const uint32_t before = stats.frame;
     EXPECT(NVSP_OK, nvsp_encoder_skip(both.encoder, 3));
-    MUST(nvsp_encode(both.encoder, &image, &dive.poses[0], bytes, sizeof bytes, &size, &stats));
+    MUST(nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, &stats));
     CHECK(stats.frame == before + 4);
     MUST(nvsp_encode_begin(both.encoder, &image, NULL));
     EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_skip(both.encoder, 1));
@@ -522,7 +522,7 @@ static void extra_bytes(void) {
         const nvsp_image image = scene_image(&dive, i);
         EXPECT(NVSP_OK, nvsp_encoder_extra_bytes(made, &extra[i]));
         EXPECT(NVSP_OK, nvsp_encoder_set_rate(made, NVSP_RATE_NONE, 0));
-        EXPECT(NVSP_OK, nvsp_encode(made, &image, i == 0 ? &dive.poses[0] : NULL, bytes, sizeof bytes, &sizes[i], NULL));
+        EXPECT(NVSP_OK, nvsp_encode(made, &image, with_hint(i == 0 ? &dive.poses[0] : NULL), bytes, sizeof bytes, &sizes[i], NULL));
     }
     // The longer check is that of a difference picture.
     CHECK(extra[1] == 0 && sizes[1] == 19 && extra[0] == sizes[0] - sizes[1] + 2);

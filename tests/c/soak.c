@@ -44,7 +44,7 @@ static void whole_way(int number) {
     const nvsp_camera camera = scaled_camera(&dive, 64);
     nvsp_picture place = place_of(pixels, camera.width, camera.height);
     size_t size = 0;
-    MUST(nvsp_encode(both.encoder, &image, number == 0 ? &dive.poses[0] : NULL, bytes, sizeof bytes,
+    MUST(nvsp_encode(both.encoder, &image, with_hint(number == 0 ? &dive.poses[0] : NULL), bytes, sizeof bytes,
                      &size, NULL));
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, &place, NULL));
     if (number % 10 == 0) {  // An error now and then leaves nothing behind either.

@@ -36,7 +36,7 @@ static void encode_frame(nvsp_encoder *encoder, int frame, run *run) {
     nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
     run->packets[frame].bytes = malloc(8192);
     run->shown[frame] = malloc(dive.size);
-    MUST(nvsp_encode(encoder, &image, frame == 0 ? &dive.poses[0] : NULL, run->packets[frame].bytes, 8192,
+    MUST(nvsp_encode(encoder, &image, with_hint(frame == 0 ? &dive.poses[0] : NULL), run->packets[frame].bytes, 8192,
                      &run->packets[frame].size, &stats));
     nvsp_picture place = place_of(run->shown[frame], dive.camera.width, dive.camera.height);
     MUST(nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));

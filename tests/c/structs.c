@@ -50,7 +50,7 @@ static nvsp_status frame_stats(void *structure) {
     memset(bytes, 0xa5, sizeof bytes);
     size_t written = 77;
     const nvsp_status status =
-        nvsp_encode(both.encoder, &image, &dive.poses[0], bytes, sizeof bytes, &written, structure);
+        nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written, structure);
     CHECK(status == NVSP_OK ? written != 77 : written == 77 && all_are(bytes, 0xa5, sizeof bytes));
     return status;
 }
@@ -61,7 +61,7 @@ static nvsp_status frame_info(void *structure) {
     memset(bytes, 0xa5, sizeof bytes);
     size_t written = 77;
     const nvsp_status status =
-        nvsp_encode_frame(both.encoder, &image, structure, bytes, sizeof bytes, &written, NULL);
+        nvsp_encode(both.encoder, &image, structure, bytes, sizeof bytes, &written, NULL);
     CHECK(status == NVSP_OK ? written != 77 : written == 77 && all_are(bytes, 0xa5, sizeof bytes));
     return status;
 }
@@ -70,7 +70,7 @@ static nvsp_status begun_info(void *structure) {
     const nvsp_image image = scene_image(&dive, 0);
     uint8_t bytes[4096];
     size_t written = 77;
-    const nvsp_status status = nvsp_encode_begin_frame(both.encoder, &image, structure);
+    const nvsp_status status = nvsp_encode_begin(both.encoder, &image, structure);
     if (status == NVSP_OK) {
         MUST(nvsp_encode_wait(both.encoder, 60000));
         MUST(nvsp_encode_finish(both.encoder, bytes, sizeof bytes, &written, NULL));
@@ -315,7 +315,7 @@ static nvsp_status camera_in(void *structure) { return nvsp_decoder_add_camera(b
 static nvsp_status encode_with(const void *frame, const void *hint) {
     uint8_t bytes[4096];
     size_t written = 77;
-    const nvsp_status status = nvsp_encode(both.encoder, frame, hint, bytes, sizeof bytes, &written, NULL);
+    const nvsp_status status = nvsp_encode(both.encoder, frame, with_hint(hint), bytes, sizeof bytes, &written, NULL);
     CHECK((status == NVSP_OK) == (written != 77));
     return status;
 }
@@ -414,7 +414,7 @@ static void others(void) {
     nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
     uint8_t bytes[4096];
     size_t written = 0;
-    MUST(nvsp_encode(both.encoder, &image, &pose, bytes, sizeof bytes, &written, &stats));
+    MUST(nvsp_encode(both.encoder, &image, with_hint(&pose), bytes, sizeof bytes, &written, &stats));
     EXPECT(NVSP_OK, encode_with(&image, &stats.pose));
     free(pixels);
 }
@@ -463,7 +463,7 @@ static void estimates(void) {
         uint8_t bytes[65536];
         size_t written = 0;
         const nvsp_image frame = scene_image(&dive, 0);
-        MUST(nvsp_encode(own.encoder, &frame, &dive.poses[0], bytes, sizeof bytes, &written, NULL));
+        MUST(nvsp_encode(own.encoder, &frame, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written, NULL));
         const uint64_t encoder = memory_used(own.engine) - prior;
         CHECK(encoder <= found.encoder_device && found.encoder_device < 3 * encoder);
         MUST(nvsp_decoder_create(own.engine, own.prior, &own.decoder));

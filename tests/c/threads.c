@@ -94,7 +94,7 @@ static void intruded_upon(void) {
         size_t size = 0;
         nvsp_status status;
         do {
-            status = nvsp_encode(both.encoder, &image, i == 0 ? &dive.poses[0] : NULL, bytes,
+            status = nvsp_encode(both.encoder, &image, with_hint(i == 0 ? &dive.poses[0] : NULL), bytes,
                                  sizeof bytes, &size, NULL);
         } while (status == NVSP_ERR_BUSY);
         EXPECT(NVSP_OK, status);
@@ -144,7 +144,7 @@ static void threads_that_start(void) {
     uint8_t bytes[4096];
     size_t size = 0;
     for (int i = 0; i < 2; i++) {
-        MUST(nvsp_encode_begin(own.encoder, &image, &dive.poses[0]));
+        MUST(nvsp_encode_begin(own.encoder, &image, with_hint(&dive.poses[0])));
         MUST(nvsp_encode_wait(own.encoder, 600000));
         MUST(nvsp_encode_finish(own.encoder, bytes, sizeof bytes, &size, NULL));
         CHECK(started == (i == 0 ? 1 : 2));

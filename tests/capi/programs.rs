@@ -95,7 +95,7 @@ fn library() -> &'static Path {
         let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
         let mut cargo = Command::new(env!("CARGO"));
         cargo.current_dir(root()).args(["rustc", "-p", "nvsprior", "--lib"]);
-        cargo.args(["--crate-type", "cdylib", "--no-default-features", "--features", "capi"]);
+        cargo.args(["--crate-type", "cdylib", "--no-default-features", "--features", "capi,paper"]);
         // As cargo-c does, so that the library has its own allocator.
         succeeds(cargo.arg("--target-dir").arg(target).args(["--", "--cfg", "cargo_c"]));
         target.join("debug")

@@ -1,7 +1,9 @@
 //! Following the camera from the frames before.
 
+use crate::Picture;
+#[cfg(feature = "paper")]
+use crate::Pose;
 use crate::vulkan::Error;
-use crate::{Picture, Pose};
 
 #[cfg(feature = "paper")]
 use super::super::descent;

@@ -71,7 +71,7 @@ fn one_by_one(context: &Context) -> anyhow::Result<f64> {
 }
 
 fn pipelined(context: &Context) -> anyhow::Result<f64> {
-    let mut pipeline = Pipeline::new(context.encoder(context.options())?)?;
+    let mut pipeline = Pipeline::new(context.encoder(context.options())?);
     let (mut encoded, mut since) = (Encoded::default(), Instant::now());
     for (index, Shot { camera, picture, external, .. }) in context.shots.iter().enumerate() {
         pipeline.encoder().set_camera(camera)?;

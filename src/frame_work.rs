@@ -1,4 +1,4 @@
-//! A tracked frame: its pose is found and drawn, its difference is not coded yet.
+//! All that one frame takes on the host, from the camera's picture to the packet: one owner of its buffers.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -9,13 +9,17 @@ use crate::residual::{
     Acknowledged, InStream, Interest, ResidualEncoder, ResidualSetup, StreamFrame, Structure,
     Vantage,
 };
-use crate::{Camera, Encoded, Error, FrameStats, Packet, Picture, Pose, Rate};
+use crate::{Camera, Encoded, Error, FrameStats, Known, Packet, Picture, Pose, Rate};
 
-/// What a frame's packet is made of. Buffers are kept from frame to frame.
+/// A frame on its way through the encoder. Buffers are kept from frame to frame.
+///
+/// A caller fills `frame` and `known`. The search fills all but `encoded`, and coding that.
 #[derive(Default)]
-pub(crate) struct TrackedFrame {
-    /// The frame, as the prior's preprocessing left it. Where it is masked it shows the render.
+pub(crate) struct FrameWork {
+    /// The camera's picture; after the search as the prior's preprocessing left it, with the render where it is masked.
     pub frame: Picture,
+    /// What is known of it.
+    pub known: Known,
     /// Which pixels count; `None`: all do.
     pub mask: Option<Arc<Mask>>,
     /// Which parts count more.
@@ -23,21 +27,23 @@ pub(crate) struct TrackedFrame {
     pub render: Picture,
     pub latent: Option<Latent>,
     pub camera: Option<Camera>,
-    /// Whether the packet tells what the render is.
-    pub checked: bool,
+    /// Whether the packet has a check of the render.
+    pub has_render_check: bool,
     pub rate: Option<Rate>,
     /// What codes the difference.
     pub residual: Option<ResidualSetup>,
-    /// What it may lean on; `None`: it is coded by itself.
+    /// What it may be predicted from; `None`: it is coded by itself.
     pub stream: Option<TrackedStream>,
     /// Depths of the render; in streams only.
     pub depths: Vec<f32>,
     pub pose: Pose,
     /// As far as they are known.
     pub stats: FrameStats,
+    /// The result.
+    pub encoded: Encoded,
 }
 
-/// What a frame of a stream may lean on.
+/// What a frame of a stream may be predicted from.
 #[derive(Clone, Copy)]
 pub(crate) struct TrackedStream {
     pub vantage: Vantage,
@@ -47,17 +53,24 @@ pub(crate) struct TrackedStream {
     pub first: bool,
 }
 
-impl TrackedFrame {
+impl FrameWork {
     /// Makes one that has room for every frame of a size.
     #[cfg(feature = "capi")]
-    pub fn with_room(width: u32, height: u32) -> TrackedFrame {
+    pub fn with_room(width: u32, height: u32) -> FrameWork {
         let picture = || Picture::new(width, height);
-        TrackedFrame { frame: picture(), render: picture(), ..TrackedFrame::default() }
+        let encoded = Encoded::with_room(width, height);
+        FrameWork { frame: picture(), render: picture(), encoded, ..FrameWork::default() }
     }
 
-    /// Codes the frame's difference picture, and writes the packet and the picture that the topside will show. Moves
-    /// the render to `encoded`.
-    pub fn encode(
+    /// Codes the frame's difference picture. Writes the packet and the picture that the topside will show to `encoded`.
+    pub fn code(&mut self, residual: &mut ResidualEncoder) -> Result<(), Error> {
+        let mut encoded = std::mem::take(&mut self.encoded);
+        let coded = self.code_into(residual, &mut encoded);
+        self.encoded = encoded;
+        coded
+    }
+
+    fn code_into(
         &mut self,
         residual: &mut ResidualEncoder,
         encoded: &mut Encoded,
@@ -131,7 +144,7 @@ impl TrackedFrame {
         residual: &mut ResidualEncoder,
         encoded: &mut Encoded,
     ) -> Result<bool, Error> {
-        let render = self.checked.then(|| RenderCheck::of(&self.render));
+        let render = self.has_render_check.then(|| RenderCheck::of(&self.render));
         let mut packet = Packet { latent, camera: self.camera, render, residual: Residual::None };
         let Some(rate) = self.coders_rate() else {
             encoded.picture.clone_from(&self.render);
@@ -175,12 +188,40 @@ impl TrackedFrame {
     }
 }
 
-/// The frame that a residual leans on.
+/// The reference frame of a residual.
 fn reference_of(residual: &Residual, frame: u32) -> Option<u32> {
     match residual {
         Residual::Stream { reference: Some(reference), .. } => {
             Some(frame.wrapping_sub(reference.distance.into()))
         }
         _ => None,
+    }
+}
+
+/// Codes the difference pictures of frames. Keeps the coder for as long as frames ask for the same.
+#[derive(Default)]
+pub(crate) struct Coder(Option<(ResidualSetup, ResidualEncoder)>);
+
+impl Coder {
+    /// Whether the frame needs another coder than the one before.
+    #[cfg(feature = "capi")]
+    pub fn changes(&self, work: &FrameWork) -> bool {
+        let same = |(own, _): &(ResidualSetup, _)| {
+            work.residual.as_ref().is_some_and(|setup| own.is_as(setup))
+        };
+        !self.0.as_ref().is_some_and(same)
+    }
+
+    /// See [`FrameWork::code`].
+    pub fn code(&mut self, work: &mut FrameWork) -> Result<(), Error> {
+        let setup = work.residual.take().ok_or(Error::NoStart { frame: work.stats.frame })?;
+        let (_, coder) = match self.0.take() {
+            Some(same) if same.0.is_as(&setup) => self.0.insert(same),
+            _ => {
+                let coder = ResidualEncoder::new(&setup);
+                self.0.insert((setup, coder))
+            }
+        };
+        work.code(coder)
     }
 }

@@ -1,0 +1,327 @@
+//! What an encoder's handle holds: an encoder and its frames, on the caller's thread or on threads of its own.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use crate::frame_work::{Coder, FrameWork};
+use crate::geometry::Lens;
+use crate::image::{Converter, Mask};
+use crate::queue::{Queue, QueueError, Stage};
+use crate::{Camera, Encoded, Encoder, Error, Known};
+
+use super::frame::refused;
+use super::handle::Opaque;
+use super::image::View;
+use super::limits::Limits;
+use super::memory::Grant;
+use super::status::*;
+use super::thread::{ThreadStart, spawner};
+
+/// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
+///
+/// ```c
+/// if (nvsp_encode_begin(encoder, &image, &info) != NVSP_OK) return;
+/// while (nvsp_encode_poll(encoder) == NVSP_PENDING) steer();
+/// status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
+/// ```
+#[allow(non_camel_case_types)]
+pub struct nvsp_encoder {
+    _opaque: [u8; 0],
+}
+
+impl Opaque for nvsp_encoder {
+    type Content = Encoding;
+}
+
+/// What the frames of an encoder share.
+pub(super) struct Core {
+    pub encoder: Encoder,
+    pub converter: Arc<Mutex<Converter>>,
+    /// What the converter and the encoder's mask are made of.
+    pub seen: Seen,
+    pub limits: Limits,
+    /// Frames that still take memory, and how many do after the encoder itself took some.
+    cold: usize,
+    most_cold: usize,
+}
+
+/// A frame, as a caller hands it over.
+pub(super) struct GivenFrame<'a> {
+    pub view: View<'a>,
+    pub known: Known,
+}
+
+/// An encoder with its frames under way: one, or two.
+pub(super) struct Encoding {
+    core: Arc<Mutex<Core>>,
+    converter: Arc<Mutex<Converter>>,
+    queue: Queue<FrameWork, Failure>,
+    /// Whether two frames may be under way.
+    two: bool,
+    /// The frame finished last.
+    last: Encoded,
+    /// Whether there is one.
+    full: bool,
+}
+
+impl Encoding {
+    /// `two`: a thread searches for a frame's pose while another codes the frame before. `start` is for the threads.
+    pub(super) fn new(
+        encoder: Encoder,
+        converter: Converter,
+        limits: Limits,
+        two: bool,
+        start: ThreadStart,
+    ) -> Encoding {
+        let camera = *encoder.camera();
+        let slots = if two { 2 } else { 1 };
+        // There is one result more than there are slots: that of the frame finished last.
+        let cold = slots + 1;
+        let converter = Arc::new(Mutex::new(converter));
+        let seen = Seen::default();
+        let (own, most_cold) = (converter.clone(), cold);
+        let core = Core { encoder, converter: own, seen, limits, cold, most_cold };
+        let core = Arc::new(Mutex::new(core));
+        let stages = if two { search_and_code(&core, limits, cold) } else { vec![encode(&core)] };
+        let (width, height) = (camera.width, camera.height);
+        let room = || FrameWork::with_room(width, height);
+        let works = std::iter::repeat_with(room).take(slots).collect();
+        let own = core.clone();
+        let lost = move || own.lock().unwrap_or_else(PoisonError::into_inner).encoder.announce();
+        let spawn = spawner([c"nvsp-encoder", c"nvsp-coder"], start);
+        let queue = Queue::new(stages, works, Box::new(lost), spawn);
+        Encoding {
+            core,
+            converter,
+            queue,
+            two,
+            last: Encoded::with_room(width, height),
+            full: false,
+        }
+    }
+
+    /// What the next frame is encoded by. Fails while a frame is searched for. With one frame at a time it fails from
+    /// the beginning of a frame until that is finished or cancelled.
+    pub(super) fn core(&self) -> Result<MutexGuard<'_, Core>, Failure> {
+        match self.two {
+            true => self.queue.check_first_stage()?,
+            false => self.queue.check_idle()?,
+        }
+        self.core.lock().map_err(|_| QueueError::Poisoned.into())
+    }
+
+    /// Reads a frame on this thread. Others then encode it.
+    pub(super) fn begin(&mut self, given: &GivenFrame) -> Result<(), Failure> {
+        self.check_known(&given.known)?;
+        let converter = &self.converter;
+        self.queue.begin(|work| given.fill(converter, work))
+    }
+
+    /// Encodes a frame on this thread.
+    pub(super) fn run(&mut self, given: &GivenFrame) -> Result<(), Failure> {
+        self.queue.check_idle()?;
+        self.check_known(&given.known)?;
+        let converter = &self.converter;
+        self.queue.run(|work| given.fill(converter, work))
+    }
+
+    /// Checks what is known of a frame. While another is searched for, what depends on that one is left to the search.
+    fn check_known(&self, known: &Known) -> Result<(), Failure> {
+        let checked = match self.core() {
+            Ok(core) => core.encoder.check_known(known),
+            Err(_) => known.check(0, None),
+        };
+        checked.map_err(refused)
+    }
+
+    /// Tells whether there is a result to take. Waits for it, at most `timeout`.
+    pub(super) fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
+        Ok(if self.queue.wait(timeout)? { NVSP_OK } else { NVSP_PENDING })
+    }
+
+    /// Takes the first result: the frame's error, or what `fetch` makes of it. If `fetch` fails, the result stays.
+    pub(super) fn take(
+        &mut self,
+        fetch: impl FnOnce(&Encoded) -> Result<(), Failure>,
+    ) -> Result<nvsp_status, Failure> {
+        let (last, full) = (&mut self.last, &mut self.full);
+        let taken = self.queue.take(|work| {
+            fetch(&work.encoded)?;
+            std::mem::swap(last, &mut work.encoded);
+            *full = true;
+            Ok(())
+        })?;
+        Ok(if taken { NVSP_OK } else { NVSP_PENDING })
+    }
+
+    /// Drops what was begun. Tells whether it has ended.
+    pub(super) fn cancel(&mut self) -> nvsp_status {
+        if self.queue.cancel() { NVSP_OK } else { NVSP_PENDING }
+    }
+
+    /// The frame finished last.
+    pub(super) fn last(&self) -> Result<&Encoded, Failure> {
+        if !self.two {
+            self.queue.check_idle()?;
+        }
+        self.full.then_some(&self.last).ok_or(Failure::at(NVSP_ERR_STATE, "no frame was encoded"))
+    }
+}
+
+impl GivenFrame<'_> {
+    /// Converts the image to a slot, and hands over what is known of it.
+    fn fill(&self, converter: &Mutex<Converter>, work: &mut FrameWork) -> Result<(), Failure> {
+        let mut converter = converter.lock().unwrap_or_else(PoisonError::into_inner);
+        converter.convert(&self.view, &mut work.frame)?;
+        work.known = self.known;
+        Ok(())
+    }
+}
+
+fn locked(core: &Mutex<Core>) -> Result<MutexGuard<'_, Core>, Failure> {
+    core.lock().map_err(|_| QueueError::Poisoned.into())
+}
+
+/// The stage that does all of a frame.
+fn encode(core: &Arc<Mutex<Core>>) -> Stage<FrameWork, Failure> {
+    let core = core.clone();
+    Box::new(move |work| {
+        let mut core = locked(&core)?;
+        let _memory = core.memory()?;
+        core.encoder.check_known(&work.known).map_err(refused)?;
+        core.encoder.encode_filled(work)?;
+        core.cold = core.cold.saturating_sub(1);
+        Ok(())
+    })
+}
+
+/// The stages of an encoder with two frames under way.
+fn search_and_code(
+    core: &Arc<Mutex<Core>>,
+    limits: Limits,
+    most_cold: usize,
+) -> Vec<Stage<FrameWork, Failure>> {
+    let announce = Arc::new(Mutex::new(false));
+    let (core, lost) = (core.clone(), announce.clone());
+    let search = move |work: &mut FrameWork| {
+        let mut core = locked(&core)?;
+        if std::mem::take(&mut *announce.lock().unwrap_or_else(PoisonError::into_inner)) {
+            core.encoder.announce();
+        }
+        let _memory = core.memory()?;
+        core.encoder.check_known(&work.known).map_err(refused)?;
+        core.encoder.track_filled(work)?;
+        core.cold = core.cold.saturating_sub(1);
+        Ok(())
+    };
+    let (mut coder, mut cold) = (Coder::default(), 0);
+    let code = move |work: &mut FrameWork| {
+        let tells_camera = work.camera.is_some();
+        cold = if coder.changes(work) { most_cold } else { cold };
+        let size = (work.frame.width, work.frame.height);
+        let coded = (cold > 0).then(|| limits.coder(size)).transpose().and_then(|_memory| {
+            coder.code(work)?;
+            cold = cold.saturating_sub(1);
+            Ok(())
+        });
+        if coded.is_err() && tells_camera {
+            *lost.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        }
+        coded
+    };
+    vec![Box::new(search), Box::new(code)]
+}
+
+impl Core {
+    /// Sets memory aside for the next call, unless all that it takes is there.
+    pub(super) fn memory(&self) -> Result<Option<Grant>, Failure> {
+        (self.cold > 0).then(|| self.limits.encoder(self.encoder.camera())).transpose()
+    }
+
+    /// The next frames take memory again.
+    pub(super) fn chill(&mut self) {
+        self.cold = self.most_cold;
+    }
+
+    /// Changes what images are seen through. If it fails, nothing changes.
+    pub(super) fn see(&mut self, change: impl FnOnce(&mut Seen)) -> Result<(), Failure> {
+        let mut seen = self.seen.clone();
+        change(&mut seen);
+        let camera = *self.encoder.camera();
+        self.look(seen, camera)
+    }
+
+    /// Sets camera and what images are seen through. If it fails, nothing changes.
+    pub(super) fn look(&mut self, seen: Seen, camera: Camera) -> Result<(), Failure> {
+        let same_camera = camera == *self.encoder.camera();
+        let _memory = self.limits.seen(&camera, seen.bytes(&camera), same_camera)?;
+        let (converter, mask) = seen.through(&camera)?;
+        self.encoder.set_view(&camera, mask)?;
+        if !same_camera {
+            self.chill();
+        }
+        self.seen = seen;
+        *self.converter.lock().unwrap_or_else(PoisonError::into_inner) = converter;
+        Ok(())
+    }
+}
+
+/// What an encoder's images are seen through.
+#[derive(Clone, Default)]
+pub(super) struct Seen {
+    pub lens: Option<Lens>,
+    /// Of the lens's size; without one, of the camera's shape.
+    pub mask: Option<Arc<Mask>>,
+}
+
+/// Bytes of a pixel of the lens's images, and of one of the camera's, that a converter and a mask take at most.
+const LENS_PIXEL: u64 = 4;
+const CAMERA_PIXEL: u64 = 48;
+/// Bytes of the rows and columns of both.
+const SIDES: u64 = 256;
+
+impl Seen {
+    /// What makes the encoder's pictures, and which of their pixels count.
+    pub fn through(&self, camera: &Camera) -> Result<(Converter, Option<Mask>), Failure> {
+        let Some(lens) = &self.lens else {
+            let converter = Converter::new(camera.width, camera.height)?;
+            let mask = self.mask.as_ref().map(|mask| shaped(mask, camera)).transpose()?;
+            return Ok((converter, mask));
+        };
+        let converter = Converter::undistorting(lens, camera).map_err(Error::from)?;
+        let mask = match &self.mask {
+            Some(mask) if (mask.width, mask.height) != lens.size() => {
+                let what = "nvsp_mask.width, height: not those of the lens";
+                return Err(Failure::argument(what));
+            }
+            Some(mask) => Some(mask.undistorted(lens, camera).map_err(Error::from)?),
+            None => converter.covered().cloned(),
+        };
+        Ok((converter, mask))
+    }
+
+    /// Host memory that [`Seen::through`] takes at most, and what it keeps; bytes.
+    pub fn bytes(&self, camera: &Camera) -> u64 {
+        let area = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
+        let own = |(width, height): (u32, u32)| {
+            LENS_PIXEL * area((width, height)) + SIDES * (u64::from(width) + u64::from(height))
+        };
+        let size = (camera.width, camera.height);
+        let mask = self.mask.as_ref().map_or(0, |mask| area((mask.width, mask.height)));
+        match &self.lens {
+            Some(lens) => own(lens.size()) + CAMERA_PIXEL * area(size) + own(size) + mask,
+            None if mask > 0 => CAMERA_PIXEL * area(size) + mask,
+            None => 0,
+        }
+    }
+}
+
+/// A mask of the camera's shape at the camera's size.
+fn shaped(mask: &Mask, camera: &Camera) -> Result<Mask, Failure> {
+    let wide = u64::from(mask.width) * u64::from(camera.height);
+    let high = u64::from(mask.height) * u64::from(camera.width);
+    if wide.abs_diff(high) * 100 > high {
+        return Err(Failure::argument("nvsp_mask.width, height: not of the camera's shape"));
+    }
+    Ok(mask.resized(camera.width, camera.height))
+}

@@ -1,0 +1,410 @@
+//! Work beside the caller: frames go through stages, each on a thread of its own.
+//!
+//! A queue has a fixed number of *slots*, each with the buffers of one frame, and one stage or two. A frame is begun by
+//! filling a spare slot. It then goes from stage to stage and waits until its result is taken. Frames never overtake each
+//! other. Rules:
+//!
+//! - A frame that was begun is the caller's until [`take`](Queue::take) or [`cancel`](Queue::cancel) ends it. No other
+//!   call drops it.
+//! - If a result cannot be handed over, it is *kept*: the next [`run`](Queue::run) drops it, and in a queue of one slot
+//!   the next [`begin`](Queue::begin) too.
+//! - A frame that is cancelled while a stage works on it ends by itself. Until then no frame can be begun.
+//! - If a frame is dropped, what it told is lost: the queue calls `lost` before the first stage's next frame.
+//! - A stage that panics poisons the queue.
+
+use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Why a queue refuses a call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum QueueError {
+    /// As many frames are under way as there are slots.
+    #[error("all frames that may be under way are: finish the first, or cancel them")]
+    Full,
+    /// A frame that was cancelled has not ended yet.
+    #[error("a frame that was cancelled has not ended yet")]
+    Ending,
+    /// A frame is under way.
+    #[error("a frame is under way: finish it or cancel it")]
+    UnderWay,
+    /// No frame is under way.
+    #[error("nothing was begun")]
+    Empty,
+    /// A stage panicked now.
+    #[error("a fault of the library itself: please report it")]
+    Panicked,
+    /// A stage panicked before.
+    #[error("an earlier frame failed inside the library")]
+    Poisoned,
+}
+
+/// What a stage does to a slot.
+pub(crate) type Stage<S, E> = Box<dyn FnMut(&mut S) -> Result<(), E> + Send>;
+
+/// What a thread of the queue does. It does not unwind.
+pub(crate) type Body = Box<dyn FnOnce() + Send>;
+
+/// Starts the thread of the stage of a number. What it returns waits for the thread's end when dropped.
+pub(crate) type Spawn<E> = Box<dyn FnMut(usize, Body) -> Result<Box<dyn Send>, E> + Send>;
+
+/// A frame on its way.
+struct Slot<S, E> {
+    content: S,
+    outcome: Result<(), E>,
+    /// [`State::cancels`] when it was begun.
+    begun_at: u64,
+    /// The result could not be handed over.
+    kept: bool,
+}
+
+type Slots<S, E> = VecDeque<Box<Slot<S, E>>>;
+
+/// A slot goes from `spare` through `waiting` for each stage to `done`, and back.
+struct State<S, E> {
+    spare: Slots<S, E>,
+    /// By stage.
+    waiting: Vec<Slots<S, E>>,
+    /// Whether a stage works on a slot.
+    busy: Vec<bool>,
+    done: Slots<S, E>,
+    slots: usize,
+    /// Frames that were begun and neither taken nor cancelled.
+    live: usize,
+    /// How often all that was under way was cancelled.
+    cancels: u64,
+    /// A frame was dropped.
+    lost: bool,
+    poisoned: bool,
+    quit: bool,
+}
+
+struct Shared<S, E> {
+    stages: Vec<Mutex<Stage<S, E>>>,
+    /// Called before the first stage's next frame if one was dropped.
+    lost: Mutex<Box<dyn FnMut() + Send>>,
+    state: Mutex<State<S, E>>,
+    changed: Condvar,
+}
+
+/// Frames on their way through stages.
+pub(crate) struct Queue<S, E> {
+    shared: Arc<Shared<S, E>>,
+    /// Started with the first frame that is begun.
+    threads: Vec<Box<dyn Send>>,
+    spawn: Spawn<E>,
+}
+
+impl<S, E> State<S, E> {
+    fn under_way(&self) -> usize {
+        self.slots - self.spare.len()
+    }
+
+    #[cfg(any(feature = "capi", test))]
+    fn kept(&self) -> usize {
+        self.done.iter().filter(|slot| slot.kept).count()
+    }
+
+    /// Ends frames that were done, and notes that they are lost.
+    #[cfg(any(feature = "capi", test))]
+    fn drop_done(&mut self, count: usize) {
+        for slot in self.done.drain(..count) {
+            self.lost |= slot.outcome.is_ok();
+            self.spare.push_back(slot);
+            self.live -= 1;
+        }
+    }
+
+    fn check(&self) -> Result<(), QueueError> {
+        match self {
+            _ if self.poisoned => Err(QueueError::Poisoned),
+            _ if self.under_way() > self.live => Err(QueueError::Ending),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl<S, E: From<QueueError>> Shared<S, E> {
+    fn state(&self) -> MutexGuard<'_, State<S, E>> {
+        // No code that could panic runs under this lock.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for a slot of a stage; `None`: the thread is to end.
+    fn next(&self, stage: usize) -> Option<Box<Slot<S, E>>> {
+        let rest = |state: &mut State<S, E>| state.waiting[stage].is_empty() && !state.quit;
+        let state = self.changed.wait_while(self.state(), rest);
+        let mut state = state.unwrap_or_else(PoisonError::into_inner);
+        if state.quit {
+            return None;
+        }
+        state.busy[stage] = true;
+        state.waiting[stage].pop_front()
+    }
+
+    /// Passes a slot on from a stage, unless it was cancelled meanwhile.
+    fn pass(&self, slot: Box<Slot<S, E>>, stage: usize) {
+        let mut state = self.state();
+        state.busy[stage] = false;
+        if slot.begun_at != state.cancels {
+            state.lost = true;
+            state.spare.push_back(slot);
+        } else if stage + 1 < self.stages.len() {
+            state.waiting[stage + 1].push_back(slot);
+        } else {
+            state.done.push_back(slot);
+        }
+        self.changed.notify_all();
+    }
+
+    /// Tells that frames were dropped, if some were.
+    fn settle(&self) {
+        if std::mem::take(&mut self.state().lost) {
+            let mut lost = self.lost.lock().unwrap_or_else(PoisonError::into_inner);
+            lost();
+        }
+    }
+
+    /// Does a stage's work on a slot, unless an earlier stage failed. A panic poisons the queue.
+    fn work(&self, slot: &mut Slot<S, E>, stage: usize) {
+        let work = || {
+            if stage == 0 {
+                self.settle();
+            }
+            let mut work = self.stages[stage].lock().map_err(|_| QueueError::Poisoned)?;
+            work(&mut slot.content)
+        };
+        if slot.outcome.is_ok() {
+            slot.outcome = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
+                self.state().poisoned = true;
+                Err(QueueError::Panicked.into())
+            });
+        }
+    }
+
+    /// The thread of a stage.
+    fn serve(&self, stage: usize) {
+        while let Some(mut slot) = self.next(stage) {
+            self.work(&mut slot, stage);
+            self.pass(slot, stage);
+        }
+    }
+}
+
+impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
+    /// A queue of these stages and slots. `lost` is called before the first stage's next frame if one was dropped.
+    pub(crate) fn new(
+        stages: Vec<Stage<S, E>>,
+        slots: Vec<S>,
+        lost: Box<dyn FnMut() + Send>,
+        spawn: Spawn<E>,
+    ) -> Queue<S, E> {
+        let count = slots.len();
+        let slot = |content| Box::new(Slot { content, outcome: Ok(()), begun_at: 0, kept: false });
+        let room = || VecDeque::with_capacity(count);
+        let state = State {
+            spare: slots.into_iter().map(slot).collect(),
+            waiting: stages.iter().map(|_| room()).collect(),
+            busy: vec![false; stages.len()],
+            done: room(),
+            slots: count,
+            live: 0,
+            cancels: 0,
+            lost: false,
+            poisoned: false,
+            quit: false,
+        };
+        let threads = Vec::with_capacity(stages.len());
+        let stages = stages.into_iter().map(Mutex::new).collect();
+        let (lost, state) = (Mutex::new(lost), Mutex::new(state));
+        let shared = Shared { stages, lost, state, changed: Condvar::new() };
+        Queue { shared: Arc::new(shared), threads, spawn }
+    }
+
+    /// Checks that no frame is under way, apart from results that are kept.
+    #[cfg(any(feature = "capi", test))]
+    pub(crate) fn check_idle(&self) -> Result<(), QueueError> {
+        let state = self.shared.state();
+        state.check()?;
+        if state.under_way() > state.kept() {
+            return Err(QueueError::UnderWay);
+        }
+        drop(state);
+        self.shared.settle();
+        Ok(())
+    }
+
+    /// Checks that the first stage works on no frame and that none waits for it.
+    #[cfg(any(feature = "capi", test))]
+    pub(crate) fn check_first_stage(&self) -> Result<(), QueueError> {
+        let state = self.shared.state();
+        if state.poisoned {
+            return Err(QueueError::Poisoned);
+        }
+        if state.busy[0] || !state.waiting[0].is_empty() {
+            return Err(QueueError::UnderWay);
+        }
+        drop(state);
+        self.shared.settle();
+        Ok(())
+    }
+
+    /// Begins a frame; `fill` fills its slot. If that fails, nothing changes.
+    pub(crate) fn begin(&mut self, fill: impl FnOnce(&mut S) -> Result<(), E>) -> Result<(), E> {
+        let one_slot = self.shared.state().slots == 1;
+        let (mut slot, kept) = self.filled(one_slot, fill)?;
+        if let Err(error) = self.start_threads() {
+            self.put_back(slot, kept);
+            return Err(error);
+        }
+        let mut state = self.shared.state();
+        state.lost |= kept && slot.outcome.is_ok();
+        (slot.begun_at, slot.outcome, slot.kept) = (state.cancels, Ok(()), false);
+        state.live += usize::from(!kept);
+        state.waiting[0].push_back(slot);
+        self.shared.changed.notify_all();
+        Ok(())
+    }
+
+    /// Does a frame's work on this thread; its result is then done. Fails if another frame is under way.
+    #[cfg(any(feature = "capi", test))]
+    pub(crate) fn run(&mut self, fill: impl FnOnce(&mut S) -> Result<(), E>) -> Result<(), E> {
+        self.check_idle()?;
+        let (mut slot, kept) = self.filled(true, fill)?;
+        {
+            let mut state = self.shared.state();
+            state.lost |= kept && slot.outcome.is_ok();
+            let others = state.kept();
+            state.drop_done(others);
+            (slot.begun_at, slot.outcome, slot.kept) = (state.cancels, Ok(()), true);
+            state.live += usize::from(!kept);
+        }
+        for stage in 0..self.shared.stages.len() {
+            self.shared.work(&mut slot, stage);
+        }
+        self.shared.state().done.push_back(slot);
+        Ok(())
+    }
+
+    /// Takes a spare slot, or one whose result is kept if `may_drop` allows it, and fills it. Also returns whether its
+    /// result was kept.
+    #[allow(clippy::type_complexity)]
+    fn filled(
+        &self,
+        may_drop: bool,
+        fill: impl FnOnce(&mut S) -> Result<(), E>,
+    ) -> Result<(Box<Slot<S, E>>, bool), E> {
+        let (mut slot, kept) = {
+            let mut state = self.shared.state();
+            state.check()?;
+            match state.spare.pop_front() {
+                Some(slot) => (slot, false),
+                None => {
+                    let first = state.done.front().is_some_and(|slot| slot.kept && may_drop);
+                    let kept = if first { state.done.pop_front() } else { None };
+                    (kept.ok_or(QueueError::Full)?, true)
+                }
+            }
+        };
+        match fill(&mut slot.content) {
+            Ok(()) => Ok((slot, kept)),
+            Err(error) => {
+                self.put_back(slot, kept);
+                Err(error)
+            }
+        }
+    }
+
+    fn put_back(&self, slot: Box<Slot<S, E>>, kept: bool) {
+        let mut state = self.shared.state();
+        let to = if kept { &mut state.done } else { &mut state.spare };
+        to.push_front(slot);
+    }
+
+    fn start_threads(&mut self) -> Result<(), E> {
+        for stage in self.threads.len()..self.shared.stages.len() {
+            let shared = self.shared.clone();
+            self.threads.push((self.spawn)(stage, Box::new(move || shared.serve(stage)))?);
+        }
+        Ok(())
+    }
+
+    /// Waits for the end of the first frame under way, at most `timeout`. Returns whether it has ended.
+    ///
+    /// # Errors
+    /// [`QueueError::Empty`] if none is under way.
+    pub(crate) fn wait(&self, timeout: Duration) -> Result<bool, QueueError> {
+        let pending = |state: &mut State<S, E>| state.done.is_empty() && state.under_way() > 0;
+        let (state, _) = self
+            .shared
+            .changed
+            .wait_timeout_while(self.shared.state(), timeout, pending)
+            .unwrap_or_else(PoisonError::into_inner);
+        match (state.done.is_empty(), state.under_way()) {
+            (false, _) => Ok(true),
+            (true, 0) => Err(QueueError::Empty),
+            (true, _) => Ok(false),
+        }
+    }
+
+    /// Takes the first frame, if it has ended: its error, or what `fetch` makes of it. If `fetch` fails, the result is
+    /// kept. Returns whether it had ended.
+    pub(crate) fn take(&mut self, fetch: impl FnOnce(&mut S) -> Result<(), E>) -> Result<bool, E> {
+        if !self.wait(Duration::ZERO)? {
+            return Ok(false);
+        }
+        let slot = self.shared.state().done.pop_front();
+        let Some(mut slot) = slot else { return Ok(false) };
+        let outcome = std::mem::replace(&mut slot.outcome, Ok(()));
+        let failed = outcome.is_err();
+        let outcome = outcome.and_then(|()| fetch(&mut slot.content));
+        let mut state = self.shared.state();
+        if outcome.is_err() && !failed {
+            slot.kept = true;
+            state.done.push_front(slot);
+        } else {
+            state.live -= 1;
+            state.spare.push_back(slot);
+        }
+        outcome.map(|()| true)
+    }
+
+    /// Drops all frames under way. Returns whether they have ended; if not, they end by themselves.
+    #[cfg(any(feature = "capi", test))]
+    pub(crate) fn cancel(&mut self) -> bool {
+        let ended = {
+            let mut state = self.shared.state();
+            if state.live > 0 {
+                let done = state.done.len();
+                state.drop_done(done);
+                state.cancels += 1;
+                state.live = 0;
+                let State { spare, waiting, lost, .. } = &mut *state;
+                for (stage, waiting) in waiting.iter_mut().enumerate() {
+                    *lost |= stage > 0 && !waiting.is_empty();
+                    spare.extend(waiting.drain(..));
+                }
+            }
+            state.under_way() == 0
+        };
+        if ended && !self.shared.state().poisoned {
+            self.shared.settle();
+        }
+        ended
+    }
+}
+
+impl<S, E> Drop for Queue<S, E> {
+    /// Waits for what the stages are at. A frame that no stage has taken is dropped.
+    fn drop(&mut self) {
+        let mut state = self.shared.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.quit = true;
+        drop(state);
+        self.shared.changed.notify_all();
+        self.threads.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests;
