@@ -51,8 +51,8 @@ pub struct Args {
     /// packets become larger
     #[arg(long, value_enum, default_value = "renders")]
     fit: FitArg,
-    /// Gradient steps per round
-    #[arg(long, value_name = "N", default_value_t = 60)]
+    /// Gradient steps per round, each towards one view
+    #[arg(long, value_name = "N", default_value_t = 330)]
     steps: u32,
     /// Share of the splats that a round leaves out at first
     #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = share)]
@@ -117,7 +117,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         share: args.share,
         ..TrimOptions::new(*prior.options(), bench.tolerance())
     };
-    let splats = trim(prior.splats(), &views, &options, &mut bench)?;
+    let splats = trim(&engine, prior.splats(), &views, &options, &mut bench)?;
     let bytes = bench.save(&splats)?;
     let reduced = Prior::open(&args.out, &Default::default())?;
     let size = std::fs::metadata(&args.prior)?.len();

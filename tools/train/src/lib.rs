@@ -2,10 +2,12 @@
 //! library itself leaves out what no view needs: [`nvsprior::prior::analysis`].
 
 pub mod coder_tables;
+mod fit;
 pub mod mapper;
 mod posed_picture;
-mod refit;
+pub mod removal;
 pub mod samples;
 pub mod trim;
 
+pub use fit::FitError;
 pub use posed_picture::PosedPicture;

@@ -2,7 +2,7 @@
 
 use nvsprior::prior::analysis::{PriorAnalysis, key_bits, splat_bytes};
 use nvsprior::{Camera, EncoderOptions, Engine, Pose, Prior};
-use nvsprior_train::trim::{Removal, most_needed, removals};
+use nvsprior_train::removal::{Removal, most_needed, removals};
 
 use super::row;
 use crate::mission::{Mission, places, spaced};
@@ -136,7 +136,7 @@ impl<'a> Sampled<'a> {
         let views = ViewSet::of(&mission.views, VIEWS, &mut whole)?;
         let others = ViewSet::of(&mission.others, VIEWS, &mut whole)?;
         places.extend(mission.near(0));
-        let removals = removals(prior.splats(), prior.options(), &places);
+        let removals = removals(engine, prior, &places)?;
         Ok(Sampled { engine, prior, removals, views, others })
     }
 
@@ -147,7 +147,7 @@ impl<'a> Sampled<'a> {
             "key bits",
             format!("{} at these views: depths to {deepest:.2}", key_bits(near, deepest)),
         );
-        let seen: Vec<bool> = self.removals.iter().map(|r| r.pixels > 0.0).collect();
+        let seen: Vec<bool> = self.removals.iter().map(|r| r.pixels > 0).collect();
         self.print_without("unseen", &seen)?;
         if let Some(tolerance) = tolerance {
             let kept = self.least_shown(tolerance)?;

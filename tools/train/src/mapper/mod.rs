@@ -28,12 +28,13 @@ use nvsprior_kernels::training::planes;
 
 use crate::PosedPicture;
 pub use exposure::Exposure;
-use order::Order;
+pub(crate) use order::Order;
 use poses::PoseSteps;
 use relocate::{relocate, sort_by_size};
 pub use saved::{SavedError, read_state, write_state};
-use schedule::Progress;
+pub(crate) use schedule::Progress;
 pub use schedule::Schedule;
+pub(crate) use splats::{from_planes, to_planes};
 pub use start::ColouredPoint;
 use start::start;
 
@@ -310,7 +311,7 @@ impl Mapper {
     pub fn splats(&self) -> Result<Splats, MapError> {
         let state = self.trainer.state()?;
         let Mapper { options, centre, alive, .. } = self;
-        Ok(splats::from_planes(&state.parameters, options, *centre, *alive))
+        Ok(from_planes(&state.parameters, options, *centre, *alive))
     }
 
     /// Draws the splats as they are.
@@ -381,7 +382,7 @@ fn check(views: &[PosedPicture], options: &MapOptions) -> Result<(), MapError> {
 }
 
 /// Middle of the cameras, and their greatest distance from it (gsplat's scene scale: a tenth more).
-fn volume(views: &[PosedPicture]) -> (DVec3, f64) {
+pub(crate) fn volume(views: &[PosedPicture]) -> (DVec3, f64) {
     let sum: DVec3 = views.iter().map(|view| view.pose.centre()).sum();
     let centre = sum / views.len() as f64;
     let distance = |view: &PosedPicture| view.pose.centre().distance(centre);

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use nvsprior::prior::Splats;
 use nvsprior_kernels::shared::sh_coefficients;
-use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH};
+use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
 
 use super::MapOptions;
 
@@ -33,6 +33,25 @@ impl Planes<'_> {
             plane[splat] = 0.0;
         }
     }
+}
+
+/// The planes of splats.
+pub fn to_planes(splats: &Splats, centre: DVec3) -> Vec<f32> {
+    let (n, stride) = (splats.len(), splats.sh_stride());
+    let mut numbers = vec![0.0; n * planes(splats.sh_degree) as usize];
+    let mut planes = Planes { numbers: &mut numbers, splats: n };
+    let mut set = |first: u32, i: usize, values: &[f32]| {
+        (first..).zip(values).for_each(|(plane, value)| *planes.at(plane, i) = *value);
+    };
+    for i in 0..n {
+        let position = DVec3::from(splats.positions[i].map(f64::from)) - centre;
+        set(POSITION, i, &position.as_vec3().to_array());
+        set(LOG_SCALE, i, &splats.log_scales[i]);
+        set(ROTATION, i, &splats.rotations[i]);
+        set(OPACITY, i, &[splats.opacity_logits[i]]);
+        set(SH, i, &splats.sh[i * stride..][..stride]);
+    }
+    numbers
 }
 
 /// The first `alive` splats of the planes.
