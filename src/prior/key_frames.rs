@@ -160,7 +160,7 @@ impl KeyFrames {
 }
 
 /// What is wrong with a pose as a key frame.
-pub(super) fn fault(pose: &Pose) -> Option<&'static str> {
+fn fault(pose: &Pose) -> Option<&'static str> {
     if !pose.is_finite() {
         return Some("a number that is not finite");
     }
@@ -172,7 +172,7 @@ pub(super) fn fault(pose: &Pose) -> Option<&'static str> {
 }
 
 /// The camera's optical axis in the world, `Rᵀ (0, 0, 1)`.
-pub(super) fn viewing_direction(pose: &Pose) -> DVec3 {
+fn viewing_direction(pose: &Pose) -> DVec3 {
     pose.rotation.conjugate() * DVec3::Z
 }
 

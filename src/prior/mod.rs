@@ -7,7 +7,6 @@ mod claims;
 pub mod compact;
 #[cfg(feature = "formats")]
 mod compressed_ply;
-mod coverage;
 mod error;
 mod fault;
 mod file;
@@ -32,7 +31,6 @@ pub mod tables_file;
 
 pub use check::Dropped;
 pub use claims::PriorClaims;
-pub use coverage::Covering;
 pub use error::PriorError;
 pub use fault::{Fault, INFINITE_LOGIT, MAX_COEFFICIENT, MAX_LOG_SCALE};
 pub use file_content::PriorFile;

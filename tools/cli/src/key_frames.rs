@@ -8,12 +8,13 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use nvsprior::coder_tables::Tables;
 use nvsprior::prior::{
-    Covering, KeyFrames, PriorError, PriorFormat, Splats, compact, ply, replace_file, tables_file,
+    KeyFrames, PriorError, PriorFormat, Splats, compact, ply, replace_file, tables_file,
 };
 use nvsprior::{Camera, Pose, Prior};
 
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::values;
+use nvsprior_train::coverage::{Covering, covering};
 use range::Sample;
 
 /// Give a prior key frames: poses at which a lost camera is looked for
@@ -85,7 +86,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     values::check_file("--out", &out)?;
     let views = args.cameras.as_deref().map(|file| Views::of(args, file, &prior)).transpose()?;
     let seeds = views.as_ref().map_or(&[][..], |views| views.thinned.key_frames.poses());
-    let covering = KeyFrames::covering(prior.splats(), seeds, args.cover as usize)?;
+    let covering = covering(&prior, seeds, args.cover as usize)?;
     let key_frames = &covering.key_frames;
     anyhow::ensure!(!key_frames.is_empty(), "{name}: {}", nothing(args.cover));
     let content = kind.content(&bytes, &prior, key_frames)?;

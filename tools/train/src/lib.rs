@@ -2,6 +2,7 @@
 //! library itself leaves out what no view needs: [`nvsprior::prior::analysis`].
 
 pub mod coder_tables;
+pub mod coverage;
 mod fit;
 pub mod mapper;
 mod posed_picture;

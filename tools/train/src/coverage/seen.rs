@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 
+use nvsprior::Pose;
+
 use super::directions::{Directions, bin};
 use super::grid::{Grid, Hit};
-use crate::Pose;
 
 /// Half the width and height of the view that cameras are assumed to have, as tangents: ±35° and ±22°.
 const FRUSTUM: [f64; 2] = [0.700, 0.404];
@@ -16,7 +17,7 @@ const RAYS: [u32; 2] = [64, 40];
 const FEW_RAYS: [u32; 2] = [16, 10];
 
 /// Most cameras that are used, evenly spaced in their list.
-const MOST_CAMERAS: usize = 1000;
+const MAX_CAMERAS: usize = 1000;
 
 /// Free cells this near to a camera count even if it looks elsewhere; as a share of the depth of its picture.
 const NEIGHBOURHOOD: f64 = 0.35;
@@ -26,7 +27,7 @@ const NEIGHBOURHOOD: f64 = 0.35;
 const NEARER: f64 = 0.4;
 
 /// What cameras saw, by cell.
-pub struct Seen {
+pub struct SeenMatter {
     /// Whether a camera saw through the cell, or stood near.
     pub through: Vec<bool>,
     /// The [`bin`]s of the directions in which the matter in the cell was seen.
@@ -37,17 +38,17 @@ pub struct Seen {
     rays: Vec<u32>,
 }
 
-impl Seen {
+impl SeenMatter {
     /// What the poses' cameras saw; `directions` for what is beside them.
-    pub fn of(grid: &Grid, poses: &[Pose], directions: &Directions) -> Seen {
+    pub fn of(grid: &Grid, poses: &[Pose], directions: &Directions) -> SeenMatter {
         let cells = grid.len();
-        let mut seen = Seen {
+        let mut seen = SeenMatter {
             through: vec![false; cells],
             directions: vec![0; cells],
             nearest: vec![f32::INFINITY; cells],
             rays: vec![0; cells],
         };
-        for pose in poses.iter().step_by(poses.len().div_ceil(MOST_CAMERAS).max(1)) {
+        for pose in poses.iter().step_by(poses.len().div_ceil(MAX_CAMERAS).max(1)) {
             let Some(depth) = seen.look(grid, pose) else { continue };
             for along in directions.all() {
                 let reach = NEIGHBOURHOOD * depth;

@@ -14,12 +14,12 @@ use std::collections::BinaryHeap;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::key_frames::{fault, viewing_direction};
-use super::{KeyFrames, PriorError, Splats};
-use crate::Pose;
+use nvsprior::prior::{KeyFrames, PriorError};
+use nvsprior::{Pose, Prior};
+
 use directions::{DIRECTIONS, Directions};
 use grid::{Grid, Hit};
-use seen::{Seen, median};
+use seen::{SeenMatter, median};
 
 /// Largest distance between a view and a key frame that covers it, as a share of the lesser of their depths.
 const DISTANCE: f64 = 0.35;
@@ -28,10 +28,10 @@ const DISTANCE: f64 = 0.35;
 const ANGLE: f64 = 0.349;
 
 /// Most places that stand for the free volume.
-const MOST_PLACES: usize = 4000;
+const MAX_PLACES: usize = 4000;
 
 /// Most views that are candidates for key frames in one round.
-const MOST_CANDIDATES: usize = 16_384;
+const MAX_CANDIDATES: usize = 16_384;
 
 /// Share of the middle of a picture that must show known matter.
 const ENOUGH: f64 = 0.6;
@@ -62,45 +62,47 @@ impl Covering {
     }
 }
 
-impl KeyFrames {
-    /// Chooses key frames so that each view of the free volume has one within 0.35 of its depth and 20° of its
-    /// direction. Chooses at most `most` in all, the most useful first. Keeps all `seeds`, in front.
-    ///
-    /// Seeds are poses, world to camera, from which the prior was made. If there are seeds, a view counts only if a
-    /// seed saw through its place or stood near, and if a seed saw most of what it looks at from the same side and not
-    /// from much farther away. What the seeds saw in most detail is covered first. Seeds are assumed to see 70° by 44°.
-    /// If there are no seeds, views count in the largest connected part of the free volume within the splats' 1 to 99 %
-    /// of each axis, unless they see little. That is wrong for a hollow object with nothing around it: there the
-    /// largest part is the inside.
-    ///
-    /// The same input gives the same key frames. A prior without extent, or with faint splats only, has no views. Fails
-    /// if [`KeyFrames::new`] refuses the seeds, or if the arrays of `splats` disagree.
-    pub fn covering(splats: &Splats, seeds: &[Pose], most: usize) -> Result<Covering, PriorError> {
-        splats.check_shape()?;
-        let seeds = KeyFrames::new(seeds.to_vec())?;
-        let most = most.min(Self::MAX);
-        let centres: Vec<DVec3> = seeds.poses().iter().map(Pose::centre).collect();
-        let Some(grid) = Grid::of(splats, &centres) else {
-            return Ok(Covering { key_frames: seeds, added: 0, views: 0, covered: 0 });
-        };
-        let mut views = Views::of(&grid, seeds.poses());
-        for pose in seeds.poses() {
-            if let Some(depth) = seen::depth(&grid, pose) {
-                views.cover_from(pose.centre(), viewing_direction(pose), depth);
-            }
+/// Chooses key frames so that each view of the free volume has one within 0.35 of its depth and 20° of its
+/// direction. Chooses at most `max` in all, the most useful first. Keeps all `seeds`, in front.
+///
+/// Seeds are poses, world to camera, from which the prior was made. If there are seeds, a view counts only if a
+/// seed saw through its place or stood near, and if a seed saw most of what it looks at from the same side and not
+/// from much farther away. What the seeds saw in most detail is covered first. Seeds are assumed to see 70° by 44°.
+/// If there are no seeds, views count in the largest connected part of the free volume within the splats' 1 to 99 %
+/// of each axis, unless they see little. That is wrong for a hollow object with nothing around it: there the
+/// largest part is the inside.
+///
+/// The same input gives the same key frames. A prior without extent, or with faint splats only, has no views. Fails
+/// if [`KeyFrames::new`] refuses the seeds.
+pub fn covering(prior: &Prior, seeds: &[Pose], max: usize) -> Result<Covering, PriorError> {
+    let seeds = KeyFrames::new(seeds.to_vec())?;
+    let max = max.min(KeyFrames::MAX);
+    let centres: Vec<DVec3> = seeds.poses().iter().map(Pose::centre).collect();
+    let Some(grid) = Grid::of(prior.splats(), &centres) else {
+        return Ok(Covering { key_frames: seeds, added: 0, views: 0, covered: 0 });
+    };
+    let mut views = Views::of(&grid, seeds.poses());
+    for pose in seeds.poses() {
+        if let Some(depth) = seen::depth(&grid, pose) {
+            views.cover_from(pose.centre(), viewing_direction(pose), depth);
         }
-        let added = views.choose(most.saturating_sub(seeds.len()), up(seeds.poses()));
-        let poses = seeds.poses().iter().copied().chain(added.iter().copied());
-        let key_frames = KeyFrames::new(poses.collect())?;
-        let (count, left) = (views.count, views.left());
-        Ok(Covering { key_frames, added: added.len(), views: count, covered: count - left })
     }
+    let added = views.choose(max.saturating_sub(seeds.len()), up(seeds.poses()));
+    let poses = seeds.poses().iter().copied().chain(added.iter().copied());
+    let key_frames = KeyFrames::new(poses.collect())?;
+    let (count, left) = (views.count, views.left());
+    Ok(Covering { key_frames, added: added.len(), views: count, covered: count - left })
 }
 
 /// The direction that is up in most poses' pictures; +z if there are none.
 fn up(poses: &[Pose]) -> DVec3 {
     let sum: DVec3 = poses.iter().map(|pose| pose.rotation.conjugate() * DVec3::NEG_Y).sum();
     sum.try_normalize().unwrap_or(DVec3::Z)
+}
+
+/// The camera's optical axis in the world, `Rᵀ (0, 0, 1)`.
+fn viewing_direction(pose: &Pose) -> DVec3 {
+    pose.rotation.conjugate() * DVec3::Z
 }
 
 /// The pose of a camera that stands at `centre` and looks along a direction.
@@ -133,7 +135,7 @@ struct Views {
 impl Views {
     fn of(grid: &Grid, seeds: &[Pose]) -> Views {
         let directions = Directions::new(ANGLE);
-        let seen = (!seeds.is_empty()).then(|| Seen::of(grid, seeds, &directions));
+        let seen = (!seeds.is_empty()).then(|| SeenMatter::of(grid, seeds, &directions));
         let mut free = grid.clear();
         match &seen {
             Some(seen) => free.iter_mut().zip(&seen.through).for_each(|(a, b)| *a &= b),
@@ -155,30 +157,30 @@ impl Views {
         self.open.iter().filter(|depth| **depth > 0.0).count()
     }
 
-    /// Chooses up to `most` key frames, and covers what is near them.
-    fn choose(&mut self, most: usize, up: DVec3) -> Vec<Pose> {
+    /// Chooses up to `max` key frames, and covers what is near them.
+    fn choose(&mut self, max: usize, up: DVec3) -> Vec<Pose> {
         let mut chosen = Vec::new();
-        while chosen.len() < most {
+        while chosen.len() < max {
             let left = self.left();
-            let every = left.div_ceil(MOST_CANDIDATES).max(1);
+            let every = left.div_ceil(MAX_CANDIDATES).max(1);
             let open = (0..self.open.len()).filter(|view| self.open[*view] > 0.0);
             let candidates: Vec<usize> = open.step_by(every).collect();
             if candidates.is_empty() {
                 break;
             }
-            self.choose_of(&candidates, most, up, &mut chosen);
+            self.choose_of(&candidates, max, up, &mut chosen);
         }
         chosen
     }
 
     /// Chooses among candidates until all of them are covered. A candidate's gain only falls as
     /// others are chosen, so only the greatest gain is computed again (Minoux 1978).
-    fn choose_of(&mut self, candidates: &[usize], most: usize, up: DVec3, chosen: &mut Vec<Pose>) {
+    fn choose_of(&mut self, candidates: &[usize], max: usize, up: DVec3, chosen: &mut Vec<Pose>) {
         let key = |gain: u64, view: usize| (gain, std::cmp::Reverse(view));
         let mut heap: BinaryHeap<_> =
             candidates.iter().map(|view| key(self.gain(*view), *view)).collect();
         while let Some((_, std::cmp::Reverse(view))) = heap.pop() {
-            if chosen.len() >= most {
+            if chosen.len() >= max {
                 return;
             }
             if self.open[view] == 0.0 {
@@ -196,7 +198,7 @@ impl Views {
             self.cover_from(centre, forward, depth);
             // A view that f32 does not reach stays without.
             self.open[view] = 0.0;
-            if fault(&pose).is_none() {
+            if KeyFrames::new(vec![pose]).is_ok() {
                 chosen.push(pose);
             }
         }
@@ -248,7 +250,7 @@ impl Views {
 fn views_from(
     grid: &Grid,
     place: DVec3,
-    seen: Option<&Seen>,
+    seen: Option<&SeenMatter>,
     directions: &Directions,
 ) -> Vec<(f32, u32)> {
     let look = |(i, along): (usize, &DVec3)| {
@@ -268,7 +270,7 @@ fn views_from(
         let Some(depth) = depth.filter(|depth| enough && *depth >= NEAREST * grid.cell) else {
             return (0.0, 0);
         };
-        let detail = |seen: &Seen| {
+        let detail = |seen: &SeenMatter| {
             let rays = shown.iter().map(|hit| f64::from(seen.rays(hit.cell))).collect();
             median(rays).map_or(1, |rays| rays as u32)
         };
@@ -291,12 +293,12 @@ struct Blocks {
 }
 
 impl Blocks {
-    /// The smallest blocks with which no more than [`MOST_PLACES`] have a free cell.
+    /// The smallest blocks with which no more than [`MAX_PLACES`] have a free cell.
     fn of(grid: &Grid, free: &[bool]) -> Blocks {
         let mut side = 1;
         loop {
             let blocks = Blocks::of_side(grid, free, side);
-            if blocks.chosen.len() <= MOST_PLACES {
+            if blocks.chosen.len() <= MAX_PLACES {
                 return blocks;
             }
             side += 1;
@@ -312,7 +314,7 @@ impl Blocks {
             let off = at.map(|v| (2 * (v % side) + 1).abs_diff(side).pow(2)).iter().sum();
             let [x, y, z] = at.map(|v| v / side);
             let best = &mut best[(z * size[1] + y) * size[0] + x];
-            if best.is_none_or(|(least, _)| off < least) {
+            if best.is_none_or(|(other, _)| off < other) {
                 *best = Some((off, cell));
             }
         }

@@ -52,8 +52,8 @@ impl Directions {
 }
 
 fn indices_within(all: &[DVec3], direction: DVec3, angle: f64) -> Vec<usize> {
-    let least = angle.cos();
-    (0..all.len()).filter(|i| all[*i].dot(direction) > least).collect()
+    let min = angle.cos();
+    (0..all.len()).filter(|i| all[*i].dot(direction) > min).collect()
 }
 
 /// Direction `i` of a Fibonacci spiral.

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::super::{Splats, check};
+use nvsprior::prior::Splats;
 
 /// A splat counts as matter in points at which its own alpha is above this.
 const SOLID: f64 = 0.3;
@@ -11,7 +11,7 @@ const SOLID: f64 = 0.3;
 const CELLS: f64 = 64.0;
 
 /// Most cells along a side of the grid, with room for cameras that stand outside of that box.
-const MOST_CELLS: f64 = 96.0;
+const MAX_CELLS: f64 = 96.0;
 
 /// Share of the splats left out at either end of an axis.
 const STRAYS: f64 = 0.01;
@@ -21,7 +21,7 @@ const STRAYS: f64 = 0.01;
 const MARGIN: f64 = 0.1;
 
 /// Most points at which extents of splats are tested. After that only the centre of a splat counts.
-const MOST_POINTS: usize = 30_000_000;
+const MAX_POINTS: usize = 30_000_000;
 
 /// Cells that hold matter or do not.
 pub struct Grid {
@@ -44,10 +44,10 @@ pub struct Hit {
 }
 
 impl Grid {
-    /// Makes a grid of the sound splats. It is large enough for all `cameras` that are no farther from most of the
+    /// Makes a grid of a prior's splats. It is large enough for all `cameras` that are no farther from most of the
     /// splats than the splats' own extent. `None` if the splats have no extent, or none is opaque enough.
     pub fn of(splats: &Splats, cameras: &[DVec3]) -> Option<Grid> {
-        let solid = |i: &usize| check::fault_of(splats, *i).is_none() && splats.opacity(*i) > SOLID;
+        let solid = |i: &usize| splats.opacity(*i) > SOLID;
         let solid: Vec<usize> = (0..splats.len()).filter(solid).collect();
         let [low, high] = bounds(splats, &solid)?;
         let longest = (high - low).max_element();
@@ -55,15 +55,15 @@ impl Grid {
             return None;
         }
         let near = |c: &&DVec3| c.cmpge(low - longest).all() && c.cmple(high + longest).all();
-        let (mut least, mut most) = (low - MARGIN * longest, high + MARGIN * longest);
+        let (mut min, mut max) = (low - MARGIN * longest, high + MARGIN * longest);
         for camera in cameras.iter().filter(near) {
-            least = least.min(*camera - MARGIN * longest);
-            most = most.max(*camera + MARGIN * longest);
+            min = min.min(*camera - MARGIN * longest);
+            max = max.max(*camera + MARGIN * longest);
         }
-        let cell = (longest / CELLS).max((most - least).max_element() / MOST_CELLS);
-        let size = ((most - least) / cell).to_array().map(|v| v.ceil().max(1.0) as usize);
+        let cell = (longest / CELLS).max((max - min).max_element() / MAX_CELLS);
+        let size = ((max - min) / cell).to_array().map(|v| v.ceil().max(1.0) as usize);
         let occupied = vec![false; size.iter().product()];
-        let mut grid = Grid { low: least, cell, size, occupied, bounds: [low, high] };
+        let mut grid = Grid { low: min, cell, size, occupied, bounds: [low, high] };
         grid.fill(splats, &solid);
         Some(grid)
     }
@@ -73,7 +73,7 @@ impl Grid {
         for i in solid {
             self.occupy(DVec3::from(splats.positions[*i].map(f64::from)));
         }
-        let mut left = MOST_POINTS;
+        let mut left = MAX_POINTS;
         for i in solid {
             left = left.saturating_sub(self.fill_extent(splats, *i, left));
             if left == 0 {
@@ -82,9 +82,9 @@ impl Grid {
         }
     }
 
-    /// Marks the cells within a splat's ellipsoid of alpha above [`SOLID`], unless that takes more than `most` points.
+    /// Marks the cells within a splat's ellipsoid of alpha above [`SOLID`], unless that takes more than `max` points.
     /// Returns how many points it took.
-    fn fill_extent(&mut self, splats: &Splats, i: usize, most: usize) -> usize {
+    fn fill_extent(&mut self, splats: &Splats, i: usize, max: usize) -> usize {
         let radius = (2.0 * (splats.opacity(i) / SOLID).ln()).sqrt();
         let [w, x, y, z] = splats.unit_rotation(i).map(f64::from);
         let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
@@ -92,13 +92,13 @@ impl Grid {
         // Points are less than a cell apart. A splat larger than the grid has its points all over it.
         let steps = radii.map(|r| match r / self.cell {
             r if r < 0.5 => 0,
-            r => r.min(MOST_CELLS).ceil() as i32,
+            r => r.min(MAX_CELLS).ceil() as i32,
         });
         let points: usize = steps.iter().map(|n| 2 * *n as usize + 1).product();
-        if points == 1 || points > most {
+        if points == 1 || points > max {
             return 1;
         }
-        let reach = radii.map(|r| r.min(MOST_CELLS * self.cell));
+        let reach = radii.map(|r| r.min(MAX_CELLS * self.cell));
         let share = |k: usize, at: i32| reach[k] * f64::from(at) / f64::from(steps[k].max(1));
         let centre = DVec3::from(splats.positions[i].map(f64::from));
         for a in -steps[0]..=steps[0] {
