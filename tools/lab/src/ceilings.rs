@@ -7,11 +7,12 @@ use nvsprior::vulkan::{Buffer, Code, Device, Error, Kernel, Memory, Recorder, Ti
 use nvsprior_kernels::shared::{CEILING_CHAINS, CEILING_STEPS, CEILING_TURNS};
 
 /// A device's best rates.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Ceilings {
     /// Floating-point operations per second; a multiply-add is two.
     pub flops: f64,
     /// Bytes per second of a copy by 32-bit words; bytes read and bytes written count.
+    #[serde(rename = "copy_bytes")]
     pub bytes: f64,
 }
 

@@ -69,15 +69,17 @@ impl Sharing {
 }
 
 /// What a stage takes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Work {
     /// Bytes that it reads and writes.
     pub bytes: f64,
     /// Operations.
     pub flops: f64,
     /// Loads that wait for each other.
+    #[serde(skip)]
     pub chain: f64,
     /// Dispatches.
+    #[serde(skip)]
     pub dispatches: f64,
 }
 

@@ -112,18 +112,16 @@ fn removals_are_what_leaving_one_splat_out_does() {
     let splats = cloud(60, 1);
     let place = [(CAMERA, poses()[1])];
     let render = RenderOptions { background: [0.1, 0.5, 0.9], ..RENDER };
-    let picture = |splats: &Splats| {
-        Twin::new(&prior(splats, render)).render(&CAMERA, &place[0].1).pixels
-    };
+    let picture =
+        |splats: &Splats| Twin::new(&prior(splats, render)).render(&CAMERA, &place[0].1).pixels;
     let whole = picture(&splats);
     let removals = removals(&common::engine(), &prior(&splats, render), &place).unwrap();
     assert_eq!(removals.len(), 60);
     for (i, removal) in removals.iter().enumerate() {
         let kept: Vec<bool> = (0..60).map(|k| k != i).collect();
         let changes = std::iter::zip(&whole, picture(&splats.filtered(&kept)));
-        let square = |(a, b): (&[f64; 5], [f64; 5])| -> f64 {
-            (0..3).map(|c| (a[c] - b[c]).powi(2)).sum()
-        };
+        let square =
+            |(a, b): (&[f64; 5], [f64; 5])| -> f64 { (0..3).map(|c| (a[c] - b[c]).powi(2)).sum() };
         let error: f64 = changes.map(square).sum();
         let off = (f64::from(removal.error) - error).abs();
         assert!(off <= 2e-3 * error + 1e-6, "{i}: {removal:?} {error}");

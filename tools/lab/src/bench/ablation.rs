@@ -65,16 +65,21 @@ fn positive(text: &str) -> Result<f64, String> {
     good.then_some(value).ok_or_else(|| "must be above 0".to_owned())
 }
 
-/// One start with one method.
-pub struct Trial {
+/// What a method made of a frame.
+pub struct Outcome {
     /// Which frame.
     pub shot: usize,
-    /// Which start of its kind.
-    pub number: usize,
     pub method: Method,
-    pub perturbation: Perturbation,
     pub attempt: Attempt,
     pub verdict: Verdict,
+}
+
+/// One start with one method.
+pub struct Trial {
+    /// Which start of its kind.
+    pub number: usize,
+    pub perturbation: Perturbation,
+    pub outcome: Outcome,
 }
 
 /// All that was measured.
@@ -134,7 +139,8 @@ fn measure(
                 if method == Method::ADAM {
                     adam = Some(attempt.clone());
                 }
-                trials.push(Trial { shot, number, method, perturbation, attempt, verdict });
+                let outcome = Outcome { shot, method, attempt, verdict };
+                trials.push(Trial { number, perturbation, outcome });
                 bar.inc(1);
             }
         }

@@ -4,6 +4,7 @@ use nvsprior::prior::Splats;
 use nvsprior::render::{Jacobian, SortPrecision};
 use nvsprior::tracking::Optimizer;
 use nvsprior::{EncoderOptions, Prior};
+use serde::Serialize;
 
 use super::context::{Context, OptimizerRun, Sample};
 use super::statistics::Spread;
@@ -13,18 +14,23 @@ use super::steady;
 const LOSS: f64 = 0.05;
 
 /// How a setting did.
+#[derive(Serialize)]
 pub struct Row {
     pub name: String,
     /// Below the best known pose's render of the whole prior, dB.
+    #[serde(rename = "db_short")]
     pub loss: Spread,
     pub frame_ms: Spread,
     /// Of the whole prior.
     pub in_forward_renders: Spread,
     /// Distance from the best known pose, the prior's unit.
+    #[serde(rename = "pose_error_units")]
     pub units: Spread,
     /// Angle to it, degrees.
+    #[serde(rename = "pose_error_degrees")]
     pub degrees: Spread,
     /// At quality 10.
+    #[serde(rename = "bytes_quality_10")]
     pub bytes: Spread,
     /// Whether no other setting is both faster and better.
     pub pareto: bool,

@@ -131,11 +131,13 @@ pub fn roofline(path: &Path, stages: &Stages) -> anyhow::Result<()> {
 pub fn scaling(path: &Path, rows: &[Scale]) -> anyhow::Result<()> {
     let mut series: Vec<Series> = Vec::new();
     for row in rows {
-        let Ok(times) = row.times else { continue };
+        let (Some(forward), Some(evaluation)) = (row.forward_ms, row.evaluation_ms) else {
+            continue;
+        };
         let (name, splats) = (format!("{}×{}", row.width, row.height), row.splats as f64);
         for (name, ms) in [
-            (format!("{name}, forward render"), times.forward_ms),
-            (format!("{name}, evaluation"), times.evaluation_ms),
+            (format!("{name}, forward render"), forward),
+            (format!("{name}, evaluation"), evaluation),
         ] {
             match series.iter_mut().find(|s| s.name == name) {
                 Some(series) => series.points.push((splats, ms)),

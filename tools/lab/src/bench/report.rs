@@ -1,9 +1,9 @@
 //! `report.json`: other programs rely on its names. It has medians and 95th percentiles.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::Context as _;
-use serde_json::{Map, Value, json};
+use serde::Serialize;
 
 use super::configurations::{Row, recommended};
 use super::context::{Best, Context, OptimizerRun, Sample, Shot, host_bytes};
@@ -12,6 +12,8 @@ use super::scaling;
 use super::stages::{Stage, Stages};
 use super::statistics::Spread;
 use super::steady::Rates;
+use crate::ceilings::Ceilings;
+use crate::report::write_json;
 
 /// All that was measured.
 pub struct Report {
@@ -40,19 +42,23 @@ impl Report {
 }
 
 /// The figures of some samples.
+#[derive(Serialize)]
 pub struct Figures {
-    pub frame_ms: Spread,
-    pub in_forward_renders: Spread,
-    pub db_short: Spread,
-    /// Distance from the best known pose, the prior's unit.
-    pub units: Spread,
-    /// Angle to it, degrees.
-    pub degrees: Spread,
-    pub submissions: Spread,
-    /// Evaluations and pictures by level, finest first, means.
-    pub renders: Vec<f64>,
+    pub frame_ms: f64,
+    pub frame_ms_p95: f64,
+    pub in_forward_renders: f64,
+    pub in_forward_renders_p95: f64,
     pub failures: usize,
     pub trials: usize,
+    pub db_short: Spread,
+    /// Distance from the best known pose, the prior's unit.
+    pose_error_units: Spread,
+    /// Angle to it.
+    pose_error_degrees: Spread,
+    submissions: Spread,
+    /// Evaluations and pictures by level, finest first, means.
+    #[serde(rename = "renders_by_level")]
+    pub renders: Vec<f64>,
 }
 
 impl Figures {
@@ -63,35 +69,22 @@ impl Figures {
             let count = |s: &Sample| s.stats.renders.get(level).copied().map_or(0.0, f64::from);
             samples.iter().map(count).sum::<f64>() / samples.len() as f64
         };
+        let frame_ms = spread(&Sample::frame_ms);
+        let in_forward_renders = spread(&Sample::in_forward_renders);
         Figures {
-            frame_ms: spread(&Sample::frame_ms),
-            in_forward_renders: spread(&Sample::in_forward_renders),
-            db_short: spread(&|s| context.short(s)),
-            units: spread(&|s| context.pose_error(s)[0]),
-            degrees: spread(&|s| context.pose_error(s)[1]),
-            submissions: spread(&|s| f64::from(s.stats.submissions)),
-            renders: (0..levels).map(of_level).collect(),
+            frame_ms: frame_ms.median,
+            frame_ms_p95: frame_ms.p95,
+            in_forward_renders: in_forward_renders.median,
+            in_forward_renders_p95: in_forward_renders.p95,
             // A figure that is no number has not been reached either.
             failures: samples.iter().filter(|s| !(context.short(s) <= SHORT)).count(),
             trials: samples.len(),
+            db_short: spread(&|s| context.short(s)),
+            pose_error_units: spread(&|s| context.pose_error(s)[0]),
+            pose_error_degrees: spread(&|s| context.pose_error(s)[1]),
+            submissions: spread(&|s| f64::from(s.stats.submissions)),
+            renders: (0..levels).map(of_level).collect(),
         }
-    }
-
-    fn json(&self) -> Map<String, Value> {
-        let entries = [
-            ("frame_ms", json!(self.frame_ms.median)),
-            ("frame_ms_p95", json!(self.frame_ms.p95)),
-            ("in_forward_renders", json!(self.in_forward_renders.median)),
-            ("in_forward_renders_p95", json!(self.in_forward_renders.p95)),
-            ("failures", json!(self.failures)),
-            ("trials", json!(self.trials)),
-            ("db_short", self.db_short.json()),
-            ("pose_error_units", self.units.json()),
-            ("pose_error_degrees", self.degrees.json()),
-            ("submissions", self.submissions.json()),
-            ("renders_by_level", json!(self.renders)),
-        ];
-        entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
 }
 
@@ -109,111 +102,140 @@ pub fn errors(run: &OptimizerRun, steady: &[Sample]) -> [f64; 2] {
     [mean(&run.samples), mean(&steady[..run.samples.len()])]
 }
 
+/// The file.
+#[derive(Serialize)]
+struct Root<'a> {
+    #[serde(flatten)]
+    about: About,
+    best_known: Vec<BestKnown<'a>>,
+    device_memory_bytes: u64,
+    device_memory_used_bytes: u64,
+    forward_render_ms_p95: f64,
+    steady: Steady,
+    #[serde(flatten)]
+    trials: BTreeMap<&'static str, Figures>,
+    #[serde(flatten)]
+    gradient: BTreeMap<&'static str, Gradient>,
+    host_memory_bytes_steady: Option<u64>,
+    host_memory_bytes: Option<u64>,
+    ceilings: Ceilings,
+    stages: &'a [Stage],
+    configurations: &'a [Row],
+    recommended: Option<&'a str>,
+    scaling: &'a [scaling::Row],
+}
+
+/// What was measured on: the head of several reports.
+#[derive(Serialize)]
+pub struct About {
+    device: String,
+    frames: usize,
+    splats: usize,
+    size: [u32; 2],
+    forward_render_ms: f64,
+}
+
+impl About {
+    pub fn of(context: &Context) -> About {
+        let camera = &context.shots[0].camera;
+        About {
+            device: context.engine.device().to_string(),
+            frames: context.shots.len(),
+            splats: context.prior.splats().len(),
+            size: [camera.width, camera.height],
+            forward_render_ms: Spread::of(context.forward.times.iter().copied()).median,
+        }
+    }
+}
+
+/// PSNR of a frame at its best known pose.
+#[derive(Serialize)]
+pub struct BestPsnr<'a> {
+    file: &'a str,
+    psnr: f64,
+}
+
+impl<'a> BestPsnr<'a> {
+    /// Of each frame.
+    pub fn all(context: &'a Context) -> Vec<BestPsnr<'a>> {
+        let of = |(shot, best): (&'a Shot, &Best)| BestPsnr { file: &shot.file, psnr: best.psnr };
+        context.shots.iter().zip(&context.best).map(of).collect()
+    }
+}
+
+/// A frame's best known pose.
+#[derive(Serialize)]
+struct BestKnown<'a> {
+    #[serde(flatten)]
+    psnr: BestPsnr<'a>,
+    qvec: [f64; 4],
+    tvec: [f64; 3],
+}
+
+#[derive(Serialize)]
+struct Steady {
+    #[serde(flatten)]
+    figures: Figures,
+    code_ms: Spread,
+    bytes_quality_10: Spread,
+    render_psnr: Spread,
+    psnr: Spread,
+    #[serde(flatten)]
+    rates: Rates,
+}
+
+impl Steady {
+    fn of(context: &Context, report: &Report) -> Steady {
+        let samples = report.steady();
+        let spread = |figure: &dyn Fn(&Sample) -> f64| Spread::of(samples.iter().map(figure));
+        Steady {
+            figures: Figures::of(context, samples),
+            code_ms: spread(&|s| s.stats.code_milliseconds),
+            bytes_quality_10: spread(&|s| s.stats.bytes as f64),
+            render_psnr: spread(&|s| s.stats.render_psnr),
+            psnr: spread(&|s| s.stats.psnr),
+            rates: report.rates,
+        }
+    }
+}
+
+/// A gradient method's figures, and its mean final error beside Gauss–Newton's.
+#[derive(Serialize)]
+struct Gradient {
+    #[serde(flatten)]
+    figures: Figures,
+    mse: f64,
+    gauss_newton_mse: f64,
+}
+
 /// Writes `report.json`.
 pub fn write(path: &Path, context: &Context, report: &Report) -> anyhow::Result<()> {
-    let mut root = setting(context);
-    let mut put = |name: &str, value: Value| root.insert(name.into(), value);
-    put("steady", steady(context, report));
-    for (name, samples) in report.trials() {
-        put(name, Value::Object(Figures::of(context, samples).json()));
-    }
-    for run in &report.runs[1..] {
-        put(run.optimizer.name(), gradient(context, run, report.steady()));
-    }
-    put("host_memory_bytes_steady", json!(report.host_bytes_steady));
-    put("host_memory_bytes", json!(host_bytes()));
-    let ceilings = &report.stages.ceilings;
-    put("ceilings", json!({ "flops": ceilings.flops, "copy_bytes": ceilings.bytes }));
-    put("stages", report.stages.stages.iter().map(stage).collect());
-    put("configurations", report.configurations.iter().map(configuration).collect());
-    put("recommended", json!(recommended(&report.configurations).map(|row| &row.name)));
-    put("scaling", report.scaling.iter().map(scale).collect());
-    std::fs::write(path, serde_json::to_string_pretty(&root)? + "\n")
-        .with_context(|| format!("writing {}", path.display()))
-}
-
-/// What was measured on.
-fn setting(context: &Context) -> Map<String, Value> {
-    let forward = Spread::of(context.forward.times.iter().copied());
-    let camera = &context.shots[0].camera;
-    let best = |(shot, best): (&Shot, &Best)| {
-        let (q, t) = (best.pose.wxyz(), best.pose.translation.to_array());
-        json!({ "file": shot.file, "psnr": best.psnr, "qvec": q, "tvec": t })
+    let known = |(psnr, best): (_, &Best)| {
+        let (qvec, tvec) = (best.pose.wxyz(), best.pose.translation.to_array());
+        BestKnown { psnr, qvec, tvec }
     };
-    let best: Value = context.shots.iter().zip(&context.best).map(best).collect();
-    let entries = [
-        ("device", json!(context.engine.device().to_string())),
-        ("frames", json!(context.shots.len())),
-        ("splats", json!(context.prior.splats().len())),
-        ("size", json!([camera.width, camera.height])),
-        ("forward_render_ms", json!(forward.median)),
-        ("forward_render_ms_p95", json!(forward.p95)),
-        ("best_known", best),
-        ("device_memory_bytes", json!(context.device_memory.reserved)),
-        ("device_memory_used_bytes", json!(context.device_memory.used)),
-    ];
-    entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
-}
-
-fn steady(context: &Context, report: &Report) -> Value {
-    let samples = report.steady();
-    let spread = |figure: &dyn Fn(&Sample) -> f64| Spread::of(samples.iter().map(figure)).json();
-    let mut out = Figures::of(context, samples).json();
-    let mut put = |name: &str, value: Value| out.insert(name.into(), value);
-    put("code_ms", spread(&|s| s.stats.code_milliseconds));
-    put("bytes_quality_10", spread(&|s| s.stats.bytes as f64));
-    put("render_psnr", spread(&|s| s.stats.render_psnr));
-    put("psnr", spread(&|s| s.stats.psnr));
-    put("frames_a_second", json!(report.rates.latency));
-    put("frames_a_second_pipelined", json!(report.rates.pipelined));
-    Value::Object(out)
-}
-
-fn gradient(context: &Context, run: &OptimizerRun, steady: &[Sample]) -> Value {
-    let mut out = Figures::of(context, &run.samples).json();
-    let [mse, gauss_newton] = errors(run, steady);
-    out.insert("mse".into(), json!(mse));
-    out.insert("gauss_newton_mse".into(), json!(gauss_newton));
-    Value::Object(out)
-}
-
-fn stage(stage: &Stage) -> Value {
-    json!({
-        "job": stage.job,
-        "name": stage.name,
-        "ms": stage.ms,
-        "bytes": stage.work.bytes,
-        "flops": stage.work.flops,
-        "share_of_copy": stage.share_of_copy,
-        "share_of_fma": stage.share_of_fma,
-        "bound": stage.bound(),
-    })
-}
-
-fn configuration(row: &Row) -> Value {
-    json!({
-        "name": row.name,
-        "db_short": row.loss.json(),
-        "frame_ms": row.frame_ms.json(),
-        "in_forward_renders": row.in_forward_renders.json(),
-        "pose_error_units": row.units.json(),
-        "pose_error_degrees": row.degrees.json(),
-        "bytes_quality_10": row.bytes.json(),
-        "pareto": row.pareto,
-    })
-}
-
-fn scale(row: &scaling::Row) -> Value {
-    let (times, error) = match &row.times {
-        Ok(times) => (Some(times), None),
-        Err(error) => (None, Some(error)),
+    let gradient = |run: &OptimizerRun| {
+        let [mse, gauss_newton_mse] = errors(run, report.steady());
+        let figures = Figures::of(context, &run.samples);
+        (run.optimizer.name(), Gradient { figures, mse, gauss_newton_mse })
     };
-    json!({
-        "splats": row.splats,
-        "width": row.width,
-        "height": row.height,
-        "forward_ms": times.map(|t| t.forward_ms),
-        "evaluation_ms": times.map(|t| t.evaluation_ms),
-        "error": error,
-    })
+    let trials = report.trials().map(|(name, samples)| (name, Figures::of(context, samples)));
+    let root = Root {
+        about: About::of(context),
+        best_known: BestPsnr::all(context).into_iter().zip(&context.best).map(known).collect(),
+        device_memory_bytes: context.device_memory.reserved,
+        device_memory_used_bytes: context.device_memory.used,
+        forward_render_ms_p95: Spread::of(context.forward.times.iter().copied()).p95,
+        steady: Steady::of(context, report),
+        trials: trials.into(),
+        gradient: report.runs[1..].iter().map(gradient).collect(),
+        host_memory_bytes_steady: report.host_bytes_steady,
+        host_memory_bytes: host_bytes(),
+        ceilings: report.stages.ceilings,
+        stages: &report.stages.stages,
+        configurations: &report.configurations,
+        recommended: recommended(&report.configurations).map(|row| row.name.as_str()),
+        scaling: &report.scaling,
+    };
+    write_json(path, &root)
 }

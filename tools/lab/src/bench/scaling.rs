@@ -5,6 +5,7 @@ use std::time::Instant;
 use nvsprior::prior::Splats;
 use nvsprior::render::{Jacobian, Plan};
 use nvsprior::{Camera, Picture, Prior};
+use serde::Serialize;
 
 use super::configurations::chosen;
 use super::context::Context;
@@ -19,21 +20,17 @@ const SIZES: [(u32, u32); 4] = [(160, 90), (320, 180), (640, 360), (1280, 720)];
 const RUNS: usize = 3;
 
 /// A number of splats at a size.
+#[derive(Serialize)]
 pub struct Row {
     pub splats: usize,
     pub width: u32,
     pub height: u32,
-    /// What it took, or why it cannot be done.
-    pub times: Result<Times, String>,
-}
-
-/// Milliseconds, submission and wait included.
-#[derive(Clone, Copy)]
-pub struct Times {
-    /// Of a forward render.
-    pub forward_ms: f64,
+    /// Milliseconds of a forward render, submission and wait included.
+    pub forward_ms: Option<f64>,
     /// Of the normal equations with the flow Jacobian at full resolution.
-    pub evaluation_ms: f64,
+    pub evaluation_ms: Option<f64>,
+    /// Why it cannot be done.
+    pub error: Option<String>,
 }
 
 /// Rows of the table.
@@ -51,14 +48,19 @@ pub fn measure(context: &Context, done: impl Fn()) -> Vec<Row> {
                 Ok(prior) => time(context, prior, &camera).map_err(|e| format!("{e:#}")),
                 Err(error) => Err(error.to_string()),
             };
-            rows.push(Row { splats, width, height, times });
+            let ([forward_ms, evaluation_ms], error) = match times {
+                Ok(times) => (times.map(Some), None),
+                Err(error) => ([None; 2], Some(error)),
+            };
+            rows.push(Row { splats, width, height, forward_ms, evaluation_ms, error });
             done();
         }
     }
     rows
 }
 
-fn time(context: &Context, prior: &Prior, camera: &Camera) -> anyhow::Result<Times> {
+/// Milliseconds of a forward render and of an evaluation.
+fn time(context: &Context, prior: &Prior, camera: &Camera) -> anyhow::Result<[f64; 2]> {
     let pose = context.best[0].pose;
     let scene = context.engine.upload(prior)?;
     let plan = Plan { jacobians: vec![Jacobian::Flow], ..Plan::picture() };
@@ -77,7 +79,7 @@ fn time(context: &Context, prior: &Prior, camera: &Camera) -> anyhow::Result<Tim
         evaluation.push(since.elapsed().as_secs_f64() * 1e3);
     }
     let counted = |times: Vec<f64>| median(times.into_iter().skip(1));
-    Ok(Times { forward_ms: counted(forward), evaluation_ms: counted(evaluation) })
+    Ok([forward, evaluation].map(counted))
 }
 
 /// The scene with another number of splats: every n-th splat, or each splat several times, moved by

@@ -6,6 +6,7 @@ use nvsprior::render::{Jacobian, Job, Plan, Renderer};
 use nvsprior::tracking::{Found, Known, Objective, RefineOptions, Tracker};
 use nvsprior::vulkan::StageTime;
 use nvsprior::{Camera, EncoderOptions, Pose};
+use serde::Serialize;
 
 use super::context::{Best, Context, Shot};
 use crate::ceilings::{self, Ceilings};
@@ -17,26 +18,27 @@ const RUNS: u32 = 10;
 const BOUND: f64 = 0.35;
 
 /// A stage of a job.
+#[derive(Serialize)]
 pub struct Stage {
     pub job: &'static str,
     pub name: &'static str,
     pub ms: f64,
+    #[serde(flatten)]
     pub work: Work,
     /// Bytes per second, as a share of the copy's.
     pub share_of_copy: f64,
     /// Operations per second, as a share of the multiply-adds'.
     pub share_of_fma: f64,
+    pub bound: &'static str,
 }
 
-impl Stage {
-    /// What bounds it: `copy`, `arithmetic`, or `neither` if it stays below a third of both. Then
-    /// it waits for other invocations, single words, divisions, or its own dispatch.
-    pub fn bound(&self) -> &'static str {
-        match (self.share_of_copy, self.share_of_fma) {
-            (copy, fma) if copy.max(fma) < BOUND => "neither",
-            (copy, fma) if copy > fma => "copy",
-            _ => "arithmetic",
-        }
+/// What bounds a stage of these shares: `copy`, `arithmetic`, or `neither` if it stays below a third of both. Then it
+/// waits for other invocations, single words, divisions, or its own dispatch.
+fn bound(share_of_copy: f64, share_of_fma: f64) -> &'static str {
+    match (share_of_copy, share_of_fma) {
+        (copy, fma) if copy.max(fma) < BOUND => "neither",
+        (copy, fma) if copy > fma => "copy",
+        _ => "arithmetic",
     }
 }
 
@@ -62,7 +64,8 @@ pub fn measure(context: &Context) -> anyhow::Result<Stages> {
             };
             let share_of_copy = share(work.bytes, ceilings.bytes);
             let share_of_fma = share(work.flops, ceilings.flops);
-            Stage { job, name, ms, work, share_of_copy, share_of_fma }
+            let bound = bound(share_of_copy, share_of_fma);
+            Stage { job, name, ms, work, share_of_copy, share_of_fma, bound }
         };
         times.into_iter().map(stage).collect::<Vec<_>>()
     };

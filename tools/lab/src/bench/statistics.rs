@@ -1,14 +1,14 @@
 //! Medians and high percentiles.
 
-use serde_json::{Value, json};
+use serde::Serialize;
 
 /// The middle of some values, and what nearly all stay below.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
     pub median: f64,
     /// 95th percentile.
     pub p95: f64,
-    pub most: f64,
+    pub max: f64,
 }
 
 impl Spread {
@@ -16,19 +16,17 @@ impl Spread {
     pub fn of(values: impl IntoIterator<Item = f64>) -> Spread {
         let mut values: Vec<f64> = values.into_iter().collect();
         values.sort_by(f64::total_cmp);
-        Spread { median: at(&values, 0.5), p95: at(&values, 0.95), most: at(&values, 1.0) }
-    }
-
-    pub fn json(&self) -> Value {
-        json!({ "median": self.median, "p95": self.p95, "max": self.most })
+        Spread { median: at(&values, 0.5), p95: at(&values, 0.95), max: at(&values, 1.0) }
     }
 }
 
 /// The middle half of some values.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quartiles {
+    #[serde(rename = "first_quartile")]
     pub first: f64,
     pub median: f64,
+    #[serde(rename = "third_quartile")]
     pub third: f64,
 }
 
@@ -46,10 +44,6 @@ impl Quartiles {
     pub fn of_gains(values: impl IntoIterator<Item = f64>) -> Quartiles {
         let Quartiles { first, median, third } = Quartiles::of(values.into_iter().map(|v| -v));
         Quartiles { first: -third, median: -median, third: -first }
-    }
-
-    pub fn json(&self) -> Value {
-        json!({ "first_quartile": self.first, "median": self.median, "third_quartile": self.third })
     }
 }
 
@@ -71,7 +65,7 @@ mod tests {
     #[test]
     fn spreads_are_values_that_were_there() {
         let spread = Spread::of((0..100).rev().map(f64::from));
-        assert_eq!(spread, Spread { median: 50.0, p95: 95.0, most: 99.0 });
+        assert_eq!(spread, Spread { median: 50.0, p95: 95.0, max: 99.0 });
         assert_eq!(median([3.0, 1.0]), 3.0);
         assert!(median([]).is_nan());
         let quartiles = Quartiles::of((0..8).rev().map(f64::from));

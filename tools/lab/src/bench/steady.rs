@@ -43,11 +43,13 @@ pub fn descend(
 }
 
 /// Frames per second, without the first frame.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, serde::Serialize)]
 pub struct Rates {
     /// One frame after the other.
+    #[serde(rename = "frames_a_second")]
     pub latency: f64,
     /// One frame is coded while the next is searched for.
+    #[serde(rename = "frames_a_second_pipelined")]
     pub pipelined: f64,
 }
 

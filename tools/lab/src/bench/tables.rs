@@ -1,171 +1,168 @@
-//! The measurements as CSV.
+//! The measurements as tables: CSV files, and the shorter ones that are printed.
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use nvsprior::image::psnr_of_mse;
+use nvsprior::tracking::Evaluation;
 
-use super::context::{Context, OptimizerRun, Sample};
-use super::report::Report;
-use super::stages::Stages;
+use super::context::{Context, Sample};
+use super::report::{Figures, Report};
+use super::stages::Stage;
 use super::{configurations, scaling};
+use crate::report::{Table, fixed, fixed_or_empty};
 
 /// Writes trace.csv, frames.csv, trials.csv, stages.csv, and configurations.csv and scaling.csv if
 /// these were measured.
 pub fn write(folder: &Path, context: &Context, report: &Report) -> anyhow::Result<()> {
-    let write = |name: &str, rows: Vec<Vec<String>>| {
-        let path = folder.join(name);
-        table(&path, &rows).with_context(|| format!("writing {}", path.display()))
-    };
-    write("trace.csv", trace(&report.runs))?;
-    let steady: Vec<_> =
+    let runs: Vec<_> =
         report.runs.iter().map(|run| (run.optimizer.name(), &run.samples[..])).collect();
-    write("frames.csv", samples(context, "optimizer", &steady))?;
-    write("trials.csv", samples(context, "start", &report.trials()))?;
-    write("stages.csv", stages(&report.stages))?;
+    trace(&runs).write_csv(&folder.join("trace.csv"))?;
+    samples(context, "optimizer", &runs).write_csv(&folder.join("frames.csv"))?;
+    samples(context, "start", &report.trials()).write_csv(&folder.join("trials.csv"))?;
+    stages(&report.stages.stages).write_csv(&folder.join("stages.csv"))?;
     if !report.configurations.is_empty() {
-        write("configurations.csv", settings(&report.configurations))?;
+        settings(&report.configurations).write_csv(&folder.join("configurations.csv"))?;
     }
     if !report.scaling.is_empty() {
-        write("scaling.csv", scales(&report.scaling))?;
+        scales(&report.scaling).write_csv(&folder.join("scaling.csv"))?;
     }
     Ok(())
 }
 
-fn table(path: &Path, rows: &[Vec<String>]) -> Result<(), csv::Error> {
-    let mut csv = csv::Writer::from_path(path)?;
-    for row in rows {
-        csv.write_record(row)?;
-    }
-    Ok(csv.flush()?)
-}
-
-fn header(names: &[&str]) -> Vec<String> {
-    names.iter().map(|name| (*name).to_owned()).collect()
-}
-
 /// A row per evaluation.
-fn trace(runs: &[OptimizerRun]) -> Vec<Vec<String>> {
-    let names = ["optimizer", "frame", "evaluation", "level", "psnr", "milliseconds"];
-    let mut rows = vec![header(&names)];
-    for run in runs {
-        for sample in &run.samples {
-            rows.extend(sample.trace.iter().enumerate().map(|(index, evaluation)| {
-                vec![
-                    run.optimizer.name().to_owned(),
-                    sample.shot.to_string(),
-                    index.to_string(),
-                    evaluation.level.to_string(),
-                    format!("{:.4}", psnr_of_mse(evaluation.mse)),
-                    format!("{:.3}", evaluation.milliseconds),
-                ]
-            }));
-        }
-    }
-    rows
+fn trace(runs: &[(&str, &[Sample])]) -> Table {
+    let samples = runs.iter().flat_map(|(name, samples)| samples.iter().map(move |s| (*name, s)));
+    let rows = samples.flat_map(|(name, s)| s.trace.iter().enumerate().map(move |e| (name, s, e)));
+    let rows: Vec<(&str, &Sample, (usize, &Evaluation))> = rows.collect();
+    Table::of(
+        &rows,
+        &[
+            ("optimizer", &|(name, ..)| name.to_string()),
+            ("frame", &|(_, s, _)| s.shot.to_string()),
+            ("evaluation", &|(.., (index, _))| index.to_string()),
+            ("level", &|(.., (_, e))| e.level.to_string()),
+            ("psnr", &|(.., (_, e))| fixed(psnr_of_mse(e.mse), 4)),
+            ("milliseconds", &|(.., (_, e))| fixed(e.milliseconds, 3)),
+        ],
+    )
 }
 
 /// A row per frame.
-fn samples(context: &Context, kind: &str, kinds: &[(&str, &[Sample])]) -> Vec<Vec<String>> {
-    let mut rows = vec![header(&[
-        kind,
-        "file",
-        "forward_ms",
-        "frame_ms",
-        "in_forward_renders",
-        "code_ms",
-        "render_psnr",
-        "db_short",
-        "pose_error_units",
-        "pose_error_degrees",
-        "bytes",
-        "submissions",
-        "renders_by_level",
-        "start",
-    ])];
-    for (name, samples) in kinds {
-        rows.extend(samples.iter().map(|s| {
-            let [units, degrees] = context.pose_error(s);
-            let renders: Vec<String> = s.stats.renders.iter().map(u32::to_string).collect();
-            vec![
-                (*name).to_owned(),
-                context.shots[s.shot].file.clone(),
-                format!("{:.3}", s.forward_ms),
-                format!("{:.3}", s.frame_ms()),
-                format!("{:.3}", s.in_forward_renders()),
-                format!("{:.3}", s.stats.code_milliseconds),
-                format!("{:.4}", s.stats.render_psnr),
-                format!("{:.4}", context.short(s)),
-                format!("{units:.5}"),
-                format!("{degrees:.5}"),
-                s.stats.bytes.to_string(),
-                s.stats.submissions.to_string(),
-                renders.join(" "),
-                s.stats.start.name().to_owned(),
-            ]
-        }));
-    }
-    rows
+fn samples(context: &Context, kind: &str, kinds: &[(&str, &[Sample])]) -> Table {
+    let rows = kinds.iter().flat_map(|(name, samples)| samples.iter().map(move |s| (*name, s)));
+    let rows: Vec<(&str, &Sample)> = rows.collect();
+    let renders =
+        |s: &Sample| s.stats.renders.iter().map(u32::to_string).collect::<Vec<_>>().join(" ");
+    Table::of(
+        &rows,
+        &[
+            (kind, &|(name, _)| name.to_string()),
+            ("file", &|(_, s)| context.shots[s.shot].file.clone()),
+            ("forward_ms", &|(_, s)| fixed(s.forward_ms, 3)),
+            ("frame_ms", &|(_, s)| fixed(s.frame_ms(), 3)),
+            ("in_forward_renders", &|(_, s)| fixed(s.in_forward_renders(), 3)),
+            ("code_ms", &|(_, s)| fixed(s.stats.code_milliseconds, 3)),
+            ("render_psnr", &|(_, s)| fixed(s.stats.render_psnr, 4)),
+            ("db_short", &|(_, s)| fixed(context.short(s), 4)),
+            ("pose_error_units", &|(_, s)| fixed(context.pose_error(s)[0], 5)),
+            ("pose_error_degrees", &|(_, s)| fixed(context.pose_error(s)[1], 5)),
+            ("bytes", &|(_, s)| s.stats.bytes.to_string()),
+            ("submissions", &|(_, s)| s.stats.submissions.to_string()),
+            ("renders_by_level", &|(_, s)| renders(s)),
+            ("start", &|(_, s)| s.stats.start.name().to_owned()),
+        ],
+    )
 }
 
-fn stages(stages: &Stages) -> Vec<Vec<String>> {
-    let names = ["job", "stage", "ms", "bytes", "flops", "share_of_copy", "share_of_fma", "bound"];
-    let row = |s: &super::stages::Stage| {
-        vec![
-            s.job.to_owned(),
-            s.name.to_owned(),
-            format!("{:.4}", s.ms),
-            format!("{:.0}", s.work.bytes),
-            format!("{:.0}", s.work.flops),
-            format!("{:.4}", s.share_of_copy),
-            format!("{:.4}", s.share_of_fma),
-            s.bound().to_owned(),
-        ]
-    };
-    std::iter::once(header(&names)).chain(stages.stages.iter().map(row)).collect()
+fn stages(stages: &[Stage]) -> Table {
+    Table::of(
+        stages,
+        &[
+            ("job", &|s| s.job.to_owned()),
+            ("stage", &|s| s.name.to_owned()),
+            ("ms", &|s| fixed(s.ms, 4)),
+            ("bytes", &|s| fixed(s.work.bytes, 0)),
+            ("flops", &|s| fixed(s.work.flops, 0)),
+            ("share_of_copy", &|s| fixed(s.share_of_copy, 4)),
+            ("share_of_fma", &|s| fixed(s.share_of_fma, 4)),
+            ("bound", &|s| s.bound.to_owned()),
+        ],
+    )
 }
 
-fn settings(rows: &[configurations::Row]) -> Vec<Vec<String>> {
-    let names = [
-        "configuration",
-        "db_short",
-        "db_short_p95",
-        "frame_ms",
-        "frame_ms_p95",
-        "in_forward_renders",
-        "in_forward_renders_p95",
-        "pose_error_units",
-        "pose_error_degrees",
-        "bytes_quality_10",
-        "pareto",
-    ];
-    let row = |r: &configurations::Row| {
-        vec![
-            r.name.clone(),
-            format!("{:.4}", r.loss.median),
-            format!("{:.4}", r.loss.p95),
-            format!("{:.3}", r.frame_ms.median),
-            format!("{:.3}", r.frame_ms.p95),
-            format!("{:.3}", r.in_forward_renders.median),
-            format!("{:.3}", r.in_forward_renders.p95),
-            format!("{:.5}", r.units.median),
-            format!("{:.5}", r.degrees.median),
-            format!("{:.0}", r.bytes.median),
-            r.pareto.to_string(),
-        ]
-    };
-    std::iter::once(header(&names)).chain(rows.iter().map(row)).collect()
+/// A row per setting; also printed.
+pub fn settings(rows: &[configurations::Row]) -> Table {
+    Table::of(
+        rows,
+        &[
+            ("configuration", &|r| r.name.clone()),
+            ("db_short", &|r| fixed(r.loss.median, 4)),
+            ("db_short_p95", &|r| fixed(r.loss.p95, 4)),
+            ("frame_ms", &|r| fixed(r.frame_ms.median, 3)),
+            ("frame_ms_p95", &|r| fixed(r.frame_ms.p95, 3)),
+            ("in_forward_renders", &|r| fixed(r.in_forward_renders.median, 3)),
+            ("in_forward_renders_p95", &|r| fixed(r.in_forward_renders.p95, 3)),
+            ("pose_error_units", &|r| fixed(r.units.median, 5)),
+            ("pose_error_degrees", &|r| fixed(r.degrees.median, 5)),
+            ("bytes_quality_10", &|r| fixed(r.bytes.median, 0)),
+            ("pareto", &|r| r.pareto.to_string()),
+        ],
+    )
 }
 
-fn scales(rows: &[scaling::Row]) -> Vec<Vec<String>> {
-    let names = ["splats", "width", "height", "forward_ms", "evaluation_ms", "error"];
-    let row = |r: &scaling::Row| {
-        let (forward, evaluation, error) = match &r.times {
-            Ok(t) => (format!("{:.3}", t.forward_ms), format!("{:.3}", t.evaluation_ms), ""),
-            Err(error) => (String::new(), String::new(), error.as_str()),
-        };
-        let size = [r.splats.to_string(), r.width.to_string(), r.height.to_string()];
-        size.into_iter().chain([forward, evaluation, error.to_owned()]).collect()
-    };
-    std::iter::once(header(&names)).chain(rows.iter().map(row)).collect()
+/// Times against sizes; also printed.
+pub fn scales(rows: &[scaling::Row]) -> Table {
+    Table::of(
+        rows,
+        &[
+            ("splats", &|r| r.splats.to_string()),
+            ("width", &|r| r.width.to_string()),
+            ("height", &|r| r.height.to_string()),
+            ("forward_ms", &|r| fixed_or_empty(r.forward_ms, 3)),
+            ("evaluation_ms", &|r| fixed_or_empty(r.evaluation_ms, 3)),
+            ("error", &|r| r.error.clone().unwrap_or_default()),
+        ],
+    )
+}
+
+/// To print: a row per run.
+pub fn starts(context: &Context, report: &Report) -> Table {
+    let steady = [("steady", report.steady())];
+    let runs = report.runs[1..].iter().map(|run| (run.optimizer.name(), &run.samples[..]));
+    let all = steady.into_iter().chain(report.trials()).chain(runs);
+    let rows: Vec<_> = all.map(|(name, samples)| (name, Figures::of(context, samples))).collect();
+    let renders = |f: &Figures| f.renders.iter().map(|r| fixed(*r, 1)).collect::<Vec<_>>();
+    Table::of(
+        &rows,
+        &[
+            ("run", &|(name, _)| name.to_string()),
+            ("frame ms", &|(_, f)| fixed(f.frame_ms, 2)),
+            ("95 %", &|(_, f)| fixed(f.frame_ms_p95, 2)),
+            ("forward", &|(_, f)| fixed(f.in_forward_renders, 2)),
+            ("95 %", &|(_, f)| fixed(f.in_forward_renders_p95, 2)),
+            ("failures", &|(_, f)| format!("{}/{}", f.failures, f.trials)),
+            ("dB short", &|(_, f)| fixed(f.db_short.median, 4)),
+            ("95 %", &|(_, f)| fixed(f.db_short.p95, 4)),
+            ("renders by level", &|(_, f)| renders(f).join(" ")),
+        ],
+    )
+}
+
+/// To print: the stages of a job.
+pub fn job(stages: &[Stage]) -> Table {
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    // Thousand millions per second.
+    let rate = |amount: f64, ms: f64| fixed(if ms > 0.0 { amount / ms * 1e-6 } else { 0.0 }, 2);
+    Table::of(
+        stages,
+        &[
+            ("  stage", &|s| format!("  {}", s.name)),
+            ("ms", &|s| fixed(s.ms, 3)),
+            ("GB/s", &|s| rate(s.work.bytes, s.ms)),
+            ("of copy", &|s| percent(s.share_of_copy)),
+            ("GFLOP/s", &|s| rate(s.work.flops, s.ms)),
+            ("of best", &|s| percent(s.share_of_fma)),
+            ("bound", &|s| s.bound.to_owned()),
+        ],
+    )
 }

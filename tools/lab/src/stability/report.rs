@@ -1,11 +1,12 @@
 //! The report: as Markdown and as CSV; in short on standard output.
 
-use std::fmt::Write as _;
+use std::fmt::{Display, Write as _};
 use std::path::Path;
 
 use anyhow::Context as _;
 
 use super::case::{Bench, Row, Section, Table};
+use crate::report;
 
 const HEADER: [&str; 11] = [
     "case",
@@ -60,8 +61,7 @@ pub fn write(folder: &Path, bench: &Bench, sections: &[Section]) -> anyhow::Resu
     let path = folder.join("stability.md");
     std::fs::write(&path, markdown(bench, sections))
         .with_context(|| format!("writing {}", path.display()))?;
-    let path = folder.join("stability.csv");
-    csv(&path, sections).with_context(|| format!("writing {}", path.display()))
+    csv(sections).write_csv(&folder.join("stability.csv"))
 }
 
 fn markdown(bench: &Bench, sections: &[Section]) -> String {
@@ -76,11 +76,10 @@ fn markdown(bench: &Bench, sections: &[Section]) -> String {
     for section in sections {
         let _ = write!(out, "\n## {}\n\n{}\n", capital(section.group.name), section.group.about);
         expectations(&mut out, section);
-        let cells: Vec<Vec<String>> = section.rows.iter().map(|row| cells(row).to_vec()).collect();
-        table(&mut out, &HEADER, &cells);
+        let _ = write!(out, "\n{}", markdown_table(&HEADER, section.rows.iter().map(cells)));
         for Table { title, about, header, rows } in &section.tables {
-            let _ = write!(out, "\n### {title}\n\n{about}\n");
-            table(&mut out, header, rows);
+            let table = markdown_table(header, rows);
+            let _ = write!(out, "\n### {title}\n\n{about}\n\n{table}");
         }
     }
     out
@@ -107,12 +106,13 @@ fn expectations(out: &mut String, section: &Section) {
     }
 }
 
-fn table(out: &mut String, header: &[&str], rows: &[Vec<String>]) {
-    let _ = writeln!(out, "\n| {} |", header.join(" | "));
-    let _ = writeln!(out, "|{}", "---|".repeat(header.len()));
-    for row in rows {
-        let _ = writeln!(out, "| {} |", row.join(" | ").replace('\n', " "));
-    }
+fn markdown_table<C: Display>(
+    header: &[&str],
+    rows: impl IntoIterator<Item = impl IntoIterator<Item = C>>,
+) -> String {
+    let mut table = report::Table::new(header);
+    rows.into_iter().for_each(|row| table.push(row));
+    table.markdown()
 }
 
 fn cells(row: &Row) -> [String; 11] {
@@ -136,14 +136,13 @@ fn cells(row: &Row) -> [String; 11] {
     ]
 }
 
-fn csv(path: &Path, sections: &[Section]) -> Result<(), csv::Error> {
-    let mut csv = csv::Writer::from_path(path)?;
-    csv.write_record(["group", "expected"].iter().chain(&HEADER))?;
+fn csv(sections: &[Section]) -> report::Table {
+    let mut table = report::Table::new(["group", "expected"].iter().chain(&HEADER));
     for section in sections {
         for row in &section.rows {
             let head = [section.group.name.to_owned(), row.expected.to_owned()];
-            csv.write_record(head.iter().chain(&cells(row)))?;
+            table.push(head.into_iter().chain(cells(row)));
         }
     }
-    Ok(csv.flush()?)
+    table
 }

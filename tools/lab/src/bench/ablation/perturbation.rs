@@ -45,7 +45,7 @@ impl Kind {
 }
 
 /// Largest perturbations, in both directions.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Limits {
     /// The prior's unit.
     pub units: f64,

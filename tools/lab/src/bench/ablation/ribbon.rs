@@ -7,10 +7,9 @@ use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
 
 use super::super::statistics::Quartiles;
-use super::Ablation;
 use super::method::Method;
 use super::perturbation::{BINS, Kind};
-use super::summary::Result;
+use super::{Ablation, Outcome};
 
 const SIZE: (u32, u32) = (1440, 700);
 /// Height of the caption and the legend.
@@ -24,28 +23,28 @@ struct Figure {
     log: bool,
     /// Whether more is better.
     gain: bool,
-    of: fn(&Result) -> f64,
+    of: fn(&Outcome) -> f64,
 }
 
 const FIGURES: [Figure; 4] = [
-    Figure { name: "PSNR of the render, dB", log: false, gain: true, of: |(_, _, v)| v.psnr() },
+    Figure { name: "PSNR of the render, dB", log: false, gain: true, of: |o| o.verdict.psnr() },
     Figure {
         name: "energy of the difference (MSE)",
         log: true,
         gain: false,
-        of: |(_, _, v)| v.energy,
+        of: |o| o.verdict.energy,
     },
     Figure {
         name: "bytes of the difference",
         log: false,
         gain: false,
-        of: |(_, _, v)| v.bytes as f64,
+        of: |o| o.verdict.bytes as f64,
     },
     Figure {
         name: "iterations (evaluations)",
         log: true,
         gain: false,
-        of: |(_, a, _)| a.iterations as f64,
+        of: |o| o.attempt.iterations as f64,
     },
 ];
 
@@ -93,8 +92,9 @@ fn draw(
     root.fill(&WHITE)?;
     let (head, body) = root.split_vertically(HEAD);
     head.draw(&Text::new(caption, (16, 8), ("sans-serif", 22)))?;
-    let measured =
-        |(method, _): &&(Method, &str)| ablation.trials.iter().any(|trial| trial.method == *method);
+    let measured = |(method, _): &&(Method, &str)| {
+        ablation.trials.iter().any(|trial| trial.outcome.method == *method)
+    };
     let methods: Vec<_> = methods.iter().filter(measured).collect();
     let mut left = 20;
     for (method, name) in &methods {
@@ -120,7 +120,7 @@ fn curve(ablation: &Ablation, method: Method, kind: Kind, figure: &Figure) -> Cu
     let point = |bin| {
         let results = ablation.bin(method, kind, bin);
         let [from, to] = ablation.limits.bounds(kind, bin);
-        let values = results.iter().map(figure.of);
+        let values = results.into_iter().map(figure.of);
         let quartiles =
             if figure.gain { Quartiles::of_gains(values) } else { Quartiles::of(values) };
         (0.5 * (from + to), quartiles)

@@ -7,7 +7,8 @@ use nvsprior::{EncoderOptions, Picture, Pose};
 
 use super::super::context::{Context, Sample};
 use super::super::perturbed::{NEAR, steps};
-use super::judge::{Judge, Verdict};
+use super::Outcome;
+use super::judge::Judge;
 use super::method::{Attempt, Method, Searches};
 
 /// Where starts come from.
@@ -85,11 +86,8 @@ const SEED: u64 = 13;
 
 /// A frame from one source with one method.
 pub struct StartTrial {
-    pub shot: usize,
     pub source: StartSource,
-    pub method: Method,
-    pub attempt: Attempt,
-    pub verdict: Verdict,
+    pub outcome: Outcome,
 }
 
 /// Number of trials.
@@ -126,7 +124,8 @@ pub fn measure(
                 let verdict = judge.judge(context, shot, &sample.pose)?;
                 let attempt = Attempt::of(&sample);
                 super::learn(context, shot, &attempt, &verdict);
-                trials.push(StartTrial { shot, source, method, attempt, verdict });
+                let outcome = Outcome { shot, method, attempt, verdict };
+                trials.push(StartTrial { source, outcome });
                 done();
             }
         }

@@ -2,129 +2,152 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
-use serde_json::{Value, json};
+use serde::Serialize;
 
-use super::super::context::{Best, Context, Shot};
+use super::super::context::Context;
 use super::super::perturbed::SHORT;
+use super::super::report::{About, BestPsnr};
 use super::super::statistics::{Quartiles, median};
-use super::judge::Verdict;
-use super::method::{Attempt, Method};
-use super::perturbation::{BINS, Kind};
+use super::method::Method;
+use super::perturbation::{BINS, Kind, Limits};
 use super::start::{METHODS, StartSource};
-use super::{Ablation, Trial};
+use super::{Ablation, Outcome};
+use crate::report::{Table, fixed, write_json};
 
 /// How far a render is below that of the best known pose, dB.
-pub fn short(context: &Context, shot: usize, verdict: &Verdict) -> f64 {
-    context.best[shot].psnr - verdict.psnr()
+pub fn short(context: &Context, outcome: &Outcome) -> f64 {
+    context.best[outcome.shot].psnr - outcome.verdict.psnr()
 }
 
 /// Whether the best known pose is found, or one as good.
-pub fn found(context: &Context, shot: usize, verdict: &Verdict) -> bool {
+pub fn found(context: &Context, outcome: &Outcome) -> bool {
     // A figure that is no number has not been reached either.
-    short(context, shot, verdict) <= SHORT
+    short(context, outcome) <= SHORT
 }
 
 impl Ablation {
-    /// The results of a method whose perturbation lies in a bin.
-    pub fn bin(&self, method: Method, kind: Kind, bin: usize) -> Vec<Result<'_>> {
-        let inside = |trial: &&Trial| {
+    /// The outcomes of a method whose perturbation lies in a bin.
+    pub fn bin(&self, method: Method, kind: Kind, bin: usize) -> Vec<&Outcome> {
+        let of_bin = self.trials.iter().filter(|trial| {
             let perturbation = &trial.perturbation;
-            let same = (trial.method, perturbation.kind) == (method, kind);
-            same && self.limits.bin(perturbation) == bin
-        };
-        self.trials.iter().filter(inside).map(|t| (t.shot, &t.attempt, &t.verdict)).collect()
+            perturbation.kind == kind && self.limits.bin(perturbation) == bin
+        });
+        of_bin.map(|trial| &trial.outcome).filter(|outcome| outcome.method == method).collect()
+    }
+
+    /// The outcomes of a method from a source of starts.
+    fn from_source(&self, source: StartSource, method: Method) -> Vec<&Outcome> {
+        let of_source = self.starts.iter().filter(|trial| trial.source == source);
+        of_source.map(|trial| &trial.outcome).filter(|outcome| outcome.method == method).collect()
     }
 }
-
-/// A frame, what a search came to, and what that is worth.
-pub type Result<'a> = (usize, &'a Attempt, &'a Verdict);
 
 /// Number, share found, and quartiles of everything.
-fn figures(context: &Context, results: &[Result]) -> Value {
-    let of = |figure: &dyn Fn(&Result) -> f64| Quartiles::of(results.iter().map(figure)).json();
-    let found = results.iter().filter(|(shot, _, verdict)| found(context, *shot, verdict)).count();
-    json!({
-        "trials": results.len(),
-        "found": found,
-        "share_found": (!results.is_empty()).then(|| found as f64 / results.len() as f64),
-        "render_psnr": Quartiles::of_gains(results.iter().map(|(_, _, v)| v.psnr())).json(),
-        "db_short": of(&|(shot, _, v)| short(context, *shot, v)),
-        "energy": of(&|(_, _, v)| v.energy),
-        "bytes": of(&|(_, _, v)| v.bytes as f64),
-        "iterations": of(&|(_, a, _)| a.iterations as f64),
-        "full_renders": of(&|(_, a, _)| f64::from(a.full_renders)),
-        "milliseconds": of(&|(_, a, _)| a.milliseconds),
-        "in_forward_renders": of(&|(_, a, _)| a.in_forward_renders()),
-    })
+#[derive(Serialize)]
+struct Figures {
+    trials: usize,
+    found: usize,
+    share_found: Option<f64>,
+    render_psnr: Quartiles,
+    db_short: Quartiles,
+    energy: Quartiles,
+    bytes: Quartiles,
+    iterations: Quartiles,
+    full_renders: Quartiles,
+    milliseconds: Quartiles,
+    in_forward_renders: Quartiles,
 }
 
-fn with(mut figures: Value, entries: Value) -> Value {
-    if let (Value::Object(figures), Value::Object(entries)) = (&mut figures, entries) {
-        figures.extend(entries);
+impl Figures {
+    fn of(context: &Context, outcomes: &[&Outcome]) -> Figures {
+        let of = |figure: &dyn Fn(&Outcome) -> f64| {
+            Quartiles::of(outcomes.iter().map(|outcome| figure(outcome)))
+        };
+        let found = outcomes.iter().filter(|outcome| found(context, outcome)).count();
+        Figures {
+            trials: outcomes.len(),
+            found,
+            share_found: (!outcomes.is_empty()).then(|| found as f64 / outcomes.len() as f64),
+            render_psnr: Quartiles::of_gains(outcomes.iter().map(|o| o.verdict.psnr())),
+            db_short: of(&|o| short(context, o)),
+            energy: of(&|o| o.verdict.energy),
+            bytes: of(&|o| o.verdict.bytes as f64),
+            iterations: of(&|o| o.attempt.iterations as f64),
+            full_renders: of(&|o| f64::from(o.attempt.full_renders)),
+            milliseconds: of(&|o| o.attempt.milliseconds),
+            in_forward_renders: of(&|o| o.attempt.in_forward_renders()),
+        }
     }
-    figures
+}
+
+/// The file.
+#[derive(Serialize)]
+struct Root<'a> {
+    #[serde(flatten)]
+    about: About,
+    limits: Limits,
+    best_known: Vec<BestPsnr<'a>>,
+    bins: Vec<Bin>,
+    starts: Vec<Start>,
+}
+
+/// A method's outcomes in a bin.
+#[derive(Serialize)]
+struct Bin {
+    method: &'static str,
+    loss: &'static str,
+    kind: &'static str,
+    unit: &'static str,
+    from: f64,
+    to: f64,
+    #[serde(flatten)]
+    figures: Figures,
+}
+
+/// A method's outcomes from a source.
+#[derive(Serialize)]
+struct Start {
+    source: &'static str,
+    method: &'static str,
+    #[serde(flatten)]
+    figures: Figures,
+}
+
+/// Each method's bins of a kind.
+fn bins(context: &Context, ablation: &Ablation, kind: Kind) -> Vec<Bin> {
+    let of = |method: Method, bin| {
+        let [from, to] = ablation.limits.bounds(kind, bin);
+        let figures = Figures::of(context, &ablation.bin(method, kind, bin));
+        let (kind, unit) = (kind.name(), kind.unit());
+        Bin { method: method.name(), loss: method.loss(), kind, unit, from, to, figures }
+    };
+    Method::ALL.into_iter().flat_map(|method| (0..BINS).map(move |bin| of(method, bin))).collect()
+}
+
+/// Each method's outcomes from each source that there is.
+fn starts(context: &Context, ablation: &Ablation) -> Vec<Start> {
+    let mut starts = Vec::new();
+    for source in StartSource::ALL {
+        for method in METHODS {
+            let figures = Figures::of(context, &ablation.from_source(source, method));
+            if figures.trials > 0 {
+                starts.push(Start { source: source.name(), method: method.name(), figures });
+            }
+        }
+    }
+    starts
 }
 
 /// Writes the summary.
 pub fn write(path: &Path, context: &Context, ablation: &Ablation) -> anyhow::Result<()> {
-    let best = |(shot, best): (&Shot, &Best)| json!({ "file": shot.file, "psnr": best.psnr });
-    let forward = median(context.forward.times.iter().copied());
-    let camera = &context.shots[0].camera;
-    let root = json!({
-        "device": context.engine.device().to_string(),
-        "frames": context.shots.len(),
-        "size": [camera.width, camera.height],
-        "splats": context.prior.splats().len(),
-        "forward_render_ms": forward,
-        "limits": { "units": ablation.limits.units, "degrees": ablation.limits.degrees },
-        "best_known": context.shots.iter().zip(&context.best).map(best).collect::<Value>(),
-        "bins": bins(context, ablation),
-        "starts": starts(context, ablation),
-    });
-    let text = serde_json::to_string_pretty(&root)?;
-    std::fs::write(path, text).with_context(|| format!("writing {}", path.display()))
-}
-
-/// Each method's bins of each kind.
-fn bins(context: &Context, ablation: &Ablation) -> Value {
-    let mut bins = Vec::new();
-    for kind in Kind::ALL {
-        for method in Method::ALL {
-            for bin in 0..BINS {
-                let results = ablation.bin(method, kind, bin);
-                let [from, to] = ablation.limits.bounds(kind, bin);
-                bins.push(with(
-                    figures(context, &results),
-                    json!({ "method": method.name(), "loss": method.loss(), "kind": kind.name(),
-                        "unit": kind.unit(), "from": from, "to": to }),
-                ));
-            }
-        }
-    }
-    bins.into()
-}
-
-/// Results of a method from a source of starts.
-fn from_source(ablation: &Ablation, source: StartSource, method: Method) -> Vec<Result<'_>> {
-    let of = ablation.starts.iter().filter(|t| t.source == source && t.method == method);
-    of.map(|t| (t.shot, &t.attempt, &t.verdict)).collect()
-}
-
-fn starts(context: &Context, ablation: &Ablation) -> Value {
-    let mut starts = Vec::new();
-    for source in StartSource::ALL {
-        for method in METHODS {
-            let results = from_source(ablation, source, method);
-            if results.is_empty() {
-                continue;
-            }
-            let figures = figures(context, &results);
-            let names = json!({ "source": source.name(), "method": method.name() });
-            starts.push(with(figures, names));
-        }
-    }
-    starts.into()
+    let root = Root {
+        about: About::of(context),
+        limits: ablation.limits,
+        best_known: BestPsnr::all(context),
+        bins: Kind::ALL.into_iter().flat_map(|kind| bins(context, ablation, kind)).collect(),
+        starts: starts(context, ablation),
+    };
+    write_json(path, &root)
 }
 
 /// Prints the short tables.
@@ -135,47 +158,32 @@ pub fn print(context: &Context, ablation: &Ablation) {
     println!("best known poses: {best:.2} dB in the median");
     for kind in Kind::ALL {
         println!("\n{} by up to {}", kind.name(), ablation.limits.of(kind));
-        heading(&format!("|{}|", kind.unit()));
-        for method in Method::ALL {
-            for bin in 0..BINS {
-                let [from, to] = ablation.limits.bounds(kind, bin);
-                let results = ablation.bin(method, kind, bin);
-                row(context, method, &format!("{from:.2} to {to:.2}"), &results);
-            }
-        }
+        let rows = bins(context, ablation, kind);
+        let row = |bin: Bin| (bin.method, format!("{:.2} to {:.2}", bin.from, bin.to), bin.figures);
+        table(&format!("|{}|", kind.unit()), rows.into_iter().map(row)).print();
     }
     println!("\nstarts");
-    heading("source");
-    for method in METHODS {
-        for source in StartSource::ALL {
-            row(context, method, source.name(), &from_source(ablation, source, method));
-        }
-    }
+    let mut rows = starts(context, ablation);
+    rows.sort_by_key(|row| METHODS.iter().position(|method| method.name() == row.method));
+    let row = |start: Start| (start.method, start.source.to_owned(), start.figures);
+    table("source", rows.into_iter().map(row)).print();
 }
 
-fn heading(second: &str) {
-    println!(
-        "{:14} {second:16} {:>9} {:>8} {:>8} {:>6} {:>10} {:>8} {:>8}",
-        "method", "found", "dB", "energy", "bytes", "iterations", "renders", "forward"
-    );
-}
-
-/// Prints medians of some results; nothing if there are none.
-fn row(context: &Context, method: Method, second: &str, results: &[Result]) {
-    if results.is_empty() {
-        return;
-    }
-    let of = |figure: &dyn Fn(&Result) -> f64| median(results.iter().map(figure));
-    let count = results.iter().filter(|(shot, _, verdict)| found(context, *shot, verdict)).count();
-    println!(
-        "{:14} {second:16} {:>9} {:8.2} {:8.5} {:6.0} {:10.0} {:8.0} {:8.1}",
-        method.name(),
-        format!("{count}/{}", results.len()),
-        Quartiles::of_gains(results.iter().map(|(_, _, v)| v.psnr())).median,
-        of(&|(_, _, v)| v.energy),
-        of(&|(_, _, v)| v.bytes as f64),
-        of(&|(_, a, _)| a.iterations as f64),
-        of(&|(_, a, _)| f64::from(a.full_renders)),
-        of(&|(_, a, _)| a.in_forward_renders()),
-    );
+/// Medians, of those that have trials.
+fn table(second: &str, rows: impl Iterator<Item = (&'static str, String, Figures)>) -> Table {
+    let rows: Vec<_> = rows.filter(|(.., figures)| figures.trials > 0).collect();
+    Table::of(
+        &rows,
+        &[
+            ("method", &|(method, ..)| method.to_string()),
+            (second, &|(_, second, _)| second.clone()),
+            ("found", &|(.., f)| format!("{}/{}", f.found, f.trials)),
+            ("dB", &|(.., f)| fixed(f.render_psnr.median, 2)),
+            ("energy", &|(.., f)| fixed(f.energy.median, 5)),
+            ("bytes", &|(.., f)| fixed(f.bytes.median, 0)),
+            ("iterations", &|(.., f)| fixed(f.iterations.median, 0)),
+            ("renders", &|(.., f)| fixed(f.full_renders.median, 0)),
+            ("forward", &|(.., f)| fixed(f.in_forward_renders.median, 1)),
+        ],
+    )
 }

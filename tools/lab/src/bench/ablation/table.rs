@@ -2,99 +2,77 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
-
 use super::super::context::Context;
-use super::judge::Verdict;
-use super::method::{Attempt, Method};
 use super::start::StartTrial;
-use super::{Trial, summary};
-
-/// Columns that all tables end with.
-const FIGURES: [&str; 14] = [
-    "method",
-    "loss",
-    "render_psnr",
-    "db_short",
-    "found",
-    "energy",
-    "bytes",
-    "iterations",
-    "full_renders",
-    "milliseconds",
-    "in_forward_renders",
-    "pose_error_units",
-    "pose_error_degrees",
-    "stop",
-];
+use super::{Outcome, Perturbation, Trial, summary};
+use crate::report::{Column, Table, fixed};
 
 /// Writes the trials, a row each.
 pub fn trials(path: &Path, context: &Context, trials: &[Trial]) -> anyhow::Result<()> {
-    let first = ["kind", "trial", "file", "axis", "perturbation", "size", "unit"];
-    let row = |trial: &Trial| {
-        let perturbation = &trial.perturbation;
-        let first = [
-            perturbation.kind.name().to_owned(),
-            trial.number.to_string(),
-            context.shots[trial.shot].file.clone(),
-            perturbation.axis_name().to_owned(),
-            format!("{:.5}", perturbation.value),
-            format!("{:.5}", perturbation.value.abs()),
-            perturbation.kind.unit().to_owned(),
-        ];
-        let figures = figures(context, trial.shot, trial.method, &trial.attempt, &trial.verdict);
-        first.into_iter().chain(figures).collect()
-    };
-    write(path, &first, trials.iter().map(row))
+    let of = |trial: &Trial| -> Perturbation { trial.perturbation };
+    write(
+        path,
+        context,
+        trials,
+        &[
+            ("kind", &|t| of(t).kind.name().to_owned()),
+            ("trial", &|t| t.number.to_string()),
+            ("file", &|t| context.shots[t.outcome.shot].file.clone()),
+            ("axis", &|t| of(t).axis_name().to_owned()),
+            ("perturbation", &|t| fixed(of(t).value, 5)),
+            ("size", &|t| fixed(of(t).value.abs(), 5)),
+            ("unit", &|t| of(t).kind.unit().to_owned()),
+        ],
+        &|trial| &trial.outcome,
+    )
 }
 
 /// Writes the starts from each source, a row each.
 pub fn starts(path: &Path, context: &Context, trials: &[StartTrial]) -> anyhow::Result<()> {
-    let row = |trial: &StartTrial| {
-        let first = [trial.source.name().to_owned(), context.shots[trial.shot].file.clone()];
-        let figures = figures(context, trial.shot, trial.method, &trial.attempt, &trial.verdict);
-        first.into_iter().chain(figures).collect()
-    };
-    write(path, &["source", "file"], trials.iter().map(row))
+    write(
+        path,
+        context,
+        trials,
+        &[
+            ("source", &|t| t.source.name().to_owned()),
+            ("file", &|t| context.shots[t.outcome.shot].file.clone()),
+        ],
+        &|trial| &trial.outcome,
+    )
 }
 
-fn figures(
-    context: &Context,
-    shot: usize,
-    method: Method,
-    attempt: &Attempt,
-    verdict: &Verdict,
-) -> [String; FIGURES.len()] {
-    let best = &context.best[shot].pose;
-    let distance = (attempt.pose.centre() - best.centre()).length();
-    [
-        method.name().to_owned(),
-        method.loss().to_owned(),
-        format!("{:.4}", verdict.psnr()),
-        format!("{:.4}", summary::short(context, shot, verdict)),
-        summary::found(context, shot, verdict).to_string(),
-        format!("{:.7}", verdict.energy),
-        verdict.bytes.to_string(),
-        attempt.iterations.to_string(),
-        attempt.full_renders.to_string(),
-        format!("{:.3}", attempt.milliseconds),
-        format!("{:.3}", attempt.in_forward_renders()),
-        format!("{distance:.5}"),
-        format!("{:.5}", attempt.pose.angle_to(best).to_degrees()),
-        attempt.stop.clone(),
-    ]
-}
-
-fn write(
+/// Writes `first` columns, then those of all outcomes.
+fn write<T>(
     path: &Path,
-    first: &[&str],
-    rows: impl Iterator<Item = Vec<String>>,
+    context: &Context,
+    trials: &[T],
+    first: &[Column<T>],
+    outcome: &dyn Fn(&T) -> &Outcome,
 ) -> anyhow::Result<()> {
-    let write = || {
-        let mut csv = csv::Writer::from_path(path)?;
-        csv.write_record(first.iter().chain(&FIGURES))?;
-        rows.into_iter().try_for_each(|row| csv.write_record(&row))?;
-        Ok::<_, csv::Error>(csv.flush()?)
-    };
-    write().with_context(|| format!("writing {}", path.display()))
+    let best = |o: &Outcome| &context.best[o.shot].pose;
+    let distance = |o: &Outcome| (o.attempt.pose.centre() - best(o).centre()).length();
+    let degrees = |o: &Outcome| o.attempt.pose.angle_to(best(o)).to_degrees();
+    let figures: [Column<Outcome>; 14] = [
+        ("method", &|o| o.method.name().to_owned()),
+        ("loss", &|o| o.method.loss().to_owned()),
+        ("render_psnr", &|o| fixed(o.verdict.psnr(), 4)),
+        ("db_short", &|o| fixed(summary::short(context, o), 4)),
+        ("found", &|o| summary::found(context, o).to_string()),
+        ("energy", &|o| fixed(o.verdict.energy, 7)),
+        ("bytes", &|o| o.verdict.bytes.to_string()),
+        ("iterations", &|o| o.attempt.iterations.to_string()),
+        ("full_renders", &|o| o.attempt.full_renders.to_string()),
+        ("milliseconds", &|o| fixed(o.attempt.milliseconds, 3)),
+        ("in_forward_renders", &|o| fixed(o.attempt.in_forward_renders(), 3)),
+        ("pose_error_units", &|o| fixed(distance(o), 5)),
+        ("pose_error_degrees", &|o| fixed(degrees(o), 5)),
+        ("stop", &|o| o.attempt.stop.clone()),
+    ];
+    let names = first.iter().map(|(name, _)| name);
+    let mut table = Table::new(names.chain(figures.iter().map(|(name, _)| name)));
+    for trial in trials {
+        let own = first.iter().map(|(_, cell)| cell(trial));
+        table.push(own.chain(figures.iter().map(|(_, cell)| cell(outcome(trial)))));
+    }
+    table.write_csv(path)
 }

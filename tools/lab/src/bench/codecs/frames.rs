@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Context as _;
 use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{Residual, residual_part_len};
 use nvsprior::residual::{CodedResidual, Rate, ResidualCoder, ResidualEncoder, ResidualSetup};
 
 use super::run::Run;
+use crate::report::{Table, fixed};
 
 /// WebP's qualities. Each gives a frame's bytes, with which the wavelet coder must do.
 pub const QUALITIES: [f32; 9] = [0.0, 2.0, 6.0, 15.0, 25.0, 35.0, 50.0, 65.0, 85.0];
@@ -90,20 +90,16 @@ pub fn print(rows: &[Row]) {
 
 /// Writes them as CSV.
 pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
-    let writing = || format!("writing {}", path.display());
-    let mut table = csv::Writer::from_path(path).with_context(writing)?;
-    table.write_record([
-        "frame",
-        "webp_quality",
-        "webp_bytes",
-        "webp_psnr",
-        "wavelet_bytes",
-        "wavelet_psnr",
-    ])?;
-    for Row { frame, quality, webp, wavelet } in rows {
-        let coded = |coded: &Coded| [coded.bytes.to_string(), format!("{:.3}", coded.psnr)];
-        let numbers = [coded(webp), coded(wavelet)].concat();
-        table.write_record([frame.clone(), quality.to_string()].into_iter().chain(numbers))?;
-    }
-    table.flush().with_context(writing)
+    let table = Table::of(
+        rows,
+        &[
+            ("frame", &|r| r.frame.clone()),
+            ("webp_quality", &|r| r.quality.to_string()),
+            ("webp_bytes", &|r| r.webp.bytes.to_string()),
+            ("webp_psnr", &|r| fixed(r.webp.psnr, 3)),
+            ("wavelet_bytes", &|r| r.wavelet.bytes.to_string()),
+            ("wavelet_psnr", &|r| fixed(r.wavelet.psnr, 3)),
+        ],
+    );
+    table.write_csv(path)
 }

@@ -1,7 +1,10 @@
 //! A coder at one setting.
 
+use serde::Serialize;
+
 /// What is coded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Input {
     /// The camera's frame.
     Frame,
@@ -19,8 +22,9 @@ impl Input {
     }
 }
 
-/// Whether a picture leans on those before it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Whether a picture is predicted from those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Mode {
     /// It does not.
     Intra,
@@ -39,7 +43,7 @@ impl Mode {
 }
 
 /// Means per frame.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Point {
     pub coder: &'static str,
     pub input: Input,

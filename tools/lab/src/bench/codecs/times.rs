@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use nvsprior::Pose;
 use nvsprior::packet::Residual;
 use nvsprior::residual::{Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
@@ -11,6 +10,7 @@ use super::super::context::Context;
 use super::super::statistics::{Spread, median};
 use super::run::Run;
 use super::timed;
+use crate::report::{Table, fixed};
 
 /// What is measured: a quality is one coding, a budget and a PSNR are searches.
 pub const RATES: [(&str, Rate); 10] = [
@@ -101,57 +101,41 @@ pub fn measure(
 
 /// Prints the times.
 pub fn print(rows: &[Row]) {
-    println!(
-        "the wavelet coder's time; a forward render just before is the unit of the columns `renders`"
-    );
-    println!(
-        "{:<12} {:>7} {:>7} {:>6} {:>9} {:>8} {:>6} {:>9} {:>8} {:>6}",
-        "rate",
-        "codings",
-        "payload",
-        "dB",
-        "encode ms",
-        "renders",
-        "95 %",
-        "decode ms",
-        "renders",
-        "95 %"
-    );
-    for Row { rate, codings, payload, psnr, encode, decode } in rows {
-        let time = |time: &Time| {
-            let Time { ms, in_forward_renders: renders } = time;
-            format!("{:>9.2} {:>8.2} {:>6.2}", ms.median, renders.median, renders.p95)
-        };
-        let (encode, decode) = (time(encode), time(decode));
-        println!("{rate:<12} {codings:>7.1} {payload:>7.0} {psnr:>6.2} {encode} {decode}");
-    }
-}
-
-/// Writes them as CSV.
-pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
-    let writing = || format!("writing {}", path.display());
-    let mut table = csv::Writer::from_path(path).with_context(writing)?;
-    table.write_record([
+    println!("the wavelet coder's time; forward renders are those just before");
+    let columns = [
         "rate",
         "codings",
         "payload",
         "psnr",
         "encode_ms",
         "encode_in_forward_renders",
-        "encode_in_forward_renders_p95",
         "decode_ms",
         "decode_in_forward_renders",
-        "decode_in_forward_renders_p95",
-    ])?;
-    for Row { rate, codings, payload, psnr, encode, decode } in rows {
-        let time = |time: &Time| {
-            let Time { ms, in_forward_renders: renders } = time;
-            [ms.median, renders.median, renders.p95]
-        };
-        let times = [time(encode), time(decode)].concat();
-        let numbers = [*codings, *payload, *psnr].into_iter().chain(times);
-        let numbers = numbers.map(|number| format!("{number:.3}"));
-        table.write_record(std::iter::once(rate.to_string()).chain(numbers))?;
-    }
-    table.flush().with_context(writing)
+    ];
+    table(rows).only(&columns).print();
+}
+
+/// Writes them as CSV.
+pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
+    table(rows).write_csv(path)
+}
+
+fn table(rows: &[Row]) -> Table {
+    let renders = |time: &Time| fixed(time.in_forward_renders.median, 3);
+    let renders_p95 = |time: &Time| fixed(time.in_forward_renders.p95, 3);
+    Table::of(
+        rows,
+        &[
+            ("rate", &|r| r.rate.to_owned()),
+            ("codings", &|r| fixed(r.codings, 3)),
+            ("payload", &|r| fixed(r.payload, 3)),
+            ("psnr", &|r| fixed(r.psnr, 3)),
+            ("encode_ms", &|r| fixed(r.encode.ms.median, 3)),
+            ("encode_in_forward_renders", &|r| renders(&r.encode)),
+            ("encode_in_forward_renders_p95", &|r| renders_p95(&r.encode)),
+            ("decode_ms", &|r| fixed(r.decode.ms.median, 3)),
+            ("decode_in_forward_renders", &|r| renders(&r.decode)),
+            ("decode_in_forward_renders_p95", &|r| renders_p95(&r.decode)),
+        ],
+    )
 }

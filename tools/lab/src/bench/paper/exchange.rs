@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use nvsprior::Picture;
 use nvsprior_inputs::frame_file::write_png;
 use nvsprior_inputs::values::make_folder;
-use serde_json::json;
+use serde::Serialize;
 
 use super::Set;
 use crate::bench::codecs::run::Run;
 use crate::bench::context::Context;
+use crate::report::write_json;
 
 /// Writes it to a folder.
 pub fn write(folder: &Path, set: &Set, context: &Context, invs: &Run) -> anyhow::Result<()> {
@@ -27,17 +27,26 @@ pub fn write(folder: &Path, set: &Set, context: &Context, invs: &Run) -> anyhow:
     }
     let camera = context.shots[0].camera;
     let names: Vec<&str> = context.shots.iter().map(|shot| shot.name.as_str()).collect();
-    let manifest = json!({
-        "set": set.name,
-        "width": camera.width,
-        "height": camera.height,
-        "frames": names,
-        "prior": format!("{:08x}", context.scene.id().0),
-        "cameras": set.cameras,
-    });
-    let path = folder.join("manifest.json");
-    let text = serde_json::to_string_pretty(&manifest)? + "\n";
-    std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))
+    let manifest = Manifest {
+        set: &set.name,
+        width: camera.width,
+        height: camera.height,
+        frames: names,
+        prior: format!("{:08x}", context.scene.id().0),
+        cameras: &set.cameras,
+    };
+    write_json(&folder.join("manifest.json"), &manifest)
+}
+
+/// `manifest.json`.
+#[derive(Serialize)]
+struct Manifest<'a> {
+    set: &'a str,
+    width: u32,
+    height: u32,
+    frames: Vec<&'a str>,
+    prior: String,
+    cameras: &'a str,
 }
 
 /// The paper's difference picture: half of frame less render, around the middle, rounded up.

@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
-use serde_json::{Map, Value, json};
 
 use super::methods::ANCHOR;
 use super::published::{Table, frame_psnr, tables};
@@ -13,6 +12,7 @@ use super::{Rows, Set, equal, picture};
 use crate::bench::codecs::run::Run;
 use crate::bench::perturbed::SHORT;
 use crate::bench::plot;
+use crate::report::{self, fixed, write_json};
 
 /// Prints both lists.
 pub fn print(rows: &Rows) {
@@ -23,32 +23,37 @@ pub fn print(rows: &Rows) {
 }
 
 fn list(entries: &[Entry]) {
-    println!(
-        "{:<34} {:>8} {:>7} {:>6} {:>6} {:>7} {:>10} {:>10}  setting",
-        "method", "bytes", "ratio", "dB", "SSIM", "MS-SSIM", "encode ms", "decode ms"
-    );
+    let columns = ["method", "bytes", "ratio", "dB", "SSIM", "MS-SSIM", "encode ms", "decode ms"];
+    let mut table = report::Table::new(columns.into_iter().chain(["setting"]));
     for entry in entries {
-        match entry {
-            Entry::Missing { method, what } => println!("{method:<34} {what}"),
-            Entry::Measured(row) => {
-                let Row { method, psnr, similarity, .. } = &**row;
-                println!(
-                    "{method:<34} {:>8.0} {:>7.1} {psnr:>6.2} {:>6} {:>7} {:>10.1} {:>10.1}  {}",
-                    row.bytes,
-                    row.ratio,
-                    number(similarity.ssim, 3),
-                    number(similarity.ms_ssim, 3),
-                    row.encode_ms,
-                    row.decode_ms,
-                    words(row),
-                );
-            }
-        }
+        table.push(std::iter::once(entry.method().to_owned()).chain(cells(entry)));
     }
+    table.print();
 }
 
-fn number(value: Option<f64>, digits: usize) -> String {
-    value.map_or("–".into(), |value| format!("{value:.digits$}"))
+fn or_none(value: Option<f64>) -> String {
+    value.map_or("–".into(), |value| fixed(value, 3))
+}
+
+/// What tables say of a method: its figures and its setting, or what is missing.
+fn cells(entry: &Entry) -> [String; 8] {
+    match entry {
+        Entry::Missing { what, .. } => {
+            let mut cells = std::array::from_fn(|_| "–".to_owned());
+            cells[7] = format!("missing: {what}");
+            cells
+        }
+        Entry::Measured(row) => [
+            fixed(row.bytes, 0),
+            fixed(row.ratio, 1),
+            fixed(row.psnr, 2),
+            or_none(row.similarity.ssim),
+            or_none(row.similarity.ms_ssim),
+            fixed(row.encode_ms, 1),
+            fixed(row.decode_ms, 1),
+            words(row),
+        ],
+    }
 }
 
 /// A row's setting, and what else there is to say of it.
@@ -68,48 +73,13 @@ fn words(row: &Row) -> String {
 
 /// Writes paper.json, paper-equal.json, paper.md, paper.svg and paper.png.
 pub fn write(folder: &Path, set: &Set, frames: &Run, rows: &Rows) -> anyhow::Result<()> {
-    json_list(&folder.join("paper.json"), &rows.working)?;
-    json_list(&folder.join("paper-equal.json"), &rows.equal)?;
+    write_json(&folder.join("paper.json"), &rows.working)?;
+    write_json(&folder.join("paper-equal.json"), &rows.equal)?;
     let path = folder.join("paper.md");
     let text = markdown(set, frames, rows);
     std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
     plot::codecs(&folder.join("paper.svg"), curves(rows))?;
     picture::write(&folder.join("paper.png"), frames, &rows.working)
-}
-
-fn json_list(path: &Path, entries: &[Entry]) -> anyhow::Result<()> {
-    let list: Vec<Value> = entries.iter().map(value).collect();
-    let text = serde_json::to_string_pretty(&list)? + "\n";
-    std::fs::write(path, text).with_context(|| format!("writing {}", path.display()))
-}
-
-fn value(entry: &Entry) -> Value {
-    let row = match entry {
-        Entry::Missing { method, what } => return json!({ "method": method, "missing": what }),
-        Entry::Measured(row) => row,
-    };
-    let mut value = json!({
-        "method": row.method,
-        "bytes": row.bytes,
-        "ratio": row.ratio,
-        "psnr": row.psnr,
-        "ssim": row.similarity.ssim,
-        "ms_ssim": row.similarity.ms_ssim,
-        "encode_ms": row.encode_ms,
-        "decode_ms": row.decode_ms,
-        "frames": row.frames,
-        "setting": row.setting.text(),
-    });
-    let more = [
-        ("found", row.found.map(Value::from)),
-        ("reached", row.reached.map(Value::from)),
-        ("parameters", row.parameters.map(Value::from)),
-    ];
-    let fields = value.as_object_mut().into_iter();
-    fields.for_each(|fields: &mut Map<String, Value>| {
-        fields.extend(more.iter().filter_map(|(key, value)| Some(((*key).into(), value.clone()?))));
-    });
-    value
 }
 
 /// A curve per method: its working point, and that at the common PSNR.
@@ -150,7 +120,7 @@ fn markdown(set: &Set, frames: &Run, rows: &Rows) -> String {
         psnr[1],
         rows.target,
     );
-    table(&mut text, &rows.working, tables);
+    text += &table(&rows.working, tables);
     for Table { data, label, frames, .. } in tables {
         let _ = writeln!(
             text,
@@ -164,11 +134,11 @@ fn markdown(set: &Set, frames: &Run, rows: &Rows) -> String {
         rows.target,
         equal::TOLERANCE,
     );
-    table(&mut text, &rows.equal, &[]);
+    text += &table(&rows.equal, &[]);
     text
 }
 
-fn table(text: &mut String, entries: &[Entry], published: &[Table]) {
+fn table(entries: &[Entry], published: &[Table]) -> String {
     let columns = [
         "method",
         "bytes",
@@ -183,33 +153,15 @@ fn table(text: &mut String, entries: &[Entry], published: &[Table]) {
     let cited = published
         .iter()
         .map(|table| format!("the paper reports for its {}: bytes, ratio, PSNR, ms", table.data));
-    let header: Vec<String> = columns.map(String::from).into_iter().chain(cited).collect();
-    let _ = writeln!(text, "| {} |\n|{}", header.join(" | "), "---|".repeat(header.len()));
+    let mut table = report::Table::new(columns.map(String::from).into_iter().chain(cited));
     for entry in entries {
-        let method = entry.method();
-        let cells = match entry {
-            Entry::Missing { what, .. } => {
-                let mut cells = vec![String::from("–"); columns.len() - 2];
-                cells.push(format!("missing: {what}"));
-                cells
-            }
-            Entry::Measured(row) => vec![
-                format!("{:.0}", row.bytes),
-                format!("{:.1}", row.ratio),
-                format!("{:.2}", row.psnr),
-                number(row.similarity.ssim, 3),
-                number(row.similarity.ms_ssim, 3),
-                format!("{:.1}", row.encode_ms),
-                format!("{:.1}", row.decode_ms),
-                words(row),
-            ],
-        };
         let cited = published.iter().map(|table| {
-            table.row(method).map_or("–".into(), |row| {
+            table.row(entry.method()).map_or("–".into(), |row| {
                 format!("{}, {:.2}, {:.2}, {}", row.bytes, row.ratio, row.psnr, row.ms)
             })
         });
-        let cells: Vec<String> = cells.into_iter().chain(cited).collect();
-        let _ = writeln!(text, "| `{method}` | {} |", cells.join(" | "));
+        let method = format!("`{}`", entry.method());
+        table.push(std::iter::once(method).chain(cells(entry)).chain(cited));
     }
+    table.markdown()
 }

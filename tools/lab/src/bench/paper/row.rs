@@ -1,6 +1,7 @@
 //! What a method made of the frames.
 
 use nvsprior::{Picture, Rate};
+use serde::{Serialize, Serializer};
 
 use super::picture;
 use super::quality::Similarity;
@@ -52,9 +53,10 @@ pub struct Coded {
 }
 
 /// A method's row: means per frame.
-#[derive(Clone)]
+#[derive(Clone, Serialize)]
 pub struct Row {
     pub method: String,
+    #[serde(serialize_with = "in_words")]
     pub setting: Setting,
     /// All that is sent for a frame.
     pub bytes: f64,
@@ -65,16 +67,25 @@ pub struct Row {
     /// Number of frames.
     pub frames: usize,
     /// What the topside shows of the frames of [`picture::indices`].
+    #[serde(skip)]
     pub shown: Vec<Picture>,
     /// Mean over the frames, dB.
     pub psnr: f64,
+    #[serde(flatten)]
     pub similarity: Similarity,
     /// Frames whose pose was found; only of pose estimators.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub found: Option<usize>,
     /// Whether the PSNR is the one that was aimed at; only if one was.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub reached: Option<bool>,
     /// Weights of a learned coder.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub parameters: Option<u64>,
+}
+
+fn in_words<S: Serializer>(setting: &Setting, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(&setting.text())
 }
 
 impl Row {
@@ -102,10 +113,15 @@ impl Row {
 }
 
 /// A row, or why there is none.
-#[derive(Clone)]
+#[derive(Clone, Serialize)]
+#[serde(untagged)]
 pub enum Entry {
     Measured(Box<Row>),
-    Missing { method: String, what: String },
+    Missing {
+        method: String,
+        #[serde(rename = "missing")]
+        what: String,
+    },
 }
 
 impl Entry {

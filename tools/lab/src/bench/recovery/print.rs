@@ -3,8 +3,9 @@
 use super::super::context::Context;
 use super::super::statistics::{Spread, median};
 use super::dropouts::CLEAR;
-use super::summary::{Column, EARLY};
+use super::summary::{Column, DropoutFigures, EARLY, Early};
 use super::{Measurement, TRIES};
+use crate::report::{self, Table, fixed};
 
 /// Prints one table per measurement.
 pub fn print(context: &Context, columns: &[Column]) {
@@ -42,45 +43,37 @@ fn capture(columns: &[&Column]) {
     println!(
         "\ncapture: starts moved off by 75 to 100 % of the figure; renders: full ones; median, 95 %"
     );
-    let first = format!("first {EARLY}");
-    println!(
-        "{:14} {first:>8} {:>9} {:>9} {:>13} {:>14} {:>14}",
-        "put off by", "found", "uncertain", "false certain", "renders", "forward"
+    let early = |early: Early| of(early.found_early, early.early);
+    table(
+        columns,
+        &[
+            ("put off by", &|c| c.name.clone()),
+            (&format!("first {EARLY}"), &|c| c.early.map_or(String::new(), early)),
+            ("found", &|c| of(c.found_first, c.trials)),
+            ("uncertain", &|c| c.uncertain_first().to_string()),
+            ("false certain", &|c| c.false_certain.to_string()),
+            ("renders", &|c| spread(&c.full_renders)),
+            ("forward", &|c| spread(&c.in_forward_renders)),
+        ],
     );
-    for c in columns {
-        println!(
-            "{:14} {:>8} {:>9} {:>9} {:13} {:>14} {:>14}",
-            c.name,
-            of(c.found_early, EARLY.min(c.trials)),
-            of(c.found_first, c.trials),
-            c.uncertain_first(),
-            c.false_certain,
-            spread(&c.full_renders),
-            spread(&c.in_forward_renders),
-        );
-    }
 }
 
 fn nothing(columns: &[&Column]) {
     println!("\nnothing: no pose; trials found at the first frame, and within {TRIES} of the same");
     println!("certain, false certain: at the first frame, at any; no start: frames");
-    println!(
-        "{:22} {:>9} {:>9} {:>9} {:>13} {:>8} {:>14} {:>14}",
-        "condition", "first", "found", "certain", "false certain", "no start", "renders", "forward"
+    table(
+        columns,
+        &[
+            ("condition", &|c| c.name.clone()),
+            ("first", &|c| of(c.found_first, c.trials)),
+            ("found", &|c| of(c.found, c.trials)),
+            ("certain", &|c| format!("{}, {}", c.certain_first, c.certain)),
+            ("false certain", &|c| format!("{}, {}", c.false_certain_first, c.false_certain)),
+            ("no start", &|c| c.no_start.to_string()),
+            ("renders", &|c| spread(&c.full_renders)),
+            ("forward", &|c| spread(&c.in_forward_renders)),
+        ],
     );
-    for c in columns {
-        println!(
-            "{:22} {:>9} {:>9} {:>9} {:>13} {:8} {:>14} {:>14}",
-            c.name,
-            of(c.found_first, c.trials),
-            of(c.found, c.trials),
-            format!("{}, {}", c.certain_first, c.certain),
-            format!("{}, {}", c.false_certain_first, c.false_certain),
-            c.no_start,
-            spread(&c.full_renders),
-            spread(&c.in_forward_renders),
-        );
-    }
 }
 
 fn dropouts(columns: &[&Column]) {
@@ -91,51 +84,48 @@ fn dropouts(columns: &[&Column]) {
         "clear frames until then: median, most; certain, false certain: frames of the dropouts;"
     );
     println!("longest: a frame, in forward renders");
-    println!(
-        "{:38} {:>6} {:>6} {:>6} {:>12} {:>8} {:>13} {:>8}",
-        "dropout",
-        "before",
-        "first",
-        "found",
-        "clear frames",
-        "certain",
-        "false certain",
-        "longest"
-    );
-    for c in columns {
+    let number = |v: f64| if v.is_finite() { format!("{v}") } else { "never".to_owned() };
+    let until = |c: &Column| {
         let until = Spread::of(c.until_found.iter().copied());
-        let number = |v: f64| if v.is_finite() { format!("{v}") } else { "never".to_owned() };
-        println!(
-            "{:38} {:>6} {:>6} {:>6} {:>12} {:8} {:13} {:8.1}",
-            c.name,
-            of(c.good, c.trials),
-            of(c.found_first, c.trials),
-            of(c.found, c.trials),
-            format!("{}, {}", number(until.median), number(until.most)),
-            c.certain_dropout,
-            c.false_certain_dropout,
-            c.in_forward_renders.most,
-        );
-    }
+        format!("{}, {}", number(until.median), number(until.max))
+    };
+    table(
+        columns,
+        &[
+            ("dropout", &|c| c.name.clone()),
+            ("before", &|c| dropout(c, |d| of(d.found_before, c.trials))),
+            ("first", &|c| of(c.found_first, c.trials)),
+            ("found", &|c| of(c.found, c.trials)),
+            ("clear frames", &|c| until(c)),
+            ("certain", &|c| dropout(c, |d| d.certain_dropout_frames.to_string())),
+            ("false certain", &|c| dropout(c, |d| d.false_certain_dropout_frames.to_string())),
+            ("longest", &|c| fixed(c.in_forward_renders.max, 1)),
+        ],
+    );
+}
+
+/// A cell of what only dropouts have.
+fn dropout(column: &Column, cell: impl FnOnce(DropoutFigures) -> String) -> String {
+    column.dropout.map_or(String::new(), cell)
 }
 
 fn foreign(columns: &[&Column]) {
     println!(
         "\nforeign: frames of another scene; certain at the first frame, and within {TRIES}: should be 0"
     );
-    println!(
-        "{:14} {:>9} {:>9} {:>8} {:>14} {:>14}",
-        "start", "first", "certain", "no start", "renders", "forward"
+    table(
+        columns,
+        &[
+            ("start", &|c| c.name.clone()),
+            ("first", &|c| of(c.certain_first, c.trials)),
+            ("certain", &|c| of(c.certain, c.trials)),
+            ("no start", &|c| c.no_start.to_string()),
+            ("renders", &|c| spread(&c.full_renders)),
+            ("forward", &|c| spread(&c.in_forward_renders)),
+        ],
     );
-    for c in columns {
-        println!(
-            "{:14} {:>9} {:>9} {:8} {:>14} {:>14}",
-            c.name,
-            of(c.certain_first, c.trials),
-            of(c.certain, c.trials),
-            c.no_start,
-            spread(&c.full_renders),
-            spread(&c.in_forward_renders),
-        );
-    }
+}
+
+fn table(rows: &[&Column], columns: &[report::Column<Column>]) {
+    Table::of(rows.iter().copied(), columns).print();
 }

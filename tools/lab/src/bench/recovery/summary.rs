@@ -1,61 +1,87 @@
 //! The runs by column: counts and spreads, as JSON.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::Context as _;
-use serde_json::{Map, Value, json};
+use serde::Serialize;
 
-use super::super::context::{Best, Context, Shot};
+use super::super::context::Context;
 use super::super::perturbed::SHORT;
-use super::super::statistics::{Spread, median};
+use super::super::report::{About, BestPsnr};
+use super::super::statistics::Spread;
 use super::dropouts::CLEAR;
 use super::probe::{Answer, Frame, Phase, Run};
 use super::{Measurement, TRIES, WRONG};
+use crate::report::write_json;
 
 /// Trials whose outcome is listed one by one.
 pub const EARLY: usize = 8;
 
 /// The figures of a column. Counts are of trials, unless they are of frames.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, PartialEq, Serialize)]
 pub struct Column {
+    #[serde(skip)]
     pub measurement: Measurement,
+    #[serde(rename = "column")]
     pub name: String,
     pub trials: usize,
+    pub frames: usize,
     /// Trials found at the first frame; after a dropout: found and certain at the first clear frame.
     pub found_first: usize,
-    /// Found at the first frame, of the first [`EARLY`] trials.
-    pub found_early: usize,
     /// Found at any frame; after a dropout, at any clear one, and certain.
     pub found: usize,
+    share_found_first: f64,
+    share_found: f64,
     /// Certain at the first frame; after a dropout, at the first clear one.
     pub certain_first: usize,
     /// Certain at any frame; after a dropout, at any clear one.
     pub certain: usize,
+    share_uncertain_first: f64,
     /// Certain of a wrong pose at any frame.
     pub false_certain: usize,
     /// At the first frame; after a dropout, at the first clear one.
     pub false_certain_first: usize,
     /// Frames of which the encoder was certain, although its pose was wrong.
-    pub false_certain_frames: usize,
-    /// The false certain frames of dropouts.
-    pub false_certain_dropout: usize,
-    /// Frames of a dropout of which it was certain.
-    pub certain_dropout: usize,
-    /// Runs whose last frame before the dropout was found.
-    pub good: usize,
+    false_certain_frames: usize,
     /// Frames for which there was no pose to start from.
+    #[serde(rename = "no_start_frames")]
     pub no_start: usize,
     /// Frames found that are more than 0.1 dB better than the best known pose.
-    pub better: usize,
-    pub frames: usize,
+    better_than_best_frames: usize,
     /// Over all frames for which the encoder had an answer, except those before a dropout.
-    pub renders: Spread,
+    renders: Spread,
     pub full_renders: Spread,
     /// Over all frames except those before a dropout.
-    pub milliseconds: Spread,
+    milliseconds: Spread,
     pub in_forward_renders: Spread,
-    /// Frames until found; 1 is the first (after a dropout, the first clear one), infinite means never.
+    /// Of starts moved off.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub early: Option<Early>,
+    /// Frames until found; 1 is the first (after a dropout, the first clear one), infinite means never. Of frames from
+    /// nothing, and of dropouts.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub until_found: Vec<f64>,
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub dropout: Option<DropoutFigures>,
+}
+
+/// The first [`EARLY`] trials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Early {
+    pub early: usize,
+    /// Found at the first frame.
+    pub found_early: usize,
+}
+
+/// What only dropouts have.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct DropoutFigures {
+    /// Runs whose last frame before the dropout was found.
+    pub found_before: usize,
+    /// Frames of a dropout of which the encoder was certain.
+    pub certain_dropout_frames: usize,
+    /// Those of them whose pose was wrong.
+    pub false_certain_dropout_frames: usize,
 }
 
 /// All columns, in order of their first runs.
@@ -94,30 +120,45 @@ impl Column {
             let last = run.frames.iter().rfind(|frame| frame.phase == Phase::Good);
             last.is_some_and(Frame::found)
         };
-        let early = &runs[..EARLY.min(runs.len())];
-        Column {
-            measurement: runs[0].measurement,
-            name: runs[0].column.clone(),
-            trials: runs.len(),
-            found_first: first(found),
+        let (trials, measurement) = (runs.len(), runs[0].measurement);
+        let share = |count: usize| count as f64 / trials as f64;
+        let (found_first, all_found) = (first(found), any(found));
+        let certain_first = first(Frame::certain);
+        let early = &runs[..EARLY.min(trials)];
+        let early = Early {
+            early: early.len(),
             found_early: early.iter().filter(|run| sought(run).next().is_some_and(found)).count(),
-            found: any(found),
-            certain_first: first(Frame::certain),
+        };
+        let dropout = DropoutFigures {
+            found_before: count(&good),
+            certain_dropout_frames: of(&|frame| dropout(frame) && frame.certain()),
+            false_certain_dropout_frames: of(&|frame| dropout(frame) && frame.false_certain()),
+        };
+        let has_until = matches!(measurement, Measurement::Nothing | Measurement::Dropouts);
+        Column {
+            measurement,
+            name: runs[0].column.clone(),
+            trials,
+            frames: frames().count(),
+            found_first,
+            found: all_found,
+            share_found_first: share(found_first),
+            share_found: share(all_found),
+            certain_first,
             certain: any(Frame::certain),
+            share_uncertain_first: share(trials - certain_first),
             false_certain: count(&|run| run.frames.iter().any(Frame::false_certain)),
             false_certain_first: first(Frame::false_certain),
             false_certain_frames: of(&Frame::false_certain),
-            false_certain_dropout: of(&|frame| dropout(frame) && frame.false_certain()),
-            certain_dropout: of(&|frame| dropout(frame) && frame.certain()),
-            good: count(&good),
             no_start: of(&Frame::no_start),
-            better: of(&|frame| frame.short().is_some_and(|short| short < -SHORT)),
-            frames: frames().count(),
+            better_than_best_frames: of(&|f| f.short().is_some_and(|short| short < -SHORT)),
             renders: answers(|answer| answer.renders),
             full_renders: answers(|answer| answer.full_renders),
             milliseconds: Spread::of(timed().map(|frame| frame.milliseconds)),
             in_forward_renders: Spread::of(timed().map(Frame::in_forward_renders)),
-            until_found: runs.iter().map(until).collect(),
+            early: (measurement == Measurement::Capture).then_some(early),
+            until_found: if has_until { runs.iter().map(until).collect() } else { Vec::new() },
+            dropout: (measurement == Measurement::Dropouts).then_some(dropout),
         }
     }
 
@@ -125,75 +166,40 @@ impl Column {
     pub fn uncertain_first(&self) -> usize {
         self.trials - self.certain_first
     }
+}
 
-    fn json(&self) -> Value {
-        let share = |count: usize| count as f64 / self.trials as f64;
-        let mut figures = json!({
-            "column": self.name,
-            "trials": self.trials,
-            "frames": self.frames,
-            "found_first": self.found_first,
-            "found": self.found,
-            "share_found_first": share(self.found_first),
-            "share_found": share(self.found),
-            "certain_first": self.certain_first,
-            "certain": self.certain,
-            "share_uncertain_first": share(self.uncertain_first()),
-            "false_certain": self.false_certain,
-            "false_certain_first": self.false_certain_first,
-            "false_certain_frames": self.false_certain_frames,
-            "no_start_frames": self.no_start,
-            "better_than_best_frames": self.better,
-            "renders": self.renders.json(),
-            "full_renders": self.full_renders.json(),
-            "milliseconds": self.milliseconds.json(),
-            "in_forward_renders": self.in_forward_renders.json(),
-        });
-        // `null`: never.
-        let until = json!({ "until_found": self.until_found });
-        let more = match self.measurement {
-            Measurement::Capture => {
-                json!({ "early": EARLY.min(self.trials), "found_early": self.found_early })
-            }
-            Measurement::Nothing => until,
-            Measurement::Dropouts => json!({
-                "until_found": self.until_found,
-                "found_before": self.good,
-                "certain_dropout_frames": self.certain_dropout,
-                "false_certain_dropout_frames": self.false_certain_dropout,
-            }),
-            Measurement::Foreign => json!({}),
-        };
-        if let (Value::Object(figures), Value::Object(more)) = (&mut figures, more) {
-            figures.extend(more);
-        }
-        figures
-    }
+/// The file.
+#[derive(Serialize)]
+struct Root<'a> {
+    #[serde(flatten)]
+    about: About,
+    key_frames: usize,
+    found_within_db: f64,
+    wrong_beyond_db: f64,
+    tries: usize,
+    clear_frames: usize,
+    best_known: Vec<BestPsnr<'a>>,
+    #[serde(flatten)]
+    measurements: BTreeMap<&'static str, Vec<&'a Column>>,
 }
 
 /// Writes the summary.
 pub fn write(path: &Path, context: &Context, columns: &[Column]) -> anyhow::Result<()> {
-    let camera = &context.shots[0].camera;
-    let best = |(shot, best): (&Shot, &Best)| json!({ "file": shot.file, "psnr": best.psnr });
-    let mut root = Map::new();
-    let mut put = |name: &str, value: Value| root.insert(name.into(), value);
-    put("device", json!(context.engine.device().to_string()));
-    put("frames", json!(context.shots.len()));
-    put("size", json!([camera.width, camera.height]));
-    put("splats", json!(context.prior.splats().len()));
-    put("key_frames", json!(context.prior.key_frames().len()));
-    put("forward_render_ms", json!(median(context.forward.times.iter().copied())));
-    put("found_within_db", json!(SHORT));
-    put("wrong_beyond_db", json!(WRONG));
-    put("tries", json!(TRIES));
-    put("clear_frames", json!(CLEAR));
-    put("best_known", context.shots.iter().zip(&context.best).map(best).collect());
-    for measurement in Measurement::ALL {
+    let of = |measurement: Measurement| {
         let of = columns.iter().filter(|column| column.measurement == measurement);
-        put(measurement.name(), of.map(Column::json).collect());
-    }
-    std::fs::write(path, serde_json::to_string_pretty(&root)? + "\n")
-        .with_context(|| format!("writing {}", path.display()))
+        (measurement.name(), of.collect())
+    };
+    let root = Root {
+        about: About::of(context),
+        key_frames: context.prior.key_frames().len(),
+        found_within_db: SHORT,
+        wrong_beyond_db: WRONG,
+        tries: TRIES,
+        clear_frames: CLEAR,
+        best_known: BestPsnr::all(context),
+        measurements: Measurement::ALL.map(of).into(),
+    };
+    write_json(path, &root)
 }
 
 #[cfg(test)]
@@ -223,7 +229,9 @@ mod tests {
         assert_eq!((column.false_certain, column.false_certain_first), (1, 0));
         assert_eq!((column.false_certain_frames, column.no_start), (1, 1));
         assert_eq!(column.until_found, [1.0, 3.0, f64::INFINITY]);
-        assert_eq!(column.json()["until_found"], json!([1.0, 3.0, null]));
+        let value = serde_json::to_value(column).unwrap();
+        assert_eq!(value["until_found"], serde_json::json!([1.0, 3.0, null]));
+        assert!(value.get("found_early").is_none() && value.get("found_before").is_none());
         assert_eq!((column.in_forward_renders.median, column.full_renders.p95), (5.0, 2.0));
     }
 
@@ -250,8 +258,13 @@ mod tests {
             ]),
         ];
         let column = &columns(&runs)[0];
-        assert_eq!((column.found_first, column.found, column.good), (1, 2, 1));
-        assert_eq!((column.certain_dropout, column.false_certain_dropout), (2, 1));
+        assert_eq!((column.found_first, column.found), (1, 2));
+        let expected = DropoutFigures {
+            found_before: 1,
+            certain_dropout_frames: 2,
+            false_certain_dropout_frames: 1,
+        };
+        assert_eq!(column.dropout, Some(expected));
         // The frame before the dropout was one, too.
         assert_eq!((column.false_certain, column.false_certain_frames), (2, 2));
         assert_eq!(column.until_found, [1.0, 2.0]);

@@ -2,78 +2,43 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
-
 use super::probe::{Answer, Frame, Run};
-
-const COLUMNS: [&str; 23] = [
-    "measurement",
-    "column",
-    "trial",
-    "detail",
-    "frame",
-    "phase",
-    "file",
-    "best_psnr",
-    "clean_psnr",
-    "db_short",
-    "found",
-    "wrong",
-    "certain",
-    "false_certain",
-    "no_start",
-    "start",
-    "lost_frames",
-    "renders",
-    "full_renders",
-    "milliseconds",
-    "in_forward_renders",
-    "pose_error_units",
-    "pose_error_degrees",
-];
+use crate::report::{Table, fixed, fixed_or_empty};
 
 /// Writes a row per frame; what there is not stays empty.
 pub fn write(path: &Path, runs: &[Run]) -> anyhow::Result<()> {
-    let write = || {
-        let mut csv = csv::Writer::from_path(path)?;
-        csv.write_record(COLUMNS)?;
-        for run in runs {
-            for (index, frame) in run.frames.iter().enumerate() {
-                csv.write_record(row(run, index, frame))?;
-            }
-        }
-        Ok::<_, csv::Error>(csv.flush()?)
+    let frames = runs.iter().flat_map(|run| run.frames.iter().enumerate().map(move |f| (run, f)));
+    let rows: Vec<(&Run, (usize, &Frame))> = frames.collect();
+    let answer = |frame: &Frame, text: &dyn Fn(&Answer) -> String| {
+        frame.answer.as_ref().map_or(String::new(), text)
     };
-    write().with_context(|| format!("writing {}", path.display()))
-}
-
-fn row(run: &Run, index: usize, frame: &Frame) -> [String; COLUMNS.len()] {
-    let answer =
-        |text: &dyn Fn(&Answer) -> String| frame.answer.as_ref().map_or(String::new(), text);
-    let decibels = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.4}"));
-    [
-        run.measurement.name().to_owned(),
-        run.column.clone(),
-        run.number.to_string(),
-        run.detail.clone(),
-        index.to_string(),
-        frame.phase.name().to_owned(),
-        frame.file.clone(),
-        decibels(frame.best_psnr),
-        answer(&|a| format!("{:.4}", a.psnr)),
-        decibels(frame.short()),
-        frame.found().to_string(),
-        frame.wrong().to_string(),
-        frame.certain().to_string(),
-        frame.false_certain().to_string(),
-        frame.no_start().to_string(),
-        answer(&|a| a.start.to_owned()),
-        answer(&|a| a.lost_frames.to_string()),
-        answer(&|a| a.renders.to_string()),
-        answer(&|a| a.full_renders.to_string()),
-        format!("{:.3}", frame.milliseconds),
-        format!("{:.3}", frame.in_forward_renders()),
-        answer(&|a| format!("{:.5}", a.pose_error[0])),
-        answer(&|a| format!("{:.5}", a.pose_error[1])),
-    ]
+    let table = Table::of(
+        &rows,
+        &[
+            ("measurement", &|(run, _)| run.measurement.name().to_owned()),
+            ("column", &|(run, _)| run.column.clone()),
+            ("trial", &|(run, _)| run.number.to_string()),
+            ("detail", &|(run, _)| run.detail.clone()),
+            ("frame", &|(_, (index, _))| index.to_string()),
+            ("phase", &|(_, (_, f))| f.phase.name().to_owned()),
+            ("file", &|(_, (_, f))| f.file.clone()),
+            ("best_psnr", &|(_, (_, f))| fixed_or_empty(f.best_psnr, 4)),
+            ("clean_psnr", &|(_, (_, f))| answer(f, &|a| fixed(a.psnr, 4))),
+            ("db_short", &|(_, (_, f))| fixed_or_empty(f.short(), 4)),
+            ("found", &|(_, (_, f))| f.found().to_string()),
+            ("wrong", &|(_, (_, f))| f.wrong().to_string()),
+            ("certain", &|(_, (_, f))| f.certain().to_string()),
+            ("false_certain", &|(_, (_, f))| f.false_certain().to_string()),
+            ("no_start", &|(_, (_, f))| f.no_start().to_string()),
+            ("start", &|(_, (_, f))| answer(f, &|a| a.start.to_owned())),
+            ("lost_frames", &|(_, (_, f))| answer(f, &|a| a.lost_frames.to_string())),
+            ("renders", &|(_, (_, f))| answer(f, &|a| a.renders.to_string())),
+            ("full_renders", &|(_, (_, f))| answer(f, &|a| a.full_renders.to_string())),
+            ("milliseconds", &|(_, (_, f))| fixed(f.milliseconds, 3)),
+            ("in_forward_renders", &|(_, (_, f))| fixed(f.in_forward_renders(), 3)),
+            ("pose_error_units", &|(_, (_, f))| answer(f, &|a| fixed(a.pose_error[0], 5))),
+            ("pose_error_degrees", &|(_, (_, f))| answer(f, &|a| fixed(a.pose_error[1], 5))),
+        ],
+    );
+    table.write_csv(path)
 }
