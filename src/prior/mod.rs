@@ -20,6 +20,7 @@ mod options;
 mod part_source;
 pub mod ply;
 mod ply_header;
+mod ply_row;
 #[allow(clippy::module_inception)]
 mod prior;
 mod replace;
@@ -39,6 +40,7 @@ pub use id::PriorId;
 pub use key_frames::KeyFrames;
 pub use options::{RenderOptions, RenderOverrides};
 pub use part_source::PartSource;
+pub use ply_row::PlyRow;
 pub use prior::Prior;
 pub use replace::replace_file;
 pub use report::{LoadReport, PriorFormat};

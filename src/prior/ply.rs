@@ -30,6 +30,7 @@ use super::ply_header::{
     CLAHE, COMMENT_PREFIX, Comments, GRAY_WORLD, KEY_FRAME, WHITE_BALANCE, check_length,
     read_header, rest_properties,
 };
+use super::ply_row::PlyRow;
 use super::{KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 use crate::Pose;
 use crate::image::{Preprocessing, WhiteBalance};
@@ -238,79 +239,11 @@ impl<'de> Visitor<'de> for &mut SplatSink {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<(), A::Error> {
-        while let Some(values) = rows.next_element_seed(Row(self.properties))? {
+        // A value that does not fit an f32 becomes infinite, and the check that follows drops its splat.
+        while let Some(values) = rows.next_element_seed(PlyRow::new(self.properties))? {
             self.push(&values);
         }
         Ok(())
-    }
-}
-
-/// Reads one splat: the values of these properties, in this order. Values are converted to f32. A
-/// value that does not fit becomes infinite, and the check that follows drops its splat.
-#[derive(Clone, Copy)]
-struct Row(&'static [&'static str]);
-
-impl<'de> DeserializeSeed<'de> for Row {
-    type Value = [f32; PROPERTIES.len()];
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-        deserializer.deserialize_struct("vertex", self.0, self)
-    }
-}
-
-impl<'de> Visitor<'de> for Row {
-    type Value = [f32; PROPERTIES.len()];
-
-    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str("the properties of a splat")
-    }
-
-    /// Binary rows of scalars: the library sorts the values.
-    fn visit_seq<A: SeqAccess<'de>>(self, mut row: A) -> Result<Self::Value, A::Error> {
-        let mut values = [0.0; PROPERTIES.len()];
-        for (index, value) in values[..self.0.len()].iter_mut().enumerate() {
-            *value = row
-                .next_element()?
-                .ok_or_else(|| serde::de::Error::invalid_length(index, &self))?;
-        }
-        Ok(values)
-    }
-
-    /// Rows of text or with lists: values come in the file's order.
-    fn visit_map<A: MapAccess<'de>>(self, mut row: A) -> Result<Self::Value, A::Error> {
-        let mut values = [0.0; PROPERTIES.len()];
-        while let Some(index) = row.next_key_seed(PropertyIndex(self.0))? {
-            match index {
-                Some(index) => values[index] = row.next_value()?,
-                None => {
-                    row.next_value::<IgnoredAny>()?;
-                }
-            }
-        }
-        Ok(values)
-    }
-}
-
-/// Which of these properties a name is.
-struct PropertyIndex(&'static [&'static str]);
-
-impl<'de> DeserializeSeed<'de> for PropertyIndex {
-    type Value = Option<usize>;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-        deserializer.deserialize_identifier(self)
-    }
-}
-
-impl Visitor<'_> for PropertyIndex {
-    type Value = Option<usize>;
-
-    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str("the name of a property")
-    }
-
-    fn visit_bytes<E>(self, name: &[u8]) -> Result<Self::Value, E> {
-        Ok(self.0.iter().position(|property| property.as_bytes() == name))
     }
 }
 

@@ -8,7 +8,8 @@ use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use serde::de::{DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use nvsprior::prior::PlyRow;
+use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
 
 /// A point of a scene, in the frame and unit of its camera poses.
@@ -111,8 +112,8 @@ impl Layout {
         }
         let white = if bytes { 255.0 } else { 1.0 };
         // At least a byte for each property; in a text its last needs no white space after it.
-        let least = (vertex.count as u128) * vertex.properties.len() as u128;
-        if least > body as u128 {
+        let min = (vertex.count as u128) * vertex.properties.len() as u128;
+        if min > body as u128 {
             return Err(PointsError::Cut { path: own(), count: vertex.count, found: body });
         }
         Ok(Layout { count: vertex.count, properties, white })
@@ -171,75 +172,10 @@ impl<'de> Visitor<'de> for Rows<'_> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<(), A::Error> {
-        while let Some(values) = rows.next_element_seed(Row(self.layout.properties))? {
+        while let Some(values) = rows.next_element_seed(PlyRow::new(self.layout.properties))? {
             self.points.push(self.layout.point(&values).map_err(serde::de::Error::custom)?);
         }
         Ok(())
-    }
-}
-
-/// Reads one row: the values of these properties in this order, zeros after them.
-#[derive(Clone, Copy)]
-struct Row(&'static [&'static str]);
-
-impl<'de> DeserializeSeed<'de> for Row {
-    type Value = [f64; 6];
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<[f64; 6], D::Error> {
-        deserializer.deserialize_struct("vertex", self.0, self)
-    }
-}
-
-impl<'de> Visitor<'de> for Row {
-    type Value = [f64; 6];
-
-    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str("the properties of a point")
-    }
-
-    /// Binary rows of scalars: the library sorts the values.
-    fn visit_seq<A: SeqAccess<'de>>(self, mut row: A) -> Result<[f64; 6], A::Error> {
-        let mut values = [0.0; 6];
-        for (index, value) in values[..self.0.len()].iter_mut().enumerate() {
-            let found = row.next_element()?;
-            *value = found.ok_or_else(|| serde::de::Error::invalid_length(index, &self))?;
-        }
-        Ok(values)
-    }
-
-    /// Rows of text or with lists: values come in the file's order.
-    fn visit_map<A: MapAccess<'de>>(self, mut row: A) -> Result<[f64; 6], A::Error> {
-        let mut values = [0.0; 6];
-        while let Some(index) = row.next_key_seed(PropertyIndex(self.0))? {
-            match index {
-                Some(index) => values[index] = row.next_value()?,
-                None => drop(row.next_value::<IgnoredAny>()?),
-            }
-        }
-        Ok(values)
-    }
-}
-
-/// Which of these properties a name is.
-struct PropertyIndex(&'static [&'static str]);
-
-impl<'de> DeserializeSeed<'de> for PropertyIndex {
-    type Value = Option<usize>;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-        deserializer.deserialize_identifier(self)
-    }
-}
-
-impl Visitor<'_> for PropertyIndex {
-    type Value = Option<usize>;
-
-    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str("the name of a property")
-    }
-
-    fn visit_bytes<E>(self, name: &[u8]) -> Result<Self::Value, E> {
-        Ok(self.0.iter().position(|property| property.as_bytes() == name))
     }
 }
 
