@@ -6,16 +6,10 @@
 #define _GNU_SOURCE
 
 #include "common.h"
+#include "heap_hooks.h"
 
 #include <dlfcn.h>
-#include <errno.h>
 #include <pthread.h>
-
-void *__libc_malloc(size_t size);
-void *__libc_calloc(size_t count, size_t size);
-void *__libc_realloc(void *block, size_t size);
-void *__libc_memalign(size_t alignment, size_t size);
-void __libc_free(void *block);
 
 #define LIBRARIES 64
 #define CALLERS 4096  // A power of two.
@@ -56,10 +50,10 @@ static int library_of(const void *address) {
     return library;
 }
 
-static void count(const void *caller) {
+static int heap_refused(const void *caller) {
     static __thread int inside;  // What dladdr might take is not counted.
     if (inside) {
-        return;
+        return 0;
     }
     inside = 1;
     pthread_mutex_lock(&lock);
@@ -70,44 +64,8 @@ static void count(const void *caller) {
     }
     pthread_mutex_unlock(&lock);
     inside = 0;
-}
-
-void *malloc(size_t size) {
-    count(__builtin_return_address(0));
-    return __libc_malloc(size);
-}
-
-void *calloc(size_t number, size_t size) {
-    count(__builtin_return_address(0));
-    return __libc_calloc(number, size);
-}
-
-void *realloc(void *block, size_t size) {
-    count(__builtin_return_address(0));
-    return __libc_realloc(block, size);
-}
-
-void *memalign(size_t alignment, size_t size) {
-    count(__builtin_return_address(0));
-    return __libc_memalign(alignment, size);
-}
-
-void *aligned_alloc(size_t alignment, size_t size) {
-    count(__builtin_return_address(0));
-    return __libc_memalign(alignment, size);
-}
-
-int posix_memalign(void **block, size_t alignment, size_t size) {
-    count(__builtin_return_address(0));
-    void *made = __libc_memalign(alignment, size);
-    if (made == NULL) {
-        return ENOMEM;
-    }
-    *block = made;
     return 0;
 }
-
-void free(void *block) { __libc_free(block); }
 
 static void start_counting(void) {
     pthread_mutex_lock(&lock);

@@ -6,72 +6,17 @@
 #define _GNU_SOURCE
 
 #include "common.h"
+#include "heap_hooks.h"
 
-#include <errno.h>
-#include <link.h>
 #include <stdatomic.h>
 #include <sys/stat.h>
 #include <time.h>
 
-void *__libc_malloc(size_t size);
-void *__libc_calloc(size_t count, size_t size);
-void *__libc_realloc(void *block, size_t size);
-void *__libc_memalign(size_t alignment, size_t size);
-
-static uintptr_t code_start, code_end;
-static char library[1024];
 static atomic_long allocations;
 
-static int find_code(struct dl_phdr_info *info, size_t size, void *unused) {
-    (void)size, (void)unused;
-    const char *slash = info->dlpi_name == NULL ? NULL : strrchr(info->dlpi_name, '/');
-    if (slash == NULL || strncmp(slash + 1, "libnvsprior", 11) != 0) {
-        return 0;
-    }
-    snprintf(library, sizeof library, "%s", info->dlpi_name);
-    for (int i = 0; i < info->dlpi_phnum; i++) {
-        const ElfW(Phdr) *header = &info->dlpi_phdr[i];
-        if (header->p_type == PT_LOAD && (header->p_flags & PF_X)) {
-            code_start = info->dlpi_addr + header->p_vaddr;
-            code_end = code_start + header->p_memsz;
-        }
-    }
-    return 1;
-}
-
-static void count(const void *caller) {
-    allocations += (uintptr_t)caller >= code_start && (uintptr_t)caller < code_end;
-}
-
-void *malloc(size_t size) {
-    count(__builtin_return_address(0));
-    return __libc_malloc(size);
-}
-
-void *calloc(size_t number, size_t size) {
-    count(__builtin_return_address(0));
-    return __libc_calloc(number, size);
-}
-
-void *realloc(void *block, size_t size) {
-    count(__builtin_return_address(0));
-    return __libc_realloc(block, size);
-}
-
-void *memalign(size_t alignment, size_t size) {
-    count(__builtin_return_address(0));
-    return __libc_memalign(alignment, size);
-}
-
-void *aligned_alloc(size_t alignment, size_t size) {
-    count(__builtin_return_address(0));
-    return __libc_memalign(alignment, size);
-}
-
-int posix_memalign(void **block, size_t alignment, size_t size) {
-    count(__builtin_return_address(0));
-    *block = __libc_memalign(alignment, size);
-    return *block == NULL ? ENOMEM : 0;
+static int heap_refused(const void *caller) {
+    allocations += in_library(caller);
+    return 0;
 }
 
 static scene dive;
@@ -190,13 +135,13 @@ int main(int argc, char **argv) {
     if (argc != 2) {
         give_up("usage: figures SCENE");
     }
-    dl_iterate_phdr(find_code, NULL);
+    find_library();
     scene_read(&dive, argv[1]);
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
     struct stat status;
-    if (stat(library, &status) == 0) {
-        printf("%s: %ld bytes, %ld of them code\n", strrchr(library, '/') + 1, (long)status.st_size,
+    if (stat(library_path, &status) == 0) {
+        printf("%s: %ld bytes, %ld of them code\n", strrchr(library_path, '/') + 1, (long)status.st_size,
                (long)(code_end - code_start));
     }
     nvsp_engine_info info = NVSP_INITIALIZER(nvsp_engine_info);

@@ -13,50 +13,24 @@
 #define _GNU_SOURCE
 
 #include "common.h"
+#include "heap_hooks.h"
 
-#include <errno.h>
-#include <link.h>
 #include <malloc.h>
 #include <stdatomic.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-void *__libc_malloc(size_t size);
-void *__libc_calloc(size_t count, size_t size);
-void *__libc_realloc(void *block, size_t size);
-void *__libc_memalign(size_t alignment, size_t size);
-void __libc_free(void *block);
-
-// Where the code of libnvsprior.so lies.
-static uintptr_t code_start, code_end;
-
 // Which calls fail; 0: none. Calls are counted while `armed` is set.
 static atomic_long fail_at, fail_from, calls;
 static atomic_int armed;
 
-static int find_code(struct dl_phdr_info *info, size_t size, void *unused) {
-    (void)size, (void)unused;
-    const char *slash = info->dlpi_name == NULL ? NULL : strrchr(info->dlpi_name, '/');
-    if (slash == NULL || strncmp(slash + 1, "libnvsprior", 11) != 0) {
-        return 0;
-    }
-    for (int i = 0; i < info->dlpi_phnum; i++) {
-        const ElfW(Phdr) *header = &info->dlpi_phdr[i];
-        if (header->p_type == PT_LOAD && (header->p_flags & PF_X)) {
-            code_start = info->dlpi_addr + header->p_vaddr;
-            code_end = code_start + header->p_memsz;
-        }
-    }
-    return 1;
-}
-
 static int from_library(const void *caller) {
-    return atomic_load(&armed) && (uintptr_t)caller >= code_start && (uintptr_t)caller < code_end;
+    return atomic_load(&armed) && in_library(caller);
 }
 
 // Whether a call fails.
-static int refused(const void *caller) {
+static int heap_refused(const void *caller) {
     if (!from_library(caller)) {
         return 0;
     }
@@ -64,37 +38,6 @@ static int refused(const void *caller) {
     const long from = atomic_load(&fail_from);
     return call == atomic_load(&fail_at) || (from != 0 && call >= from);
 }
-
-void *malloc(size_t size) {
-    return refused(__builtin_return_address(0)) ? NULL : __libc_malloc(size);
-}
-
-void *calloc(size_t number, size_t size) {
-    return refused(__builtin_return_address(0)) ? NULL : __libc_calloc(number, size);
-}
-
-void *realloc(void *block, size_t size) {
-    return refused(__builtin_return_address(0)) ? NULL : __libc_realloc(block, size);
-}
-
-void *memalign(size_t alignment, size_t size) {
-    return refused(__builtin_return_address(0)) ? NULL : __libc_memalign(alignment, size);
-}
-
-void *aligned_alloc(size_t alignment, size_t size) {
-    return refused(__builtin_return_address(0)) ? NULL : __libc_memalign(alignment, size);
-}
-
-int posix_memalign(void **block, size_t alignment, size_t size) {
-    void *made = refused(__builtin_return_address(0)) ? NULL : __libc_memalign(alignment, size);
-    if (made == NULL) {
-        return ENOMEM;
-    }
-    *block = made;
-    return 0;
-}
-
-void free(void *block) { __libc_free(block); }
 
 static scene dive;
 static rig both;
@@ -406,7 +349,7 @@ int main(int argc, char **argv) {
     if (argc != 2) {
         give_up("usage: no_memory SCENE");
     }
-    dl_iterate_phdr(find_code, NULL);
+    find_library();
     CHECK(code_end > code_start);
     open_all(argv[1]);
     for (size_t i = 0; i < ATTEMPTS; i++) {
