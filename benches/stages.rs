@@ -19,19 +19,23 @@ use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Packet, Picture, Pose, Prior, Rate};
 
 /// A prior and a place to look at it from.
-struct Seen {
+struct PriorView {
     name: &'static str,
     prior: Prior,
     camera: Camera,
     pose: Pose,
 }
 
-fn scenes() -> Vec<Seen> {
-    let wall =
-        Seen { name: "wall", prior: scene::wall(1), camera: scene::CAMERA, pose: scene::pose(0.0) };
+fn scenes() -> Vec<PriorView> {
+    let wall = PriorView {
+        name: "wall",
+        prior: scene::wall(1),
+        camera: scene::CAMERA,
+        pose: scene::pose(0.0),
+    };
     let reef = common::reef_prior().map(|prior| {
         let (camera, pose) = (common::REEF_CAMERA, common::reef_pose());
-        Seen { name: "reef", prior, camera, pose }
+        PriorView { name: "reef", prior, camera, pose }
     });
     std::iter::once(wall).chain(reef).collect()
 }
@@ -44,17 +48,10 @@ fn engine() -> Engine {
 /// Pictures and normal equations at full resolution, submission and wait included.
 fn render(criterion: &mut Criterion) {
     let engine = engine();
-    for Seen { name, prior, camera, pose } in scenes() {
+    for PriorView { name, prior, camera, pose } in scenes() {
         let scene = engine.upload(&prior).expect("room for the prior");
         let jacobians = vec![Jacobian::Flow, Jacobian::Exact];
-        let plan = Plan {
-            factors: vec![1],
-            jacobians,
-            search: None,
-            sort_precision: Default::default(),
-            depths: false,
-            profiled: false,
-        };
+        let plan = Plan { jacobians, ..Plan::picture() };
         let mut renderer = engine.renderer(&scene, &camera, plan).expect("a renderer");
         let frame = common::random_frame(1, &camera);
         renderer.set_frame(0, &frame);
@@ -147,7 +144,7 @@ fn preprocess(criterion: &mut Criterion) {
 fn load(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("load");
     group.sample_size(20);
-    for Seen { name, prior, .. } in scenes() {
+    for PriorView { name, prior, .. } in scenes() {
         let mut bytes = Vec::new();
         write_ply(
             prior.splats(),

@@ -1,4 +1,4 @@
-//! Trains the tables that the wavelet coder has for frames that lean on earlier ones: `src/residual/wavelet/stream.nvt`.
+//! Trains the tables that the wavelet coder has for inter frames: `src/residual/wavelet/stream.nvt`.
 //!
 //!     cargo run --release -p nvsprior-cli --example stream_tables -- OUT.nvt PRIOR CAMERAS SPLIT [PRIOR CAMERAS SPLIT …]
 //!
@@ -94,7 +94,7 @@ fn run_of(
         render.data.copy_from_slice(renderer.rendered());
         let vantage = Vantage { camera, placement: renderer.placed(&code) };
         let depths = renderer.depths().collect();
-        run.push(RunFrame { camera: picture, render, vantage, depths });
+        run.push(RunFrame { picture, render, vantage, depths });
     }
     runs.push(run);
     Ok(runs)

@@ -227,7 +227,7 @@ impl Dive<'_> {
             row.add(stats.bytes, stats.psnr, stats.milliseconds, stats.full_renders);
             let (render, reconstruction) = (encoded.render, encoded.picture);
             pictures.push(SheetRow {
-                camera: frame.picture.clone(),
+                frame: frame.picture.clone(),
                 render,
                 reconstruction: Some(reconstruction),
             });

@@ -215,7 +215,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     options.residual = args.rate.coder();
     options.mode = mode;
     if options.mode != Mode::Intra && !engine.device().portable {
-        eprintln!("the device is not portable: every difference picture stands alone");
+        eprintln!("the device is not portable: every frame is an intra frame");
     }
     options.check_interval = args.rate.render_check;
     options.short = !args.rate.full_latent;
@@ -281,7 +281,7 @@ fn encode(
     let row = Row { file: input.file.clone(), time, stats: encoded.stats };
     let (render, reconstruction) = (encoded.render, encoded.picture);
     let sheet = args.sheet.is_some().then_some(SheetRow {
-        camera: frame,
+        frame,
         render,
         reconstruction: Some(reconstruction),
     });

@@ -36,7 +36,7 @@ pub struct Args {
 }
 
 /// The least MTU.
-const LEAST_MTU: usize = 31;
+const MIN_MTU: usize = 31;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let joined = match (&args.frames, &args.udp) {
@@ -60,14 +60,14 @@ fn from_folder(args: &Args, folder: &Path) -> anyhow::Result<Joined> {
         frames.push(std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
     }
     let longest = frames.iter().map(Vec::len).max().unwrap_or(0);
-    let mtu = args.mtu.map_or(longest.max(LEAST_MTU), usize::from);
+    let mtu = args.mtu.map_or(longest.max(MIN_MTU), usize::from);
     let mut joined = Joined::new(mtu, &args.out)?;
     frames.iter().try_for_each(|frame| joined.push(frame))?;
     Ok(joined)
 }
 
 fn from_udp(args: &Args, address: &str) -> anyhow::Result<Joined> {
-    let mut joined = Joined::new(args.mtu.map_or(LEAST_MTU, usize::from), &args.out)?;
+    let mut joined = Joined::new(args.mtu.map_or(MIN_MTU, usize::from), &args.out)?;
     let socket = UdpSocket::bind(address).with_context(|| format!("--udp {address}"))?;
     socket.set_read_timeout(Some(Duration::from_secs(args.idle.into())))?;
     eprintln!("waiting for frames at {}", socket.local_addr()?);

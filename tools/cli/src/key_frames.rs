@@ -208,8 +208,8 @@ fn posed_views(file: &Path, split: Option<&str>) -> anyhow::Result<Vec<(Camera, 
 
 /// The number of key frames, and the bounds of their cameras.
 pub fn describe(key_frames: &KeyFrames) -> String {
-    let Some([least, most]) = key_frames.bounds() else { return "0".into() };
-    let axis = |name: &str, i: usize| format!("{name} {:.3} … {:.3}", least[i], most[i]);
+    let Some([min, max]) = key_frames.bounds() else { return "0".into() };
+    let axis = |name: &str, i: usize| format!("{name} {:.3} … {:.3}", min[i], max[i]);
     let axes = [axis("x", 0), axis("y", 1), axis("z", 2)].join(", ");
     format!("{}, cameras at {axes}", key_frames.len())
 }

@@ -87,7 +87,7 @@ impl MissionArgs {
 }
 
 /// Fewest poses within the margin that stand for it.
-const LEAST_NEAR: usize = 64;
+const MIN_NEAR: usize = 64;
 
 impl Mission {
     /// Poses within the margin; each `turn` gives other ones. None if there is no margin.
@@ -95,7 +95,7 @@ impl Mission {
         if self.margin.is_none() {
             return Vec::new();
         }
-        let count = self.views.len().max(LEAST_NEAR);
+        let count = self.views.len().max(MIN_NEAR);
         self.margin.around(&self.places(), turn * count as u64, count)
     }
 
@@ -105,9 +105,9 @@ impl Mission {
     }
 }
 
-/// At most `most` of some views, evenly spaced.
-pub fn spaced<T>(views: &[T], most: usize) -> impl Iterator<Item = &T> {
-    views.iter().step_by(views.len().div_ceil(most).max(1))
+/// At most `max` of some views, evenly spaced.
+pub fn spaced<T>(views: &[T], max: usize) -> impl Iterator<Item = &T> {
+    views.iter().step_by(views.len().div_ceil(max).max(1))
 }
 
 /// Cameras and poses of views.

@@ -8,7 +8,7 @@ use nvsprior_inputs::sheet::Sheet;
 
 /// The pictures of one frame.
 pub struct SheetRow {
-    pub camera: Picture,
+    pub frame: Picture,
     pub render: Picture,
     pub reconstruction: Option<Picture>,
 }
@@ -16,12 +16,12 @@ pub struct SheetRow {
 /// Writes the rows as one PNG.
 pub fn write(path: &Path, rows: &[SheetRow]) -> anyhow::Result<()> {
     let cell =
-        rows.iter().fold((0, 0), |(w, h), row| (row.camera.width.max(w), row.camera.height.max(h)));
+        rows.iter().fold((0, 0), |(w, h), row| (row.frame.width.max(w), row.frame.height.max(h)));
     let columns = if rows.iter().any(|row| row.reconstruction.is_some()) { 4 } else { 3 };
     let mut sheet = Sheet::new(columns, rows.len() as u32, cell, 0);
     for (line, row) in (0..).zip(rows) {
-        let shown = difference(&row.camera, &row.render);
-        let cells = [&row.camera, &row.render, &shown];
+        let shown = difference(&row.frame, &row.render);
+        let cells = [&row.frame, &row.render, &shown];
         for (column, picture) in (0..).zip(cells.into_iter().chain(&row.reconstruction)) {
             sheet.paste(column, line, picture);
         }

@@ -54,7 +54,7 @@ fn frame(row: &Row) -> Value {
         "portable": s.portable,
         "lost_frames": s.lost_frames,
         "rate_kept": s.rate_kept,
-        // The frame that its difference picture leans on.
+        // Its reference frame.
         "reference": s.reference,
         // Infinite ones become null.
         "pose_deviation": s.observability.pose_deviation(),
@@ -88,7 +88,7 @@ pub fn print(rows: &[Row]) {
             s.full_renders,
             s.milliseconds,
             s.start.name(),
-            s.reference.map_or(String::new(), |frame| format!(", leans on frame {frame}")),
+            s.reference.map_or(String::new(), |frame| format!(", predicted from frame {frame}")),
             if s.certain { "" } else { ", NOT CERTAIN" },
             if s.rate_kept { "" } else { ", rate not kept" },
         );

@@ -142,10 +142,10 @@ fn pairs(args: &Args, prior: &Prior, frames: &[Input]) -> anyhow::Result<Vec<Pai
     let bar = progress(frames.len(), "finding poses");
     let mut pairs = Vec::new();
     for frame in frames {
-        let (camera, encoded) = frame.encode(&mut encoder)?;
+        let (picture, encoded) = frame.encode(&mut encoder)?;
         // A wrong pose would teach what no difference picture looks like.
         if encoded.stats.certain {
-            pairs.push(Pair { camera, render: encoded.render });
+            pairs.push(Pair { frame: picture, render: encoded.render });
         }
         bar.inc(1);
     }

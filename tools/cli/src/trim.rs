@@ -184,8 +184,8 @@ fn write_sheet(
     let mut small = bench.renderer(reduced)?;
     let row = |(camera, pose): &(Camera, Pose)| {
         let render = small.render(camera, pose)?.clone();
-        let camera = bench.whole.render(camera, pose)?.clone();
-        Ok(SheetRow { camera, reconstruction: Some(render.clone()), render })
+        let frame = bench.whole.render(camera, pose)?.clone();
+        Ok(SheetRow { frame, reconstruction: Some(render.clone()), render })
     };
     let rows: anyhow::Result<Vec<SheetRow>> =
         mission::spaced(places, SHEET_ROWS).map(row).collect();

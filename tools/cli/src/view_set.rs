@@ -33,14 +33,14 @@ impl ViewSet {
         Ok(ViewSet { places, pictures, frames })
     }
 
-    /// A set of at most `most` views, evenly spaced.
+    /// A set of at most `max` views, evenly spaced.
     pub fn of(
         sights: &[PosedFrame],
-        most: usize,
+        max: usize,
         whole: &mut PictureRenderer,
     ) -> anyhow::Result<ViewSet> {
-        let frames = spaced(sights, most).map(|sight| sight.frame.clone()).collect();
-        ViewSet::new(places(spaced(sights, most)), frames, whole)
+        let frames = spaced(sights, max).map(|sight| sight.frame.clone()).collect();
+        ViewSet::new(places(spaced(sights, max)), frames, whole)
     }
 
     /// PSNR of a prior's pictures against the whole one's, and their loss against the frames, as means over the views;

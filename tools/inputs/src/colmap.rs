@@ -41,18 +41,18 @@ pub struct ColmapView {
 
 /// Where in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum FilePosition {
     /// A byte, counted from 0.
     Byte(usize),
     /// A line, counted from 1.
     Line(usize),
 }
 
-impl std::fmt::Display for Place {
+impl std::fmt::Display for FilePosition {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Place::Byte(byte) => write!(f, "byte {byte}"),
-            Place::Line(line) => write!(f, "line {line}"),
+            FilePosition::Byte(byte) => write!(f, "byte {byte}"),
+            FilePosition::Line(line) => write!(f, "line {line}"),
         }
     }
 }
@@ -67,7 +67,7 @@ pub enum ColmapError {
         as sparse/0", folder.display())]
     Missing { folder: PathBuf },
     #[error("{}: {at}: {fault}", path.display())]
-    Content { path: PathBuf, at: Place, fault: ColmapFault },
+    Content { path: PathBuf, at: FilePosition, fault: ColmapFault },
 }
 
 /// What is wrong at a place of a model's file.
@@ -110,12 +110,12 @@ pub enum ColmapFault {
 
 /// What is wrong, and where.
 struct Wrong {
-    at: Place,
+    at: FilePosition,
     fault: ColmapFault,
 }
 
 impl Wrong {
-    fn new(at: Place, fault: impl Into<ColmapFault>) -> Wrong {
+    fn new(at: FilePosition, fault: impl Into<ColmapFault>) -> Wrong {
         Wrong { at, fault: fault.into() }
     }
 
@@ -126,7 +126,7 @@ impl Wrong {
 
 /// A camera as a file has it.
 struct CameraRecord {
-    at: Place,
+    at: FilePosition,
     id: u32,
     model: &'static Model,
     width: u64,
@@ -136,7 +136,7 @@ struct CameraRecord {
 
 /// A picture as a file has it.
 struct ImageRecord {
-    at: Place,
+    at: FilePosition,
     /// w, x, y, z.
     quaternion: [f64; 4],
     translation: [f64; 3],
@@ -223,7 +223,7 @@ fn view(image: ImageRecord, lenses: &HashMap<u32, Lens>) -> Result<ColmapView, W
 
 /// A point; COLMAP writes −1 for an error that it did not compute.
 fn point(
-    at: Place,
+    at: FilePosition,
     position: DVec3,
     rgb: [u8; 3],
     error: f64,

@@ -1,24 +1,23 @@
-//! Whether difference pictures lean on earlier ones: arguments of `encode` and `link`.
+//! Whether frames are predicted from earlier ones: arguments of `encode` and `link`.
 
 use clap::ValueEnum;
 use nvsprior::{Mode, Structure};
 
 use crate::values;
 
-/// Whether difference pictures lean on earlier ones.
+/// Whether frames are predicted from earlier ones.
 #[derive(clap::Args)]
 pub struct ModeArgs {
-    /// `intra`: every difference picture by itself; `stream`: they lean on earlier ones, and take fewer bytes. A frame
-    /// whose reference is missing is shown as the render alone. Needs the wavelet coder
+    /// `intra`: intra frames alone; `stream`: inter frames too, which are predicted from earlier ones and take fewer
+    /// bytes. A frame whose reference is missing is shown as the render alone. Needs the wavelet coder
     #[arg(long, value_enum, default_value = "intra")]
     mode: ModeArg,
-    /// Of a stream: a difference picture by itself, a key frame, every N frames, so that a loss ends there; 0: no more
-    /// after the first
+    /// Of a stream: an intra frame every N frames, so that a loss ends there; 0: no more after the first
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::count)]
     key_every: usize,
-    /// Of a stream: the frame that others lean on. `chain`: the one before; `layers`: every other frame on one further
-    /// back, so that fewer depend on each; `keys`: the last key frame; `acknowledged`: the newest one that the topside
-    /// says it has, over a return channel
+    /// Of a stream: the reference of inter frames. `chain`: the frame before; `layers`: for every other frame one
+    /// further back, so that fewer depend on each; `keys`: the last intra frame; `acknowledged`: the newest one that the
+    /// topside says it has, over a return channel
     #[arg(long, value_enum, default_value = "chain")]
     structure: StructureArg,
 }
@@ -41,7 +40,7 @@ impl ModeArgs {
     /// The encoder's mode. `answers`: there is a topside that acknowledges frames.
     ///
     /// # Errors
-    /// If frames are to lean on acknowledged ones, and nothing acknowledges any.
+    /// If frames are to be predicted from acknowledged ones, and nothing acknowledges any.
     pub fn mode(&self, answers: bool) -> Result<Mode, values::WrongUsage> {
         let key_every = self.key_every.try_into().unwrap_or(0);
         Ok(match (self.mode, self.structure) {

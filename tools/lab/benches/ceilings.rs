@@ -59,35 +59,35 @@ impl Source {
 }
 
 /// A prior, and the camera and pose that it is seen from.
-struct Seen {
+struct PriorView {
     prior: Prior,
     scene: Arc<Scene>,
     camera: Camera,
     pose: Pose,
 }
 
-impl Seen {
-    fn new(engine: &Engine) -> Result<Seen, Error> {
+impl PriorView {
+    fn new(engine: &Engine) -> Result<PriorView, Error> {
         let (prior, camera, pose) = match common::reef_prior() {
             Some(prior) => (prior, common::REEF_CAMERA, common::reef_pose()),
             None => (scene::wall(1), scene::CAMERA, scene::pose(0.0)),
         };
         let scene = engine.upload(&prior)?;
-        Ok(Seen { prior, scene, camera, pose })
+        Ok(PriorView { prior, scene, camera, pose })
     }
 }
 
 /// A prior seen from a pose, with all that comes before the blending.
-struct LevelSeen {
+struct LevelView {
     camera: Camera,
     params: Params,
     stages: Stages,
 }
 
-impl LevelSeen {
+impl LevelView {
     /// A level of the pyramid.
-    fn new(engine: &Engine, seen: &Seen, factor: u32) -> Result<LevelSeen, Error> {
-        let Seen { prior, scene, pose, .. } = seen;
+    fn new(engine: &Engine, seen: &PriorView, factor: u32) -> Result<LevelView, Error> {
+        let PriorView { prior, scene, pose, .. } = seen;
         let camera = seen.camera.reduced(factor);
         let tiles = [camera.width.div_ceil(TILE), camera.height.div_ceil(TILE)];
         let options = prior.options();
@@ -104,11 +104,11 @@ impl LevelSeen {
         };
         let (room, exact) = (1 << 20, SortPrecision::Exact);
         let stages = engine.probe().stages_at(scene, &seen.camera, factor, pose, room, exact)?;
-        Ok(LevelSeen { camera, params, stages })
+        Ok(LevelView { camera, params, stages })
     }
 
     /// What the model counts.
-    fn counts(&self, seen: &Seen) -> Counts {
+    fn counts(&self, seen: &PriorView) -> Counts {
         Counts::of(&seen.prior, &self.camera, &seen.camera, &self.stages)
     }
 }
@@ -150,7 +150,7 @@ fn times(best: &mut Best, commands: &mut [Commands]) -> Result<Vec<Vec<f64>>, Er
 }
 
 /// The blending stages against the ceiling of arithmetic, and against GLSL if that fits the device.
-fn blending(seen: &Seen, view: &LevelSeen, best: &mut Best) -> Result<(), Error> {
+fn blending(seen: &PriorView, view: &LevelView, best: &mut Best) -> Result<(), Error> {
     let device = best.engine.vulkan();
     let (stages, params) = (&view.stages, &view.params);
     let groups = [params.tiles_x, params.tiles_y, 1];
@@ -415,7 +415,12 @@ fn compare(c: &Counts, here: &Machine, evaluation: bool, measured: &[StageTime])
 }
 
 /// The stages of each level.
-fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Result<(), Error> {
+fn predicting(
+    engine: &Engine,
+    device: &Device,
+    seen: &PriorView,
+    best: &Best,
+) -> Result<(), Error> {
     let here = Machine {
         name: "here",
         flops: best.ceilings.flops,
@@ -427,17 +432,10 @@ fn predicting(engine: &Engine, device: &Device, seen: &Seen, best: &Best) -> Res
     println!("{}: {:.0} us per dispatch", here.name, here.dispatch * 1e6);
     let factors = vec![1, 2, 4];
     let jacobians = vec![Jacobian::Flow];
-    let plan = Plan {
-        factors: factors.clone(),
-        jacobians,
-        search: None,
-        sort_precision: Default::default(),
-        depths: false,
-        profiled: true,
-    };
+    let plan = Plan { factors: factors.clone(), jacobians, profiled: true, ..Plan::picture() };
     let mut renderer = engine.renderer(&seen.scene, &seen.camera, plan)?;
     for (level, factor) in factors.into_iter().enumerate() {
-        let view = LevelSeen::new(engine, seen, factor)?;
+        let view = LevelView::new(engine, seen, factor)?;
         let c = view.counts(seen);
         println!("level {level}: {} splats, {} visible, {} pairs", c.splats, c.visible, c.pairs);
         println!("  {} rows, {} tiles, {} digits", c.rows, c.tiles, c.digits);
@@ -454,8 +452,8 @@ fn main() -> Result<(), Error> {
     let engine = Engine::new(&DeviceOptions::default())?;
     let device = engine.vulkan();
     println!("{}", engine.device());
-    let seen = Seen::new(&engine)?;
-    let view = LevelSeen::new(&engine, &seen, 1)?;
+    let seen = PriorView::new(&engine)?;
+    let view = LevelView::new(&engine, &seen, 1)?;
     let mut best = Best { engine: &engine, ceilings: ceilings::measure(engine.vulkan())? };
     blending(&seen, &view, &mut best)?;
     let keys = &view.stages.keys;

@@ -97,10 +97,10 @@ impl Linearisation {
     }
 
     /// The least determinant of a splat that is drawn: see [`THIN`].
-    fn least_determinant(&self, axes: &DMat3) -> f64 {
+    fn min_determinant(&self, axes: &DMat3) -> f64 {
         let longest = |row: DVec3| (axes.transpose() * row).abs().max_element();
-        let most = longest(self.rows[0]).max(longest(self.rows[1]));
-        if most > WIDE.into() { f64::from(THIN) * most.powi(4) } else { 0.0 }
+        let max = longest(self.rows[0]).max(longest(self.rows[1]));
+        if max > WIDE.into() { f64::from(THIN) * max.powi(4) } else { 0.0 }
     }
 
     /// `J Σ Jᵀ`.
@@ -150,7 +150,7 @@ pub fn project(view: &Viewpoint, index: u32, splat: &Splat) -> Option<Projected>
     let covariance = sharp + DMat2::from_diagonal(DVec2::splat(added));
     let axes = view.pose.matrix() * splat.axes;
     let det = linear.determinant(&axes, added);
-    if !(det > linear.least_determinant(&axes) && det.is_finite()) {
+    if !(det > linear.min_determinant(&axes) && det.is_finite()) {
         return None;
     }
     let opacity = splat.opacity * compensation(view, linear.determinant(&axes, kept) / det);

@@ -123,7 +123,7 @@ impl Case {
 
     /// Relative errors of a plane's gradients, sorted.
     fn errors(&self, plane: u32, gradients: &[f32]) -> Vec<f64> {
-        let least = gradients.iter().map(|g| f64::from(g.abs())).fold(0.0, f64::max) * 1e-3;
+        let min = gradients.iter().map(|g| f64::from(g.abs())).fold(0.0, f64::max) * 1e-3;
         let of = |i: usize| {
             let moved = |by: f32| {
                 let mut splats = self.splats.clone();
@@ -134,7 +134,7 @@ impl Case {
             };
             let (high, low) = (moved(2e-4), moved(-2e-4));
             let difference = (high.1 - low.1) / (high.0 - low.0);
-            (f64::from(gradients[i]) - difference).abs() / difference.abs().max(least)
+            (f64::from(gradients[i]) - difference).abs() / difference.abs().max(min)
         };
         let mut errors: Vec<f64> = (0..gradients.len()).map(of).collect();
         errors.sort_by(f64::total_cmp);

@@ -60,8 +60,8 @@ pub fn most_needed(removals: &[Removal], share: f64) -> Vec<bool> {
     let error = |i: &usize| removals[*i].error;
     // Of equal splats the later ones go first.
     order.sort_by(|a, b| error(a).total_cmp(&error(b)).then(b.cmp(a)));
-    let most = removals.len().saturating_sub(1);
-    let gone = ((share * removals.len() as f64).ceil() as usize).min(most);
+    let max = removals.len().saturating_sub(1);
+    let gone = ((share * removals.len() as f64).ceil() as usize).min(max);
     let mut kept = vec![true; removals.len()];
     order[..gone].iter().for_each(|i| kept[*i] = false);
     kept

@@ -139,7 +139,7 @@ impl Report {
         for i in order.into_iter().take(ROWS) {
             let view = &self.held_out[i].view;
             let render = mapper.picture(&view.camera, &view.pose)?;
-            rows.push(SheetRow { camera: view.picture.clone(), render, reconstruction: None });
+            rows.push(SheetRow { frame: view.picture.clone(), render, reconstruction: None });
         }
         if rows.is_empty() { Ok(()) } else { sheet::write(path, &rows) }
     }

@@ -231,7 +231,7 @@ fn frames_of_a_stream_lean_on_frames_and_say_so() {
     for t in 0..FRAMES {
         assert_eq!(dive.bytes(&format!("topside/{t}.png")), dive.bytes(&format!("seen/{t}.png")));
     }
-    // Without the first packet, the second is the render alone; the third stands alone.
+    // Without the first packet, the second is the render alone; the third is an intra frame.
     std::fs::remove_file(dive.path("packets/0.nvsp")).unwrap();
     dive.run(decode).ends_with(0).says("leans on that of frame 0").says("the render alone");
     assert_ne!(dive.bytes("topside/1.png"), dive.bytes("seen/1.png"));

@@ -3,11 +3,11 @@
 use glam::DVec3;
 
 use super::model::Model;
-use super::{CameraRecord, ColmapFault, ImageRecord, Place, Wrong};
+use super::{CameraRecord, ColmapFault, FilePosition, ImageRecord, Wrong};
 use crate::points::Point;
 
 /// Fewest bytes of a camera, a picture and a point.
-const LEAST: [usize; 3] = [4 + 4 + 8 + 8 + 3 * 8, 4 + 7 * 8 + 4 + 1 + 8, 8 + 3 * 8 + 3 + 8 + 8];
+const MIN_BYTES: [usize; 3] = [4 + 4 + 8 + 8 + 3 * 8, 4 + 7 * 8 + 4 + 1 + 8, 8 + 3 * 8 + 3 + 8 + 8];
 
 /// Bytes of a picture's observation (x, y, number of its point), and of a track's element.
 const OBSERVATION: usize = 8 + 8 + 8;
@@ -24,8 +24,8 @@ impl<'a> Bytes<'a> {
         Bytes { rest: all, length: all.len() }
     }
 
-    fn place(&self) -> Place {
-        Place::Byte(self.length - self.rest.len())
+    fn place(&self) -> FilePosition {
+        FilePosition::Byte(self.length - self.rest.len())
     }
 
     fn wrong(&self, fault: ColmapFault) -> Wrong {
@@ -55,11 +55,11 @@ impl<'a> Bytes<'a> {
         Ok(floats)
     }
 
-    /// A number of things of `least` bytes or more each, for which the rest of the file has room.
-    fn count(&mut self, least: usize, what: &'static str) -> Result<usize, Wrong> {
+    /// A number of things of `min` bytes or more each, for which the rest of the file has room.
+    fn count(&mut self, min: usize, what: &'static str) -> Result<usize, Wrong> {
         let at = self.place();
         let count = self.u64(what)?;
-        let count = usize::try_from(count).ok().filter(|n| *n <= self.rest.len() / least);
+        let count = usize::try_from(count).ok().filter(|n| *n <= self.rest.len() / min);
         count.ok_or(Wrong::new(at, ColmapFault::Cut { what }))
     }
 
@@ -84,14 +84,14 @@ impl<'a> Bytes<'a> {
         Ok(name)
     }
 
-    /// All of a file's records of `least` bytes or more each, and nothing else.
+    /// All of a file's records of `min` bytes or more each, and nothing else.
     fn records<T>(
         mut self,
-        least: usize,
+        min: usize,
         what: &'static str,
         read: impl Fn(&mut Self) -> Result<T, Wrong>,
     ) -> Result<Vec<T>, Wrong> {
-        let count = self.count(least, what)?;
+        let count = self.count(min, what)?;
         let records = (0..count).map(|_| read(&mut self)).collect::<Result<_, _>>()?;
         match self.rest.len() {
             0 => Ok(records),
@@ -101,7 +101,7 @@ impl<'a> Bytes<'a> {
 }
 
 pub fn cameras(bytes: &[u8]) -> Result<Vec<CameraRecord>, Wrong> {
-    Bytes::new(bytes).records(LEAST[0], "all cameras", |bytes| {
+    Bytes::new(bytes).records(MIN_BYTES[0], "all cameras", |bytes| {
         let at = bytes.place();
         let id = bytes.u32("a camera")?;
         let number = bytes.u32("a camera")?;
@@ -117,7 +117,7 @@ pub fn cameras(bytes: &[u8]) -> Result<Vec<CameraRecord>, Wrong> {
 }
 
 pub fn images(bytes: &[u8]) -> Result<Vec<ImageRecord>, Wrong> {
-    Bytes::new(bytes).records(LEAST[1], "all pictures", |bytes| {
+    Bytes::new(bytes).records(MIN_BYTES[1], "all pictures", |bytes| {
         let at = bytes.place();
         bytes.u32("a picture")?;
         let (quaternion, translation) = (bytes.floats("a pose")?, bytes.floats("a pose")?);
@@ -129,7 +129,7 @@ pub fn images(bytes: &[u8]) -> Result<Vec<ImageRecord>, Wrong> {
 }
 
 pub fn points(bytes: &[u8]) -> Result<Vec<Point>, Wrong> {
-    Bytes::new(bytes).records(LEAST[2], "all points", |bytes| {
+    Bytes::new(bytes).records(MIN_BYTES[2], "all points", |bytes| {
         let at = bytes.place();
         bytes.u64("a point")?;
         let position = DVec3::from(bytes.floats::<3>("a point")?);

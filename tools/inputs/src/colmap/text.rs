@@ -5,12 +5,12 @@ use std::str::FromStr;
 use glam::DVec3;
 
 use super::model::Model;
-use super::{CameraRecord, ColmapFault, ImageRecord, Place, Wrong};
+use super::{CameraRecord, ColmapFault, FilePosition, ImageRecord, Wrong};
 use crate::points::Point;
 
 /// The words of a line that are not read yet.
 struct Line<'a> {
-    at: Place,
+    at: FilePosition,
     rest: &'a str,
 }
 
@@ -51,10 +51,10 @@ fn lines(bytes: &[u8]) -> Result<impl Iterator<Item = Line<'_>>, Wrong> {
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let before = &bytes[..error.valid_up_to()];
         let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
-        Wrong::new(Place::Line(line), ColmapFault::Text)
+        Wrong::new(FilePosition::Line(line), ColmapFault::Text)
     })?;
     let numbered = text.lines().enumerate();
-    Ok(numbered.map(|(i, line)| Line { at: Place::Line(i + 1), rest: line.trim() }))
+    Ok(numbered.map(|(i, line)| Line { at: FilePosition::Line(i + 1), rest: line.trim() }))
 }
 
 fn is_record(line: &Line) -> bool {

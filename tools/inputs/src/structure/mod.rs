@@ -32,7 +32,7 @@ pub enum Lenses {
 /// Which pairs of pictures are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Matching {
-    /// All of up to [`MOST_EXHAUSTIVE`] pictures; of more, those near each other by name.
+    /// All of up to [`MAX_EXHAUSTIVE`] pictures; of more, those near each other by name.
     Auto,
     /// All.
     Exhaustive,
@@ -41,7 +41,7 @@ pub enum Matching {
 }
 
 /// Pictures of which [`Matching::Auto`] compares all pairs. Their number grows with the square.
-pub const MOST_EXHAUSTIVE: usize = 250;
+pub const MAX_EXHAUSTIVE: usize = 250;
 
 /// How to find poses.
 #[derive(Clone, Debug)]

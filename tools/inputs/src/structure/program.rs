@@ -36,7 +36,7 @@ impl Ended {
 }
 
 /// Where a command runs.
-pub struct Place<'a> {
+pub struct WorkFolder<'a> {
     /// Its working folder.
     pub folder: &'a Path,
     /// What it says is added here.
@@ -61,7 +61,7 @@ impl Program {
     pub fn run(
         &self,
         arguments: &[String],
-        place: &Place,
+        place: &WorkFolder,
         mut line: impl FnMut(&str),
     ) -> Result<(), StructureError> {
         let failed = StructureError::file(place.log);

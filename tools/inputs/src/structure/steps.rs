@@ -4,9 +4,9 @@ use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use super::pictures::Listed;
-use super::program::{Place, Program, registered, share};
+use super::program::{Program, WorkFolder, registered, share};
 use super::record::{LOCK, Record, Standing};
-use super::{Lenses, MOST_EXHAUSTIVE, Matching, Progress, Step, StructureError, StructureOptions};
+use super::{Lenses, MAX_EXHAUSTIVE, Matching, Progress, Step, StructureError, StructureOptions};
 
 // What keeps the mapper from changing a lens that is known.
 const KEPT_LENS: [&str; 4] =
@@ -187,7 +187,7 @@ impl Workplace {
         arguments: &[String],
         line: impl FnMut(&str),
     ) -> Result<(), StructureError> {
-        let place = Place { folder: &self.folder, log: &self.log(), lock: &self.lock };
+        let place = WorkFolder { folder: &self.folder, log: &self.log(), lock: &self.lock };
         program.run(arguments, &place, line)
     }
 
@@ -259,7 +259,7 @@ fn matches(
     options: &StructureOptions,
 ) -> Result<Vec<String>, StructureError> {
     let exhaustive = match options.matching {
-        Matching::Auto => listed.names.len() <= MOST_EXHAUSTIVE,
+        Matching::Auto => listed.names.len() <= MAX_EXHAUSTIVE,
         Matching::Exhaustive => true,
         Matching::Sequential => false,
     };

@@ -139,10 +139,10 @@ impl Context {
         let forward_ms = self.forward.measure(camera, &self.best[shot].pose)?;
         let encoded = encoder.encode(picture, start).with_context(encoding)?;
         let MemoryUse { used, reserved, buffers } = self.engine.memory();
-        let most = &mut self.device_memory;
-        most.used = most.used.max(used);
-        most.reserved = most.reserved.max(reserved);
-        most.buffers = most.buffers.max(buffers);
+        let peak = &mut self.device_memory;
+        peak.used = peak.used.max(used);
+        peak.reserved = peak.reserved.max(reserved);
+        peak.buffers = peak.buffers.max(buffers);
         let trace = encoder.trace().to_vec();
         Ok(Sample { shot, forward_ms, stats: encoded.stats, pose: encoded.pose, trace })
     }

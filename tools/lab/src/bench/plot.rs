@@ -16,7 +16,7 @@ const SIZE: (u32, u32) = (900, 560);
 const POINTS: usize = 400;
 
 /// Losses below this are drawn here, dB: they are as good as none.
-const LEAST_LOSS: f64 = 1e-4;
+const MIN_LOSS: f64 = 1e-4;
 
 /// A plot's texts, and the place of its legend.
 struct Words {
@@ -54,7 +54,7 @@ pub fn trace(path: &Path, runs: &[OptimizerRun]) -> anyhow::Result<()> {
 /// How far each trial stayed below the best known pose, against its run time.
 pub fn trials(path: &Path, context: &Context, kinds: &[(&str, &[Sample])]) -> anyhow::Result<()> {
     let series = kinds.iter().map(|(name, samples)| {
-        let point = |s: &Sample| (s.in_forward_renders(), context.short(s).max(LEAST_LOSS));
+        let point = |s: &Sample| (s.in_forward_renders(), context.short(s).max(MIN_LOSS));
         let points = samples.iter().map(point).collect();
         Series { name: (*name).into(), points, line: false, dots: true }
     });
@@ -70,7 +70,7 @@ pub fn trials(path: &Path, context: &Context, kinds: &[(&str, &[Sample])]) -> an
 /// Loss against run time of settings, the Pareto set joined.
 pub fn configurations(path: &Path, rows: &[Configuration]) -> anyhow::Result<()> {
     let point =
-        |row: &Configuration| (row.in_forward_renders.median, row.loss.median.max(LEAST_LOSS));
+        |row: &Configuration| (row.in_forward_renders.median, row.loss.median.max(MIN_LOSS));
     let labels: Vec<_> = rows.iter().map(|row| (point(row), row.name.clone())).collect();
     let mut best: Vec<_> = rows.iter().filter(|row| row.pareto).map(point).collect();
     best.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -115,14 +115,7 @@ fn alone(context: &Context, job: Job) -> anyhow::Result<Vec<StageTime>> {
     let Shot { camera, picture, .. } = &context.shots[0];
     let pose = context.best[0].pose;
     let jacobians = vec![Jacobian::Flow, Jacobian::Exact];
-    let plan = Plan {
-        factors: vec![1],
-        jacobians,
-        search: None,
-        sort_precision: Default::default(),
-        depths: false,
-        profiled: true,
-    };
+    let plan = Plan { jacobians, profiled: true, ..Plan::picture() };
     let mut renderer = context.engine.renderer(&context.scene, camera, plan)?;
     renderer.set_picture(picture);
     renderer.reduce_picture()?;
@@ -146,14 +139,8 @@ struct Search {
 fn search(context: &Context) -> anyhow::Result<Search> {
     let EncoderOptions { refine, factors, threshold, .. } = context.options();
     let (refine, profile): (RefineOptions, _) = (refine, nvsprior_kernels::search::COMPACT);
-    let plan = Plan {
-        factors,
-        jacobians: Vec::new(),
-        search: Some(refine.jacobian()),
-        sort_precision: Default::default(),
-        depths: false,
-        profiled: true,
-    };
+    let search = Some(refine.jacobian());
+    let plan = Plan { factors, search, profiled: true, ..Plan::picture() };
     let last = (context.shots.len() - 1).min(2);
     let shot = &context.shots[last];
     let renderer = context.engine.renderer(&context.scene, &shot.camera, plan)?;

@@ -28,7 +28,7 @@ const SAME: &str = "equal but for rounding: fewer than one pixel in a hundred di
 /// Poses that are drawn.
 const POSES: usize = 8;
 /// No machine has more devices.
-const MOST: usize = 16;
+const MAX_DEVICES: usize = 16;
 
 fn cases(bench: &Bench) -> Vec<Case> {
     let mut all = vec![
@@ -97,7 +97,7 @@ fn along(pose: &Pose, t: usize) -> Pose {
 fn compare(bench: &Bench, prior: &Prior, pose: &Pose) -> anyhow::Result<Done> {
     let camera = scenes::camera(320, 180);
     let mut sides = Vec::new();
-    for number in 0..MOST {
+    for number in 0..MAX_DEVICES {
         let device = Some(number.to_string());
         match Engine::new(&DeviceOptions { device, ..DeviceOptions::default() }) {
             Ok(engine) => sides.push(Side::new(engine, prior, &camera, pose)?),
@@ -149,9 +149,9 @@ fn against(
     let mut row = Row::of("pictures, packets", since);
     let lost = decoded_elsewhere(first, other, camera, pose, &mut row)?;
     let portable = first.engine.device().portable && other.engine.device().portable;
-    let (most_share, most_lost) = if portable { (0.0, 0.0) } else { (0.01, 0.05) };
-    row.expect(share <= most_share, || format!("{share:.2e} of the bytes differ"));
-    row.expect(lost.abs() <= most_lost, || format!("decoded {lost:.3} dB off"));
+    let (max_share, max_lost) = if portable { (0.0, 0.0) } else { (0.01, 0.05) };
+    row.expect(share <= max_share, || format!("{share:.2e} of the bytes differ"));
+    row.expect(lost.abs() <= max_lost, || format!("decoded {lost:.3} dB off"));
     row.note = format!("{}: by {most} at most", other.engine.device().driver);
     row.milliseconds = since.elapsed().as_secs_f64() * 1e3;
     let line = vec![

@@ -163,7 +163,7 @@ fn offset(r: &mut Random, unit: f32) -> [f64; 6] {
 pub enum Outcome {
     /// Everything held.
     Drawn,
-    /// All splats were unsound, and refused.
+    /// All splats were invalid, and refused.
     Refused,
 }
 
@@ -215,8 +215,8 @@ fn draw(engine: &Engine, prior: &Prior, scene: &Extreme) -> Result<Vec<f32>, Fau
     let mut renderer = engine.renderer(&uploaded, camera, plan)?;
     let drawn = renderer.draw(pose)?.to_vec();
     for (at, pixel) in drawn.chunks_exact(5).enumerate() {
-        let sound = pixel.iter().all(|v| v.is_finite() && *v >= 0.0) && pixel[4] <= 1.0;
-        ensure(sound, || format!("pixel {at}: {pixel:?}"))?;
+        let valid = pixel.iter().all(|v| v.is_finite() && *v >= 0.0) && pixel[4] <= 1.0;
+        ensure(valid, || format!("pixel {at}: {pixel:?}"))?;
     }
     ensure(drawn.len() == camera.pixels() * 5, || "another size".into())?;
     let mut random = Random::new(1);
@@ -225,7 +225,7 @@ fn draw(engine: &Engine, prior: &Prior, scene: &Extreme) -> Result<Vec<f32>, Fau
     for jacobian in jacobians {
         let at = pose.stepped(offset);
         let e = renderer.normal_equations(0, jacobian, &at)?;
-        if !sound_equations(&e) {
+        if !are_valid(&e) {
             // Searches do not step to poses with sums beyond f32. Only there the sums may be no numbers.
             let twin = Twin::new(prior).normal_equations(camera, &at, &frame, jacobian);
             let largest = twin.jtj.iter().flatten().chain([&twin.square]);
@@ -239,7 +239,7 @@ fn draw(engine: &Engine, prior: &Prior, scene: &Extreme) -> Result<Vec<f32>, Fau
 /// If the twin's sums reach this, those in f32 need not be numbers.
 const BEYOND: f64 = 1e36;
 
-fn sound_equations(e: &NormalEquations) -> bool {
+fn are_valid(e: &NormalEquations) -> bool {
     let numbers = e.jtj.iter().flatten().chain(&e.jtr).all(|v| v.is_finite());
     numbers && e.square.is_finite() && e.square >= 0.0 && (0..6).all(|k| e.jtj[k][k] >= 0.0)
 }

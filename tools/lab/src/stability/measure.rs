@@ -353,8 +353,8 @@ pub fn psnr(got: &[f32], expected: &[f32]) -> f64 {
 /// about the only pixel, hardly move the picture.
 fn lengths(e: &NormalEquations) -> [f64; 6] {
     let own = [0, 1, 2, 3, 4, 5].map(|k: usize| e.jtj[k][k].sqrt());
-    let least = 1e-4 * own.iter().copied().fold(0.0, f64::max);
-    own.map(|length| length.max(least))
+    let min = 1e-4 * own.iter().copied().fold(0.0, f64::max);
+    own.map(|length| length.max(min))
 }
 
 /// Largest error of an entry of JᵀJ, by Cauchy–Schwarz.
@@ -370,8 +370,8 @@ pub fn jtj_error(got: &NormalEquations, twin: &NormalEquations) -> f64 {
 /// Largest error of a component of the gradient, by Cauchy–Schwarz. Residuals count as at least half an 8-bit step,
 /// since a render that fits has nearly none.
 pub fn gradient_error(got: &NormalEquations, twin: &NormalEquations) -> f64 {
-    let least = twin.residuals as f64 * (0.5_f64 / 255.0).powi(2);
-    let residual = twin.square.max(least).sqrt();
+    let min = twin.residuals as f64 * (0.5_f64 / 255.0).powi(2);
+    let residual = twin.square.max(min).sqrt();
     let length = lengths(twin);
     largest((0..6).map(|k| share((got.jtr[k] - twin.jtr[k]).abs(), length[k] * residual)))
 }

@@ -226,13 +226,13 @@ fn middle_differs(
         let first = ((y * of.width + x) * 3) as usize;
         of.data[first..first + 3 * width as usize].to_vec()
     };
-    let most = (0..height)
+    let max = (0..height)
         .flat_map(|r| std::iter::zip(row(y + r, x, drawn), row(r, 0, &picture)))
         .map(|(a, b)| a.abs_diff(b))
         .max()
         .unwrap_or(0);
     // The small camera clamps covariances at another frustum, so splats beside it differ.
-    Ok((most > 8).then(|| format!("the middle differs by {most} of 255")))
+    Ok((max > 8).then(|| format!("the middle differs by {max} of 255")))
 }
 
 fn cameras() -> Vec<Case> {

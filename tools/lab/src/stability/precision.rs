@@ -22,7 +22,7 @@ pub const GROUP: Group = Group {
 const DAMPING: f32 = 1e-3;
 
 /// A prior as a camera sees it.
-pub struct Seen {
+pub struct PriorView {
     pub prior: Prior,
     pub camera: Camera,
     pub pose: Pose,
@@ -46,7 +46,7 @@ impl Which {
     }
 
     /// The scene.
-    pub fn seen(self, bench: &Bench) -> anyhow::Result<Seen> {
+    pub fn seen(self, bench: &Bench) -> anyhow::Result<PriorView> {
         let camera = scenes::camera(160, 90);
         let splats = || -> Splats {
             let mut splats = cloud(40, 3_000, 3);
@@ -59,7 +59,7 @@ impl Which {
                 let centre = glam::DVec3::from(prior.frame().centre.map(f64::from));
                 let away = 3.0 * f64::from(prior.frame().spread);
                 let translation = glam::DVec3::new(0.0, 0.0, away) - centre;
-                Ok(Seen { prior, camera, pose: Pose { translation, ..Pose::IDENTITY } })
+                Ok(PriorView { prior, camera, pose: Pose { translation, ..Pose::IDENTITY } })
             }
             (Which::Moved, _) => {
                 let mut splats = splats();
@@ -69,9 +69,9 @@ impl Which {
                 let pose = scenes::pose();
                 let away = pose.rotation * glam::DVec3::new(-1e6, 0.0, 0.0);
                 let pose = Pose { translation: pose.translation + away, ..pose };
-                Ok(Seen { prior: scenes::prior(splats)?, camera, pose })
+                Ok(PriorView { prior: scenes::prior(splats)?, camera, pose })
             }
-            _ => Ok(Seen { prior: scenes::prior(splats())?, camera, pose: scenes::pose() }),
+            _ => Ok(PriorView { prior: scenes::prior(splats())?, camera, pose: scenes::pose() }),
         }
     }
 }

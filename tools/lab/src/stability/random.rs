@@ -77,6 +77,6 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 fn name(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Drawn => "drawn",
-        Outcome::Refused => "refused: no splat was sound",
+        Outcome::Refused => "refused: no splat was valid",
     }
 }

@@ -29,7 +29,7 @@ fn cases(bench: &Bench) -> Vec<Case> {
     let mut all = shapes();
     all.extend(opacities());
     all.extend(places());
-    all.extend(unsound());
+    all.extend(invalid());
     all.extend(many(bench.quick));
     all
 }
@@ -188,7 +188,7 @@ fn ties(bench: &Bench) -> anyhow::Result<Vec<Row>> {
 /// What spoils a splat.
 type Spoil = fn(&mut Splats, usize);
 
-fn unsound() -> Vec<Case> {
+fn invalid() -> Vec<Case> {
     let fields: [(&str, Fault, Spoil); 9] = [
         ("NaN in a position", Fault::NonFinite, |s, i| s.positions[i][1] = f32::NAN),
         ("∞ in a position", Fault::NonFinite, |s, i| s.positions[i][2] = f32::INFINITY),
@@ -219,11 +219,11 @@ fn unsound() -> Vec<Case> {
 
 fn refused(bench: &Bench, fault: Fault, spoil: Spoil) -> anyhow::Result<Vec<Row>> {
     let since = Instant::now();
-    let sound = cloud(12, 100, 1);
-    let mut splats = with(sound.clone(), [One::at([0.0, 0.0, 3.0], 0.0); 2]);
+    let valid = cloud(12, 100, 1);
+    let mut splats = with(valid.clone(), [One::at([0.0, 0.0, 3.0], 0.0); 2]);
     spoil(&mut splats, 100);
     spoil(&mut splats, 101);
-    let (mixed, sound) = (scenes::prior(splats)?, scenes::prior(sound)?);
+    let (mixed, valid) = (scenes::prior(splats)?, scenes::prior(valid)?);
     let dropped = mixed.report().dropped.clone();
     let draw = |prior: &Prior| -> anyhow::Result<Vec<f32>> {
         let scene = bench.engine.upload(prior)?;
@@ -231,7 +231,7 @@ fn refused(bench: &Bench, fault: Fault, spoil: Spoil) -> anyhow::Result<Vec<Row>
             bench.engine.renderer(&scene, &scenes::camera(64, 48), Plan::picture())?;
         Ok(renderer.draw(&scenes::pose())?.to_vec())
     };
-    let same = draw(&mixed)? == draw(&sound)?;
+    let same = draw(&mixed)? == draw(&valid)?;
     let mut row = Row::of("load", since);
     row.expect(same, || "the splat left a trace".into());
     let told = matches!(&dropped[..], [d] if d.fault == fault && d.count == 2 && d.first == 100);

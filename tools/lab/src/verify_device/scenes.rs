@@ -9,7 +9,7 @@ use nvsprior_kernels::search::PoseCode;
 
 use crate::stability::extremes::Extreme;
 
-/// Check sums (CRC-32) of what the host draws of the first scenes; 0 if a scene has no sound splat.
+/// Check sums (CRC-32) of what the host draws of the first scenes; 0 if a scene has no valid splat.
 pub const GOLDEN: [u32; 16] = [
     0x95b4_c550,
     0x706a_b901,

@@ -13,7 +13,7 @@ use crate::common;
 // reef prior. The reef's picture, with all close decisions, is at 97 dB. Other devices'
 // exponentials may be less exact.
 /// Least PSNR of linear RGB, clamped to [0, 1], in dB.
-const LEAST_PSNR: f64 = 75.0;
+const MIN_PSNR: f64 = 75.0;
 /// Largest error of a colour beyond what close decisions explain: an eighth of an 8-bit step.
 const COLOUR: f64 = 5e-4;
 /// Most that the transmittance may be off beyond that.
@@ -59,7 +59,7 @@ fn fault(gpu: &[f32], twin: &Rendered) -> Option<String> {
         }
     }
     let psnr = psnr_of_mse(square / (3.0 * twin.pixels.len() as f64));
-    (!(psnr >= LEAST_PSNR)).then(|| format!("{psnr:.1} dB against the twin"))
+    (!(psnr >= MIN_PSNR)).then(|| format!("{psnr:.1} dB against the twin"))
 }
 
 /// Writes the difference as a PNG, 64 times, around middle grey.

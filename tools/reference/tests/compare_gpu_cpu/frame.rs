@@ -22,9 +22,7 @@ fn renderer(engine: &Engine, seed: u64) -> Renderer {
         factors: FACTORS.to_vec(),
         jacobians: vec![Jacobian::Flow],
         search: Some(Jacobian::Flow),
-        sort_precision: Default::default(),
-        depths: false,
-        profiled: false,
+        ..Plan::picture()
     };
     engine.renderer(&scene, &camera(), plan).unwrap()
 }

@@ -73,9 +73,9 @@ fn just_beyond_the_near_plane_is_drawn() {
 }
 
 #[test]
-fn unsound_splats_leave_no_trace() {
+fn invalid_splats_leave_no_trace() {
     let mut splats = random_splats(90, 500, 1);
-    let sound = Prior::from_splats(splats.clone(), OPTIONS).unwrap();
+    let valid = Prior::from_splats(splats.clone(), OPTIONS).unwrap();
     for value in [f32::NAN, f32::INFINITY] {
         splats.positions.push([0.0, value, 3.0]);
         splats.log_scales.push([0.0; 3]);
@@ -87,7 +87,7 @@ fn unsound_splats_leave_no_trace() {
     let dropped = &mixed.report().dropped;
     assert_eq!((dropped.len(), dropped[0].fault, dropped[0].count), (1, Fault::NonFinite, 2));
     let (camera, pose) = (camera(40, 30), random_pose(90));
-    assert_eq!(draw(&mixed, &camera, &pose), draw(&sound, &camera, &pose));
+    assert_eq!(draw(&mixed, &camera, &pose), draw(&valid, &camera, &pose));
 }
 
 #[test]

@@ -22,7 +22,7 @@ pub use stream::{RunFrame, measure_stream, train_stream_tables};
 /// A frame and its render, as the encoder has them.
 pub struct Pair {
     /// What the camera saw.
-    pub camera: Picture,
+    pub frame: Picture,
     /// What the prior shows at the pose found.
     pub render: Picture,
 }
@@ -97,7 +97,7 @@ fn collect(
     let of_pair = |(pair, seed): (&Pair, &u64)| {
         let mut random = Random::new(*seed);
         let mut collector = Collector::new(random.bits());
-        let Picture { width, height, .. } = pair.camera;
+        let Picture { width, height, .. } = pair.frame;
         let mut sampler = Sampler::new(width, height, tables);
         for _ in 0..options.steps_per_frame {
             let varied = options.vary.then(|| vary(pair, pairs, &mut random));
@@ -107,7 +107,7 @@ fn collect(
             let step = Step::new(STEPS.start + (random.bits() % span) as u8);
             // One coding in five does as a device that is not portable does.
             let sees_render = !random.bits().is_multiple_of(5);
-            sampler.encoder().set(&pair.camera, &pair.render, sees_render);
+            sampler.encoder().set(&pair.frame, &pair.render, sees_render);
             sampler.visit(step, |sample| collector.take(sample));
             collector.even_out(before);
         }
@@ -145,14 +145,14 @@ fn offsets(examples: &[Example], tables: &mut Tables) {
 /// Bytes per frame that tables give, and PSNR, at steps: for reports.
 pub fn measure(pairs: &[Pair], tables: &Tables, step: Step, sees_render: bool) -> (f64, f64) {
     let of_pair = |pair: &Pair| {
-        let Picture { width, height, .. } = pair.camera;
+        let Picture { width, height, .. } = pair.frame;
         let mut sampler = Sampler::new(width, height, tables);
-        let mut bytes = Vec::with_capacity(8 * pair.camera.data.len() + 64);
-        sampler.encoder().set(&pair.camera, &pair.render, sees_render);
+        let mut bytes = Vec::with_capacity(8 * pair.frame.data.len() + 64);
+        sampler.encoder().set(&pair.frame, &pair.render, sees_render);
         sampler.encoder().encode(step, &mut bytes);
         let mut shown = pair.render.clone();
         sampler.encoder().add_to(&mut shown);
-        (bytes.len() as f64, shown.psnr(&pair.camera))
+        (bytes.len() as f64, shown.psnr(&pair.frame))
     };
     let all: Vec<_> = pairs.par_iter().map(of_pair).collect();
     let count = all.len().max(1) as f64;

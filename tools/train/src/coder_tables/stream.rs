@@ -1,4 +1,4 @@
-//! Training the tables of frames that lean on earlier ones.
+//! Training the tables of inter frames.
 
 use nvsprior::Picture;
 use nvsprior::coder_tables::Tables;
@@ -12,11 +12,11 @@ use super::examples::{Collector, Example};
 use super::float_networks::{self, quantise};
 use super::{STEPS, TableOptions, TableProgress, offsets, optimiser, vary};
 
-/// A frame of a run, with all that a later one needs to lean on it.
+/// A frame of a run, with all that a later one needs to be predicted from it.
 #[derive(Clone)]
 pub struct RunFrame {
     /// What the camera saw.
-    pub camera: Picture,
+    pub picture: Picture,
     /// What the prior shows at the pose found.
     pub render: Picture,
     /// The pose.
@@ -25,12 +25,12 @@ pub struct RunFrame {
     pub depths: Vec<f32>,
 }
 
-/// How many frames later a frame leans on another.
+/// How many frames after its reference a frame comes.
 const DISTANCES: [usize; 6] = [1, 1, 1, 2, 3, 5];
 /// Frames in a row that are coded at once.
 const LENGTH: usize = 12;
 
-/// Trains tables of frames that lean, from those of frames that stand alone. `runs`: frames in order, at some 15 a second.
+/// Trains tables of inter frames, from those of intra frames. `runs`: frames in order, at some 15 a second.
 pub fn train_stream_tables(
     runs: &[Vec<RunFrame>],
     options: &TableOptions,
@@ -67,14 +67,14 @@ fn chains(runs: &[Vec<RunFrame>]) -> Vec<&[RunFrame]> {
     runs.iter().flat_map(|run| starts(run).map(move |at| &run[chain(run, at)])).collect()
 }
 
-/// Codes a chain of frames in a closed loop, and gives the coefficients of those that lean.
+/// Codes a chain of frames in a closed loop, and yields the coefficients of the inter frames.
 fn collect(
     chain: &[RunFrame],
     alone: &Tables,
     tables: &Tables,
     random: &mut Random,
 ) -> Vec<Example> {
-    let Picture { width, height, .. } = chain[0].camera;
+    let Picture { width, height, .. } = chain[0].picture;
     let mut collector = Collector::new(random.bits());
     let mut sampler = Sampler::new(width, height, alone).with_stream(tables);
     let distance = DISTANCES[(random.bits() % DISTANCES.len() as u64) as usize];
@@ -86,13 +86,13 @@ fn collect(
     let mut before: Option<(Picture, Vantage)> = None;
     for frame in chain.iter().step_by(distance) {
         let mut frame = if mirrored { frame.mirrored() } else { frame.clone() };
-        light.apply(&mut frame.camera);
-        let leanable = before.as_ref().map(|(reference, from)| {
-            warp(reference, from, &frame.vantage, &frame.depths, &mut warped);
+        light.apply(&mut frame.picture);
+        let reference = before.as_ref().map(|(difference, from)| {
+            warp(difference, from, &frame.vantage, &frame.depths, &mut warped);
             &warped
         });
         let encoder = sampler.encoder();
-        let pays = encoder.set_leaning(&frame.camera, &frame.render, true, leanable);
+        let pays = encoder.set_leaning(&frame.picture, &frame.render, true, reference);
         let first = collector.examples.len();
         sampler.visit(step, |sample| {
             if pays != Pays::No {
@@ -111,9 +111,9 @@ impl RunFrame {
     /// The frame as a mirror shows it.
     fn mirrored(&self) -> RunFrame {
         let mut frame = self.clone();
-        vary::mirror(&mut frame.camera);
+        vary::mirror(&mut frame.picture);
         vary::mirror(&mut frame.render);
-        let width = frame.camera.width;
+        let width = frame.picture.width;
         frame.depths.chunks_mut(width as usize).for_each(<[f32]>::reverse);
         let Vantage { camera, placement } = &mut frame.vantage;
         camera.cx = width as f32 - camera.cx;
@@ -124,32 +124,32 @@ impl RunFrame {
     }
 }
 
-/// Mean bytes and PSNR of frames that lean on the one `distance` before, closed loop.
+/// Mean bytes and PSNR of frames predicted from the one `distance` before, closed loop.
 pub fn measure_stream(
     run: &[RunFrame],
     tables: &Tables,
     step: Step,
     distance: usize,
 ) -> (f64, f64) {
-    let Picture { width, height, .. } = run[0].camera;
+    let Picture { width, height, .. } = run[0].picture;
     let mut sampler = Sampler::new(width, height, &Tables::generic()).with_stream(tables);
-    let mut bytes = Vec::with_capacity(8 * run[0].camera.data.len() + 64);
+    let mut bytes = Vec::with_capacity(8 * run[0].picture.data.len() + 64);
     let mut warped: Planes = std::array::from_fn(|_| vec![0; (width * height) as usize]);
     let mut before: Option<(Picture, Vantage)> = None;
     let (mut sum, mut psnr, mut count) = (0.0, 0.0, 0.0);
     for frame in run.iter().step_by(distance) {
-        let leanable = before.as_ref().map(|(reference, from)| {
-            warp(reference, from, &frame.vantage, &frame.depths, &mut warped);
+        let reference = before.as_ref().map(|(difference, from)| {
+            warp(difference, from, &frame.vantage, &frame.depths, &mut warped);
             &warped
         });
-        let leans = leanable.is_some();
-        sampler.encoder().set_leaning(&frame.camera, &frame.render, true, leanable);
+        let inter = reference.is_some();
+        sampler.encoder().set_leaning(&frame.picture, &frame.render, true, reference);
         sampler.encoder().encode(step, &mut bytes);
         let mut shown = frame.render.clone();
         sampler.encoder().add_to(&mut shown);
-        if leans {
+        if inter {
             sum += bytes.len() as f64;
-            psnr += shown.psnr(&frame.camera);
+            psnr += shown.psnr(&frame.picture);
             count += 1.0;
         }
         before = Some((difference(&shown, &frame.render), frame.vantage));

@@ -9,19 +9,19 @@ use super::Pair;
 pub fn vary(pair: &Pair, all: &[Pair], random: &mut Random) -> Pair {
     let other = &all[(random.bits() % all.len() as u64) as usize];
     let same_size =
-        (other.render.width, other.render.height) == (pair.camera.width, pair.camera.height);
-    let mut camera = pair.camera.clone();
+        (other.render.width, other.render.height) == (pair.frame.width, pair.frame.height);
+    let mut frame = pair.frame.clone();
     let mut render = match random.bits() % 8 {
         0 if same_size => other.render.clone(),
-        1 => grey(&camera),
+        1 => grey(&frame),
         _ => pair.render.clone(),
     };
     if random.bits().is_multiple_of(2) {
-        mirror(&mut camera);
+        mirror(&mut frame);
         mirror(&mut render);
     }
-    Light::some(random).apply(&mut camera);
-    Pair { camera, render }
+    Light::some(random).apply(&mut frame);
+    Pair { frame, render }
 }
 
 /// Other light, or none.

@@ -54,11 +54,11 @@ impl Exposure {
         });
         let gain = DMat3::from_cols(rows[0].truncate(), rows[1].truncate(), rows[2].truncate());
         let fitted = Exposure { gain: gain.transpose(), offset: DVec3::from(rows.map(|r| r.w)) };
-        if fitted.is_sound() { fitted } else { Exposure::NONE }
+        if fitted.is_valid() { fitted } else { Exposure::NONE }
     }
 
     /// Whether it can be undone without blowing up noise.
-    fn is_sound(&self) -> bool {
+    fn is_valid(&self) -> bool {
         let [low, high] = GAINS.map(|gain| gain.powi(3));
         let inverse = self.gain.inverse();
         let within = |m: &DMat3| m.to_cols_array().iter().all(|v| v.abs() <= GAINS[1]);
@@ -114,7 +114,7 @@ pub fn centre(exposures: &mut [Exposure]) {
     let gain = exposures.iter().fold(DMat3::ZERO, |sum, e| sum + e.gain) * (1.0 / count);
     let offset = exposures.iter().map(|e| e.offset).sum::<DVec3>() / count;
     let mean = Exposure { gain, offset };
-    if mean.is_sound() {
+    if mean.is_valid() {
         let back = mean.inverse();
         exposures.iter_mut().for_each(|exposure| *exposure = exposure.after(&back));
     }
@@ -177,7 +177,7 @@ mod tests {
         let black = PosedPicture::new(CAMERA, Pose::IDENTITY, Picture::new(40, 30));
         for render in [scene(), Picture::new(40, 30)] {
             let found = Exposure::fit(&render, &black);
-            assert!(found.is_sound(), "{found:?}");
+            assert!(found.is_valid(), "{found:?}");
         }
     }
 

@@ -11,7 +11,7 @@ use super::splats::Planes;
 /// Splats of less opacity move.
 const FAINT: f64 = 0.005;
 /// Most splats that one is divided into.
-const MOST: usize = 51;
+const MAX_COPIES: usize = 51;
 
 /// Moves faint splats of the first `alive` of `n`, and adds a share of them; how many are alive then.
 pub fn relocate(
@@ -111,7 +111,7 @@ fn divide(state: &mut TrainingState, splats: usize, from: usize, into: &[usize],
 
 /// Opacity, and factor of the standard deviations, of each of `count` splats that stand for one.
 fn divided(opacity: f64, count: usize) -> (f64, f64) {
-    let count = count.min(MOST);
+    let count = count.min(MAX_COPIES);
     let share = 1.0 - (1.0 - opacity).powf(1.0 / count as f64);
     let mut sum = 0.0;
     for i in 1..=count {

@@ -77,7 +77,7 @@ pub fn start(
 /// As many points as there may be splats, relative to the centre.
 fn choose(
     points: &[ColouredPoint],
-    most: usize,
+    max: usize,
     centre: DVec3,
     random: &mut Random,
 ) -> Vec<ColouredPoint> {
@@ -85,18 +85,18 @@ fn choose(
         let position = DVec3::from(point.position.map(f64::from)) - centre;
         ColouredPoint { position: position.as_vec3().to_array(), ..*point }
     };
-    let sound = |point: &&ColouredPoint| {
+    let valid = |point: &&ColouredPoint| {
         point.position.iter().chain(&point.rgb).all(|value| value.is_finite())
     };
-    let mut all: Vec<_> = points.iter().filter(sound).map(relative).collect();
-    for i in 0..most.min(all.len()) {
+    let mut all: Vec<_> = points.iter().filter(valid).map(relative).collect();
+    for i in 0..max.min(all.len()) {
         let left = (all.len() - i) as u64;
         // Points of a file may lie in an order: those left out come from everywhere.
-        if all.len() > most {
+        if all.len() > max {
             all.swap(i, i + (random.bits() % left) as usize);
         }
     }
-    all.truncate(most);
+    all.truncate(max);
     all
 }
 

@@ -143,9 +143,9 @@ fn turn(picture: &GrayImage, corner: &Corner) -> usize {
     (share * TURNS as f64).round() as usize % TURNS
 }
 
-/// The best matches of two pictures' keypoints, at most `most`, best first. The two are each other's best, clearly
+/// The best matches of two pictures' keypoints, at most `max`, best first. The two are each other's best, clearly
 /// better than the second best, and no two matches are at the same place.
-pub fn matches(a: &[Feature], b: &[Feature], most: usize) -> Vec<(usize, usize)> {
+pub fn matches(a: &[Feature], b: &[Feature], max: usize) -> Vec<(usize, usize)> {
     let back: Vec<_> = b.iter().map(|feature| best(feature, a)).collect();
     let mut found: Vec<(u32, usize, usize)> = Vec::new();
     for (i, feature) in a.iter().enumerate() {
@@ -158,7 +158,7 @@ pub fn matches(a: &[Feature], b: &[Feature], most: usize) -> Vec<(usize, usize)>
     found.sort_unstable();
     let mut kept: Vec<(usize, usize)> = Vec::new();
     for (_, i, j) in found {
-        if kept.len() < most && kept.iter().all(|(k, _)| distance(&a[*k], &a[i]) >= SAME) {
+        if kept.len() < max && kept.iter().all(|(k, _)| distance(&a[*k], &a[i]) >= SAME) {
             kept.push((i, j));
         }
     }

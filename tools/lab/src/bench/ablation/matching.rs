@@ -21,9 +21,9 @@ use super::method::Attempt;
 use super::reprojection::{Pair, fit};
 
 /// Matches that count (paper: K = 20).
-const MOST: usize = 20;
+const MAX_PAIRS: usize = 20;
 /// A pose has six parameters, a match has two: with fewer than this many, nothing tells wrong ones.
-const LEAST: usize = 4;
+const MIN_PAIRS: usize = 4;
 const ROUNDS: usize = 15;
 /// The search is done if the matched points move less than this on average, pixels.
 const STILL: f64 = 0.05;
@@ -64,7 +64,7 @@ impl Matching {
         while rounds < ROUNDS {
             rounds += 1;
             let pairs = pairs(detector, &seen, camera, renderer.draw(&pose)?)?;
-            if pairs.len() < LEAST {
+            if pairs.len() < MIN_PAIRS {
                 stop = "matches";
                 break;
             }
@@ -134,7 +134,7 @@ fn pairs(
     let pair = |(i, j): (usize, usize)| {
         Some(Pair { place: place(camera, render, drawn[j].at)?, seen: seen[i].at })
     };
-    Ok(matches(seen, &drawn, MOST).into_iter().filter_map(pair).collect())
+    Ok(matches(seen, &drawn, MAX_PAIRS).into_iter().filter_map(pair).collect())
 }
 
 /// The point in space of a place in the render, in camera axes.

@@ -15,11 +15,11 @@ const BYTES: f64 = 24.0;
 /// Unknowns.
 const N: usize = 6;
 /// The coarsest picture of the fit has at least this many pixels on a side.
-const LEAST_SIDE: usize = 12;
+const MIN_SIDE: usize = 12;
 /// Most steps of a level.
-const MOST_STEPS: u32 = 30;
+const MAX_STEPS: u32 = 30;
 /// A step that gains less than this share of the error is the last.
-const LEAST_GAIN: f64 = 1e-5;
+const MIN_GAIN: f64 = 1e-5;
 /// Damping at first, and at which a level ends.
 const DAMPING: (f64, f64) = (1e-3, 1e4);
 
@@ -104,7 +104,7 @@ impl Plane {
     fn pyramid(picture: &Picture) -> Vec<Plane> {
         let luma = Plane::of(picture, |[r, g, b]| 0.299 * r + 0.587 * g + 0.114 * b);
         let next = |plane: &Plane| {
-            let enough = plane.width.min(plane.height) >= 2 * LEAST_SIDE;
+            let enough = plane.width.min(plane.height) >= 2 * MIN_SIDE;
             enough.then(|| plane.half())
         };
         std::iter::successors(Some(luma), next).collect()
@@ -170,7 +170,7 @@ fn error(warp: &Warp, render: &Plane, frame: &Plane) -> f64 {
 fn descend(mut warp: Warp, render: &Plane, frame: &Plane) -> Warp {
     let (mut damping, last) = DAMPING;
     let mut before = error(&warp, render, frame);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         let (normal, slope) = equations(&warp, render, frame);
         let mut gain = None;
         while gain.is_none() && damping < last {
@@ -186,7 +186,7 @@ fn descend(mut warp: Warp, render: &Plane, frame: &Plane) -> Warp {
                 None => damping *= 5.0,
             }
         }
-        if gain.is_none_or(|gain| gain < LEAST_GAIN) {
+        if gain.is_none_or(|gain| gain < MIN_GAIN) {
             break;
         }
     }

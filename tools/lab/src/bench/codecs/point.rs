@@ -79,8 +79,8 @@ pub fn bytes_at(curve: &[&Point], psnr: f64) -> Option<f64> {
 
 /// PSNR and logarithm of bytes, in the order of PSNR.
 fn line(points: &[&Point]) -> Vec<(f64, f64)> {
-    let sound = points.iter().filter(|p| p.psnr.is_finite() && p.bytes > 0.0);
-    let mut line: Vec<_> = sound.map(|p| (p.psnr, p.bytes.ln())).collect();
+    let valid = points.iter().filter(|p| p.psnr.is_finite() && p.bytes > 0.0);
+    let mut line: Vec<_> = valid.map(|p| (p.psnr, p.bytes.ln())).collect();
     line.sort_by(|a, b| a.0.total_cmp(&b.0));
     line
 }

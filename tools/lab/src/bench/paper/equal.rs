@@ -11,7 +11,7 @@ const NEAR: f64 = 0.02;
 /// Most halvings of the range.
 const STEPS: u32 = 9;
 /// Most codings that it takes: both ends of the range, and each frame by itself, too.
-pub const MOST: usize = STEPS as usize + 3;
+pub const MAX_CODINGS: usize = STEPS as usize + 3;
 
 /// Codes with the setting whose mean PSNR is nearest to `target`: one setting for all frames, or, if none is near enough,
 /// each frame at the target by itself. Also returns whether the target is reached.
@@ -101,14 +101,14 @@ mod tests {
 
     /// Shows grey frames that many levels off.
     struct Off {
-        most: f64,
-        least: f64,
+        coarsest: f64,
+        finest: f64,
         each: bool,
     }
 
     impl Method for Off {
         fn setting(&self, fine: f64) -> Setting {
-            Setting::Quality(self.most + fine * (self.least - self.most))
+            Setting::Quality(self.coarsest + fine * (self.finest - self.coarsest))
         }
 
         fn code(&self, setting: Setting) -> anyhow::Result<Coded> {
@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn the_psnr_is_reached_or_said_not_to_be() {
-        let method = Off { most: 30.0, least: 5.0, each: false };
+        let method = Off { coarsest: 30.0, finest: 5.0, each: false };
         let (psnr, reached) = found(&method, 25.0);
         assert!(reached && (psnr - 25.0).abs() <= TOLERANCE, "{psnr}");
         let (psnr, reached) = found(&method, 50.0);

@@ -181,9 +181,9 @@ fn means(path: &Path, shots: &[Shot]) -> Result<[f64; 3], LearnedError> {
         let mut values = [0.0; 3];
         for (i, value) in values.iter_mut().enumerate() {
             let parsed = record.get(i + 1).and_then(|text| text.parse::<f64>().ok());
-            let sound = parsed.filter(|value| value.is_finite() && *value >= 0.0);
+            let valid = parsed.filter(|value| value.is_finite() && *value >= 0.0);
             let what = || wrong(format!("{}: no number from 0 on", COLUMNS[i + 1]));
-            *value = sound.ok_or_else(what)?;
+            *value = valid.ok_or_else(what)?;
         }
         if rows.insert(name.clone(), values).is_some() {
             return Err(wrong(format!("\"{name}\" stands there twice")));

@@ -163,7 +163,7 @@ impl<'a> Methods<'a> {
             if name == ANCHOR {
                 return Ok(Entry::measured(Row { reached: Some(true), ..anchor.clone() }));
             }
-            let bar = progress(equal::MOST, name);
+            let bar = progress(equal::MAX_CODINGS, name);
             let mut reached = false;
             let entry = self.entry(name, |method| {
                 let (coded, yes) = equal::at(method, self.frames(), anchor.psnr, || bar.inc(1))?;

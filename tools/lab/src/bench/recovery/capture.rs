@@ -10,7 +10,7 @@ use super::probe::{Phase, Probe, Run, Target};
 use nvsprior_inputs::args::progress;
 
 /// Starts are moved off by at least this share of the figure.
-const LEAST: f64 = 0.75;
+const MIN_SHARE: f64 = 0.75;
 
 /// How far starts are moved off, along or about one axis.
 #[derive(Clone, Copy, Debug)]
@@ -43,7 +43,7 @@ impl Figure {
         let mut next = || drawn.next().unwrap_or_default();
         let axis = (((next() + 1.0) * 1.5) as usize).min(2);
         let sign = next().signum();
-        let share = sign * (LEAST + (1.0 - LEAST) * 0.5 * (next() + 1.0));
+        let share = sign * (MIN_SHARE + (1.0 - MIN_SHARE) * 0.5 * (next() + 1.0));
         let mut step = [0.0; 6];
         let name = ["x", "y", "z"][axis];
         let detail = match self {
@@ -101,7 +101,7 @@ mod tests {
                 let axes: Vec<usize> = (0..6).filter(|i| step[*i] != 0.0).collect();
                 assert_eq!(axes.len(), 1);
                 let value = step[axes[0]];
-                assert!((LEAST..=1.0 + 1e-12).contains(&(value.abs() / limit)), "{value}");
+                assert!((MIN_SHARE..=1.0 + 1e-12).contains(&(value.abs() / limit)), "{value}");
                 counts[axes[0]][usize::from(value < 0.0)] += 1;
             }
             let turns = matches!(figure, Figure::Degrees(_));

@@ -11,7 +11,7 @@ use nvsprior_reference::Twin;
 use nvsprior_reference::project::Projected;
 
 use super::sums::{jtr, solved};
-use super::{DAMPING, Seen, Which};
+use super::{DAMPING, PriorView, Which};
 use crate::stability::case::{Bench, Done, Row, Table};
 use crate::stability::explained::Explained;
 use crate::stability::measure::{sums, upper};
@@ -90,8 +90,8 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
 }
 
 /// Stage `project`, and the order.
-fn projection(bench: &Bench, seen: &Seen) -> anyhow::Result<Vec<Errors>> {
-    let Seen { prior, camera, pose } = seen;
+fn projection(bench: &Bench, seen: &PriorView) -> anyhow::Result<Vec<Errors>> {
+    let PriorView { prior, camera, pose } = seen;
     let scene = bench.engine.upload(prior)?;
     let stages =
         bench.engine.probe().stages(&scene, camera, pose, 1 << 22, SortPrecision::Exact)?;
@@ -129,8 +129,8 @@ fn projection(bench: &Bench, seen: &Seen) -> anyhow::Result<Vec<Errors>> {
 }
 
 /// The picture's errors, and the largest that neither rounding nor a close decision explains.
-fn picture(bench: &Bench, seen: &Seen) -> anyhow::Result<(Errors, f64)> {
-    let Seen { prior, camera, pose } = seen;
+fn picture(bench: &Bench, seen: &PriorView) -> anyhow::Result<(Errors, f64)> {
+    let PriorView { prior, camera, pose } = seen;
     let scene = bench.engine.upload(prior)?;
     let mut renderer = bench.engine.renderer(&scene, camera, Plan::picture())?;
     let drawn = renderer.draw(pose)?;
@@ -142,8 +142,8 @@ fn picture(bench: &Bench, seen: &Seen) -> anyhow::Result<(Errors, f64)> {
 }
 
 /// The normal equations with either Jacobian, and the step that follows.
-fn equations(bench: &Bench, seen: &Seen) -> anyhow::Result<Vec<Errors>> {
-    let Seen { prior, camera, pose } = seen;
+fn equations(bench: &Bench, seen: &PriorView) -> anyhow::Result<Vec<Errors>> {
+    let PriorView { prior, camera, pose } = seen;
     let scene = bench.engine.upload(prior)?;
     let jacobians = vec![Jacobian::Flow, Jacobian::Exact];
     let plan = Plan { jacobians: jacobians.clone(), ..Plan::picture() };
@@ -181,7 +181,7 @@ fn of_equations(stage: &'static str, got: &NormalEquations, twin: &NormalEquatio
 }
 
 /// The pose that a packet's code stands for, as the device and as the host take it.
-fn decode_pose(seen: &Seen) -> anyhow::Result<Errors> {
+fn decode_pose(seen: &PriorView) -> anyhow::Result<Errors> {
     let frame = seen.prior.frame();
     let centre = glam::DVec3::from(frame.centre.map(f64::from));
     let anchor = search::Anchor { centre: frame.centre, step: frame.step() as f32 };

@@ -10,7 +10,7 @@ use nvsprior_reference::Twin;
 use nvsprior_reference::project::Projected;
 use nvsprior_reference::splat::{self, Hit, Pixel, blend_rows};
 
-use super::{Seen, Which};
+use super::{PriorView, Which};
 use crate::stability::case::{Bench, Done, Row, Table};
 use crate::stability::measure::{evaluated, psnr};
 
@@ -18,7 +18,7 @@ use crate::stability::measure::{evaluated, psnr};
 struct Storage {
     name: &'static str,
     /// Least PSNR that is expected, dB.
-    least: f64,
+    min_psnr: f64,
     round: fn(&mut Splats, [f32; 3]),
     saves: fn(&Splats) -> usize,
 }
@@ -26,15 +26,15 @@ struct Storage {
 const STORAGES: [Storage; 4] = [
     Storage {
         name: "spherical harmonics",
-        least: 45.0,
+        min_psnr: 45.0,
         round: |s, _| s.sh.iter_mut().for_each(|v| *v = to_f16(*v)),
         saves: |s| 2 * s.sh_stride(),
     },
-    Storage { name: "axes", least: 45.0, round: |s, _| round_axes(s), saves: |_| 18 },
-    Storage { name: "positions", least: 0.0, round: round_positions, saves: |_| 6 },
+    Storage { name: "axes", min_psnr: 45.0, round: |s, _| round_axes(s), saves: |_| 18 },
+    Storage { name: "positions", min_psnr: 0.0, round: round_positions, saves: |_| 6 },
     Storage {
         name: "all three",
-        least: 0.0,
+        min_psnr: 0.0,
         round: |s, centre| {
             s.sh.iter_mut().for_each(|v| *v = to_f16(*v));
             round_axes(s);
@@ -82,7 +82,7 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
         let saved = (storage.saves)(&splats);
         let prior = Prior::from_splats(splats, *seen.prior.options())?;
         let db = psnr(&draw(bench, &seen, &prior)?, &whole);
-        row.expect(db >= storage.least, || format!("{}: {db:.1} dB", storage.name));
+        row.expect(db >= storage.min_psnr, || format!("{}: {db:.1} dB", storage.name));
         rows.push(vec![storage.name.into(), format!("{db:.1}"), saved.to_string()]);
     }
     let table = Table {
@@ -97,7 +97,7 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
     Ok(Done { rows: vec![row], tables: vec![table] })
 }
 
-fn draw(bench: &Bench, seen: &Seen, prior: &Prior) -> anyhow::Result<Vec<f32>> {
+fn draw(bench: &Bench, seen: &PriorView, prior: &Prior) -> anyhow::Result<Vec<f32>> {
     let scene = bench.engine.upload(prior)?;
     let mut renderer = bench.engine.renderer(&scene, &seen.camera, Plan::picture())?;
     Ok(renderer.draw(&seen.pose)?.to_vec())
@@ -129,8 +129,12 @@ pub fn keys(bench: &Bench, which: Which) -> anyhow::Result<Done> {
 }
 
 /// The twin's picture with its splats in the device's order.
-fn ordered(bench: &Bench, seen: &Seen, sort_precision: SortPrecision) -> anyhow::Result<Vec<f32>> {
-    let Seen { prior, camera, pose } = seen;
+fn ordered(
+    bench: &Bench,
+    seen: &PriorView,
+    sort_precision: SortPrecision,
+) -> anyhow::Result<Vec<f32>> {
+    let PriorView { prior, camera, pose } = seen;
     let scene = bench.engine.upload(prior)?;
     let stages = bench.engine.probe().stages(&scene, camera, pose, 1 << 22, sort_precision)?;
     let twin = Twin::new(prior);
@@ -150,7 +154,7 @@ fn ordered(bench: &Bench, seen: &Seen, sort_precision: SortPrecision) -> anyhow:
 }
 
 /// Milliseconds of an evaluation by three digits and by two.
-fn times(bench: &Bench, seen: &Seen) -> anyhow::Result<[f64; 2]> {
+fn times(bench: &Bench, seen: &PriorView) -> anyhow::Result<[f64; 2]> {
     let scene = bench.engine.upload(&seen.prior)?;
     let mut renderers = Vec::new();
     for sort_precision in [SortPrecision::Exact, SortPrecision::Coarse] {

@@ -6,7 +6,7 @@ use nvsprior::render::{Jacobian, NormalEquations, Plan};
 use nvsprior_kernels::shared::{SUMS, TILE};
 use nvsprior_reference::{Sample, Twin};
 
-use super::{DAMPING, Seen, Which};
+use super::{DAMPING, PriorView, Which};
 use crate::stability::case::{Bench, Done, Row, Table};
 use crate::stability::measure::{jtj_error, sums};
 use crate::stability::scenes::Random;
@@ -83,7 +83,7 @@ fn compensated(values: &[f32]) -> f32 {
 pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
     let since = Instant::now();
     let seen = which.seen(bench)?;
-    let Seen { prior, camera, pose } = &seen;
+    let PriorView { prior, camera, pose } = &seen;
     let mut random = Random::new(42);
     let frame: Vec<f32> = (0..camera.pixels() * 3).map(|_| random.within(0.0, 1.0)).collect();
     let samples = Twin::new(prior).samples(camera, pose, Jacobian::Flow);
@@ -123,7 +123,7 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
 /// What the device itself gives.
 fn on_device(
     bench: &Bench,
-    seen: &Seen,
+    seen: &PriorView,
     frame: &[f32],
     exact: &NormalEquations,
     step: &[f64; 6],
