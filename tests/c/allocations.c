@@ -1,5 +1,5 @@
-// After the first frame, encoding, splitting, sharing, reassembly, repair of losses and decoding take nothing from the heap within libnvsprior.so.
-// The test prints what loader and driver take.
+// After the first frame, encoding, splitting, sharing, reassembly, repair of losses and decoding take nothing from the
+// heap within libnvsprior.so. The test prints what loader and driver take.
 //
 // This program's own malloc, calloc and so on replace the C library's. They count a call for the library that makes it.
 

@@ -1,5 +1,5 @@
-// The figures that a firmware engineer asks for first: what a frame takes of the calling thread, what an idle poll takes,
-// the library's size, and how often a frame takes memory. It prints them; it checks only what holds everywhere.
+// The figures that a firmware engineer asks for first: what a frame takes of the calling thread, what an idle poll
+// takes, the library's size, and how often a frame takes memory. It prints them; it checks only what holds everywhere.
 //
 // This program's own malloc, calloc and so on replace the C library's, to count the calls from within libnvsprior.so.
 

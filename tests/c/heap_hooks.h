@@ -1,5 +1,5 @@
-// The program's own malloc, calloc and so on in the place of the C library's. Each first calls `heap_refused`, which the
-// program defines, with the place that calls. If that is not 0, there is no memory.
+// The program's own malloc, calloc and so on in the place of the C library's. Each first calls `heap_refused`, which
+// the program defines, with the place that calls. If that is not 0, there is no memory.
 //
 // For one source file of a program; it defines functions.
 

@@ -7,8 +7,8 @@
 // As a second part the program runs itself under limited address space. There the driver's calls fail too. So what the
 // driver compiles is compiled before the limit is set.
 //
-// With the variable NVSP_TEST_EVERY every n is tried, which takes long; else those of the calls that set memory aside, and
-// a sample of the others.
+// With the variable NVSP_TEST_EVERY every n is tried, which takes long; else those of the calls that set memory aside,
+// and a sample of the others.
 
 #define _GNU_SOURCE
 

@@ -1,5 +1,6 @@
 //! Scenes that the program draws itself, seen through water on mapping runs and inspection runs. The basin is of the
-//! paper's kind; the quay is one that nothing in the library was trained on. They share no code with the splat renderer.
+//! paper's kind; the quay is one that nothing in the library was trained on. They share no code with the splat
+//! renderer.
 
 mod basin;
 mod export;

@@ -24,8 +24,9 @@ use table::{Table, TableRow};
 /// Run the whole job on a scene that the program draws itself
 ///
 /// Draws a basin with a yellow structure, seen through water. Its prior was trained from the mapping
-/// run M1 by `nvsprior map`, and comes with the program. Encodes two inspection runs (T1: the scene as mapped; T2: with a new object and a safety line).
-/// Decodes their packets in another process, compares, and prints a table like the paper's.
+/// run M1 by `nvsprior map`, and comes with the program. Encodes two inspection runs (T1: the scene as mapped; T2: with
+/// a new object and a safety line). Decodes their packets in another process, compares, and prints a table like the
+/// paper's.
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder for runs, prior, packets, pictures and the table

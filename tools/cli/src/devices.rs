@@ -4,8 +4,8 @@ use nvsprior::vulkan::{ListedDevice, devices};
 
 /// List the Vulkan devices of this machine
 ///
-/// The number, or a part of the name or the driver's name, is what --device takes. Whether a device draws the same bytes
-/// as every other one is measured by `nvsprior verify-device`.
+/// The number, or a part of the name or the driver's name, is what --device takes. Whether a device draws the same
+/// bytes as every other one is measured by `nvsprior verify-device`.
 #[derive(clap::Args)]
 pub struct Args {}
 

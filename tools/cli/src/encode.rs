@@ -58,8 +58,8 @@ pub struct Args {
 /// The part of the picture that gets more of the bits.
 #[derive(clap::Args)]
 struct InterestArgs {
-    /// Rectangle that gets more of the bits, pixels: left, top, width, height. All else gets fewer; --psnr stays that of the
-    /// whole picture
+    /// Rectangle that gets more of the bits, pixels: left, top, width, height. All else gets fewer; --psnr stays that
+    /// of the whole picture
     #[arg(long, value_name = "X,Y,W,H", value_parser = values::rectangle)]
     region: Option<[u32; 4]>,
     /// How many times more an error in --region counts than one beside it

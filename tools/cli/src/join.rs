@@ -12,9 +12,9 @@ use nvsprior_inputs::values;
 
 /// Put packets together from the frames of a modem
 ///
-/// Takes frames as `nvsprior split` makes them, in the order of their files' names, or as they come over UDP. Frames may
-/// be missing, repeated, swapped or padded. Writes NUMBER.nvsp for every frame number: the whole packet, or as much of it
-/// as has come without a gap, of which `nvsprior decode --joined` makes the best possible picture.
+/// Takes frames as `nvsprior split` makes them, in the order of their files' names, or as they come over UDP. Frames
+/// may be missing, repeated, swapped or padded. Writes NUMBER.nvsp for every frame number: the whole packet, or as much
+/// of it as has come without a gap, of which `nvsprior decode --joined` makes the best possible picture.
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder with the frames, *.frame

@@ -16,8 +16,8 @@ pub struct ModeArgs {
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::count)]
     key_every: usize,
     /// Of a stream: the reference of inter frames. `chain`: the frame before; `layers`: for every other frame one
-    /// further back, so that fewer depend on each; `keys`: the last intra frame; `acknowledged`: the newest one that the
-    /// topside says it has, over a return channel
+    /// further back, so that fewer depend on each; `keys`: the last intra frame; `acknowledged`: the newest one that
+    /// the topside says it has, over a return channel
     #[arg(long, value_enum, default_value = "chain")]
     structure: StructureArg,
 }

@@ -1,6 +1,6 @@
 //! Measures the engine: run time and error ([`mod@bench`]), numbers at their extremes ([`stability`]), whether a device
-//! is portable ([`verify_device`]), what a device can do at best ([`ceilings`]), how much of that each stage should take
-//! ([`cost`]), and what a pilot sees over a link ([`mod@link`]).
+//! is portable ([`verify_device`]), what a device can do at best ([`ceilings`]), how much of that each stage should
+//! take ([`cost`]), and what a pilot sees over a link ([`mod@link`]).
 
 pub mod bench;
 pub mod ceilings;

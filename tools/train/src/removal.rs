@@ -1,7 +1,8 @@
 //! How much pictures would change if one splat were missing.
 //!
-//! In a pixel, what lies behind the splat shows in its place: the change is `T α (behind − colour)`. The device projects
-//! the splats and lists them tile by tile; each list is blended here, since no stage keeps the change of one splat.
+//! In a pixel, what lies behind the splat shows in its place: the change is `T α (behind − colour)`. The device
+//! projects the splats and lists them tile by tile; each list is blended here, since no stage keeps the change of one
+//! splat.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;

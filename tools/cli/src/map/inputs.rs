@@ -30,7 +30,8 @@ pub struct InputArgs {
     /// Folder that the pictures' names start from [default: as the camera file lies, or COLMAP's images/]
     #[arg(long, value_name = "DIR", conflicts_with = "unposed")]
     pictures: Option<PathBuf>,
-    /// Folder of masks, PNGs named as the pictures are: white is what counts [default: those that the camera file names]
+    /// Folder of masks, PNGs named as the pictures are: white is what counts [default: those that the camera file
+    /// names]
     #[arg(long, value_name = "DIR")]
     masks: Option<PathBuf>,
     /// Train on this split alone; the camera file's other splits are held out
@@ -44,7 +45,8 @@ pub struct InputArgs {
     points: Option<PathBuf>,
     #[command(flatten)]
     size: SizeArgs,
-    /// Write the pictures without distortion, at the size that they are trained at, with their poses (cameras.json): what
+    /// Write the pictures without distortion, at the size that they are trained at, with their poses (cameras.json):
+    /// what
     /// `trim`, `tables`, `encode` and `bench` read
     #[arg(long, value_name = "DIR")]
     undistorted: Option<PathBuf>,

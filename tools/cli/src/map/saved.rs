@@ -35,8 +35,8 @@ impl Saved {
         Ok(())
     }
 
-    /// Saves the state. If it cannot be written, says so and keeps the one saved before: the disk may have room the next
-    /// time, and hours of training are not given up for it.
+    /// Saves the state. If it cannot be written, says so and keeps the one saved before: the disk may have room the
+    /// next time, and hours of training are not given up for it.
     pub fn save(&self, mapper: &Mapper) -> anyhow::Result<()> {
         let bytes = write_state(&mapper.state()?, self.fingerprint);
         if let Err(error) = replace_file(&self.path, &bytes) {

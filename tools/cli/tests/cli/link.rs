@@ -1,4 +1,5 @@
-//! `nvsprior split` and `join`: packets through a modem, as files and as datagrams; `nvsprior link`; `nvsprior devices`.
+//! `nvsprior split` and `join`: packets through a modem, as files and as datagrams; `nvsprior link`; `nvsprior
+//! devices`.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};

@@ -310,8 +310,8 @@ fn colmap_finds_the_poses_of_the_demos_mapping_run() {
     assert!(place < 0.05 && angle < 0.5, "{place} units, {angle}°");
 }
 
-/// Distance (in the known unit) and angle (degrees) of found poses from known ones, after the similarity that brings the
-/// found ones nearest.
+/// Distance (in the known unit) and angle (degrees) of found poses from known ones, after the similarity that brings
+/// the found ones nearest.
 fn errors(pairs: &[(Pose, Pose)]) -> Vec<(f64, f64)> {
     let count = pairs.len() as f64;
     // World of the found poses to that of the known ones: the mean of what each camera says.

@@ -142,7 +142,8 @@ impl Workplace {
     }
 
     /// Removes what would get in a step's way. COLMAP's database keeps the matches that it has, whatever cut the step
-    /// off. Its extractor would give the pictures that are left a camera of their own, and its mapper writes at the end.
+    /// off. Its extractor would give the pictures that are left a camera of their own, and its mapper writes at the
+    /// end.
     fn prepare(
         &self,
         step: Step,

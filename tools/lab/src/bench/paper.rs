@@ -37,10 +37,10 @@ pub struct PaperArgs {
     /// Measure only the methods of the paper's tables, and the program's own
     ///
     /// WebP, JPEG XL, affine warps and BFGS with both, the program's own coder picture by picture and as a stream, and
-    /// pose estimators. JPEG XL needs `cjxl` and `djxl`. The learned coders come from `tools/paper` (--learned). Methods that
-    /// cannot be measured are named. Writes paper.json, paper-equal.json (all at one PSNR), paper.md with what the paper
-    /// reports beside each row, paper.svg, paper.png, and exchange/ for `tools/paper`. A CSV file given with --starts
-    /// holds the starts of a pose regressor (name,qw,qx,qy,qz,tx,ty,tz), which get a row of their own.
+    /// pose estimators. JPEG XL needs `cjxl` and `djxl`. The learned coders come from `tools/paper` (--learned).
+    /// Methods that cannot be measured are named. Writes paper.json, paper-equal.json (all at one PSNR), paper.md with
+    /// what the paper reports beside each row, paper.svg, paper.png, and exchange/ for `tools/paper`. A CSV file given
+    /// with --starts holds the starts of a pose regressor (name,qw,qx,qy,qz,tx,ty,tz), which get a row of their own.
     #[arg(long, conflicts_with_all = ["ablation", "recovery", "codecs"])]
     pub paper: bool,
     /// Folder of what learned coders made of exchange/, as `tools/paper` writes it

@@ -36,8 +36,8 @@ pub struct TableOptions {
     pub epochs: usize,
     /// Quantiser steps that each frame is coded at, in a round.
     pub steps_per_frame: usize,
-    /// Frames are mirrored, lit otherwise, and now and then beside another frame's render: for tables that are to do for
-    /// any scene.
+    /// Frames are mirrored, lit otherwise, and now and then beside another frame's render: for tables that are to do
+    /// for any scene.
     pub vary: bool,
     /// Seed of everything that is chosen at random.
     pub seed: u64,

@@ -1,8 +1,8 @@
 //! Light that changes from picture to picture: an affine colour map per picture (a 3×4 matrix, as Inria's trainer and
 //! Splatfacto have it), so that it does not become floaters.
 //!
-//! A picture's map takes the scene's colours to the picture's. It is fitted to the render by least squares in closed form,
-//! so it has no rate. The picture is trained on with the map undone, so the gradients need not know of it.
+//! A picture's map takes the scene's colours to the picture's. It is fitted to the render by least squares in closed
+//! form, so it has no rate. The picture is trained on with the map undone, so the gradients need not know of it.
 
 use glam::{DMat3, DMat4, DVec3, DVec4};
 use nvsprior::Picture;

@@ -1,5 +1,5 @@
-//! Training a prior from posed pictures, on the device: 3D Gaussian Splatting (Kerbl et al. 2023) with a fixed budget of
-//! splats, which noise and relocation spread (3DGS-MCMC, Kheradmand et al. 2024).
+//! Training a prior from posed pictures, on the device: 3D Gaussian Splatting (Kerbl et al. 2023) with a fixed budget
+//! of splats, which noise and relocation spread (3DGS-MCMC, Kheradmand et al. 2024).
 //!
 //! The prior is trained by the engine's own render path, so it fits the renderer that will draw it. All that is random
 //! follows from the seed and the number of the step: the same input gives the same prior on one device, byte for byte,

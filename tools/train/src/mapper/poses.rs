@@ -1,4 +1,5 @@
-//! Poses that fit the pictures better than the given ones: those of navigation or of a reconstruction are off by pixels.
+//! Poses that fit the pictures better than the given ones: those of navigation or of a reconstruction are off by
+//! pixels.
 //!
 //! A Gauss–Newton step per picture, by the engine's own normal equations against the splats as they are. A step is kept
 //! if it makes the picture's error smaller.

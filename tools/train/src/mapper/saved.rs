@@ -1,9 +1,9 @@
 //! A training's state as bytes, so that it can go on after an interruption.
 //!
-//! All numbers are little-endian: the magic `NVSPMAP2`; the fingerprint of what is trained, the steps done, the splats in
-//! use, the numbers of each of three sets of planes, and the number of pictures (u32 each); the planes (f32); the light of
-//! each picture (12 f64: the columns of the gain, the offset) with its pose (7 f64: x, y, z, w, translation); a CRC-32
-//! over all before it.
+//! All numbers are little-endian: the magic `NVSPMAP2`; the fingerprint of what is trained, the steps done, the splats
+//! in use, the numbers of each of three sets of planes, and the number of pictures (u32 each); the planes (f32); the
+//! light of each picture (12 f64: the columns of the gain, the offset) with its pose (7 f64: x, y, z, w, translation);
+//! a CRC-32 over all before it.
 
 use glam::{DMat3, DQuat, DVec3};
 use nvsprior::Pose;

@@ -3,8 +3,9 @@
 use nvsprior::render::training::{FADING, Training};
 use nvsprior_kernels::shared::sh_coefficients;
 
-/// Rates and pulls. The defaults are those of gsplat's MCMC preset, but for trainings of some thousand steps: splats are
-/// added faster, positions and the higher coefficients move faster, pulls are weaker, and all rates fall in the end.
+/// Rates and pulls. The defaults are those of gsplat's MCMC preset, but for trainings of some thousand steps: splats
+/// are added faster, positions and the higher coefficients move faster, pulls are weaker, and all rates fall in the
+/// end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {
     /// Rate of positions at the start, in extents of the scene.

@@ -13,8 +13,8 @@ const STEPS: u32 = 9;
 /// Most codings that it takes: both ends of the range, and each frame by itself, too.
 pub const MAX_CODINGS: usize = STEPS as usize + 3;
 
-/// Codes with the setting whose mean PSNR is nearest to `target`: one setting for all frames, or, if none is near enough,
-/// each frame at the target by itself. Also returns whether the target is reached.
+/// Codes with the setting whose mean PSNR is nearest to `target`: one setting for all frames, or, if none is near
+/// enough, each frame at the target by itself. Also returns whether the target is reached.
 pub fn at(
     method: &dyn Method,
     frames: &Run,

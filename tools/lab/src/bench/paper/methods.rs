@@ -46,7 +46,8 @@ pub struct Methods<'a> {
 }
 
 impl<'a> Methods<'a> {
-    /// Finds the working points: with them the frames alone have the PSNR that the paper reports. `set`: the set's name.
+    /// Finds the working points: with them the frames alone have the PSNR that the paper reports. `set`: the set's
+    /// name.
     pub fn new(context: &'a Context, runs: &'a Runs, set: &str) -> anyhow::Result<Methods<'a>> {
         let settings = ["webp", "jpeg-xl"].map(|_| Err(String::new()));
         let (webp, jpeg_xl) = (Coder::webp(), Coder::jpeg_xl());

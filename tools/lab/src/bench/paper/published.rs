@@ -94,7 +94,8 @@ pub fn tables(set: &str) -> &'static [Table] {
     }
 }
 
-/// PSNR of WebP and of JPEG XL on frames alone, in the first of the set's tables. If that has no JPEG XL, WebP's counts.
+/// PSNR of WebP and of JPEG XL on frames alone, in the first of the set's tables. If that has no JPEG XL, WebP's
+/// counts.
 pub fn frame_psnr(set: &str) -> [f64; 2] {
     let psnr = |method| tables(set).first()?.row(method).map(|row| row.psnr);
     let webp = psnr("webp").unwrap_or(T1.rows[0].psnr);
