@@ -15,7 +15,7 @@
 //
 // A datagram holds one modem frame. MTU must not be larger than what the node's link carries in one frame. Else
 // UnetStack splits datagrams again, and the loss of one part costs the whole. UnetStack hands over no damaged
-// datagrams, hence NVSP_MODEM_CHECKS.
+// datagrams, hence NVSP_COLLECTOR_MODEM_CHECKS.
 
 #include "example.h"
 
@@ -29,44 +29,51 @@ static const char usage[] =
     "FOLDER: each picture replaces FOLDER/FRAME.ppm as more of its packet arrives\n";
 
 #define PROTOCOL USER
-#define MOST_BYTES (1 << 16)
+#define MAX_BYTES (1 << 16)
 
 // Sends a packet, its first modem frame first: that makes a picture by itself.
-static int send_packet(unetsocket_t modem, int node, const uint8_t *packet, size_t size, uint32_t mtu) {
-    static uint8_t frame[MOST_BYTES];
-    uint32_t count = 0;
-    nvsp_status status = nvsp_modem_frame_count(size, mtu, &count);
-    for (uint32_t i = 0; status == NVSP_OK && i < count; i++) {
-        size_t written = 0;
-        status = nvsp_modem_frame(packet, size, mtu, i, frame, sizeof frame, &written);
-        if (status == NVSP_OK && unetsocket_send(modem, frame, (int)written, node, PROTOCOL) != 0) {
-            fprintf(stderr, "the modem refuses modem frame %u\n", i);  // The others are of use.
-        }
-    }
+static int send_packet(unetsocket_t modem, int node, nvsp_sender *sender, const uint8_t *packet, size_t size) {
+    static uint8_t frame[MAX_BYTES];
+    size_t written = 0;
+    const nvsp_status status = nvsp_sender_push(sender, 0, packet, size, NULL, 0, NULL);
     if (status != NVSP_OK) {
-        fprintf(stderr, "splitting: %s\n", nvsp_status_text(status));
+        fprintf(stderr, "sending: %s\n", nvsp_status_text(status));
+        return 0;
     }
-    return status == NVSP_OK;
-}
-
-static int send_all(unetsocket_t modem, uint32_t mtu, int node, char **paths, int count) {
-    static uint8_t packet[MOST_BYTES];
-    for (int i = 0; i < count; i++) {
-        const size_t size = read_file(paths[i], packet, sizeof packet);
-        if (size == 0 || !send_packet(modem, node, packet, size, mtu)) {
-            return 0;
+    while (nvsp_sender_next(sender, 0, frame, sizeof frame, &written) == NVSP_OK) {
+        if (unetsocket_send(modem, frame, (int)written, node, PROTOCOL) != 0) {
+            fprintf(stderr, "the modem refuses a modem frame\n");  // The others are of use.
         }
     }
     return 1;
 }
 
-// Shows the newest packet as far as it has come: a picture in a file.
-static int show(nvsp_decoder *decoder, nvsp_reassembler *reassembler, const char *folder) {
-    static uint8_t packet[MOST_BYTES];
+static int send_all(unetsocket_t modem, uint32_t mtu, int node, char **paths, int count) {
+    static uint8_t packet[MAX_BYTES];
+    nvsp_sender *sender = NULL;
+    nvsp_sender_options options;
+    NVSP_INIT(&options);
+    options.flags = NVSP_SENDER_UNPROTECTED;
+    const nvsp_status status = nvsp_sender_create(mtu, &options, &sender);
+    if (status != NVSP_OK) {
+        fprintf(stderr, "making a sender: %s\n", nvsp_status_text(status));
+    }
+    int done = status == NVSP_OK;
+    for (int i = 0; i < count && done; i++) {
+        const size_t size = read_file(paths[i], packet, sizeof packet);
+        done = size > 0 && send_packet(modem, node, sender, packet, size);
+    }
+    nvsp_sender_destroy(sender);
+    return done;
+}
+
+// Shows a packet as far as it has come: a picture in a file.
+static int show(nvsp_decoder *decoder, nvsp_collector *collector, uint32_t frame, const char *folder) {
+    static uint8_t packet[MAX_BYTES];
     size_t size = 0;
     nvsp_header header;
     NVSP_INIT(&header);
-    nvsp_status status = nvsp_reassembler_fetch(reassembler, packet, sizeof packet, &size, NULL);
+    nvsp_status status = nvsp_collector_fetch(collector, 0, frame, packet, sizeof packet, &size, NULL);
     if (status == NVSP_OK) {
         status = nvsp_decode_header(packet, size, NULL, &header);
     }
@@ -112,19 +119,18 @@ static int show(nvsp_decoder *decoder, nvsp_reassembler *reassembler, const char
 }
 
 // Receives until nothing came for ten minutes.
-static void receive_all(unetsocket_t modem, nvsp_decoder *decoder, nvsp_reassembler *reassembler,
-                        const char *folder) {
-    static uint8_t frame[MOST_BYTES];
+static void receive_all(unetsocket_t modem, nvsp_decoder *decoder, nvsp_collector *collector, const char *folder) {
+    static uint8_t frame[MAX_BYTES];
     unetsocket_set_timeout(modem, 600000);
     for (fjage_msg_t message; (message = unetsocket_receive(modem)) != NULL;) {
         const int size = fjage_msg_get_byte_array(message, "data", frame, sizeof frame);
         fjage_msg_destroy(message);
-        nvsp_reassembly state;
+        nvsp_collected state;
         NVSP_INIT(&state);
         if (size > 0 && size <= (int)sizeof frame
-            && nvsp_reassembler_push(reassembler, frame, (size_t)size, &state) == NVSP_OK
+            && nvsp_collector_push(collector, 0, frame, (size_t)size, &state) == NVSP_OK
             && (state.event == NVSP_EVENT_GROWN || state.event == NVSP_EVENT_COMPLETE)) {
-            show(decoder, reassembler, folder);
+            show(decoder, collector, state.frame, folder);
         }
     }
 }
@@ -133,24 +139,25 @@ static int topside(unetsocket_t modem, uint32_t mtu, const char *prior_path, con
     nvsp_engine *engine = NULL;
     nvsp_prior *prior = NULL;
     nvsp_decoder *decoder = NULL;
-    nvsp_reassembler *reassembler = NULL;
-    nvsp_reassembler_options options;
+    nvsp_collector *collector = NULL;
+    nvsp_collector_options options;
     int done = 0;
     if (open_prior(prior_path, &engine, &prior)) {
         NVSP_INIT(&options);
-        options.flags = NVSP_MODEM_CHECKS;
+        options.flags = NVSP_COLLECTOR_MODEM_CHECKS;
+        options.shares = 1 + MAX_BYTES / (mtu > 31 ? mtu - 4 : 27);
         nvsp_status status = nvsp_decoder_create(engine, prior, &decoder);
         if (status == NVSP_OK) {
-            status = nvsp_reassembler_create(mtu, &options, &reassembler);
+            status = nvsp_collector_create(mtu, &options, &collector);
         }
         done = status == NVSP_OK && unetsocket_bind(modem, PROTOCOL) == 0;
         if (done) {
-            receive_all(modem, decoder, reassembler, folder);
+            receive_all(modem, decoder, collector, folder);
         } else {
             fprintf(stderr, "starting to receive: %s\n", nvsp_status_text(status));
         }
     }
-    nvsp_reassembler_destroy(reassembler);
+    nvsp_collector_destroy(collector);
     nvsp_decoder_destroy(decoder);
     nvsp_prior_destroy(prior);
     nvsp_engine_destroy(engine);

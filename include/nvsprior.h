@@ -2,9 +2,8 @@
  *
  * A vehicle and its topside hold the same trained scene, the prior. For each camera frame an encoder finds the pose at
  * which the prior looks most like the frame. It packs the pose with a coded difference picture. A decoder renders the
- * prior at the pose and adds the difference. Packets travel in modem frames. On a link that loses some, a sender
- * spreads each packet over frames of which any few give a picture, and a collector puts them together. If all arrive,
- * nvsp_modem_frame splits a packet, and a reassembler puts it together.
+ * prior at the pose and adds the difference. Packets travel in modem frames: a sender makes them, with protection
+ * against losses or without, and a collector puts packets together.
  *
  * The contract of every function:
  *
@@ -21,16 +20,17 @@
  * Parameters. One line per parameter says what it is, its unit, and whether NULL is allowed. If it is not, NULL gives
  *   NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot check it.
  * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
- *   decoder, a sender, a collector or a reassembler: a second one gets NVSP_ERR_BUSY and does no harm. No thread may
- *   use a handle while it is destroyed, or afterwards.
+ *   decoder, a sender or a collector: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a handle
+ *   while it is destroyed, or afterwards.
  * Waiting. A call waits only if its comment says so, and only for the device, no longer than
  *   nvsp_engine_options.watchdog_milliseconds for one piece of work. Building pipelines, in nvsp_engine_create and the
  *   first nvsp_prior_open, takes as long as the driver takes. No call waits for another program, a file (except
  *   nvsp_prior_open) or a network.
- * Memory. A call allocates only if its comment says so. Encoding, decoding, splitting, sharing and
- *   putting together allocate nothing on the host once they have run a first time. A call that allocates first sets aside as much as it may need at most. If
+ * Memory. A call allocates only if its comment says so. Encoding, decoding, sending and collecting allocate nothing on
+ *   the host once they have run a first time. A call that allocates first sets aside as much as it may need at most. If
  *   the system does not have it, the call fails with NVSP_ERR_MEMORY, and nothing has changed. The library itself never
- *   ends the process for want of memory, wherever that comes from (nvsp_set_allocator). A Vulkan driver may: Mesa's does, while it compiles.
+ *   ends the process for want of memory, wherever that comes from (nvsp_set_allocator). A Vulkan driver may: Mesa's
+ *   does, while it compiles.
  * Structures. Every structure begins with struct_size. Set it up with NVSP_INIT(&structure), or as
  *   nvsp_camera camera = NVSP_INITIALIZER(nvsp_camera). This makes every other field zero, its default. Later versions
  *   only append fields. Flags that are unknown, and reserved fields that are not zero, are refused.
@@ -302,7 +302,7 @@ template <class Structure> inline Structure nvsp_initialized() {
 // Kannala-Brandt, as in OpenCV's module `fisheye`. `coefficients`: k1, k2, k3, k4.
 #define NVSP_LENS_FISHEYE 2
 
-// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives it. If the
+// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_collector_fetch copies it. If the
 // difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
 // picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
 // matches.
@@ -328,7 +328,18 @@ template <class Structure> inline Structure nvsp_initialized() {
 // The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
 #define NVSP_HEADER_SHORT 128
 
-// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do.
+// nvsp_sender_options.loss: the link loses nothing.
+#define NVSP_LOSS_NONE -1.0
+
+// nvsp_sender_options.flags: the topside sends reports, for nvsp_sender_process_report. The sender then remembers the
+// packets of twice the latency.
+#define NVSP_SENDER_EXPECT_REPORTS 1
+
+// nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
+// missing. Needs an MTU of 31 or more, stream 0 and no user bytes.
+#define NVSP_SENDER_UNPROTECTED 2
+
+// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do, with protection from 16.
 #define NVSP_MTU_31 31
 
 #define NVSP_MTU_64 64
@@ -337,34 +348,28 @@ template <class Structure> inline Structure nvsp_initialized() {
 
 #define NVSP_MTU_1024 1024
 
-// The modem hands over no damaged frames: a packet's first frame then counts as sound to its end.
-#define NVSP_MODEM_CHECKS 1024
+// Most frames in a report.
+#define NVSP_REPORT_FRAMES 32
+
+// nvsp_collector_options.flags: the modem hands over no damaged frames. The first share of an unprotected packet then
+// counts as valid to its end.
+#define NVSP_COLLECTOR_MODEM_CHECKS 1
 
 // The packet is complete.
 #define NVSP_EVENT_COMPLETE 1
 
-// The packet has more bytes at its start than before: nvsp_reassembler_fetch gives a better picture.
+// The packet has more bytes at its start than before: nvsp_collector_fetch yields a better picture.
 #define NVSP_EVENT_GROWN 2
 
-// The modem frame is kept until others come: an earlier one is missing.
+// The share is kept. It is of use once more come.
 #define NVSP_EVENT_KEPT 3
 
-// The modem frame was there already.
+// The share was there already.
 #define NVSP_EVENT_DUPLICATE 4
 
-// All modem frames of the packet are there, but its own checks do not match. All frames but the
-// first were forgotten; they may come again.
+// The packet's own checks do not match what its shares hold. They are dropped, and may come again. Of an unprotected
+// packet the first one stays, as far as it is valid.
 #define NVSP_EVENT_DAMAGED 5
-
-// nvsp_sender_options.loss: the link loses nothing.
-#define NVSP_LOSS_NONE -1.0
-
-// nvsp_sender_options.flags: the topside answers with reports, nvsp_sender_hear. The sender then remembers the packets of twice
-// the latency.
-#define NVSP_SENDER_ANSWERS 1
-
-// Most frames in a report.
-#define NVSP_REPORT_FRAMES 32
 
 // The share's packet was complete before.
 #define NVSP_EVENT_SURPLUS 6
@@ -381,7 +386,8 @@ typedef struct VkPhysicalDevice_T VkPhysicalDevice_T;
 // What VkQueue points to.
 typedef struct VkQueue_T VkQueue_T;
 
-// Puts packets together from the shares that an nvsp_sender gave. One thread at a time may use it. Example:
+// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. One thread at a time may
+// use it. Example:
 //
 //     nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
 //     if (nvsp_collector_push(collector, now, frame, size, &state) == NVSP_OK && state.bytes > 0)
@@ -438,15 +444,10 @@ typedef struct nvsp_engine nvsp_engine;
 //     }
 typedef struct nvsp_prior nvsp_prior;
 
-// Puts packets together from modem frames. One thread at a time may use it. Example:
-//
-//     nvsp_reassembly state = NVSP_INITIALIZER(nvsp_reassembly);
-//     if (nvsp_reassembler_push(reassembler, frame, size, &state) == NVSP_OK && state.event == NVSP_EVENT_COMPLETE)
-//         status = nvsp_reassembler_fetch(reassembler, packet, sizeof packet, &bytes, NULL);
-typedef struct nvsp_reassembler nvsp_reassembler;
-
-// Protects packets against losses, within a bit rate. A packet becomes shares: modem frames of which any few give a
-// picture, and each more a finer one. nvsp_collector puts them together. One thread at a time may use it. Example:
+// Makes the modem frames of packets, within a bit rate. Such a frame is a share. A few shares of a packet, in any
+// combination, yield a picture; each additional one refines it. Without protection (NVSP_SENDER_UNPROTECTED) shares
+// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. One thread at a
+// time may use it. Example:
 //
 //     // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
 //     status = nvsp_sender_plan(sender, now, &budget);
@@ -457,6 +458,14 @@ typedef struct nvsp_reassembler nvsp_reassembler;
 //     }
 //     // Whenever the modem is free:
 //     if (nvsp_sender_next(sender, now, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
+//
+// A packet by itself, without a clock:
+//
+//     nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+//     options.flags = NVSP_SENDER_UNPROTECTED;
+//     status = nvsp_sender_create(64, &options, &sender);
+//     status = nvsp_sender_push(sender, 0, packet, bytes, NULL, 0, NULL);
+//     while (nvsp_sender_next(sender, 0, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
 typedef struct nvsp_sender nvsp_sender;
 
 // What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
@@ -1043,73 +1052,17 @@ typedef struct nvsp_header {
   struct nvsp_pose pose;
 } nvsp_header;
 
-// How to put packets together.
-typedef struct nvsp_reassembler_options {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Packets of up to this many bytes can become complete. Of a longer packet, this many bytes from its start are
-  // kept. 0: 65536.
-  uint32_t max_packet_bytes;
-  // NVSP_MODEM_CHECKS, or 0.
-  uint32_t flags;
-} nvsp_reassembler_options;
-
-// What has come of a packet.
-typedef struct nvsp_reassembly {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Frame number of the packet, modulo 2^24.
-  uint32_t frame;
-  // Bytes of its start that are there without a gap. A check vouches for each of them.
-  uint32_t bytes;
-  // 1: these are the whole packet; else 0.
-  uint32_t complete;
-  // Modem frames that are known to belong to it. Until its length is known: those without a gap.
-  uint32_t frames;
-  // Modem frames that it has in all; 0: not known yet.
-  uint32_t expected;
-  // NVSP_EVENT_* from nvsp_reassembler_push: what the modem frame brought. From other calls 0.
-  // If it is NVSP_EVENT_KEPT or NVSP_EVENT_DUPLICATE, the other fields are about the newest
-  // packet, or zero if there is none.
-  uint32_t event;
-} nvsp_reassembly;
-
-// Counts since the reassembler was made.
-typedef struct nvsp_reassembler_statistics {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Modem frames that became part of a packet.
-  uint64_t accepted;
-  // Modem frames that were there already.
-  uint64_t duplicates;
-  // Modem frames refused.
-  uint64_t rejected;
-  // Modem frames that now wait for the first frame of their packet.
-  uint64_t waiting;
-  // Packets completed.
-  uint64_t completed;
-  // How often a packet was all there, but its own checks did not match.
-  uint64_t damaged;
-  // Packets displaced by newer ones before they were complete.
-  uint64_t incomplete;
-} nvsp_reassembler_statistics;
-
 // A link, and what its pictures should be.
 typedef struct nvsp_sender_options {
   // Set by NVSP_INIT.
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // What the link carries, bit/s, above 0. There is no default.
+  // What the link carries, bit/s, above 0. Without protection 0 means that packets go as they come: no frame is
+  // planned, and no other option than `spread`, `overhead`, `shares` and `flags` counts.
   double bit_rate;
-  // Most pictures per second, above 0. There is no default. If a camera's frames come at uneven times, give a little more
-  // than its rate: a frame that comes early is else left out.
+  // Most pictures per second, above 0. There is no default. If a camera's frames come at uneven times, give a little
+  // more than its rate: a frame that comes early is else left out.
   double frame_rate;
   // Longest time from the exposure of a frame to the end of its packet's last share, seconds. 0: 1.5.
   double latency;
@@ -1118,16 +1071,18 @@ typedef struct nvsp_sender_options {
   // Time from a packet's first share to its last one, seconds, a part of the latency. Shares of other packets lie
   // between them, so a burst of losses takes few of each. 0: they follow each other.
   double spread;
-  // Chance that a modem frame is lost, below 1. 0: 0.1, a fair guess if it is not known. NVSP_LOSS_NONE: none is lost.
+  // Chance that a modem frame is lost, below 1. 0: 0.1, a fair guess if it is not known. NVSP_LOSS_NONE: none is
+  // lost.
   double loss;
   // Mean number of modem frames that are lost in a row, 1 or more. 0: 1.
   double burst;
   // What each modem frame costs on the link beside its bytes (preamble, the modem's own header), as bytes.
   uint32_t overhead;
-  // Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good picture
-  // takes: the frame rate falls first. 0: 40.
-  uint32_t least;
-  // Most shares of a packet, up to 64. nvsp_collector_options.shares must be as many. 0: 16.
+  // Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good
+  // picture takes: the frame rate falls first. 0: 40.
+  uint32_t min_bytes;
+  // Most shares of a packet, up to 64; without protection up to 4096. nvsp_collector_options.shares must be as many.
+  // 0: 16; without protection as many as 65536 bytes take.
   uint32_t shares;
   // User bytes that travel with each packet, up to 255; with it they come or are lost.
   uint32_t user_bytes;
@@ -1145,11 +1100,11 @@ typedef struct nvsp_division {
   uint32_t abi_version;
   // Shares.
   uint32_t shares;
-  // Bytes of each.
+  // Bytes of each; the last one of an unprotected packet may have fewer.
   uint32_t share_bytes;
-  // Any so many shares give a picture.
+  // Any so many shares yield a picture; of an unprotected packet the first so many.
   uint32_t picture_shares;
-  // Any so many give all that is sent.
+  // Any so many yield all that is sent.
   uint32_t whole_shares;
   // Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is longer than planned.
   uint32_t packet_bytes;
@@ -1157,22 +1112,22 @@ typedef struct nvsp_division {
   uint32_t link_bytes;
 } nvsp_division;
 
-// What a topside told, and what the sender made of it.
-typedef struct nvsp_heard {
+// What a report says, and what the sender made of it.
+typedef struct nvsp_processed_report {
   // Set by NVSP_INIT.
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
   // Shares that were lost, as a part of those that no report told of before; -1: too few to tell.
   double loss;
-  // Shares that are sent again: pictures lacked them.
+  // Shares that are sent again.
   uint32_t resent_shares;
   // Bytes of them on the link.
   uint32_t resent_bytes;
   // The newest frame number of which a share came, modulo 65536.
   uint32_t newest;
   // How many packets the report tells of: that of `newest`, and those before it.
-  uint32_t told;
+  uint32_t reported;
   // Place of the topside's user bytes in the report.
   uint32_t user_offset;
   // How many they are.
@@ -1183,7 +1138,7 @@ typedef struct nvsp_heard {
   uint32_t kept[NVSP_REPORT_FRAMES];
   // Zero.
   uint32_t reserved;
-} nvsp_heard;
+} nvsp_processed_report;
 
 // Counts since the sender was made.
 typedef struct nvsp_sender_statistics {
@@ -1219,18 +1174,20 @@ typedef struct nvsp_collector_options {
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo 128:
-  // give less time than 64 frames of the camera take. A share that comes later than that looks like one of the future. 0: 4.
+  // Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo
+  // 128: give less time than 64 frames of the camera take. A share that comes later than that looks like one of the
+  // future. 0: 4.
   double age;
-  // Shares of a packet that there is room for, up to 256: nvsp_sender_options.shares. 0: 32.
+  // Shares of a packet that there is room for, up to 4096: nvsp_sender_options.shares. An unprotected packet of n
+  // bytes takes 1, and one more for each MTU - 4 bytes beyond the MTU; of a longer one the start is kept. 0: 32.
   uint32_t shares;
-  // Packets of a stream that are held: that of the newest frame number, and of those before it. Up to 64, and rounded up
-  // to a power of two. 0: 16.
+  // Packets of a stream that are held: that of the newest frame number, and of those before it. Up to 64, and
+  // rounded up to a power of two. 0: 16.
   uint32_t packets;
   // Streams that are taken, 0 to this less one; up to 4. 0: 1.
   uint32_t streams;
-  // Zero.
-  uint32_t reserved;
+  // NVSP_COLLECTOR_* flags.
+  uint32_t flags;
 } nvsp_collector_options;
 
 // What has come of a packet.
@@ -1239,8 +1196,8 @@ typedef struct nvsp_collected {
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero unless it
-  // is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN.
+  // NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero
+  // unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN.
   uint32_t event;
   // Stream of the packet.
   uint32_t stream;
@@ -1252,7 +1209,7 @@ typedef struct nvsp_collected {
   uint32_t complete;
   // Shares of it that came.
   uint32_t arrived;
-  // Shares that it was sent in.
+  // Shares that it was sent in; 0: the length of an unprotected packet has not come.
   uint32_t sent;
   // User bytes that came with it.
   uint32_t user_bytes;
@@ -1272,23 +1229,27 @@ typedef struct nvsp_collector_statistics {
   uint64_t accepted;
   // Shares that were there before.
   uint64_t duplicates;
-  // Modem frames that were no shares, damaged ones, and such of packets long past.
+  // Modem frames that were no shares, damaged ones, such of packets long past, and shares of unprotected packets
+  // whose first one did not come.
   uint64_t rejected;
   // Shares that packets gone by had.
   uint64_t arrived;
-  // Shares that they were sent in. 1 - arrived / sent is the loss, for nvsp_sender_set_loss. Packets of which no share came
-  // do not count, as a frame that was left out looks the same.
+  // Shares that they were sent in. 1 - arrived / sent is the loss, for nvsp_sender_set_loss. Packets of which no
+  // share came do not count, as a frame that was left out looks the same; nor unprotected ones whose length did not
+  // come.
   uint64_t sent;
   // Packets that became complete.
   uint64_t completed;
   // Packets gone by that were complete although shares of them were missing.
   uint64_t repaired;
-  // Packets gone by that gave a picture, but not all of it.
+  // Packets gone by that yielded a picture, but not all of it.
   uint64_t partial;
-  // Packets gone by that gave no picture, and frame numbers of which nothing came.
+  // Packets gone by that yielded no picture, and frame numbers of which nothing came.
   uint64_t lost;
   // Packets whose own checks did not match what their shares held.
   uint64_t damaged;
+  // Shares of unprotected packets that now wait for the first one of their packet.
+  uint64_t waiting;
 } nvsp_collector_statistics;
 
 // Done.
@@ -1375,12 +1336,12 @@ typedef struct nvsp_collector_statistics {
 // A picture has more pixels than nvsp_engine_options.frame_size_limit allows.
 #define NVSP_ERR_LIMIT -25
 
-// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a sender: too many shares
-// wait.
+// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a sender: too many
+// shares wait.
 #define NVSP_ERR_UNFINISHED -26
 
-// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or looks
-// like one by chance. Update this side.
+// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or
+// looks like one by chance. Update this side.
 #define NVSP_ERR_NEWER -27
 
 // The system, a driver or an engine cannot do this; the text says what is missing.
@@ -2211,150 +2172,14 @@ nvsp_status nvsp_decode_header(const uint8_t *packet,
                                const struct nvsp_prior *prior,
                                struct nvsp_header *header) NVSP_NONNULL(1, 4);
 
-// Tells how many modem frames a packet takes. The first one costs no bytes, each other one costs
-// four. Allocates nothing; any thread may call it.
-//
-// Fails with NVSP_ERR_NULL, or with NVSP_ERR_MODEM if the MTU is out of range or the packet is too
-// long for 4096 frames.
-//
-// Parameters:
-// - `packet_size`: bytes of the packet.
-// - `mtu`: most bytes of a modem frame, 31 to 65535.
-// - `count`: receives the number of modem frames. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_modem_frame_count(size_t packet_size, uint32_t mtu, uint32_t *count) NVSP_NONNULL(3);
-
-// Writes modem frame `index` of a packet, 0 first, into `frame`: at most `mtu` bytes. It may be padded to any length.
-// Frame 0 holds the latent part, which makes a picture by itself. Send it first. If you repeat one frame only, repeat
-// this one. Allocates nothing; any thread may call it.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_MODEM if the
-// bytes are no sound packet, or the MTU or the index is out of range.
-//
-// Parameters:
-// - `packet`: the packet. Read during the call. Not NULL.
-// - `packet_size`: bytes of it.
-// - `mtu`: most bytes of a modem frame, 31 to 65535.
-// - `index`: which modem frame, from 0.
-// - `frame`: receives the modem frame. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `frame`; `mtu` always suffices.
-// - `written`: receives the modem frame's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_modem_frame(const uint8_t *packet,
-                             size_t packet_size,
-                             uint32_t mtu,
-                             uint32_t index,
-                             uint8_t *frame,
-                             size_t size,
-                             size_t *written) NVSP_NONNULL(1, 5, 7);
-
-// Makes a reassembler for packets that were split for the same MTU. Takes all its memory here: room for at most eight
-// packets, each of max_packet_bytes and 16 bytes per modem frame.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or
-// NVSP_ERR_MODEM (the MTU).
-//
-// Parameters:
-// - `mtu`: most bytes of a modem frame, 31 to 65535, as the packets were split for.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-// - `reassembler`: receives the reassembler, which nvsp_reassembler_destroy ends. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_reassembler_create(uint32_t mtu,
-                                    const struct nvsp_reassembler_options *options,
-                                    struct nvsp_reassembler **reassembler) NVSP_NONNULL(3);
-
-// Takes a modem frame. Frames may come in any order, repeated, padded or damaged. Allocates
-// nothing.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED, or NVSP_ERR_MODEM if it is no frame of a packet, or is damaged. What came before is not lost
-// then.
-//
-// Parameters:
-// - `reassembler`: a live reassembler. Not NULL.
-// - `frame`: the modem frame. Read during the call. Not NULL.
-// - `size`: bytes of it.
-// - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
-NVSP_CHECKED
-nvsp_status nvsp_reassembler_push(struct nvsp_reassembler *reassembler,
-                                  const uint8_t *frame,
-                                  size_t size,
-                                  struct nvsp_reassembly *state) NVSP_NONNULL(1, 2);
-
-// Copies what has come of the newest packet into `packet`: the whole packet, or its start. Give it
-// to nvsp_decode with NVSP_DECODE_START, which makes the best possible picture of it. The packet
-// stays until newer packets take its place. Allocates nothing.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came that makes a picture.
-//
-// Parameters:
-// - `reassembler`: a live reassembler. Not NULL.
-// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `packet`; nvsp_reassembler_options.max_packet_bytes always suffices.
-// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-// - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
-NVSP_CHECKED
-nvsp_status nvsp_reassembler_fetch(struct nvsp_reassembler *reassembler,
-                                   uint8_t *packet,
-                                   size_t size,
-                                   size_t *written,
-                                   struct nvsp_reassembly *state) NVSP_NONNULL(1, 2, 4);
-
-// Lists the modem frames of the newest packet to ask its sender for again. Until the packet's length is known, the
-// list holds only the first missing frame. Allocates nothing.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if no first frame
-// of a packet came.
-//
-// Parameters:
-// - `reassembler`: a live reassembler. Not NULL.
-// - `indices`: receives the first indices, as many as there is room for. Yours, of `room` numbers. NULL only if `room`
-//   is 0.
-// - `room`: most indices to write.
-// - `count`: receives how many are missing in all, which may be more than `room`. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_reassembler_missing(struct nvsp_reassembler *reassembler,
-                                     uint32_t *indices,
-                                     uint32_t room,
-                                     uint32_t *count) NVSP_NONNULL(1, 4);
-
-// Copies the counts.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or
-// NVSP_ERR_POISONED.
-//
-// Parameters:
-// - `reassembler`: a live reassembler. Not NULL.
-// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_reassembler_get_statistics(struct nvsp_reassembler *reassembler,
-                                            struct nvsp_reassembler_statistics *statistics) NVSP_NONNULL(1, 2);
-
-// Copies the text of the last failed call on the reassembler, as nvsp_engine_last_error does.
-//
-// Parameters:
-// - `reassembler`: a live reassembler. Not NULL.
-// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_reassembler_last_error(const struct nvsp_reassembler *reassembler,
-                                        char *text,
-                                        size_t size) NVSP_NONNULL(1, 2);
-
-// Ends a reassembler; NULL is allowed.
-//
-// Parameters:
-// - `reassembler`: a live reassembler that no other thread uses. Do not use it afterwards. NULL is allowed.
-void nvsp_reassembler_destroy(struct nvsp_reassembler *reassembler);
-
-// Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come within
-// the latency.
+// Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come
+// within the latency.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (an option, which the status
 // text does not name), NVSP_ERR_MODEM (the MTU) or NVSP_ERR_MEMORY.
 //
 // Parameters:
-// - `mtu`: most bytes of a modem frame, 16 to 65535. Both sides need the same.
+// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31. Both sides need the same.
 // - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
 // - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
 NVSP_CHECKED
@@ -2362,10 +2187,11 @@ nvsp_status nvsp_sender_create(uint32_t mtu,
                                const struct nvsp_sender_options *options,
                                struct nvsp_sender **sender) NVSP_NONNULL(2, 3);
 
-// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_BYTES and as many. 0: leave the frame out
-// (nvsp_encoder_skip), as the link has no bytes for it. If encoding fails with NVSP_ERR_BUDGET, as the packet must also
-// tell the camera, encode the frame with NVSP_RATE_NONE. Ask for each frame of the camera, or as often as you like: if no
-// packet follows, no bytes are spent. Allocates nothing.
+// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_BYTES and as many. 0: leave the frame
+// out (nvsp_encoder_skip), as the link has no bytes for it. If encoding fails with NVSP_ERR_BUDGET, as the packet must
+// also tell the camera, encode the frame with NVSP_RATE_NONE. Ask for each frame of the camera, or as often as you
+// like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
+// Allocates nothing.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
@@ -2378,14 +2204,15 @@ nvsp_status nvsp_sender_plan(struct nvsp_sender *sender,
                              double now,
                              uint32_t *bytes) NVSP_NONNULL(1, 3);
 
-// Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may be
-// longer than planned: it takes more of the link for once. Allocates nothing.
+// Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may
+// be longer than planned: it takes more of the link for once. A sender without a bit rate takes any packet whole,
+// without a plan. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time, or not as many user
-// bytes as nvsp_sender_options.user_bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MODEM (the bytes are not exactly
-// one sound packet), NVSP_ERR_STATE (no frame was planned, or its packet was taken), NVSP_ERR_BUDGET (all shares together
-// do not hold a picture: the MTU or nvsp_sender_options.shares is too small) or NVSP_ERR_UNFINISHED (too many shares wait:
-// nobody takes them). The plan stays then.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time, or not as many
+// user bytes as nvsp_sender_options.user_bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MODEM (the bytes are not
+// exactly one valid packet, or longer than the shares), NVSP_ERR_STATE (no frame was planned, or its packet was
+// taken), NVSP_ERR_BUDGET (all shares together do not hold a picture: the MTU or nvsp_sender_options.shares is too
+// small) or NVSP_ERR_UNFINISHED (too many shares wait: nobody takes them). The plan stays then.
 //
 // Parameters:
 // - `sender`: a live sender. Not NULL.
@@ -2404,16 +2231,18 @@ nvsp_status nvsp_sender_push(struct nvsp_sender *sender,
                              size_t user_size,
                              struct nvsp_division *division) NVSP_NONNULL(1, 3);
 
-// Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and writes
-// nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates nothing.
+// Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and
+// writes nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates
+// nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_BUFFER_TOO_SMALL.
-// The share stays then.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
+// NVSP_ERR_BUFFER_TOO_SMALL. The share stays then.
 //
 // Parameters:
 // - `sender`: a live sender. Not NULL.
 // - `now`: seconds.
-// - `share`: receives the share, which is a modem frame. It may be padded to any length. Yours, of `size` bytes. Not NULL.
+// - `share`: receives the share, which is a modem frame. It may be padded to any length. Yours, of `size` bytes. Not
+//   NULL.
 // - `size`: bytes of `share`; the MTU always suffices.
 // - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 NVSP_CHECKED
@@ -2421,35 +2250,36 @@ nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
                              double now,
                              uint8_t *share,
                              size_t size,
-                             size_t *written) NVSP_NONNULL(1, 3, 5);
+                             size_t *written) NVSP_NONNULL(1, 5);
 
-// Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells, step by
-// step. Shares that a picture still lacks are sent again, once, if they come within the latency: nvsp_sender_next gives
-// them at once. Padding may follow the report. Allocates nothing. Example:
+// Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells,
+// step by step. Shares that a picture still lacks, without protection all that are missing, are sent again, once, if
+// they come within the latency: nvsp_sender_next writes them at once. Padding may follow the report. Allocates
+// nothing. Example:
 //
-//     nvsp_heard heard = NVSP_INITIALIZER(nvsp_heard);
-//     if (nvsp_sender_hear(sender, now, bytes, size, &heard) == NVSP_OK) {
-//         for (uint32_t i = 0; i < heard.kept_count; i++) {
-//             status = nvsp_encoder_acknowledge(encoder, heard.kept[i]);
+//     nvsp_processed_report processed = NVSP_INITIALIZER(nvsp_processed_report);
+//     if (nvsp_sender_process_report(sender, now, bytes, size, &processed) == NVSP_OK) {
+//         for (uint32_t i = 0; i < processed.kept_count; i++) {
+//             status = nvsp_encoder_acknowledge(encoder, processed.kept[i]);
 //         }
 //     }
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY,
 // NVSP_ERR_POISONED, NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE (the sender was made
-// without NVSP_SENDER_ANSWERS). Nothing changes then.
+// without NVSP_SENDER_EXPECT_REPORTS). Nothing changes then.
 //
 // Parameters:
 // - `sender`: a live sender. Not NULL.
 // - `now`: when the report came, seconds.
 // - `report`: its bytes. Read during the call. Not NULL.
 // - `size`: bytes of `report`.
-// - `heard`: receives what it told, set up by NVSP_INIT. Not NULL.
+// - `processed`: receives what it says, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
-nvsp_status nvsp_sender_hear(struct nvsp_sender *sender,
-                             double now,
-                             const uint8_t *report,
-                             size_t size,
-                             struct nvsp_heard *heard) NVSP_NONNULL(1, 3, 5);
+nvsp_status nvsp_sender_process_report(struct nvsp_sender *sender,
+                                       double now,
+                                       const uint8_t *report,
+                                       size_t size,
+                                       struct nvsp_processed_report *processed) NVSP_NONNULL(1, 3, 5);
 
 // Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
 //
@@ -2477,7 +2307,8 @@ nvsp_status nvsp_sender_count(struct nvsp_sender *sender,
 
 // Sets what the link carries from `now` on. The next frame's bytes are those of the new rate. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED. The rate before stays then.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if the sender was
+// made without a bit rate. The rate before stays then.
 //
 // Parameters:
 // - `sender`: a live sender. Not NULL.
@@ -2491,7 +2322,8 @@ nvsp_status nvsp_sender_set_bit_rate(struct nvsp_sender *sender,
 // Sets what the next packets are protected against, for example as the topside has measured it
 // (nvsp_collector_statistics). Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED. The loss before stays then.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if the sender was
+// made without a bit rate. The loss before stays then.
 //
 // Parameters:
 // - `sender`: a live sender. Not NULL.
@@ -2545,7 +2377,8 @@ nvsp_status nvsp_collector_memory(uint32_t mtu,
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
 //
 // Parameters:
-// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's. What lies beyond it is padding.
+// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; unprotected packets need 31. What lies beyond it
+//   is padding.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 // - `collector`: receives the collector, which nvsp_collector_destroy ends. Not NULL.
 NVSP_CHECKED
@@ -2553,16 +2386,17 @@ nvsp_status nvsp_collector_create(uint32_t mtu,
                                   const struct nvsp_collector_options *options,
                                   struct nvsp_collector **collector) NVSP_NONNULL(3);
 
-// Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames. Allocates
-// nothing.
+// Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames.
+// Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time),
-// NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream that is not
-// taken, or is one of more shares than there is room for. What came before is not lost then.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY,
+// NVSP_ERR_POISONED, or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream that is not taken, or
+// is one of more shares than there is room for. What came before is not lost then.
 //
 // Parameters:
 // - `collector`: a live collector. Not NULL.
-// - `now`: when it came, seconds, on a clock that does not go back.
+// - `now`: when it came, seconds, on a clock that does not go back. Without a clock, 0 always: then no packet becomes
+//   stale.
 // - `frame`: the modem frame. Read during the call. Not NULL.
 // - `size`: bytes of it.
 // - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
@@ -2573,9 +2407,9 @@ nvsp_status nvsp_collector_push(struct nvsp_collector *collector,
                                 size_t size,
                                 struct nvsp_collected *state) NVSP_NONNULL(1, 3);
 
-// Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START, which
-// makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale. Allocates
-// nothing.
+// Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START,
+// which makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale.
+// Allocates nothing.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
 // NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a picture.
@@ -2617,7 +2451,7 @@ nvsp_status nvsp_collector_fetch_user(struct nvsp_collector *collector,
                                       size_t size,
                                       size_t *written) NVSP_NONNULL(1, 4, 6);
 
-// Tells what is there of the packet of the greatest frame number of a stream that gives a picture. Allocates nothing.
+// Tells what is there of the packet of the greatest frame number of a stream that yields a picture. Allocates nothing.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY,
 // NVSP_ERR_POISONED, or NVSP_ERR_STATE if there is none.
@@ -2631,29 +2465,31 @@ nvsp_status nvsp_collector_newest(struct nvsp_collector *collector,
                                   uint32_t stream,
                                   struct nvsp_collected *state) NVSP_NONNULL(1, 3);
 
-// Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet gives a
-// picture, its frame number counts modulo 128. Allocates nothing.
+// Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
+// yields a picture, its frame number counts modulo 128. Allocates nothing.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-// NVSP_ERR_BUFFER_TOO_SMALL, which writes `sent`: a byte is needed for each eight.
+// NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for each eight.
 //
 // Parameters:
 // - `collector`: a live collector. Not NULL.
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as for nvsp_collector_fetch.
-// - `bits`: receives the bits; those beyond `sent` are zero. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `bits`; 32 always suffice.
-// - `sent`: receives how many shares the packet was sent in; 0: none has come. Not NULL.
+// - `bits`: receives the bits; those beyond `known` are zero. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `bits`; an eighth of nvsp_collector_options.shares, rounded up, always suffices.
+// - `known`: receives how many shares are known of: all that the packet was sent in; of an unprotected one whose
+//   length has not come those up to the first missing one; 0: none has come. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_collector_arrived(struct nvsp_collector *collector,
                                    uint32_t stream,
                                    uint32_t frame,
                                    uint8_t *bits,
                                    size_t size,
-                                   uint32_t *sent) NVSP_NONNULL(1, 4, 6);
+                                   uint32_t *known) NVSP_NONNULL(1, 4, 6);
 
-// Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the packet
-// gives a picture, its frame number counts modulo 128. Allocates nothing.
+// Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the length
+// of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
+// number counts modulo 128. Allocates nothing.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
@@ -2674,11 +2510,12 @@ nvsp_status nvsp_collector_missing(struct nvsp_collector *collector,
                                    uint32_t *count) NVSP_NONNULL(1, 6);
 
 // Writes what has come of a stream's newest packets, for the vehicle: a modem frame for the return channel, which
-// nvsp_sender_hear reads. Send one now and then, for example each second. If not all packets fit, it tells of the newest
-// ones. Returns NVSP_PENDING if no packet has given a picture yet, and writes nothing then. Allocates nothing.
+// nvsp_sender_process_report reads. Send one now and then, for example each second. If not all packets fit, it tells
+// of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then. Allocates
+// nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-// NVSP_ERR_MODEM (`size` is too small for any report).
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes), NVSP_ERR_BUSY,
+// NVSP_ERR_POISONED or NVSP_ERR_MODEM (`size` is too small for any report).
 //
 // Parameters:
 // - `collector`: a live collector. Not NULL.

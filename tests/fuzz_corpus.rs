@@ -9,10 +9,10 @@ mod packed;
 mod packet;
 #[path = "../fuzz/src/ply.rs"]
 mod ply;
-#[path = "../fuzz/src/reassembly.rs"]
-mod reassembly;
 #[path = "../fuzz/src/shares.rs"]
 mod shares;
+#[path = "../fuzz/src/unprotected.rs"]
+mod unprotected;
 #[path = "../fuzz/src/wavelet.rs"]
 mod wavelet;
 
@@ -41,8 +41,8 @@ fn payloads() {
 }
 
 #[test]
-fn modem_frames() {
-    run("reassembly", reassembly::run);
+fn unprotected_packets() {
+    run("unprotected", unprotected::run);
 }
 
 #[test]

@@ -4,21 +4,16 @@ mod common;
 mod scene;
 
 use common::{Random, engine};
-use nvsprior::modem::{Reassembler, ReassemblerOptions, Splitter};
+use nvsprior::modem::{Collector, CollectorOptions, Sharer};
 use nvsprior::residual::ResidualCoder;
 use nvsprior::{Decoded, Decoder, Encoder, EncoderOptions, Picture, Rate, Trust};
 use scene::{CAMERA, frame, pose, wall};
 
-/// The modem frames of a packet.
+/// The modem frames of a packet, without protection.
 fn split(packet: &[u8], mtu: usize) -> Vec<Vec<u8>> {
-    let splitter = Splitter::new(packet, mtu).unwrap();
-    let write = |index| {
-        let mut frame = vec![0; mtu];
-        let len = splitter.write(index, &mut frame).unwrap();
-        frame.truncate(len);
-        frame
-    };
-    (0..splitter.count()).map(write).collect()
+    let mut sharer = Sharer::default();
+    sharer.split(packet, mtu).unwrap();
+    sharer.shares().map(<[u8]>::to_vec).collect()
 }
 
 /// Rows that two pictures have in common from the top.
@@ -47,13 +42,14 @@ fn a_frame_of_webp_that_is_lost_costs_the_rows_after_it() {
         let frames = split(&encoded.packet, mtu);
         let mut last = (f64::INFINITY, CAMERA.height);
         for lost in (1..frames.len()).rev() {
-            let mut reassembler = Reassembler::new(ReassemblerOptions::new(mtu)).unwrap();
+            let options = CollectorOptions { shares: frames.len(), ..CollectorOptions::new(mtu) };
+            let mut collector = Collector::new(options).unwrap();
             let mut order: Vec<_> = (0..frames.len()).filter(|index| *index != lost).collect();
             order.sort_by_key(|_| random.bits());
             for index in order {
-                reassembler.push(&frames[index]).unwrap();
+                collector.push(0.0, &frames[index]).unwrap();
             }
-            let received = reassembler.newest().unwrap();
+            let received = collector.newest(0).unwrap();
             assert!(!received.complete);
             if decoder.decode_into(received.bytes, Trust::Start, &mut decoded).is_err() {
                 // At the smallest MTU the camera comes with the second frame.
@@ -67,8 +63,8 @@ fn a_frame_of_webp_that_is_lost_costs_the_rows_after_it() {
             assert!(psnr >= encoded.stats.render_psnr - 0.3 && psnr <= encoded.stats.psnr + 1e-9);
             assert!(rows > 0 || *shown == encoded.render);
             last = (psnr, rows);
-            reassembler.push(&frames[lost]).unwrap();
-            let whole = reassembler.newest().unwrap();
+            collector.push(0.0, &frames[lost]).unwrap();
+            let whole = collector.newest(0).unwrap();
             assert_eq!((whole.bytes, whole.complete), (&encoded.packet[..], true));
         }
         if frames.len() > 20 {

@@ -1,4 +1,5 @@
-//! Shares and reports: shares of several packets, damaged ones and garbage, in any order; what is said of them, read again.
+//! Shares and reports: shares of several packets, damaged ones and garbage, in any order; what is said of them, read
+//! again.
 use arbitrary::{Arbitrary, Unstructured};
 use nvsprior::modem::{
     Collector, CollectorOptions, Loss, PacketState, Report, Sharer, Sharing, SharingOptions,
@@ -34,8 +35,8 @@ struct Sent {
 /// What arrives.
 #[derive(Arbitrary, Debug)]
 enum Arrival {
-    /// A share of a packet, so many seconds after the one before, with padding, and one bit flipped or none. If one is, its
-    /// check may be made right again.
+    /// A share of a packet, so many seconds after the one before, with padding, and one bit flipped or none. If one is,
+    /// its check may be made right again.
     Share { packet: u8, index: u8, after: u8, padding: u8, flip: Option<u16>, repair: bool },
     /// Anything.
     Garbage(Vec<u8>),
@@ -52,7 +53,8 @@ pub fn run(bytes: &[u8]) {
     let mtu = 16 + usize::from(input.mtu) % 64;
     // Small, so that many runs fit a second.
     let shares = 1 + usize::from(input.room) % 16;
-    let options = CollectorOptions { mtu, shares, packets: 4, streams: STREAMS, age: 4.0 };
+    let options =
+        CollectorOptions { shares, packets: 4, streams: STREAMS, ..CollectorOptions::new(mtu) };
     let mut collector = Collector::new(options).expect("options in range");
     let sent: Vec<_> = input.packets.iter().take(4).filter_map(|sent| shared(sent, mtu)).collect();
     let (mut honest, mut now) = (true, 0.0);
@@ -97,9 +99,9 @@ fn look(collector: &Collector, stream: u8, sent: Option<&Vec<Shared>>) {
     let len = report.write(Some(b"user"), &mut bytes).expect("room for a report");
     let (read, user) = Report::read(&bytes[..len]).expect("what was written is read");
     assert_eq!(user, Some(&b"user"[..]));
-    for ((number, told), (written, said)) in read.packets().zip(report.packets()) {
-        assert_eq!((number, told.state), (written, said.state));
-        assert!(told.state != PacketState::Part || told.shares == said.shares);
+    for ((number, found), (written, said)) in read.packets().zip(report.packets()) {
+        assert_eq!((number, found.state), (written, said.state));
+        assert!(found.state != PacketState::Part || found.shares == said.shares);
     }
 }
 
@@ -110,7 +112,7 @@ fn shared(sent: &Sent, mtu: usize) -> Option<Shared> {
         mtu,
         overhead: 0,
         budget: usize::from(sent.budget) % 1024,
-        most: 1 + usize::from(sent.most) % 8,
+        max_shares: 1 + usize::from(sent.most) % 8,
         spread: 0,
         loss: Loss { chance: f64::from(sent.loss) / 256.0, burst: 1.0 },
         picture: 19,

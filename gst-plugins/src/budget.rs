@@ -36,7 +36,7 @@ impl Budget {
             bit_rate: options.bit_rate,
             mtu: options.mtu as u32,
             overhead: options.overhead as u32,
-            shares: options.most_shares as u32,
+            shares: options.max_shares as u32,
             spread: options.spread,
             loss: options.loss,
             bytes: u32::try_from(bytes).unwrap_or(u32::MAX),
@@ -53,8 +53,8 @@ impl Budget {
             delay: 0.0,
             spread: self.spread,
             frame_rate: 1.0,
-            least: 0,
-            most_shares: self.shares as usize,
+            min_bytes: 0,
+            max_shares: self.shares as usize,
             loss: self.loss,
             user: None,
         })?;
@@ -98,7 +98,7 @@ impl Budget {
         })
     }
 
-    /// The least bytes that protect a whole packet about as well as many would, in place of [`Budget::bytes`].
+    /// The fewest bytes that protect a whole packet about as well as many would, in place of [`Budget::bytes`].
     pub fn fit(&mut self, picture: usize, packet: usize) -> Result<Sharing, ModemError> {
         let header = 8 + self.overhead as usize;
         let data = (self.mtu as usize).saturating_sub(8).max(1);
@@ -112,7 +112,7 @@ impl Budget {
                     overhead: self.overhead as usize,
                     budget: (part * needed as f64) as usize,
                     // All numbers of shares are tried. Beyond three times as many as are needed none is better.
-                    most: (self.shares as usize).min(3 * fewest + 4),
+                    max_shares: (self.shares as usize).min(3 * fewest + 4),
                     spread,
                     loss: self.loss,
                     picture,
@@ -137,7 +137,7 @@ impl Budget {
 
 /// Budgets that are tried, of what the packet takes without any protection.
 const PARTS: [f64; 8] = [1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0];
-/// What less bytes may be worth less, dB; as in [`RateControl::divide`].
+/// What fewer bytes may be worth less, dB; as in [`RateControl::divide`].
 const THRIFT: f64 = 0.1;
 
 #[cfg(test)]
@@ -176,8 +176,8 @@ mod tests {
             delay: 0.3,
             spread: BUDGET.spread,
             frame_rate: 10.0,
-            least: 40,
-            most_shares: 16,
+            min_bytes: 40,
+            max_shares: 16,
             loss: BUDGET.loss,
             user: None,
         });

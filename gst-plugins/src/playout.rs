@@ -1,13 +1,13 @@
 //! When a packet's shares have come, which packet goes on, and when it is shown.
 //!
 //! A frame's time is that of its number: numbers count the camera's frames. When frame 0 was taken is learnt from the
-//! shares: a share never comes before its frame was taken plus what the link takes at least. So pictures are shown evenly,
-//! however unevenly shares come. A packet waits until it is complete, at most for the latency. Then it goes on with what
-//! has come of it.
+//! shares: a share never comes before its frame was taken plus what the link takes at least. So pictures are shown
+//! evenly, however unevenly shares come. A packet waits until it is complete, at most for the latency. Then it goes on
+//! with what has come of it.
 
 use std::collections::BTreeMap;
 
-use nvsprior::modem::{Collected, Collector, CollectorOptions, ModemError, ShareStatistics};
+use nvsprior::modem::{Collected, Collector, CollectorOptions, CollectorStatistics, ModemError};
 
 /// How packets are put together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +63,7 @@ pub struct Playout {
     options: PlayoutOptions,
     collector: Collector,
     waiting: BTreeMap<i64, Waiting>,
-    /// Greatest frame number of a packet that gives a picture.
+    /// Greatest frame number of a packet that yields a picture.
     newest: Option<i64>,
     /// The last frame that went on, and its time.
     last: Option<(i64, f64)>,
@@ -81,11 +81,11 @@ impl Playout {
     pub fn new(options: PlayoutOptions) -> Result<Playout, ModemError> {
         let stale = options.frame_rate.map_or(f64::INFINITY, |rate| STALE / rate);
         let collector = Collector::new(CollectorOptions {
-            mtu: options.mtu,
             shares: options.shares,
             packets: PACKETS,
             streams: usize::from(options.stream) + 1,
             age: (options.latency + KEPT).min(stale),
+            ..CollectorOptions::new(options.mtu)
         })?;
         Ok(Playout {
             options,
@@ -106,7 +106,7 @@ impl Playout {
         self.options.latency = latency;
     }
 
-    pub fn statistics(&self) -> ShareStatistics {
+    pub fn statistics(&self) -> CollectorStatistics {
         self.collector.statistics()
     }
 
@@ -165,7 +165,7 @@ impl Playout {
         (self.last, self.origin, self.restarted) = (None, None, true);
     }
 
-    /// Notes the packets of which only such shares came that give no picture yet.
+    /// Notes the packets of which only such shares came that yield no picture yet.
     fn see_others(&mut self, now: f64) {
         let Some(newest) = self.newest else {
             for number in 0..NUMBERS {

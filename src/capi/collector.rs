@@ -1,4 +1,4 @@
-//! The topside's end of a link that loses modem frames.
+//! The topside's end of a link.
 
 use std::ffi::c_char;
 use std::ptr::null_mut;
@@ -9,15 +9,12 @@ use super::handle::{Handle, Opaque, fence};
 use super::limits::SMALL;
 use super::log::Log;
 use super::memory::Grant;
-use super::modem::{
-    NVSP_EVENT_COMPLETE, NVSP_EVENT_DAMAGED, NVSP_EVENT_DUPLICATE, NVSP_EVENT_GROWN,
-    NVSP_EVENT_KEPT,
-};
 use super::slices::{slice, slice_mut};
 use super::status::*;
 use super::structs::{Out, number, read, versioned};
 
-/// Puts packets together from the shares that an nvsp_sender gave. One thread at a time may use it. Example:
+/// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. One thread at a time may
+/// use it. Example:
 ///
 /// ```c
 /// nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
@@ -33,6 +30,10 @@ impl Opaque for nvsp_collector {
     type Content = Collector;
 }
 
+/// nvsp_collector_options.flags: the modem hands over no damaged frames. The first share of an unprotected packet then
+/// counts as valid to its end.
+pub const NVSP_COLLECTOR_MODEM_CHECKS: u32 = 1;
+
 /// How to collect shares.
 #[allow(non_camel_case_types)]
 #[repr(C)]
@@ -42,21 +43,34 @@ pub struct nvsp_collector_options {
     pub struct_size: u32,
     /// Set by NVSP_INIT.
     pub abi_version: u32,
-    /// Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo 128:
-    /// give less time than 64 frames of the camera take. A share that comes later than that looks like one of the future. 0: 4.
+    /// Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo
+    /// 128: give less time than 64 frames of the camera take. A share that comes later than that looks like one of the
+    /// future. 0: 4.
     pub age: f64,
-    /// Shares of a packet that there is room for, up to 256: nvsp_sender_options.shares. 0: 32.
+    /// Shares of a packet that there is room for, up to 4096: nvsp_sender_options.shares. An unprotected packet of n
+    /// bytes takes 1, and one more for each MTU - 4 bytes beyond the MTU; of a longer one the start is kept. 0: 32.
     pub shares: u32,
-    /// Packets of a stream that are held: that of the newest frame number, and of those before it. Up to 64, and rounded up
-    /// to a power of two. 0: 16.
+    /// Packets of a stream that are held: that of the newest frame number, and of those before it. Up to 64, and
+    /// rounded up to a power of two. 0: 16.
     pub packets: u32,
     /// Streams that are taken, 0 to this less one; up to 4. 0: 1.
     pub streams: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// NVSP_COLLECTOR_* flags.
+    pub flags: u32,
 }
 versioned!(nvsp_collector_options, 32);
 
+/// The packet is complete.
+pub const NVSP_EVENT_COMPLETE: u32 = 1;
+/// The packet has more bytes at its start than before: nvsp_collector_fetch yields a better picture.
+pub const NVSP_EVENT_GROWN: u32 = 2;
+/// The share is kept. It is of use once more come.
+pub const NVSP_EVENT_KEPT: u32 = 3;
+/// The share was there already.
+pub const NVSP_EVENT_DUPLICATE: u32 = 4;
+/// The packet's own checks do not match what its shares hold. They are dropped, and may come again. Of an unprotected
+/// packet the first one stays, as far as it is valid.
+pub const NVSP_EVENT_DAMAGED: u32 = 5;
 /// The share's packet was complete before.
 pub const NVSP_EVENT_SURPLUS: u32 = 6;
 
@@ -69,8 +83,8 @@ pub struct nvsp_collected {
     pub struct_size: u32,
     /// Set by NVSP_INIT.
     pub abi_version: u32,
-    /// NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero unless it
-    /// is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN.
+    /// NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero
+    /// unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN.
     pub event: u32,
     /// Stream of the packet.
     pub stream: u32,
@@ -82,7 +96,7 @@ pub struct nvsp_collected {
     pub complete: u32,
     /// Shares of it that came.
     pub arrived: u32,
-    /// Shares that it was sent in.
+    /// Shares that it was sent in; 0: the length of an unprotected packet has not come.
     pub sent: u32,
     /// User bytes that came with it.
     pub user_bytes: u32,
@@ -106,29 +120,33 @@ pub struct nvsp_collector_statistics {
     pub accepted: u64,
     /// Shares that were there before.
     pub duplicates: u64,
-    /// Modem frames that were no shares, damaged ones, and such of packets long past.
+    /// Modem frames that were no shares, damaged ones, such of packets long past, and shares of unprotected packets
+    /// whose first one did not come.
     pub rejected: u64,
     /// Shares that packets gone by had.
     pub arrived: u64,
-    /// Shares that they were sent in. 1 - arrived / sent is the loss, for nvsp_sender_set_loss. Packets of which no share came
-    /// do not count, as a frame that was left out looks the same.
+    /// Shares that they were sent in. 1 - arrived / sent is the loss, for nvsp_sender_set_loss. Packets of which no
+    /// share came do not count, as a frame that was left out looks the same; nor unprotected ones whose length did not
+    /// come.
     pub sent: u64,
     /// Packets that became complete.
     pub completed: u64,
     /// Packets gone by that were complete although shares of them were missing.
     pub repaired: u64,
-    /// Packets gone by that gave a picture, but not all of it.
+    /// Packets gone by that yielded a picture, but not all of it.
     pub partial: u64,
-    /// Packets gone by that gave no picture, and frame numbers of which nothing came.
+    /// Packets gone by that yielded no picture, and frame numbers of which nothing came.
     pub lost: u64,
     /// Packets whose own checks did not match what their shares held.
     pub damaged: u64,
+    /// Shares of unprotected packets that now wait for the first one of their packet.
+    pub waiting: u64,
 }
-versioned!(nvsp_collector_statistics, 88);
+versioned!(nvsp_collector_statistics, 96);
 
 fn options_of(mtu: u32, given: &nvsp_collector_options) -> Result<CollectorOptions, Failure> {
-    if given.reserved != 0 {
-        return Err(Failure::argument("nvsp_collector_options.reserved: not zero"));
+    if given.flags & !NVSP_COLLECTOR_MODEM_CHECKS != 0 {
+        return Err(Failure::argument("nvsp_collector_options.flags: unknown"));
     }
     let defaults = CollectorOptions::new(mtu as usize);
     let or = |value: u32, default: usize| if value == 0 { default } else { value as usize };
@@ -138,6 +156,7 @@ fn options_of(mtu: u32, given: &nvsp_collector_options) -> Result<CollectorOptio
         packets: or(given.packets, defaults.packets),
         streams: or(given.streams, defaults.streams),
         age: if given.age == 0.0 { defaults.age } else { given.age },
+        modem_checks: given.flags & NVSP_COLLECTOR_MODEM_CHECKS != 0,
     })
 }
 
@@ -173,7 +192,8 @@ pub unsafe extern "C" fn nvsp_collector_memory(
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
 ///
 /// # Safety
-/// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's. What lies beyond it is padding.
+/// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; unprotected packets need 31. What lies beyond it
+///   is padding.
 /// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 /// - `collector`: receives the collector, which nvsp_collector_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
@@ -196,16 +216,17 @@ pub unsafe extern "C" fn nvsp_collector_create(
     })
 }
 
-/// Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames. Allocates
-/// nothing.
+/// Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames.
+/// Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time),
-/// NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream that is not
-/// taken, or is one of more shares than there is room for. What came before is not lost then.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY,
+/// NVSP_ERR_POISONED, or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream that is not taken, or
+/// is one of more shares than there is room for. What came before is not lost then.
 ///
 /// # Safety
 /// - `collector`: a live collector. Not NULL.
-/// - `now`: when it came, seconds, on a clock that does not go back.
+/// - `now`: when it came, seconds, on a clock that does not go back. Without a clock, 0 always: then no packet becomes
+///   stale.
 /// - `frame`: the modem frame. Read during the call. Not NULL.
 /// - `size`: bytes of it.
 /// - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
@@ -245,9 +266,9 @@ pub unsafe extern "C" fn nvsp_collector_push(
     }
 }
 
-/// Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START, which
-/// makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale. Allocates
-/// nothing.
+/// Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START,
+/// which makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale.
+/// Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
 /// NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a picture.
@@ -314,7 +335,7 @@ pub unsafe extern "C" fn nvsp_collector_fetch_user(
     }
 }
 
-/// Tells what is there of the packet of the greatest frame number of a stream that gives a picture. Allocates nothing.
+/// Tells what is there of the packet of the greatest frame number of a stream that yields a picture. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY,
 /// NVSP_ERR_POISONED, or NVSP_ERR_STATE if there is none.
@@ -335,26 +356,27 @@ pub unsafe extern "C" fn nvsp_collector_newest(
             let out = Out::required(state)?;
             let stream = stream_of(content, stream)?;
             let newest = content.newest(stream);
-            let newest = newest.ok_or(Failure::at(NVSP_ERR_STATE, "no packet gives a picture"))?;
+            let newest = newest.ok_or(Failure::at(NVSP_ERR_STATE, "no packet yields a picture"))?;
             out.write(&state_of(stream, Some(newest)));
             Ok(NVSP_OK)
         })
     }
 }
 
-/// Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet gives a
-/// picture, its frame number counts modulo 128. Allocates nothing.
+/// Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
+/// yields a picture, its frame number counts modulo 128. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-/// NVSP_ERR_BUFFER_TOO_SMALL, which writes `sent`: a byte is needed for each eight.
+/// NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for each eight.
 ///
 /// # Safety
 /// - `collector`: a live collector. Not NULL.
 /// - `stream`: the packet's stream.
 /// - `frame`: its frame number, as for nvsp_collector_fetch.
-/// - `bits`: receives the bits; those beyond `sent` are zero. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `bits`; 32 always suffice.
-/// - `sent`: receives how many shares the packet was sent in; 0: none has come. Not NULL.
+/// - `bits`: receives the bits; those beyond `known` are zero. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `bits`; an eighth of nvsp_collector_options.shares, rounded up, always suffices.
+/// - `known`: receives how many shares are known of: all that the packet was sent in; of an unprotected one whose
+///   length has not come those up to the first missing one; 0: none has come. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_arrived(
     collector: *mut nvsp_collector,
@@ -362,19 +384,19 @@ pub unsafe extern "C" fn nvsp_collector_arrived(
     frame: u32,
     bits: *mut u8,
     size: usize,
-    sent: *mut u32,
+    known: *mut u32,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_collector::handle(collector), |content| {
-            if bits.is_null() || sent.is_null() {
-                return Err(Failure::null("bits or sent"));
+            if bits.is_null() || known.is_null() {
+                return Err(Failure::null("bits or known"));
             }
             let stream = stream_of(content, stream)?;
             let into = slice_mut(bits, size, "bits")?;
-            let count = content.sent(stream, frame);
+            let count = content.known(stream, frame);
             let needed = count.div_ceil(8);
-            *sent = number(count);
+            *known = number(count);
             if size < needed {
                 return Err(Failure::Room { needed, found: size });
             }
@@ -387,8 +409,9 @@ pub unsafe extern "C" fn nvsp_collector_arrived(
     }
 }
 
-/// Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the packet
-/// gives a picture, its frame number counts modulo 128. Allocates nothing.
+/// Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the length
+/// of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
+/// number counts modulo 128. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
@@ -430,11 +453,12 @@ pub unsafe extern "C" fn nvsp_collector_missing(
 }
 
 /// Writes what has come of a stream's newest packets, for the vehicle: a modem frame for the return channel, which
-/// nvsp_sender_hear reads. Send one now and then, for example each second. If not all packets fit, it tells of the newest
-/// ones. Returns NVSP_PENDING if no packet has given a picture yet, and writes nothing then. Allocates nothing.
+/// nvsp_sender_process_report reads. Send one now and then, for example each second. If not all packets fit, it tells
+/// of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then. Allocates
+/// nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-/// NVSP_ERR_MODEM (`size` is too small for any report).
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes), NVSP_ERR_BUSY,
+/// NVSP_ERR_POISONED or NVSP_ERR_MODEM (`size` is too small for any report).
 ///
 /// # Safety
 /// - `collector`: a live collector. Not NULL.
@@ -474,8 +498,8 @@ pub unsafe extern "C" fn nvsp_collector_report(
             };
             let is_kept =
                 |frame: u32| (0..kept_count as usize).any(|k| *kept.add(k) as u16 == frame as u16);
-            let Some(told) = content.report(stream, is_kept)? else { return Ok(NVSP_PENDING) };
-            *written = told.write(user, into)?;
+            let Some(found) = content.report(stream, is_kept)? else { return Ok(NVSP_PENDING) };
+            *written = found.write(user, into)?;
             Ok(NVSP_OK)
         })
     }
@@ -510,6 +534,7 @@ pub unsafe extern "C" fn nvsp_collector_get_statistics(
                 partial: counts.partial,
                 lost: counts.lost,
                 damaged: counts.damaged,
+                waiting: counts.waiting,
             });
             Ok(NVSP_OK)
         })
@@ -597,7 +622,7 @@ fn state_of(stream: u8, packet: Option<CollectedPacket>) -> nvsp_collected {
         bytes: number(packet.bytes.len()),
         complete: packet.complete.into(),
         arrived: number(packet.arrived),
-        sent: number(packet.sent),
+        sent: packet.sent.map_or(0, number),
         user_bytes: packet.user.map_or(0, |user| number(user.len())),
         ended: packet.ended.into(),
         ..NOTHING

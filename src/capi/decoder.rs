@@ -102,7 +102,7 @@ fn locked(core: &Mutex<Core>) -> Result<MutexGuard<'_, Core>, Failure> {
     core.lock().map_err(|_| QueueError::Poisoned.into())
 }
 
-/// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_reassembler_fetch gives it. If the
+/// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_collector_fetch copies it. If the
 /// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
 /// picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
 /// matches.

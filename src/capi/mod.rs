@@ -19,7 +19,6 @@ mod lens;
 mod limits;
 mod log;
 mod memory;
-mod modem;
 mod modifier;
 mod prior;
 mod sender;

@@ -1,10 +1,11 @@
-//! The vehicle's end of a link that loses modem frames.
+//! The vehicle's end of a link.
 
 use std::ffi::c_char;
 use std::ptr::null_mut;
 
 use crate::modem::{
-    Heard, Loss, PacketState, RateControlOptions, Report, Sender, SenderOptions, Sharing,
+    Division, Loss, MAX_UNPROTECTED, PacketState, ProcessedReport, Protection, RateControlOptions,
+    Report, Sender, SenderOptions, share_count,
 };
 
 use super::handle::{Handle, Opaque};
@@ -15,8 +16,10 @@ use super::slices::{slice, slice_mut};
 use super::status::*;
 use super::structs::{Out, number, read, versioned};
 
-/// Protects packets against losses, within a bit rate. A packet becomes shares: modem frames of which any few give a
-/// picture, and each more a finer one. nvsp_collector puts them together. One thread at a time may use it. Example:
+/// Makes the modem frames of packets, within a bit rate. Such a frame is a share. A few shares of a packet, in any
+/// combination, yield a picture; each additional one refines it. Without protection (NVSP_SENDER_UNPROTECTED) shares
+/// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. One thread at a
+/// time may use it. Example:
 ///
 /// ```c
 /// // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
@@ -28,6 +31,16 @@ use super::structs::{Out, number, read, versioned};
 /// }
 /// // Whenever the modem is free:
 /// if (nvsp_sender_next(sender, now, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
+/// ```
+///
+/// A packet by itself, without a clock:
+///
+/// ```c
+/// nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+/// options.flags = NVSP_SENDER_UNPROTECTED;
+/// status = nvsp_sender_create(64, &options, &sender);
+/// status = nvsp_sender_push(sender, 0, packet, bytes, NULL, 0, NULL);
+/// while (nvsp_sender_next(sender, 0, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
 /// ```
 #[allow(non_camel_case_types)]
 pub struct nvsp_sender {
@@ -41,9 +54,22 @@ impl Opaque for nvsp_sender {
 /// nvsp_sender_options.loss: the link loses nothing.
 pub const NVSP_LOSS_NONE: f64 = -1.0;
 
-/// nvsp_sender_options.flags: the topside answers with reports, nvsp_sender_hear. The sender then remembers the packets of twice
-/// the latency.
-pub const NVSP_SENDER_ANSWERS: u32 = 1;
+/// nvsp_sender_options.flags: the topside sends reports, for nvsp_sender_process_report. The sender then remembers the
+/// packets of twice the latency.
+pub const NVSP_SENDER_EXPECT_REPORTS: u32 = 1;
+/// nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
+/// missing. Needs an MTU of 31 or more, stream 0 and no user bytes.
+pub const NVSP_SENDER_UNPROTECTED: u32 = 2;
+
+/// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do, with protection from 16.
+#[allow(dead_code)] // For C alone.
+pub const NVSP_MTU_31: u32 = 31;
+#[allow(dead_code)] // For C alone.
+pub const NVSP_MTU_64: u32 = 64;
+#[allow(dead_code)] // For C alone.
+pub const NVSP_MTU_256: u32 = 256;
+#[allow(dead_code)] // For C alone.
+pub const NVSP_MTU_1024: u32 = 1024;
 
 /// A link, and what its pictures should be.
 #[allow(non_camel_case_types)]
@@ -54,10 +80,11 @@ pub struct nvsp_sender_options {
     pub struct_size: u32,
     /// Set by NVSP_INIT.
     pub abi_version: u32,
-    /// What the link carries, bit/s, above 0. There is no default.
+    /// What the link carries, bit/s, above 0. Without protection 0 means that packets go as they come: no frame is
+    /// planned, and no other option than `spread`, `overhead`, `shares` and `flags` counts.
     pub bit_rate: f64,
-    /// Most pictures per second, above 0. There is no default. If a camera's frames come at uneven times, give a little more
-    /// than its rate: a frame that comes early is else left out.
+    /// Most pictures per second, above 0. There is no default. If a camera's frames come at uneven times, give a little
+    /// more than its rate: a frame that comes early is else left out.
     pub frame_rate: f64,
     /// Longest time from the exposure of a frame to the end of its packet's last share, seconds. 0: 1.5.
     pub latency: f64,
@@ -66,16 +93,18 @@ pub struct nvsp_sender_options {
     /// Time from a packet's first share to its last one, seconds, a part of the latency. Shares of other packets lie
     /// between them, so a burst of losses takes few of each. 0: they follow each other.
     pub spread: f64,
-    /// Chance that a modem frame is lost, below 1. 0: 0.1, a fair guess if it is not known. NVSP_LOSS_NONE: none is lost.
+    /// Chance that a modem frame is lost, below 1. 0: 0.1, a fair guess if it is not known. NVSP_LOSS_NONE: none is
+    /// lost.
     pub loss: f64,
     /// Mean number of modem frames that are lost in a row, 1 or more. 0: 1.
     pub burst: f64,
     /// What each modem frame costs on the link beside its bytes (preamble, the modem's own header), as bytes.
     pub overhead: u32,
-    /// Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good picture
-    /// takes: the frame rate falls first. 0: 40.
-    pub least: u32,
-    /// Most shares of a packet, up to 64. nvsp_collector_options.shares must be as many. 0: 16.
+    /// Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good
+    /// picture takes: the frame rate falls first. 0: 40.
+    pub min_bytes: u32,
+    /// Most shares of a packet, up to 64; without protection up to 4096. nvsp_collector_options.shares must be as many.
+    /// 0: 16; without protection as many as 65536 bytes take.
     pub shares: u32,
     /// User bytes that travel with each packet, up to 255; with it they come or are lost.
     pub user_bytes: u32,
@@ -97,11 +126,11 @@ pub struct nvsp_division {
     pub abi_version: u32,
     /// Shares.
     pub shares: u32,
-    /// Bytes of each.
+    /// Bytes of each; the last one of an unprotected packet may have fewer.
     pub share_bytes: u32,
-    /// Any so many shares give a picture.
+    /// Any so many shares yield a picture; of an unprotected packet the first so many.
     pub picture_shares: u32,
-    /// Any so many give all that is sent.
+    /// Any so many yield all that is sent.
     pub whole_shares: u32,
     /// Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is longer than planned.
     pub packet_bytes: u32,
@@ -145,25 +174,25 @@ versioned!(nvsp_sender_statistics, 88);
 /// Most frames in a report.
 pub const NVSP_REPORT_FRAMES: usize = 32;
 
-/// What a topside told, and what the sender made of it.
+/// What a report says, and what the sender made of it.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct nvsp_heard {
+pub struct nvsp_processed_report {
     /// Set by NVSP_INIT.
     pub struct_size: u32,
     /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Shares that were lost, as a part of those that no report told of before; -1: too few to tell.
     pub loss: f64,
-    /// Shares that are sent again: pictures lacked them.
+    /// Shares that are sent again.
     pub resent_shares: u32,
     /// Bytes of them on the link.
     pub resent_bytes: u32,
     /// The newest frame number of which a share came, modulo 65536.
     pub newest: u32,
     /// How many packets the report tells of: that of `newest`, and those before it.
-    pub told: u32,
+    pub reported: u32,
     /// Place of the topside's user bytes in the report.
     pub user_offset: u32,
     /// How many they are.
@@ -175,24 +204,32 @@ pub struct nvsp_heard {
     /// Zero.
     pub reserved: u32,
 }
-versioned!(nvsp_heard, 176);
+versioned!(nvsp_processed_report, 176);
 
-/// Most shares of a packet: the time that a division takes grows with the cube of their number.
-const MOST_SHARES: u32 = 64;
+/// Most shares of a protected packet: the time that a division takes grows with the cube of their number.
+const MAX_SHARES: u32 = 64;
+/// Bytes of an unprotected packet that there is room for, unless the caller says how many shares.
+const UNPROTECTED_BYTES: usize = 1 << 16;
 
 fn options_of(mtu: u32, options: &nvsp_sender_options) -> Result<SenderOptions, Failure> {
     let nvsp_sender_options { bit_rate, frame_rate, delay, spread, user_bytes, .. } = *options;
-    if options.shares > MOST_SHARES {
+    let is_set = |flag: u32| options.flags & flag != 0;
+    let unprotected = is_set(NVSP_SENDER_UNPROTECTED);
+    if !unprotected && options.shares > MAX_SHARES {
         return Err(Failure::argument("nvsp_sender_options.shares: above 64"));
     }
     if options.stream > 3 {
         return Err(Failure::argument("nvsp_sender_options.stream: above 3"));
     }
-    if options.flags & !NVSP_SENDER_ANSWERS != 0 {
+    if is_set(!(NVSP_SENDER_EXPECT_REPORTS | NVSP_SENDER_UNPROTECTED)) {
         return Err(Failure::argument("nvsp_sender_options.flags: unknown"));
     }
     let or = |value: f64, default: f64| if value == 0.0 { default } else { value };
     let or_count = |value: u32, default: usize| if value == 0 { default } else { value as usize };
+    let shares = match unprotected {
+        true => share_count(UNPROTECTED_BYTES, mtu as usize).unwrap_or(MAX_UNPROTECTED),
+        false => 16,
+    };
     let control = RateControlOptions {
         bit_rate,
         mtu: mtu as usize,
@@ -201,13 +238,17 @@ fn options_of(mtu: u32, options: &nvsp_sender_options) -> Result<SenderOptions, 
         delay,
         spread,
         frame_rate,
-        least: or_count(options.least, 40),
-        most_shares: or_count(options.shares, 16),
+        min_bytes: or_count(options.min_bytes, 40),
+        max_shares: or_count(options.shares, shares),
         loss: loss_of(or(options.loss, 0.1), options.burst),
         user: (user_bytes > 0).then_some(user_bytes as usize),
     };
-    let answers = options.flags & NVSP_SENDER_ANSWERS != 0;
-    Ok(SenderOptions { control, stream: options.stream as u8, answers })
+    Ok(SenderOptions {
+        control,
+        stream: options.stream as u8,
+        protection: if unprotected { Protection::None } else { Protection::Layers },
+        expect_reports: is_set(NVSP_SENDER_EXPECT_REPORTS),
+    })
 }
 
 fn loss_of(chance: f64, burst: f64) -> Loss {
@@ -215,14 +256,14 @@ fn loss_of(chance: f64, burst: f64) -> Loss {
     Loss { chance, burst: if burst == 0.0 { 1.0 } else { burst } }
 }
 
-/// Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come within
-/// the latency.
+/// Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come
+/// within the latency.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (an option, which the status
 /// text does not name), NVSP_ERR_MODEM (the MTU) or NVSP_ERR_MEMORY.
 ///
 /// # Safety
-/// - `mtu`: most bytes of a modem frame, 16 to 65535. Both sides need the same.
+/// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31. Both sides need the same.
 /// - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
 /// - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
@@ -245,10 +286,11 @@ pub unsafe extern "C" fn nvsp_sender_create(
     })
 }
 
-/// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_BYTES and as many. 0: leave the frame out
-/// (nvsp_encoder_skip), as the link has no bytes for it. If encoding fails with NVSP_ERR_BUDGET, as the packet must also
-/// tell the camera, encode the frame with NVSP_RATE_NONE. Ask for each frame of the camera, or as often as you like: if no
-/// packet follows, no bytes are spent. Allocates nothing.
+/// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_BYTES and as many. 0: leave the frame
+/// out (nvsp_encoder_skip), as the link has no bytes for it. If encoding fails with NVSP_ERR_BUDGET, as the packet must
+/// also tell the camera, encode the frame with NVSP_RATE_NONE. Ask for each frame of the camera, or as often as you
+/// like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
+/// Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
@@ -275,14 +317,15 @@ pub unsafe extern "C" fn nvsp_sender_plan(
     }
 }
 
-/// Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may be
-/// longer than planned: it takes more of the link for once. Allocates nothing.
+/// Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may
+/// be longer than planned: it takes more of the link for once. A sender without a bit rate takes any packet whole,
+/// without a plan. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time, or not as many user
-/// bytes as nvsp_sender_options.user_bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MODEM (the bytes are not exactly
-/// one sound packet), NVSP_ERR_STATE (no frame was planned, or its packet was taken), NVSP_ERR_BUDGET (all shares together
-/// do not hold a picture: the MTU or nvsp_sender_options.shares is too small) or NVSP_ERR_UNFINISHED (too many shares wait:
-/// nobody takes them). The plan stays then.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time, or not as many
+/// user bytes as nvsp_sender_options.user_bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MODEM (the bytes are not
+/// exactly one valid packet, or longer than the shares), NVSP_ERR_STATE (no frame was planned, or its packet was
+/// taken), NVSP_ERR_BUDGET (all shares together do not hold a picture: the MTU or nvsp_sender_options.shares is too
+/// small) or NVSP_ERR_UNFINISHED (too many shares wait: nobody takes them). The plan stays then.
 ///
 /// # Safety
 /// - `sender`: a live sender. Not NULL.
@@ -314,23 +357,25 @@ pub unsafe extern "C" fn nvsp_sender_push(
                 0 => None,
                 _ => Some(slice(user, user_size, "user")?),
             };
-            let sharing = content.push(now, packet, user)?;
-            out.write(&division_of(&sharing, content, packet.len()));
+            let division = content.push(now, packet, user)?;
+            out.write(&division_of(&division));
             Ok(NVSP_OK)
         })
     }
 }
 
-/// Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and writes
-/// nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates nothing.
+/// Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and
+/// writes nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates
+/// nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY, NVSP_ERR_POISONED or NVSP_ERR_BUFFER_TOO_SMALL.
-/// The share stays then.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
+/// NVSP_ERR_BUFFER_TOO_SMALL. The share stays then.
 ///
 /// # Safety
 /// - `sender`: a live sender. Not NULL.
 /// - `now`: seconds.
-/// - `share`: receives the share, which is a modem frame. It may be padded to any length. Yours, of `size` bytes. Not NULL.
+/// - `share`: receives the share, which is a modem frame. It may be padded to any length. Yours, of `size` bytes. Not
+///   NULL.
 /// - `size`: bytes of `share`; the MTU always suffices.
 /// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 #[unsafe(no_mangle)]
@@ -364,48 +409,49 @@ pub unsafe extern "C" fn nvsp_sender_next(
     }
 }
 
-/// Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells, step by
-/// step. Shares that a picture still lacks are sent again, once, if they come within the latency: nvsp_sender_next gives
-/// them at once. Padding may follow the report. Allocates nothing. Example:
+/// Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells,
+/// step by step. Shares that a picture still lacks, without protection all that are missing, are sent again, once, if
+/// they come within the latency: nvsp_sender_next writes them at once. Padding may follow the report. Allocates
+/// nothing. Example:
 ///
 /// ```c
-/// nvsp_heard heard = NVSP_INITIALIZER(nvsp_heard);
-/// if (nvsp_sender_hear(sender, now, bytes, size, &heard) == NVSP_OK) {
-///     for (uint32_t i = 0; i < heard.kept_count; i++) {
-///         status = nvsp_encoder_acknowledge(encoder, heard.kept[i]);
+/// nvsp_processed_report processed = NVSP_INITIALIZER(nvsp_processed_report);
+/// if (nvsp_sender_process_report(sender, now, bytes, size, &processed) == NVSP_OK) {
+///     for (uint32_t i = 0; i < processed.kept_count; i++) {
+///         status = nvsp_encoder_acknowledge(encoder, processed.kept[i]);
 ///     }
 /// }
 /// ```
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY,
 /// NVSP_ERR_POISONED, NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE (the sender was made
-/// without NVSP_SENDER_ANSWERS). Nothing changes then.
+/// without NVSP_SENDER_EXPECT_REPORTS). Nothing changes then.
 ///
 /// # Safety
 /// - `sender`: a live sender. Not NULL.
 /// - `now`: when the report came, seconds.
 /// - `report`: its bytes. Read during the call. Not NULL.
 /// - `size`: bytes of `report`.
-/// - `heard`: receives what it told, set up by NVSP_INIT. Not NULL.
+/// - `processed`: receives what it says, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_sender_hear(
+pub unsafe extern "C" fn nvsp_sender_process_report(
     sender: *mut nvsp_sender,
     now: f64,
     report: *const u8,
     size: usize,
-    heard: *mut nvsp_heard,
+    processed: *mut nvsp_processed_report,
 ) -> nvsp_status {
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_sender::handle(sender), |content| {
-            let out = Out::required(heard)?;
+            let out = Out::required(processed)?;
             if report.is_null() {
                 return Err(Failure::null("report"));
             }
             let bytes = slice(report, size, "report")?;
             let (report, user) = Report::read(bytes)?;
-            let told = content.hear(now, &report)?;
-            out.write(&heard_of(&report, &told, bytes, user));
+            let processed = content.process_report(now, &report)?;
+            out.write(&processed_of(&report, &processed, bytes, user));
             Ok(NVSP_OK)
         })
     }
@@ -458,7 +504,8 @@ pub unsafe extern "C" fn nvsp_sender_count(
 
 /// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED. The rate before stays then.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if the sender was
+/// made without a bit rate. The rate before stays then.
 ///
 /// # Safety
 /// - `sender`: a live sender. Not NULL.
@@ -482,7 +529,8 @@ pub unsafe extern "C" fn nvsp_sender_set_bit_rate(
 /// Sets what the next packets are protected against, for example as the topside has measured it
 /// (nvsp_collector_statistics). Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED. The loss before stays then.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if the sender was
+/// made without a bit rate. The loss before stays then.
 ///
 /// # Safety
 /// - `sender`: a live sender. Not NULL.
@@ -518,7 +566,7 @@ pub unsafe extern "C" fn nvsp_sender_get_statistics(
     // SAFETY: as the caller promises.
     unsafe {
         Handle::call(nvsp_sender::handle(sender), |content| {
-            let (counts, control) = (content.statistics(), content.control().options());
+            let (counts, control) = (content.statistics(), content.options());
             Out::required(statistics)?.write(&nvsp_sender_statistics {
                 struct_size: 0,
                 abi_version: 0,
@@ -564,19 +612,24 @@ pub unsafe extern "C" fn nvsp_sender_destroy(sender: *mut nvsp_sender) {
     unsafe { Handle::destroy(nvsp_sender::handle(sender).cast_mut()) }
 }
 
-fn heard_of(report: &Report, heard: &Heard, bytes: &[u8], user: Option<&[u8]>) -> nvsp_heard {
+fn processed_of(
+    report: &Report,
+    processed: &ProcessedReport,
+    bytes: &[u8],
+    user: Option<&[u8]>,
+) -> nvsp_processed_report {
     let mut kept = [0; NVSP_REPORT_FRAMES];
-    let frames = report.packets().filter(|(_, told)| told.state == PacketState::Kept);
+    let frames = report.packets().filter(|(_, packet)| packet.state == PacketState::Kept);
     let kept_count = kept.iter_mut().zip(frames).map(|(to, (frame, _))| *to = frame).count();
     let offset = |user: &[u8]| user.as_ptr().addr() - bytes.as_ptr().addr();
-    nvsp_heard {
+    nvsp_processed_report {
         struct_size: 0,
         abi_version: 0,
-        loss: heard.loss.unwrap_or(-1.0),
-        resent_shares: number(heard.shares),
-        resent_bytes: number(heard.bytes),
+        loss: processed.loss.unwrap_or(-1.0),
+        resent_shares: number(processed.shares),
+        resent_bytes: number(processed.bytes),
         newest: report.newest(),
-        told: number(report.packets().count()),
+        reported: number(report.packets().count()),
         user_offset: number(user.map_or(0, offset)),
         user_bytes: number(user.map_or(0, <[u8]>::len)),
         kept_count: number(kept_count),
@@ -585,16 +638,15 @@ fn heard_of(report: &Report, heard: &Heard, bytes: &[u8], user: Option<&[u8]>) -
     }
 }
 
-fn division_of(sharing: &Sharing, sender: &Sender, packet: usize) -> nvsp_division {
-    let threshold = |layer: Option<&crate::modem::Layer>| number(layer.map_or(0, |l| l.threshold));
+fn division_of(division: &Division) -> nvsp_division {
     nvsp_division {
         struct_size: 0,
         abi_version: 0,
-        shares: number(sharing.count()),
-        share_bytes: number(sharing.share_len()),
-        picture_shares: threshold(sharing.layers().first()),
-        whole_shares: threshold(sharing.layers().last()),
-        packet_bytes: number(sharing.capacity().min(packet)),
-        link_bytes: number(sender.control().cost(sharing)),
+        shares: number(division.shares),
+        share_bytes: number(division.share_bytes),
+        picture_shares: number(division.picture_shares),
+        whole_shares: number(division.whole_shares),
+        packet_bytes: number(division.packet_bytes),
+        link_bytes: number(division.link_bytes),
     }
 }

@@ -73,11 +73,11 @@ pub const NVSP_ERR_MODEM: nvsp_status = -23;
 pub const NVSP_ERR_INTERNAL: nvsp_status = -24;
 /// A picture has more pixels than nvsp_engine_options.frame_size_limit allows.
 pub const NVSP_ERR_LIMIT: nvsp_status = -25;
-/// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a sender: too many shares
-/// wait.
+/// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a sender: too many
+/// shares wait.
 pub const NVSP_ERR_UNFINISHED: nvsp_status = -26;
-/// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or looks
-/// like one by chance. Update this side.
+/// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or
+/// looks like one by chance. Update this side.
 pub const NVSP_ERR_NEWER: nvsp_status = -27;
 /// The system, a driver or an engine cannot do this; the text says what is missing.
 pub const NVSP_ERR_UNSUPPORTED: nvsp_status = -28;
@@ -149,7 +149,7 @@ pub(super) enum Failure {
     /// An error of the library.
     #[error(transparent)]
     Library(#[from] crate::Error),
-    /// An error of reassembly or splitting.
+    /// An error of sending or collecting.
     #[error(transparent)]
     Modem(#[from] ModemError),
 }
@@ -165,14 +165,6 @@ impl Failure {
 
     pub(super) fn argument(about: &'static str) -> Failure {
         Failure::at(NVSP_ERR_ARGUMENT, about)
-    }
-
-    /// Turns the error of a modem frame that does not fit its buffer into the status for that.
-    pub(super) fn from_buffer(error: ModemError) -> Failure {
-        match error {
-            ModemError::Buffer { needed, found } => Failure::Room { needed, found },
-            error => Failure::Modem(error),
-        }
     }
 
     pub(super) fn status(&self) -> nvsp_status {
@@ -262,10 +254,13 @@ fn of_modem(error: &ModemError) -> nvsp_status {
         | E::Collector { .. }
         | E::CollectorAge(_)
         | E::ShareCount(_)
+        | E::UnprotectedCount(_)
+        | E::UnprotectedStream(_)
+        | E::UnpacedReports
         | E::UserBytes(_)
         | E::Time(_) => NVSP_ERR_ARGUMENT,
         E::Budget { .. } => NVSP_ERR_BUDGET,
-        E::NotPlanned | E::NoAnswers => NVSP_ERR_STATE,
+        E::NotPlanned | E::NoReports | E::Unpaced => NVSP_ERR_STATE,
         E::Waiting { .. } => NVSP_ERR_UNFINISHED,
         _ => NVSP_ERR_MODEM,
     }

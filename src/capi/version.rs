@@ -43,7 +43,7 @@ mod tests {
 
     #[test]
     fn no_two_flags_have_one_value() {
-        use super::super::{decoder, encoder, engine, frame, modem, prior};
+        use super::super::{decoder, encoder, engine, frame, prior};
         let flags = [
             encoder::NVSP_FRAME_UNCERTAIN,
             encoder::NVSP_FRAME_RATE_MISSED,
@@ -55,7 +55,6 @@ mod tests {
             decoder::NVSP_HEADER_SHORT,
             decoder::NVSP_DECODE_START,
             frame::NVSP_GIVEN_TIME,
-            modem::NVSP_MODEM_CHECKS,
             engine::NVSP_ENGINE_VALIDATION,
             prior::NVSP_PRIOR_NEAR,
             prior::NVSP_PRIOR_ALPHA_MAX,

@@ -1,17 +1,16 @@
-//! Why a packet cannot be split, or a frame not be taken.
+//! Why a packet cannot be sent, or a modem frame not be taken.
 
 use crate::packet::PacketError;
 
-use super::layout::{LARGEST_MTU, SMALLEST_MTU};
-use super::shares::{MAX_SHARES, STREAMS};
+use super::limits::{MAX_MTU, MAX_SHARES, MAX_UNPROTECTED, MIN_MTU, MIN_SHARE_MTU, STREAMS};
 
-/// Why a packet cannot be split, or a frame not be taken.
+/// Why a packet cannot be sent, or a modem frame not be taken.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ModemError {
-    /// The MTU is outside what frames are made for.
-    #[error("MTU of {0} bytes: it must lie in {SMALLEST_MTU}..={LARGEST_MTU}")]
+    /// The MTU is outside what unprotected packets can have.
+    #[error("MTU of {0} bytes: without protection it must lie in {MIN_MTU}..={MAX_MTU}")]
     Mtu(usize),
-    /// The bytes are no packet, or no first frame of one.
+    /// The bytes are no packet, or no start of one.
     #[error(transparent)]
     Packet(#[from] PacketError),
     /// The packet does not have the length that it states.
@@ -23,67 +22,63 @@ pub enum ModemError {
         stated: usize,
     },
     /// The packet's own checks do not match all of it.
-    #[error("packet of {len} bytes: its checks match only the first {sound}")]
-    Unsound {
+    #[error("packet of {len} bytes: its checks match only the first {valid}")]
+    Invalid {
         /// Length of the packet, bytes.
         len: usize,
         /// Bytes that its checks match.
-        sound: usize,
+        valid: usize,
     },
-    /// The packet has more bytes than fit into 4096 frames.
+    /// An unprotected packet has more bytes than its shares hold.
     #[error("packet of {len} bytes: the largest for an MTU of {mtu} has {largest}")]
     PacketTooLong {
         /// Length of the packet, bytes.
         len: usize,
-        /// Longest that can be split, bytes.
+        /// The longest one, bytes.
         largest: usize,
         /// The MTU, bytes.
         mtu: usize,
     },
-    /// The packet has no frame of this index.
-    #[error("frame {index} of a packet of {count}")]
-    NoSuchFrame {
-        /// The index.
-        index: usize,
-        /// Frames of the packet.
-        count: usize,
-    },
-    /// A frame does not fit the buffer given for it.
-    #[error("buffer of {found} bytes for a frame of {needed}")]
-    Buffer {
-        /// Bytes of the frame.
-        needed: usize,
-        /// Bytes of the buffer.
-        found: usize,
-    },
-    /// The bytes do not begin as a frame does.
-    #[error("no frame: it begins with {0:#04x}")]
+    /// The bytes do not begin as a share does.
+    #[error("no share: it begins with {0:#04x}")]
     NotAFrame(u8),
-    /// The frame ends before its packet's bytes do: it was cut, or the sender has another MTU.
-    #[error("frame of {found} bytes, but {needed} are due: cut, or split for another MTU")]
+    /// The modem frame ends before its share does: it was cut, or the sender has another MTU.
+    #[error("modem frame of {found} bytes, but {needed} are due: cut, or made for another MTU")]
     Cut {
         /// Bytes of the frame.
         found: usize,
         /// Bytes that are due.
         needed: usize,
     },
-    /// The frame lies beyond the longest packet that there is room for.
-    #[error("frame {index}: there is room for {room} frames of a packet")]
+    /// The share lies beyond the longest packet that there is room for.
+    #[error("share {index}: there is room for {room} shares of a packet")]
     NoRoom {
-        /// Index of the frame.
+        /// Index of the share.
         index: usize,
-        /// Frames that there is room for.
+        /// Shares that there is room for.
         room: usize,
     },
-    /// The first frame of a packet whose place a newer one has taken.
-    #[error("packet of frame number {0} comes again after a newer one took its place")]
+    /// A share of a packet whose place a newer one has taken. The frame number is modulo 128.
+    #[error("packet of frame number {0} modulo 128 comes after a newer one took its place")]
     Late(u32),
-    /// The MTU is outside what shares are made for.
-    #[error("MTU of {0} bytes: shares need 16..={LARGEST_MTU}")]
+    /// The MTU is outside what protected shares can have.
+    #[error("MTU of {0} bytes: protected shares need {MIN_SHARE_MTU}..={MAX_MTU}")]
     ShareMtu(usize),
-    /// The number of shares is outside what a packet may have.
-    #[error("{0} shares: a packet has 1..={MAX_SHARES}")]
+    /// The number of shares is outside what a protected packet may have.
+    #[error("{0} shares: a protected packet has 1..={MAX_SHARES}")]
     ShareCount(usize),
+    /// The number of shares is outside what an unprotected packet may have.
+    #[error("{0} shares: an unprotected packet has 1..={MAX_UNPROTECTED}")]
+    UnprotectedCount(usize),
+    /// The stream is another than the one that unprotected packets are of.
+    #[error("stream {0}: unprotected packets are of stream 0")]
+    UnprotectedStream(u8),
+    /// The sender has no bit rate, and cannot send shares again in time.
+    #[error("reports for a sender without a bit rate")]
+    UnpacedReports,
+    /// The sender was made without a bit rate.
+    #[error("a rate or a loss for a sender that was made without a bit rate")]
+    Unpaced,
     /// The loss is none that a link can have.
     #[error(
         "a loss of {0} in bursts of {1}: the chance must lie in 0..1, bursts have 1 frame or more"
@@ -102,8 +97,8 @@ pub enum ModemError {
         /// What it was.
         value: f64,
     },
-    /// The user bytes are too many, or not as many as the sharing was made for.
-    #[error("{0} user bytes: at most 255, and as many as the sharing was made for")]
+    /// The user bytes are too many, or not as many as were planned, or the packet is not protected.
+    #[error("{0} user bytes: at most 255, as many as were planned, and none without protection")]
     UserBytes(usize),
     /// A time is not finite.
     #[error("a time of {0} seconds: must be finite")]
@@ -144,7 +139,7 @@ pub enum ModemError {
     ReportMtu {
         /// The MTU, bytes.
         mtu: usize,
-        /// Least bytes of the report.
+        /// Fewest bytes of the report.
         needed: usize,
     },
     /// The report is about another stream than the sender's.
@@ -156,40 +151,25 @@ pub enum ModemError {
         expected: u8,
     },
     /// The sender remembers nothing that a report could be about.
-    #[error("a report for a sender that was made without `answers`")]
-    NoAnswers,
+    #[error("a report for a sender that was made without `expect_reports`")]
+    NoReports,
     /// The share does not fit the others of its packet.
     #[error("share of frame number {0} modulo 128: unlike the packet's other shares")]
     OtherShare(u32),
     /// The options of a collector are out of range.
-    #[error("{field} of {value}: must lie in 1..={most}")]
+    #[error("{field} of {value}: must lie in 1..={max}")]
     Collector {
         /// The option.
         field: &'static str,
         /// What was given.
         value: usize,
         /// The largest value.
-        most: usize,
+        max: usize,
     },
-    /// The system does not have the memory that a sender, a reassembler or a collector takes.
+    /// The system does not have the memory that a sender or a collector takes.
     #[error("no memory for modem frames: {0} bytes")]
     Memory(usize),
-    /// The first frame contradicts the one that is there, and later frames vouch for that one.
-    #[error("first frame of frame number {0}: differs from the one that its packet's checks match")]
+    /// A packet's start contradicts the one that is there, and its continuations vouch for that one.
+    #[error("start of frame number {0}: differs from the one that its packet's checks match")]
     Contradicts(u32),
-}
-
-/// An empty list with room for so many values, in memory that may be refused.
-pub(super) fn room<T>(count: usize) -> Result<Vec<T>, ModemError> {
-    let mut values = Vec::new();
-    let refused = |_| ModemError::Memory(count.saturating_mul(size_of::<T>()));
-    values.try_reserve_exact(count).map_err(refused)?;
-    Ok(values)
-}
-
-/// `count` values, in memory that may be refused.
-pub(super) fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>, ModemError> {
-    let mut values = room(count)?;
-    values.resize(count, value);
-    Ok(values)
 }

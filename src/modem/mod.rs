@@ -1,82 +1,122 @@
 //! Packets in the frames of an acoustic modem.
 //!
-//! A modem carries frames of at most its MTU, here 31 to 65,535 bytes. It loses some frames, may
-//! swap and repeat others, and may pad every frame to the MTU. A [`Splitter`] cuts a packet into
-//! frames. A [`Reassembler`] puts packets together from what arrives. Both sides must be told the
-//! same MTU; nothing in a frame says it. Numbers are little endian.
+//! A modem carries frames of at most its MTU. It loses some, may swap and repeat others, and may pad every frame to the
+//! MTU. A [`Sender`] makes *shares* of packets, which are such modem frames, and a [`Collector`] makes packets of the
+//! shares that arrive. Both must be told the same MTU, since no share says it. Shares may come in any order, more than
+//! once, padded, or mixed with other frames. Numbers are little endian.
 //!
-//! If frames are lost, a [`Sender`] is better: it spreads packets over frames of which any few give a picture, and a
-//! [`Collector`] puts them together. Below is the splitter's way.
+//! A share has one of three forms. Its high two bits tell which.
 //!
-//! | byte | frame 0 |
+//! | bits | form | bytes beside the packet's |
+//! |---|---|---|
+//! | `10` | *start*: the first share of an unprotected packet | 0 |
+//! | `11` | *continuation*: another one of it | 4 |
+//! | `01` | *protected share* | 7 to 12, and parity |
+//!
+//! A [`Report`] has the high bits `00`.
+//!
+//! # Without protection
+//!
+//! [`Protection::None`] and [`Sharer::split`] cut a packet into shares. That costs fewest bytes. If one is lost, those
+//! behind it are of no use until it is sent again. MTU: 31 to 65,535 bytes.
+//!
+//! | byte | start: share 0 |
 //! |---|---|
-//! | 0–… | the packet's first bytes, as many as the MTU, or all; the high two bits are `10` |
+//! | 0–… | the packet's first bytes, as many as the MTU, or all |
 //!
-//! | byte | frames 1 to 4095 |
+//! | byte | continuation: shares 1 to 4095 |
 //! |---|---|
 //! | 0 | from the top: two bits `11`, two bits frame number modulo 4, four bits index high |
 //! | 1 | index low byte |
-//! | 2–3 | CRC-16/IBM-3740 of: CRC-32 (IEEE) of frame 0, bytes 0–1, the data |
+//! | 2–3 | CRC-16/IBM-3740 of: CRC-32 (IEEE) of share 0, bytes 0–1, the data |
 //! | 4–… | data: the packet's next MTU − 4 bytes, or its rest |
 //!
-//! The frame number is the packet's. Padding follows the data. It has any length and content, and
-//! no check covers it. The first frame has no header, so it costs nothing. In the compact profile
-//! it holds the latent part, which makes a picture by itself, at any MTU.
+//! The frame number is the packet's. Padding follows the data. It has any length and content, and no check covers it.
+//! In the compact profile share 0 holds the latent part, which makes a picture by itself, at any MTU. Such packets are
+//! of stream 0, and carry no user bytes.
 //!
 //! | packet, bytes | MTU 31 | MTU 64 | MTU 256 | MTU 1024 |
 //! |---|---|---|---|---|
-//! | 31 | 1 frame, +0 | 1 frame, +0 | 1 frame, +0 | 1 frame, +0 |
-//! | 250 | 10 frames, +36 | 5 frames, +16 | 1 frame, +0 | 1 frame, +0 |
-//! | 750 | 28 frames, +108 | 13 frames, +48 | 3 frames, +8 | 1 frame, +0 |
-//! | 1500 | 56 frames, +220 | 25 frames, +96 | 6 frames, +20 | 2 frames, +4 |
+//! | 31 | 1 share, +0 | 1 share, +0 | 1 share, +0 | 1 share, +0 |
+//! | 250 | 10 shares, +36 | 5 shares, +16 | 1 share, +0 | 1 share, +0 |
+//! | 750 | 28 shares, +108 | 13 shares, +48 | 3 shares, +8 | 1 share, +0 |
+//! | 1500 | 56 shares, +220 | 25 shares, +96 | 6 shares, +20 | 2 shares, +4 |
 //! | largest | 110,596 | 245,764 | 1,032,196 | 4,177,924 |
 //!
-//! **Checks.** The check of a later frame covers frame 0 as well. So it binds the frame to its packet, and if it
-//! matches, it vouches for frame 0 too. Up to an MTU of 4095 it finds every error of one, two or any odd number of bits
+//! **Checks.** The check of a continuation covers share 0 as well. So it binds the share to its packet, and if it
+//! matches, it vouches for share 0 too. Up to an MTU of 4095 it finds every error of one, two or any odd number of bits
 //! in data and check, and every burst of up to sixteen bits in the data. It misses other damage with a chance of 2⁻¹⁶.
-//! If the frame numbers of two packets agree modulo 4, their frames can be confused with the same chance, and then all
-//! of them are. A packet that is all there must also match its own checks. With the residual's check the chance falls
-//! to 2⁻⁴⁸, in the short form to 2⁻³². If only frame 0 is there, only what the packet's own checks vouch for counts as
-//! sound: the latent part, the camera part, or all of it if the packet ends with frame 0.
+//! With the same chance it takes a continuation for one of another packet, for each packet at hand that lacks the share
+//! and whose frame number agrees modulo 4. A packet that is all there must also match its own checks. With the
+//! residual's check the chance falls to 2⁻⁴⁸, in the short form to 2⁻³². If only share 0 is there, only what the
+//! packet's own checks vouch for counts as valid: the latent part, the camera part, or all of it if the packet ends
+//! with share 0.
 //!
-//! (Frame 0 enters through a CRC that is not the latent part's own. The same CRC over bytes that
-//! end with it, low byte first, would depend on eight bits of them only.)
+//! (Share 0 enters through a CRC that is not the latent part's own. The same CRC over bytes that end with it, low byte
+//! first, would depend on eight bits of them only.)
 //!
-//! **The short form** of a packet states its frame number modulo 2¹⁶. The reassembler completes it to the number modulo
-//! 2²⁴ that is nearest to the newest packet's. If no packet came before, the 16 bits are the number.
+//! **The short form** of a packet states its frame number modulo 2¹⁶. The collector completes it to the number modulo
+//! 2²⁴ that is nearest to that of the last packet that yielded a picture. If none came before, the 16 bits are the
+//! number.
 //!
-//! **The paper's profile** has a latent part of 43 bytes. Below that MTU, frame 0 has no check of
-//! its own and gives no picture before frame 1.
+//! **The paper's profile** has a latent part of 43 bytes. Below that MTU, share 0 has no check of its own and yields no
+//! picture before share 1.
+//!
+//! # With protection
+//!
+//! A packet's bytes go from coarse to fine. So they are divided into *layers*: the first one holds what makes a
+//! picture, the later ones what makes it finer. A layer of threshold `m` is cut to `m` chunks, and by a Reed–Solomon
+//! code to `count` of them, of which any `m` yield the layer. Each share carries one chunk of each layer. So a lost
+//! share costs its part, wherever it lay. This is Priority Encoding Transmission (Albanese, Blömer, Edmonds, Luby and
+//! Sudan, IEEE Transactions on Information Theory 42, 1996). [`Sharing`] chooses the layers for the modem's loss. MTU:
+//! 16 to 65,535 bytes.
+//!
+//! | byte | protected share |
+//! |---|---|
+//! | 0 | from the top: two bits `01`, two bits stream, the number's four high bits |
+//! | 1 | from the top: the number's three low bits, one bit wide, four bits threshold of the first layer − 1 |
+//! | 2 | narrow: four bits index, four bits count − 1. Wide: index; the next byte is count − 1 |
+//! | next | first layer's chunk, bytes: seven bits per byte, low bits first, high bit set on all but the last |
+//! | next | bytes of the other layers' chunks together, likewise |
+//! | next 2 | CRC-16/IBM-3740 of all other bytes of the share |
+//! | … | the chunks, first layer first |
+//!
+//! The number is the packet's frame number modulo 128. Padding may follow.
+//!
+//! | bytes | first layer |
+//! |---|---|
+//! | 1 | low three bits: number of other layers; bit 3: user bytes follow; the others are 0 |
+//! | 2 and more per layer | threshold and chunk, in bytes, as the chunk above |
+//! | 1 + length | length of the user bytes, and they; if bit 3 is set |
+//! | … | the packet's first bytes |
+//!
+//! The other layers hold the packet's next bytes. After its last one there may be zeros.
+//!
+//! **Checks.** Each share has one of its own. The packet's first bytes must be the start of a packet, whose latent part
+//! has another; a whole packet must match all its checks. If one does not match, all shares of the packet are dropped.
 
-mod assembly;
+mod collect;
 mod error;
-mod fragment;
-mod history;
-mod interleaver;
-mod layout;
-mod packet_slot;
-mod rate_control;
-mod reassembler;
+mod limits;
+mod memory;
 mod report;
-mod sender;
-mod shares;
-mod splitter;
-mod statistics;
-mod waiting;
+mod send;
+mod wire;
 
+pub use collect::collected::{Collected, CollectedPacket, CollectorStatistics};
+pub use collect::collector::{Collector, CollectorOptions};
 pub use error::ModemError;
-pub use interleaver::Interleaver;
-pub use layout::{frame_count, largest_packet};
-pub use rate_control::{RateControl, RateControlOptions};
-pub use reassembler::{Reassembler, ReassemblerOptions, Received};
-pub use report::{ArrivedShares, MOST_TOLD, PacketState, Report, ToldPacket};
-pub use sender::{Heard, Sender, SenderOptions, SenderStatistics};
-pub use shares::{
-    Collected, CollectedPacket, Collector, CollectorOptions, Layer, Loss, MAX_SHARES, STREAMS,
-    ShareStatistics, Sharer, Sharing, SharingOptions,
-};
-pub use splitter::Splitter;
-pub use statistics::{Pushed, Statistics};
+pub use limits::{MAX_SHARES, MAX_UNPROTECTED, STREAMS};
+pub use report::{ArrivedShares, MAX_REPORTED, PacketState, Report, ReportedPacket};
+pub use send::division::Division;
+pub use send::interleaver::Interleaver;
+pub use send::loss::Loss;
+pub use send::rate_control::{RateControl, RateControlOptions};
+pub use send::sender::{ProcessedReport, Protection, Sender, SenderOptions, SenderStatistics};
+pub use send::sharer::Sharer;
+pub use send::sharing::{Sharing, SharingOptions};
+pub use wire::contents::Layer;
+pub use wire::layout::{largest_packet, share_count};
 
 #[cfg(test)]
 mod tests;

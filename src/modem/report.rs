@@ -1,31 +1,32 @@
 //! What a topside tells its vehicle: which packets came, what of others, and user bytes.
 //!
-//! A report is one modem frame. It is for links with a return channel. From it a vehicle learns the loss, which shares to
-//! send again, and which frames later ones may lean on. A lost report costs little: the next one tells of the same
-//! packets, as long as they are recent. Numbers are little endian.
+//! A report is one modem frame. It is for links with a return channel. From it a vehicle learns the loss, which shares
+//! to send again, and which frames later ones may be predicted from. A lost report costs little: the next one tells of
+//! the same packets, as long as they are recent. Numbers are little endian.
 //!
 //! | bytes | report |
 //! |---|---|
 //! | 1 | from the top: bits `00`, two bits stream, bits `010`, one bit: user bytes follow |
 //! | 2 | newest frame number, modulo 2¹⁶ |
-//! | 1 | number of packets told of, at most 32: that of the newest frame number, and those before it |
+//! | 1 | number of packets that it tells of, at most 32: that of the newest frame number, and those before it |
 //! | 1 per packet | newest first: two bits state, six bits number of shares that came; 63 stands for more, too |
-//! | … | per packet of state 1, newest first: its number of shares − 1, one byte; one bit per share, low bits first: it came |
+//! | … | per packet of state 1, newest first: its number of shares − 1, one byte; a bit per share, low bits first |
 //! | 1 + length | length of the user bytes, and they; if there are any |
 //! | 2 | CRC-16/IBM-3740 of all bytes before |
 //!
-//! States: 0 nothing came; 1 shares came, but not all of the packet; 2 the packet is whole; 3 its picture was decoded in
-//! full, too. Padding may follow.
+//! States: 0 nothing came; 1 shares came, but not all of the packet; 2 the packet is whole; 3 its picture was decoded
+//! in full, too. Padding may follow. Of an unprotected packet the first 256 shares are listed; until its length has
+//! come, those up to the first missing one.
 
 use crate::packet::bytes::crc16;
 
-use super::ModemError;
-use super::shares::{MAX_SHARES, STREAMS};
+use super::error::ModemError;
+use super::limits::{MAX_SHARES, STREAMS};
 
 /// Most packets that a report tells of.
-pub const MOST_TOLD: usize = 32;
+pub const MAX_REPORTED: usize = 32;
 /// Most user bytes.
-const MOST_USER: usize = 255;
+const MAX_USER: usize = 255;
 /// The frame number in a report is modulo this.
 const NUMBERS: u32 = 1 << 16;
 /// The first byte's bits, without stream and user bit.
@@ -33,7 +34,7 @@ const MARK: u8 = 0b0000_0100;
 const STREAM_SHIFT: u8 = 4;
 const USER: u8 = 1;
 /// Largest number of shares that a packet's byte holds.
-const MOST_ARRIVED: u8 = 63;
+pub(super) const MAX_ARRIVED: u8 = 63;
 /// Bytes before the packets'.
 const HEAD: usize = 4;
 const CHECK: usize = 2;
@@ -48,7 +49,8 @@ pub enum PacketState {
     Part,
     /// All of it.
     Whole,
-    /// All of it, and its picture was decoded in full: [`Decoded::kept`](crate::Decoded::kept). Later frames may lean on it.
+    /// All of it, and its picture was decoded in full: [`Decoded::kept`](crate::Decoded::kept). Later frames may be
+    /// predicted from it.
     Kept,
 }
 
@@ -93,7 +95,7 @@ impl ArrivedShares {
 
 /// A packet, as a report tells of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ToldPacket {
+pub struct ReportedPacket {
     /// What came of it.
     pub state: PacketState,
     /// Shares of it that came. In a report that was read, 63 stands for more, too.
@@ -104,35 +106,35 @@ pub struct ToldPacket {
 
 /// What a topside tells its vehicle of a stream's packets.
 ///
-/// A topside makes it with [`Collector::report`](super::Collector::report) and sends [`Report::write`]'s bytes. A vehicle
-/// gets it with [`Report::read`].
+/// A topside makes it with [`Collector::report`](crate::modem::Collector::report) and sends [`Report::write`]'s bytes.
+/// A vehicle reads it with [`Report::read`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Report {
     stream: u8,
     newest: u32,
-    told: usize,
-    packets: [ToldPacket; MOST_TOLD],
+    reported: usize,
+    packets: [ReportedPacket; MAX_REPORTED],
 }
 
 impl Report {
-    /// Of the packet of a stream's newest frame number, and of those before it. `packets`: newest first, without gaps; those
-    /// beyond [`MOST_TOLD`] are left out.
+    /// Of the packet of a stream's newest frame number, and of those before it. `packets`: newest first, without gaps;
+    /// those beyond [`MAX_REPORTED`] are left out.
     ///
     /// # Errors
     /// If the stream is not 0 to 3.
     pub fn new(
         stream: u8,
         newest: u32,
-        packets: impl Iterator<Item = ToldPacket>,
+        packets: impl Iterator<Item = ReportedPacket>,
     ) -> Result<Report, ModemError> {
         if stream >= STREAMS {
             return Err(ModemError::Stream(stream));
         }
         let newest = newest % NUMBERS;
-        let mut report = Report { stream, newest, told: 0, packets: Default::default() };
-        for packet in packets.take(MOST_TOLD) {
-            report.packets[report.told] = packet;
-            report.told += 1;
+        let mut report = Report { stream, newest, reported: 0, packets: Default::default() };
+        for packet in packets.take(MAX_REPORTED) {
+            report.packets[report.reported] = packet;
+            report.reported += 1;
         }
         Ok(report)
     }
@@ -148,40 +150,40 @@ impl Report {
     }
 
     /// The packet of a frame number, of which only the low 16 bits count. `None`: the report does not tell of it.
-    pub fn packet(&self, frame: u32) -> Option<&ToldPacket> {
+    pub fn packet(&self, frame: u32) -> Option<&ReportedPacket> {
         let behind = self.newest.wrapping_sub(frame) % NUMBERS;
-        self.packets[..self.told].get(behind as usize)
+        self.packets[..self.reported].get(behind as usize)
     }
 
     /// The packets, newest first, with their frame numbers modulo 2¹⁶.
-    pub fn packets(&self) -> impl Iterator<Item = (u32, &ToldPacket)> {
+    pub fn packets(&self) -> impl Iterator<Item = (u32, &ReportedPacket)> {
         let numbers = (0..).map(|behind| self.newest.wrapping_sub(behind) % NUMBERS);
-        numbers.zip(&self.packets[..self.told])
+        numbers.zip(&self.packets[..self.reported])
     }
 
-    /// Writes the report with user bytes, and returns its length. `into` has as many bytes as a modem frame may have. If not
-    /// all packets fit, it tells of the newest ones.
+    /// Writes the report with user bytes, and returns its length. `into` has as many bytes as a modem frame may have.
+    /// If not all packets fit, it tells of the newest ones.
     ///
     /// # Errors
     /// If there are more than 255 user bytes, or the report does not fit even without packets.
     pub fn write(&self, user: Option<&[u8]>, into: &mut [u8]) -> Result<usize, ModemError> {
         let mtu = into.len();
         let user_len = user.map_or(0, |user| 1 + user.len());
-        if user_len > 1 + MOST_USER {
+        if user_len > 1 + MAX_USER {
             return Err(ModemError::UserBytes(user_len - 1));
         }
         let needed = HEAD + user_len + CHECK;
         let room = mtu.checked_sub(needed).ok_or(ModemError::ReportMtu { mtu, needed })?;
-        let told = &self.packets[..self.fitting(room)];
+        let reported = &self.packets[..self.fitting(room)];
         let mut bytes = Written { into, len: 0 };
         let mark = MARK | self.stream << STREAM_SHIFT | if user.is_some() { USER } else { 0 };
         let [low, high, ..] = self.newest.to_le_bytes();
-        bytes.add(&[mark, low, high, told.len() as u8]);
-        for packet in told {
-            let arrived = packet.arrived.min(MOST_ARRIVED.into()) as u8;
+        bytes.add(&[mark, low, high, reported.len() as u8]);
+        for packet in reported {
+            let arrived = packet.arrived.min(MAX_ARRIVED.into()) as u8;
             bytes.add(&[packet.state as u8 | arrived << 2]);
         }
-        for packet in told.iter().filter(|packet| packet.lists_shares()) {
+        for packet in reported.iter().filter(|packet| packet.lists_shares()) {
             bytes.add(&[(packet.shares.sent() - 1) as u8]);
             bytes.add(packet.shares.bytes());
         }
@@ -196,7 +198,7 @@ impl Report {
 
     /// How many packets fit so many bytes.
     fn fitting(&self, room: usize) -> usize {
-        let lens = self.packets[..self.told].iter().scan(0, |len, packet| {
+        let lens = self.packets[..self.reported].iter().scan(0, |len, packet| {
             *len += 1 + if packet.lists_shares() { 1 + packet.shares.bytes().len() } else { 0 };
             Some(*len)
         });
@@ -214,11 +216,15 @@ impl Report {
             return Err(ModemError::NotAFrame(mark));
         }
         let newest = u32::from(rest.byte()?) | u32::from(rest.byte()?) << 8;
-        let told = usize::from(rest.byte()?);
-        let states = rest.take(told)?;
-        let mut report =
-            Report { stream: mark >> STREAM_SHIFT & 3, newest, told, packets: Default::default() };
-        let packets = report.packets.get_mut(..told).ok_or(ModemError::NotAFrame(mark))?;
+        let reported = usize::from(rest.byte()?);
+        let states = rest.take(reported)?;
+        let mut report = Report {
+            stream: mark >> STREAM_SHIFT & 3,
+            newest,
+            reported,
+            packets: Default::default(),
+        };
+        let packets = report.packets.get_mut(..reported).ok_or(ModemError::NotAFrame(mark))?;
         for (packet, state) in packets.iter_mut().zip(states) {
             packet.state = match state & 3 {
                 0 => PacketState::Nothing,
@@ -248,7 +254,7 @@ impl Report {
     }
 }
 
-impl ToldPacket {
+impl ReportedPacket {
     /// Whether a report lists its shares one by one.
     fn lists_shares(&self) -> bool {
         self.state == PacketState::Part && self.shares.sent() > 0
@@ -301,12 +307,12 @@ mod tests {
     use super::*;
 
     fn report() -> Report {
-        let part = ToldPacket {
+        let part = ReportedPacket {
             state: PacketState::Part,
             arrived: 2,
             shares: ArrivedShares::new(9, [0, 8].into_iter()),
         };
-        let of = |state, arrived| ToldPacket { state, arrived, ..Default::default() };
+        let of = |state, arrived| ReportedPacket { state, arrived, ..Default::default() };
         let packets = [
             part,
             of(PacketState::Kept, 9),
@@ -342,7 +348,7 @@ mod tests {
         assert_eq!(report.packet(0xFFFF).unwrap().state, PacketState::Nothing);
         assert_eq!(report.packet(0x2_FFFE).unwrap().arrived, 8);
         assert_eq!(report.packet(0xFFFD), None);
-        assert_eq!(report.packet(2), None, "newer ones are not told of");
+        assert_eq!(report.packet(2), None, "newer ones are not in it");
         let numbers: Vec<_> = report.packets().map(|(number, _)| number).collect();
         assert_eq!(numbers, [1, 0, 0xFFFF, 0xFFFE]);
     }

@@ -1,5 +1,5 @@
-// After the first frame, encoding, splitting, sharing, reassembly, repair of losses and decoding take nothing from the
-// heap within libnvsprior.so. The test prints what loader and driver take.
+// After the first frame, encoding, sending, collecting, repair of losses and decoding take nothing from the heap within
+// libnvsprior.so. The test prints what loader and driver take.
 //
 // This program's own malloc, calloc and so on replace the C library's. They count a call for the library that makes it.
 
@@ -97,9 +97,8 @@ static long stop_counting(const char *what) {
 
 static scene dive;
 static rig both;
-static nvsp_reassembler *reassembler;
-static nvsp_sender *sender;
-static nvsp_collector *collector;
+static nvsp_sender *sender, *unprotected;
+static nvsp_collector *collector, *clean;
 static uint8_t sent[8192], arrived[8192];
 static uint8_t *pixels;
 
@@ -160,15 +159,14 @@ static void whole_way(int number) {
         MUST(nvsp_encode(both.encoder, &image, with_hint(hint), sent, sizeof sent, &size, &stats));
     }
     MUST(nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &place));
-    uint32_t count = 0;
-    MUST(nvsp_modem_frame_count(size, 64, &count));
-    for (uint32_t i = 0; i < count; i++) {
-        uint8_t frame[64];
-        size_t written = 0;
-        MUST(nvsp_modem_frame(sent, size, 64, i, frame, sizeof frame, &written));
-        MUST(nvsp_reassembler_push(reassembler, frame, written, NULL));
+    MUST(nvsp_sender_push(unprotected, 0, sent, size, NULL, 0, NULL));
+    uint8_t frame[64];
+    size_t written = 0;
+    nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
+    while (nvsp_sender_next(unprotected, 0, frame, sizeof frame, &written) == NVSP_OK) {
+        MUST(nvsp_collector_push(clean, 0, frame, written, &state));
     }
-    MUST(nvsp_reassembler_fetch(reassembler, arrived, sizeof arrived, &size, NULL));
+    MUST(nvsp_collector_fetch(clean, 0, state.frame, arrived, sizeof arrived, &size, NULL));
     lossy_way(number, size);
     MUST(nvsp_decode_header(arrived, size, both.prior, &header));
     if (number % 2) {
@@ -242,7 +240,6 @@ int main(int argc, char **argv) {
         options.camera_interval = 10;
         options.mode = i == 3 ? NVSP_MODE_STREAM : NVSP_MODE_INTRA;
         rig_add(&both, &dive.camera, &options);
-        MUST(nvsp_reassembler_create(64, NULL, &reassembler));
         nvsp_sender_options link = NVSP_INITIALIZER(nvsp_sender_options);
         link.bit_rate = 20000;
         link.frame_rate = 2;
@@ -250,6 +247,12 @@ int main(int argc, char **argv) {
         link.shares = 32;
         MUST(nvsp_sender_create(64, &link, &sender));
         MUST(nvsp_collector_create(64, NULL, &collector));
+        nvsp_sender_options plain = NVSP_INITIALIZER(nvsp_sender_options);
+        nvsp_collector_options room = NVSP_INITIALIZER(nvsp_collector_options);
+        plain.flags = NVSP_SENDER_UNPROTECTED;
+        room.shares = sizeof sent / 60;
+        MUST(nvsp_sender_create(64, &plain, &unprotected));
+        MUST(nvsp_collector_create(64, &room, &clean));
         start_counting();
         // Two: the second starts the threads of encoder and decoder.
         whole_way(0);
@@ -265,7 +268,8 @@ int main(int argc, char **argv) {
         CHECK(counts.repaired > 0);
         nvsp_sender_destroy(sender);
         nvsp_collector_destroy(collector);
-        nvsp_reassembler_destroy(reassembler);
+        nvsp_sender_destroy(unprotected);
+        nvsp_collector_destroy(clean);
         nvsp_encoder_destroy(both.encoder);
         nvsp_decoder_destroy(both.decoder);
         both.encoder = NULL;

@@ -7,9 +7,8 @@
 static scene dive;
 static rig both;
 static packet packets[MAX_FRAMES];
-static nvsp_reassembler *reassembler;
 static nvsp_collector *collector;
-static nvsp_sender *sender;
+static nvsp_sender *sender, *unprotected;
 static uint64_t seed = 7;
 static long shown, refused;
 static double now;
@@ -39,19 +38,18 @@ static void offer(const uint8_t *bytes, size_t size) {
         shown += status == NVSP_OK;
         refused += status != NVSP_OK;
     }
-    const nvsp_status status = nvsp_reassembler_push(reassembler, copy, size, NULL);
-    CHECK(status == NVSP_OK || status == NVSP_ERR_MODEM || (status == NVSP_ERR_NEWER && read == status));
-    const nvsp_status cut = nvsp_modem_frame(copy, size, 64, 0, frame, sizeof frame, &written);
-    CHECK(cut == NVSP_OK || cut == NVSP_ERR_MODEM || (cut == NVSP_ERR_NEWER && read == cut));
     const nvsp_status taken = nvsp_collector_push(collector, now, copy, size, NULL);
-    CHECK(taken == NVSP_OK || taken == NVSP_ERR_MODEM);
+    CHECK(taken == NVSP_OK || taken == NVSP_ERR_MODEM || (taken == NVSP_ERR_NEWER && read == taken));
     uint32_t budget = 0;
     now += 10;
     EXPECT(NVSP_OK, nvsp_sender_plan(sender, now, &budget));
-    const nvsp_status shared = nvsp_sender_push(sender, now, copy, size, NULL, 0, NULL);
-    CHECK(shared == NVSP_OK || shared == NVSP_ERR_MODEM || (shared == NVSP_ERR_NEWER && read == shared));
-    while (nvsp_sender_next(sender, now, frame, sizeof frame, &written) == NVSP_OK) {
-        CHECK(shared == NVSP_OK && written <= 64);
+    nvsp_sender *const senders[] = {sender, unprotected};
+    for (int i = 0; i < 2; i++) {
+        const nvsp_status sent = nvsp_sender_push(senders[i], now, copy, size, NULL, 0, NULL);
+        CHECK(sent == NVSP_OK || sent == NVSP_ERR_MODEM || (sent == NVSP_ERR_NEWER && read == sent));
+        while (nvsp_sender_next(senders[i], now, frame, sizeof frame, &written) == NVSP_OK) {
+            CHECK(sent == NVSP_OK && written <= 64);
+        }
     }
     free(copy);
 }
@@ -142,8 +140,9 @@ static void newer_packets(void) {
         EXPECT(NVSP_ERR_NEWER, nvsp_decode_header(bytes, sizeof bytes, NULL, &header));
         CHECK(header.wire_version == 9 && header.frame == 0 && header.flags == 0);
         EXPECT(NVSP_ERR_NEWER, nvsp_decode(both.decoder, bytes, sizeof bytes, 0, NULL, NULL));
-        EXPECT(NVSP_ERR_NEWER, nvsp_reassembler_push(reassembler, bytes, sizeof bytes, NULL));
-        EXPECT(NVSP_ERR_NEWER, nvsp_modem_frame(bytes, sizeof bytes, 64, 0, frame, sizeof frame, &written));
+        EXPECT(NVSP_ERR_NEWER, nvsp_collector_push(collector, 0, bytes, sizeof bytes, NULL));
+        EXPECT(NVSP_ERR_NEWER, nvsp_sender_push(unprotected, 0, bytes, sizeof bytes, NULL, 0, NULL));
+        EXPECT(NVSP_PENDING, nvsp_sender_next(unprotected, 0, frame, sizeof frame, &written));
         CHECK(written == 77);
     }
 }
@@ -295,12 +294,14 @@ int main(int argc, char **argv) {
     rig_add(&both, &dive.camera, &options);
     encode_all(&both, &dive, packets);
     MUST(nvsp_decoder_add_camera(both.decoder, &dive.camera));
-    MUST(nvsp_reassembler_create(64, NULL, &reassembler));
     MUST(nvsp_collector_create(64, NULL, &collector));
     nvsp_sender_options link = NVSP_INITIALIZER(nvsp_sender_options);
     link.bit_rate = 20000;
     link.frame_rate = 4;
     MUST(nvsp_sender_create(64, &link, &sender));
+    link = (nvsp_sender_options)NVSP_INITIALIZER(nvsp_sender_options);
+    link.flags = NVSP_SENDER_UNPROTECTED;
+    MUST(nvsp_sender_create(64, &link, &unprotected));
 
     newer_packets();
     for (int i = 0; i < rounds; i++) {
@@ -321,9 +322,9 @@ int main(int argc, char **argv) {
     uint8_t bytes[4096];
     size_t size = 0;
     EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, sizeof bytes, &size, NULL));
-    nvsp_reassembler_destroy(reassembler);
     nvsp_collector_destroy(collector);
     nvsp_sender_destroy(sender);
+    nvsp_sender_destroy(unprotected);
     for (int i = 0; i < dive.frames; i++) {
         free(packets[i].bytes);
     }

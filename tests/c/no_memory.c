@@ -44,17 +44,6 @@ static rig both;
 static packet packets[MAX_FRAMES];
 
 // What is tried: each makes something, and undoes it.
-static nvsp_status try_reassembler(void) {
-    nvsp_reassembler *made = NULL;
-    nvsp_reassembler_options options;
-    MUST(NVSP_INIT(&options));
-    options.max_packet_bytes = 16 << 20;
-    const nvsp_status status = nvsp_reassembler_create(65535, &options, &made);
-    CHECK((status == NVSP_OK) == (made != NULL));
-    nvsp_reassembler_destroy(made);
-    return status;
-}
-
 static nvsp_status try_sender(void) {
     nvsp_sender *made = NULL;
     nvsp_sender_options options;
@@ -229,7 +218,6 @@ static const struct attempt {
     int most;  // Places at which calls are made to fail, at most, unless all are tried.
     int large;  // Whether it takes more than what is left over from before.
 } attempts[] = {
-    {"reassembler", try_reassembler, 1000, 1},
     {"sender", try_sender, 400, 0},
     {"collector", try_collector, 400, 1},
     {"prior", try_prior, 400, 1},

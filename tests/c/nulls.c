@@ -144,38 +144,6 @@ static void decoders(void) {
     EXPECT(NVSP_OK, nvsp_decode_header(first.bytes, first.size, NULL, &header));
 }
 
-static void modem_frames(void) {
-    uint32_t count = 77;
-    uint8_t bytes[256];
-    size_t written = 77;
-    char text[64];
-    memset(bytes, 0xa5, sizeof bytes);
-    EXPECT(NVSP_ERR_NULL, nvsp_modem_frame_count(first.size, 64, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_modem_frame(NULL, first.size, 64, 0, bytes, 64, &written));
-    EXPECT(NVSP_ERR_NULL, nvsp_modem_frame(first.bytes, first.size, 64, 0, NULL, 64, &written));
-    EXPECT(NVSP_ERR_NULL, nvsp_modem_frame(first.bytes, first.size, 64, 0, bytes, 64, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_create(64, NULL, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_push(NULL, first.bytes, 64, NULL));
-
-    nvsp_reassembler *reassembler = NULL;
-    MUST(nvsp_reassembler_create(64, NULL, &reassembler));
-    nvsp_reassembler_statistics statistics;
-    MUST(NVSP_INIT(&statistics));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_push(reassembler, NULL, 64, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_fetch(NULL, bytes, 256, &written, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_fetch(reassembler, NULL, 256, &written, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_fetch(reassembler, bytes, 256, NULL, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_missing(NULL, &count, 1, &count));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_missing(reassembler, NULL, 1, &count));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_missing(reassembler, &count, 1, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_get_statistics(NULL, &statistics));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_get_statistics(reassembler, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_last_error(NULL, text, sizeof text));
-    EXPECT(NVSP_ERR_NULL, nvsp_reassembler_last_error(reassembler, NULL, 5));
-    CHECK(written == 77 && count == 77 && all_are(bytes, 0xa5, sizeof bytes));
-    nvsp_reassembler_destroy(reassembler);
-}
-
 static void links(void) {
     nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
     nvsp_sender *sender = NULL;
@@ -209,10 +177,10 @@ static void links(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_sender_count(NULL, 0, 5));
     EXPECT(NVSP_ERR_NULL, nvsp_sender_set_bit_rate(NULL, 0, 5000));
     EXPECT(NVSP_ERR_NULL, nvsp_sender_set_loss(NULL, 0.1, 1));
-    nvsp_heard heard = NVSP_INITIALIZER(nvsp_heard);
-    EXPECT(NVSP_ERR_NULL, nvsp_sender_hear(NULL, 0, bytes, sizeof bytes, &heard));
-    EXPECT(NVSP_ERR_NULL, nvsp_sender_hear(sender, 0, NULL, sizeof bytes, &heard));
-    EXPECT(NVSP_ERR_NULL, nvsp_sender_hear(sender, 0, bytes, sizeof bytes, NULL));
+    nvsp_processed_report processed = NVSP_INITIALIZER(nvsp_processed_report);
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_process_report(NULL, 0, bytes, sizeof bytes, &processed));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_process_report(sender, 0, NULL, sizeof bytes, &processed));
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_process_report(sender, 0, bytes, sizeof bytes, NULL));
     nvsp_sender_statistics sent = NVSP_INITIALIZER(nvsp_sender_statistics);
     EXPECT(NVSP_ERR_NULL, nvsp_sender_get_statistics(NULL, &sent));
     EXPECT(NVSP_ERR_NULL, nvsp_sender_get_statistics(sender, NULL));
@@ -276,7 +244,6 @@ static void no_handles(void) {
     nvsp_prior_destroy(NULL);
     nvsp_encoder_destroy(NULL);
     nvsp_decoder_destroy(NULL);
-    nvsp_reassembler_destroy(NULL);
     nvsp_sender_destroy(NULL);
     nvsp_collector_destroy(NULL);
     CHECK(nvsp_abi_version() == NVSP_ABI_VERSION);
@@ -301,7 +268,6 @@ int main(int argc, char **argv) {
     engines_and_priors();
     encoders();
     decoders();
-    modem_frames();
     links();
     no_handles();
     for (int i = 0; i < dive.frames; i++) {

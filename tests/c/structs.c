@@ -8,7 +8,6 @@
 static scene dive;
 static rig both;
 static packet first;
-static nvsp_reassembler *reassembler;
 static nvsp_sender *sender;
 static nvsp_collector *collector;
 
@@ -92,31 +91,6 @@ static nvsp_status header(void *structure) {
     return nvsp_decode_header(first.bytes, first.size, both.prior, structure);
 }
 
-static nvsp_status reassembler_options(void *structure) {
-    nvsp_reassembler *made = NULL;
-    const nvsp_status status = nvsp_reassembler_create(NVSP_MTU_64, structure, &made);
-    CHECK((status == NVSP_OK) == (made != NULL));
-    nvsp_reassembler_destroy(made);
-    return status;
-}
-
-static nvsp_status pushed(void *structure) {
-    return nvsp_reassembler_push(reassembler, first.bytes, 64, structure);
-}
-
-static nvsp_status fetched(void *structure) {
-    uint8_t bytes[4096];
-    size_t written = 77;
-    const nvsp_status status =
-        nvsp_reassembler_fetch(reassembler, bytes, sizeof bytes, &written, structure);
-    CHECK((status == NVSP_OK) == (written != 77));
-    return status;
-}
-
-static nvsp_status statistics(void *structure) {
-    return nvsp_reassembler_get_statistics(reassembler, structure);
-}
-
 static nvsp_status collector_options(void *structure) {
     nvsp_collector *made = NULL;
     const nvsp_status status = nvsp_collector_create(NVSP_MTU_64, structure, &made);
@@ -171,11 +145,11 @@ static nvsp_status division(void *structure) {
 
 static nvsp_status sender_statistics(void *structure) { return nvsp_sender_get_statistics(sender, structure); }
 
-static nvsp_status heard(void *structure) {
+static nvsp_status processed_report(void *structure) {
     uint8_t bytes[NVSP_MTU_64];
     size_t written = 0;
     MUST(nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, bytes, sizeof bytes, &written));
-    return nvsp_sender_hear(sender, 6, bytes, written, structure);
+    return nvsp_sender_process_report(sender, 6, bytes, written, structure);
 }
 
 static void make_link(void) {
@@ -183,7 +157,7 @@ static void make_link(void) {
     uint32_t budget = 0;
     options.bit_rate = 40000;
     options.frame_rate = 4;
-    options.flags = NVSP_SENDER_ANSWERS;
+    options.flags = NVSP_SENDER_EXPECT_REPORTS;
     MUST(nvsp_sender_create(NVSP_MTU_64, &options, &sender));
     MUST(nvsp_collector_create(NVSP_MTU_64, NULL, &collector));
     MUST(nvsp_sender_plan(sender, 0, &budget));
@@ -221,10 +195,6 @@ static const struct {
     {sizeof(nvsp_decoded), decoded, 1, 0},
     {sizeof(nvsp_header), header, 1, 0},
     {sizeof(nvsp_pose), between_out, 1, 0},
-    {sizeof(nvsp_reassembler_options), reassembler_options, 0, 0},
-    {sizeof(nvsp_reassembly), pushed, 1, 0},
-    {sizeof(nvsp_reassembly), fetched, 1, 0},
-    {sizeof(nvsp_reassembler_statistics), statistics, 1, 0},
     {sizeof(nvsp_collector_options), collector_options, 0, 0},
     {sizeof(nvsp_collector_options), collector_memory, 0, 0},
     {sizeof(nvsp_collected), collected, 1, 0},
@@ -233,7 +203,7 @@ static const struct {
     {sizeof(nvsp_collector_statistics), collector_statistics, 1, 0},
     {sizeof(nvsp_division), division, 1, 0},
     {sizeof(nvsp_sender_statistics), sender_statistics, 1, 0},
-    {sizeof(nvsp_heard), heard, 1, 0},
+    {sizeof(nvsp_processed_report), processed_report, 1, 0},
 };
 
 // Calls with a structure of `room` bytes that says it has `size`, filled with `fill` after its head. If the call fails,
@@ -574,8 +544,6 @@ int main(int argc, char **argv) {
     packet packets[MAX_FRAMES];
     encode_all(&both, &dive, packets);
     first = packets[0];
-    MUST(nvsp_reassembler_create(NVSP_MTU_64, NULL, &reassembler));
-    MUST(nvsp_reassembler_push(reassembler, first.bytes, 64, NULL));
     make_link();
 
     initialising();
@@ -595,7 +563,6 @@ int main(int argc, char **argv) {
     for (int i = 0; i < dive.frames; i++) {
         free(packets[i].bytes);
     }
-    nvsp_reassembler_destroy(reassembler);
     nvsp_sender_destroy(sender);
     nvsp_collector_destroy(collector);
     rig_close(&both);

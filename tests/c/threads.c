@@ -57,8 +57,6 @@ static atomic_int over, intrusions;
 static void *intrude(void *unused) {
     (void)unused;
     const nvsp_image image = NVSP_INITIALIZER(nvsp_image);
-    nvsp_reassembly state;
-    MUST(NVSP_INIT(&state));
     while (!over) {
         const nvsp_status statuses[] = {
             nvsp_encode_poll(both.encoder),

@@ -40,7 +40,7 @@ programs! {
     threads: [];
     given_device: [];
     dmabuf: [];
-    reassembly: [];
+    unprotected: [];
     garbage: [];
     allocations: [];
     soak: ["200"];

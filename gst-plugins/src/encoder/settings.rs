@@ -189,8 +189,8 @@ impl Settings {
             delay: f64::from(self.delay) / 1e3,
             spread: self.spread(),
             frame_rate: if self.frame_rate > 0.0 { self.frame_rate } else { camera },
-            least: self.least as usize,
-            most_shares: self.shares as usize,
+            min_bytes: self.least as usize,
+            max_shares: self.shares as usize,
             loss: self.loss(),
             user: None,
         }

@@ -25,14 +25,14 @@ fn packet(frame: u32) -> Vec<u8> {
     Packet { latent, camera: None, render: None, residual }.encode().unwrap()
 }
 
-/// Its shares: some give the picture, more give all.
+/// Its shares: some yield the picture, more yield all.
 fn shares(frame: u32) -> Vec<Vec<u8>> {
     let packet = packet(frame);
     let sharing = Sharing::new(&SharingOptions {
         mtu: 64,
         overhead: 0,
         budget: 500,
-        most: 8,
+        max_shares: 8,
         spread: 0,
         loss: Loss { chance: 0.3, burst: 1.0 },
         picture: 19,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use nvsprior::modem::{Reassembler, ReassemblerOptions};
+use nvsprior::modem::{Collector, CollectorOptions, share_count};
 use nvsprior::prior::replace_file;
 use nvsprior_inputs::values;
 
@@ -35,7 +35,7 @@ pub struct Args {
     out: PathBuf,
 }
 
-/// The least MTU.
+/// The smallest MTU.
 const MIN_MTU: usize = 31;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -43,12 +43,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         (Some(folder), _) => from_folder(args, folder)?,
         (None, address) => from_udp(args, address.as_deref().unwrap_or_default())?,
     };
-    let Joined { packets, reassembler, .. } = &joined;
+    let Joined { packets, collector, .. } = &joined;
     let complete = packets.values().filter(|(_, complete)| *complete).count();
     println!(
         "{} packets, {complete} of them complete; {} frames were refused",
         packets.len(),
-        reassembler.statistics().rejected
+        collector.statistics().rejected
     );
     anyhow::ensure!(!packets.is_empty(), "no packet: no first frame of one has come");
     Ok(())
@@ -57,13 +57,25 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 fn from_folder(args: &Args, folder: &Path) -> anyhow::Result<Joined> {
     let mut frames = Vec::new();
     for path in values::files(folder, "frame", "frames")? {
-        frames.push(std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?);
+        let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
+        frames.push((packet_name(&path), bytes));
     }
-    let longest = frames.iter().map(Vec::len).max().unwrap_or(0);
+    let longest = frames.iter().map(|(_, bytes)| bytes.len()).max().unwrap_or(0);
     let mtu = args.mtu.map_or(longest.max(MIN_MTU), usize::from);
     let mut joined = Joined::new(mtu, &args.out)?;
-    frames.iter().try_for_each(|frame| joined.push(frame))?;
+    let mut before = None;
+    for (name, frame) in &frames {
+        // Packets of files may have any numbers: each comes at a time of its own.
+        joined.now += if before.replace(name) == Some(name) { 0.0 } else { APART };
+        joined.push(frame)?;
+    }
     Ok(joined)
+}
+
+/// NAME of NAME-0000.frame.
+fn packet_name(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    stem.rsplit_once('-').map_or(&*stem, |(name, _)| name).to_owned()
 }
 
 fn from_udp(args: &Args, address: &str) -> anyhow::Result<Joined> {
@@ -88,34 +100,42 @@ fn is_timeout(error: &std::io::Error) -> bool {
 
 /// Packets that frames were joined to.
 struct Joined {
-    reassembler: Reassembler,
+    collector: Collector,
+    /// When frames come, seconds.
+    now: f64,
     folder: PathBuf,
     /// By frame number: bytes written, and whether they are all.
     packets: BTreeMap<u32, (usize, bool)>,
 }
 
-/// Packets that a reassembler holds.
-const HELD: u32 = 4;
+/// Packets that are held.
+const HELD: usize = 4;
+/// Seconds between packets of different names: more than they are held for.
+const APART: f64 = 60.0;
+/// The longest packet, bytes.
+const MAX_BYTES: usize = 1 << 16;
 
 impl Joined {
     fn new(mtu: usize, folder: &Path) -> anyhow::Result<Joined> {
-        let reassembler = Reassembler::new(ReassemblerOptions::new(mtu))?;
+        let shares = share_count(MAX_BYTES, mtu)?;
+        let options = CollectorOptions { shares, packets: HELD, ..CollectorOptions::new(mtu) };
+        let collector = Collector::new(options)?;
         values::make_folder("--out", folder)?;
-        Ok(Joined { reassembler, folder: folder.to_path_buf(), packets: BTreeMap::new() })
+        Ok(Joined { collector, now: 0.0, folder: folder.to_path_buf(), packets: BTreeMap::new() })
     }
 
     /// Takes a frame, and writes each packet that it adds to. What is no frame is counted, and left out.
     fn push(&mut self, frame: &[u8]) -> anyhow::Result<()> {
-        if self.reassembler.push(frame).is_err() {
+        if self.collector.push(self.now, frame).is_err() {
             return Ok(());
         }
-        let newest = self.reassembler.newest().map(|packet| packet.frame);
-        let held =
-            newest.into_iter().flat_map(|newest| (0..HELD).map(move |k| newest.wrapping_sub(k)));
+        let newest = self.collector.newest(0).map(|packet| packet.frame);
+        let back = |newest: u32| (0..HELD as u32).map(move |k| newest.wrapping_sub(k));
+        let held = newest.into_iter().flat_map(back);
         for number in held {
-            let Some(packet) = self.reassembler.packet(number) else { continue };
+            let Some(packet) = self.collector.packet(0, number) else { continue };
             let known = (packet.bytes.len(), packet.complete);
-            if packet.bytes.is_empty() || self.packets.get(&packet.frame) == Some(&known) {
+            if self.packets.get(&packet.frame) == Some(&known) {
                 continue;
             }
             replace_file(&self.folder.join(format!("{:08}.nvsp", packet.frame)), packet.bytes)?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use nvsprior::modem::Splitter;
+use nvsprior::modem::Sharer;
 use nvsprior_inputs::values;
 
 /// Split packets into the frames of a modem
@@ -73,22 +73,21 @@ impl Sink {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let mtu = usize::from(args.mtu);
-    let mut packets = Vec::new();
+    let (mut packets, mut sharer) = (Vec::new(), Sharer::default());
     for path in &args.packets {
         let bytes = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
         // All packets are looked at before the first one is sent.
-        Splitter::new(&bytes, mtu).with_context(|| path.display().to_string())?;
+        sharer.split(&bytes, mtu).with_context(|| path.display().to_string())?;
         packets.push((path, bytes));
     }
     let sink = Sink::new(args)?;
-    let (mut frame, mut frames) = (vec![0; mtu], 0);
+    let mut frames = 0;
     for (path, bytes) in &packets {
-        let splitter = Splitter::new(bytes, mtu)?;
-        for index in 0..splitter.count() {
-            let length = splitter.write(index, &mut frame)?;
-            sink.put(path, index, &frame[..length])?;
+        sharer.split(bytes, mtu)?;
+        for (index, frame) in sharer.shares().enumerate() {
+            sink.put(path, index, frame)?;
         }
-        frames += splitter.count();
+        frames += sharer.count();
     }
     println!("{} packets in {frames} frames of at most {mtu} bytes", packets.len());
     Ok(())

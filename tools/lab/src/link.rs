@@ -28,14 +28,14 @@ use video::{Coder, Video};
 /// Send a run of frames over a simulated acoustic link, and see what the pilot sees
 ///
 /// Frames come at --fps. If there are fewer than --seconds take, the run is gone through forth and back. A rate control
-/// gives each frame its bytes. Packets are spread over modem frames (*shares*) so that those that arrive give a picture,
-/// whichever they are. The channel carries --bit-rate, and loses modem frames one by one or in bursts. The topside shows
-/// each camera frame --latency after its exposure: its own picture, as far as it has come by then; else the prior, drawn
-/// at a pose between those of frames before and after; else the picture before. Its PSNR against the frame is the figure:
-/// all camera frames count, those that were left out or lost, too.
+/// gives each frame its bytes. Packets are spread over modem frames (*shares*) so that those that arrive give a
+/// picture, whichever they are. The channel carries --bit-rate, and loses modem frames one by one or in bursts. The
+/// topside shows each camera frame --latency after its exposure: its own picture, as far as it has come by then; else
+/// the prior, drawn at a pose between those of frames before and after; else the picture before. Its PSNR against the
+/// frame is the figure: all camera frames count, those that were left out or lost, too.
 ///
-/// Give several values to --loss to compare them. Writes link.json, frames.csv and link.svg. The same arguments give the
-/// same result.
+/// Give several values to --loss to compare them. Writes link.json, frames.csv and link.svg. The same arguments give
+/// the same result.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -49,8 +49,9 @@ pub struct Args {
     /// Camera frames per second
     #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = rate)]
     fps: f64,
-    /// Also send the frames by a video coder, over the same channel, with the same part of the bytes as parity. Shows the
-    /// best of all its frame rates and qualities. Its first picture is there from the start, at no cost. Needs ffmpeg
+    /// Also send the frames by a video coder, over the same channel, with the same part of the bytes as parity. Shows
+    /// the best of all its frame rates and qualities. Its first picture is there from the start, at no cost. Needs
+    /// ffmpeg
     #[arg(long, value_enum, value_name = "CODER", value_delimiter = ',')]
     beside: Vec<Coder>,
     /// Length of the run [default: as many frames as there are]
@@ -90,8 +91,8 @@ struct LinkArgs {
     /// Mean number of modem frames that are lost in a row
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = values::not_negative)]
     burst: f64,
-    /// Seconds from a packet's first modem frame to its last one; those of other packets lie between them [default: half
-    /// of what the latency leaves, 0 without loss]
+    /// Seconds from a packet's first modem frame to its last one; those of other packets lie between them [default:
+    /// half of what the latency leaves, 0 without loss]
     #[arg(long, value_name = "S", value_parser = values::not_negative)]
     spread: Option<f64>,
     /// Chance that a modem frame arrives late, after those behind them
@@ -119,10 +120,10 @@ struct LinkArgs {
     /// Most pictures per second [default: --fps]
     #[arg(long, value_name = "N", value_parser = rate)]
     frame_rate: Option<f64>,
-    /// Fewest bytes for a picture, all counted: below it frames are left out. As many as a good picture takes: the frame
-    /// rate falls before quality does
-    #[arg(long, value_name = "BYTES", default_value_t = 40)]
-    least: usize,
+    /// Fewest bytes for a picture, all counted: below it frames are left out. As many as a good picture takes: the
+    /// frame rate falls before quality does
+    #[arg(long = "least", value_name = "BYTES", default_value_t = 40)]
+    min_bytes: usize,
     /// Most modem frames of a packet
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
     shares: u16,
@@ -166,7 +167,7 @@ struct Setting {
     coding: f64,
     fps: f64,
     frame_rate: f64,
-    least: usize,
+    min_bytes: usize,
     shares: usize,
     seed: u64,
 }
@@ -208,7 +209,7 @@ impl LinkArgs {
             coding: self.coding,
             fps,
             frame_rate: self.frame_rate.unwrap_or(fps),
-            least: self.least,
+            min_bytes: self.min_bytes,
             shares: self.shares.into(),
             seed: self.seed,
         };
@@ -321,7 +322,7 @@ mod tests {
             coding: 0.1,
             fps: 10.0,
             frame_rate: 5.0,
-            least: 40,
+            min_bytes: 40,
             shares: 16,
             seed: 1,
         }

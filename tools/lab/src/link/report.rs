@@ -140,7 +140,7 @@ impl Outcome {
                 "total": bytes.total() + self.resent,
             },
             "sent_frames": self.packets.len(),
-            "leaning_frames": self.packets.iter().filter(|packet| packet.leans).count(),
+            "leaning_frames": self.packets.iter().filter(|packet| packet.inter).count(),
             "lost_frames": self.lost(),
             "whole_frames": complete,
             "repaired": self.repaired,

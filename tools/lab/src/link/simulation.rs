@@ -25,7 +25,7 @@ enum Event {
     Due,
     Arrived(Vec<u8>),
     Report,
-    Heard(Vec<u8>),
+    Reported(Vec<u8>),
     Displayed(usize),
 }
 
@@ -127,9 +127,9 @@ impl<'a> Simulation<'a> {
                 }
                 Event::Arrived(share) => self.topside.take(time, &share)?,
                 Event::Report => self.report(time, &mut channel)?,
-                Event::Heard(report) => {
+                Event::Reported(report) => {
                     let (report, _) = Report::read(&report)?;
-                    self.vehicle.hear(time, &report)?;
+                    self.vehicle.process_report(time, &report)?;
                     self.plan.add(time, Event::Due);
                 }
                 Event::Displayed(frame) => {
@@ -168,7 +168,7 @@ impl<'a> Simulation<'a> {
             channel.occupy(now, report.len());
         }
         let delay = self.setting.return_delay.unwrap_or(0.0);
-        self.plan.add(now + delay, Event::Heard(report));
+        self.plan.add(now + delay, Event::Reported(report));
         Ok(())
     }
 

@@ -46,9 +46,9 @@ pub struct Topside {
     pub pictures: BTreeMap<u32, (f64, Option<f64>)>,
     newest: Option<u32>,
     mtu: usize,
-    /// Whether frames lean on earlier ones.
-    leans: bool,
-    /// Frames whose packets are whole, and which lean on one that is missing.
+    /// Whether there are inter frames.
+    inter: bool,
+    /// Frames whose packets are whole, and whose references are missing.
     waiting: BTreeSet<u32>,
     /// Frames that were decoded in full.
     kept: BTreeSet<u32>,
@@ -64,7 +64,7 @@ const PACKETS: usize = 64;
 const REACH: f64 = 1.0;
 /// Camera frames after which a packet is stale at the latest: shares name frames modulo 128.
 const STALE: f64 = 60.0;
-/// A frame leans on one of so many before it.
+/// A reference is one of so many frames before.
 const FARTHEST: u32 = 32;
 
 impl Topside {
@@ -77,11 +77,10 @@ impl Topside {
         let mut decoder = Decoder::new(engine, scene);
         decoder.add_camera(camera)?;
         let options = CollectorOptions {
-            mtu: setting.mtu,
             shares: setting.shares,
             packets: PACKETS,
-            streams: 1,
             age: (setting.latency + 2.0 * REACH).min(STALE / setting.fps),
+            ..CollectorOptions::new(setting.mtu)
         };
         Ok(Topside {
             decoder,
@@ -93,7 +92,7 @@ impl Topside {
             pictures: BTreeMap::new(),
             newest: None,
             mtu: setting.mtu,
-            leans: setting.mode != Mode::Intra,
+            inter: setting.mode != Mode::Intra,
             waiting: BTreeSet::new(),
             kept: BTreeSet::new(),
             ahead: Decoded::default(),
@@ -111,7 +110,7 @@ impl Topside {
             Collected::Complete(_, number) => {
                 self.pictures.entry(number).or_insert((now, None)).1 = Some(now);
                 self.newest = self.newest.max(Some(number));
-                if self.leans {
+                if self.inter {
                     self.waiting.insert(number);
                     self.catch_up()?;
                 }
@@ -184,13 +183,14 @@ impl Topside {
         let newest = self.newest.unwrap_or(0);
         let recent = newest.saturating_sub(PACKETS as u32 - 1)..=newest;
         let repaired = recent.filter(|number| {
-            held(*number).is_some_and(|packet| packet.complete && packet.arrived < packet.sent)
+            held(*number)
+                .is_some_and(|packet| packet.complete && Some(packet.arrived) < packet.sent)
         });
         self.collector.statistics().repaired + repaired.count() as u64
     }
 
-    /// Decodes the packets that are whole, as soon as what they lean on is there: others lean on them. A packet that came
-    /// whole after its frame was shown still serves.
+    /// Decodes the packets that are whole, as soon as their references are there: they are references of others. A
+    /// packet that came whole after its frame was shown still serves.
     fn catch_up(&mut self) -> anyhow::Result<()> {
         let mut done = true;
         while done {
@@ -210,7 +210,7 @@ impl Topside {
         Ok(())
     }
 
-    /// What is told to the vehicle, as it goes over the return channel.
+    /// What the vehicle is to know, as it goes over the return channel.
     pub fn report(&mut self) -> anyhow::Result<Option<Vec<u8>>> {
         let kept = |frame| self.kept.contains(&frame);
         let Some(report) = self.collector.report(0, kept)? else { return Ok(None) };

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use nvsprior::modem::{
-    ModemError, PacketState, RateControlOptions, Report, Sender, SenderOptions, Sharing,
+    Division, ModemError, PacketState, Protection, RateControlOptions, Report, Sender,
+    SenderOptions,
 };
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
@@ -24,8 +25,8 @@ pub struct SentPacket {
     pub render_psnr: f64,
     /// Of the whole packet.
     pub psnr: f64,
-    /// Its difference picture leans on an earlier one.
-    pub leans: bool,
+    /// It is an inter frame.
+    pub inter: bool,
 }
 
 /// What the bytes of a packet are for.
@@ -34,21 +35,20 @@ pub struct PacketBytes {
     /// Latent part, and the camera where it is sent.
     pub latent: usize,
     pub residual: usize,
-    /// What the shares say of themselves and of the layers.
+    /// What the shares say of themselves.
     pub headers: usize,
     pub parity: usize,
 }
 
 impl PacketBytes {
     /// Of a packet whose first `picture` bytes make a picture.
-    fn of(sharing: &Sharing, picture: usize, packet: usize) -> PacketBytes {
-        let chunks: usize = sharing.layers().iter().map(|layer| layer.chunk).sum();
-        let of_packet = packet.min(sharing.capacity());
+    fn of(division: &Division, picture: usize) -> PacketBytes {
+        let Division { shares, share_bytes, header_bytes, packet_bytes, .. } = *division;
         PacketBytes {
             latent: picture,
-            residual: of_packet - picture,
-            headers: sharing.count() * (sharing.share_len() - chunks),
-            parity: sharing.count() * chunks - of_packet,
+            residual: packet_bytes - picture,
+            headers: header_bytes,
+            parity: shares * share_bytes - header_bytes - packet_bytes,
         }
     }
 
@@ -110,22 +110,22 @@ impl Vehicle {
         self.encode(picture, known, bytes)?;
         let packet = &self.encoded.packet;
         let ready = exposed + self.setting.coding;
-        let sharing = self.sender.push(ready, packet, None)?;
+        let division = self.sender.push(ready, packet, None)?;
         let stats = &self.encoded.stats;
         self.sent.push(SentPacket {
             frame,
             number: stats.frame,
             exposed,
-            bytes: PacketBytes::of(&sharing, Extent::read(packet)?.head, packet.len()),
+            bytes: PacketBytes::of(&division, Extent::read(packet)?.head),
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
-            leans: stats.reference.is_some(),
+            inter: stats.reference.is_some(),
         });
         Ok(true)
     }
 
-    /// Encodes a frame in so many bytes. A packet that also tells the camera may take more: what does not fit its shares is
-    /// cut off.
+    /// Encodes a frame in so many bytes. A packet that also tells the camera may take more: what does not fit its
+    /// shares is cut off.
     fn encode(&mut self, picture: &Picture, known: Known, bytes: usize) -> Result<(), Error> {
         self.encoder.set_rate(Some(Rate::Bytes(bytes)));
         match self.encoder.encode_into(picture, known, &mut self.encoded) {
@@ -148,11 +148,11 @@ impl Vehicle {
     }
 
     /// Takes a report.
-    pub fn hear(&mut self, now: f64, report: &Report) -> Result<(), ModemError> {
-        for (frame, _) in report.packets().filter(|(_, told)| told.state == PacketState::Kept) {
+    pub fn process_report(&mut self, now: f64, report: &Report) -> Result<(), ModemError> {
+        for (frame, _) in report.packets().filter(|(_, packet)| packet.state == PacketState::Kept) {
             self.encoder.acknowledge(frame);
         }
-        self.resent += self.sender.hear(now, report)?.bytes;
+        self.resent += self.sender.process_report(now, report)?.bytes;
         Ok(())
     }
 }
@@ -167,10 +167,15 @@ pub fn sender(setting: &Setting) -> Result<Sender, ModemError> {
         delay: setting.coding + setting.propagation,
         spread: setting.spread,
         frame_rate: setting.frame_rate,
-        least: setting.least,
-        most_shares: setting.shares,
+        min_bytes: setting.min_bytes,
+        max_shares: setting.shares,
         loss: setting.assumed,
         user: None,
     };
-    Sender::new(SenderOptions { control, stream: 0, answers: setting.return_delay.is_some() })
+    Sender::new(SenderOptions {
+        control,
+        stream: 0,
+        protection: Protection::Layers,
+        expect_reports: setting.return_delay.is_some(),
+    })
 }

@@ -70,8 +70,8 @@ impl Video {
         Ok(Video { coder, coded })
     }
 
-    /// The best that it can do at an outcome's setting, with the same part of its bytes as parity. `None`: no quality is
-    /// coarse enough for the bit rate.
+    /// The best that it can do at an outcome's setting, with the same part of its bytes as parity. `None`: no quality
+    /// is coarse enough for the bit rate.
     pub fn beside(&self, outcome: &Outcome, frames: &[&Picture]) -> anyhow::Result<Option<Beside>> {
         let parity = outcome.parity();
         let mut best: Option<Beside> = None;
@@ -129,7 +129,7 @@ impl Video {
     }
 }
 
-/// A picture's modem frames: of `count`, any `threshold` give the picture.
+/// A picture's modem frames: of `count`, any `threshold` yield the picture.
 #[derive(Clone, Copy)]
 struct Shares {
     count: usize,
@@ -159,8 +159,8 @@ fn divided(coded: &Coded, setting: &Setting, parity: f64) -> impl Iterator<Item 
     })
 }
 
-/// Which pictures arrive in time. The first one is there from the start, at no cost: a codec's first picture takes seconds
-/// on such a link.
+/// Which pictures arrive in time. The first one is there from the start, at no cost: a codec's first picture takes
+/// seconds on such a link.
 fn arrived(coded: &Coded, setting: &Setting, seconds: f64, parity: f64) -> Vec<bool> {
     let mut channel = Channel::new(setting, seconds);
     // When each modem frame is due: those of a picture are spread as those of a packet.

@@ -109,7 +109,7 @@ impl Coded {
         Ok(Coded { coder, divisor, crf, size, header, units: pictures })
     }
 
-    /// What a decoder makes of each picture that arrived, in order. One without what it leans on looks damaged, or is not
+    /// What a decoder makes of each picture that arrived, in order. One without its reference looks damaged, or is not
     /// shown at all.
     pub fn decode(&self, arrived: &[bool]) -> anyhow::Result<Vec<Option<Picture>>> {
         let folder = tempfile::tempdir()?;

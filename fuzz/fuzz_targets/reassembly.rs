@@ -1,6 +1,0 @@
-#![no_main]
-
-#[path = "../src/reassembly.rs"]
-mod reassembly;
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| reassembly::run(bytes));

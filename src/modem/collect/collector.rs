@@ -1,0 +1,364 @@
+//! Modem frames to packets.
+
+use std::iter;
+
+use crate::modem::error::ModemError;
+use crate::modem::limits::{MAX_MTU, MAX_UNPROTECTED, NUMBERS, STREAMS};
+use crate::modem::report::{MAX_REPORTED, Report, ReportedPacket};
+use crate::modem::wire::continuation::{CONTINUATION, Continuation, START, TAGS, tag_of};
+use crate::modem::wire::layout::Layout;
+use crate::modem::wire::share::{self, SHARE};
+use crate::packet::Extent;
+
+use super::collected::{Collected, CollectedPacket, CollectorStatistics};
+use super::plain::{Arrival, Bond};
+use super::slot::{Slot, Taken};
+use super::stream::Stream;
+use super::waiting::{Kept, Waiting};
+
+/// How to collect shares.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CollectorOptions {
+    /// The MTU of the sender, bytes: the largest modem frame that comes. What lies beyond it is padding.
+    pub mtu: usize,
+    /// Shares of a packet that there is room for, 1 to 4096. A protected packet has at most 256. Of a longer
+    /// unprotected one, as many are kept from its start on: see [`share_count`](crate::modem::share_count).
+    pub shares: usize,
+    /// Packets of a stream that are held: that of the newest frame number, and of those before it. 1 to 64, and rounded
+    /// up to a power of two.
+    pub packets: usize,
+    /// Streams that are taken, 1 to 4.
+    pub streams: usize,
+    /// Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo
+    /// 128: give less time than 64 frames take. A share that comes later than that looks like one of the future.
+    pub age: f64,
+    /// The modem hands over no damaged frames. If set, an unprotected packet's first share counts as valid to its end.
+    /// Else only what its packet's own checks cover does, until a continuation vouches for the rest.
+    pub modem_checks: bool,
+}
+
+/// Most packets of a stream.
+const MAX_PACKETS: usize = 64;
+
+impl CollectorOptions {
+    /// Sixteen packets of a stream, each of up to 32 shares, stale after four seconds, from a modem that is not known
+    /// to check its frames.
+    pub fn new(mtu: usize) -> CollectorOptions {
+        CollectorOptions { mtu, shares: 32, packets: 16, streams: 1, age: 4.0, modem_checks: false }
+    }
+
+    fn check(&self) -> Result<(), ModemError> {
+        let within = |field, value, max| match value {
+            0 => Err(ModemError::Collector { field, value, max }),
+            value if value > max => Err(ModemError::Collector { field, value, max }),
+            _ => Ok(()),
+        };
+        within("mtu", self.mtu, MAX_MTU)?;
+        within("shares", self.shares, MAX_UNPROTECTED)?;
+        within("packets", self.packets, MAX_PACKETS)?;
+        within("streams", self.streams, usize::from(STREAMS))?;
+        if self.age > 0.0 { Ok(()) } else { Err(ModemError::CollectorAge(self.age)) }
+    }
+
+    /// Memory that a [`Collector`] takes, all of it when it is made, bytes: for each packet twice as much as its
+    /// shares, and once more for each of four whose continuations come first.
+    ///
+    /// # Errors
+    /// If an option is outside its range.
+    pub fn memory(&self) -> Result<usize, ModemError> {
+        self.check()?;
+        let packets = self.streams * self.slots() * Slot::memory(self.shares, self.mtu);
+        let waiting = self.layout().map_or(0, |layout| Waiting::memory(layout, self.shares));
+        Ok(packets + TAGS * waiting)
+    }
+
+    /// Packets of a stream. A divisor of [`NUMBERS`], so that numbers find their places where they begin anew.
+    fn slots(&self) -> usize {
+        self.packets.next_power_of_two()
+    }
+
+    /// Where unprotected packets lie, if the MTU is one that they can have.
+    fn layout(&self) -> Option<Layout> {
+        Layout::new(self.mtu).ok()
+    }
+}
+
+/// Collects shares of any number of packets at once, protected and unprotected ones, and makes of them what can be
+/// made.
+///
+/// It holds the packets of the newest frame number of a stream and of those before it, [`CollectorOptions::packets`] in
+/// all. Shares of older ones are refused. A complete packet stays until it is too old; no newer one takes its place.
+/// Stale packets, [`CollectorOptions::age`], make room for those that have the same number. Who has no clock gives the
+/// same time always: then no packet becomes stale. Nothing is allocated after [`Collector::new`].
+pub struct Collector {
+    options: CollectorOptions,
+    streams: Vec<Stream>,
+    /// `None`: the MTU is too small for unprotected packets.
+    unprotected: Option<Unprotected>,
+    statistics: CollectorStatistics,
+}
+
+/// What unprotected packets need besides.
+struct Unprotected {
+    layout: Layout,
+    /// By tag: continuations of no packet at hand.
+    waiting: [Waiting; TAGS],
+}
+
+impl Unprotected {
+    fn new(layout: Layout, shares: usize) -> Result<Unprotected, ModemError> {
+        let waiting = |tag| Waiting::new(layout, tag, shares);
+        Ok(Unprotected { layout, waiting: [waiting(0)?, waiting(1)?, waiting(2)?, waiting(3)?] })
+    }
+}
+
+impl Collector {
+    /// Allocates [`CollectorOptions::memory`].
+    ///
+    /// # Errors
+    /// If an option is outside its range, or the system does not have the memory.
+    pub fn new(options: CollectorOptions) -> Result<Collector, ModemError> {
+        options.check()?;
+        let CollectorOptions { mtu, shares, .. } = options;
+        let stream = |_| Stream::new(options.slots(), shares, mtu);
+        let streams = (0..options.streams).map(stream).collect::<Result<_, _>>()?;
+        let unprotected = |layout| Unprotected::new(layout, shares);
+        let unprotected = options.layout().map(unprotected).transpose()?;
+        let statistics = CollectorStatistics::default();
+        Ok(Collector { options, streams, unprotected, statistics })
+    }
+
+    /// Takes a modem frame that came at `now`, seconds on a clock that does not go back.
+    ///
+    /// # Errors
+    /// If it is no share, damaged, or too old, or if there is no room for its packet. All packets stay as they are.
+    /// Also if the time is not finite.
+    pub fn push(&mut self, now: f64, frame: &[u8]) -> Result<Collected, ModemError> {
+        if !now.is_finite() {
+            return Err(ModemError::Time(now));
+        }
+        let taken = self.take(now, &frame[..frame.len().min(self.options.mtu)]);
+        match &taken {
+            Err(_) => self.statistics.rejected += 1,
+            Ok((_, Taken::Waits)) => {}
+            Ok((_, Taken::Duplicate)) => self.statistics.duplicates += 1,
+            Ok(_) => self.statistics.accepted += 1,
+        }
+        let (stream, taken) = taken?;
+        Ok(match taken {
+            Taken::Kept | Taken::Waits => Collected::Kept,
+            Taken::Duplicate => Collected::Duplicate,
+            Taken::Surplus => Collected::Surplus,
+            Taken::Grown(frame) => Collected::Grown(stream, frame),
+            Taken::Complete(frame) => {
+                self.statistics.completed += 1;
+                Collected::Complete(stream, frame)
+            }
+            Taken::Damaged(number) => {
+                self.statistics.damaged += 1;
+                Collected::Damaged(stream, number)
+            }
+        })
+    }
+
+    fn take(&mut self, now: f64, frame: &[u8]) -> Result<(u8, Taken), ModemError> {
+        let first = *frame.first().ok_or(ModemError::Cut { found: 0, needed: 1 })?;
+        match first >> 6 {
+            SHARE => self.take_share(now, frame),
+            START => Ok((0, self.take_start(now, frame)?)),
+            CONTINUATION => Ok((0, self.take_continuation(now, frame)?)),
+            _ => Err(ModemError::NotAFrame(first)),
+        }
+    }
+
+    fn take_share(&mut self, now: f64, frame: &[u8]) -> Result<(u8, Taken), ModemError> {
+        let (header, data) = share::read(frame)?;
+        let packet = header.packet;
+        if packet.count > self.options.shares {
+            return Err(ModemError::NoRoom { index: packet.count - 1, room: self.options.shares });
+        }
+        let stream = usize::from(packet.stream);
+        let stream = self.streams.get_mut(stream).ok_or(ModemError::Stream(packet.stream))?;
+        stream.forget(now, self.options.age, &mut self.statistics);
+        stream.advance(packet.number, &mut self.statistics)?;
+        let last = stream.last;
+        let taken = stream.slot_mut(packet.number).take_share(now, &header, data, last)?;
+        stream.note(taken);
+        Ok((packet.stream, taken))
+    }
+
+    fn take_start(&mut self, now: f64, frame: &[u8]) -> Result<Taken, ModemError> {
+        let mtu = ModemError::Mtu(self.options.mtu);
+        let Unprotected { layout, waiting } = self.unprotected.as_mut().ok_or(mtu)?;
+        let stream = &mut self.streams[0];
+        let extent = Extent::read(frame)?.near(stream.last);
+        let needed = layout.range(0, extent.total.unwrap_or(usize::MAX)).len();
+        let cut = ModemError::Cut { found: frame.len(), needed };
+        let first = frame.get(..needed).ok_or(cut)?;
+        let statistics = &mut self.statistics;
+        if stream.forget(now, self.options.age, statistics) {
+            statistics.rejected += waiting.iter_mut().map(Waiting::clear).sum::<u64>();
+        }
+        stream.advance(extent.frame % NUMBERS, statistics)?;
+        let how = (*layout, self.options.modem_checks);
+        let slot = stream.slot_mut(extent.frame);
+        if let Arrival::Duplicate = slot.begin(now, (first, extent), how, statistics)? {
+            return Ok(Taken::Duplicate);
+        }
+        adopt(slot, &mut waiting[tag_of(extent.frame)], statistics);
+        let taken = slot.brought(0);
+        stream.note(taken);
+        Ok(taken)
+    }
+
+    fn take_continuation(&mut self, now: f64, frame: &[u8]) -> Result<Taken, ModemError> {
+        let mtu = ModemError::Mtu(self.options.mtu);
+        let Unprotected { layout, waiting } = self.unprotected.as_mut().ok_or(mtu)?;
+        let later = Continuation::read(frame, *layout)?;
+        if later.index >= self.options.shares {
+            return Err(ModemError::NoRoom { index: later.index, room: self.options.shares });
+        }
+        let (stream, statistics) = (&mut self.streams[0], &mut self.statistics);
+        if stream.forget(now, self.options.age, statistics) {
+            statistics.rejected += waiting.iter_mut().map(Waiting::clear).sum::<u64>();
+        }
+        let waiting = &mut waiting[later.tag];
+        for number in stream.numbers() {
+            let slot = stream.slot_mut(number);
+            if !slot.has_tag(later.tag) {
+                continue;
+            }
+            let (before, length_known) = (slot.valid_len(), slot.has_length());
+            match slot.offer(&later) {
+                Bond::Stranger => continue,
+                Bond::Duplicate => return Ok(Taken::Duplicate),
+                Bond::Bound => {}
+            }
+            if !length_known {
+                adopt(slot, waiting, statistics);
+            }
+            let taken = slot.brought(before);
+            stream.note(taken);
+            return Ok(taken);
+        }
+        Ok(match waiting.keep(&later) {
+            Kept::New => Taken::Waits,
+            Kept::InsteadOf => {
+                statistics.rejected += 1;
+                Taken::Waits
+            }
+            Kept::Duplicate => Taken::Duplicate,
+        })
+    }
+
+    /// The packet of a stream and frame number, modulo 2²⁴, if enough of it came for a picture. For a short packet only
+    /// the low 16 bits count.
+    pub fn packet(&self, stream: u8, frame: u32) -> Option<CollectedPacket<'_>> {
+        self.slot(stream, frame)?.packet(frame)
+    }
+
+    /// The packet of the greatest frame number of a stream that yields a picture.
+    pub fn newest(&self, stream: u8) -> Option<CollectedPacket<'_>> {
+        let stream = self.streams.get(usize::from(stream))?;
+        stream.numbers().find_map(|number| stream.slot(number).numbered(number))
+    }
+
+    /// Indices of a packet's shares that have not come; none if it is complete, or if nothing of it came. A protected
+    /// packet needs at most as many of them as [`CollectedPacket::sent`] less those that came, an unprotected one all.
+    /// Until its length has come, that is the first missing one; if its checks do not match, the first share is among
+    /// them. Until there is a picture of the packet, the frame number counts modulo 128.
+    pub fn missing(&self, stream: u8, frame: u32) -> impl Iterator<Item = usize> + '_ {
+        let slot = self.slot(stream, frame).into_iter();
+        slot.flat_map(move |slot| slot.missing(frame))
+    }
+
+    /// Shares of a packet that are known of: all that it was sent in, and there is room for. Until an unprotected
+    /// packet's length has come, those up to the first missing one. 0 if none of them came. The frame number counts as
+    /// for [`Collector::missing`].
+    pub fn known(&self, stream: u8, frame: u32) -> usize {
+        self.slot(stream, frame).map_or(0, |slot| slot.known(frame))
+    }
+
+    /// Indices of a packet's shares that have come. The frame number counts as for [`Collector::missing`].
+    pub fn arrived(&self, stream: u8, frame: u32) -> impl Iterator<Item = usize> + '_ {
+        let slot = self.slot(stream, frame).into_iter();
+        slot.flat_map(move |slot| slot.arrived(frame))
+    }
+
+    /// What there is of a stream's newest packets, for its vehicle. `kept` tells whether a frame was decoded in full.
+    /// `None`: no packet has told its frame number yet.
+    ///
+    /// # Errors
+    /// If the stream is not 0 to 3.
+    pub fn report(
+        &self,
+        stream: u8,
+        kept: impl Fn(u32) -> bool,
+    ) -> Result<Option<Report>, ModemError> {
+        let Some((newest, known)) = self.newest_number(stream).zip(self.newest(stream)) else {
+            return Report::new(stream, 0, iter::empty()).map(|_| None);
+        };
+        // The packet whose number is known lies at or before the newest one.
+        let newest = known.frame.wrapping_add(newest.wrapping_sub(known.frame) % NUMBERS);
+        let held = self.options.slots().min(MAX_REPORTED) as u32;
+        let packets = (0..held).map(|behind| {
+            let frame = newest.wrapping_sub(behind);
+            let slot = self.slot(stream, frame);
+            slot.map_or_else(ReportedPacket::default, |slot| slot.report(frame, &kept))
+        });
+        Report::new(stream, newest, packets).map(Some)
+    }
+
+    /// The newest number of a stream, modulo 128.
+    fn newest_number(&self, stream: u8) -> Option<u32> {
+        self.streams.get(usize::from(stream))?.newest
+    }
+
+    /// Where a packet of a frame number is kept.
+    fn slot(&self, stream: u8, frame: u32) -> Option<&Slot> {
+        Some(self.streams.get(usize::from(stream))?.slot(frame))
+    }
+
+    /// Bytes that the buffers have room for.
+    #[cfg(test)]
+    pub fn capacity(&self) -> usize {
+        let waiting = self.unprotected.iter().flat_map(|unprotected| &unprotected.waiting);
+        self.streams.iter().map(Stream::capacity).sum::<usize>()
+            + waiting.map(Waiting::capacity).sum::<usize>()
+    }
+
+    /// How it was made.
+    pub fn options(&self) -> &CollectorOptions {
+        &self.options
+    }
+
+    /// What has come so far.
+    pub fn statistics(&self) -> CollectorStatistics {
+        let waiting = self.unprotected.iter().flat_map(|unprotected| &unprotected.waiting);
+        let waiting = waiting.map(|waiting| waiting.count() as u64).sum();
+        CollectorStatistics { waiting, ..self.statistics }
+    }
+}
+
+/// Gives an unprotected packet what waits for it, after its first share and when its length is known. While its length
+/// is not known, only the next share can be told to be its; once it is, those that are not are dropped.
+fn adopt(slot: &mut Slot, waiting: &mut Waiting, statistics: &mut CollectorStatistics) {
+    while !slot.has_length() {
+        let next = slot.next().and_then(|next| waiting.get(next));
+        let Some(later) = next.filter(|later| slot.offer(later) == Bond::Bound) else { return };
+        statistics.accepted += 1;
+        let index = later.index;
+        waiting.remove(index);
+    }
+    let mut from = 1;
+    while let Some(index) = waiting.next(from) {
+        let bond = waiting.get(index).map(|later| slot.offer(&later));
+        waiting.remove(index);
+        from = index + 1;
+        match bond {
+            Some(Bond::Bound) => statistics.accepted += 1,
+            Some(Bond::Duplicate) => statistics.duplicates += 1,
+            _ => statistics.rejected += 1,
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Protected shares to a packet.
+
+use crate::modem::error::ModemError;
+use crate::modem::limits::NUMBERS;
+use crate::modem::wire::code::Known;
+use crate::modem::wire::contents::{Layer, take_contents};
+use crate::modem::wire::share::{Header, PacketHeader};
+use crate::packet::{Extent, sound_len};
+
+use super::slot::{Form, Slot, Start, State, Taken};
+
+impl Slot {
+    /// Takes a protected share that came at `now`. `last`: the frame number of a packet before, to complete a short
+    /// one's.
+    pub fn take_share(
+        &mut self,
+        now: f64,
+        header: &Header,
+        data: &[u8],
+        last: Option<u32>,
+    ) -> Result<Taken, ModemError> {
+        if data.len() > self.room {
+            return Err(ModemError::NoRoom { index: header.index, room: self.there.len() });
+        }
+        if self.state.is_none() {
+            self.since = now;
+        }
+        let fresh = State {
+            number: header.packet.number,
+            form: Form::Layers { header: header.packet, solved: 0 },
+            arrived: 0,
+            filled: 0,
+            start: None,
+        };
+        let mut state = *self.state.get_or_insert(fresh);
+        match state.form {
+            Form::Layers { header: own, .. } if own == header.packet => {}
+            _ => return Err(ModemError::OtherShare(header.packet.number)),
+        }
+        if self.there[header.index] {
+            return Ok(Taken::Duplicate);
+        }
+        self.there[header.index] = true;
+        state.arrived += 1;
+        if state.start.is_some_and(|start| start.complete) {
+            self.state = Some(state);
+            return Ok(Taken::Surplus);
+        }
+        self.shares[header.index * self.room..][..data.len()].copy_from_slice(data);
+        let before = state.filled;
+        let valid = self.grow(&mut state, last);
+        self.state = Some(state);
+        if valid.is_none() {
+            self.clear();
+            return Ok(Taken::Damaged(header.packet.number));
+        }
+        let Some(start) = state.start else { return Ok(Taken::Kept) };
+        let frame = start.extent.frame;
+        Ok(match () {
+            () if start.complete => Taken::Complete(frame),
+            () if state.filled > before => Taken::Grown(frame),
+            () => Taken::Kept,
+        })
+    }
+
+    /// Solves the layers whose threshold is reached. `None` if what they hold is not what a sender writes.
+    fn grow(&mut self, state: &mut State, last: Option<u32>) -> Option<()> {
+        let Form::Layers { header, mut solved } = state.form else { return None };
+        let first = Layer { threshold: header.threshold, chunk: header.chunk };
+        if solved == 0 && state.arrived >= first.threshold {
+            self.solve(first, 0, header.count, state);
+            solved = 1;
+            state.start = Some(self.read_start(first, &header, last)?);
+        }
+        let (Some(mut start), 1..) = (state.start, solved) else { return Some(()) };
+        let layer = &self.bytes[..first.len()];
+        let (contents, _) = take_contents(layer, first, header.count, header.data_len())?;
+        let (layers, others) = (contents.layers, contents.others);
+        let mut at = first.chunk;
+        for (k, layer) in layers[..others].iter().enumerate() {
+            if solved == k + 1 && state.arrived >= layer.threshold {
+                self.solve(*layer, at, header.count, state);
+                solved += 1;
+            }
+            at += layer.chunk;
+        }
+        state.form = Form::Layers { header, solved };
+        start.ended = solved > others;
+        self.judge(start, state)
+    }
+
+    /// Appends a layer, whose chunk lies at `at` in each of `count` shares.
+    fn solve(&mut self, layer: Layer, at: usize, count: usize, state: &mut State) {
+        let there = || (0..count).filter(|index| self.there[*index]);
+        let chunk = |index: usize| &self.shares[index * self.room + at..][..layer.chunk];
+        let known = Known::new(there().take(layer.threshold));
+        let bytes = self.bytes[state.filled..].chunks_exact_mut(layer.chunk);
+        for (index, bytes) in bytes.take(layer.threshold).enumerate() {
+            match self.there[index] {
+                true => bytes.copy_from_slice(chunk(index)),
+                false => known.write(index, chunk, bytes),
+            }
+        }
+        state.filled += layer.len();
+    }
+
+    /// Reads the first layer.
+    fn read_start(&self, first: Layer, header: &PacketHeader, last: Option<u32>) -> Option<Start> {
+        let layer = &self.bytes[..first.len()];
+        let (contents, packet) = take_contents(layer, first, header.count, header.data_len())?;
+        let extent = Extent::read(packet).ok()?.near(last);
+        let at = first.len() - packet.len();
+        let user = contents.user.map(|user| (at - user.len(), at));
+        let named = extent.frame % NUMBERS == header.number;
+        (named && packet.len() >= extent.latent).then_some(Start {
+            extent,
+            at,
+            user,
+            complete: false,
+            ended: false,
+        })
+    }
+
+    /// Looks at what there is of the packet. `None` if it is whole and its checks do not match.
+    fn judge(&self, mut start: Start, state: &mut State) -> Option<()> {
+        if start.extent.total.is_none() {
+            let bytes = &self.bytes[start.at..state.filled];
+            start.extent.total = Extent::read(bytes).ok()?.total;
+        }
+        let whole = start.extent.total.and_then(|total| {
+            self.bytes[..state.filled].get(start.at..start.at.saturating_add(total))
+        });
+        if let Some(whole) = whole {
+            start.complete = sound_len(whole) == whole.len();
+            if !start.complete {
+                return None;
+            }
+        }
+        state.start = Some(start);
+        Some(())
+    }
+}

@@ -1,0 +1,7 @@
+//! Modem frames as bytes.
+
+pub mod code;
+pub mod contents;
+pub mod continuation;
+pub mod layout;
+pub mod share;

@@ -1,0 +1,379 @@
+// Packets without protection, through modems of several MTUs, which lose, swap, repeat, pad, cut and damage frames.
+
+#include "common.h"
+
+#define MAX_MODEM_FRAMES 256
+#define MAX_PACKET 4096
+
+static scene dive;
+static rig both;
+static packet packets[MAX_FRAMES];
+static uint64_t seed = 1;
+
+// A packet as its modem frames.
+typedef struct split {
+    uint32_t count;
+    size_t sizes[MAX_MODEM_FRAMES];
+    uint8_t *frames[MAX_MODEM_FRAMES];
+} split;
+
+static split split_packet(const packet *packet, uint32_t mtu, int pad) {
+    split done = {0};
+    nvsp_sender *sender = NULL;
+    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+    nvsp_division division = NVSP_INITIALIZER(nvsp_division);
+    options.flags = NVSP_SENDER_UNPROTECTED;
+    MUST(nvsp_sender_create(mtu, &options, &sender));
+    MUST(nvsp_sender_push(sender, 0, packet->bytes, packet->size, NULL, 0, &division));
+    done.count = division.shares;
+    if (done.count > MAX_MODEM_FRAMES) {
+        give_up("a packet of too many modem frames");
+    }
+    CHECK(division.packet_bytes == packet->size && division.whole_shares == done.count);
+    CHECK(division.picture_shares >= 1 && division.picture_shares <= done.count);
+    CHECK(division.link_bytes == packet->size + 4 * (done.count - 1));
+    size_t total = 0;
+    for (uint32_t i = 0; i < done.count; i++) {
+        uint8_t *frame = malloc(mtu);
+        memset(frame, 0xa5, mtu);
+        EXPECT(NVSP_OK, nvsp_sender_next(sender, 0, frame, mtu, &done.sizes[i]));
+        CHECK(done.sizes[i] <= mtu && all_are(frame + done.sizes[i], 0xa5, mtu - done.sizes[i]));
+        CHECK(done.sizes[i] == mtu || i + 1 == done.count);
+        total += done.sizes[i];
+        done.sizes[i] = pad ? mtu : done.sizes[i];
+        done.frames[i] = realloc(frame, done.sizes[i]);  // No larger: a memory checker sees more.
+    }
+    double due = 77;
+    CHECK(total == division.link_bytes && nvsp_sender_due(sender, &due) == NVSP_PENDING && due == 77);
+    nvsp_sender_destroy(sender);
+    return done;
+}
+
+static void split_free(split *split) {
+    for (uint32_t i = 0; i < split->count; i++) {
+        free(split->frames[i]);
+    }
+}
+
+static nvsp_collector *new_collector(uint32_t mtu, int checks) {
+    nvsp_collector *made = NULL;
+    nvsp_collector_options options = NVSP_INITIALIZER(nvsp_collector_options);
+    options.flags = checks ? NVSP_COLLECTOR_MODEM_CHECKS : 0;
+    options.shares = MAX_MODEM_FRAMES;
+    options.packets = 4;
+    MUST(nvsp_collector_create(mtu, &options, &made));
+    return made;
+}
+
+static uint32_t push(nvsp_collector *collector, const uint8_t *frame, size_t size) {
+    nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
+    EXPECT(NVSP_OK, nvsp_collector_push(collector, 0, frame, size, &state));
+    return state.event;
+}
+
+static uint32_t number_of(const packet *packet) { return (uint32_t)(packet - packets); }
+
+static uint32_t missing_of(nvsp_collector *collector, const packet *packet, uint32_t *indices, uint32_t room) {
+    uint32_t count = 77;
+    EXPECT(NVSP_OK, nvsp_collector_missing(collector, 0, number_of(packet), indices, room, &count));
+    return count;
+}
+
+// What there is of the packet must be its start, and make a picture; its state.
+static nvsp_collected fetch_and_show(nvsp_collector *collector, const packet *packet) {
+    uint8_t bytes[MAX_PACKET];
+    size_t size = 0;
+    nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
+    nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
+    EXPECT(NVSP_OK, nvsp_collector_fetch(collector, 0, number_of(packet), bytes, sizeof bytes, &size, &state));
+    CHECK(size >= 19 && size <= packet->size && state.bytes == size && state.event == 0);
+    CHECK(memcmp(bytes, packet->bytes, size) == 0);
+    CHECK(state.complete == (size == packet->size) && state.ended == state.complete && state.user_bytes == 0);
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, NVSP_DECODE_START, NULL, &info));
+    CHECK(info.frame == state.frame && (info.rows == info.height || !state.complete));
+    return state;
+}
+
+// Every frame, in any order, some more than once: the packet.
+static void any_order(const packet *packet, uint32_t mtu, int pad) {
+    split frames = split_packet(packet, mtu, pad);
+    nvsp_collector *collector = new_collector(mtu, 0);
+    uint32_t order[MAX_MODEM_FRAMES], complete = 0, repeated = 0;
+    for (uint32_t i = 0; i < frames.count; i++) {
+        const uint32_t j = random_below(&seed, i + 1);
+        order[i] = order[j];
+        order[j] = i;
+    }
+    for (uint32_t i = 0; i < frames.count; i++) {
+        const uint32_t at = order[i];
+        complete += push(collector, frames.frames[at], frames.sizes[at]) == NVSP_EVENT_COMPLETE;
+        const uint32_t before = order[random_below(&seed, i + 1)];
+        repeated += push(collector, frames.frames[before], frames.sizes[before]) == NVSP_EVENT_DUPLICATE;
+    }
+    nvsp_collector_statistics counts = NVSP_INITIALIZER(nvsp_collector_statistics);
+    EXPECT(NVSP_OK, nvsp_collector_get_statistics(collector, &counts));
+    CHECK(complete == 1 && repeated == frames.count);
+    CHECK(counts.accepted == frames.count && counts.duplicates == frames.count);
+    CHECK(counts.rejected == 0 && counts.waiting == 0 && counts.completed == 1);
+    const nvsp_collected state = fetch_and_show(collector, packet);
+    CHECK(state.complete == 1 && state.arrived == frames.count && state.sent == frames.count);
+    uint32_t missing[4];
+    CHECK(missing_of(collector, packet, missing, 4) == 0);
+    nvsp_collector_destroy(collector);
+    split_free(&frames);
+}
+
+// Some frames are lost: the packet's start up to the first lost one is there. Then the lost ones are sent again.
+static void losses(const packet *packet, uint32_t mtu, int pad) {
+    split frames = split_packet(packet, mtu, pad);
+    nvsp_collector *collector = new_collector(mtu, 1);
+    int lost[MAX_MODEM_FRAMES] = {0};
+    uint32_t first = frames.count, number = 0;
+    for (uint32_t i = 1; i < frames.count; i++) {
+        lost[i] = random_below(&seed, 4) == 0;
+        number += (uint32_t)lost[i];
+        first = lost[i] && i < first ? i : first;
+    }
+    for (uint32_t i = 0; i < frames.count; i++) {
+        if (!lost[i]) {
+            push(collector, frames.frames[i], frames.sizes[i]);
+        }
+    }
+    const nvsp_collected state = fetch_and_show(collector, packet);
+    // Until the packet's length has come, only frames without a gap are known to be the packet's.
+    CHECK(state.arrived == (state.sent == 0 ? first : frames.count - number));
+    CHECK(state.sent == 0 || state.sent == frames.count);
+    CHECK(first == frames.count ? state.complete : state.bytes == mtu + (size_t)(first - 1) * (mtu - 4));
+    uint32_t missing[MAX_MODEM_FRAMES], asked = 0, rounds = 0, known = 77;
+    uint32_t count = missing_of(collector, packet, NULL, 0);
+    CHECK(count >= (state.complete ? 0u : 1u) && count <= number);
+    do {
+        count = missing_of(collector, packet, missing, 3);
+        for (uint32_t i = 0; i < count && i < 3; i++) {
+            CHECK(missing[i] < frames.count && lost[missing[i]]);
+            asked += push(collector, frames.frames[missing[i]], frames.sizes[missing[i]])
+                     != NVSP_EVENT_DUPLICATE;
+        }
+    } while (count > 0 && ++rounds < MAX_MODEM_FRAMES);
+    CHECK(asked == number && fetch_and_show(collector, packet).complete == 1);
+    uint8_t bits[MAX_MODEM_FRAMES / 8];
+    EXPECT(NVSP_OK, nvsp_collector_arrived(collector, 0, number_of(packet), bits, sizeof bits, &known));
+    CHECK(known == frames.count);
+    for (uint32_t i = 0; i < known; i++) {
+        CHECK(bits[i / 8] >> i % 8 & 1);
+    }
+    nvsp_collector_destroy(collector);
+    split_free(&frames);
+}
+
+// Frames that are cut short or have flipped bits are refused or change nothing. The whole frames then complete the
+// packet.
+static void damage(const packet *packet, uint32_t mtu) {
+    split frames = split_packet(packet, mtu, 0);
+    nvsp_collector *collector = new_collector(mtu, 0);
+    uint8_t bytes[MAX_PACKET];
+    size_t size = 0;
+    for (uint32_t i = 0; i < frames.count; i++) {
+        for (int turn = 0; turn < 6; turn++) {
+            uint8_t *copy = malloc(frames.sizes[i]);
+            size_t left = frames.sizes[i];
+            memcpy(copy, frames.frames[i], left);
+            if (turn % 2) {
+                left = random_below(&seed, (uint32_t)left);
+            } else {
+                copy[random_below(&seed, (uint32_t)left)] ^= (uint8_t)(1u << random_below(&seed, 8));
+            }
+            uint8_t *cut = malloc(left > 0 ? left : 1);
+            memcpy(cut, copy, left);
+            const nvsp_status status = nvsp_collector_push(collector, 0, cut, left, NULL);
+            CHECK(status == NVSP_OK || status == NVSP_ERR_MODEM);
+            free(cut);
+            free(copy);
+            if (nvsp_collector_fetch(collector, 0, number_of(packet), bytes, sizeof bytes, &size, NULL) == NVSP_OK) {
+                CHECK(size <= packet->size && memcmp(bytes, packet->bytes, size) == 0);
+            }
+        }
+        const nvsp_status status =
+            nvsp_collector_push(collector, 0, frames.frames[i], frames.sizes[i], NULL);
+        EXPECT(NVSP_OK, status);
+    }
+    CHECK(fetch_and_show(collector, packet).complete == 1);
+    nvsp_collector_destroy(collector);
+    split_free(&frames);
+}
+
+// The frames of several packets are mixed. The newest packet is given, and none has bytes of another.
+static void mixed(uint32_t mtu) {
+    nvsp_collector *collector = new_collector(mtu, 0);
+    split frames[3];
+    for (int p = 0; p < 3; p++) {
+        frames[p] = split_packet(&packets[p], mtu, p % 2);
+    }
+    int complete = 0;
+    for (uint32_t i = 0; i < MAX_MODEM_FRAMES; i++) {
+        for (int p = 0; p < 3; p++) {
+            if (i < frames[p].count) {
+                complete += push(collector, frames[p].frames[i], frames[p].sizes[i]) == NVSP_EVENT_COMPLETE;
+            }
+        }
+    }
+    CHECK(complete == 3);
+    const nvsp_collected state = fetch_and_show(collector, &packets[2]);
+    CHECK(state.frame == 2 && state.complete == 1);
+    for (int p = 0; p < 3; p++) {
+        split_free(&frames[p]);
+    }
+    nvsp_collector_destroy(collector);
+}
+
+static void nothing_to_fetch(void) {
+    nvsp_collector *collector = new_collector(64, 0);
+    split frames = split_packet(&packets[0], 64, 0);
+    uint8_t bytes[MAX_PACKET];
+    size_t size = 77;
+    uint32_t indices[2] = {77, 77};
+    char text[256];
+    memset(bytes, 0xa5, sizeof bytes);
+    EXPECT(NVSP_ERR_STATE, nvsp_collector_fetch(collector, 0, 0, bytes, sizeof bytes, &size, NULL));
+    CHECK(missing_of(collector, &packets[0], indices, 2) == 0);
+    CHECK(push(collector, frames.frames[1], frames.sizes[1]) == NVSP_EVENT_KEPT);
+    EXPECT(NVSP_ERR_STATE, nvsp_collector_fetch(collector, 0, 0, bytes, sizeof bytes, &size, NULL));
+    EXPECT(NVSP_ERR_MODEM, nvsp_collector_push(collector, 0, bytes, 0, NULL));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_push(collector, 0, bytes, SIZE_MAX, NULL));
+    EXPECT(NVSP_OK, nvsp_collector_last_error(collector, text, sizeof text));
+    CHECK(strlen(text) > 3);
+    push(collector, frames.frames[0], frames.sizes[0]);
+    // Nothing is written but the size needed.
+    CHECK(size == 77);
+    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_collector_fetch(collector, 0, 0, bytes, 30, &size, NULL));
+    const size_t fetched = size;
+    CHECK(fetched > 30 && fetched <= 64 + 60);
+    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_collector_fetch(collector, 0, 0, bytes, 0, &size, NULL));
+    CHECK(size == fetched && indices[0] == 77 && all_are(bytes, 0xa5, sizeof bytes));
+    split_free(&frames);
+    nvsp_collector_destroy(collector);
+}
+
+// A sender with a bit rate gives each frame its bytes, and sends again what a report says is missing.
+static void paced(void) {
+    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+    options.bit_rate = 60000;
+    options.frame_rate = 5;
+    options.latency = 3;
+    options.flags = NVSP_SENDER_UNPROTECTED | NVSP_SENDER_EXPECT_REPORTS;
+    nvsp_sender *sender = NULL;
+    nvsp_collector *collector = new_collector(64, 0);
+    MUST(nvsp_sender_create(64, &options, &sender));
+    uint8_t bytes[64];
+    size_t size = 0;
+    uint32_t budget = 0, lost = 0;
+    EXPECT(NVSP_ERR_STATE, nvsp_sender_push(sender, 0, packets[0].bytes, packets[0].size, NULL, 0, NULL));
+    for (int i = 0; i < 3; i++) {
+        EXPECT(NVSP_OK, nvsp_sender_plan(sender, i, &budget));
+        CHECK(budget > 900);
+        EXPECT(NVSP_OK, nvsp_sender_push(sender, i, packets[i].bytes, packets[i].size, NULL, 0, NULL));
+        for (uint32_t k = 0; nvsp_sender_next(sender, i, bytes, sizeof bytes, &size) == NVSP_OK; k++) {
+            if (i == 1 && k % 3 == 1) {
+                lost++;
+            } else {
+                push(collector, bytes, size);
+            }
+        }
+    }
+    CHECK(lost > 1 && fetch_and_show(collector, &packets[1]).complete == 0);
+    EXPECT(NVSP_OK, nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, bytes, sizeof bytes, &size));
+    nvsp_processed_report processed = NVSP_INITIALIZER(nvsp_processed_report);
+    EXPECT(NVSP_OK, nvsp_sender_process_report(sender, 2.1, bytes, size, &processed));
+    CHECK(processed.resent_shares == lost && processed.newest == 2);
+    while (nvsp_sender_next(sender, 2.1, bytes, sizeof bytes, &size) == NVSP_OK) {
+        push(collector, bytes, size);
+    }
+    CHECK(fetch_and_show(collector, &packets[1]).complete == 1);
+    nvsp_sender_destroy(sender);
+    nvsp_collector_destroy(collector);
+}
+
+static void out_of_range(void) {
+    const packet one = packets[0];
+    nvsp_sender *sender = NULL;
+    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+    options.flags = NVSP_SENDER_UNPROTECTED;
+    const uint32_t mtus[] = {0, 1, 30, 65536, UINT32_MAX};
+    for (int i = 0; i < 5; i++) {
+        EXPECT(NVSP_ERR_MODEM, nvsp_sender_create(mtus[i], &options, &sender));
+    }
+    for (int i = 0; i < 6; i++) {
+        nvsp_sender_options wrong = options;
+        wrong.shares = i == 0 ? 4097 : 0;
+        wrong.stream = i == 1;
+        wrong.user_bytes = i == 2;
+        wrong.flags |= i == 3 ? 4 : i == 4 ? NVSP_SENDER_EXPECT_REPORTS : 0;
+        wrong.bit_rate = i == 5 ? -1 : 0;
+        EXPECT(NVSP_ERR_ARGUMENT, nvsp_sender_create(64, &wrong, &sender));
+    }
+    // Without protection only a collector whose MTU holds a packet's start takes anything.
+    nvsp_collector *collector = new_collector(30, 0);
+    EXPECT(NVSP_ERR_MODEM, nvsp_collector_push(collector, 0, one.bytes, one.size, NULL));
+    nvsp_collector_destroy(collector);
+    options.shares = 3;
+    MUST(nvsp_sender_create(64, &options, &sender));
+    EXPECT(NVSP_ERR_MODEM, nvsp_sender_push(sender, 0, one.bytes, one.size, NULL, 0, NULL));
+    EXPECT(NVSP_ERR_MODEM, nvsp_sender_push(sender, 0, one.bytes, one.size - 1, NULL, 0, NULL));
+    EXPECT(NVSP_ERR_STATE, nvsp_sender_set_bit_rate(sender, 0, 5000));
+    uint32_t budget = 0;
+    EXPECT(NVSP_OK, nvsp_sender_plan(sender, 0, &budget));
+    CHECK(budget == 64 + 2 * 60);
+    nvsp_sender_destroy(sender);
+
+    // Of a packet that is too long the start is kept. Room for the largest packet may be asked for.
+    nvsp_collector_options room = NVSP_INITIALIZER(nvsp_collector_options);
+    room.shares = 3;
+    MUST(nvsp_collector_create(64, &room, &collector));
+    split frames = split_packet(&one, 64, 0);
+    for (uint32_t i = 0; i < frames.count; i++) {
+        const nvsp_status status = nvsp_collector_push(collector, 0, frames.frames[i], frames.sizes[i], NULL);
+        CHECK(status == (i < 3 ? NVSP_OK : NVSP_ERR_MODEM));
+    }
+    const nvsp_collected state = fetch_and_show(collector, &one);
+    CHECK(state.complete == 0 && state.bytes == 64 + 2 * 60 && state.sent == frames.count);
+    split_free(&frames);
+    nvsp_collector_destroy(collector);
+    room.shares = 4096;
+    EXPECT(NVSP_OK, nvsp_collector_create(31, &room, &collector));
+    nvsp_collector_destroy(collector);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        give_up("usage: unprotected SCENE");
+    }
+    scene_read(&dive, argv[1]);
+    rig_open(&both, &dive);
+    nvsp_encoder_options options;
+    MUST(NVSP_INIT(&options));
+    options.rate = NVSP_RATE_BYTES;
+    options.rate_value = 900;
+    rig_add(&both, &dive.camera, &options);
+    encode_all(&both, &dive, packets);
+    MUST(nvsp_decoder_add_camera(both.decoder, &dive.camera));
+
+    const uint32_t mtus[] = {NVSP_MTU_31, NVSP_MTU_64, NVSP_MTU_256, NVSP_MTU_1024, 100};
+    for (int m = 0; m < 5; m++) {
+        for (int i = 0; i < (few() ? 2 : dive.frames); i++) {
+            any_order(&packets[i], mtus[m], i % 2);
+            losses(&packets[i], mtus[m], i % 2);
+        }
+        damage(&packets[0], mtus[m]);
+        damage(&packets[1], mtus[m]);
+        mixed(mtus[m]);
+    }
+    nothing_to_fetch();
+    paced();
+    out_of_range();
+    for (int i = 0; i < dive.frames; i++) {
+        free(packets[i].bytes);
+    }
+    rig_close(&both);
+    scene_free(&dive);
+    return report("unprotected");
+}
