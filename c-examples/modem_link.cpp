@@ -1,10 +1,10 @@
 // Pictures from a vehicle to its topside through a slow link that loses frames.
 //
-// Two processes with a UDP socket on loopback between them. The vehicle's sender gives each frame of the camera its bytes,
-// spreads the packet over modem frames of which any few give a picture, and says when each is due. Its modem is simulated:
-// it sends at a set bit rate, and loses, swaps, repeats and pads modem frames. The topside's collector puts together what
-// arrives. The topside shows the best possible picture of it, or the prior at a pose between those of other frames, and
-// compares it with the original.
+// Two processes with a UDP socket on loopback between them. The vehicle's sender gives each frame of the camera its
+// bytes, spreads the packet over modem frames, and says when each is due. A few of them, in any combination, yield a
+// picture. Its modem is simulated: it sends at a set bit rate, and loses, swaps, repeats and pads modem frames. The
+// topside's collector puts together what arrives. The topside shows the best possible picture of it, or the prior at a
+// pose between those of other frames, and compares it with the original.
 
 #include <arpa/inet.h>
 #include <getopt.h>
@@ -61,7 +61,7 @@ struct Settings {
 
 // Says what failed, with the words of the handle that it failed on.
 template <class T>
-bool sound(nvsp_status status, const char *what, const T *handle,
+bool succeeded(nvsp_status status, const char *what, const T *handle,
            nvsp_status (*last_error)(const T *, char *, size_t)) {
     if (status >= NVSP_OK) {
         return true;
@@ -166,7 +166,7 @@ public:
         nvsp_status status =
             nvsp_encoder_create(engine_.get(), prior_.get(), &set_.camera, &options, &encoder);
         encoder_.reset(encoder);
-        if (!sound(status, "making an encoder", engine_.get(), nvsp_engine_last_error)) {
+        if (!succeeded(status, "making an encoder", engine_.get(), nvsp_engine_last_error)) {
             return false;
         }
         nvsp_sender_options link;
@@ -192,18 +192,18 @@ public:
     bool take(double exposed, const std::string &path, const nvsp_pose *hint) {
         uint32_t budget = 0;
         nvsp_status status = nvsp_sender_plan(sender_.get(), exposed, &budget);
-        if (!sound(status, "planning", sender_.get(), nvsp_sender_last_error)) {
+        if (!succeeded(status, "planning", sender_.get(), nvsp_sender_last_error)) {
             return false;
         }
         if (budget == 0) {
             std::printf("vehicle: a frame is left out\n");
             status = nvsp_encoder_skip(encoder_.get(), 1);
-            return sound(status, "skipping", encoder_.get(), nvsp_encoder_last_error);
+            return succeeded(status, "skipping", encoder_.get(), nvsp_encoder_last_error);
         }
         // A packet that tells the camera takes more, for once: the sender gives the next ones less.
         uint32_t extra = 0;
         status = nvsp_encoder_extra_bytes(encoder_.get(), &extra);
-        if (!sound(status, "extra bytes", encoder_.get(), nvsp_encoder_last_error)) {
+        if (!succeeded(status, "extra bytes", encoder_.get(), nvsp_encoder_last_error)) {
             return false;
         }
         size_t size = 0;
@@ -214,7 +214,7 @@ public:
             // The bytes do not even hold the pose.
             status = encode(path, hint, NVSP_RATE_NONE, 0, size, stats);
         }
-        if (!sound(status, path.c_str(), encoder_.get(), nvsp_encoder_last_error)) {
+        if (!succeeded(status, path.c_str(), encoder_.get(), nvsp_encoder_last_error)) {
             return false;
         }
         nvsp_division division;
@@ -223,7 +223,7 @@ public:
         std::printf("vehicle: frame %2u  %4u bytes in %4.0f ms, %2u modem frames, any %2u give a picture, %2u all of it\n",
                     stats.frame, stats.bytes, stats.milliseconds, division.shares, division.picture_shares,
                     division.whole_shares);
-        return sound(status, "sharing", sender_.get(), nvsp_sender_last_error);
+        return succeeded(status, "sharing", sender_.get(), nvsp_sender_last_error);
     }
 
     // Sends what is due until a time.
@@ -358,7 +358,7 @@ public:
         if (status == NVSP_OK) {
             status = nvsp_decoder_add_camera(decoder, &set_.camera);
         }
-        if (!sound(status, "making a decoder", engine_.get(), nvsp_engine_last_error)) {
+        if (!succeeded(status, "making a decoder", engine_.get(), nvsp_engine_last_error)) {
             return false;
         }
         nvsp_collector_options options;
@@ -454,7 +454,7 @@ private:
             nvsp_picture picture = place();
             status = nvsp_decode(decoder_.get(), packet_.data(), size, NVSP_DECODE_START, &picture, &info);
         }
-        if (!sound(status, "decoding", decoder_.get(), nvsp_decoder_last_error)) {
+        if (!succeeded(status, "decoding", decoder_.get(), nvsp_decoder_last_error)) {
             return;
         }
         next_ = state.frame + 1;

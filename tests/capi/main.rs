@@ -46,6 +46,12 @@ programs! {
     soak: ["200"];
 }
 
+/// `make c-test` sends 10,500 packets; this, 400.
+#[test]
+fn shares() {
+    programs::run_few("shares");
+}
+
 /// `make c-test` fails each allocation once; this, some.
 #[test]
 fn no_memory() {

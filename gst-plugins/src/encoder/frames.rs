@@ -219,10 +219,10 @@ impl Frames {
             control.set_loss(options.loss)?;
         }
         let Some(budget) = control.plan(now) else { return Ok(Err(Outcome::LeftOut)) };
-        match control.most(budget) {
-            Ok(most) => {
+        match control.capacity(budget) {
+            Ok(bytes) => {
                 // A packet that tells the camera takes more, for once.
-                let bytes = most.capacity() + self.encoder.extra_bytes();
+                let bytes = bytes + self.encoder.extra_bytes();
                 self.encoder.set_rate(Some(Rate::Bytes(bytes)));
                 Ok(Ok(Budget::of(control, budget)))
             }

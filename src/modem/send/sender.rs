@@ -498,7 +498,9 @@ mod tests {
 
     /// A packet of at most so many bytes.
     fn packet(frame: u32, bytes: usize) -> Vec<u8> {
-        let (profile, payload) = (PoseProfile::Short, Some(bytes - 22));
+        // From 128 bytes on, a payload's length takes a byte more.
+        let payload = Some(bytes - 22 - usize::from(bytes >= 150));
+        let profile = PoseProfile::Short;
         packet_of(Recipe { frame, profile, camera: false, payload })
     }
 
@@ -599,6 +601,70 @@ mod tests {
         assert!(all as u64 + 8 >= statistics.packets, "{all} {statistics:?}");
         assert_eq!(statistics.resent, 0);
         assert!(sender.options().loss.chance < 0.02);
+    }
+
+    fn unprotected(bit_rate: f64, expect_reports: bool) -> Result<Sender, ModemError> {
+        let control =
+            RateControlOptions { bit_rate, max_shares: 64, latency: 2.5, ..options().control };
+        let protection = Protection::None;
+        Sender::new(SenderOptions { control, stream: 0, protection, expect_reports })
+    }
+
+    /// One modem frame in ten is lost. Those that a report misses come again.
+    #[test]
+    fn without_protection_what_is_missing_comes_again() {
+        let mut sender = unprotected(20_000.0, true).unwrap();
+        let collector = CollectorOptions { packets: 64, ..CollectorOptions::new(64) };
+        let mut collector = Collector::new(collector).unwrap();
+        let mut random = Random::new(3);
+        for frame in 0..300 {
+            let now = f64::from(frame) / 15.0;
+            if let Some(bytes) = sender.plan(now).unwrap() {
+                let packet = packet(frame, bytes);
+                let division = sender.push(now, &packet, None).unwrap();
+                assert_eq!(division.link_bytes, packet.len() + 4 * (division.shares - 1));
+            }
+            while let Some((_, share)) = sender.next(now) {
+                if random.within(0.0, 1.0) >= 0.1 {
+                    collector.push(now, share).unwrap();
+                }
+            }
+            if frame % 8 == 7
+                && let Some(report) = collector.report(0, |_| false).unwrap()
+            {
+                sender.process_report(now, &report).unwrap();
+            }
+        }
+        let (sent, came) = (sender.statistics(), collector.statistics());
+        // The link carries 50,000 bytes, those that come again among them.
+        let bytes = sent.bytes + sent.resent * 64;
+        assert!(sent.bytes > 40_000 && bytes < 52_000, "{sent:?}");
+        let chance = sender.options().loss.chance;
+        assert!((0.05..0.15).contains(&chance), "{chance}");
+        // Some of what comes again is lost again, and the last packets are still on their way.
+        assert!(sent.resent > 50 && sent.cut == 0 && came.completed + 35 > sent.packets);
+    }
+
+    #[test]
+    fn without_a_rate_packets_go_as_they_come() {
+        let mut sender = unprotected(0.0, false).unwrap();
+        let most = 64 + 63 * 60;
+        assert_eq!(sender.plan(0.0), Ok(Some(most)));
+        let packet = packet(7, most);
+        for _ in 0..3 {
+            let shares = sender.push(0.0, &packet, None).unwrap().shares;
+            let sent = std::iter::from_fn(|| sender.next(9.0).map(|(_, share)| share.len()));
+            assert_eq!(sent.sum::<usize>(), packet.len() + 4 * (shares - 1));
+        }
+        assert_eq!(sender.set_bit_rate(0.0, 5000.0), Err(ModemError::Unpaced));
+        assert_eq!(unprotected(0.0, true).map(drop), Err(ModemError::UnpacedReports));
+        let of = |stream, user| {
+            let control = RateControlOptions { bit_rate: 0.0, user, ..options().control };
+            let protection = Protection::None;
+            Sender::new(SenderOptions { control, stream, protection, expect_reports: false })
+        };
+        assert_eq!(of(1, None).map(drop), Err(ModemError::UnprotectedStream(1)));
+        assert_eq!(of(0, Some(3)).map(drop), Err(ModemError::UserBytes(3)));
     }
 
     #[test]

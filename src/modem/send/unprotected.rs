@@ -63,12 +63,13 @@ impl Unprotected {
         picture: usize,
         packet: usize,
     ) -> Result<Division, ModemError> {
+        // A share that the budget holds in part is sent, too: the next packets pay for it.
         let of = |budget| {
             let all =
                 self.division(self.layout.count(packet).min(self.max_shares), picture, packet);
             match all.link_bytes <= budget {
                 true => all,
-                false => self.division(self.full(budget).min(all.shares), picture, packet),
+                false => self.division((self.full(budget) + 1).min(all.shares), picture, packet),
             }
         };
         let longer = picture > SHORT_LATENT_LEN;
@@ -141,12 +142,10 @@ mod tests {
                 let fits = link.divide(budget, SHORT_LATENT_LEN, capacity).unwrap();
                 assert_eq!(fits.packet_bytes, capacity, "{mtu} {overhead} {budget}");
                 assert!(fits.link_bytes <= budget, "{mtu} {overhead} {budget}: {fits:?}");
-                // One byte more would go beyond the budget: the last share is left out.
-                let cut = link.divide(budget, SHORT_LATENT_LEN, capacity + 1);
-                assert!(cut.is_ok_and(|cut| {
-                    cut.packet_bytes <= capacity && cut.link_bytes <= budget
-                        || budget < mtu + overhead
-                }));
+                // Of a longer packet, the share in which the budget ends is the last one.
+                let cut = link.divide(budget, SHORT_LATENT_LEN, capacity + 500).unwrap();
+                assert!((capacity..=capacity + mtu).contains(&cut.packet_bytes), "{cut:?}");
+                assert!((budget..=budget + mtu + overhead).contains(&cut.link_bytes), "{cut:?}");
             }
         }
     }
@@ -154,8 +153,8 @@ mod tests {
     #[test]
     fn a_packet_that_tells_the_camera_takes_more() {
         let link = unprotected(64, 0, 8);
-        assert_eq!(link.divide(128, 49, 400).unwrap().shares, 6);
-        assert_eq!(link.divide(128, 19, 400).unwrap().shares, 2);
+        assert_eq!(link.divide(128, 49, 400).unwrap().shares, 7);
+        assert_eq!(link.divide(128, 19, 400).unwrap().shares, 3);
         assert_eq!(link.divide(10, 49, 60).unwrap().shares, 1);
         let refused = unprotected(31, 0, 1).divide(10, 49, 60);
         assert_eq!(refused, Err(ModemError::Budget { budget: 10, picture: 49 }));
