@@ -334,7 +334,7 @@ static void out_of_range(void) {
         const nvsp_status status = nvsp_collector_push(collector, 0, frames.frames[i], frames.sizes[i], NULL);
         CHECK(status == (i < 3 ? NVSP_OK : NVSP_ERR_MODEM));
     }
-    const nvsp_collected state = fetch_and_show(collector, &one);
+    const nvsp_collected state = fetch_and_show(collector, &packets[0]);
     CHECK(state.complete == 0 && state.bytes == 64 + 2 * 60 && state.sent == frames.count);
     split_free(&frames);
     nvsp_collector_destroy(collector);
