@@ -8,7 +8,7 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 
 .PHONY: help demo demo-prior test gst gst-test c-test c-test-memory lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test \
 	dist dist-test subproject-test abi-check abi-baseline shaders \
-	shaders-check shader-toolchain clean paper-test
+	shaders-check shader-toolchain clean paper-test setup-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -36,6 +36,7 @@ help:
 	@echo "make licences       the list of what is linked in, after a change of dependencies; needs cargo-about"
 	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/cross-build.md"
 	@echo "make paper-test     the paper's learned baselines (tools/paper) in a Python of their own; installs PyTorch"
+	@echo "make setup-test     runs targets in a bare Debian, as a new user would: TARGETS=\"demo test lib deb\""
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
 
@@ -71,6 +72,7 @@ c-test-memory:
 	scripts/c-test.sh library c_programs every_allocation limits
 
 lint:
+	@scripts/setup.sh lint
 	cargo fmt --all --check
 	cargo clippy --workspace --exclude nvsprior-gst --all-targets -- -D warnings
 
@@ -86,6 +88,7 @@ uninstall:
 	scripts/uninstall.sh
 
 package:
+	@scripts/setup.sh
 	scripts/package.sh
 
 portability:
@@ -108,10 +111,11 @@ cross-aarch64:
 	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet
 
 dist:
+	@scripts/setup.sh dist
 	scripts/dist.sh
 
 dist-test: dist
-	@scripts/setup.sh lib c
+	@scripts/setup.sh lib c dist
 	scripts/dist-test.sh
 
 subproject-test:
@@ -127,10 +131,15 @@ abi-baseline:
 	@scripts/setup.sh c
 	scripts/abi.sh baseline
 
+setup-test:
+	scripts/setup-test.sh $(TARGETS)
+
 paper-test:
+	@scripts/setup.sh paper
 	scripts/paper-test.sh
 
 licences:
+	@scripts/setup.sh licences
 	scripts/licences.py write
 
 deb:

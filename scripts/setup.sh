@@ -1,101 +1,141 @@
 #!/bin/sh
 # Installs what is missing on Debian or Ubuntu, after saying so; explains what to do elsewhere.
-# Usage: setup.sh [run] [test] [shaders] [lib] [c] [cross] [glibc] [deb] [meson] [gst]
+# Usage: setup.sh [PART...]; the parts are the cases below. A C compiler and Rust are always looked for.
+#
+# Every test looks for what the targets use: the program that is called, or the header or library that is read. A folder
+# or another file of a package proves nothing, since other packages may make it, too.
 set -eu
+# Debian's users do not have ldconfig in their PATH.
+PATH=$PATH:/usr/sbin:/sbin
 
-missing=""
-crates=""
-need() { missing="$missing $1"; }
+# Package, what is used of it, and how to see whether that is there.
+need() {
+    package=$1 used=$2
+    shift 2
+    "$@" > /dev/null 2>&1 || missing="$missing$package|$used
+"
+}
+program() { need "${2:-$1}" "$1" command -v "$1"; }
+header() { need "$1" "$2" sh -c "echo '#include <$2>' | ${3:-cc} -E -x c -"; }
 any() { for file in "$@"; do [ ! -e "$file" ] || return 0; done; return 1; }
+vulkan_loader() { ldconfig -p | grep -q 'libvulkan\.so\.1'; }
+vulkan_driver() {
+    [ -n "${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}" ] || any /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json
+}
+validation_layer() {
+    layer=vulkan/explicit_layer.d/VkLayer_khronos_validation.json
+    [ -n "${VK_LAYER_PATH:-}" ] || any "/usr/share/$layer" "/etc/$layer"
+}
+sanitizers() { echo 'int main(void) { return 0; }' | clang -fsanitize=address -x c - -o /dev/null; }
+# A Python environment of one's own takes what Debian packs beside Python.
+python_venv() { need python3-venv "python3 -m venv" python3 -c 'import ensurepip, venv'; }
+python() { need python3 "python3 with its library" python3 -c 'import json, struct, subprocess, zlib'; }
 
 # Whether a crate's program is there in the version that the build needs.
 crate() { [ "$($2 --version 2>/dev/null)" = "${1%@*} ${1#*@}" ] || crates="$crates $1"; }
 
-command -v cc >/dev/null || need gcc
-for part in "$@"; do
-    case $part in
-    run)
-        ldconfig -p 2>/dev/null | grep -q 'libvulkan\.so\.1' || need libvulkan1
-        any /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json || need mesa-vulkan-drivers
-        ;;
-    test)
-        layer=vulkan/explicit_layer.d/VkLayer_khronos_validation.json
-        any "/usr/share/$layer" "/etc/$layer" || need vulkan-validationlayers
-        command -v spirv-val >/dev/null || need spirv-tools
-        ;;
-    shaders)
-        command -v spirv-val >/dev/null || need spirv-tools
-        command -v g++ >/dev/null || need g++
-        ;;
-    lib) # The C library.
-        crate cargo-c@0.10.24+cargo-0.98.0 "cargo cbuild"
-        ;;
-    c) # Its tests.
-        for program in clang cmake g++ make pkg-config valgrind; do
-            command -v $program >/dev/null || need $program
-        done
-        any /usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.asan-*.a || need libclang-rt-dev
-        any /usr/include/vulkan/vulkan.h || need libvulkan-dev
-        command -v abidiff >/dev/null || need abigail-tools
-        crate cbindgen@0.29.4 cbindgen
-        ;;
-    cross) # Building it for 64-bit ARM, and running it.
-        command -v aarch64-linux-gnu-gcc >/dev/null || need gcc-aarch64-linux-gnu
-        command -v aarch64-linux-gnu-g++ >/dev/null || need g++-aarch64-linux-gnu
-        any /usr/aarch64-linux-gnu/include/stdio.h || need libc6-dev-arm64-cross
-        command -v qemu-aarch64 >/dev/null || need qemu-user
-        ;;
-    glibc) # Building it for an old glibc: scripts/zig-linker.sh.
-        python3 -c 'import ensurepip' 2>/dev/null || need python3-venv
-        ;;
-    deb) # Debian packages, and a system to try them in.
-        any /usr/share/perl5/Debian/Debhelper || need debhelper
-        command -v help2man >/dev/null || need help2man
-        command -v lintian >/dev/null || need lintian
-        command -v mmdebstrap >/dev/null || need mmdebstrap
-        command -v dpkg-buildpackage >/dev/null || need dpkg-dev
-        ;;
-    meson)
-        command -v meson >/dev/null || need meson
-        ;;
-    gst) # The GStreamer plugin, and what the pipelines of docs/gstreamer.md take.
-        command -v pkg-config >/dev/null || need pkg-config
-        pkg-config --exists gstreamer-1.0 2>/dev/null || need libgstreamer1.0-dev
-        pkg-config --exists gstreamer-video-1.0 2>/dev/null || need libgstreamer-plugins-base1.0-dev
-        command -v gst-launch-1.0 >/dev/null || need gstreamer1.0-tools
-        gst-inspect-1.0 --exists videoconvert 2>/dev/null || need gstreamer1.0-plugins-base
-        gst-inspect-1.0 --exists multifilesrc 2>/dev/null || need gstreamer1.0-plugins-good
-        gst-inspect-1.0 --exists x264enc 2>/dev/null || need gstreamer1.0-plugins-ugly
-        command -v python3 >/dev/null || need python3-minimal
+look() {
+    missing="" crates=""
+    program cc gcc
+    header libc6-dev stdio.h
+    for part in "$@"; do
+        case $part in
+        run)
+            need libvulkan1 libvulkan.so.1 vulkan_loader
+            need mesa-vulkan-drivers "a Vulkan driver" vulkan_driver
+            ;;
+        test)
+            need vulkan-validationlayers "the Vulkan validation layer" validation_layer
+            program spirv-val spirv-tools
+            ;;
+        lint | licences)
+            python
+            ;;
+        shaders)
+            program spirv-val spirv-tools
+            program g++
+            ;;
+        lib) # The C library.
+            crate cargo-c@0.10.24+cargo-0.98.0 "cargo cbuild"
+            ;;
+        c) # Its tests.
+            for name in gcc clang cmake g++ make pkg-config valgrind; do program $name; done
+            need libclang-rt-dev "clang's AddressSanitizer" sanitizers
+            header libvulkan-dev vulkan/vulkan.h
+            program abidiff abigail-tools
+            crate cbindgen@0.29.4 cbindgen
+            ;;
+        cross) # Building it for 64-bit ARM, and running it.
+            program aarch64-linux-gnu-gcc gcc-aarch64-linux-gnu
+            program aarch64-linux-gnu-g++ g++-aarch64-linux-gnu
+            header libc6-dev-arm64-cross stdio.h aarch64-linux-gnu-gcc
+            program qemu-aarch64 qemu-user
+            ;;
+        glibc | paper) # Building for an old glibc: scripts/zig-linker.sh. The paper's learned baselines.
+            python_venv
+            ;;
+        deb) # Debian packages, and a system to try them in.
+            program dh debhelper
+            program help2man
+            program lintian
+            program mmdebstrap
+            program dpkg-buildpackage dpkg-dev
+            python
+            ;;
+        dist) # The source archive.
+            program git
+            program xz xz-utils
+            ;;
+        meson)
+            program meson
+            ;;
+        gst) # The GStreamer plugin, and what the pipelines of docs/gstreamer.md take.
+            program pkg-config
+            need libgstreamer1.0-dev gstreamer-1.0.pc pkg-config --exists gstreamer-1.0
+            need libgstreamer-plugins-base1.0-dev gstreamer-video-1.0.pc pkg-config --exists gstreamer-video-1.0
+            program gst-launch-1.0 gstreamer1.0-tools
+            need gstreamer1.0-plugins-base videoconvert gst-inspect-1.0 --exists videoconvert
+            need gstreamer1.0-plugins-good multifilesrc gst-inspect-1.0 --exists multifilesrc
+            need gstreamer1.0-plugins-ugly x264enc gst-inspect-1.0 --exists x264enc
+            python
+            ;;
+        *)
+            echo "setup: no part is called $part" >&2
+            exit 2
+            ;;
+        esac
+    done
+    case $crates in
+    *cargo-c@*) # Speaks to registries by OpenSSL; what else it needs it brings along.
+        program pkg-config
+        need libssl-dev openssl.pc pkg-config --exists openssl
         ;;
     esac
-done
+}
 
-case $crates in
-*cargo-c@*) # Speaks to registries by OpenSSL; what else it needs it brings along.
-    any /usr/include/openssl/ssl.h || need libssl-dev
-    command -v pkg-config >/dev/null || need pkg-config
-    ;;
-esac
+# What is missing, on one line: packages, or what is used of them.
+packages() { printf %s "$missing" | cut -d '|' -f 1 | sort -u | paste -sd ' '; }
+uses() { printf %s "$missing" | sed 's/\(.*\)|\(.*\)/\2 (\1)/' | paste -sd ',' | sed 's/,/, /g'; }
 
+look "$@"
 if [ -n "$missing" ]; then
-    if command -v apt-get >/dev/null; then
-        sudo=""
-        [ "$(id -u)" = 0 ] || sudo=sudo
-        echo "installing with apt-get:$missing"
-        $sudo apt-get update -qq
-        # shellcheck disable=SC2086
-        DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends \
-            $missing libc6-dev >/dev/null
-    else
-        echo "missing, and this is no Debian or Ubuntu:$missing (Debian's names)." >&2
+    if ! command -v apt-get > /dev/null; then
+        echo "missing, and this is no Debian or Ubuntu: $(uses); Debian's packages are in brackets." >&2
         echo "Install a C compiler, the Vulkan loader with a driver (your GPU's, or Mesa's lavapipe," >&2
         echo "which needs no GPU), and for tests the Khronos validation layer and SPIRV-Tools." >&2
         exit 1
     fi
+    sudo=""
+    [ "$(id -u)" = 0 ] || sudo=sudo
+    echo "installing with apt-get: $(packages)"
+    $sudo apt-get update -qq
+    # shellcheck disable=SC2046 # Packages are words.
+    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends $(packages) > /dev/null
+    look "$@"
+    [ -z "$missing" ] || { echo "setup: still missing after the installation: $(uses)" >&2; exit 1; }
 fi
 
-if ! command -v cargo >/dev/null; then
+if ! command -v cargo > /dev/null; then
     echo "Rust is missing: install it with rustup (https://rustup.rs), then run this again." >&2
     exit 1
 fi
@@ -106,6 +146,9 @@ for crate in $crates; do
     CARGO_PROFILE_DEV_DEBUG=false cargo install --quiet --locked --debug "$crate"
 done
 
+case " $* " in
+*" lint "*) { cargo fmt --version && cargo clippy --version; } > /dev/null || rustup --quiet component add rustfmt clippy ;;
+esac
 case " $* " in
 *" cross "*) rustup --quiet target add aarch64-unknown-linux-gnu ;;
 esac
