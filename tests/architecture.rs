@@ -1,0 +1,67 @@
+//! `docs/architecture.md` names files, functions and rooms: they must exist.
+
+use std::fs;
+use std::path::Path;
+
+fn text(file: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
+    fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The texts between backquotes of the form `file.rs: function`, as file and function.
+fn functions(document: &str) -> Vec<(String, &str)> {
+    let quoted = document.split('`').skip(1).step_by(2);
+    let pairs = quoted.filter_map(|quoted| quoted.split_once(".rs: "));
+    pairs.map(|(file, function)| (format!("{file}.rs"), function)).collect()
+}
+
+/// Whether a source defines `function`, or `function` of `Type` if that is `Type::function`.
+fn defines(source: &str, function: &str) -> bool {
+    let (owner, name) = function.split_once("::").unwrap_or(("", function));
+    let is_definition = |line: &str| {
+        let rest = line.split_once("fn ").and_then(|(_, rest)| rest.strip_prefix(name));
+        rest.is_some_and(|rest| rest.starts_with(['(', '<']))
+    };
+    let mut within = String::new();
+    source.lines().any(|line| {
+        if line.starts_with("impl") {
+            within = line.trim_end_matches(" {").rsplit(' ').next().unwrap_or("").into();
+        } else if line.starts_with('}') {
+            within.clear();
+        }
+        within.split('<').next() == Some(owner) && is_definition(line)
+    })
+}
+
+#[test]
+fn the_functions_of_a_frames_way_exist() {
+    let document = text("docs/architecture.md");
+    let functions = functions(&document);
+    assert!(functions.len() >= 20, "the document lists {} functions", functions.len());
+    for (file, function) in functions {
+        assert!(defines(&text(&file), function), "{file} does not define {function}");
+    }
+}
+
+#[test]
+fn the_rooms_are_those_that_make_lint_checks() {
+    let (document, script) = (text("docs/architecture.md"), text("scripts/arrows.py"));
+    let rooms =
+        script.split("ROOMS = \"\"\"\n").nth(1).and_then(|rest| rest.split("\"\"\"").next());
+    let listed = document.split("```\n").nth(1);
+    assert_eq!(listed, rooms);
+}
+
+#[test]
+fn a_function_is_found_with_its_type_only() {
+    let source = "impl<'a> Packet<'a> {\n    pub fn write(&self) {}\n}\nfn size<T>() {}\n";
+    for (function, expected) in [
+        ("Packet::write", true),
+        ("size", true),
+        ("write", false),
+        ("Other::write", false),
+        ("Packet::wr", false),
+    ] {
+        assert_eq!(defines(source, function), expected, "{function}");
+    }
+}
