@@ -53,8 +53,7 @@ pub const RATIO_MIN: f32 = 2.5e-5;
 /// both in pixels² of that picture. The full picture's low-pass makes splats fatter; in
 /// anti-aliased priors a lower opacity compensates that (gsplat). At a reduced level, splats may be
 /// fatter only by the full picture's low-pass, which is smaller there. Else the level would not
-/// show the same as the frame, which is reduced by averaging: 17 dB in place of 25 at a quarter of
-/// the reef's size.
+/// show the same as the frame, which is reduced by averaging: docs/decisions.md, 5.
 pub fn low_pass(antialiased: bool, factor: u32) -> [f32; 2] {
     let kept = DILATION / (factor * factor) as f32;
     [DILATION, if antialiased { 0.0 } else { kept }]

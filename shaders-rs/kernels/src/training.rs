@@ -20,9 +20,9 @@ pub const fn planes(sh_degree: u32) -> u32 {
     SH + 3 * sh_coefficients(sh_degree)
 }
 
-/// Sums of a pair of a tile and a splat over the tile's pixels: the gradient by the splat's colour (3), and with `h`, the
-/// gradient by log alpha at a pixel, and `(x, y)`, the pixel's offset from the tile's middle: Σ h, Σ h x, Σ h y, Σ h x²,
-/// Σ h x y, Σ h y².
+/// Sums of a pair of a tile and a splat over the tile's pixels: the gradient by the splat's colour (3), and with `h`,
+/// the gradient by log alpha at a pixel, and `(x, y)`, the pixel's offset from the tile's middle: Σ h, Σ h x, Σ h y, Σ
+/// h x², Σ h x y, Σ h y².
 pub const PAIR_SUMS: u32 = 9;
 /// No pair: the splat touches nothing of the tile, or the tile's pixels were finished before it.
 pub const NO_PAIR: u32 = u32::MAX;

@@ -1,12 +1,8 @@
 //! The splats of a tile, front to back, as the blending stages read them: one record at a time, or
 //! eight at a time for subgroups of eight.
 //!
-//! CPU time in milliseconds on the reef at 320×180 with llvmpipe. Stage `splat` took 45.5 when each of sixteen
-//! invocations loaded every record by components. With whole vectors, no bounds tests and operations on four pixels:
-//! 31. With records that invocations hand to each other: 17. With eight splats per turn of the loop, which masks all
-//! that it carries once per turn: 10.5. With exponents as quadratics and alpha's cut before the power: 9.3. Stage
-//! `splat_flow` in the same way: 83; 46 plain; 23.0 with records handed over, a quarter of it for loads. A GPU loads
-//! one address for a whole subgroup at once, so it needs no handing over.
+//! A GPU loads one address for a whole subgroup at once. On a CPU each invocation would load the same record again, so
+//! there invocations hand records to each other. What each of these forms takes: docs/decisions.md, 6.
 
 use crate::shared::{self, Counters, FACTOR, NOWHERE, RECORD};
 use core::arch::asm;

@@ -1,9 +1,10 @@
-//! Stage `splat_backward`: what each splat's colour, place and shape in the picture do to the loss, summed over each tile.
+//! Stage `splat_backward`: what each splat's colour, place and shape in the picture do to the loss, summed over each
+//! tile.
 //!
 //! It blends as stage `splat` does, front to back. The power is the device's own: the portable one is right only if
-//! nothing is fused, which would take time here. With `g` the loss's gradient by a pixel,
-//! `q = c · g` and `total = C · g` (`C` the render's colour), the gradient by alpha is `T q − (total − Σ w q) / (1 − α)`: the
-//! sum runs over all splats up to this one, so what lies behind need not be known (Kerbl et al. 2023 go back to front).
+//! nothing is fused, which would take time here. With `g` the loss's gradient by a pixel, `q = c · g` and
+//! `total = C · g` (`C` the render's colour), the gradient by alpha is `T q − (total − Σ w q) / (1 − α)`: the sum runs
+//! over all splats up to this one, so what lies behind need not be known (Kerbl et al. 2023 go back to front).
 
 use crate::list::{LANES, List, Splat, largest};
 use crate::memory::{at, at_mut};

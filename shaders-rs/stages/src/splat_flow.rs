@@ -188,8 +188,8 @@ pub fn splat_flow(
 }
 
 /// The form for subgroups of eight: one workgroup per tile, with two subgroups for one half of the
-/// tile each. With one subgroup for all eight rows the instructions take 40 KB, and the time is
-/// 28.3 ms. With two it is 23.0 ms, although loads double.
+/// tile each. With one subgroup for all eight rows the instructions would take 40 KB, and more time, although loads
+/// would halve: docs/decisions.md, 7.
 #[spirv(compute(threads(16)))]
 pub fn splat_flow_lockstep(
     #[spirv(workgroup_id)] group: UVec3,

@@ -1,9 +1,9 @@
-//! A splat's sums over its tiles, and from them the loss's gradient by all of its parameters: for stages `train_step` and
-//! `train_gradient`.
+//! A splat's sums over its tiles, and from them the loss's gradient by all of its parameters: for stages `train_step`
+//! and `train_gradient`.
 //!
-//! With `d` a pixel less the mean, `ln α = ln o − ½ dᵀ Q d`: the mean's gradient is `Q Σ h d`, that of the covariance `Σ'`
-//! is `½ Q (Σ h d dᵀ) Q`. The rest is the chain rule through [`shared::project`](crate::shared::project), as derived
-//! for gsplat (Ye et al. 2025, appendix).
+//! With `d` a pixel less the mean, `ln α = ln o − ½ dᵀ Q d`: the mean's gradient is `Q Σ h d`, that of the covariance
+//! `Σ'` is `½ Q (Σ h d dᵀ) Q`. The rest is the chain rule through [`shared::project`](crate::shared::project), as
+//! derived for gsplat (Ye et al. 2025, appendix).
 
 use crate::memory::at;
 use crate::shared::{

@@ -1,11 +1,11 @@
-//! Stages `ssim_rows`, `ssim_columns`, `ssim_back`, `ssim_gradient`, `loss_gradient`: the gradient of the training loss by
-//! each pixel of the render, `(1 − s) h(render − frame) + s (1 − SSIM)`, means over pixels and channels (Kerbl et al. 2023,
-//! eq. 7; SSIM of Wang et al. 2004). `h(d)` is the absolute value less half the knee, below the knee `d² / (2 knee)` (Huber
-//! 1964). The window is separable: rows, then columns. Beyond the picture all is zero, as are pixels that do not
-//! count, in render and frame.
+//! Stages `ssim_rows`, `ssim_columns`, `ssim_back`, `ssim_gradient`, `loss_gradient`: the gradient of the training loss
+//! by each pixel of the render, `(1 − s) h(render − frame) + s (1 − SSIM)`, means over pixels and channels (Kerbl et
+//! al. 2023, eq. 7; SSIM of Wang et al. 2004). `h(d)` is the absolute value less half the knee, below the knee
+//! `d² / (2 knee)` (Huber 1964). The window is separable: rows, then columns. Beyond the picture all is zero, as are
+//! pixels that do not count, in render and frame.
 //!
-//! An invocation blurs [`RUN`] pixels in a row or column, so that each value is loaded 2.25 times, not 11 times. Llvmpipe's
-//! cost is by loads: 90 ms for a picture of 320×180 with one pixel per invocation.
+//! An invocation blurs [`RUN`] pixels in a row or column, so that each value is loaded 2.25 times, not 11 times:
+//! docs/decisions.md, 8.
 
 use crate::memory::{at, at_mut};
 use crate::shared::{PIXEL, Params, max, min};

@@ -1,6 +1,6 @@
-//! Stage `train_step`: the loss's gradient by all parameters, and one step of them along it (Adam, Kingma and Ba 2015), with the pulls and the
-//! noise of 3DGS-MCMC (Kheradmand et al. 2024). Nothing is done if the pairs or the slots did not fit: the host makes room
-//! and runs the step again.
+//! Stage `train_step`: the loss's gradient by all parameters, and one step of them along it (Adam, Kingma and Ba 2015),
+//! with the pulls and the noise of 3DGS-MCMC (Kheradmand et al. 2024). Nothing is done if the pairs or the slots did
+//! not fit: the host makes room and runs the step again.
 
 use crate::memory::{at, at_mut};
 use crate::shared::{Counters, Params, dot};

@@ -9,8 +9,8 @@ pub const LAMBDA: f32 = 0.13;
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct Fineness(f64);
 
-/// Range of lambda at one step, octaves. A step is worth a quarter of one. Far from [`LAMBDA`] the same picture takes more
-/// bytes: up to 2 % with twice this range.
+/// Range of lambda at one step, octaves. A step is worth a quarter of one. Far from [`LAMBDA`] the same picture takes
+/// more bytes (docs/decisions.md, 21).
 const LAMBDA_OCTAVES: f64 = 0.7;
 /// Index of the step at quality 0.
 const COARSEST_QUALITY: f64 = 42.0;

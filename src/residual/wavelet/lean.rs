@@ -89,8 +89,7 @@ pub enum Pays {
 }
 
 impl Pays {
-    /// Of the costs without it and with it. Counted on the reef: 15 frames a second save a fifth and more of the cost, and
-    /// code in fewer bytes by as much; three a second save 1 to 7 %, and code in 8 % fewer bytes to 7 % more.
+    /// Compares the costs without it and with it. Why in doubt both are coded: docs/decisions.md, 19.
     fn of(plain: i64, left: i64) -> Pays {
         let saved = plain - left;
         if saved * 64 < plain {

@@ -22,8 +22,7 @@ const PSNR_SLACK: f64 = 0.05;
 const REFERENCE_BYTES: f64 = 2.0;
 /// Share of its bytes that a frame must save to lean, if it is in doubt: one that stands alone outlasts losses.
 const WORTH_LEANING: f64 = 0.02;
-/// Payloads up to this length are also coded with the whole frame predicted from the render. On the reef's frames beside
-/// the renders of their neighbours this gains up to 1.6 dB below 30 bytes, and nothing above 160.
+/// Payloads up to this length are also coded with the whole frame predicted from the render (docs/decisions.md, 26).
 const TIGHT: usize = 160;
 /// Share of a budget that is used at least.
 const USED: f64 = 0.98;
@@ -386,11 +385,11 @@ struct Length {
     off: f64,
 }
 
-/// At first: the guess is off by less than 15 % on frames of the reef and of T2, by less than 4 % on most.
+/// The guess at first (docs/decisions.md, 20).
 const FIRST: Length = Length { share: 1.25, off: 0.2 };
-/// Of a frame of which a length was told.
+/// A guess may be off by this share once a length of the frame was told.
 const OFF: f64 = 0.04;
-/// And by so many bytes.
+/// It may also be off by so many bytes.
 const OFF_BYTES: f64 = 4.0;
 
 impl Length {

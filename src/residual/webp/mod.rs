@@ -76,10 +76,8 @@ impl Webp {
         quality: f32,
         payload: &mut Vec<u8>,
     ) -> Result<Coder, ResidualError> {
-        // Segments spend bits on errors that an eye would see, not on the largest errors. On the
-        // reef's held-out frames one segment takes fewer bytes than libwebp's four: 12 to 14 %
-        // fewer from 30.5 to 32 dB, 7 % fewer at 33 dB. The smallest payload falls from 307 to 253
-        // bytes.
+        // One segment: more of them spend bits on errors that an eye would see, not on the largest errors
+        // (docs/decisions.md, 4).
         self.encode_file(picture, quality, 1)?;
         payload.clear();
         let (width, height) = (picture.width, picture.height);

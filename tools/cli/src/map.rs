@@ -100,8 +100,8 @@ fn share(text: &str) -> Result<f32, String> {
     }
 }
 
-/// Steps of a compact prior's quantisation, as multiples of the usual ones: they cost 0.5 % more bytes per packet than
-/// none, in a file of a fifth of the .ply's size. The usual ones cost 7 %.
+/// Steps of a compact prior's quantisation, as multiples of the usual ones, which cost bytes of every packet
+/// (docs/decisions.md, 14).
 const FINENESS: f32 = 0.25;
 /// Steps if neither their number nor a time is given.
 const ITERATIONS: u32 = 8_000;
