@@ -24,7 +24,7 @@ ROOMS = """
 random geometry
 image
 vulkan
-residual/wavelet/tables
+coder_tables
 prior
 render
 packet

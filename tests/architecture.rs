@@ -38,9 +38,8 @@ fn the_functions_of_a_frames_way_exist() {
     let document = text("docs/architecture.md");
     let functions = functions(&document);
     assert!(functions.len() >= 20, "the document lists {} functions", functions.len());
-    for (file, function) in functions {
-        assert!(defines(&text(&file), function), "{file} does not define {function}");
-    }
+    let missing = functions.iter().filter(|(file, function)| !defines(&text(file), function));
+    assert_eq!(missing.collect::<Vec<_>>(), [&(String::new(), ""); 0]);
 }
 
 #[test]
