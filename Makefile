@@ -6,19 +6,20 @@ SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 GLIBC ?= 2.31
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo demo-prior test gst gst-test c-test c-test-memory lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test \
-	dist dist-test subproject-test abi-check abi-baseline shaders \
-	shaders-check shader-toolchain clean paper-test setup-test
+.PHONY: help demo demo-prior quick test gst gst-test c-test c-test-memory lint lib install uninstall package \
+	portability package-test firmware cross-aarch64 licences deb deb-test dist dist-test subproject-test abi-check \
+	abi-baseline shaders shaders-check shader-toolchain clean paper-test setup-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
+	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
 	@echo "make test           all tests"
 	@echo "make gst            the GStreamer plugin, in target/release/: docs/gstreamer.md"
 	@echo "make gst-test       its tests, and that document's pipelines on the demo's frames"
 	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
 	@echo "make c-test-memory  the same programs without memory: every allocation fails once, many limits; an hour"
-	@echo "make lint           formatting and clippy"
+	@echo "make lint           formatting, clippy, arrows between files, lengths of lines"
 	@echo "make lib            the C library, in target/"
 	@echo "make install        the C library with header, pkg-config and CMake files, to PREFIX"
 	@echo "                    (/usr/local), LIBDIR and INCLUDEDIR there, all below DESTDIR"

@@ -220,7 +220,8 @@ public:
         nvsp_division division;
         NVSP_INIT(&division);
         status = nvsp_sender_push(sender_.get(), clock_seconds(), packet_.data(), size, nullptr, 0, &division);
-        std::printf("vehicle: frame %2u  %4u bytes in %4.0f ms, %2u modem frames, any %2u give a picture, %2u all of it\n",
+        std::printf("vehicle: frame %2u  %4u bytes in %4.0f ms, "
+                    "%2u modem frames, any %2u give a picture, %2u all of it\n",
                     stats.frame, stats.bytes, stats.milliseconds, division.shares, division.picture_shares,
                     division.whole_shares);
         return succeeded(status, "sharing", sender_.get(), nvsp_sender_last_error);
@@ -419,7 +420,8 @@ public:
                     static_cast<unsigned long long>(counts.accepted),
                     static_cast<unsigned long long>(counts.duplicates),
                     static_cast<unsigned long long>(counts.rejected));
-        std::printf("topside: %llu packets came whole, %zu of them by a part of their modem frames; %zu frames were drawn between\n",
+        std::printf("topside: %llu packets came whole, %zu of them by a part of their modem frames; "
+                    "%zu frames were drawn between\n",
                     static_cast<unsigned long long>(counts.completed), repaired, drawn);
         std::printf("topside: %zu of %zu pictures, %.2f per second, mean %.2f dB, %.0f bit/s\n", pictures,
                     set_.frames.size(), static_cast<double>(pictures) / seconds,

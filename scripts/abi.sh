@@ -23,8 +23,10 @@ describe() { # Header, folder.
     (
         cd "$2"
         gcc -std=gnu2x -fsyntax-only -aux-info functions -x c nvsprior.h
-        { echo '#include "nvsprior.h"'; sed -n '/nvsprior\.h:/s/^.*\*\/ extern \(.*\);.*/\1 { __builtin_trap(); }/p' functions; } \
-            > library.c
+        {
+            echo '#include "nvsprior.h"'
+            sed -n '/nvsprior\.h:/s/^.*\*\/ extern \(.*\);.*/\1 { __builtin_trap(); }/p' functions
+        } > library.c
         gcc -std=gnu2x -g -O0 -fPIC -shared -Wl,-soname,libnvsprior.so.1 library.c -o libnvsprior.so
         abidw --no-comp-dir-path --no-corpus-path --no-show-locs --no-elf-needed libnvsprior.so --out-file abi.xml
         # The version of a header is no promise.
@@ -37,7 +39,8 @@ describe() { # Header, folder.
 compatible() { # Folder of the baseline, folder of the header.
     # A structure that stands within another one may not grow: what comes after it would move.
     sed -n 's/^  struct \(nvsp_[a-z_]*\) [a-z_]*;.*/\1/p' "$2/nvsprior.h" | LC_ALL=C sort -u > "$scratch/within"
-    growing=$(awk '/^(typedef )?struct .*\{/ { name = $0; sub(/.*struct /, "", name); sub(/ .*/, "", name); first = 1; next }
+    growing=$(awk '
+        /^(typedef )?struct .*\{/ { name = $0; sub(/.*struct /, "", name); sub(/ .*/, "", name); first = 1; next }
         first && NF && $1 !~ /^\/\// { if ($0 ~ / struct_size;/) print name; first = 0 }' "$2/nvsprior.h" |
         LC_ALL=C sort | LC_ALL=C comm -23 - "$scratch/within" | paste -sd '|')
     cat > "$scratch/growth" <<END
@@ -80,7 +83,7 @@ selftest() {
     }
     change constant fails 's/^#define NVSP_FORMAT_BGR8 2$/#define NVSP_FORMAT_BGR8 7/'
     change removed fails 's/^const char \*nvsp_version(void);$//'
-    change parameter fails 's/^const char \*nvsp_status_text(nvsp_status status);$/const char *nvsp_status_text(int64_t status);/'
+    change parameter fails 's/^\(const char \*nvsp_status_text(\)nvsp_status status);$/\1int64_t status);/'
     change field fails '/^typedef struct nvsp_pose {/,/^}/s/double translation/float translation/'
     change grown fails '/^typedef struct nvsp_pose {/,/^}/s/^}/    float more;\n}/'
     change added passes 's/^const char \*nvsp_version(void);$/&\nint nvsp_new(void);/'

@@ -90,7 +90,7 @@ def attribute(tokens, at):
 
 
 def is_test(words):
-    return words[2:3] == ["test"] or words[2:5] == ["cfg", "(", "test"] or words[2:7] == ["cfg", "(", "all", "(", "test"]
+    return words[2] == "test" or words[2:5] == ["cfg", "(", "test"] or words[2:7] == ["cfg", "(", "all", "(", "test"]
 
 
 def item_end(tokens, at):

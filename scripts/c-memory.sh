@@ -63,7 +63,8 @@ complain() {
 failed=0
 for name in $programs; do
     rm -f "$work/memory.peak"
-    NVSP_TEST_PEAK=$work/memory.peak LD_PRELOAD=$work/fault_origin.so "$work/$name" "$scene" > "$work/memory.out" 2>&1 ||
+    NVSP_TEST_PEAK=$work/memory.peak LD_PRELOAD=$work/fault_origin.so "$work/$name" "$scene" \
+        > "$work/memory.out" 2>&1 ||
         { cat "$work/memory.out"; echo "c-memory: $name fails without a limit" >&2; exit 1; }
     peak=$(cat "$work/memory.peak")
     # Without a scene a program says how it is called: it has loaded then.
@@ -75,7 +76,7 @@ for name in $programs; do
     try_between "$name" "$load" "$peak"
     # Once more where it begins to pass.
     try_between "$name" "$last_failed" "$first_passed"
-    echo "$name: $((2 * limits)) limits from $((load >> 10)) to $((peak >> 10)) MiB: $passed passed, $checks ended with a" \
-        "status, the driver ended $driver"
+    echo "$name: $((2 * limits)) limits from $((load >> 10)) to $((peak >> 10)) MiB: $passed passed, $checks ended" \
+        "with a status, the driver ended $driver"
 done
 [ $failed = 0 ] || { echo "c-memory: failed; the whole output is in $log" >&2; exit 1; }

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Installs the packages of `make deb` in a clean Debian, encodes and decodes a frame with the program and with C programs
-# built there, and removes them. Packages of both architectures are tried side by side if both are there.
+# Installs the packages of `make deb` in a clean Debian, encodes and decodes a frame with the program and with C
+# programs built there, and removes them. Packages of both architectures are tried side by side if both are there.
 # Usage: deb-test.sh [SUITE]; this system's suite if none is named. Its mirror must have the suite.
 #
 # If no such system can be made here, it says so, and tries the packages unpacked, which shows less.

@@ -25,7 +25,8 @@ for architecture in ${*:-amd64 arm64}; do
     rm -f "$out"/*_"$architecture".deb
     mv "$work"/*_"$architecture".deb "$out/"
     for package in "$out"/*_"$architecture".deb; do
-        echo "$(basename "$package"): $(wc -c < "$package") bytes;$(dpkg-deb -f "$package" Depends | sed 's/^/ depends on /')"
+        depends=$(dpkg-deb -f "$package" Depends | sed 's/^/ depends on /')
+        echo "$(basename "$package"): $(wc -c < "$package") bytes;$depends"
     done
     # As root lintian warns about being root. The packages are not uploaded to Debian, where a bug would ask for them.
     lintian --allow-root --fail-on error --suppress-tags initial-upload-closes-no-bugs "$out"/*_"$architecture".deb

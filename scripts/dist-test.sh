@@ -13,7 +13,8 @@ tar -C "$work" -xf "$archive"
 # A network namespace of its own has no network. Who is not root needs a user namespace too.
 root=$([ "$(id -u)" = 0 ] || echo --map-root-user)
 # shellcheck disable=SC2086
-unshare $root --net true 2>/dev/null || { echo "dist-test: this system gives no network namespace (unshare --net)" >&2; exit 1; }
+unshare $root --net true 2>/dev/null ||
+    { echo "dist-test: this system gives no network namespace (unshare --net)" >&2; exit 1; }
 cat > "$work/build" <<'END'
 set -eu
 [ "$(ls /sys/class/net 2>/dev/null)" = lo ] || [ "$(tail -n +3 /proc/net/dev | wc -l)" = 1 ]

@@ -21,7 +21,11 @@ finish() {
     rm -rf "$work"
 }
 trap finish EXIT
-fail() { echo "gst-test: $1" >&2; for log in "$work"/*.log; do echo "--- $log" >&2; tail -n 15 "$log" >&2; done; exit 1; }
+fail() {
+    echo "gst-test: $1" >&2
+    for log in "$work"/*.log; do echo "--- $log" >&2; tail -n 15 "$log" >&2; done
+    exit 1
+}
 
 export GST_PLUGIN_PATH="$built" GST_REGISTRY="$work/registry" GST_DEBUG_NO_COLOR=1
 gst-inspect-1.0 nvsprior > "$work/inspect.log" || fail "the plugin does not load"
@@ -58,7 +62,8 @@ source="$source ! identity sync=true"
 mkdir "$work/window"
 replaced() {
     lines "$1" | sed -e "s#v4l2src device=/dev/video0#$source#" -e "s#framerate=5/1#framerate=$fps/1#" \
-        -e "s#autovideosink#pngenc ! multifilesink location=window/%04d.png#" -e "s#gst-launch-1.0#exec gst-launch-1.0#" \
+        -e "s#autovideosink#pngenc ! multifilesink location=window/%04d.png#" \
+        -e "s#gst-launch-1.0#exec gst-launch-1.0#" \
         > "$work/$1.sh"
     [ -s "$work/$1.sh" ] || fail "docs/gstreamer.md has no lines of the name $1"
 }

@@ -16,7 +16,7 @@ cbindgen --quiet --config cbindgen.toml "$source" |
         -e '\!^// ```c$!,\!^// ```$!{/```/d; s!^// !//     !}' |
     awk '
         # A parameter whose line, or the lines after it, say "Not NULL" gets an attribute.
-        /^\/\/ - `/ { names = $0; sub(/^\/\/ - /, "", names); sub(/:.*/, "", names); gsub(/[`,]/, "", names); name = names }
+        /^\/\/ - `/ { name = $0; sub(/^\/\/ - /, "", name); sub(/:.*/, "", name); gsub(/[`,]/, "", name) }
         /^\/\// { if ($0 ~ /Not NULL/ && name != "") required[name] = 1; print; next }
         # A call that cannot fail if it is used as it should be may be left unchecked.
         /^nvsp_status nvsp_/ && !/_last_error\(|struct_init\(/ { print "NVSP_CHECKED" }

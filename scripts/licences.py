@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The licences of all that is linked into the library, the program and the GStreamer plugin, as Debian's copyright files.
+"""The licences of all that is linked into library, program and GStreamer plugin, as Debian's copyright files.
 
 Usage: licences.py write   runs cargo-about (minutes) and writes packaging/licences/*.copyright
        licences.py check   fails if a crate is linked in that these files do not name
@@ -129,7 +129,8 @@ def linked(package, features):
     for target in TARGETS:
         command = ["cargo", "tree", "--locked", "--edges", "normal", "--prefix", "none", "--format", "{p}",
                    "--target", target, "--package", package, *features]
-        lines |= set(subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.PIPE, text=True).stdout.splitlines())
+        listed = subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.PIPE, text=True).stdout
+        lines |= set(listed.splitlines())
     crates = {tuple(line.split()[:2]) for line in lines if line}
     return sorted(f"{name} {version[1:]}" for name, version in crates if not OURS.match(name))
 

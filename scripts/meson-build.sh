@@ -1,5 +1,6 @@
 #!/bin/sh
-# Builds the C library into Meson's build folder. Usage: meson-build.sh DIR PROFILE TARGET GLIBC; the last two may be empty
+# Builds the C library into Meson's build folder.
+# Usage: meson-build.sh DIR PROFILE TARGET GLIBC; the last two may be empty
 set -eu
 [ $# = 4 ] || { echo "usage: meson-build.sh DIR PROFILE TARGET GLIBC" >&2; exit 2; }
 dir=$(realpath "$1")

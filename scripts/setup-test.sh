@@ -6,8 +6,9 @@
 # `setup` before the targets only runs the set-up of each, and asks for the programs that the target calls. It takes
 # cargo-c and cbindgen from here, since building them takes ten minutes.
 #
-# LIMIT: seconds for each target (3600); a target that takes longer fails with status 124. SUITE: another Debian than this one. WARM: a target folder to begin with.
-# KEEP: a folder that keeps the bare Debian for the next run. All this takes root, and a system that lets root mount.
+# LIMIT: seconds for each target (3600); a target that takes longer fails with status 124. SUITE: another Debian than
+# this one. WARM: a target folder to begin with. KEEP: a folder that keeps the bare Debian for the next run. All this
+# takes root, and a system that lets root mount.
 set -eu
 cd "$(dirname "$0")/.."
 [ "$(id -u)" = 0 ] || exec sudo --preserve-env=LIMIT,SUITE,WARM,KEEP "$0" "$@"
@@ -108,8 +109,8 @@ programs() {
         ;;
     portability) echo "$rust apt-get dpkg" ;;
     deb)
-        echo "$rust cargo-cinstall dh dpkg-buildpackage dpkg-parsechangelog dpkg-shlibdeps dpkg-deb help2man lintian iconv"
-        echo "python3 aarch64-linux-gnu-objcopy qemu-aarch64 readelf objdump"
+        echo "$rust cargo-cinstall dh dpkg-buildpackage dpkg-parsechangelog dpkg-shlibdeps dpkg-deb help2man lintian"
+        echo "iconv python3 aarch64-linux-gnu-objcopy qemu-aarch64 readelf objdump"
         ;;
     deb-test) echo "$rust mmdebstrap dpkg python3" ;;
     dist) echo "cargo git tar xz" ;;

@@ -147,7 +147,9 @@ for crate in $crates; do
 done
 
 case " $* " in
-*" lint "*) { cargo fmt --version && cargo clippy --version; } > /dev/null || rustup --quiet component add rustfmt clippy ;;
+*" lint "*)
+    { cargo fmt --version && cargo clippy --version; } > /dev/null || rustup --quiet component add rustfmt clippy
+    ;;
 esac
 case " $* " in
 *" cross "*) rustup --quiet target add aarch64-unknown-linux-gnu ;;

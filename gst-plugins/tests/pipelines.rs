@@ -450,7 +450,8 @@ fn in_a_live_pipeline_a_packet_does_not_wait_for_the_next_share() {
     assert!(pipeline.element("depayloader").static_pad("src").unwrap().query(&mut query));
     let (live, least, _) = query.result();
     assert!(live && least == gst::ClockTime::from_mseconds(400), "{least}");
-    // The same after a flush. The pad takes it: a live source would hold its state's lock, which the pipeline wants, too.
+    // The same after a flush. The pad takes it: a live source would hold its state's lock, which the pipeline wants,
+    // too.
     let sink_pad = pipeline.element("depayloader").static_pad("sink").unwrap();
     assert!(sink_pad.send_event(gst::event::FlushStart::new()));
     assert!(sink_pad.send_event(gst::event::FlushStop::new(true)));

@@ -171,7 +171,8 @@ void rig_close(rig *rig) {
 
 nvsp_picture place_of(uint8_t *pixels, uint32_t width, uint32_t height) {
     const size_t row = (size_t)width * 3;
-    return (nvsp_picture){NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8, .pixels = pixels, .stride = row, .size = row * height};
+    return (nvsp_picture){NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8, .pixels = pixels, .stride = row,
+                          .size = row * height};
 }
 
 const nvsp_frame_info *with_hint(const nvsp_pose *hint) {

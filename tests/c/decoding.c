@@ -19,7 +19,8 @@ static void encode_dive(void) {
         nvsp_picture place = place_of(shown[i], dive.camera.width, dive.camera.height);
         MUST(nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &place));
     }
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_get_picture(both.encoder, 2, &(nvsp_picture){NVSP_HEAD(nvsp_picture), .format = 1}));
+    EXPECT(NVSP_ERR_ARGUMENT,
+           nvsp_encoder_get_picture(both.encoder, 2, &(nvsp_picture){NVSP_HEAD(nvsp_picture), .format = 1}));
 }
 
 static void the_encoders_pictures(void) {

@@ -1,5 +1,5 @@
-// Frames in DMA-BUFs: the same packets as from the caller's memory, reading only between the two ioctls, and buffers that
-// are refused.
+// Frames in DMA-BUFs: the same packets as from the caller's memory, reading only between the two ioctls, and buffers
+// that are refused.
 //
 // Where /dev/udmabuf is, its buffers are used. Most machines that build this have none. There a memfd stands for a
 // buffer, and this program's own ioctl for the kernel's: the frame is in the memfd only between begin and end, garbage

@@ -32,7 +32,8 @@ static void say(const char *text) {
 
 // What only passes a fault on: the C library, the runtimes of the compilers, this library.
 static int passes_on(const char *name) {
-    const char *const names[] = {"libc.so", "libm.so", "ld-linux", "linux-vdso", "libgcc_s", "libstdc++", "fault_origin"};
+    const char *const names[] = {"libc.so",  "libm.so",   "ld-linux",    "linux-vdso",
+                                 "libgcc_s", "libstdc++", "fault_origin"};
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         if (strstr(name, names[i]) != NULL) {
             return 1;

@@ -1,6 +1,6 @@
-// A Vulkan layer that loses the device, or never ends its work. The variable NVSP_LOSE_SUBMIT holds a number; the call of vkQueueSubmit with
-// that number returns VK_ERROR_DEVICE_LOST. Call 1 is the first one that finds the variable set. Without the variable
-// no call fails.
+// A Vulkan layer that loses the device, or never ends its work. The variable NVSP_LOSE_SUBMIT holds a number; the call
+// of vkQueueSubmit with that number returns VK_ERROR_DEVICE_LOST. Call 1 is the first one that finds the variable set.
+// Without the variable no call fails.
 //
 // While the variable NVSP_HANG_WAITS is set, no fence is signalled: vkWaitForFences gives VK_TIMEOUT when its time is
 // over, and never returns if it has no bound.

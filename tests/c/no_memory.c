@@ -246,7 +246,8 @@ static void every_call_fails(const struct attempt *attempt) {
     EXPECT(NVSP_OK, with_failures(attempt, 0, 0));
     const long count = atomic_load(&calls);
     // The large encoder makes the small one's calls, only larger: a sample will do.
-    const int every = getenv("NVSP_TEST_EVERY") != NULL && attempt->call != try_large_encoder, few_places = attempt->most < 40 && !every;
+    const int every = getenv("NVSP_TEST_EVERY") != NULL && attempt->call != try_large_encoder;
+    const int few_places = attempt->most < 40 && !every;
     const long step = every ? 1 : few() ? count / 8 + 1 : (count + attempt->most - 1) / attempt->most;
     long tried = 0, ended[2] = {0, 0};
     // Every one of the first calls: they set memory aside.

@@ -169,7 +169,8 @@ static void check_enough(nvsp_collector *collector, const uint8_t *share, tally 
     }
 }
 
-static void deliver(nvsp_collector *collector, double now, const uint8_t *share, size_t size, int held_back, tally *all) {
+static void deliver(nvsp_collector *collector, double now, const uint8_t *share, size_t size, int held_back,
+                    tally *all) {
     uint8_t padded[MTU + 20];
     memset(padded, 0xee, sizeof padded);
     memcpy(padded, share, size);
@@ -298,7 +299,8 @@ static void long_run(void) {
     EXPECT(NVSP_OK, nvsp_sender_get_statistics(sender, &sent));
     EXPECT(NVSP_OK, nvsp_collector_get_statistics(collector, &came));
     const double loss = 1 - (double)came.arrived / (double)came.sent;
-    printf("%ld packets, %llu shares, %llu bytes: %ld whole, %llu of them with losses; %ld fetched, %ld refused; loss %.3f; "
+    printf("%ld packets, %llu shares, %llu bytes: %ld whole, %llu of them with losses; %ld fetched, %ld refused; loss "
+        "%.3f; "
            "%ld bytes of memory more\n",
            all.packets, (unsigned long long)sent.shares, (unsigned long long)sent.bytes, all.complete,
            (unsigned long long)came.repaired, all.fetched, all.refused, loss, (long)after - (long)before);
@@ -331,7 +333,8 @@ static void pictures(void) {
         uint32_t budget = 0;
         EXPECT(NVSP_OK, nvsp_sender_plan(sender, now, &budget));
         CHECK(budget > 300);
-        EXPECT(NVSP_OK, nvsp_sender_push(sender, now, packets[i].bytes, packets[i].size, (const uint8_t *)"hello", 5, NULL));
+        EXPECT(NVSP_OK, nvsp_sender_push(sender, now, packets[i].bytes, packets[i].size, (const uint8_t *)"hello", 5,
+                                         NULL));
         uint8_t share[MTU], bytes[MAX_PACKET], user[5], bits[32];
         size_t size = 0, skipped = 0, seen = 0;
         uint32_t lost_index = UINT32_MAX;

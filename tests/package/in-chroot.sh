@@ -6,7 +6,10 @@ dir=$1 native=$2 other=${3:-}
 export DEBIAN_FRONTEND=noninteractive LC_ALL=C.UTF-8
 fail() { echo "in-chroot: $1" >&2; exit 1; }
 step() { echo "== $1"; }
-install() { apt-get -qq -y --no-install-recommends install "$@" > "$dir/log" 2>&1 || { tail -n 30 "$dir/log" >&2; fail "apt-get install $*"; }; }
+install() {
+    apt-get -qq -y --no-install-recommends install "$@" > "$dir/log" 2>&1 ||
+        { tail -n 30 "$dir/log" >&2; fail "apt-get install $*"; }
+}
 # glibc's own words for its version.
 echo "glibc $(getconf GNU_LIBC_VERSION | sed 's/.* //'), $native"
 

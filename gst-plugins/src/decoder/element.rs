@@ -77,16 +77,20 @@ struct Counts {
 #[properties(wrapper_type = super::Decoder)]
 pub struct Decoder {
     #[property(name = "prior", get, set, type = Option<String>, member = prior, mutable_ready,
-        blurb = "File of the trained scene, the same as the vehicle's: .ply, .nvsg, .spz; the content tells the format")]
+        blurb = "File of the trained scene, the same as the vehicle's: .ply, .nvsg, .spz; the content tells the \
+            format")]
     #[property(name = "device", get, set, type = Option<String>, member = device, mutable_ready,
         blurb = "The Vulkan device's number, or a part of its name or its driver's name (default: the best device)")]
     #[property(name = "watchdog", get, set, type = u32, member = watchdog, mutable_ready,
-        blurb = "Milliseconds that one submission to the device may take before the device counts as lost; 0: no bound")]
+        blurb = "Milliseconds that one submission to the device may take before the device counts as lost; 0: no \
+            bound")]
     prior: Mutex<PriorSettings>,
 
     #[property(name = "camera", get, set, type = Option<String>, member = camera, mutable_ready,
-        blurb = "The vehicle's camera, width,height,fx,fy,cx,cy in pixels, so that packets can be decoded even if the one that told it was lost (default: packets tell it)")]
-    #[property(name = "trust", get, set, type = TrustKind, member = trust, mutable_playing, blurb = "What is known of a packet's bytes", builder(TrustKind::Auto))]
+        blurb = "The vehicle's camera, width,height,fx,fy,cx,cy in pixels, so that packets can be decoded even if the \
+            one that told it was lost (default: packets tell it)")]
+    #[property(name = "trust", get, set, type = TrustKind, member = trust, mutable_playing,
+        blurb = "What is known of a packet's bytes", builder(TrustKind::Auto))]
     #[property(name = "post-messages", get, set, type = bool, member = post_messages, mutable_playing,
         blurb = "Post an element message nvspdec-frame with each picture's figures")]
     settings: Mutex<Settings>,

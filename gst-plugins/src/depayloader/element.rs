@@ -1,7 +1,7 @@
 //! The element `nvspdepay`.
 //!
-//! Packets that are due go on from the thread that brings shares. In live pipelines a second thread sees to those that are
-//! due while no share comes.
+//! Packets that are due go on from the thread that brings shares. In live pipelines a second thread sees to those that
+//! are due while no share comes.
 
 use std::sync::{Condvar, LazyLock, Mutex, PoisonError};
 
@@ -73,13 +73,16 @@ pub struct Depayloader {
     sink: gst::Pad,
     src: gst::Pad,
 
-    #[property(name = "mtu", get, set, type = u32, member = mtu, mutable_ready, default_value = 1500, minimum = 16, maximum = 65535,
+    #[property(name = "mtu", get, set, type = u32, member = mtu, mutable_ready, default_value = 1500, minimum = 16,
+        maximum = 65535,
         blurb = "The largest share that comes, bytes; what lies beyond it is padding")]
-    #[property(name = "shares", get, set, type = u32, member = shares, mutable_ready, default_value = 64, minimum = 1, maximum = 256,
+    #[property(name = "shares", get, set, type = u32, member = shares, mutable_ready, default_value = 64, minimum = 1,
+        maximum = 256,
         blurb = "Most shares of a packet; together with mtu it decides the memory")]
     #[property(name = "stream", get, set, type = u32, member = stream, mutable_ready, maximum = 3,
         blurb = "Number of the stream, if several cameras share a link")]
-    #[property(name = "latency", get = Self::latency, set = Self::set_latency, type = u32, mutable_playing, default_value = 1500,
+    #[property(name = "latency", get = Self::latency, set = Self::set_latency, type = u32, mutable_playing,
+        default_value = 1500,
         blurb = "Milliseconds for which a packet waits for its shares; after them what came of it goes on")]
     settings: Mutex<Settings>,
 

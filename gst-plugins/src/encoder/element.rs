@@ -56,7 +56,8 @@ pub struct Encoder {
     #[property(name = "device", get, set, type = Option<String>, member = device, mutable_ready,
         blurb = "The Vulkan device's number, or a part of its name or its driver's name (default: the best device)")]
     #[property(name = "watchdog", get, set, type = u32, member = watchdog, mutable_ready,
-        blurb = "Milliseconds that one submission to the device may take before the device counts as lost; 0: no bound")]
+        blurb = "Milliseconds that one submission to the device may take before the device counts as lost; 0: no \
+            bound")]
     prior: Mutex<PriorSettings>,
 
     #[property(name = "camera", get, set, type = Option<String>, member = camera, mutable_ready,
@@ -64,22 +65,33 @@ pub struct Encoder {
     #[property(name = "width", get, set, type = u32, member = width, mutable_ready, default_value = 320, maximum = 4096,
         blurb = "Frames wider than this are reduced to it; 0 keeps every size")]
     #[property(name = "lens", get, set, type = Option<String>, member = lens, mutable_ready,
-        blurb = "Distortion by OpenCV's calibration: brown,width,height,fx,fy,cx,cy,k1,k2,p1,p2[,k3[,k4,k5,k6]] or fisheye,width,height,fx,fy,cx,cy,k1,k2,k3,k4; camera is then the camera without distortion (default: one that sees all that the lens does)")]
+        blurb = "Distortion by OpenCV's calibration: brown,width,height,fx,fy,cx,cy,k1,k2,p1,p2[,k3[,k4,k5,k6]] or \
+            fisheye,width,height,fx,fy,cx,cy,k1,k2,k3,k4; camera is then the camera without distortion (default: one \
+            that sees all that the lens does)")]
     #[property(name = "region", get, set, type = Option<String>, member = region, mutable_playing,
-        blurb = "What the pilot looks at, x,y,width,height as parts (0 to 1) of the picture's width and height: it gets more of the bytes, all else fewer")]
-    #[property(name = "region-weight", get, set, type = u32, member = region_weight, mutable_playing, default_value = 8, minimum = 1, maximum = 255,
+        blurb = "What the pilot looks at, x,y,width,height as parts (0 to 1) of the picture's width and height: it \
+            gets more of the bytes, all else fewer")]
+    #[property(name = "region-weight", get, set, type = u32, member = region_weight, mutable_playing,
+        default_value = 8, minimum = 1, maximum = 255,
         blurb = "How many times more an error in the region counts")]
     #[property(name = "mask", get, set, type = Option<String>, member = mask, mutable_ready,
-        blurb = "PNG file of the frames' shape; pixels that are black there do not count, as they show the vehicle itself")]
+        blurb = "PNG file of the frames' shape; pixels that are black there do not count, as they show the vehicle \
+            itself")]
     #[property(name = "start", get = Self::start_text, set = Self::set_start, type = Option<String>, mutable_playing,
-        blurb = "The camera's rough pose at the next frame: qw,qx,qy,qz,tx,ty,tz, world to camera (default: none, the prior's key frames give it)")]
-    #[property(name = "threshold", get, set, type = f64, member = threshold, mutable_ready, default_value = 1e-3, minimum = 0.0, maximum = 1.0,
-        blurb = "Mean squared error of colours in 0..1 below which a pose is kept where the prior shows too little to compare pictures")]
-    #[property(name = "mode", get, set, type = ModeKind, member = mode, mutable_ready, blurb = "Whether difference pictures lean on earlier ones", builder(ModeKind::Intra))]
-    #[property(name = "structure", get, set, type = StructureKind, member = structure, mutable_ready, blurb = "With mode=stream: the frame that others lean on", builder(StructureKind::Chain))]
+        blurb = "The camera's rough pose at the next frame: qw,qx,qy,qz,tx,ty,tz, world to camera (default: none, the \
+            prior's key frames give it)")]
+    #[property(name = "threshold", get, set, type = f64, member = threshold, mutable_ready, default_value = 1e-3,
+        minimum = 0.0, maximum = 1.0,
+        blurb = "Mean squared error of colours in 0..1 below which a pose is kept where the prior shows too little to \
+            compare pictures")]
+    #[property(name = "mode", get, set, type = ModeKind, member = mode, mutable_ready,
+        blurb = "Whether difference pictures lean on earlier ones", builder(ModeKind::Intra))]
+    #[property(name = "structure", get, set, type = StructureKind, member = structure, mutable_ready,
+        blurb = "With mode=stream: the frame that others lean on", builder(StructureKind::Chain))]
     #[property(name = "key-every", get, set, type = u32, member = key_every, mutable_ready, default_value = 16,
         blurb = "With mode=stream: a frame that stands alone comes after this many frames; 0: no more after the first")]
-    #[property(name = "camera-interval", get, set, type = u32, member = camera_interval, mutable_ready, default_value = 64,
+    #[property(name = "camera-interval", get, set, type = u32, member = camera_interval, mutable_ready,
+        default_value = 64,
         blurb = "Send the camera again after this many frames, for a topside that missed it; 0: never again")]
     #[property(name = "render-check", get, set, type = u32, member = render_check, mutable_ready,
         blurb = "Send a check of the render (6 bytes) every so many frames; 0: never")]
@@ -87,34 +99,46 @@ pub struct Encoder {
         blurb = "Give every packet the full form, a latent part of 31 bytes in place of 19")]
     #[property(name = "frames-treated", get, set, type = bool, member = frames_treated, mutable_ready,
         blurb = "Frames come already treated as the prior's preprocessing says")]
-    #[property(name = "rate", get, set, type = RateKind, member = rate, mutable_playing, blurb = "What decides how fine difference pictures are", builder(RateKind::Quality))]
-    #[property(name = "quality", get, set, type = f32, member = quality, mutable_playing, default_value = 10.0, minimum = 0.0, maximum = 100.0,
+    #[property(name = "rate", get, set, type = RateKind, member = rate, mutable_playing,
+        blurb = "What decides how fine difference pictures are", builder(RateKind::Quality))]
+    #[property(name = "quality", get, set, type = f32, member = quality, mutable_playing, default_value = 10.0,
+        minimum = 0.0, maximum = 100.0,
         blurb = "With rate=quality: quality of the difference picture")]
     #[property(name = "bytes", get, set, type = u32, member = bytes, mutable_playing, default_value = 500, minimum = 1,
         blurb = "With rate=bytes: bytes of the whole packet, not exceeded unless pose and camera take more")]
-    #[property(name = "psnr", get, set, type = f32, member = psnr, mutable_playing, default_value = 30.0, minimum = 0.0, maximum = 100.0,
+    #[property(name = "psnr", get, set, type = f32, member = psnr, mutable_playing, default_value = 30.0,
+        minimum = 0.0, maximum = 100.0,
         blurb = "With rate=psnr: dB to reach with as few bytes as possible")]
-    #[property(name = "bit-rate", get, set, type = u32, member = bit_rate, mutable_playing, default_value = 5000, minimum = 1,
+    #[property(name = "bit-rate", get, set, type = u32, member = bit_rate, mutable_playing, default_value = 5000,
+        minimum = 1,
         blurb = "With rate=link: what the link carries, bit/s")]
-    #[property(name = "mtu", get, set, type = u32, member = mtu, mutable_ready, default_value = 64, minimum = 16, maximum = 65535,
+    #[property(name = "mtu", get, set, type = u32, member = mtu, mutable_ready, default_value = 64, minimum = 16,
+        maximum = 65535,
         blurb = "With rate=link: most bytes of a modem frame or datagram")]
     #[property(name = "overhead", get, set, type = u32, member = overhead, mutable_ready, maximum = 65535,
         blurb = "With rate=link: what each modem frame or datagram takes beside its bytes, as bytes")]
-    #[property(name = "latency", get, set, type = u32, member = latency, mutable_ready, default_value = 1500, minimum = 1,
-        blurb = "With rate=link: longest time from the exposure of a frame to the end of its packet's last share, milliseconds")]
+    #[property(name = "latency", get, set, type = u32, member = latency, mutable_ready, default_value = 1500,
+        minimum = 1,
+        blurb = "With rate=link: longest time from the exposure of a frame to the end of its packet's last share, \
+            milliseconds")]
     #[property(name = "delay", get, set, type = u32, member = delay, mutable_ready, default_value = 100,
         blurb = "With rate=link: what of the latency is no transmission: search, coding, propagation; milliseconds")]
     #[property(name = "spread", get, set, type = i32, member = spread, mutable_ready, default_value = -1, minimum = -1,
-        blurb = "With rate=link: milliseconds from a packet's first share to its last one; those of other packets lie between them (-1: half of what the delay leaves, 0 without loss)")]
-    #[property(name = "frame-rate", get, set, type = f64, member = frame_rate, mutable_ready, minimum = 0.0, maximum = 1000.0,
+        blurb = "With rate=link: milliseconds from a packet's first share to its last one; those of other packets lie \
+            between them (-1: half of what the delay leaves, 0 without loss)")]
+    #[property(name = "frame-rate", get, set, type = f64, member = frame_rate, mutable_ready, minimum = 0.0,
+        maximum = 1000.0,
         blurb = "With rate=link: most pictures per second; 0: as many as frames come")]
     #[property(name = "least", get, set, type = u32, member = least, mutable_ready, default_value = 40,
         blurb = "With rate=link: fewest bytes for a picture, all counted; below it frames are left out")]
-    #[property(name = "shares", get, set, type = u32, member = shares, mutable_ready, default_value = 16, minimum = 1, maximum = 64,
+    #[property(name = "shares", get, set, type = u32, member = shares, mutable_ready, default_value = 16, minimum = 1,
+        maximum = 64,
         blurb = "With rate=link: most shares of a packet")]
-    #[property(name = "loss", get, set, type = f64, member = loss, mutable_playing, default_value = 0.1, minimum = 0.0, maximum = 0.99,
+    #[property(name = "loss", get, set, type = f64, member = loss, mutable_playing, default_value = 0.1,
+        minimum = 0.0, maximum = 0.99,
         blurb = "With rate=link: share of the modem frames or datagrams that is lost")]
-    #[property(name = "burst", get, set, type = f64, member = burst, mutable_playing, default_value = 1.0, minimum = 1.0, maximum = 1000.0,
+    #[property(name = "burst", get, set, type = f64, member = burst, mutable_playing, default_value = 1.0,
+        minimum = 1.0, maximum = 1000.0,
         blurb = "With rate=link: mean number of them that are lost in a row")]
     #[property(name = "post-messages", get, set, type = bool, member = post_messages, mutable_playing,
         blurb = "Post an element message nvspenc-frame with each frame's figures")]

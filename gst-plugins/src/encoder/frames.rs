@@ -230,8 +230,8 @@ impl Frames {
         }
     }
 
-    /// Encodes the picture. A packet that also tells the camera may take more than its bytes: what does not fit its shares
-    /// is cut off.
+    /// Encodes the picture. A packet that also tells the camera may take more than its bytes: what does not fit its
+    /// shares is cut off.
     fn encode(&mut self, mut known: Known) -> Result<(), Error> {
         let mut done = self.encoder.encode_into(&self.picture, known, &mut self.encoded);
         if let Err(error @ (Error::HintPose { .. } | Error::HintFar { .. })) = done {

@@ -96,21 +96,29 @@ pub struct Payloader {
 
     #[property(name = "stream", get, set, type = u32, member = stream, mutable_ready, maximum = 3,
         blurb = "Number of the stream, if several cameras share a link")]
-    #[property(name = "mtu", get, set, type = u32, member = mtu, mutable_playing, default_value = 64, minimum = 16, maximum = 65535,
+    #[property(name = "mtu", get, set, type = u32, member = mtu, mutable_playing, default_value = 64, minimum = 16,
+        maximum = 65535,
         blurb = "Most bytes of a modem frame or datagram (unless nvspenc has rate=link)")]
     #[property(name = "overhead", get, set, type = u32, member = overhead, mutable_playing, maximum = 65535,
         blurb = "What each modem frame or datagram takes beside its bytes, as bytes (unless nvspenc has rate=link)")]
-    #[property(name = "shares", get, set, type = u32, member = shares, mutable_playing, default_value = 32, minimum = 1, maximum = 64,
+    #[property(name = "shares", get, set, type = u32, member = shares, mutable_playing, default_value = 32,
+        minimum = 1, maximum = 64,
         blurb = "Most shares of a packet (unless nvspenc has rate=link)")]
     #[property(name = "budget", get, set, type = u32, member = budget, mutable_playing,
-        blurb = "Bytes for all shares of a packet; what the packet does not take protects it; 0: as many as the loss takes (unless nvspenc has rate=link)")]
-    #[property(name = "bit-rate", get, set, type = u32, member = bit_rate, mutable_playing, default_value = 5000, minimum = 1,
-        blurb = "What the link carries, bit/s; it tells how far apart shares that are spread are (unless nvspenc has rate=link)")]
+        blurb = "Bytes for all shares of a packet; what the packet does not take protects it; 0: as many as the loss \
+            takes (unless nvspenc has rate=link)")]
+    #[property(name = "bit-rate", get, set, type = u32, member = bit_rate, mutable_playing, default_value = 5000,
+        minimum = 1,
+        blurb = "What the link carries, bit/s; it tells how far apart shares that are spread are (unless nvspenc has \
+            rate=link)")]
     #[property(name = "spread", get, set, type = u32, member = spread, mutable_playing,
-        blurb = "Milliseconds from a packet's first share to its last one; those of other packets lie between them (unless nvspenc has rate=link)")]
-    #[property(name = "loss", get, set, type = f64, member = loss, mutable_playing, default_value = 0.1, minimum = 0.0, maximum = 0.99,
+        blurb = "Milliseconds from a packet's first share to its last one; those of other packets lie between them \
+            (unless nvspenc has rate=link)")]
+    #[property(name = "loss", get, set, type = f64, member = loss, mutable_playing, default_value = 0.1,
+        minimum = 0.0, maximum = 0.99,
         blurb = "Share of the modem frames or datagrams that is lost (unless nvspenc has rate=link)")]
-    #[property(name = "burst", get, set, type = f64, member = burst, mutable_playing, default_value = 1.0, minimum = 1.0, maximum = 1000.0,
+    #[property(name = "burst", get, set, type = f64, member = burst, mutable_playing, default_value = 1.0,
+        minimum = 1.0, maximum = 1000.0,
         blurb = "Mean number of them that are lost in a row (unless nvspenc has rate=link)")]
     settings: Mutex<Settings>,
 
@@ -235,8 +243,8 @@ impl Payloader {
                 }
             }
         }
-        // Shares that are due before the next frame go now, so that they are at the sink in time. Beyond that, those of the
-        // next packet may lie between them.
+        // Shares that are due before the next frame go now, so that they are at the sink in time. Beyond that, those of
+        // the next packet may lie between them.
         self.push_until(now + duration.max(1e-9))
     }
 

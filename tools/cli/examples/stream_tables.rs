@@ -1,6 +1,6 @@
 //! Trains the tables that the wavelet coder has for inter frames: `src/residual/wavelet/stream.nvt`.
 //!
-//!     cargo run --release -p nvsprior-cli --example stream_tables -- OUT.nvt PRIOR CAMERAS SPLIT [PRIOR CAMERAS SPLIT …]
+//!     cargo run --release -p nvsprior-cli --example stream_tables -- OUT.nvt PRIOR CAMERAS SPLIT [PRIOR CAMERAS …]
 //!
 //! The frames of each camera file are one run, some 15 frames a second. Every eighth part of twelve frames is held out,
 //! and its bytes are printed.

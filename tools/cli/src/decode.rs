@@ -101,7 +101,8 @@ fn is_foreign(error: &anyhow::Error) -> bool {
 /// What to look at then.
 fn if_foreign(scene: &Scene) -> String {
     format!(
-        "the prior at hand is {}. It must be the file that `encode` had. Render options are part of a prior's identity: \
+        "the prior at hand is {}. It must be the file that `encode` had. Render options are part of a prior's \
+            identity: \
          --near, --alpha-max and --antialiased must be as with `encode`",
         scene.id()
     )

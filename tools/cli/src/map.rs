@@ -75,7 +75,8 @@ pub struct Args {
     #[arg(long)]
     resume: bool,
     /// Seconds between saved states
-    #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = clap::value_parser!(u32).range(0..=86_400))]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60,
+        value_parser = clap::value_parser!(u32).range(0..=86_400))]
     save_every: u32,
     /// Folder for report.json, curve.csv, curve.svg and preview.png
     #[arg(long, value_name = "DIR")]

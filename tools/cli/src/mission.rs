@@ -20,10 +20,12 @@ pub struct MissionArgs {
     #[command(flatten)]
     size: SizeArgs,
     /// How far cameras may stand from the camera file's, in the prior's unit
-    #[arg(long, value_name = "LENGTH", default_value_t = 0.0, value_parser = values::not_negative, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LENGTH", default_value_t = 0.0, value_parser = values::not_negative,
+        allow_hyphen_values = true)]
     margin_distance: f64,
     /// How far they may be turned from them, degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = values::not_negative, allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = values::not_negative,
+        allow_hyphen_values = true)]
     margin_angle: f64,
 }
 

@@ -1,8 +1,8 @@
 """From the layout of COLMAP and LLFF data sets, such as SeaThru-NeRF's, to our camera file.
 
 Read: `images_wb/` or `images/`, and `sparse/0/{cameras,images,points3D}.bin`, or else `poses_bounds.npy`.
-Written: `images/NAME.png`, undistorted and reduced; `cameras.json`, every 8th picture in the split `test` and the others
-in `train`; `points.ply`, if there is a COLMAP model.
+Written: `images/NAME.png`, undistorted and reduced; `cameras.json`, every 8th picture in the split `test` and the
+others in `train`; `points.ply`, if there is a COLMAP model.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """`poses_bounds.npy` of LLFF: poses without a COLMAP model.
 
-A row has 17 numbers: a 3 × 5 matrix, row after row, then the nearest and farthest depth. The matrix's first three columns
-are the camera's axes in the world, in the order down, right, backwards. The fourth is the camera's place. The fifth holds
-height, width and focal length, pixels. The rows go with the pictures, sorted by name.
+A row has 17 numbers: a 3 × 5 matrix, row after row, then the nearest and farthest depth. The matrix's first three
+columns are the camera's axes in the world, in the order down, right, backwards. The fourth is the camera's place. The
+fifth holds height, width and focal length, pixels. The rows go with the pictures, sorted by name.
 
-So right, down, forwards (OpenCV's axes) are columns 1, 0 and minus 2, and the world-to-camera rotation has them as rows.
+So right, down, forwards (OpenCV's axes) are columns 1, 0 and minus 2, and the world-to-camera rotation has them as
+rows.
 """
 
 from __future__ import annotations

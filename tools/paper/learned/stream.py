@@ -1,7 +1,7 @@
 """One picture as bytes, and back from the bytes alone.
 
-Bytes: width, height, length of the first string (16 bits each, little endian), then the two strings of the codec's range
-coder, latents and hyper-latents.
+Bytes: width, height, length of the first string (16 bits each, little endian), then the two strings of the codec's
+range coder, latents and hyper-latents.
 """
 
 from __future__ import annotations

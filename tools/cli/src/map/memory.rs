@@ -20,7 +20,8 @@ const POINT: u64 = 120;
 /// A training that the host has no room for.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "{pictures} pictures of {}×{} and {splats} splats take {} MB of the host's memory{shared}, and it has {} MB; {fits}",
+    "{pictures} pictures of {}×{} and {splats} splats take {} MB of the host's memory{shared}, and it has {} MB; \
+        {fits}",
     size[0], size[1], needed.div_ceil(1_000_000), total / 1_000_000
 )]
 pub struct NoHostRoom {

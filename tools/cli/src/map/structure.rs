@@ -155,7 +155,8 @@ fn describe(found: &Structure) {
     let Structure { posed, pictures, missing, models, model, scale } = found;
     let registered = posed.inputs.len();
     eprintln!(
-        "COLMAP: poses of {registered} of {pictures} pictures; {} multiplied by {scale:.4}, so that the median depth of \
+        "COLMAP: poses of {registered} of {pictures} pictures; {} multiplied by {scale:.4}, so that the median depth \
+            of \
          the scene is {DEPTH}",
         model.display()
     );
