@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Fails if a line of a source or document is longer than 120 columns. Usage: lines.py
 
-Tables and lines with links may be longer in Markdown. What is copied from others or written by a tool does not count.
+Tables and lines with links may be longer. What is copied from others or written by a tool does not count.
 """
 
 import pathlib
@@ -22,7 +22,8 @@ def main():
         if name.startswith(NOT_OURS) or not (root / name).exists():
             continue
         for number, line in enumerate((root / name).read_text(encoding="utf-8").splitlines(), 1):
-            free = name.endswith(".md") and (line.lstrip().startswith("|") or "](" in line or "://" in line)
+            text = line.strip().lstrip("/!*# ")
+            free = text.startswith("|") or (name.endswith(".md") and ("](" in text or "://" in text))
             if len(line) > LONGEST and not free:
                 print(f"{name}:{number}: {len(line)} columns")
                 found += 1

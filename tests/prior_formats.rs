@@ -140,7 +140,7 @@ fn key_frames_go_from_container_to_container() {
         assert!((a.centre() - b.centre()).length() <= limit, "{a:?} {b:?}");
         assert!(a.angle_to(b).to_degrees() <= 0.28, "{a:?} {b:?}");
     }
-    // On the device.
+    // The device keeps what the file says.
     let scene = engine().upload(&small).unwrap();
     assert_eq!(scene.key_frames(), small.key_frames());
     assert_eq!(scene.id(), id);

@@ -14,7 +14,7 @@ pub struct Budget {
     pub overhead: u32,
     /// Most shares.
     pub shares: u32,
-    /// From a packet's first share to its last one, seconds.
+    /// Time from a packet's first share to its last one, seconds.
     pub spread: f64,
     pub loss: Loss,
     /// Bytes for all shares.

@@ -101,7 +101,7 @@ impl Playout {
         })
     }
 
-    /// From here on packets wait for so long.
+    /// Sets how long packets wait from here on.
     pub fn set_latency(&mut self, latency: f64) {
         self.options.latency = latency;
     }

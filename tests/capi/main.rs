@@ -8,7 +8,7 @@ mod scene;
 #[path = "../scene/mod.rs"]
 mod wall;
 
-/// Also what `scripts/c-test.sh` gets the files by.
+/// `scripts/c-test.sh` gets the files by this, too.
 #[test]
 fn scene_is_written() {
     let folder = scene::folder();

@@ -104,7 +104,7 @@ struct Joined {
     /// When frames come, seconds.
     now: f64,
     folder: PathBuf,
-    /// By frame number: bytes written, and whether they are all.
+    /// Bytes written of each frame number, and whether they are all.
     packets: BTreeMap<u32, (usize, bool)>,
 }
 

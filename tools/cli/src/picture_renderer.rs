@@ -19,7 +19,7 @@ impl PictureRenderer {
         Ok(PictureRenderer::of(engine, engine.upload(prior)?))
     }
 
-    /// Of an uploaded prior.
+    /// Renders an uploaded prior.
     pub fn of(engine: &Engine, scene: Arc<Scene>) -> PictureRenderer {
         PictureRenderer {
             engine: engine.clone(),

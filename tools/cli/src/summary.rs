@@ -44,7 +44,7 @@ fn frame(row: &Row) -> Value {
         "latent_bytes": s.latent_bytes,
         "render_psnr": s.render_psnr,
         "psnr": s.psnr,
-        // Of --region; null without it.
+        // The PSNR within --region; null without it.
         "interest_psnr": s.interest_psnr,
         "full_renders": s.full_renders,
         "renders_by_level": s.renders,

@@ -17,7 +17,7 @@ pub struct Sheet {
 }
 
 impl Sheet {
-    /// Of cells of this size, pixels. `label`: height of the room above each.
+    /// Makes a sheet of cells of this size, pixels. `label`: height of the room above each.
     pub fn new(columns: u32, lines: u32, cell: (u32, u32), label: u32) -> Sheet {
         let width = columns * (cell.0 + GAP) + GAP;
         let height = lines * (label + cell.1 + GAP) + GAP;

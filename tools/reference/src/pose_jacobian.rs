@@ -11,13 +11,13 @@ use super::{Twist, Viewpoint, harmonics};
 /// Pose derivatives of a projected splat.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Motion {
-    /// Of the mean, u and v.
+    /// Derivatives of the mean, u and v.
     pub mean: [Twist; 2],
-    /// Of the 2D covariance, Σ₀₀, Σ₀₁, Σ₁₁.
+    /// Derivatives of the 2D covariance, Σ₀₀, Σ₀₁, Σ₁₁.
     pub covariance: [Twist; 3],
-    /// Of the logarithm of the opacity.
+    /// Derivative of the logarithm of the opacity.
     pub ln_alpha: Twist,
-    /// Of R, G, B.
+    /// Derivatives of R, G, B.
     pub rgb: [Twist; 3],
 }
 

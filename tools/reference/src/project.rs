@@ -67,7 +67,7 @@ pub struct Linearisation {
 }
 
 impl Linearisation {
-    /// At a point in camera coordinates.
+    /// Linearises at a point in camera coordinates.
     pub fn at(view: &Viewpoint, p: DVec3) -> Linearisation {
         let c = view.camera;
         let focal = DVec2::new(c.fx.into(), c.fy.into());
@@ -118,7 +118,7 @@ pub struct Projected {
     pub index: u32,
     /// Mean in camera coordinates.
     pub camera: DVec3,
-    /// By how much f32 arithmetic may miss the camera z.
+    /// How much f32 arithmetic may miss the camera z.
     pub depth_error: f64,
     /// Mean, pixels.
     pub mean: DVec2,

@@ -37,9 +37,9 @@ pub fn mapping_poses() -> Vec<Pose> {
 pub struct Track {
     /// Where along the track the run begins, metres.
     begin: f64,
-    /// Of the sway.
+    /// Phase of the sway.
     phase: f64,
-    /// From the structure, metres.
+    /// Distance from the structure, metres.
     clearance: f64,
     /// Height of the lowest leg, metres.
     lowest: f64,

@@ -77,21 +77,21 @@ pub struct HeldOut {
 
 /// All that a prior is trained on, and measured by.
 pub struct MapInputs {
-    /// To train on.
+    /// Pictures to train on.
     pub train: Vec<PosedPicture>,
-    /// To measure by.
+    /// Pictures to measure by.
     pub held_out: Vec<HeldOut>,
-    /// To start from; possibly none.
+    /// Points to start from; possibly none.
     pub points: Vec<ColouredPoint>,
 }
 
 /// What is there to train on, before its pictures are read.
 pub struct Listed {
-    /// To train on; at least one.
+    /// Pictures to train on; at least one.
     pub train: Vec<PosedInput>,
-    /// To measure by, each with the name of its split.
+    /// Pictures to measure by, each with the name of its split.
     pub held_out: Vec<(String, PosedInput)>,
-    /// To start from; possibly none.
+    /// Points to start from; possibly none.
     pub points: Vec<ColouredPoint>,
     /// The camera of the first picture, of the size that all are brought to.
     pub size: Camera,

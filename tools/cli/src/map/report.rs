@@ -58,7 +58,7 @@ impl Report {
         self.next = (self.next + 1) % TIMED;
     }
 
-    /// Of the last steps.
+    /// Steps per second, over the last steps.
     pub fn steps_per_second(&self) -> f64 {
         mean(self.times.iter().copied()).map_or(0.0, |seconds| 1.0 / seconds)
     }

@@ -42,7 +42,7 @@ pub struct Bench<'a> {
     limits: Loss,
     /// The views that the fit knows.
     views: ViewSet,
-    /// Within the margin of them, but not known to the fit.
+    /// Views within their margin, which the fit does not know.
     near: ViewSet,
     /// The camera file's other splits.
     others: ViewSet,
