@@ -52,6 +52,12 @@ demo-prior:
 	cargo run --release --bin nvsprior -- map --cameras target/demo-prior/M1/cameras.json --splats 60000 --knee 0 \
 		--out tools/basin/prior.nvsg --report target/demo-prior/report
 
+# The unit tests, and the integration tests that need no device or few frames.
+quick:
+	@scripts/setup.sh run test
+	cargo test --workspace --exclude nvsprior-gst --lib --test architecture --test definition --test fuzz_corpus \
+		--test modules --test prior_formats --test search
+
 test:
 	@scripts/setup.sh run test
 	cargo test --workspace --exclude nvsprior-gst

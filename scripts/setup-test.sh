@@ -3,15 +3,14 @@
 # clone of the last commit. So it shows whether scripts/setup.sh installs all that a target needs.
 # Usage: setup-test.sh [setup] [TARGET...]; demo, test, lib and deb if none is named.
 #
-# `setup` before the targets only runs the set-up of each, and asks for the programs that the target calls. It takes
-# cargo-c and cbindgen from here, since building them takes ten minutes.
+# `setup` before the targets only runs the set-up of each, and asks for the programs that the target calls.
 #
 # LIMIT: seconds for each target (3600); a target that takes longer fails with status 124. SUITE: another Debian than
-# this one. WARM: a target folder to begin with. KEEP: a folder that keeps the bare Debian for the next run. All this
-# takes root, and a system that lets root mount.
+# this one. WARM: a target folder to begin with. PROGRAMS: a folder with cargo-c and cbindgen, which take ten minutes to
+# build. KEEP: a folder that keeps the bare Debian for the next run. It takes root, and a system that lets root mount.
 set -eu
 cd "$(dirname "$0")/.."
-[ "$(id -u)" = 0 ] || exec sudo --preserve-env=LIMIT,SUITE,WARM,KEEP "$0" "$@"
+[ "$(id -u)" = 0 ] || exec sudo --preserve-env=LIMIT,SUITE,WARM,PROGRAMS,KEEP "$0" "$@"
 # What is mounted here goes with this script, and nobody else sees it.
 [ -n "${NVSPRIOR_SETUP_TEST:-}" ] || NVSPRIOR_SETUP_TEST=1 exec unshare --mount "$0" "$@"
 mode=whole
@@ -68,8 +67,8 @@ system() { # The root, where changes go.
         > "$home/.rustup/settings.toml"
     layer "$cargo_home/registry" "$home/.cargo/registry" "$2/registry"
     [ ! -e "$cargo_home/config.toml" ] || cp "$cargo_home/config.toml" "$home/.cargo/"
-    [ $mode = whole ] || for name in cargo-capi cargo-cbuild cargo-cinstall cargo-ctest cbindgen; do
-        [ ! -e "$cargo_home/bin/$name" ] || cp "$cargo_home/bin/$name" "$home/.cargo/bin/"
+    [ -z "${PROGRAMS:-}" ] || for name in cargo-capi cargo-cbuild cargo-cinstall cargo-ctest cbindgen; do
+        cp "$PROGRAMS/$name" "$home/.cargo/bin/"
     done
     git clone --quiet "$source" "$1$source"
     [ -z "${WARM:-}" ] || layer "$(realpath "$WARM")" "$1$source/target" "$2/target"
@@ -95,7 +94,7 @@ programs() {
     c="gcc clang g++ clang++ cmake pkg-config valgrind nm abidw abidiff cbindgen"
     case $1 in
     demo | demo-prior | package) echo "$rust" ;;
-    test) echo "$rust spirv-val" ;;
+    quick | test) echo "$rust spirv-val" ;;
     gst) echo "$rust pkg-config" ;;
     gst-test) echo "$rust pkg-config gst-inspect-1.0 gst-launch-1.0 python3" ;;
     lint | licences) echo "$rust python3" ;;
@@ -127,7 +126,7 @@ try() { # The root, the target.
     if [ $mode = whole ]; then
         within "$1" make "$2"
     else
-        wanted=$(programs "$2")
+        wanted=$(programs "$2") || return 1
         # shellcheck disable=SC2086 # Programs are words.
         within "$1" sh -eu -c '
             make --dry-run "$1" | grep "^scripts/setup.sh" > /tmp/setup
