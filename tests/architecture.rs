@@ -1,4 +1,4 @@
-//! `docs/architecture.md` names files, functions and rooms: they must exist.
+//! `docs/architecture.md` names files, functions and rooms, and `CONTRIBUTING.md` names files: they must exist.
 
 use std::fs;
 use std::path::Path;
@@ -40,6 +40,21 @@ fn the_functions_of_a_frames_way_exist() {
     assert!(functions.len() >= 20, "the document lists {} functions", functions.len());
     let missing = functions.iter().filter(|(file, function)| !defines(&text(file), function));
     assert_eq!(missing.collect::<Vec<_>>(), [&(String::new(), ""); 0]);
+}
+
+/// NAME, SUBJECT and VERSION stand for what is new; `target/` is what the targets write.
+#[test]
+fn the_files_that_contributing_lists_exist() {
+    let document = text("CONTRIBUTING.md");
+    let quoted = document.split('`').skip(1).step_by(2).filter(|quoted| !quoted.contains(' '));
+    let is_pattern =
+        |path: &str| ["NAME", "SUBJECT", "VERSION", "*"].iter().any(|part| path.contains(part));
+    let files = quoted.filter(|path| path.contains('/') && !path.starts_with("target/"));
+    let files: Vec<&str> = files.filter(|path| !is_pattern(path)).collect();
+    assert!(files.len() >= 20, "the document names {} files", files.len());
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let missing = files.iter().filter(|path| !root.join(path).exists());
+    assert_eq!(missing.collect::<Vec<_>>(), [&""; 0]);
 }
 
 #[test]
