@@ -70,7 +70,7 @@ system() { # The root, where changes go.
     [ -z "${PROGRAMS:-}" ] || for name in cargo-capi cargo-cbuild cargo-cinstall cargo-ctest cbindgen; do
         cp "$PROGRAMS/$name" "$home/.cargo/bin/"
     done
-    git clone --quiet "$source" "$1$source"
+    git -c advice.detachedHead=false -c init.defaultBranch=main clone --quiet "$source" "$1$source"
     [ -z "${WARM:-}" ] || layer "$(realpath "$WARM")" "$1$source/target" "$2/target"
     mount --rbind /dev "$1/dev"
     mount --rbind /sys "$1/sys"
