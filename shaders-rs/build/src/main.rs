@@ -26,13 +26,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let package = std::env::var("CARGO_MANIFEST_DIR").map_err(|_| "run me by `cargo run`")?;
     let root = Path::new(&package).parent().ok_or("no parent folder")?;
     let modules = build(root)?;
-    let manifest = manifest(root, &modules)?;
+    let texts = [("manifest.json", manifest(root, &modules)?), ("modules.rs", listing(&modules))];
     let out = root.join("kernels/spv");
-    if check { compare(&out, &modules, &manifest) } else { write(&out, &modules, &manifest) }
+    if check { compare(&out, &modules, &texts) } else { write(&out, &modules, &texts) }
 }
 
-/// Entry point → SPIR-V, validated.
-fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
+/// The name of an entry point, such as `bin_count` → its file of the stages, such as `bin`, and its SPIR-V.
+type Modules = BTreeMap<String, (String, Vec<u8>)>;
+
+/// Builds the modules and validates them.
+fn build(root: &Path) -> Result<Modules, Box<dyn Error>> {
     let mut builder = SpirvBuilder::new(root.join("stages"), TARGET)
         .multimodule(true)
         .release(true)
@@ -54,9 +57,10 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
     let ModuleResult::MultiModule(files) = result.module else {
         return Err("the builder returned one module for all entry points".into());
     };
-    let mut modules = BTreeMap::new();
+    let mut modules = Modules::new();
     for (entry, file) in files {
-        let name = entry.rsplit("::").next().unwrap_or(&entry).to_owned();
+        let (source, name) = entry.rsplit_once("::").ok_or("an entry point is in no file of its own")?;
+        let (source, name) = (source.to_owned(), name.to_owned());
         let mut spirv = fs::read(&file)?;
         if PORTABLE.contains(&name.as_str()) {
             spirv = uncontracted(&spirv);
@@ -65,7 +69,7 @@ fn build(root: &Path) -> Result<BTreeMap<String, Vec<u8>>, Box<dyn Error>> {
         let spirv = without_idle_capabilities(&optimised(&file, &spirv)?);
         validate(&file, &spirv)?;
         check_structures(&name, &spirv)?;
-        modules.insert(name, spirv);
+        modules.insert(name, (source, spirv));
     }
     Ok(modules)
 }
@@ -185,7 +189,18 @@ fn source_hash(root: &Path) -> Result<String, Box<dyn Error>> {
     Ok(format!("{:016x}", fnv1a64(&all)))
 }
 
-fn manifest(root: &Path, modules: &BTreeMap<String, Vec<u8>>) -> Result<String, Box<dyn Error>> {
+/// What `kernels/src/modules.rs` includes.
+fn listing(modules: &Modules) -> String {
+    let mut files: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for (name, (source, _)) in modules {
+        files.entry(source).or_default().push(name);
+    }
+    let rows: String = files.iter().map(|(file, names)| format!("    {file}: {};\n", names.join(" "))).collect();
+    let head = "// The entry points by the file of the stages that has them. `make shaders` writes this.\n";
+    format!("{head}modules! {{\n{rows}}}\n")
+}
+
+fn manifest(root: &Path, modules: &Modules) -> Result<String, Box<dyn Error>> {
     let names: Vec<&String> = modules.keys().collect();
     let manifest = serde_json::json!({
         "sources_fnv1a64": source_hash(root)?,
@@ -200,8 +215,8 @@ fn manifest(root: &Path, modules: &BTreeMap<String, Vec<u8>>) -> Result<String, 
 
 fn write(
     out: &Path,
-    modules: &BTreeMap<String, Vec<u8>>,
-    manifest: &str,
+    modules: &Modules,
+    texts: &[(&str, String)],
 ) -> Result<(), Box<dyn Error>> {
     fs::create_dir_all(out)?;
     for entry in fs::read_dir(out)? {
@@ -210,26 +225,28 @@ fn write(
             fs::remove_file(path)?;
         }
     }
-    for (name, spirv) in modules {
+    for (name, (_, spirv)) in modules {
         fs::write(out.join(format!("{name}.spv")), spirv)?;
         println!("{name}.spv: {} bytes", spirv.len());
     }
-    Ok(fs::write(out.join("manifest.json"), manifest)?)
+    for (name, text) in texts {
+        fs::write(out.join(name), text)?;
+    }
+    Ok(())
 }
 
 fn compare(
     out: &Path,
-    modules: &BTreeMap<String, Vec<u8>>,
-    manifest: &str,
+    modules: &Modules,
+    texts: &[(&str, String)],
 ) -> Result<(), Box<dyn Error>> {
     let mut different: Vec<String> = modules
         .iter()
-        .filter(|(name, spirv)| fs::read(out.join(format!("{name}.spv"))).ok().as_ref() != Some(*spirv))
+        .filter(|(name, (_, spirv))| fs::read(out.join(format!("{name}.spv"))).ok().as_ref() != Some(spirv))
         .map(|(name, _)| format!("{name}.spv"))
         .collect();
-    if fs::read_to_string(out.join("manifest.json")).ok().as_deref() != Some(manifest) {
-        different.push("manifest.json".into());
-    }
+    let is_other = |(name, text): &&(&str, String)| fs::read_to_string(out.join(name)).ok().as_ref() != Some(text);
+    different.extend(texts.iter().filter(is_other).map(|(name, _)| (*name).to_owned()));
     if different.is_empty() {
         println!("{} modules agree with their sources", modules.len());
         return Ok(());
