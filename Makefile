@@ -80,6 +80,8 @@ c-test-memory:
 
 lint:
 	@scripts/setup.sh lint
+	python3 scripts/arrows.py
+	python3 scripts/lines.py
 	cargo fmt --all --check
 	cargo clippy --workspace --exclude nvsprior-gst --all-targets -- -D warnings
 

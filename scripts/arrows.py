@@ -21,7 +21,7 @@ import tempfile
 # From low to high. A room knows only rooms of the lines above its own; rooms of one line do not know each other.
 # A room is a folder or a file of src/; the longest name that fits a file is its room.
 ROOMS = """
-random geometry
+random geometry queue
 image
 vulkan
 coder_tables
@@ -33,7 +33,7 @@ error
 tracking
 engine modem
 encoded
-tracked_frame
+frame_work
 encoder decoder
 pipeline
 capi

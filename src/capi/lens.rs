@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
+use crate::Error;
 use crate::geometry::{Distortion, Intrinsics, Lens};
 use crate::image::Mask;
 use crate::residual::Interest;
-use crate::Error;
 
 use super::encoding::nvsp_encoder;
 use super::handle::{Handle, Opaque};
