@@ -22,8 +22,9 @@
 //! # Ok(()) }
 //! ```
 //!
-//! The layers; each knows only those to its right: encoder/decoder → [`tracking`], [`residual`],
-//! [`packet`] → [`render`] → [`vulkan`]. [`modem`] cuts packets into frames and knows nothing else.
+//! The rooms from low to high; each knows only those before it: [`random`], [`geometry`] and `queue`; [`image`];
+//! [`vulkan`]; [`coder_tables`]; [`prior`]; [`render`]; [`packet`]; [`residual`]; `error`; [`tracking`]; `engine` and
+//! [`modem`]; `encoder` and `decoder`; `pipeline`; [`capi`]. `scripts/arrows.py` checks it.
 
 #![deny(unsafe_code)]
 

@@ -15,6 +15,18 @@ fn functions(document: &str) -> Vec<(String, &str)> {
     pairs.map(|(file, function)| (format!("{file}.rs"), function)).collect()
 }
 
+/// The type of an `impl` block that begins with this line.
+fn owner_of(line: &str) -> Option<&str> {
+    let rest = line.strip_prefix("impl")?;
+    let mut depth = 0;
+    let start = rest.find(|c| {
+        depth += i32::from(c == '<') - i32::from(c == '>');
+        depth == 0 && c == ' '
+    })?;
+    let subject = rest[start + 1..].rsplit(" for ").next()?;
+    subject.split(['<', ' ', '{']).next()?.rsplit("::").next()
+}
+
 /// Whether a source defines `function`, or `function` of `Type` if that is `Type::function`.
 fn defines(source: &str, function: &str) -> bool {
     let (owner, name) = function.split_once("::").unwrap_or(("", function));
@@ -24,12 +36,12 @@ fn defines(source: &str, function: &str) -> bool {
     };
     let mut within = String::new();
     source.lines().any(|line| {
-        if line.starts_with("impl") {
-            within = line.trim_end_matches(" {").rsplit(' ').next().unwrap_or("").into();
+        if let Some(owner) = owner_of(line) {
+            within = owner.into();
         } else if line.starts_with('}') {
             within.clear();
         }
-        within.split('<').next() == Some(owner) && is_definition(line)
+        within == owner && is_definition(line)
     })
 }
 
@@ -68,7 +80,8 @@ fn the_rooms_are_those_that_make_lint_checks() {
 
 #[test]
 fn a_function_is_found_with_its_type_only() {
-    let source = "impl<'a> Packet<'a> {\n    pub fn write(&self) {}\n}\nfn size<T>() {}\n";
+    let source = "impl<'a, T: Copy> super::Packet<'a, T>\nwhere\n{\n    pub fn write(&self) {}\n}\n\
+        fn size<T>() {}\n";
     for (function, expected) in [
         ("Packet::write", true),
         ("size", true),
