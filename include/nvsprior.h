@@ -219,8 +219,8 @@ template <class Structure> inline Structure nvsp_initialized() {
 // Every frame stands alone: a lost packet costs its own frame.
 #define NVSP_MODE_INTRA 0
 
-// The difference pictures of frames lean on those of earlier ones, and take fewer bytes. A frame whose reference is missing
-// is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
+// The difference pictures of frames lean on those of earlier ones, and take fewer bytes. A frame whose reference is
+// missing is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
 #define NVSP_MODE_STREAM 1
 
 // A frame leans on the one before. Saves most; a lost packet spoils all frames up to the next key frame.
@@ -471,8 +471,8 @@ typedef struct nvsp_sender nvsp_sender;
 // What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
 typedef int32_t nvsp_status;
 
-// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on any
-// thread, on several at once. It must not call the library, and must not unwind.
+// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on
+// any thread, on several at once. It must not call the library, and must not unwind.
 typedef void *(*nvsp_allocate_callback)(void *user, size_t size, size_t alignment);
 
 // Takes a block back that nvsp_allocate_callback gave, with the size and alignment that it was asked for.
@@ -540,9 +540,9 @@ typedef nvsp_vulkan_function (*nvsp_vulkan_loader)(struct VkInstance_T *instance
 typedef void (*nvsp_queue_callback)(void *user);
 
 // A Vulkan device that you have made, for an engine to work on beside your own work. It needs Vulkan 1.2, the feature
-// vulkanMemoryModel, and a queue that computes; no extensions. With the feature shaderInt64 CPU devices are faster. The
-// types are those of Vulkan's own header. What an engine makes on the device is gone when the last handle made with it
-// is destroyed. Until then keep instance and device; the library destroys neither. Example:
+// vulkanMemoryModel, and a queue that computes; no extensions. With the feature shaderInt64 CPU devices are faster.
+// The types are those of Vulkan's own header. What an engine makes on the device is gone when the last handle made
+// with it is destroyed. Until then keep instance and device; the library destroys neither. Example:
 //
 //     nvsp_vulkan vulkan = NVSP_INITIALIZER(nvsp_vulkan);
 //     vulkan.get_instance_proc_addr = vkGetInstanceProcAddr;
@@ -570,8 +570,8 @@ typedef struct nvsp_vulkan {
   struct VkPhysicalDevice_T *physical_device;
   // A VkDevice made of that. Not NULL.
   struct VkDevice_T *device;
-  // A VkPhysicalDeviceFeatures2 with its chain: what VkDeviceCreateInfo.pNext was when the device was made. The library
-  // reads shaderInt64 of it, and vulkanMemoryModel of a VkPhysicalDeviceVulkan12Features or a
+  // A VkPhysicalDeviceFeatures2 with its chain: what VkDeviceCreateInfo.pNext was when the device was made. The
+  // library reads shaderInt64 of it, and vulkanMemoryModel of a VkPhysicalDeviceVulkan12Features or a
   // VkPhysicalDeviceVulkanMemoryModelFeatures. Read during the call. Not NULL.
   const void *features;
   // A VkQueue of the device. Not NULL.
@@ -580,8 +580,9 @@ typedef struct nvsp_vulkan {
   uint32_t queue_family;
   // VkApplicationInfo.apiVersion of the instance, VK_API_VERSION_1_2 or newer.
   uint32_t api_version;
-  // Called before the library submits work to the queue, as Vulkan lets one thread at a time use a queue. It waits until
-  // no other thread uses it. NULL: nobody else uses the queue until the last handle made with the engine is destroyed.
+  // Called before the library submits work to the queue, as Vulkan lets one thread at a time use a queue. It waits
+  // until no other thread uses it. NULL: nobody else uses the queue until the last handle made with the engine is
+  // destroyed.
   nvsp_queue_callback lock_queue;
   // Called after it. NULL if `lock_queue` is.
   nvsp_queue_callback unlock_queue;
@@ -619,20 +620,20 @@ typedef struct nvsp_engine_options {
   nvsp_thread_callback thread_start;
   // Passed to `thread_start` as it is. What it points to must outlive every handle made with the engine.
   void *thread_start_user;
-  // Longest that the library waits for one piece of work on the device, milliseconds: a frame is one to a few pieces.
-  // If it takes longer, the call fails with NVSP_ERR_DEVICE_LOST, and so does every later call on what was made with
-  // the engine. All handles can then be destroyed as usual; the memory that the device may still use is never given
-  // back. 0: 60,000. NVSP_WATCHDOG_NONE: no bound.
+  // Longest that the library waits for one piece of work on the device, milliseconds: a frame is one to a few
+  // pieces. If it takes longer, the call fails with NVSP_ERR_DEVICE_LOST, and so does every later call on what was
+  // made with the engine. All handles can then be destroyed as usual; the memory that the device may still use is
+  // never given back. 0: 60,000. NVSP_WATCHDOG_NONE: no bound.
   uint32_t watchdog_milliseconds;
   // Zero.
   uint32_t reserved;
-  // What nvsp_engine_get_pipeline_cache gave on an earlier start, so that the driver need not compile again. Read during
-  // nvsp_engine_create. Bytes that are damaged, or of another device or driver, are left aside. NULL: none.
+  // What nvsp_engine_get_pipeline_cache gave on an earlier start, so that the driver need not compile again. Read
+  // during nvsp_engine_create. Bytes that are damaged, or of another device or driver, are left aside. NULL: none.
   const uint8_t *pipeline_cache;
   // Bytes of it.
   size_t pipeline_cache_size;
-  // A Vulkan device of yours to work on. Read during nvsp_engine_create. `device` is then NULL, and NVSP_ENGINE_VALIDATION
-  // not set: validation is your instance's. NULL: the library opens a device of its own.
+  // A Vulkan device of yours to work on. Read during nvsp_engine_create. `device` is then NULL, and
+  // NVSP_ENGINE_VALIDATION not set: validation is your instance's. NULL: the library opens a device of its own.
   const struct nvsp_vulkan *vulkan;
 } nvsp_engine_options;
 
@@ -671,9 +672,9 @@ typedef struct nvsp_prior_options {
   float background[3];
 } nvsp_prior_options;
 
-// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device refuses
-// sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells the limit.
-// Every device that Vulkan 1.2 allows takes 2048 by 2048.
+// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device
+// refuses sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells
+// the limit. Every device that Vulkan 1.2 allows takes 2048 by 2048.
 typedef struct nvsp_camera {
   // Set by NVSP_INIT.
   uint32_t struct_size;
@@ -693,8 +694,8 @@ typedef struct nvsp_camera {
   float cy;
 } nvsp_camera;
 
-// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than the
-// device memory was made for makes a frame take more.
+// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than
+// the device memory was made for makes a frame take more.
 typedef struct nvsp_memory_estimate {
   // Set by NVSP_INIT.
   uint32_t struct_size;
@@ -754,8 +755,8 @@ typedef struct nvsp_prior_info {
   float clahe_clip_limit;
 } nvsp_prior_info;
 
-// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as by
-// NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
+// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as
+// by NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
 typedef struct nvsp_pose {
   // Set by NVSP_INIT.
   uint32_t struct_size;
@@ -782,10 +783,10 @@ typedef struct nvsp_encoder_options {
   // NVSP_PROFILE_*.
   uint32_t profile;
   // A mean squared error of colour values in [0, 1], without unit; 0: 1e-3, which is a PSNR of 30 dB. It says when a
-  // pose is good enough to go on from. With NVSP_OPTIMIZER_GAUSS_NEWTON, the default, it counts only for views of which
-  // the prior shows too little to compare pictures: a pose whose error is below it is kept, else the encoder searches
-  // afresh. Leave it at 0 there. With the other optimizers a frame starts at the pose of the frame before only if the
-  // error there is below it: 1e-3 suits a basin, 1e-2 real footage.
+  // pose is good enough to go on from. With NVSP_OPTIMIZER_GAUSS_NEWTON, the default, it counts only for views of
+  // which the prior shows too little to compare pictures: a pose whose error is below it is kept, else the encoder
+  // searches afresh. Leave it at 0 there. With the other optimizers a frame starts at the pose of the frame before
+  // only if the error there is below it: 1e-3 suits a basin, 1e-2 real footage.
   float threshold;
   // Levels of the image pyramid, 1 to 6; 0: 4.
   uint32_t levels;
@@ -806,12 +807,12 @@ typedef struct nvsp_encoder_options {
   // Not 0: images come already treated as nvsp_prior_info.white_balance and clahe_tiles say, so they are encoded as
   // they are. 0: the encoder treats them, whatever their format, after it has brought them to the camera's size.
   uint32_t frames_treated;
-  // Not 0: two frames may be under way at once, see nvsp_encode_begin. While one thread codes the difference picture of
-  // a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
+  // Not 0: two frames may be under way at once, see nvsp_encode_begin. While one thread codes the difference picture
+  // of a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
   // the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
   uint32_t pipelined;
-  // NVSP_MODE_*: whether difference pictures lean on those of earlier frames. NVSP_MODE_STREAM takes the wavelet coder,
-  // and about 224 more bytes of host memory per pixel. If the device is not portable, all frames stand alone.
+  // NVSP_MODE_*: whether difference pictures lean on those of earlier frames. NVSP_MODE_STREAM takes the wavelet
+  // coder, and about 224 more bytes of host memory per pixel. If the device is not portable, all frames stand alone.
   uint32_t mode;
   // NVSP_STRUCTURE_*: the frame that others lean on, with NVSP_MODE_STREAM.
   uint32_t structure;
@@ -856,10 +857,10 @@ typedef struct nvsp_frame_info {
   uint32_t struct_size;
   // Set by NVSP_INIT.
   uint32_t abi_version;
-  // A pose from sensors or an estimator; NULL: none. It is used if there is no certain pose of the frame before, and if
-  // it disagrees with that one by more than a tenth of the scene's depth or 6 degrees; the picture decides. On the
-  // scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104 starts each all were found. What is
-  // farther off costs time, not certainty. Beyond a million spreads of the prior it is refused.
+  // A pose from sensors or an estimator; NULL: none. It is used if there is no certain pose of the frame before, and
+  // if it disagrees with that one by more than a tenth of the scene's depth or 6 degrees; the picture decides. On
+  // the scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104 starts each all were found. What
+  // is farther off costs time, not certainty. Beyond a million spreads of the prior it is refused.
   const struct nvsp_pose *hint;
   // How sure the hint is: the covariance of the small motion from the hint to the true pose. 36 values, row by row:
   // translation along the camera's axes (the prior's unit), then turns about them (radians). Finite, symmetric and
@@ -898,8 +899,8 @@ typedef struct nvsp_frame_stats {
   uint32_t flags;
   // NVSP_STATE_*.
   uint32_t state;
-  // PSNR of the prior's render against the frame, dB. If the prior has a preprocessing, the frame is the treated one,
-  // here and below: figures of priors of different preprocessing cannot be compared.
+  // PSNR of the prior's render against the frame, dB. If the prior has a preprocessing, the frame is the treated
+  // one, here and below: figures of priors of different preprocessing cannot be compared.
   double render_psnr;
   // PSNR of what the topside will show against the frame, dB.
   double psnr;
@@ -922,8 +923,8 @@ typedef struct nvsp_frame_stats {
   uint32_t leans_on;
 } nvsp_frame_stats;
 
-// A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if it
-// fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
+// A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if
+// it fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
 typedef struct nvsp_picture {
   // Set by NVSP_INIT.
   uint32_t struct_size;
@@ -1383,11 +1384,11 @@ uint32_t nvsp_version_number(void);
 // - `status`: any number.
 const char *nvsp_status_text(nvsp_status status);
 
-// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles are
-// destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
+// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles
+// are destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (one callback without the other),
-// or NVSP_ERR_STATE if the library holds memory.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (one callback without the
+// other), or NVSP_ERR_STATE if the library holds memory.
 //
 // Parameters:
 // - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.
@@ -1397,8 +1398,9 @@ nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator) NVSP_NONN
 // Describes a device of the installed drivers, by its number, and tells how many there are. Each call asks the drivers
 // anew, which takes milliseconds, and allocates. Any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN, NVSP_ERR_NO_DEVICE
-// if no driver is installed, or NVSP_ERR_ARGUMENT if no device has this number; `count` is written then, too.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN,
+// NVSP_ERR_NO_DEVICE if no driver is installed, or NVSP_ERR_ARGUMENT if no device has this number; `count` is written
+// then, too.
 //
 // Parameters:
 // - `number`: the device's number, from 0.
@@ -1412,8 +1414,8 @@ nvsp_status nvsp_device_get_info(uint32_t number,
 // Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
 // options' `log`, as there is no handle to ask yet.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown flags, a name that is
-// no UTF-8, or fields that exclude each other), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown flags, a name that
+// is no UTF-8, or fields that exclude each other), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 //
 // Parameters:
 // - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
@@ -1429,8 +1431,8 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 // their state. Then destroy the old prior. If the device cannot be opened, the engine does not change; try again
 // later.
 //
-// Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one, and a
-// new engine with it.
+// Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one,
+// and a new engine with it.
 //
 // Parameters:
 // - `engine`: a live engine. Not NULL.
@@ -1447,8 +1449,8 @@ nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine) NVSP_NONNULL(1);
 NVSP_CHECKED
 nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info) NVSP_NONNULL(1, 2);
 
-// Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next start.
-// Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
+// Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next
+// start. Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 //
@@ -1538,8 +1540,8 @@ nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
 // nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
 // Opens no device. Allocates; any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR
-// if the file is no PLY file and no compact prior.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_CAMERA, NVSP_ERR_FILE, or
+// NVSP_ERR_PRIOR if the file is no PLY file and no compact prior.
 //
 // Parameters:
 // - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
@@ -1580,9 +1582,9 @@ void nvsp_prior_destroy(struct nvsp_prior *prior);
 // NVMM surfaces, must be converted first: on a Jetson nvvidconv or NvBufSurfTransform does it. The library maps the
 // buffer for reading and keeps a copy of the descriptor. Needs no extension of the Vulkan device. Allocates.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are none),
-// NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY; the text is
-// the engine's.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are
+// none), NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY;
+// the text is the engine's.
 //
 // Parameters:
 // - `engine`: a live engine, whose log and last error tell of failures. Not NULL.
@@ -1602,11 +1604,11 @@ nvsp_status nvsp_dmabuf_import(const struct nvsp_engine *engine,
 // - `dmabuf`: a live DMA-BUF that no call uses. Do not use it afterwards. NULL is allowed.
 void nvsp_dmabuf_destroy(struct nvsp_dmabuf *dmabuf);
 
-// Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the same
-// motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
+// Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the
+// same motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, or NVSP_ERR_ARGUMENT if a pose is no rigid motion
-// or the part is not finite, or so large that the pose is not.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, or NVSP_ERR_ARGUMENT if a pose is no rigid
+// motion or the part is not finite, or so large that the pose is not.
 //
 // Parameters:
 // - `from`, `to`: the poses, from world to camera. Read during the call. Not NULL.
@@ -1619,8 +1621,8 @@ nvsp_status nvsp_pose_between(const struct nvsp_pose *from,
                               struct nvsp_pose *between) NVSP_NONNULL(4);
 
 // Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
-// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the quay.
-// Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
+// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
+// quay. Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
@@ -1653,8 +1655,8 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
                                   uint32_t mode,
                                   float value) NVSP_NONNULL(1);
 
-// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside asks what
-// the packets are about, or if a packet was not sent.
+// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside asks
+// what the packets are about, or if a packet was not sent.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
@@ -1664,11 +1666,11 @@ NVSP_CHECKED
 nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
 // Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
-// NVSP_STRUCTURE_ACKNOWLEDGED later frames lean on it; else nothing changes. Nor does anything if the frame is unknown or
-// too old: the last 32 can be leaned on.
+// NVSP_STRUCTURE_ACKNOWLEDGED later frames lean on it; else nothing changes. Nor does anything if the frame is unknown
+// or too old: the last 32 can be leaned on.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins) or
-// NVSP_ERR_POISONED.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins)
+// or NVSP_ERR_POISONED.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
@@ -1677,9 +1679,9 @@ NVSP_CHECKED
 nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
                                      uint32_t frame) NVSP_NONNULL(1);
 
-// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it has the full latent
-// part, tells the camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture is
-// as fine as those of other frames. Allocates nothing.
+// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it has the full
+// latent part, tells the camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
+// is as fine as those of other frames. Allocates nothing.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
 //
@@ -1690,8 +1692,9 @@ NVSP_CHECKED
 nvsp_status nvsp_encoder_extra_bytes(struct nvsp_encoder *encoder,
                                      uint32_t *bytes) NVSP_NONNULL(1, 2);
 
-// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the camera, the
-// topside knows which were left out, and can draw them at poses between those that it has (nvsp_decoder_draw).
+// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the
+// camera, the topside knows which were left out, and can draw them at poses between those that it has
+// (nvsp_decoder_draw).
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
 //
@@ -1705,8 +1708,8 @@ nvsp_status nvsp_encoder_skip(struct nvsp_encoder *encoder,
 // Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 // Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
-// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_BUSY,
+// NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
@@ -1767,12 +1770,13 @@ nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 
 // Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
-// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device. Uses the hint in
-// `info` if the frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
-// from the second frame on, unless a view of the prior needs more room on the device than any before it.
+// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device.
+// Uses the hint in `info` if the frame before gives no good start. Without a hint, the prior's key frames find the
+// first frame. Allocates nothing from the second frame on, unless a view of the prior needs more room on the device
+// than any before it.
 //
-// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls give the same packets, byte for byte, on the same device and
-// driver.
+// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls give the same packets,
+// byte for byte, on the same device and driver.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 // NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
@@ -1798,19 +1802,21 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         size_t *written,
                         struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
 
-// Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that it
-// was given and reads the image: it converts it to RGB and scales it to the camera's size. The first such call starts
-// the thread, which blocks all signals. The prior's preprocessing, the search and the coding are the other thread's
-// work. The call neither waits for the device nor allocates, except for the thread. Afterwards the image is yours again.
+// Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that
+// it was given and reads the image: it converts it to RGB and scales it to the camera's size. The first such call
+// starts the thread, which blocks all signals. The prior's preprocessing, the search and the coding are the other
+// thread's work. The call neither waits for the device nor allocates, except for the thread. Afterwards the image is
+// yours again.
 //
 // Until nvsp_encode_finish or nvsp_encode_cancel ends the frame, other calls on the encoder fail with
 // NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait and nvsp_encoder_destroy. So no packet is dropped
-// unless you say so. Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next frame.
+// unless you say so. Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next
+// frame.
 //
 // With nvsp_encoder_options.pipelined a second frame may be begun at any time while one is under way or not fetched.
 // No packet is dropped then: a third frame fails with NVSP_ERR_UNFINISHED. Frames end in the order in which they were
-// begun; nvsp_encode_poll, nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while no
-// frame is searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished
+// begun; nvsp_encode_poll, nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while
+// no frame is searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished
 // last. If coding a frame fails, it counts as one whose packet was lost on the way. Host memory is taken up to the
 // third frame. Example, which is always one packet behind:
 //
@@ -1823,8 +1829,9 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
 //         }
 //     }
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
-// NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE,
+// NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the
+// frame itself fails, nvsp_encode_finish returns its status.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
@@ -1873,11 +1880,11 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
                                struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4);
 
 // Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
-// NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long as
-// the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or
-// nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped counts as one whose packet was lost on the
-// way: its number is used up, its pose may be where the next frame starts, and the next packet names prior and camera in
-// full. Returns NVSP_OK, too, if nothing was begun.
+// NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long
+// as the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with
+// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped
+// counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame starts,
+// and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 //
@@ -1946,10 +1953,10 @@ nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
 
 // Sets which pixels of all images from here on count. Mask what shows the vehicle itself: its arm, its frame, a lamp.
 // Masked pixels count neither in the search for the pose nor in nvsp_frame_stats, and no bytes are spent on them: the
-// topside shows the prior's render there. A coarse coding may change it a little beside pixels that count. The mask may
-// change from frame to frame, as the arm moves. With a lens, it masks pixels of the lens's images. If the camera's size
-// changes, the mask is scaled; a pixel counts if all that it shows counts. Allocates two bytes per pixel of the mask and
-// 48 per pixel of the camera. If the call fails, the mask before stays. Example:
+// topside shows the prior's render there. A coarse coding may change it a little beside pixels that count. The mask
+// may change from frame to frame, as the arm moves. With a lens, it masks pixels of the lens's images. If the camera's
+// size changes, the mask is scaled; a pixel counts if all that it shows counts. Allocates two bytes per pixel of the
+// mask and 48 per pixel of the camera. If the call fails, the mask before stays. Example:
 //
 //     nvsp_mask mask = NVSP_INITIALIZER(nvsp_mask);
 //     mask.width = mask.stride = 640;
@@ -1971,16 +1978,16 @@ nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder,
 
 // Sets which parts of the picture get more of the bytes from here on: what the pilot looks at. `weights` has `columns`
 // times `rows` values from 1 to 255, row by row, laid over the picture in cells of equal size. An error in a cell of
-// weight 8 counts eight times as much as one in a cell of weight 1. At the same budget the other parts get fewer bytes;
-// NVSP_RATE_PSNR stays that of the whole picture. The topside needs to know nothing of it. It may change from frame to
-// frame, as the pilot's cursor moves. WebP knows no such parts. Allocates a byte per cell. If the call fails, the weights
-// before stay. Example:
+// weight 8 counts eight times as much as one in a cell of weight 1. At the same budget the other parts get fewer
+// bytes; NVSP_RATE_PSNR stays that of the whole picture. The topside needs to know nothing of it. It may change from
+// frame to frame, as the pilot's cursor moves. WebP knows no such parts. Allocates a byte per cell. If the call fails,
+// the weights before stay. Example:
 //
 //     uint8_t weights[9] = {1, 1, 1, 1, 8, 1, 1, 1, 1}; /* the middle ninth */
 //     status = nvsp_encoder_set_interest(encoder, 3, 3, weights, sizeof weights);
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT
-// if a side has no cells or more than 4096, `size` is not columns times rows, or a weight is 0.
+// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or
+// NVSP_ERR_ARGUMENT if a side has no cells or more than 4096, `size` is not columns times rows, or a weight is 0.
 //
 // Parameters:
 // - `encoder`: a live encoder. Not NULL.
@@ -2033,9 +2040,9 @@ nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
 // a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
-// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and from
-// the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with sides rounded
-// up to multiples of 16.
+// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and
+// from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with sides
+// rounded up to multiples of 16.
 //
 // The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
 // device and driver.
@@ -2064,10 +2071,12 @@ nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
 // Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
 // packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_decode_cancel ends
 // the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait and
-// nvsp_decoder_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next packet.
+// nvsp_decoder_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next
+// packet.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or
-// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its status.
+// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its
+// status.
 //
 // Parameters:
 // - `decoder`: a live decoder. Not NULL.
@@ -2123,9 +2132,9 @@ nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
 NVSP_CHECKED
 nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
 
-// Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a pose
-// between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the device. Memory
-// as for nvsp_decode: nothing from the second call on.
+// Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a
+// pose between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the
+// device. Memory as for nvsp_decode: nothing from the second call on.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
 // NVSP_ERR_POISONED, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded), NVSP_ERR_BUFFER_TOO_SMALL,

@@ -19,7 +19,8 @@ target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 work=$target/c-test
 prefix=$work/prefix
 scene=$target/tmp/c-scene
-programs="structs nulls images encoding lens_and_mask pipelined decoding threads unprotected shares garbage given_device dmabuf"
+programs="structs nulls images encoding lens_and_mask pipelined decoding threads unprotected shares garbage"
+programs="$programs given_device dmabuf"
 export PKG_CONFIG_PATH="$prefix/lib/pkgconfig"
 c_flags="-std=c11 -Wall -Wextra -Wpedantic -Werror -O1 -g -pthread"
 example_flags="-Wall -Wextra -Wpedantic -Werror -O1"

@@ -28,11 +28,11 @@ pub struct Decoded {
     /// Rows, from the top, that the residual reached; the others are the render alone. A wavelet payload reaches all
     /// rows; the more of it arrived, the finer they are.
     pub rows: u32,
-    /// Number of the frame whose residual this one's leans on; `None`: it stands alone. If that frame is missing, `damage`
-    /// says so.
+    /// Number of the frame whose residual this one's leans on; `None`: it stands alone. If that frame is missing,
+    /// `damage` says so.
     pub reference: Option<u32>,
-    /// Later frames of the stream may lean on this one: it came in full. Tell the vehicle, if there is a return channel:
-    /// [`Encoder::acknowledge`](crate::Encoder::acknowledge).
+    /// Later frames of the stream may lean on this one: it came in full. Tell the vehicle, if there is a return
+    /// channel: [`Encoder::acknowledge`](crate::Encoder::acknowledge).
     pub kept: bool,
     /// Why a part of the packet could not be used.
     pub damage: Option<Error>,
@@ -55,7 +55,7 @@ struct CameraDecoder {
     camera: Camera,
     renderer: Renderer,
     residual: ResidualDecoder,
-    /// Of the render's pixels, if the frame leans on another.
+    /// Depths of the render's pixels, if the frame has a reference.
     depths: Vec<f32>,
 }
 
@@ -64,7 +64,7 @@ struct Arrived<'a> {
     salvage: &'a Salvage<'a>,
     trust: Trust,
     frame: u32,
-    /// Both devices are.
+    /// Both devices are portable.
     portable: bool,
 }
 
@@ -127,8 +127,8 @@ impl Decoder {
         (!ready).then_some((camera.width, camera.height))
     }
 
-    /// The picture size of a packet, if it is the first of a stream from a camera: decoding it then takes memory for the
-    /// reference frames. `None` also as for [`Decoder::size_to_prepare`].
+    /// The picture size of a packet, if it is the first of a stream from a camera: decoding it then takes memory for
+    /// the reference frames. `None` also as for [`Decoder::size_to_prepare`].
     pub fn stream_to_prepare(&self, packet: &Parsed) -> Option<(u32, u32)> {
         let Salvage { residual, residual_start, .. } = packet.parts();
         let is_stream = match residual {
@@ -245,8 +245,8 @@ impl Decoder {
         Ok(())
     }
 
-    /// Draws the prior at a pose as the camera of the packet decoded last sees it; `false` if there was none yet. This is
-    /// for frames whose packets are missing: see [`Pose::between`].
+    /// Draws the prior at a pose as the camera of the packet decoded last sees it; `false` if there was none yet. This
+    /// is for frames whose packets are missing: see [`Pose::between`].
     pub fn draw(&mut self, pose: &Pose, picture: &mut Picture) -> Result<bool, Error> {
         let Some(view) = &mut self.camera_decoder else { return Ok(false) };
         picture.resize(view.camera.width, view.camera.height);

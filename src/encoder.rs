@@ -29,8 +29,8 @@ pub struct EncoderOptions {
     pub rate: Option<Rate>,
     /// The coder of the difference picture.
     pub residual: ResidualCoder,
-    /// Whether difference pictures lean on those of earlier frames. They do not if the device is not portable: the topside
-    /// could not know what they lean on.
+    /// Whether difference pictures lean on those of earlier frames. They do not if the device is not portable: the
+    /// topside could not know what they lean on.
     pub mode: Mode,
     /// How poses are written.
     pub profile: PoseProfile,
@@ -148,9 +148,9 @@ impl Encoder {
         })
     }
 
-    /// Sets which pixels of frames count from here on; `None`: all do. The others, such as those that show the vehicle's
-    /// own arm, count neither in the search nor in the PSNR. Their difference is zero: the topside shows the prior's
-    /// render there. A coarse coding may change it a little beside pixels that count.
+    /// Sets which pixels of frames count from here on; `None`: all do. The others, such as those that show the
+    /// vehicle's own arm, count neither in the search nor in the PSNR. Their difference is zero: the topside shows the
+    /// prior's render there. A coarse coding may change it a little beside pixels that count.
     ///
     /// # Errors
     /// If the mask has not the camera's size, or no pixel counts. The mask before then stays.
@@ -185,8 +185,8 @@ impl Encoder {
         Ok(())
     }
 
-    /// Sets which parts of the picture get more of the bits from here on: what the pilot looks at. `None`: all count the
-    /// same. At the same budget the other parts get fewer; [`Rate::Psnr`] stays that of the whole picture.
+    /// Sets which parts of the picture get more of the bits from here on: what the pilot looks at. `None`: all count
+    /// the same. At the same budget the other parts get fewer; [`Rate::Psnr`] stays that of the whole picture.
     /// [`ResidualCoder::Webp`](crate::residual::ResidualCoder::Webp) knows no such parts.
     pub fn set_interest(&mut self, interest: Option<Interest>) {
         self.interest = interest.map(Arc::new);
@@ -198,8 +198,9 @@ impl Encoder {
     }
 
     /// Tells the encoder that the topside has decoded a frame in full, residual and all:
-    /// [`Decoded::kept`](crate::Decoded::kept). In a stream of [`Structure::Acknowledged`] later frames lean on it. `frame`
-    /// may be modulo 2¹⁶, as reports tell it. Frames that are unknown, or too old to be leaned on, change nothing.
+    /// [`Decoded::kept`](crate::Decoded::kept). In a stream of [`Structure::Acknowledged`] later frames lean on it.
+    /// `frame` may be modulo 2¹⁶, as reports tell it. Frames that are unknown, or too old to be leaned on, change
+    /// nothing.
     pub fn acknowledge(&mut self, frame: u32) {
         self.acknowledged.add(frame);
     }
@@ -224,8 +225,8 @@ impl Encoder {
         Ok(())
     }
 
-    /// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside asks
-    /// what the packets are about, or if a packet was not sent.
+    /// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside
+    /// asks what the packets are about, or if a packet was not sent.
     pub fn announce(&mut self) {
         self.camera_age = None;
         self.stream_ended = true;
@@ -236,11 +237,11 @@ impl Encoder {
         &self.camera
     }
 
-    /// Encodes a frame. First it is treated as the prior's pictures were, unless
-    /// [`EncoderOptions::frames_treated`] says that it is. All that follows is about the treated frame: the search, the
-    /// difference picture, and the PSNR in [`FrameStats`](crate::FrameStats). `known`: when the frame was taken, and a pose from sensors or an estimator, used if the frame
-    /// before gives no good start. It may be a [`Pose`](crate::Pose), an `Option` of one, a [`Hint`](crate::Hint), or a
-    /// [`Known`].
+    /// Encodes a frame. First it is treated as the prior's pictures were, unless [`EncoderOptions::frames_treated`]
+    /// says that it is. All that follows is about the treated frame: the search, the difference picture, and the PSNR
+    /// in [`FrameStats`](crate::FrameStats). `known`: when the frame was taken, and a pose from sensors or an
+    /// estimator, used if the frame before gives no good start. It may be a [`Pose`](crate::Pose), an `Option` of one,
+    /// a [`Hint`](crate::Hint), or a [`Known`].
     ///
     /// # Errors
     /// If the frame cannot be encoded, or `known` cannot be true. Such a frame changes nothing: the next one goes on
@@ -399,8 +400,8 @@ impl Encoder {
         self.tracker.keep(found);
     }
 
-    /// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all camera frames, the
-    /// topside knows which it has not been sent, and can draw them at poses between those that it has.
+    /// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all camera frames,
+    /// the topside knows which it has not been sent, and can draw them at poses between those that it has.
     pub fn skip(&mut self, frames: u32) {
         self.frame = self.frame.wrapping_add(frames);
     }
@@ -458,9 +459,9 @@ impl Encoder {
         Ok(pose)
     }
 
-    /// How many bytes more than a steady packet the next one takes beside its difference picture: its latent part has the full
-    /// form, it tells the camera, or it has a check of the render. Add them to [`Rate::Bytes`](crate::Rate::Bytes), and the
-    /// difference picture has as many bytes as those of other frames.
+    /// How many bytes more than a steady packet the next one takes beside its difference picture: its latent part has
+    /// the full form, it tells the camera, or it has a check of the render. Add them to
+    /// [`Rate::Bytes`](crate::Rate::Bytes), and the difference picture has as many bytes as those of other frames.
     pub fn extra_bytes(&self) -> usize {
         let part = |due, len| if due { len } else { 0 };
         let full = !self.short_next();

@@ -126,8 +126,8 @@ impl FrameWork {
         (values > 0).then(|| psnr_of_mse(error / 65_025.0 / f64::from(values)))
     }
 
-    /// The rate as the coder knows it: it measures the PSNR over all pixels, of which those that are masked have no error
-    /// to speak of.
+    /// The rate as the coder knows it: it measures the PSNR over all pixels, of which those that are masked have no
+    /// error to speak of.
     fn coders_rate(&self) -> Option<Rate> {
         match (self.rate, &self.mask) {
             (Some(Rate::Psnr(target)), Some(mask)) => {

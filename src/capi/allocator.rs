@@ -4,8 +4,8 @@ use std::ffi::c_void;
 
 use super::structs::versioned;
 
-/// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on any
-/// thread, on several at once. It must not call the library, and must not unwind.
+/// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on
+/// any thread, on several at once. It must not call the library, and must not unwind.
 #[allow(non_camel_case_types)]
 pub type nvsp_allocate_callback =
     Option<unsafe extern "C" fn(user: *mut c_void, size: usize, alignment: usize) -> *mut c_void>;

@@ -277,9 +277,9 @@ pub unsafe extern "C" fn nvsp_decoder_reopen(
 
 /// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
 /// a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
-/// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and from
-/// the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with sides rounded
-/// up to multiples of 16.
+/// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and
+/// from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with sides
+/// rounded up to multiples of 16.
 ///
 /// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
 /// device and driver.
@@ -320,10 +320,12 @@ pub unsafe extern "C" fn nvsp_decode(
 /// Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
 /// packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_decode_cancel ends
 /// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait and
-/// nvsp_decoder_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next packet.
+/// nvsp_decoder_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next
+/// packet.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or
-/// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its status.
+/// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its
+/// status.
 ///
 /// # Safety
 /// - `decoder`: a live decoder. Not NULL.
@@ -417,9 +419,9 @@ pub unsafe extern "C" fn nvsp_decode_cancel(decoder: *mut nvsp_decoder) -> nvsp_
     }
 }
 
-/// Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a pose
-/// between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the device. Memory
-/// as for nvsp_decode: nothing from the second call on.
+/// Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a
+/// pose between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the
+/// device. Memory as for nvsp_decode: nothing from the second call on.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
 /// NVSP_ERR_POISONED, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded), NVSP_ERR_BUFFER_TOO_SMALL,

@@ -55,8 +55,9 @@ versioned!(nvsp_device_info, 680);
 /// Describes a device of the installed drivers, by its number, and tells how many there are. Each call asks the drivers
 /// anew, which takes milliseconds, and allocates. Any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN, NVSP_ERR_NO_DEVICE
-/// if no driver is installed, or NVSP_ERR_ARGUMENT if no device has this number; `count` is written then, too.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN,
+/// NVSP_ERR_NO_DEVICE if no driver is installed, or NVSP_ERR_ARGUMENT if no device has this number; `count` is written
+/// then, too.
 ///
 /// # Safety
 /// - `number`: the device's number, from 0.

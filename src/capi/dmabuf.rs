@@ -1,8 +1,8 @@
 //! Frames in DMA-BUFs: buffers of cameras, decoders and GPUs, shared by file descriptor.
 //!
 //! The conversion to RGB runs on the CPU. So a buffer is mapped, once, and each frame is read in place between the two
-//! ioctls that keep the CPU's caches true. That works with every exporter whose buffers can be mapped, and asks nothing of
-//! the Vulkan device.
+//! ioctls that keep the CPU's caches true. That works with every exporter whose buffers can be mapped, and asks nothing
+//! of the Vulkan device.
 
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
 use std::ptr::null_mut;
@@ -173,8 +173,8 @@ pub(super) type Planes<'a> = ([&'a [u8]; 3], [Option<Reading>; 3]);
 /// Begins to read the first `count` planes of an image.
 ///
 /// # Safety
-/// The handles are NULL or live. The bytes are not used after the second result is dropped, and nobody writes the buffers
-/// before.
+/// The handles are NULL or live. The bytes are not used after the second result is dropped, and nobody writes the
+/// buffers before.
 pub(super) unsafe fn planes<'a>(places: &Places, count: usize) -> Result<Planes<'a>, Failure> {
     let Places { dmabufs, offsets, sizes } = places;
     let (mut planes, mut readings): Planes = ([&[]; 3], [None, None, None]);
@@ -201,9 +201,9 @@ pub(super) unsafe fn planes<'a>(places: &Places, count: usize) -> Result<Planes<
 /// NVMM surfaces, must be converted first: on a Jetson nvvidconv or NvBufSurfTransform does it. The library maps the
 /// buffer for reading and keeps a copy of the descriptor. Needs no extension of the Vulkan device. Allocates.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are none),
-/// NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY; the text is
-/// the engine's.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are
+/// none), NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY;
+/// the text is the engine's.
 ///
 /// # Safety
 /// - `engine`: a live engine, whose log and last error tell of failures. Not NULL.

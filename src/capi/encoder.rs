@@ -56,8 +56,8 @@ pub const NVSP_RESIDUAL_WEBP: u32 = 1;
 
 /// Every frame stands alone: a lost packet costs its own frame.
 pub const NVSP_MODE_INTRA: u32 = 0;
-/// The difference pictures of frames lean on those of earlier ones, and take fewer bytes. A frame whose reference is missing
-/// is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
+/// The difference pictures of frames lean on those of earlier ones, and take fewer bytes. A frame whose reference is
+/// missing is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
 pub const NVSP_MODE_STREAM: u32 = 1;
 
 /// A frame leans on the one before. Saves most; a lost packet spoils all frames up to the next key frame.
@@ -93,10 +93,10 @@ pub struct nvsp_encoder_options {
     /// NVSP_PROFILE_*.
     pub profile: u32,
     /// A mean squared error of colour values in [0, 1], without unit; 0: 1e-3, which is a PSNR of 30 dB. It says when a
-    /// pose is good enough to go on from. With NVSP_OPTIMIZER_GAUSS_NEWTON, the default, it counts only for views of which
-    /// the prior shows too little to compare pictures: a pose whose error is below it is kept, else the encoder searches
-    /// afresh. Leave it at 0 there. With the other optimizers a frame starts at the pose of the frame before only if the
-    /// error there is below it: 1e-3 suits a basin, 1e-2 real footage.
+    /// pose is good enough to go on from. With NVSP_OPTIMIZER_GAUSS_NEWTON, the default, it counts only for views of
+    /// which the prior shows too little to compare pictures: a pose whose error is below it is kept, else the encoder
+    /// searches afresh. Leave it at 0 there. With the other optimizers a frame starts at the pose of the frame before
+    /// only if the error there is below it: 1e-3 suits a basin, 1e-2 real footage.
     pub threshold: f32,
     /// Levels of the image pyramid, 1 to 6; 0: 4.
     pub levels: u32,
@@ -117,12 +117,12 @@ pub struct nvsp_encoder_options {
     /// Not 0: images come already treated as nvsp_prior_info.white_balance and clahe_tiles say, so they are encoded as
     /// they are. 0: the encoder treats them, whatever their format, after it has brought them to the camera's size.
     pub frames_treated: u32,
-    /// Not 0: two frames may be under way at once, see nvsp_encode_begin. While one thread codes the difference picture of
-    /// a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
+    /// Not 0: two frames may be under way at once, see nvsp_encode_begin. While one thread codes the difference picture
+    /// of a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
     /// the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
     pub pipelined: u32,
-    /// NVSP_MODE_*: whether difference pictures lean on those of earlier frames. NVSP_MODE_STREAM takes the wavelet coder,
-    /// and about 224 more bytes of host memory per pixel. If the device is not portable, all frames stand alone.
+    /// NVSP_MODE_*: whether difference pictures lean on those of earlier frames. NVSP_MODE_STREAM takes the wavelet
+    /// coder, and about 224 more bytes of host memory per pixel. If the device is not portable, all frames stand alone.
     pub mode: u32,
     /// NVSP_STRUCTURE_*: the frame that others lean on, with NVSP_MODE_STREAM.
     pub structure: u32,
@@ -198,8 +198,8 @@ pub struct nvsp_frame_stats {
     pub flags: u32,
     /// NVSP_STATE_*.
     pub state: u32,
-    /// PSNR of the prior's render against the frame, dB. If the prior has a preprocessing, the frame is the treated one,
-    /// here and below: figures of priors of different preprocessing cannot be compared.
+    /// PSNR of the prior's render against the frame, dB. If the prior has a preprocessing, the frame is the treated
+    /// one, here and below: figures of priors of different preprocessing cannot be compared.
     pub render_psnr: f64,
     /// PSNR of what the topside will show against the frame, dB.
     pub psnr: f64,
@@ -224,8 +224,8 @@ pub struct nvsp_frame_stats {
 versioned!(nvsp_frame_stats, 192);
 
 /// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
-/// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the quay.
-/// Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
+/// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
+/// quay. Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
@@ -409,8 +409,8 @@ pub unsafe extern "C" fn nvsp_encoder_set_rate(
     }
 }
 
-/// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside asks what
-/// the packets are about, or if a packet was not sent.
+/// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside asks
+/// what the packets are about, or if a packet was not sent.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///
@@ -428,11 +428,11 @@ pub unsafe extern "C" fn nvsp_encoder_announce(encoder: *mut nvsp_encoder) -> nv
 }
 
 /// Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
-/// NVSP_STRUCTURE_ACKNOWLEDGED later frames lean on it; else nothing changes. Nor does anything if the frame is unknown or
-/// too old: the last 32 can be leaned on.
+/// NVSP_STRUCTURE_ACKNOWLEDGED later frames lean on it; else nothing changes. Nor does anything if the frame is unknown
+/// or too old: the last 32 can be leaned on.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins) or
-/// NVSP_ERR_POISONED.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins)
+/// or NVSP_ERR_POISONED.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
@@ -451,9 +451,9 @@ pub unsafe extern "C" fn nvsp_encoder_acknowledge(
     }
 }
 
-/// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it has the full latent
-/// part, tells the camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture is
-/// as fine as those of other frames. Allocates nothing.
+/// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it has the full
+/// latent part, tells the camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
+/// is as fine as those of other frames. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
 ///
@@ -477,8 +477,9 @@ pub unsafe extern "C" fn nvsp_encoder_extra_bytes(
     }
 }
 
-/// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the camera, the
-/// topside knows which were left out, and can draw them at poses between those that it has (nvsp_decoder_draw).
+/// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the
+/// camera, the topside knows which were left out, and can draw them at poses between those that it has
+/// (nvsp_decoder_draw).
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
 ///
@@ -499,8 +500,8 @@ pub unsafe extern "C" fn nvsp_encoder_skip(encoder: *mut nvsp_encoder, frames: u
 /// Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 /// Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY,
-/// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_BUSY,
+/// NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
@@ -618,12 +619,13 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 }
 
 /// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
-/// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device. Uses the hint in
-/// `info` if the frame before gives no good start. Without a hint, the prior's key frames find the first frame. Allocates nothing
-/// from the second frame on, unless a view of the prior needs more room on the device than any before it.
+/// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device.
+/// Uses the hint in `info` if the frame before gives no good start. Without a hint, the prior's key frames find the
+/// first frame. Allocates nothing from the second frame on, unless a view of the prior needs more room on the device
+/// than any before it.
 ///
-/// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls give the same packets, byte for byte, on the same device and
-/// driver.
+/// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls give the same packets,
+/// byte for byte, on the same device and driver.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
 /// NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
@@ -660,19 +662,21 @@ pub unsafe extern "C" fn nvsp_encode(
     }
 }
 
-/// Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that it
-/// was given and reads the image: it converts it to RGB and scales it to the camera's size. The first such call starts
-/// the thread, which blocks all signals. The prior's preprocessing, the search and the coding are the other thread's
-/// work. The call neither waits for the device nor allocates, except for the thread. Afterwards the image is yours again.
+/// Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that
+/// it was given and reads the image: it converts it to RGB and scales it to the camera's size. The first such call
+/// starts the thread, which blocks all signals. The prior's preprocessing, the search and the coding are the other
+/// thread's work. The call neither waits for the device nor allocates, except for the thread. Afterwards the image is
+/// yours again.
 ///
 /// Until nvsp_encode_finish or nvsp_encode_cancel ends the frame, other calls on the encoder fail with
 /// NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait and nvsp_encoder_destroy. So no packet is dropped
-/// unless you say so. Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next frame.
+/// unless you say so. Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next
+/// frame.
 ///
 /// With nvsp_encoder_options.pipelined a second frame may be begun at any time while one is under way or not fetched.
 /// No packet is dropped then: a third frame fails with NVSP_ERR_UNFINISHED. Frames end in the order in which they were
-/// begun; nvsp_encode_poll, nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while no
-/// frame is searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished
+/// begun; nvsp_encode_poll, nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while
+/// no frame is searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished
 /// last. If coding a frame fails, it counts as one whose packet was lost on the way. Host memory is taken up to the
 /// third frame. Example, which is always one packet behind:
 ///
@@ -687,8 +691,9 @@ pub unsafe extern "C" fn nvsp_encode(
 /// }
 /// ```
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
-/// NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the frame itself fails, nvsp_encode_finish returns its status.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE,
+/// NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the
+/// frame itself fails, nvsp_encode_finish returns its status.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.
@@ -767,11 +772,11 @@ pub unsafe extern "C" fn nvsp_encode_finish(
 }
 
 /// Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
-/// NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long as
-/// the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or
-/// nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped counts as one whose packet was lost on the
-/// way: its number is used up, its pose may be where the next frame starts, and the next packet names prior and camera in
-/// full. Returns NVSP_OK, too, if nothing was begun.
+/// NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long
+/// as the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with
+/// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped
+/// counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame starts,
+/// and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
 ///

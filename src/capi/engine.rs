@@ -99,20 +99,20 @@ pub struct nvsp_engine_options {
     pub thread_start: nvsp_thread_callback,
     /// Passed to `thread_start` as it is. What it points to must outlive every handle made with the engine.
     pub thread_start_user: *mut c_void,
-    /// Longest that the library waits for one piece of work on the device, milliseconds: a frame is one to a few pieces.
-    /// If it takes longer, the call fails with NVSP_ERR_DEVICE_LOST, and so does every later call on what was made with
-    /// the engine. All handles can then be destroyed as usual; the memory that the device may still use is never given
-    /// back. 0: 60,000. NVSP_WATCHDOG_NONE: no bound.
+    /// Longest that the library waits for one piece of work on the device, milliseconds: a frame is one to a few
+    /// pieces. If it takes longer, the call fails with NVSP_ERR_DEVICE_LOST, and so does every later call on what was
+    /// made with the engine. All handles can then be destroyed as usual; the memory that the device may still use is
+    /// never given back. 0: 60,000. NVSP_WATCHDOG_NONE: no bound.
     pub watchdog_milliseconds: u32,
     /// Zero.
     pub reserved: u32,
-    /// What nvsp_engine_get_pipeline_cache gave on an earlier start, so that the driver need not compile again. Read during
-    /// nvsp_engine_create. Bytes that are damaged, or of another device or driver, are left aside. NULL: none.
+    /// What nvsp_engine_get_pipeline_cache gave on an earlier start, so that the driver need not compile again. Read
+    /// during nvsp_engine_create. Bytes that are damaged, or of another device or driver, are left aside. NULL: none.
     pub pipeline_cache: *const u8,
     /// Bytes of it.
     pub pipeline_cache_size: usize,
-    /// A Vulkan device of yours to work on. Read during nvsp_engine_create. `device` is then NULL, and NVSP_ENGINE_VALIDATION
-    /// not set: validation is your instance's. NULL: the library opens a device of its own.
+    /// A Vulkan device of yours to work on. Read during nvsp_engine_create. `device` is then NULL, and
+    /// NVSP_ENGINE_VALIDATION not set: validation is your instance's. NULL: the library opens a device of its own.
     pub vulkan: *const nvsp_vulkan,
 }
 versioned!(nvsp_engine_options, 104);
@@ -140,8 +140,8 @@ versioned!(nvsp_engine_info, 288);
 /// Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
 /// options' `log`, as there is no handle to ask yet.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown flags, a name that is
-/// no UTF-8, or fields that exclude each other), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown flags, a name that
+/// is no UTF-8, or fields that exclude each other), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 ///
 /// # Safety
 /// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
@@ -238,8 +238,8 @@ unsafe fn open_options(options: &nvsp_engine_options) -> Result<OpenOptions, Fai
 /// their state. Then destroy the old prior. If the device cannot be opened, the engine does not change; try again
 /// later.
 ///
-/// Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one, and a
-/// new engine with it.
+/// Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one,
+/// and a new engine with it.
 ///
 /// # Safety
 /// - `engine`: a live engine. Not NULL.
@@ -296,8 +296,8 @@ pub unsafe extern "C" fn nvsp_engine_get_info(
     }
 }
 
-/// Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next start.
-/// Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
+/// Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next
+/// start. Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///

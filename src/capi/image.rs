@@ -63,8 +63,8 @@ pub struct nvsp_image {
 }
 versioned!(nvsp_image, 144);
 
-/// A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if it
-/// fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
+/// A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if
+/// it fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -92,9 +92,9 @@ pub struct nvsp_picture {
 }
 versioned!(nvsp_picture, 56);
 
-/// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device refuses
-/// sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells the limit.
-/// Every device that Vulkan 1.2 allows takes 2048 by 2048.
+/// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device
+/// refuses sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells
+/// the limit. Every device that Vulkan 1.2 allows takes 2048 by 2048.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -118,8 +118,8 @@ pub struct nvsp_camera {
 }
 versioned!(nvsp_camera, 32);
 
-/// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as by
-/// NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
+/// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as
+/// by NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -326,11 +326,11 @@ pub(super) unsafe fn pose(pose: *const nvsp_pose) -> Result<Option<Pose>, Failur
     pose.map(Some).ok_or(Failure::argument("a pose that is no rigid motion"))
 }
 
-/// Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the same
-/// motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
+/// Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the
+/// same motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, or NVSP_ERR_ARGUMENT if a pose is no rigid motion
-/// or the part is not finite, or so large that the pose is not.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, or NVSP_ERR_ARGUMENT if a pose is no rigid
+/// motion or the part is not finite, or so large that the pose is not.
 ///
 /// # Safety
 /// - `from`, `to`: the poses, from world to camera. Read during the call. Not NULL.

@@ -119,10 +119,10 @@ pub unsafe extern "C" fn nvsp_encoder_set_lens(
 
 /// Sets which pixels of all images from here on count. Mask what shows the vehicle itself: its arm, its frame, a lamp.
 /// Masked pixels count neither in the search for the pose nor in nvsp_frame_stats, and no bytes are spent on them: the
-/// topside shows the prior's render there. A coarse coding may change it a little beside pixels that count. The mask may
-/// change from frame to frame, as the arm moves. With a lens, it masks pixels of the lens's images. If the camera's size
-/// changes, the mask is scaled; a pixel counts if all that it shows counts. Allocates two bytes per pixel of the mask and
-/// 48 per pixel of the camera. If the call fails, the mask before stays. Example:
+/// topside shows the prior's render there. A coarse coding may change it a little beside pixels that count. The mask
+/// may change from frame to frame, as the arm moves. With a lens, it masks pixels of the lens's images. If the camera's
+/// size changes, the mask is scaled; a pixel counts if all that it shows counts. Allocates two bytes per pixel of the
+/// mask and 48 per pixel of the camera. If the call fails, the mask before stays. Example:
 ///
 /// ```c
 /// nvsp_mask mask = NVSP_INITIALIZER(nvsp_mask);
@@ -167,18 +167,18 @@ pub unsafe extern "C" fn nvsp_encoder_set_mask(
 
 /// Sets which parts of the picture get more of the bytes from here on: what the pilot looks at. `weights` has `columns`
 /// times `rows` values from 1 to 255, row by row, laid over the picture in cells of equal size. An error in a cell of
-/// weight 8 counts eight times as much as one in a cell of weight 1. At the same budget the other parts get fewer bytes;
-/// NVSP_RATE_PSNR stays that of the whole picture. The topside needs to know nothing of it. It may change from frame to
-/// frame, as the pilot's cursor moves. WebP knows no such parts. Allocates a byte per cell. If the call fails, the weights
-/// before stay. Example:
+/// weight 8 counts eight times as much as one in a cell of weight 1. At the same budget the other parts get fewer
+/// bytes; NVSP_RATE_PSNR stays that of the whole picture. The topside needs to know nothing of it. It may change from
+/// frame to frame, as the pilot's cursor moves. WebP knows no such parts. Allocates a byte per cell. If the call fails,
+/// the weights before stay. Example:
 ///
 /// ```c
 /// uint8_t weights[9] = {1, 1, 1, 1, 8, 1, 1, 1, 1}; /* the middle ninth */
 /// status = nvsp_encoder_set_interest(encoder, 3, 3, weights, sizeof weights);
 /// ```
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT
-/// if a side has no cells or more than 4096, `size` is not columns times rows, or a weight is 0.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or
+/// NVSP_ERR_ARGUMENT if a side has no cells or more than 4096, `size` is not columns times rows, or a weight is 0.
 ///
 /// # Safety
 /// - `encoder`: a live encoder. Not NULL.

@@ -6,18 +6,19 @@
 //! the grant, which is freed with the last of it. Small needs outside of such calls (the text of an error, a thread)
 //! come from a fixed reserve.
 //!
-//! The allocator stands only in the C library, which cargo-c builds with `cfg(cargo_c)`. Rust programs choose their own.
+//! The allocator stands only in the C library, which cargo-c builds with `cfg(cargo_c)`. Rust programs choose their
+//! own.
 
 use super::allocator::nvsp_allocator;
 use super::handle::fence;
 use super::status::*;
 use super::structs::read;
 
-/// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles are
-/// destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
+/// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles
+/// are destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (one callback without the other),
-/// or NVSP_ERR_STATE if the library holds memory.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (one callback without the
+/// other), or NVSP_ERR_STATE if the library holds memory.
 ///
 /// # Safety
 /// - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.

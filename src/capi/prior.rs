@@ -134,8 +134,8 @@ pub struct nvsp_prior_info {
 }
 versioned!(nvsp_prior_info, 80);
 
-/// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than the
-/// device memory was made for makes a frame take more.
+/// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than
+/// the device memory was made for makes a frame take more.
 #[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -374,8 +374,8 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
 /// nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
 /// Opens no device. Allocates; any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR
-/// if the file is no PLY file and no compact prior.
+/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_CAMERA, NVSP_ERR_FILE, or
+/// NVSP_ERR_PRIOR if the file is no PLY file and no compact prior.
 ///
 /// # Safety
 /// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.

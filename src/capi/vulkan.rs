@@ -50,9 +50,9 @@ pub type nvsp_vulkan_loader = Option<
 pub type nvsp_queue_callback = Option<unsafe extern "C" fn(user: *mut c_void)>;
 
 /// A Vulkan device that you have made, for an engine to work on beside your own work. It needs Vulkan 1.2, the feature
-/// vulkanMemoryModel, and a queue that computes; no extensions. With the feature shaderInt64 CPU devices are faster. The
-/// types are those of Vulkan's own header. What an engine makes on the device is gone when the last handle made with it
-/// is destroyed. Until then keep instance and device; the library destroys neither. Example:
+/// vulkanMemoryModel, and a queue that computes; no extensions. With the feature shaderInt64 CPU devices are faster.
+/// The types are those of Vulkan's own header. What an engine makes on the device is gone when the last handle made
+/// with it is destroyed. Until then keep instance and device; the library destroys neither. Example:
 ///
 /// ```c
 /// nvsp_vulkan vulkan = NVSP_INITIALIZER(nvsp_vulkan);
@@ -85,8 +85,8 @@ pub struct nvsp_vulkan {
     pub physical_device: *mut VkPhysicalDevice_T,
     /// A VkDevice made of that. Not NULL.
     pub device: *mut VkDevice_T,
-    /// A VkPhysicalDeviceFeatures2 with its chain: what VkDeviceCreateInfo.pNext was when the device was made. The library
-    /// reads shaderInt64 of it, and vulkanMemoryModel of a VkPhysicalDeviceVulkan12Features or a
+    /// A VkPhysicalDeviceFeatures2 with its chain: what VkDeviceCreateInfo.pNext was when the device was made. The
+    /// library reads shaderInt64 of it, and vulkanMemoryModel of a VkPhysicalDeviceVulkan12Features or a
     /// VkPhysicalDeviceVulkanMemoryModelFeatures. Read during the call. Not NULL.
     pub features: *const c_void,
     /// A VkQueue of the device. Not NULL.
@@ -95,8 +95,9 @@ pub struct nvsp_vulkan {
     pub queue_family: u32,
     /// VkApplicationInfo.apiVersion of the instance, VK_API_VERSION_1_2 or newer.
     pub api_version: u32,
-    /// Called before the library submits work to the queue, as Vulkan lets one thread at a time use a queue. It waits until
-    /// no other thread uses it. NULL: nobody else uses the queue until the last handle made with the engine is destroyed.
+    /// Called before the library submits work to the queue, as Vulkan lets one thread at a time use a queue. It waits
+    /// until no other thread uses it. NULL: nobody else uses the queue until the last handle made with the engine is
+    /// destroyed.
     pub lock_queue: nvsp_queue_callback,
     /// Called after it. NULL if `lock_queue` is.
     pub unlock_queue: nvsp_queue_callback,

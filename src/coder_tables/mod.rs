@@ -1,7 +1,7 @@
 //! Coder tables: the weights of the wavelet coder's networks.
 //!
-//! The coder itself is [`residual::wavelet`](crate::residual::wavelet). The tables are a room of their own, since a prior
-//! may bring tables of its scene.
+//! The coder itself is [`residual::wavelet`](crate::residual::wavelet). The tables are a room of their own, since a
+//! prior may bring tables of its scene.
 
 pub mod networks;
 mod tables;

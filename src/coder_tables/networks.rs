@@ -1,8 +1,8 @@
 //! Small networks in integers: chances of a coefficient's bits from its context.
 //!
-//! Inputs and hidden values have [`FEATURE_PLACES`] binary places, weights [`WEIGHT_PLACES`], logits
-//! [`LOGIT_PLACES`]. No sum leaves 32 bits: inputs stay within [`LARGEST`], hidden values within [`LARGEST_HIDDEN`], and
-//! layers have at most [`MAGNITUDE_INPUTS`] inputs.
+//! Inputs and hidden values have [`FEATURE_PLACES`] binary places, weights [`WEIGHT_PLACES`], logits [`LOGIT_PLACES`].
+//! No sum leaves 32 bits: inputs stay within [`LARGEST`], hidden values within [`LARGEST_HIDDEN`], and layers have at
+//! most [`MAGNITUDE_INPUTS`] inputs.
 
 /// Numbers that the network for magnitudes looks at.
 pub const MAGNITUDE_INPUTS: usize = 33;
@@ -18,9 +18,9 @@ pub const HIDDEN_QUIET: usize = 12;
 pub const CLASSES: usize = 14;
 /// Values of the hidden layers.
 pub const HIDDEN: usize = 32;
-/// Of the second one for magnitudes.
+/// Values of the second hidden layer for magnitudes.
 pub const HIDDEN_2: usize = 16;
-/// Of the one for signs.
+/// Values of the hidden layer for signs.
 pub const HIDDEN_SIGN: usize = 16;
 /// Logits of a magnitude: not zero; above one; above two; one more beyond.
 pub const LOGITS: usize = 4;
@@ -52,7 +52,7 @@ pub type Logit = i16;
 /// The weights. Biases have the places of a weight times an input's, less [`FEATURE_PLACES`]: those of a weight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Networks {
-    /// By input, then hidden value.
+    /// First layer for magnitudes: by input, then hidden value.
     pub magnitude_1: [[i16; HIDDEN]; MAGNITUDE_INPUTS],
     /// What a class of band adds.
     pub magnitude_class: [[i16; HIDDEN]; CLASSES],
@@ -66,7 +66,8 @@ pub struct Networks {
     pub magnitude_3: [[i16; LOGITS]; HIDDEN_2],
     /// Its bias.
     pub magnitude_bias_3: [i16; LOGITS],
-    /// Of quiet contexts: whether the coefficient is not zero. Most contexts are quiet, so this network is small.
+    /// First layer for quiet contexts, which tell whether the coefficient is not zero. Most contexts are quiet, so this
+    /// network is small.
     pub quiet_1: [[i16; HIDDEN_QUIET]; QUIET_INPUTS],
     /// What a class of band adds.
     pub quiet_class: [[i16; HIDDEN_QUIET]; CLASSES],
@@ -76,7 +77,7 @@ pub struct Networks {
     pub quiet_2: [i16; HIDDEN_QUIET],
     /// Its bias.
     pub quiet_bias_2: i16,
-    /// By input, then hidden value.
+    /// First layer for signs: by input, then hidden value.
     pub sign_1: [[i16; HIDDEN_SIGN]; SIGN_INPUTS],
     /// What a class of band adds.
     pub sign_class: [[i16; HIDDEN_SIGN]; CLASSES],

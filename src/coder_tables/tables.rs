@@ -9,7 +9,7 @@ pub const RANKS: usize = 7;
 /// Magnitudes told apart: one, two, three and above.
 pub const MAGNITUDES: usize = 3;
 
-/// By plane, rank and magnitude.
+/// Offsets of logits by plane, rank and magnitude.
 pub type Offsets = [[[i8; MAGNITUDES]; RANKS]; PLANES];
 
 /// What is trained.
@@ -51,8 +51,8 @@ impl Tables {
         Tables::read(include_bytes!("stream.nvt")).unwrap_or_else(|_| Tables::zero())
     }
 
-    /// Makes first tables of inter frames from tables of intra frames. Forgets the weights of inputs that mean something
-    /// else in inter frames.
+    /// Makes first tables of inter frames from tables of intra frames. Forgets the weights of inputs that mean
+    /// something else in inter frames.
     pub fn for_stream(&self) -> Tables {
         let mut tables = self.clone();
         let networks = &mut tables.networks;

@@ -192,8 +192,8 @@ impl Distortion {
     }
 }
 
-/// Not inlined: compilers compare the coefficients before they look at the variant, harmlessly, and memory checkers then
-/// report those that a fisheye does not have.
+/// Not inlined: compilers compare the coefficients before they look at the variant, harmlessly, and memory checkers
+/// then report those that a fisheye does not have.
 #[inline(never)]
 fn are_zero(coefficients: &[f64; 8]) -> bool {
     coefficients.iter().all(|value| *value == 0.0)

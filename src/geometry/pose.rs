@@ -25,7 +25,7 @@ impl Pose {
     /// The pose whose camera stands at the world's origin and looks along +z.
     pub const IDENTITY: Pose = Pose { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
 
-    /// From `q = (w, x, y, z)` of any length but zero, and `t`. `None` if that is no pose.
+    /// Takes `q = (w, x, y, z)` of any length but zero, and `t`. `None` if that is no pose.
     pub fn from_wxyz(q: [f64; 4], t: [f64; 3]) -> Option<Pose> {
         let rotation = DQuat::from_xyzw(q[1], q[2], q[3], q[0]);
         let length = rotation.length();
@@ -122,8 +122,8 @@ impl Pose {
         self.after(&before.inverse()).after(self)
     }
 
-    /// The pose on the way to another: 0 is this one, 1 the other. Each step of the way is the same motion; beyond 0 to 1
-    /// it goes on.
+    /// The pose on the way to another: 0 is this one, 1 the other. Each step of the way is the same motion; beyond 0 to
+    /// 1 it goes on.
     pub fn between(&self, other: &Pose, part: f64) -> Pose {
         let way = other.after(&self.inverse()).log();
         self.stepped(&way.map(|value| part * value))

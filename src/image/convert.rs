@@ -10,8 +10,8 @@ use crate::{Camera, Picture};
 /// Makes pictures of one size from images of any, or pictures of a pinhole camera from those of a lens.
 ///
 /// Without a lens, every sample of the result is within one step of the exact value, for images up to 32 times the
-/// picture's size. Planes are scaled before colours are converted, chroma at its own resolution. Nothing is allocated if
-/// the image before had the same size and format and the picture is large enough.
+/// picture's size. Planes are scaled before colours are converted, chroma at its own resolution. Nothing is allocated
+/// if the image before had the same size and format and the picture is large enough.
 ///
 /// With a lens ([`Converter::undistorting`]) images have the lens's size. A pixel of the picture is very nearly a
 /// parallelogram on the image, its footprint. First the image is reduced by area averaging, as without a lens, by the

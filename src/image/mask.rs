@@ -30,7 +30,7 @@ impl Mask {
         Mask { width, height, data: vec![false; width as usize * height as usize] }
     }
 
-    /// From a picture of one byte per pixel: white counts (128 and more), black does not. `stride`: bytes from one row
+    /// Reads a picture of one byte per pixel: white counts (128 and more), black does not. `stride`: bytes from one row
     /// to the next. The last row may end before its stride does.
     ///
     /// # Errors
@@ -67,8 +67,8 @@ impl Mask {
         self.data.iter_mut().zip(&other.data).for_each(|(own, other)| *own &= *other);
     }
 
-    /// The mask whose pixels are `factor × factor` blocks of this one's. Blocks that do not fit whole are left out, as in
-    /// [`Camera::reduced`]. A block counts if all of it does.
+    /// The mask whose pixels are `factor × factor` blocks of this one's. Blocks that do not fit whole are left out, as
+    /// in [`Camera::reduced`]. A block counts if all of it does.
     pub fn reduced(&self, factor: u32) -> Mask {
         let (width, height) = (self.width / factor, self.height / factor);
         let mut reduced = Mask::all(width, height);

@@ -35,7 +35,7 @@ impl Picture {
         Picture { width, height, data: vec![0; width as usize * height as usize * 3] }
     }
 
-    /// From row-major RGB bytes; `None` if their number does not fit the size.
+    /// Takes row-major RGB bytes; `None` if their number does not fit the size.
     pub fn from_rgb(width: u32, height: u32, data: Vec<u8>) -> Option<Picture> {
         (data.len() == width as usize * height as usize * 3).then_some(Picture {
             width,

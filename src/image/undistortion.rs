@@ -18,7 +18,7 @@ const LONGER: i32 = ONE / 32;
 pub(super) struct Undistortion {
     size: (u32, u32),
     reduced: Picture,
-    /// Of the camera's pixels, row by row. Those that are not covered have none.
+    /// Places of the camera's pixels, row by row. Those that are not covered have none.
     places: Vec<Place>,
     covered: Mask,
 }
@@ -135,7 +135,7 @@ impl Side {
         Side { count, step: side.map(|v| v / count) }
     }
 
-    /// From the footprint's middle to the first sample.
+    /// Distance from the footprint's middle to the first sample.
     fn first(&self, k: usize) -> i32 {
         -self.step[k] * (self.count - 1) / 2
     }

@@ -64,19 +64,19 @@
 //! | 2 | its tag, see below |
 //!
 //! A *reference* is a frame of the stream that both sides hold: what the topside shows of it, less its render. The tag
-//! tells it from a frame of the same number that is of another stream, or came in part. It is the CRC-32 (IEEE) of these
-//! bytes, high half and low half combined by exclusive or: fx, fy, cx, cy and the placement (unit quaternion w, x, y, z,
-//! then translation, as the stage `decode_pose` has them), each as f32; then the difference picture, row by row, as
-//! `clamp(shown − render, −128, 127) + 128`. Only packets whose residual is of a stream can be leaned on, and only if all of
-//! the residual arrived. Frame numbers of references are told apart modulo 2¹⁶. Both sides hold the last 32 frames of a
-//! stream.
+//! tells it from a frame of the same number that is of another stream, or came in part. It is the CRC-32 (IEEE) of
+//! these bytes, high half and low half combined by exclusive or: fx, fy, cx, cy and the placement (unit quaternion w,
+//! x, y, z, then translation, as the stage `decode_pose` has them), each as f32; then the difference picture, row by
+//! row, as `clamp(shown − render, −128, 127) + 128`. Only packets whose residual is of a stream can be leaned on, and
+//! only if all of the residual arrived. Frame numbers of references are told apart modulo 2¹⁶. Both sides hold the last
+//! 32 frames of a stream.
 //!
 //! The residual's check covers the latent part too. So a residual is never added to the picture of
 //! another frame. Bytes after the last part are ignored: modems pad.
 //!
-//! **Later versions** keep the first byte's high four bits, and end their latent part with the CRC-16 of all bytes before
-//! it, after 19, 31 or 43 bytes. So a packet of a later version is told from garbage ([`PacketError::Version`]), by a
-//! check that one random packet in 21,845 of such a first byte passes.
+//! **Later versions** keep the first byte's high four bits, and end their latent part with the CRC-16 of all bytes
+//! before it, after 19, 31 or 43 bytes. So a packet of a later version is told from garbage ([`PacketError::Version`]),
+//! by a check that one random packet in 21,845 of such a first byte passes.
 //!
 //! A decoder cannot use a packet if it holds no camera with the packet's tag. It must not use a
 //! packet of another prior ([`Session::check`]).

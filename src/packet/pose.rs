@@ -173,7 +173,7 @@ impl QuantisedPose {
         }
     }
 
-    /// From the device's words.
+    /// Reads the device's words.
     ///
     /// # Errors
     /// [`PacketError::Pose`] if they are no pose, or no packet can hold them.
@@ -356,7 +356,7 @@ fn round_compact(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
     reached.then_some(Code::Compact { centre: steps.map(|v| v as i32), largest, small })
 }
 
-/// On the short code's grid. `None` if the centre is out of its reach.
+/// Rounds to the short code's grid. `None` if the centre is out of its reach.
 fn round_short(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
     let steps = (steps_from(frame, pose) / f64::from(SHORT_CENTRE_STEPS)).round().to_array();
     let reach = f64::from(*SHORT_CENTRE.start())..=f64::from(*SHORT_CENTRE.end());

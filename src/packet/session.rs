@@ -32,7 +32,7 @@ impl Session {
         Ok(Session::Stated { prior, width, height, camera_tag: camera_tag(camera)? })
     }
 
-    /// By its tag.
+    /// Names the session by its tag.
     pub fn tagged(prior: PriorId, camera: &Camera) -> Result<Session, PacketError> {
         session_tag(prior, camera).map(Session::Tagged)
     }

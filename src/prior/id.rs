@@ -18,7 +18,7 @@ impl PriorId {
         self.0.to_le_bytes()
     }
 
-    /// From a packet's bytes.
+    /// Reads a packet's bytes.
     pub fn from_bytes(bytes: [u8; 4]) -> PriorId {
         PriorId(u32::from_le_bytes(bytes))
     }

@@ -247,8 +247,8 @@ impl<'de> Visitor<'de> for &mut SplatSink {
     }
 }
 
-/// Writes splats as a binary PLY file with Inria's list of properties (normals zero), and options, preprocessing and key
-/// frames as comments. [`read_ply`] gives all of them back unchanged.
+/// Writes splats as a binary PLY file with Inria's list of properties (normals zero), and options, preprocessing and
+/// key frames as comments. [`read_ply`] gives all of them back unchanged.
 pub fn write_ply(
     splats: &Splats,
     options: &RenderOptions,

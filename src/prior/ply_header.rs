@@ -1,4 +1,5 @@
-//! What PLY files of splats have in common: header, lengths, comments with render options, preprocessing and key frames.
+//! What PLY files of splats have in common: header, lengths, comments with render options, preprocessing and key
+//! frames.
 
 use std::io::Cursor;
 use std::str::FromStr;

@@ -79,7 +79,7 @@ pub struct NormalEquations {
 }
 
 impl NormalEquations {
-    /// From the 28 sums of stage `reduce`: the upper triangle row by row, Jᵀr, Σ r².
+    /// Reads the 28 sums of stage `reduce`: the upper triangle row by row, Jᵀr, Σ r².
     pub fn from_sums(sums: &[f64; SUMS as usize], residuals: usize) -> NormalEquations {
         let mut jtj = [[0.0; 6]; 6];
         let upper = (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));

@@ -341,9 +341,9 @@ impl Renderer {
         self.run(0, job, &Pose::IDENTITY)
     }
 
-    /// Mean depth of what each pixel of the picture drawn last shows, row by row: the same bits on every portable device.
-    /// It is meant for pictures at coded poses that were drawn with depths. A pixel that shows next to nothing has
-    /// any depth, 0 for one.
+    /// Mean depth of what each pixel of the picture drawn last shows, row by row: the same bits on every portable
+    /// device. It is meant for pictures at coded poses that were drawn with depths. A pixel that shows next to nothing
+    /// has any depth, 0 for one.
     pub fn depths(&self) -> impl Iterator<Item = f32> {
         let floats = self.levels.image_read.read::<f32>(self.camera(0).pixels() * PIXEL as usize);
         floats

@@ -28,7 +28,8 @@ pub enum ResidualError {
     Rate(Rate),
     /// A map of interest has no cells, too many, or not as many weights as cells.
     #[error(
-        "map of interest of {columns}×{rows} cells with {weights} weights: give one for each, and 1 to 4096 along a side"
+        "map of interest of {columns}×{rows} cells with {weights} weights: give one for each, and 1 to 4096 along a \
+            side"
     )]
     InterestSize {
         /// Cells in a row.

@@ -4,9 +4,9 @@ use super::ResidualError;
 
 /// How much the parts of a picture count, in cells of equal size over all of it.
 ///
-/// An error in a cell of weight `w` counts `w` times as much as one in a cell of weight 1. Only the ratios of the weights
-/// matter. The difference picture's bytes go there: at the same budget, the other cells get fewer. What decodes them needs
-/// to know nothing of it.
+/// An error in a cell of weight `w` counts `w` times as much as one in a cell of weight 1. Only the ratios of the
+/// weights matter. The difference picture's bytes go there: at the same budget, the other cells get fewer. What decodes
+/// them needs to know nothing of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Interest {
     columns: u32,
@@ -18,7 +18,7 @@ pub struct Interest {
 const MOST_CELLS: u32 = 4096;
 
 impl Interest {
-    /// From a map of `columns · rows` weights, row by row, 1 to 255 each. It is laid over pictures of any size.
+    /// Reads a map of `columns · rows` weights, row by row, 1 to 255 each. It is laid over pictures of any size.
     ///
     /// # Errors
     /// If there are no cells or more than 4096 along a side, weights are missing or left over, or one is 0.
@@ -34,8 +34,8 @@ impl Interest {
         Ok(Interest { columns, rows, weights: weights.to_vec() })
     }
 
-    /// A rectangle in pictures of a size, pixels: what lies in it has the weight, all else 1. Parts outside the picture are
-    /// ignored.
+    /// A rectangle in pictures of a size, pixels: what lies in it has the weight, all else 1. Parts outside the picture
+    /// are ignored.
     ///
     /// # Errors
     /// If the picture has no pixels or more than 4096 along a side, the weight is 0, or the rectangle holds no pixel.

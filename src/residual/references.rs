@@ -12,7 +12,8 @@ pub const REFERENCES: usize = 32;
 /// The last frames of a stream, in memory that is set aside for all of them with the first.
 ///
 /// A reference is what a decoder shows less what it renders: both sides have that in the same bytes. Its *tag* is a
-/// check of these bytes, of the camera and of the pose. So a frame of the same number from another stream is not taken for it.
+/// check of these bytes, of the camera and of the pose. So a frame of the same number from another stream is not taken
+/// for it.
 #[derive(Default)]
 pub struct References {
     kept: Vec<Kept>,
@@ -45,7 +46,7 @@ impl Kept {
 /// Frame numbers are told apart modulo this: the short form of a packet holds no more.
 pub const NUMBERS: u32 = 1 << 16;
 
-/// By how many frames one frame lies behind another, modulo the numbers that are told apart.
+/// How many frames one frame lies behind another, modulo the numbers that are told apart.
 pub fn frames_behind(behind: u32, frame: u32) -> u32 {
     frame.wrapping_sub(behind) % NUMBERS
 }

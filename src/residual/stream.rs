@@ -14,7 +14,8 @@ pub enum Mode {
     /// Every frame by itself: a lost packet costs its frame alone.
     #[default]
     Intra,
-    /// Frames lean on earlier ones, and take fewer bytes. A frame whose reference is missing is shown as the render alone.
+    /// Frames lean on earlier ones, and take fewer bytes. A frame whose reference is missing is shown as the render
+    /// alone.
     Stream(Structure),
 }
 
@@ -22,8 +23,8 @@ pub enum Mode {
 /// leaning saves nothing; it then counts as a key frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Structure {
-    /// The newest frame that the topside has acknowledged: see [`Encoder::acknowledge`](crate::Encoder::acknowledge). No
-    /// loss costs more than its frame. It takes a return channel; the longer its delay, the less is saved.
+    /// The newest frame that the topside has acknowledged: see [`Encoder::acknowledge`](crate::Encoder::acknowledge).
+    /// No loss costs more than its frame. It takes a return channel; the longer its delay, the less is saved.
     Acknowledged,
     /// The frame before. It saves most; a loss costs all frames up to the next key frame.
     Chain {

@@ -1,7 +1,7 @@
 //! A reference's difference picture, moved to where it shows in another view.
 //!
-//! Both sides do this, so all of it is portable: sums, products and quotients of f64, which every processor rounds in the
-//! same way, then integers.
+//! Both sides do this, so all of it is portable: sums, products and quotients of f64, which every processor rounds in
+//! the same way, then integers.
 
 pub use crate::search::Placement;
 use crate::{Camera, Picture};
@@ -28,7 +28,7 @@ const NEAREST: f64 = 1e-3;
 /// A difference picture's value for no difference.
 const NONE: i32 = 128;
 
-/// From the pixels of one view to places in another.
+/// How pixels of one view move to places in another.
 struct Motion {
     /// Rows of the rotation, and the translation.
     rows: [[f64; 3]; 3],
@@ -51,8 +51,8 @@ impl Motion {
         Motion { rows, translation, focal, principal }
     }
 
-    /// Where a pixel of the view, at a depth, lies among the other view's pixels: its first whole column and row, counted
-    /// from pixel centres, and the parts beyond. `None` if it is not seen there.
+    /// Where a pixel of the view, at a depth, lies among the other view's pixels: its first whole column and row,
+    /// counted from pixel centres, and the parts beyond. `None` if it is not seen there.
     fn place(&self, x: usize, y: usize, depth: f32, size: (usize, usize)) -> Option<Place> {
         let [[fx, fy], [cx, cy]] = [self.focal, self.principal];
         let depth = f64::from(depth);
@@ -232,7 +232,8 @@ mod tests {
 
     #[test]
     fn a_step_sideways_shifts_by_the_parallax() {
-        // The camera of the new view stands 0.4 to the right: what it sees lay 0.4 · 30 / 4 = 3 pixels further right before.
+        // The camera of the new view stands 0.4 to the right: what it sees lay 0.4 · 30 / 4 = 3 pixels further right
+        // before.
         let (before, now) = (vantage([1.0, 0.0, 0.0, 0.0], [0.0; 3]), [1.0, 0.0, 0.0, 0.0]);
         let now = vantage(now, [-0.4, 0.0, 0.0]);
         let (picture, mut warped, mut still) = (picture(), planes(), planes());

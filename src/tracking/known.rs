@@ -222,7 +222,7 @@ mod tests {
             prop_assert!(is_sound(&exact.map(|row| row.map(|v| f64::from(v as f32)))));
         }
 
-        /// And are none once one direction's variance is below zero.
+        /// They are none once one direction's variance is below zero.
         #[test]
         fn less_than_nothing_is_not(
             deviation in prop::array::uniform6(0.1f64..10.0),

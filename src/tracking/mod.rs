@@ -2,8 +2,8 @@
 //!
 //! There is one [`Objective`]: the mean squared error over pixels and channels (the paper's eq. mse, averaged over
 //! channels too). Gauss–Newton minimises it on the device ([`crate::search`]). Poses move by left perturbations
-//! `T' = Exp(τ) T`; all optimisers work on τ. With the feature `paper` there are the paper's choices too, BFGS and Adam.
-//! The host leads them, with one evaluation per submission.
+//! `T' = Exp(τ) T`; all optimisers work on τ. With the feature `paper` there are the paper's choices too, BFGS and
+//! Adam. The host leads them, with one evaluation per submission.
 
 mod agreement;
 mod cold;

@@ -46,7 +46,7 @@ impl Default for Observability {
 }
 
 impl Observability {
-    /// By the normal equations at a pose.
+    /// Judges by the normal equations at a pose.
     pub fn of(equations: &NormalEquations) -> Observability {
         let h = &equations.jtj;
         let trace = |from: usize| (from..from + 3).map(|i| h[i][i]).sum::<f64>();

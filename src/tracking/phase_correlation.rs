@@ -101,7 +101,7 @@ impl PhaseCorrelation {
         }
     }
 
-    /// From `pictures` to their spectrum in `turned`.
+    /// Transforms `pictures` to their spectrum in `turned`.
     fn forward(&mut self) {
         self.rows[0].process_with_scratch(&mut self.pictures, &mut self.scratch);
         turn(&self.pictures, &mut self.turned, self.width);

@@ -242,7 +242,8 @@ impl Device {
         }
     }
 
-    /// What the driver has compiled so far, for [`DeviceOptions::pipeline_cache`] of the next start. It ends in a check.
+    /// What the driver has compiled so far, for [`DeviceOptions::pipeline_cache`] of the next start. It ends in a
+    /// check.
     pub fn pipeline_cache(&self) -> Result<Vec<u8>, Error> {
         self.inner.check()?;
         cache::read(&self.inner.device, self.inner.pipeline_cache)

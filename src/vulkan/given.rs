@@ -107,8 +107,8 @@ impl GivenDevice {
     /// Takes handles, and what guards the queue. Without a lock nothing else may use the queue.
     ///
     /// # Safety
-    /// The handles are valid and belong together. They stay valid as long as this, a clone of it, or anything made on the
-    /// device lives. The features are those that the device was made with.
+    /// The handles are valid and belong together. They stay valid as long as this, a clone of it, or anything made on
+    /// the device lives. The features are those that the device was made with.
     pub unsafe fn new(handles: DeviceHandles, lock: Option<Arc<dyn QueueLock>>) -> GivenDevice {
         GivenDevice { handles, lock }
     }

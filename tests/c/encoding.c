@@ -642,7 +642,8 @@ static void absurd_numbers(void) {
                                    &hint.translation[1], &hint.translation[2], &hint.translation[0],
                                    &hint.translation[2]};
         *numbers[i] = i < 2 ? NAN : i < 5 ? 1e30 : -1e30;
-        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode(both.encoder, &image, with_hint(&hint), bytes, sizeof bytes, &written, NULL));
+        EXPECT(NVSP_ERR_ARGUMENT,
+               nvsp_encode(both.encoder, &image, with_hint(&hint), bytes, sizeof bytes, &written, NULL));
         EXPECT(NVSP_OK, nvsp_encoder_last_error(both.encoder, text, sizeof text));
         CHECK(strstr(text, "nvsp_frame_info.hint") != NULL);
         EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(both.encoder, &image, with_hint(&hint)));

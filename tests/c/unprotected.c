@@ -94,8 +94,8 @@ static nvsp_collected fetch_and_show(nvsp_collector *collector, const packet *pa
     return state;
 }
 
-// Frames in any order, some of them lost and some more than once: the packet's start up to the first lost one is there. Then
-// the lost ones are sent again.
+// Frames in any order, some of them lost and some more than once: the packet's start up to the first lost one is there.
+// Then the lost ones are sent again.
 static void losses(const packet *packet, uint32_t mtu, int pad) {
     split frames = split_packet(packet, mtu, pad);
     nvsp_collector *collector = new_collector(mtu, 1);

@@ -5,8 +5,8 @@ use std::ops::Range;
 use crate::Picture;
 
 /// Contrast-limited adaptive histogram equalisation (Zuiderveld 1994), as OpenCV does it, with three differences: tiles
-/// are as equal as whole pixels allow, where OpenCV adds mirrored pixels; the clip limit is not rounded to whole pixels;
-/// and tiles are as far apart as their middles.
+/// are as equal as whole pixels allow, where OpenCV adds mirrored pixels; the clip limit is not rounded to whole
+/// pixels; and tiles are as far apart as their middles.
 ///
 /// It changes the luma `Y = 0.299 R + 0.587 G + 0.114 B` and adds the luma's change to all three channels: the
 /// differences of the channels (chroma) stay, unless a channel reaches 0 or 255.
@@ -92,7 +92,7 @@ pub(super) struct Equaliser {
     /// Down and across the picture.
     sides: [Side; 2],
     luma: Vec<u8>,
-    /// Of the tiles, row by row.
+    /// Curves of the tiles, row by row.
     curves: Vec<Curve>,
 }
 

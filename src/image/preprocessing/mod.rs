@@ -1,8 +1,8 @@
 //! Preprocessing: what is done to camera pictures of dark, deep scenes before anything else.
 //!
-//! The paper does the same to its wreck at 476 m: first gray-world white balance, then CLAHE. A prior that was trained on
-//! treated pictures says so ([`Prior::preprocessing`](crate::Prior::preprocessing)), and the encoder treats its frames
-//! in the same way. The topside shows the treated picture.
+//! The paper does the same to its wreck at 476 m: first gray-world white balance, then CLAHE. A prior that was trained
+//! on treated pictures says so ([`Prior::preprocessing`](crate::Prior::preprocessing)), and the encoder treats its
+//! frames in the same way. The topside shows the treated picture.
 //!
 //! All of it is integer arithmetic on 8-bit values: a picture gives the same treated picture on every CPU.
 

@@ -13,15 +13,15 @@ pub struct Quantisation {
     /// Step of positions, as a share of the prior's spread ([`PriorFrame::unit`]), rounded down to a power of two of
     /// the prior's unit. Far from the centre steps are coarser: see [`UNIFORM_BITS`].
     pub position: f32,
-    /// Of the logarithms of the scales.
+    /// Step of the logarithms of the scales.
     pub log_scale: f32,
-    /// Of the components of unit quaternions.
+    /// Step of the components of unit quaternions.
     pub rotation: f32,
-    /// Of the logits of the opacities.
+    /// Step of the logits of the opacities.
     pub opacity_logit: f32,
-    /// Of the constant coefficients of the spherical harmonics.
+    /// Step of the constant coefficients of the spherical harmonics.
     pub colour: f32,
-    /// Of the other coefficients of the spherical harmonics.
+    /// Step of the other coefficients of the spherical harmonics.
     pub sh: f32,
 }
 

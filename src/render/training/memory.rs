@@ -12,9 +12,9 @@ use super::{PAIRS_PER_SPLAT, TrainingPlan, first_pairs, with_room};
 /// Device memory of a training, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TrainingMemory {
-    /// From the start.
+    /// What it takes from the start.
     pub start: u64,
-    /// At most, while a splat shows in five tiles on average, or in fewer.
+    /// What it takes at most, while a splat shows in five tiles on average, or in fewer.
     pub peak: u64,
 }
 
@@ -154,7 +154,7 @@ struct Sizes {
     fixed: [Size; 17],
     /// Workspace by splats: it is made again when pictures need more pairs.
     workspace: [Size; 5],
-    /// By (tile, splat) pairs, at first.
+    /// Buffers whose size grows with (tile, splat) pairs, at first.
     pairs: [Size; 3],
     /// The same, if a splat shows in as many tiles as is planned for.
     planned: [Size; 3],

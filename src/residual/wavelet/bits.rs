@@ -29,7 +29,7 @@ pub struct First {
 }
 
 impl First {
-    /// Of a coefficient.
+    /// Predicts the first bit of a coefficient.
     pub fn of(predictor: &Predictor, due: &Due) -> First {
         let bias = &due.context.bias;
         if due.is_quiet() {

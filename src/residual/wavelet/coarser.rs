@@ -14,7 +14,7 @@ pub struct Coarser {
     low: [Vec<i32>; PLANES],
     /// How much brighter the decoded picture is than the render, 8 binary places.
     light: Vec<i32>,
-    /// Of the low band.
+    /// Width of the low band.
     width: usize,
 }
 

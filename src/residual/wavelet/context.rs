@@ -18,9 +18,9 @@ use crate::coder_tables::networks::{FEATURE_PLACES, LARGEST};
 /// All that is the same for a band of a plane.
 pub struct BandContext<'a> {
     frame: &'a Frame,
-    /// Which band.
+    /// The band.
     pub band: Band,
-    /// Of which plane.
+    /// Its plane.
     pub plane: usize,
     /// The band's share of the networks.
     pub bias: BandBias,
@@ -210,8 +210,8 @@ impl<'a> BandContext<'a> {
         Leaned { predicted, around }
     }
 
-    /// The render and the decoded coarser picture: inputs 18 to 32. If the frame leans on an earlier one, the first two are
-    /// what is predicted from that, in place of where the coefficient lies.
+    /// The render and the decoded coarser picture: inputs 18 to 32. If the frame leans on an earlier one, the first two
+    /// are what is predicted from that, in place of where the coefficient lies.
     fn pictures(&self, x: usize, y: usize, inputs: &mut [i16]) {
         let Frame { geometry, render, .. } = self.frame;
         let Band { level, width, height, .. } = self.band;

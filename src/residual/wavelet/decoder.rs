@@ -49,7 +49,8 @@ impl WaveletDecoder {
         self.add_leaning(payload, tail, portable, None, render)
     }
 
-    /// As [`WaveletDecoder::add`], for a payload that leans on a reference. `warped`: the reference's planes in this view.
+    /// As [`WaveletDecoder::add`], for a payload that leans on a reference. `warped`: the reference's planes in this
+    /// view.
     ///
     /// # Errors
     /// As for [`WaveletDecoder::add`]. All payloads that lean need the encoder's render.

@@ -123,7 +123,8 @@ impl WaveletEncoder {
         pays
     }
 
-    /// Predicts all blocks of the frame from the render, even if it is of no use there. Returns whether a block changes.
+    /// Predicts all blocks of the frame from the render, even if it is of no use there. Returns whether a block
+    /// changes.
     pub(super) fn predict_all(&mut self) -> bool {
         blocks::predict_all(&mut self.frame, &mut self.difference)
     }

@@ -23,7 +23,7 @@ impl Fineness {
         Fineness(value.clamp(0.0, COARSEST))
     }
 
-    /// Of a quality, 0 to 100.
+    /// The fineness of a quality, 0 to 100.
     pub fn of_quality(quality: f32) -> Fineness {
         let index = COARSEST_QUALITY * (1.0 - f64::from(quality) / 100.0);
         Fineness::new(index.round() + 0.5)
@@ -67,7 +67,8 @@ struct Told {
 
 /// Trials lie at least this far apart.
 const NEAREST: f64 = 0.05;
-/// A trial between two others stays so far from both; and this share of their distance, if the last two were on one side.
+/// A trial between two others stays so far from both; and this share of their distance, if the last two were on one
+/// side.
 const ASIDE: f64 = 0.02;
 const SHARE_ASIDE: f64 = 0.3;
 

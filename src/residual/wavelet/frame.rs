@@ -14,7 +14,8 @@ pub struct Frame {
     pub geometry: Geometry,
     /// The render's bands.
     pub render: RenderBands,
-    /// By value of the coarsest low band, row by row: the details of its block are predicted from the render.
+    /// Whether the details of a block are predicted from the render: for each value of the coarsest low band, row by
+    /// row.
     pub predicted: Vec<bool>,
     /// The coarsest low band is predicted from the render, too; else from grey.
     pub low_predicted: bool,

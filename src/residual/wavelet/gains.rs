@@ -14,9 +14,9 @@ use super::render_value::RenderValue;
 /// The gains of a level, in parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Gains {
-    /// Of the guess, eighths.
+    /// Gain of the guess, eighths.
     guess: i8,
-    /// Of the render's own coefficient, 64ths.
+    /// Gain of the render's own coefficient, 64ths.
     own: i8,
 }
 
@@ -100,7 +100,7 @@ impl Gains {
         self.with_codes(level).into_iter().map(of).sum()
     }
 
-    /// Both gains, and how they are coded: by Rice's code.
+    /// Gives both gains with how they are coded: by Rice's code.
     fn with_codes(self, level: usize) -> [(i8, Code); 2] {
         // Counted on the reef's training frames and on the basin's.
         let (guess, own) = match level {
@@ -166,7 +166,7 @@ impl GainFit {
         best.1
     }
 
-    /// By how much gains lessen the squared error, steps.
+    /// How much gains lessen the squared error, steps.
     fn less_error(&self, gains: Gains) -> f64 {
         let guess = f64::from(gains.guess) / f64::from(PARTS.0);
         let own = f64::from(gains.own) / f64::from(PARTS.1);

@@ -1,8 +1,8 @@
 //! What is predicted from an earlier frame's difference picture.
 //!
 //! That picture comes warped to this view. Each of its coefficients is multiplied by a factor that depends on its band
-//! and on the *age* of the reference: the light moves on, and fine details of it first. The encoder chooses the age that
-//! fits, and blocks in which nothing is predicted: what the frame shows there was hidden before, or has changed.
+//! and on the *age* of the reference: the light moves on, and fine details of it first. The encoder chooses the age
+//! that fits, and blocks in which nothing is predicted: what the frame shows there was hidden before, or has changed.
 
 use super::block_cost;
 use super::geometry::{Geometry, Orientation, Planes};
@@ -18,7 +18,7 @@ const AGES: usize = 8;
 /// Binary places of a factor.
 const PLACES: u32 = 8;
 
-/// By age, plane and rank of the band.
+/// Factors by distance to the reference, plane and rank of the band.
 const FACTORS: [[[u8; RANKS]; PLANES]; AGES] = ages();
 
 /// Factors of a reference one frame old at 15 fps, fitted on the reef's training frames: 1024ths.
@@ -113,7 +113,7 @@ pub struct Lean {
     /// The prediction's picture.
     picture: Planes,
     says: Says,
-    /// By block: its details are predicted.
+    /// Whether the details of each block are predicted.
     blocks: Vec<bool>,
     rows: Vec<i32>,
 }
@@ -213,7 +213,7 @@ impl Lean {
         (0..AGES).min_by(|a, b| bits(*a).total_cmp(&bits(*b))).unwrap_or(0)
     }
 
-    /// By plane and rank, in steps.
+    /// Energies by plane and rank, in steps.
     fn energies(&self, geometry: &Geometry, difference: &Planes) -> [[Energies; RANKS]; PLANES] {
         let mut energies = [[Energies::default(); RANKS]; PLANES];
         for band in geometry.bands() {

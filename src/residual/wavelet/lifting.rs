@@ -36,8 +36,8 @@ impl Scratch {
     }
 }
 
-/// Divides a low band of a size, in the upper left corner of a plane with rows of `stride` values, into the bands of the
-/// next level.
+/// Divides a low band of a size, in the upper left corner of a plane with rows of `stride` values, into the bands of
+/// the next level.
 pub fn forward(
     plane: &mut [i32],
     stride: usize,

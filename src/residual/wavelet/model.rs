@@ -34,7 +34,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Of no coefficient.
+    /// Makes a model that has seen no coefficient.
     pub fn new() -> Model {
         Model { bins: [Bin::default(); BINS], count: 0 }
     }

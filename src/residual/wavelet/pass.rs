@@ -40,12 +40,12 @@ impl Due<'_> {
         self.context.magnitude_inputs(self.quantised, self.x, self.y)
     }
 
-    /// Of the one for quiet contexts.
+    /// Inputs of the network for quiet contexts.
     pub fn quiet_inputs(&self) -> QuietInputs {
         self.context.quiet_inputs(self.x, self.y)
     }
 
-    /// Of the one for signs.
+    /// Inputs of the network for signs.
     pub fn sign_inputs(&self) -> SignInputs {
         self.context.sign_inputs(self.quantised, self.x, self.y)
     }

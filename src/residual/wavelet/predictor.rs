@@ -46,10 +46,10 @@ const fn pairs(count: usize) -> usize {
 
 /// Inputs of the network for magnitudes, in pairs; one is left over.
 pub type MagnitudeInputs = [[i16; 2]; pairs(MAGNITUDE_INPUTS)];
-/// Of the one for signs.
+/// Inputs of the network for signs, in pairs.
 pub type SignInputs = [[i16; 2]; pairs(SIGN_INPUTS)];
 
-/// Of the one for quiet contexts.
+/// Inputs of the network for quiet contexts, in pairs.
 pub type QuietInputs = [[i16; 2]; pairs(QUIET_INPUTS)];
 
 /// A band's share of the first layers.
@@ -102,15 +102,15 @@ pub struct Predictor {
     pub chances: Chances,
 }
 
-/// One for each kind of frame.
+/// A predictor for each kind of frame.
 pub struct Predictors {
     alone: Predictor,
-    /// Of frames that lean on a reference. Boxed, so that what holds it stays small.
+    /// The predictor of inter frames. Boxed, so that what holds it stays small.
     pub leaning: Box<Predictor>,
 }
 
 impl Predictors {
-    /// Of the tables of frames that stand alone, and of those that lean.
+    /// Makes them of the tables of intra frames and those of inter frames.
     pub fn new(alone: &Tables, leaning: &Tables) -> Predictors {
         Predictors { alone: Predictor::new(alone), leaning: Box::new(Predictor::new(leaning)) }
     }
@@ -122,7 +122,7 @@ impl Predictors {
 }
 
 impl Predictor {
-    /// Of tables.
+    /// Makes a predictor of tables.
     pub fn new(tables: &Tables) -> Predictor {
         let networks = tables.networks.clone();
         Predictor {

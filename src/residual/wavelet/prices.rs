@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::super::interest::Interest;
 use super::geometry::{Band, Geometry};
 
-/// By the place of a coefficient in the transformed plane. Their memory is taken with the first.
+/// Prices by the place of a coefficient in the transformed plane. Their memory is taken with the first.
 pub struct Prices {
     /// What a bit costs: 1 if the weight is the greatest, twice that if it is half of it.
     factors: Vec<f32>,

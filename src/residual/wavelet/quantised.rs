@@ -23,7 +23,7 @@ pub struct Near {
 /// The coefficients of a frame.
 pub struct Quantised {
     values: Vec<i16>,
-    /// By place: a coefficient that its context looks at is not zero. Kept up with every value, as most contexts see
+    /// Whether a coefficient that the context of a place looks at is not zero. Kept up with every value, as most see
     /// zeros alone.
     loud: Vec<bool>,
     places: [[[Places; 4]; MAX_LEVELS + 1]; PLANES],

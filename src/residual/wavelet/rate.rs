@@ -379,7 +379,7 @@ impl RateEncoder {
 
 /// Guesses a payload's length from what its weighed coefficients take: writing takes longer than choosing.
 struct Length {
-    /// Of all bytes for each weighed one.
+    /// Bytes in all for each weighed one.
     share: f64,
     /// A guess may be off by this share.
     off: f64,

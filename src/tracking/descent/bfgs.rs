@@ -18,8 +18,8 @@ pub struct BfgsOptions {
     pub gradient_tolerance: f64,
     /// Stop if the step's largest component is below this (paper: 1e-6).
     pub parameter_tolerance: f64,
-    /// Stop if the error changes by less than this: pytorch-minimize's own default. With the paper's 1e-6 here, too, the
-    /// search would end early (docs/decisions.md, 3).
+    /// Stop if the error changes by less than this: pytorch-minimize's own default. With the paper's 1e-6 here, too,
+    /// the search would end early (docs/decisions.md, 3).
     pub change_tolerance: f64,
     /// Most iterations; pytorch-minimize's default is 200 a parameter.
     pub iterations: u32,

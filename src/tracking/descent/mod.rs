@@ -1,9 +1,9 @@
 //! The paper's searches: gradient methods, led by the host, with one evaluation per submission.
 //!
-//! A search starts as in the paper: at the previous frame's pose if the prior, rendered there, is nearer to the frame than
-//! a threshold; else at the pose from outside. The pose that constant velocity predicts is a second candidate beside the
-//! previous pose. A coarse level of the pyramid tells which of the two is better, at a fraction of a render. The threshold
-//! is then applied to the better one at full resolution.
+//! A search starts as in the paper: at the previous frame's pose if the prior, rendered there, is nearer to the frame
+//! than a threshold; else at the pose from outside. The pose that constant velocity predicts is a second candidate
+//! beside the previous pose. A coarse level of the pyramid tells which of the two is better, at a fraction of a render.
+//! The threshold is then applied to the better one at full resolution.
 
 mod adam;
 mod bfgs;

@@ -245,7 +245,7 @@ impl Relocaliser {
         self.likely(0).or_else(|| Some(absolute(self.key_frames.first()?, self.origin)))
     }
 
-    /// Of the key frames that were compared with the frame, the one of rank `rank` by matches; rank 0 has most. After
+    /// The key frame of rank `rank` by matches, of those that were compared with the frame; rank 0 has most. After
     /// the last rank the first follows again.
     pub fn likely(&self, rank: usize) -> Option<Pose> {
         let (_, slot) = *self.ranked.get(rank.checked_rem(self.ranked.len())?)?;

@@ -189,6 +189,6 @@ fn differs(a: &Correction, b: &Correction) -> bool {
         let ends = [0.2, 0.8].map(|v| (a.of(channel, v) - b.of(channel, v)).abs());
         ends[0].max(ends[1])
     };
-    // Of the frame's own values, which the factor makes larger.
+    // The limit is in the frame's own values, which the factor makes larger.
     (0..3).any(|c| apart(c) > LIGHT * a.factor[c].max(1.0))
 }

@@ -18,8 +18,10 @@ pub const GROUP: Group = Group {
     cases,
 };
 
-const NO_WORSE: &str = "equations as the twin's; the search ends no worse than it began, or above 50 dB; the topside shows what was encoded";
-const AS_TWIN: &str = "drawn and differentiated as by the twin; the search ends no worse than it began, or above 50 dB; the topside shows what was encoded";
+const NO_WORSE: &str = "equations as the twin's; the search ends no worse than it began, or above 50 dB; the topside \
+    shows what was encoded";
+const AS_TWIN: &str = "drawn and differentiated as by the twin; the search ends no worse than it began, or above 50 \
+    dB; the topside shows what was encoded";
 const TOO_LARGE: &str =
     "drawn, encoded and decoded if the device holds it, else refused with what would fit";
 

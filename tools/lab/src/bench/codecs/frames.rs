@@ -79,7 +79,8 @@ pub fn print(rows: &[Row]) {
     let Some(least) = rows.iter().min_by(|a, b| a.gain().total_cmp(&b.gain())) else { return };
     let worse = rows.iter().filter(|row| row.gain() < 0.0).count();
     println!(
-        "frame by frame, with WebP's bytes: the wavelet coder is worse in {worse} of {} cases; the least gain is {:+.2} dB, \
+        "frame by frame, with WebP's bytes: the wavelet coder is worse in {worse} of {} cases; the least gain is \
+            {:+.2} dB, \
          {} with {} bytes",
         rows.len(),
         least.gain(),

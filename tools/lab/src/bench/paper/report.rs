@@ -101,15 +101,22 @@ fn markdown(set: &Set, frames: &Run, rows: &Rows) -> String {
     let _ = writeln!(
         text,
         "# {}, {} frames of {}×{}\n\n\
-         All figures are means per frame. Bytes are all that is sent for a frame: for `affine+` and `invs+` the payload, 28 \
-         bytes of pose as in the paper, and 24 of a warp; for `ours-` and `estimator` whole packets; for the others the \
+         All figures are means per frame. Bytes are all that is sent for a frame: for `affine+` and `invs+` the \
+         payload, 28 \
+         bytes of pose as in the paper, and 24 of a warp; for `ours-` and `estimator` whole packets; for the others \
+         the \
          payload alone. WebP's payload is counted without its container. Times are of this machine; those of JPEG XL \
          include the start of its programs.\n\n## Working points\n\n\
-         The paper does not state its coders' settings, but what PSNR they give plain frames. So WebP has the one quality, \
-         in all its rows, with which plain frames come nearest to the paper's {:.2} dB; JPEG XL has the one distance with \
-         which they come nearest to {:.2} dB. The program's own coder has the quality with which it reaches the PSNR of \
-         `{ANCHOR}`, {:.2} dB. `estimator` starts each frame from nothing, by the prior's key frames; `estimator-cnn` starts \
-         at given poses, and searches nowhere else. Its time and that of `affine-cnn` are without the regressor's. Packets \
+         The paper does not state its coders' settings, but what PSNR they give plain frames. So WebP has the one \
+         quality, \
+         in all its rows, with which plain frames come nearest to the paper's {:.2} dB; JPEG XL has the one distance \
+         with \
+         which they come nearest to {:.2} dB. The program's own coder has the quality with which it reaches the PSNR \
+         of \
+         `{ANCHOR}`, {:.2} dB. `estimator` starts each frame from nothing, by the prior's key frames; `estimator-cnn` \
+         starts \
+         at given poses, and searches nowhere else. Its time and that of `affine-cnn` are without the regressor's. \
+         Packets \
          of both estimators are of the full form, 12 bytes longer. A frame is found \
          if its render is at most {SHORT} dB below the best that any row has.\n",
         set.name,
@@ -124,13 +131,15 @@ fn markdown(set: &Set, frames: &Run, rows: &Rows) -> String {
     for Table { data, label, frames, .. } in tables {
         let _ = writeln!(
             text,
-            "\nThe figures for \"{data}\" are cited from the paper (`{label}`): {frames} frames of its own data, on its own \
+            "\nThe figures for \"{data}\" are cited from the paper (`{label}`): {frames} frames of its own data, on \
+                its own \
              machine."
         );
     }
     let _ = writeln!(
         text,
-        "\n## At one PSNR\n\nThe quality of each method is set for {:.2} dB, the PSNR of `{ANCHOR}` above, to within {} dB.\n",
+        "\n## At one PSNR\n\nThe quality of each method is set for {:.2} dB, the PSNR of `{ANCHOR}` above, to within \
+            {} dB.\n",
         rows.target,
         equal::TOLERANCE,
     );
