@@ -6,8 +6,8 @@ cd "$(dirname "$0")/.."
 # One source in the header's order, so that cbindgen sees only what is exported.
 source=$(mktemp --suffix=.rs)
 trap 'rm -f "$source"' EXIT
-parts="structs version status log thread allocator memory device vulkan engine prior dmabuf image frame encoding
-    encoder lens decoder sender collector"
+parts="structs version status log thread allocator memory device vulkan engine prior dmabuf image frame encoding encoder
+    lens decoder sender collector"
 for part in $parts; do
     sed '/^\/\/!/d' "src/capi/$part.rs"
 done > "$source"
