@@ -104,7 +104,8 @@ fn code(criterion: &mut Criterion) {
     });
     group.finish();
 
-    let pose = QuantisedPose::quantise(&scene::pose(0.0), &scene.frame(), PoseProfile::Compact);
+    let pose =
+        QuantisedPose::quantise(&scene::pose(0.0), &scene.coordinate_frame(), PoseProfile::Compact);
     let latent = Latent::new(0, scene.id(), &scene::CAMERA, pose.expect("a pose in range"), false)
         .expect("a camera that fits the header");
     let (camera, residual) = (Some(scene::CAMERA), coded.residual);

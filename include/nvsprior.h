@@ -118,22 +118,22 @@ template <class Structure> inline Structure nvsp_initialized() {
 
 // Run under the Khronos validation layer, which must be installed. Its messages are logged as
 // warnings when the engine is destroyed or reopened. For tests; slow.
-#define NVSP_ENGINE_VALIDATION 2048
+#define NVSP_ENGINE_VALIDATION 1
 
 // For nvsp_engine_options.watchdog_milliseconds: wait as long as the device takes.
 #define NVSP_WATCHDOG_NONE UINT32_MAX
 
 // `near_plane` is given.
-#define NVSP_PRIOR_NEAR 4096
+#define NVSP_PRIOR_NEAR 1
 
 // `alpha_max` is given.
-#define NVSP_PRIOR_ALPHA_MAX 8192
+#define NVSP_PRIOR_ALPHA_MAX 2
 
 // `antialiased` is given.
-#define NVSP_PRIOR_ANTIALIASED 16384
+#define NVSP_PRIOR_ANTIALIASED 4
 
 // `background` is given.
-#define NVSP_PRIOR_BACKGROUND 32768
+#define NVSP_PRIOR_BACKGROUND 8
 
 // Colours were left as they were.
 #define NVSP_WHITE_BALANCE_NONE 0
@@ -169,7 +169,7 @@ template <class Structure> inline Structure nvsp_initialized() {
 #define NVSP_COLOUR_BT709_FULL 3
 
 // For nvsp_frame_info.given: `time` is the frame's.
-#define NVSP_GIVEN_TIME 256
+#define NVSP_GIVEN_TIME 1
 
 // Quality 10.
 #define NVSP_RATE_DEFAULT 0
@@ -246,15 +246,15 @@ template <class Structure> inline Structure nvsp_initialized() {
 
 // The rate was not kept: the budget holds no difference picture, or the best one does not reach
 // the PSNR.
-#define NVSP_FRAME_RATE_MISSED 2
+#define NVSP_FRAME_RATE_MISSED 4
 
 // The picture does not determine one direction of the pose: see nvsp_frame_stats.pose_deviation.
-#define NVSP_FRAME_UNDETERMINED 4
+#define NVSP_FRAME_UNDETERMINED 8
 
 // A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
 // colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
 // it is one of the two.
-#define NVSP_FRAME_NOT_PORTABLE 64
+#define NVSP_FRAME_NOT_PORTABLE 2
 
 // The frame started from the pose given with it.
 #define NVSP_START_HINT 0
@@ -306,27 +306,27 @@ template <class Structure> inline Structure nvsp_initialized() {
 // difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
 // picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
 // matches.
-#define NVSP_DECODE_START 512
+#define NVSP_DECODE_START 1
 
 // The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
 // does not tell.
-#define NVSP_DECODED_SAME_RENDER 8
+#define NVSP_DECODED_SAME_RENDER 4
 
 // The render is not the vehicle's: the vehicle's device, or its driver, rounds differently.
-#define NVSP_DECODED_OTHER_RENDER 16
+#define NVSP_DECODED_OTHER_RENDER 8
 
 // The frame is one of a stream, and its difference picture leans on that of nvsp_decoded.reference.
-#define NVSP_DECODED_LEANS 8192
+#define NVSP_DECODED_INTER 16
 
 // The frame is one of a stream and came in full: later ones may lean on it. If there is a return channel, tell the
 // vehicle: nvsp_encoder_acknowledge.
-#define NVSP_DECODED_KEPT 16384
+#define NVSP_DECODED_KEPT 32
 
 // `pose` is given.
-#define NVSP_HEADER_POSE 32
+#define NVSP_HEADER_POSE 4
 
 // The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
-#define NVSP_HEADER_SHORT 128
+#define NVSP_HEADER_SHORT 8
 
 // nvsp_sender_options.loss: the link loses nothing.
 #define NVSP_LOSS_NONE -1.0
@@ -918,9 +918,9 @@ typedef struct nvsp_frame_stats {
   double pose_condition;
   // Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
   // certain.
-  uint32_t lost_frames;
+  uint32_t frames_since_certain;
   // How many frames before this one the frame came that its difference picture leans on; 0: it stands alone.
-  uint32_t leans_on;
+  uint32_t reference_distance;
 } nvsp_frame_stats;
 
 // A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if
@@ -1017,7 +1017,7 @@ typedef struct nvsp_decoded {
   nvsp_status damage;
   // The pose.
   struct nvsp_pose pose;
-  // With NVSP_DECODED_LEANS: the number of the frame that the difference picture leans on, modulo 2^24; else 0.
+  // With NVSP_DECODED_INTER: the number of the frame that the difference picture is predicted from, modulo 2^24; else 0.
   uint32_t reference;
   // Zero.
   uint32_t reserved;

@@ -218,7 +218,7 @@ impl Decoder {
             Ok(None) => None,
             Err(error) => Some(error.into()),
         };
-        let pose = latent.pose.dequantise(&self.scene.frame());
+        let pose = latent.pose.dequantise(&self.scene.coordinate_frame());
         let here = self.engine.device().portable;
         let frame = latent.frame_near(self.last_frame);
         let view = self.camera_decoder(&latent, frame)?;
@@ -265,7 +265,7 @@ impl Decoder {
     /// If its latent part is damaged.
     pub fn pose_of(&self, packet: &[u8]) -> Result<(Pose, bool), Error> {
         let latent = Latent::decode(packet)?;
-        Ok((latent.pose.dequantise(&self.scene.frame()), !latent.uncertain))
+        Ok((latent.pose.dequantise(&self.scene.coordinate_frame()), !latent.uncertain))
     }
 
     /// The newest known camera that a packet may be about.

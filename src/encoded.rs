@@ -56,7 +56,7 @@ pub struct FrameStats {
     pub portable: bool,
     /// Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
     /// certain.
-    pub lost_frames: u32,
+    pub frames_since_certain: u32,
 }
 
 /// An encoded frame.

@@ -12,7 +12,9 @@ use crate::render::{Plan, Scene};
 use crate::residual::{
     Acknowledged, Interest, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Vantage,
 };
-use crate::tracking::{Evaluation, Found, Known, Objective, Optimizer, RefineOptions, Tracker};
+use crate::tracking::{
+    Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker,
+};
 use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
 
 /// How to encode.
@@ -241,12 +243,16 @@ impl Encoder {
     /// says that it is. All that follows is about the treated frame: the search, the difference picture, and the PSNR
     /// in [`FrameStats`](crate::FrameStats). `known`: when the frame was taken, and a pose from sensors or an
     /// estimator, used if the frame before gives no good start. It may be a [`Pose`](crate::Pose), an `Option` of one,
-    /// a [`Hint`](crate::Hint), or a [`Known`].
+    /// a [`Hint`](crate::Hint), or a [`FrameInfo`].
     ///
     /// # Errors
     /// If the frame cannot be encoded, or `known` cannot be true. Such a frame changes nothing: the next one goes on
     /// from the frame before.
-    pub fn encode(&mut self, frame: &Picture, known: impl Into<Known>) -> Result<Encoded, Error> {
+    pub fn encode(
+        &mut self,
+        frame: &Picture,
+        known: impl Into<FrameInfo>,
+    ) -> Result<Encoded, Error> {
         let mut encoded = Encoded::default();
         self.encode_into(frame, known, &mut encoded)?;
         Ok(encoded)
@@ -257,7 +263,7 @@ impl Encoder {
     pub fn encode_into(
         &mut self,
         frame: &Picture,
-        known: impl Into<Known>,
+        known: impl Into<FrameInfo>,
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
         self.check_frame(frame)?;
@@ -289,7 +295,7 @@ impl Encoder {
     pub(crate) fn track_next(
         &mut self,
         frame: &Picture,
-        known: Known,
+        known: FrameInfo,
         work: &mut FrameWork,
     ) -> Result<(), Error> {
         self.check_frame(frame)?;
@@ -306,7 +312,7 @@ impl Encoder {
     }
 
     /// Treats a frame, finds its pose and draws it. Changes nothing that the next frame goes on from.
-    fn track(&mut self, work: &mut FrameWork) -> Result<Found, Error> {
+    fn track(&mut self, work: &mut FrameWork) -> Result<PoseEstimate, Error> {
         let since = Instant::now();
         self.check_frame(&work.frame)?;
         let known = work.known;
@@ -326,7 +332,7 @@ impl Encoder {
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
         self.set_stream(&pose, work);
-        let lost_frames = self.lost_frames_with(&found);
+        let frames_since_certain = self.lost_frames_with(&found);
         let camera = self.camera_due().then_some(self.camera);
         work.has_render_check = self.check_due();
         work.residual = Some(self.residual_setup());
@@ -338,7 +344,7 @@ impl Encoder {
             let as_render = |at: usize, rgb: &mut [u8]| rgb.copy_from_slice(&render[at..at + 3]);
             mask.each_masked(&mut work.frame.data, as_render);
         }
-        work.pose = pose.dequantise(&self.scene.frame());
+        work.pose = pose.dequantise(&self.scene.coordinate_frame());
         let latent = Latent {
             portable: self.engine.device().portable,
             ..Latent::new(self.frame, self.scene.id(), &self.camera, pose, !found.certain)?
@@ -361,7 +367,7 @@ impl Encoder {
         stats.observability = found.observability;
         stats.certain = found.certain;
         stats.portable = latent.portable;
-        stats.lost_frames = lost_frames;
+        stats.frames_since_certain = frames_since_certain;
         stats.refine_milliseconds = since.elapsed().as_secs_f64() * 1e3;
         Ok(found)
     }
@@ -385,13 +391,13 @@ impl Encoder {
         };
     }
 
-    /// [`lost_frames`](crate::FrameStats::lost_frames) of the next frame.
-    fn lost_frames_with(&self, found: &Found) -> u32 {
-        if found.certain { 0 } else { self.tracker.lost_frames().saturating_add(1) }
+    /// [`frames_since_certain`](crate::FrameStats::frames_since_certain) of the next frame.
+    fn lost_frames_with(&self, found: &PoseEstimate) -> u32 {
+        if found.certain { 0 } else { self.tracker.frames_since_certain().saturating_add(1) }
     }
 
     /// Keeps what the next frame goes on from.
-    fn keep(&mut self, work: &FrameWork, found: &Found) {
+    fn keep(&mut self, work: &FrameWork, found: &PoseEstimate) {
         let sent = work.camera.is_some();
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         (self.full_due, self.stream_ended) = (false, false);
@@ -424,10 +430,10 @@ impl Encoder {
     }
 
     /// Checks what is stated of the next frame.
-    pub(crate) fn check_known(&self, known: &Known) -> Result<(), Error> {
+    pub(crate) fn check_known(&self, known: &FrameInfo) -> Result<(), Error> {
         known.check(self.frame, self.time)?;
         let Some(hint) = &known.hint else { return Ok(()) };
-        let frame = self.scene.frame();
+        let frame = self.scene.coordinate_frame();
         let distance = (hint.pose.centre() - self.scene.centre()).length();
         if distance > FAR * f64::from(frame.spread) {
             return Err(Error::HintFar { frame: self.frame, distance });
@@ -446,11 +452,16 @@ impl Encoder {
     }
 
     /// The pose as the packet will hold it. Its picture is drawn, unless the search has drawn it.
-    fn coded_pose(&mut self, found: &Found, profile: PoseProfile) -> Result<QuantisedPose, Error> {
+    fn coded_pose(
+        &mut self,
+        found: &PoseEstimate,
+        profile: PoseProfile,
+    ) -> Result<QuantisedPose, Error> {
         if let Some(code) = &found.drawn {
             return Ok(QuantisedPose::of_words(code)?);
         }
-        let pose = QuantisedPose::quantise(&found.outcome.pose, &self.scene.frame(), profile)?;
+        let pose =
+            QuantisedPose::quantise(&found.outcome.pose, &self.scene.coordinate_frame(), profile)?;
         let renderer = self.tracker.objective().renderer();
         match self.options.mode {
             Mode::Intra => renderer.draw_coded(&pose.words())?,

@@ -9,7 +9,7 @@ use crate::residual::{
     Acknowledged, InStream, Interest, ResidualEncoder, ResidualSetup, StreamFrame, Structure,
     Vantage,
 };
-use crate::{Camera, Encoded, Error, FrameStats, Known, Packet, Picture, Pose, Rate};
+use crate::{Camera, Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose, Rate};
 
 /// A frame on its way through the encoder. Buffers are kept from frame to frame.
 ///
@@ -19,7 +19,7 @@ pub(crate) struct FrameWork {
     /// The camera's picture; after the search as the prior's preprocessing left it, with the render where it is masked.
     pub frame: Picture,
     /// What is known of it.
-    pub known: Known,
+    pub known: FrameInfo,
     /// Which pixels count; `None`: all do.
     pub mask: Option<Arc<Mask>>,
     /// Which parts count more.

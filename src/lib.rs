@@ -70,4 +70,4 @@ pub use pipeline::Pipeline;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
 pub use queue::QueueError;
 pub use residual::{Mode, Rate, Structure};
-pub use tracking::{Hint, Known};
+pub use tracking::{FrameInfo, Hint};

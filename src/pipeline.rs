@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use crate::frame_work::{Coder, FrameWork};
 use crate::queue::{Body, Queue};
-use crate::{Encoded, Encoder, Error, Known, Picture};
+use crate::{Encoded, Encoder, Error, FrameInfo, Picture};
 
 /// An [`Encoder`] that yields each packet one call later, but more packets per second: a frame takes
 /// the longer of its two halves, not their sum. Packets are the same, byte for byte.
@@ -44,7 +44,7 @@ impl Pipeline {
     pub fn push(
         &mut self,
         frame: &Picture,
-        known: impl Into<Known>,
+        known: impl Into<FrameInfo>,
         encoded: &mut Encoded,
     ) -> Result<bool, Error> {
         let (encoder, known) = (&mut self.encoder, known.into());

@@ -11,7 +11,7 @@ use nvsprior::modem::{
     SenderOptions,
 };
 use nvsprior::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
-use nvsprior::prior::{KeyFrames, PriorFrame, PriorId};
+use nvsprior::prior::{CoordinateFrame, KeyFrames, PriorId};
 use nvsprior::tracking::Optimizer;
 use nvsprior::{
     Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Mode, Picture, Rate, Structure,
@@ -65,7 +65,7 @@ fn heap_calls_with(
 
 /// A packet with a residual of 100 and some bytes that are no picture.
 fn packet(frame: u32) -> Vec<u8> {
-    let prior_frame = PriorFrame { centre: [0.0; 3], spread: 5.0 };
+    let prior_frame = CoordinateFrame { centre: [0.0; 3], spread: 5.0 };
     let at = QuantisedPose::quantise(&pose(0.0), &prior_frame, PoseProfile::Compact).unwrap();
     let latent = Latent::new(frame, PriorId(7), &CAMERA, at, false).unwrap();
     let payload = [frame as u8; 100];

@@ -32,7 +32,7 @@ fn seen(engine: &Engine, scene: &Arc<Scene>, camera: &Camera, pose: &Pose) -> Ve
 /// Fails if the scene as uploaded shows another picture than the whole scene.
 fn assert_same(engine: &Engine, prior: &Prior, camera: &Camera, pose: &Pose) -> Arc<Scene> {
     let (reduced, whole) = (engine.upload(prior).unwrap(), engine.upload_whole(prior).unwrap());
-    assert_eq!((reduced.id(), reduced.frame()), (whole.id(), whole.frame()));
+    assert_eq!((reduced.id(), reduced.coordinate_frame()), (whole.id(), whole.coordinate_frame()));
     let same = seen(engine, &reduced, camera, pose) == seen(engine, &whole, camera, pose);
     assert!(same, "{:?}", reduced.analysis().findings());
     reduced

@@ -44,7 +44,8 @@ fn every_host_draws_the_same() {
             let prior = Prior::from_splats(splats, options).unwrap();
             let (camera, pose) = (camera(112, 63), pose(seed));
             let code =
-                QuantisedPose::quantise(&pose, &prior.frame(), PoseProfile::Compact).unwrap();
+                QuantisedPose::quantise(&pose, &prior.coordinate_frame(), PoseProfile::Compact)
+                    .unwrap();
             let definition = Definition::new(&prior);
             check_sum(&[
                 definition.draw(&camera, &pose),

@@ -10,8 +10,8 @@ use nvsprior::packet::{Latent, PoseProfile, RenderCheck};
 use nvsprior::render::{Plan, Scene};
 use nvsprior::tracking::{Optimizer, StartKind};
 use nvsprior::{
-    Camera, Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, Hint, Known, Packet, Picture,
-    Pipeline, Pose, Rate,
+    Camera, Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, FrameInfo, Hint, Packet,
+    Picture, Pipeline, Pose, Rate,
 };
 use scene::{CAMERA, clean_frame, frame, pose, pose_error, wall};
 
@@ -217,7 +217,7 @@ fn what_is_stated_of_a_frame_is_checked() {
     let encoder = || Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
     let frames = [0.0, 1.0].map(|t| frame(&engine, &scene, &pose(t)));
     let sure = Hint::with_deviation(pose(0.0), &[0.01; 6]).unwrap();
-    let at = |hint, time| Known { hint, time: Some(time) };
+    let at = |hint, time| FrameInfo { hint, time: Some(time) };
     let sound = [at(Some(Hint { age: 0.1, ..sure }), 5.0), at(None, 5.5)];
     let mut plain = encoder();
     let expected = [0, 1].map(|t| plain.encode(&frames[t], sound[t]).unwrap().packet);
@@ -254,7 +254,7 @@ fn a_reset_forgets_the_frames_before() {
     let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
     let picture = frame(&engine, &scene, &pose(0.0));
-    let at = |time| Known { hint: Some(Hint::of(pose(0.0))), time: Some(time) };
+    let at = |time| FrameInfo { hint: Some(Hint::of(pose(0.0))), time: Some(time) };
     encoder.encode(&picture, at(5.0)).unwrap();
     assert_eq!(encoder.encode(&picture, None).unwrap().packet.len(), 19);
     assert!(matches!(encoder.encode(&picture, at(4.0)), Err(Error::FrameTimeBack { .. })));
@@ -290,9 +290,9 @@ fn frames_that_are_not_certain_are_counted() {
         let lost = |encoder: &mut Encoder, picture: &Picture| {
             let told = Some(pose(0.0));
             let Encoded { stats, packet, .. } = encoder.encode(picture, told).unwrap();
-            assert_eq!(stats.certain, stats.lost_frames == 0);
+            assert_eq!(stats.certain, stats.frames_since_certain == 0);
             assert_eq!(Latent::decode(&packet).unwrap().uncertain, !stats.certain);
-            stats.lost_frames
+            stats.frames_since_certain
         };
         let run = [&clear, &grey, &grey, &clear, &grey].map(|picture| lost(&mut encoder, picture));
         assert_eq!(run, [0, 1, 2, 0, 1], "{optimizer:?}");

@@ -101,8 +101,8 @@ fn other_containers_hold_the_same_scenes() {
         assert_eq!(found[0], 0.0);
         assert!(found.iter().all(|difference| *difference <= 1e-6), "{found:?}");
         // From the front, two and a half spreads away.
-        let [x, y, z] = plain.frame().centre.map(f64::from);
-        let away = 2.5 * f64::from(plain.frame().spread);
+        let [x, y, z] = plain.coordinate_frame().centre.map(f64::from);
+        let away = 2.5 * f64::from(plain.coordinate_frame().spread);
         let pose = Pose::from_wxyz([1.0, 0.0, 0.0, 0.0], [-x, -y, away - z]).unwrap();
         let [a, b] = [&packed, &plain].map(|p| pictures(p, &REEF_CAMERA, &[pose]).swap_remove(0));
         let shown = b.data.iter().filter(|byte| **byte > 0).count();

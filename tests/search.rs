@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use nvsprior::Pose;
 use nvsprior::packet::{PoseProfile, QuantisedPose};
-use nvsprior::prior::PriorFrame;
+use nvsprior::prior::CoordinateFrame;
 use nvsprior_kernels::search::{
     Anchor, COMPACT, PAPER, Placement, Program, SEARCHING, SQUARE, STARTS, STOP_NO_DESCENT,
     STOP_RENDERS, Search, advance, begin, damped_step, placed, quantised, stepped, upper,
@@ -117,7 +117,7 @@ fn a_wild_step_is_shortened() {
 /// The device's codes against those of the packet, about a prior at the origin.
 #[test]
 fn codes_are_those_of_packets() {
-    let frame = PriorFrame { centre: [0.0; 3], spread: 1.7 };
+    let frame = CoordinateFrame { centre: [0.0; 3], spread: 1.7 };
     let anchor = Anchor { centre: frame.centre, step: frame.step() as f32 };
     for turn in 0..40 {
         let t = f64::from(turn);

@@ -5,7 +5,7 @@ use nvsprior::modem::{
     Collector, CollectorOptions, Loss, PacketState, Report, Sharer, Sharing, SharingOptions,
 };
 use nvsprior::packet::{Coder, Latent, PoseProfile, QuantisedPose, Residual};
-use nvsprior::prior::PriorFrame;
+use nvsprior::prior::CoordinateFrame;
 use nvsprior::{Camera, Packet, Pose, PriorId};
 
 /// Streams that are taken.
@@ -131,7 +131,7 @@ fn shared(sent: &Sent, mtu: usize) -> Option<Shared> {
 
 fn packet(sent: &Sent) -> Vec<u8> {
     let camera = Camera { width: 64, height: 36, fx: 60.0, fy: 60.0, cx: 32.0, cy: 18.0 };
-    let frame = PriorFrame { centre: [0.0; 3], spread: 1.0 };
+    let frame = CoordinateFrame { centre: [0.0; 3], spread: 1.0 };
     let pose = Pose::exp(&[0.001 * f64::from(sent.frame % 512); 6]);
     let pose = QuantisedPose::quantise(&pose, &frame, PoseProfile::Short).expect("a pose in range");
     let latent = Latent::new(sent.frame.into(), PriorId(7), &camera, pose, false).expect("small");

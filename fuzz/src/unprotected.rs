@@ -2,7 +2,7 @@
 use arbitrary::{Arbitrary, Unstructured};
 use nvsprior::modem::{Collector, CollectorOptions, Sharer, share_count};
 use nvsprior::packet::{Coder, Latent, PoseProfile, QuantisedPose, Residual};
-use nvsprior::prior::PriorFrame;
+use nvsprior::prior::CoordinateFrame;
 use nvsprior::{Camera, Packet, Pose, PriorId};
 
 #[derive(Arbitrary, Debug)]
@@ -70,7 +70,7 @@ fn packet(sent: &Sent) -> Vec<u8> {
         true => PoseProfile::Paper,
         false => PoseProfile::Compact,
     };
-    let frame = PriorFrame { centre: [0.0; 3], spread: 1.0 };
+    let frame = CoordinateFrame { centre: [0.0; 3], spread: 1.0 };
     let pose = Pose::exp(&[0.01 * f64::from(sent.frame); 6]);
     let profile = if sent.frame % 3 == 2 && !sent.paper { PoseProfile::Short } else { profile };
     let pose = QuantisedPose::quantise(&pose, &frame, profile).expect("a pose in range");

@@ -9,7 +9,7 @@ mod scene;
 use fixture::{FRAMES, Fixture, Pipeline, RATE, bytes, fixture, frame_pose, pose_text, psnr};
 use gst::prelude::*;
 use nvsprior::modem::{Collected, Collector, CollectorOptions};
-use nvsprior::tracking::{Hint, Known};
+use nvsprior::tracking::{FrameInfo, Hint};
 use nvsprior::{Decoder, Encoder, EncoderOptions, Mode, Rate, Structure, Trust};
 use scene::{CAMERA, wall};
 
@@ -25,7 +25,7 @@ fn by_library(options: EncoderOptions) -> Vec<nvsprior::Encoded> {
         .map(|(index, frame)| {
             let hint = (index == 0).then(|| Hint::of(frame_pose(0)));
             let time = Some(index as f64 / RATE as f64);
-            encoder.encode(frame, Known { hint, time }).unwrap()
+            encoder.encode(frame, FrameInfo { hint, time }).unwrap()
         })
         .collect()
 }

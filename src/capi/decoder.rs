@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use crate::packet::{LONGEST_LATENT, Latent, PacketError, Parsed, PoseProfile, Session};
-use crate::prior::PriorFrame;
+use crate::prior::CoordinateFrame;
 use crate::queue::{Queue, QueueError};
 use crate::{Decoded, Decoder, Error, Picture, Trust, packet_bound};
 
@@ -106,19 +106,19 @@ fn locked(core: &Mutex<Core>) -> Result<MutexGuard<'_, Core>, Failure> {
 /// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
 /// picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
 /// matches.
-pub const NVSP_DECODE_START: u32 = 512;
+pub const NVSP_DECODE_START: u32 = 1;
 
 /// The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
 /// does not tell.
-pub const NVSP_DECODED_SAME_RENDER: u32 = 8;
+pub const NVSP_DECODED_SAME_RENDER: u32 = 4;
 /// The render is not the vehicle's: the vehicle's device, or its driver, rounds differently.
-pub const NVSP_DECODED_OTHER_RENDER: u32 = 16;
+pub const NVSP_DECODED_OTHER_RENDER: u32 = 8;
 
 /// The frame is one of a stream, and its difference picture leans on that of nvsp_decoded.reference.
-pub const NVSP_DECODED_LEANS: u32 = 8192;
+pub const NVSP_DECODED_INTER: u32 = 16;
 /// The frame is one of a stream and came in full: later ones may lean on it. If there is a return channel, tell the
 /// vehicle: nvsp_encoder_acknowledge.
-pub const NVSP_DECODED_KEPT: u32 = 16384;
+pub const NVSP_DECODED_KEPT: u32 = 32;
 
 /// What decoding a packet gave besides the picture.
 #[allow(non_camel_case_types)]
@@ -146,7 +146,7 @@ pub struct nvsp_decoded {
     pub damage: nvsp_status,
     /// The pose.
     pub pose: nvsp_pose,
-    /// With NVSP_DECODED_LEANS: the number of the frame that the difference picture leans on, modulo 2^24; else 0.
+    /// With NVSP_DECODED_INTER: number of the reference frame, modulo 2^24; else 0.
     pub reference: u32,
     /// Zero.
     pub reserved: u32,
@@ -154,9 +154,9 @@ pub struct nvsp_decoded {
 versioned!(nvsp_decoded, 104);
 
 /// `pose` is given.
-pub const NVSP_HEADER_POSE: u32 = 32;
+pub const NVSP_HEADER_POSE: u32 = 4;
 /// The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
-pub const NVSP_HEADER_SHORT: u32 = 128;
+pub const NVSP_HEADER_SHORT: u32 = 8;
 
 /// What a packet says first, without rendering.
 #[allow(non_camel_case_types)]
@@ -526,13 +526,13 @@ pub unsafe extern "C" fn nvsp_decode_header(
 }
 
 /// What poses of the paper's profile are relative to: they are absolute.
-const ANY_FRAME: PriorFrame = PriorFrame { centre: [0.0; 3], spread: 1.0 };
+const ANY_FRAME: CoordinateFrame = CoordinateFrame { centre: [0.0; 3], spread: 1.0 };
 
 fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
     let frame = prior.map(|p| p.scene).filter(|scene| latent.check_prior(scene.id()).is_ok());
     let profile = latent.pose.profile();
     let pose = match (profile, frame) {
-        (_, Some(scene)) => Some(latent.pose.dequantise(&scene.frame())),
+        (_, Some(scene)) => Some(latent.pose.dequantise(&scene.coordinate_frame())),
         (PoseProfile::Paper, None) => Some(latent.pose.dequantise(&ANY_FRAME)),
         (PoseProfile::Compact | PoseProfile::Short, None) => None,
     };
@@ -641,7 +641,7 @@ unsafe fn fetch(
         height: decoded.picture.height,
         flags: if decoded.uncertain { super::encoder::NVSP_FRAME_UNCERTAIN } else { 0 }
             | if decoded.portable { 0 } else { super::encoder::NVSP_FRAME_NOT_PORTABLE }
-            | if decoded.reference.is_some() { NVSP_DECODED_LEANS } else { 0 }
+            | if decoded.reference.is_some() { NVSP_DECODED_INTER } else { 0 }
             | if decoded.kept { NVSP_DECODED_KEPT } else { 0 }
             | render,
         rows: decoded.rows,

@@ -138,15 +138,15 @@ versioned!(nvsp_encoder_options, 80);
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
 /// The rate was not kept: the budget holds no difference picture, or the best one does not reach
 /// the PSNR.
-pub const NVSP_FRAME_RATE_MISSED: u32 = 2;
+pub const NVSP_FRAME_RATE_MISSED: u32 = 4;
 
 /// The picture does not determine one direction of the pose: see nvsp_frame_stats.pose_deviation.
-pub const NVSP_FRAME_UNDETERMINED: u32 = 4;
+pub const NVSP_FRAME_UNDETERMINED: u32 = 8;
 
 /// A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
 /// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
 /// it is one of the two.
-pub const NVSP_FRAME_NOT_PORTABLE: u32 = 64;
+pub const NVSP_FRAME_NOT_PORTABLE: u32 = 2;
 
 /// The frame started from the pose given with it.
 pub const NVSP_START_HINT: u32 = 0;
@@ -217,9 +217,9 @@ pub struct nvsp_frame_stats {
     pub pose_condition: f64,
     /// Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
     /// certain.
-    pub lost_frames: u32,
+    pub frames_since_certain: u32,
     /// How many frames before this one the frame came that its difference picture leans on; 0: it stands alone.
-    pub leans_on: u32,
+    pub reference_distance: u32,
 }
 versioned!(nvsp_frame_stats, 192);
 
@@ -933,8 +933,10 @@ impl Place {
             pose: image::pose_out(pose),
             pose_deviation: stats.observability.pose_deviation(),
             pose_condition: stats.observability.condition,
-            lost_frames: stats.lost_frames,
-            leans_on: stats.reference.map_or(0, |reference| stats.frame.wrapping_sub(reference)),
+            frames_since_certain: stats.frames_since_certain,
+            reference_distance: stats
+                .reference
+                .map_or(0, |reference| stats.frame.wrapping_sub(reference)),
         });
         Ok(())
     }

@@ -7,7 +7,7 @@ use crate::frame_work::{Coder, FrameWork};
 use crate::geometry::Lens;
 use crate::image::{Converter, Mask};
 use crate::queue::{Queue, QueueError, Stage};
-use crate::{Camera, Encoded, Encoder, Error, Known};
+use crate::{Camera, Encoded, Encoder, Error, FrameInfo};
 
 use super::frame::refused;
 use super::handle::Opaque;
@@ -48,7 +48,7 @@ pub(super) struct Core {
 /// A frame, as a caller hands it over.
 pub(super) struct GivenFrame<'a> {
     pub view: View<'a>,
-    pub known: Known,
+    pub known: FrameInfo,
 }
 
 /// An encoder with its frames under way: one, or two.
@@ -126,7 +126,7 @@ impl Encoding {
     }
 
     /// Checks what is known of a frame. While another is searched for, what depends on that one is left to the search.
-    fn check_known(&self, known: &Known) -> Result<(), Failure> {
+    fn check_known(&self, known: &FrameInfo) -> Result<(), Failure> {
         let checked = match self.core() {
             Ok(core) => core.encoder.check_known(known),
             Err(_) => known.check(0, None),

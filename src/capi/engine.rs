@@ -58,7 +58,7 @@ impl OpenOptions {
 
 /// Run under the Khronos validation layer, which must be installed. Its messages are logged as
 /// warnings when the engine is destroyed or reopened. For tests; slow.
-pub const NVSP_ENGINE_VALIDATION: u32 = 2048;
+pub const NVSP_ENGINE_VALIDATION: u32 = 1;
 
 /// For nvsp_engine_options.watchdog_milliseconds: wait as long as the device takes.
 pub const NVSP_WATCHDOG_NONE: u32 = u32::MAX;

@@ -1,13 +1,13 @@
 //! What is known of a frame besides its image, as C hands it over.
 
-use crate::{Error, Hint, Known};
+use crate::{Error, FrameInfo, Hint};
 
 use super::image::{self, nvsp_pose};
 use super::status::*;
 use super::structs::{read, versioned};
 
 /// For nvsp_frame_info.given: `time` is the frame's.
-pub const NVSP_GIVEN_TIME: u32 = 256;
+pub const NVSP_GIVEN_TIME: u32 = 1;
 
 /// What is known of a frame besides its image; all zero: nothing. Read during the call only.
 #[allow(non_camel_case_types)]
@@ -43,7 +43,7 @@ versioned!(nvsp_frame_info, 48);
 ///
 /// # Safety
 /// `info` is null or valid, and so are the pointers in it.
-pub(super) unsafe fn known(info: *const nvsp_frame_info) -> Result<Known, Failure> {
+pub(super) unsafe fn known(info: *const nvsp_frame_info) -> Result<FrameInfo, Failure> {
     // SAFETY: as the caller promises.
     let (info, hint) = unsafe {
         let info = read(info)?;
@@ -60,7 +60,7 @@ pub(super) unsafe fn known(info: *const nvsp_frame_info) -> Result<Known, Failur
         let what = "nvsp_frame_info.time: stated, but NVSP_GIVEN_TIME is not in `given`";
         return Err(Failure::argument(what));
     }
-    Ok(Known { hint, time: timed.then_some(info.time) })
+    Ok(FrameInfo { hint, time: timed.then_some(info.time) })
 }
 
 const NO_POSE: &str = "nvsp_frame_info.hint: no rigid motion";

@@ -47,13 +47,13 @@ pub(super) struct PriorContent {
 }
 
 /// `near_plane` is given.
-pub const NVSP_PRIOR_NEAR: u32 = 4096;
+pub const NVSP_PRIOR_NEAR: u32 = 1;
 /// `alpha_max` is given.
-pub const NVSP_PRIOR_ALPHA_MAX: u32 = 8192;
+pub const NVSP_PRIOR_ALPHA_MAX: u32 = 2;
 /// `antialiased` is given.
-pub const NVSP_PRIOR_ANTIALIASED: u32 = 16384;
+pub const NVSP_PRIOR_ANTIALIASED: u32 = 4;
 /// `background` is given.
-pub const NVSP_PRIOR_BACKGROUND: u32 = 32768;
+pub const NVSP_PRIOR_BACKGROUND: u32 = 8;
 
 impl PriorContent {
     /// The prior on the engine's device.
@@ -345,7 +345,7 @@ fn log_load(handle: &Handle<EngineContent>, prior: &Prior) {
 }
 
 fn info_of(prior: &Prior) -> nvsp_prior_info {
-    let (options, frame, report) = (prior.options(), prior.frame(), prior.report());
+    let (options, frame, report) = (prior.options(), prior.coordinate_frame(), prior.report());
     let Preprocessing { white_balance, clahe } = *prior.preprocessing();
     nvsp_prior_info {
         struct_size: 0,

@@ -1,6 +1,6 @@
 //! Poses as packets carry them.
 //!
-//! **Compact**, 16 bytes. First the camera's centre in the prior's frame ([`PriorFrame`]): three
+//! **Compact**, 16 bytes. First the camera's centre in the prior's frame ([`CoordinateFrame`]): three
 //! signed 24-bit numbers in steps of 2⁻¹⁷ of its unit. They reach 64 units to either side. Then the
 //! rotation as "smallest three" in 56 bits. From the top: two bits name the quaternion's largest
 //! component; the other three follow in order, 18 bits each, as `131072 + round(131071 √2 q)`. The
@@ -21,7 +21,7 @@ use std::f64::consts::SQRT_2;
 use glam::{DQuat, DVec3};
 
 use crate::Pose;
-use crate::prior::PriorFrame;
+use crate::prior::CoordinateFrame;
 use crate::search::{
     COMPACT, PAPER, PoseCode, SHORT, SHORT_CENTRE_MAX, SHORT_CENTRE_STEPS, SHORT_SMALL_MAX,
     SHORT_SMALL_STEPS, SMALL_ZERO,
@@ -123,7 +123,7 @@ impl QuantisedPose {
     /// [`PacketError::Pose`] if a component is not finite or beyond f32, or the quaternion is zero.
     pub fn quantise(
         pose: &Pose,
-        frame: &PriorFrame,
+        frame: &CoordinateFrame,
         profile: PoseProfile,
     ) -> Result<QuantisedPose, PacketError> {
         Pose::from_wxyz(pose.wxyz(), pose.translation.into()).ok_or(PacketError::Pose)?;
@@ -145,7 +145,7 @@ impl QuantisedPose {
     }
 
     /// The pose, with the same bits on every machine.
-    pub fn dequantise(&self, frame: &PriorFrame) -> Pose {
+    pub fn dequantise(&self, frame: &CoordinateFrame) -> Pose {
         match self.0 {
             Code::Compact { centre, largest, small } => {
                 let step = frame.step();
@@ -330,7 +330,7 @@ fn least(codes: &[QuantisedPose]) -> QuantisedPose {
 /// One rounding of a pose, in the profile that can hold it.
 fn round(
     pose: &Pose,
-    frame: &PriorFrame,
+    frame: &CoordinateFrame,
     profile: PoseProfile,
 ) -> Result<QuantisedPose, PacketError> {
     let pose = &Pose { rotation: unit(pose.rotation), ..*pose };
@@ -348,7 +348,7 @@ fn round(
 }
 
 /// `None` if the centre is out of reach.
-fn round_compact(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
+fn round_compact(pose: &Pose, frame: &CoordinateFrame) -> Option<Code> {
     let steps = steps_from(frame, pose).round().to_array();
     let reached = steps.iter().all(|v| CENTRE_STEPS.contains(v));
     let (largest, small) = small_steps(pose);
@@ -357,7 +357,7 @@ fn round_compact(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
 }
 
 /// Rounds to the short code's grid. `None` if the centre is out of its reach.
-fn round_short(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
+fn round_short(pose: &Pose, frame: &CoordinateFrame) -> Option<Code> {
     let steps = (steps_from(frame, pose) / f64::from(SHORT_CENTRE_STEPS)).round().to_array();
     let reach = f64::from(*SHORT_CENTRE.start())..=f64::from(*SHORT_CENTRE.end());
     let reached = steps.iter().all(|v| reach.contains(v));
@@ -372,7 +372,7 @@ fn round_short(pose: &Pose, frame: &PriorFrame) -> Option<Code> {
 }
 
 /// Compact steps from the prior's centre to a camera's.
-fn steps_from(frame: &PriorFrame, pose: &Pose) -> DVec3 {
+fn steps_from(frame: &CoordinateFrame, pose: &Pose) -> DVec3 {
     (pose.centre() - DVec3::from(frame.centre.map(f64::from))) / frame.step()
 }
 

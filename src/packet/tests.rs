@@ -3,9 +3,9 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::Pose;
-use crate::prior::{PriorFrame, PriorId};
+use crate::prior::{CoordinateFrame, PriorId};
 
-const FRAME: PriorFrame = PriorFrame { centre: [-3.5, 2.25, 24.0], spread: 8.25 };
+const FRAME: CoordinateFrame = CoordinateFrame { centre: [-3.5, 2.25, 24.0], spread: 8.25 };
 const PRIOR: PriorId = PriorId(0xd4a5_d0ed);
 const CAMERA: Camera =
     Camera { width: 320, height: 180, fx: 274.5, fy: 274.25, cx: 160.0, cy: 90.0 };
@@ -528,7 +528,7 @@ proptest! {
         exponent in -40..20,
         profile in any_profile(),
     ) {
-        let frame = PriorFrame { centre, spread: 2_f32.powi(exponent) };
+        let frame = CoordinateFrame { centre, spread: 2_f32.powi(exponent) };
         let pose = Pose::from_centre(pose.rotation, DVec3::from(centre.map(f64::from)));
         let code = QuantisedPose::quantise(&pose, &frame, profile).unwrap();
         let again = QuantisedPose::quantise(&code.dequantise(&frame), &frame, profile);

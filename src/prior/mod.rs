@@ -7,11 +7,11 @@ mod claims;
 pub mod compact;
 #[cfg(feature = "formats")]
 mod compressed_ply;
+mod coordinate_frame;
 mod error;
 mod fault;
 mod file;
 mod file_content;
-mod frame;
 mod id;
 mod identity;
 mod key_frames;
@@ -32,10 +32,10 @@ pub mod tables_file;
 
 pub use check::Dropped;
 pub use claims::PriorClaims;
+pub use coordinate_frame::CoordinateFrame;
 pub use error::PriorError;
 pub use fault::{Fault, INFINITE_LOGIT, MAX_COEFFICIENT, MAX_LOG_SCALE};
 pub use file_content::PriorFile;
-pub use frame::PriorFrame;
 pub use id::PriorId;
 pub use key_frames::KeyFrames;
 pub use options::{RenderOptions, RenderOverrides};

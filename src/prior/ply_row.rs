@@ -41,9 +41,10 @@ impl<'de, T: Deserialize<'de> + Default + Copy, const N: usize> Visitor<'de> for
     /// Binary rows of scalars: the library sorts the values.
     fn visit_seq<A: SeqAccess<'de>>(self, mut row: A) -> Result<[T; N], A::Error> {
         let mut values = [T::default(); N];
-        for index in 0..self.properties.len() {
+        let count = self.properties.len();
+        for (index, value) in values.iter_mut().enumerate().take(count) {
             let found = row.next_element()?;
-            values[index] = found.ok_or_else(|| A::Error::invalid_length(index, &self))?;
+            *value = found.ok_or_else(|| A::Error::invalid_length(index, &self))?;
         }
         Ok(values)
     }

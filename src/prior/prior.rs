@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::check::{clamp_logits, drop_unsound};
+use super::coordinate_frame::CoordinateFrame;
 use super::error::PriorError;
 use super::file::{self, read_prior_file};
 use super::file_content::PriorFile;
-use super::frame::PriorFrame;
 use super::id::PriorId;
 use super::identity::identity_of;
 use super::key_frames::KeyFrames;
@@ -26,7 +26,7 @@ pub struct Prior {
     splats: Splats,
     options: RenderOptions,
     id: PriorId,
-    frame: PriorFrame,
+    frame: CoordinateFrame,
     key_frames: KeyFrames,
     coder_tables: Option<Arc<Tables>>,
     preprocessing: Preprocessing,
@@ -129,7 +129,7 @@ impl Prior {
             coder_tables: PartSource::in_file(coder_tables.is_some()),
         };
         let id = identity_of(&splats, &options, coder_tables.as_ref());
-        let frame = PriorFrame::of(&splats.positions);
+        let frame = CoordinateFrame::of(&splats.positions);
         let coder_tables = coder_tables.map(Arc::new);
         Ok(Prior { splats, options, id, frame, key_frames, coder_tables, preprocessing, report })
     }
@@ -185,7 +185,7 @@ impl Prior {
     }
 
     /// The place and size of the prior: the frame in which packets state camera positions.
-    pub fn frame(&self) -> PriorFrame {
+    pub fn coordinate_frame(&self) -> CoordinateFrame {
         self.frame
     }
 

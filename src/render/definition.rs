@@ -63,7 +63,7 @@ impl Definition {
     /// Prepares a prior. Leaves out splats that no picture shows, as on a device.
     pub fn new(prior: &Prior) -> Definition {
         let analysis = PriorAnalysis::of(prior);
-        let frame = prior.frame();
+        let frame = prior.coordinate_frame();
         Definition {
             planes: Planes::of(prior, &analysis),
             options: *prior.options(),

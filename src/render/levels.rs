@@ -259,6 +259,6 @@ pub(crate) fn pose_of(scene: &Scene, placement: &Placement) -> Pose {
 
 /// What codes of poses are relative to.
 pub(crate) fn anchor(scene: &Scene) -> Anchor {
-    let frame = scene.frame();
+    let frame = scene.coordinate_frame();
     Anchor { centre: frame.centre, step: frame.step() as f32 }
 }

@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::coder_tables::Tables;
 use crate::image::Preprocessing;
 use crate::prior::analysis::PriorAnalysis;
-use crate::prior::{KeyFrames, PriorFrame, Splats};
+use crate::prior::{CoordinateFrame, KeyFrames, Splats};
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
@@ -28,7 +28,7 @@ pub struct Scene {
     pub(crate) splats: SplatBuffers,
     analysis: PriorAnalysis,
     id: PriorId,
-    frame: PriorFrame,
+    frame: CoordinateFrame,
     key_frames: KeyFrames,
     coder_tables: Arc<Tables>,
     preprocessing: Preprocessing,
@@ -59,7 +59,7 @@ impl Scene {
             splats,
             analysis,
             id: prior.id(),
-            frame: prior.frame(),
+            frame: prior.coordinate_frame(),
             key_frames: prior.key_frames().clone(),
             coder_tables: prior.coder_tables().cloned().unwrap_or_else(generic_tables),
             preprocessing: *prior.preprocessing(),
@@ -88,7 +88,7 @@ impl Scene {
     }
 
     /// The frame in which packets state camera positions.
-    pub fn frame(&self) -> PriorFrame {
+    pub fn coordinate_frame(&self) -> CoordinateFrame {
         self.frame
     }
 
@@ -172,7 +172,7 @@ impl Planes {
 
 /// What the device's positions are relative to.
 pub(super) fn centre(prior: &Prior) -> DVec3 {
-    DVec3::from(prior.frame().centre.map(f64::from))
+    DVec3::from(prior.coordinate_frame().centre.map(f64::from))
 }
 
 /// Planes of position (relative to `centre`), opacity and axes of the splats that `which` names,

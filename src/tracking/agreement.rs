@@ -52,7 +52,7 @@ pub struct Agreement {
     /// Mean correlation of what the prior shows, 0 to 1. Ranks poses at which the share is nearly the same.
     pub score: f64,
     /// Whether the prior shows enough, and the pictures are large enough, to confirm or refute a pose.
-    pub tells: bool,
+    pub is_conclusive: bool,
     /// Brings the frame's light to the prior's. Measured in the blocks that agree; `None` if it cannot be told.
     pub correction: Option<Correction>,
     /// Fine detail of the frame as a share of the render's, measured in the blocks that agree. About 1, or less if the
@@ -127,11 +127,17 @@ impl Comparison {
                 self.blocks.push(luma);
             }
         }
-        let tells = compared >= BLOCKS && seen > PLAIN * compared;
-        let share = |of: f64| if tells { of / seen } else { 0.0 };
-        let correction = if tells { correction(&light) } else { None };
-        let sharpness = if tells { light[GREEN].sharpness() } else { f64::NAN };
-        Agreement { share: share(agreeing), score: share(score), tells, correction, sharpness }
+        let is_conclusive = compared >= BLOCKS && seen > PLAIN * compared;
+        let share = |of: f64| if is_conclusive { of / seen } else { 0.0 };
+        let correction = if is_conclusive { correction(&light) } else { None };
+        let sharpness = if is_conclusive { light[GREEN].sharpness() } else { f64::NAN };
+        Agreement {
+            share: share(agreeing),
+            score: share(score),
+            is_conclusive,
+            correction,
+            sharpness,
+        }
     }
 
     /// Whether a search must mask parts or correct the light from place to place, for the pictures compared last and

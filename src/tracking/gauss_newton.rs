@@ -7,7 +7,7 @@ use crate::search::{LEVELS, Placement, Program, STARTS, STOP_NO_DESCENT, STOP_PR
 use crate::shared::SUMS;
 use crate::vulkan::Error;
 
-use super::{Evaluation, Found, Objective, Observability, Outcome, Start, StartKind, Stop};
+use super::{Evaluation, Objective, Observability, Outcome, PoseEstimate, Start, StartKind, Stop};
 
 /// How a search goes through the pyramid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -138,7 +138,7 @@ pub(super) fn search(
     schedule: &Schedule,
     damping: f32,
     profile: u32,
-) -> Result<Found, Error> {
+) -> Result<PoseEstimate, Error> {
     assert!(!starts.is_empty(), "a search needs a start");
     let start = Start { pose: starts[0], kind: StartKind::External };
     let renderer = objective.renderer();
@@ -156,7 +156,7 @@ pub(super) fn search(
     (again.leap, again.coarse_leap) = (0.0, 0.0);
     let (second, _) = run(objective, &start, &again)?;
     let submissions = first.submissions + second.submissions;
-    Ok(Found { submissions, first_mse: first.first_mse, ..second })
+    Ok(PoseEstimate { submissions, first_mse: first.first_mse, ..second })
 }
 
 /// Error that 8 bits bring, of values in [0, 1].
@@ -189,7 +189,7 @@ fn run(
     objective: &mut Objective,
     start: &Start,
     program: &Program,
-) -> Result<(Found, Path), Error> {
+) -> Result<(PoseEstimate, Path), Error> {
     let begun = objective.milliseconds();
     let levels: [f64; LEVELS] = objective.residuals();
     let (renderer, trace) = objective.parts();
@@ -213,12 +213,12 @@ fn run(
     let sums = search.place_sums.map(f64::from);
     let observability = Observability::of(&NormalEquations::from_sums(&sums, levels[0] as usize));
     let pose = pose_of(&scene, &path.found);
-    let found = Found {
+    let found = PoseEstimate {
         drawn: Some(code),
         submissions,
         first_mse,
         observability,
-        ..Found::from_start(start, Outcome { pose, mse: objective.error(), stop })
+        ..PoseEstimate::from_start(start, Outcome { pose, mse: objective.error(), stop })
     };
     Ok((found, path))
 }

@@ -199,7 +199,7 @@ impl Objective {
     /// The length that makes translations comparable with turns: the prior's own.
     #[cfg(feature = "paper")]
     pub(super) fn length(&self) -> f64 {
-        self.renderer.scene().frame().unit()
+        self.renderer.scene().coordinate_frame().unit()
     }
 
     /// The renderer, and the trace.

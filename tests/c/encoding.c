@@ -171,8 +171,8 @@ static void known_frames(int all) {
             EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, sizeof bytes, &size, &stats));
         }
         CHECK(all || is_packet(i, bytes, size));
-        CHECK(stats.state == NVSP_STATE_CERTAIN && stats.lost_frames == 0);
-        CHECK((stats.flags & NVSP_FRAME_UNCERTAIN) == 0 && stats.leans_on == 0);
+        CHECK(stats.state == NVSP_STATE_CERTAIN && stats.frames_since_certain == 0);
+        CHECK((stats.flags & NVSP_FRAME_UNCERTAIN) == 0 && stats.reference_distance == 0);
     }
     nvsp_encoder_destroy(encoder);
 }
@@ -314,7 +314,7 @@ static void lost_frames(void) {
             CHECK((stats.flags & NVSP_FRAME_UNCERTAIN) == uncertain);
             CHECK((header.flags & NVSP_FRAME_UNCERTAIN) == uncertain);
             CHECK(stats.state == (clear ? NVSP_STATE_CERTAIN : NVSP_STATE_LOST));
-            CHECK(stats.lost_frames == (clear ? 0 : i));
+            CHECK(stats.frames_since_certain == (clear ? 0 : i));
         }
         nvsp_encoder_destroy(encoder);
     }

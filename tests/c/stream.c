@@ -27,7 +27,7 @@ static nvsp_encoder *new_encoder(const nvsp_encoder_options *options) {
 typedef struct run {
     packet packets[MAX_FRAMES];
     uint8_t *shown[MAX_FRAMES];
-    uint32_t leans_on[MAX_FRAMES];
+    uint32_t reference_distance[MAX_FRAMES];
 } run;
 
 // The camera stands still: leaning saves most.
@@ -40,7 +40,7 @@ static void encode_frame(nvsp_encoder *encoder, int frame, run *run) {
                      &run->packets[frame].size, &stats));
     nvsp_picture place = place_of(run->shown[frame], dive.camera.width, dive.camera.height);
     MUST(nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
-    run->leans_on[frame] = stats.leans_on;
+    run->reference_distance[frame] = stats.reference_distance;
 }
 
 static void free_run(run *run) {
@@ -58,9 +58,9 @@ static nvsp_decoded decode(const run *run, int frame, int whole) {
     const packet *packet = &run->packets[frame];
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, packet->bytes, packet->size, 0, &place, &decoded));
     CHECK((memcmp(pixels, run->shown[frame], dive.size) == 0) == whole);
-    const int leans = run->leans_on[frame] > 0;
-    CHECK(((decoded.flags & NVSP_DECODED_LEANS) != 0) == leans);
-    CHECK(decoded.reference == (leans ? (uint32_t)frame - run->leans_on[frame] : 0));
+    const int leans = run->reference_distance[frame] > 0;
+    CHECK(((decoded.flags & NVSP_DECODED_INTER) != 0) == leans);
+    CHECK(decoded.reference == (leans ? (uint32_t)frame - run->reference_distance[frame] : 0));
     CHECK(((decoded.flags & NVSP_DECODED_KEPT) != 0) == whole);
     CHECK(decoded.damage == (whole ? NVSP_OK : NVSP_ERR_REFERENCE));
     CHECK(decoded.rows == (whole ? dive.camera.height : 0));
@@ -74,9 +74,9 @@ static void a_chain_and_a_loss(void) {
     run chain = {0};
     for (int i = 0; i < dive.frames; i++) {
         encode_frame(encoder, i, &chain);
-        CHECK(i % 5 > 0 || chain.leans_on[i] == 0);
+        CHECK(i % 5 > 0 || chain.reference_distance[i] == 0);
     }
-    CHECK(chain.leans_on[1] == 1 && chain.leans_on[2] == 1);
+    CHECK(chain.reference_distance[1] == 1 && chain.reference_distance[2] == 1);
     for (int i = 0; i < dive.frames; i++) {
         decode(&chain, i, 1);
     }
@@ -86,7 +86,7 @@ static void a_chain_and_a_loss(void) {
     decode(&chain, 0, 1);
     int lost = 1;
     for (int i = 2; i < dive.frames; i++) {
-        lost = lost && chain.leans_on[i] > 0;
+        lost = lost && chain.reference_distance[i] > 0;
         decode(&chain, i, !lost);
     }
     // It comes after all.
@@ -103,18 +103,18 @@ static void acknowledged_frames_are_leaned_on(void) {
     run run = {0};
     encode_frame(encoder, 0, &run);
     encode_frame(encoder, 1, &run);
-    CHECK(run.leans_on[0] == 0 && run.leans_on[1] == 0);
+    CHECK(run.reference_distance[0] == 0 && run.reference_distance[1] == 0);
     decode(&run, 0, 1);
     const nvsp_decoded second = decode(&run, 1, 1);
     EXPECT(NVSP_OK, nvsp_encoder_acknowledge(encoder, second.frame));
     EXPECT(NVSP_OK, nvsp_encoder_acknowledge(encoder, 12345));
     encode_frame(encoder, 2, &run);
-    CHECK(run.leans_on[2] == 1);
+    CHECK(run.reference_distance[2] == 1);
     decode(&run, 2, 1);
     // The next one stands alone, if that is asked for.
     EXPECT(NVSP_OK, nvsp_encoder_announce(encoder));
     encode_frame(encoder, 3, &run);
-    CHECK(run.leans_on[3] == 0);
+    CHECK(run.reference_distance[3] == 0);
     nvsp_encoder_destroy(encoder);
     free_run(&run);
 }
@@ -129,7 +129,7 @@ static void pipelined(void) {
         encode_frame(encoder, i, &run);
         decode(&run, i, 1);
     }
-    CHECK(run.leans_on[1] == 1 && run.leans_on[2] == 1);
+    CHECK(run.reference_distance[1] == 1 && run.reference_distance[2] == 1);
     const nvsp_image image = scene_image(&dive, 0);
     MUST(nvsp_encode_begin(encoder, &image, NULL));
     MUST(nvsp_encode_wait(encoder, 60000));
@@ -138,7 +138,7 @@ static void pipelined(void) {
     uint8_t bytes[8192];
     size_t size = 0;
     MUST(nvsp_encode(encoder, &image, NULL, bytes, sizeof bytes, &size, &stats));
-    CHECK(stats.leans_on == 0);
+    CHECK(stats.reference_distance == 0);
     nvsp_encoder_destroy(encoder);
     free_run(&run);
 }

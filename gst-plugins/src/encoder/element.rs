@@ -10,7 +10,7 @@ use gst_video::subclass::prelude::*;
 use gst_video::{VideoColorMatrix, VideoColorRange, VideoFormat, VideoInfo};
 
 use nvsprior::image::{Colour, ImageView, PixelFormat};
-use nvsprior::tracking::Known;
+use nvsprior::tracking::FrameInfo;
 
 use super::frames::{Frames, FramesError, Outcome};
 use super::settings::{ModeKind, RateKind, Settings, StructureKind};
@@ -155,7 +155,7 @@ impl Encoder {
 
     fn set_start(&self, text: Option<String>) {
         let pose = match text.as_deref().map(property::pose).transpose() {
-            Ok(pose) => Some(pose.map(Known::from)),
+            Ok(pose) => Some(pose.map(FrameInfo::from)),
             Err(error) => {
                 // A wrong pose from a navigation program must not end the dive. At the next start it is an error.
                 gst::element_imp_warning!(self, gst::LibraryError::Settings, ("{error}"));
@@ -257,7 +257,7 @@ impl Encoder {
             .field("psnr", stats.psnr)
             .field("render-psnr", stats.render_psnr)
             .field("certain", stats.certain)
-            .field("lost-frames", stats.lost_frames)
+            .field("lost-frames", stats.frames_since_certain)
             .field("rate-kept", stats.rate_kept)
             .field("milliseconds", stats.milliseconds)
             .build();

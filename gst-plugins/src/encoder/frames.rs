@@ -3,7 +3,7 @@
 use nvsprior::image::{Converter, ImageView, Mask};
 use nvsprior::modem::{ModemError, RateControl};
 use nvsprior::packet::Extent;
-use nvsprior::tracking::Known;
+use nvsprior::tracking::FrameInfo;
 use nvsprior::{Camera, Encoded, Encoder, Error, Picture, Rate};
 
 use crate::budget::Budget;
@@ -167,7 +167,7 @@ impl Frames {
         &mut self,
         image: &ImageView,
         time: f64,
-        mut known: Known,
+        mut known: FrameInfo,
         settings: &Settings,
     ) -> Result<Outcome, FramesError> {
         let time = self.forward(time);
@@ -232,7 +232,7 @@ impl Frames {
 
     /// Encodes the picture. A packet that also tells the camera may take more than its bytes: what does not fit its
     /// shares is cut off.
-    fn encode(&mut self, mut known: Known) -> Result<(), Error> {
+    fn encode(&mut self, mut known: FrameInfo) -> Result<(), Error> {
         let mut done = self.encoder.encode_into(&self.picture, known, &mut self.encoded);
         if let Err(error @ (Error::HintPose { .. } | Error::HintFar { .. })) = done {
             self.refused = Some(error.into());

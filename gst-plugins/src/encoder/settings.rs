@@ -2,7 +2,7 @@
 
 use gst::glib;
 use nvsprior::modem::{Loss, RateControlOptions};
-use nvsprior::tracking::Known;
+use nvsprior::tracking::FrameInfo;
 use nvsprior::{EncoderOptions, Mode, Rate, Structure};
 
 /// What decides how fine difference pictures are.
@@ -57,7 +57,7 @@ pub struct Settings {
     pub region_weight: u32,
     pub start: Option<String>,
     /// What `start` says, until a frame has taken it.
-    pub known: Option<Known>,
+    pub known: Option<FrameInfo>,
     pub threshold: f64,
     pub mode: ModeKind,
     pub structure: StructureKind,

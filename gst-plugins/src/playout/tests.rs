@@ -1,6 +1,6 @@
 use nvsprior::modem::{Loss, Sharer, Sharing, SharingOptions};
 use nvsprior::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
-use nvsprior::prior::PriorFrame;
+use nvsprior::prior::CoordinateFrame;
 use nvsprior::{Camera, Pose, PriorId};
 
 use super::*;
@@ -15,7 +15,7 @@ const WAY: f64 = 0.25;
 /// A packet of a frame number, as a vehicle makes it.
 fn packet(frame: u32) -> Vec<u8> {
     let camera = Camera { width: 320, height: 180, fx: 274.4, fy: 274.4, cx: 160.0, cy: 90.0 };
-    let site = PriorFrame { centre: [0.0; 3], spread: 5.0 };
+    let site = CoordinateFrame { centre: [0.0; 3], spread: 5.0 };
     let pose = Pose::from_wxyz([1.0, 0.1, 0.0, 0.0], [0.1, 0.2, 3.0]).unwrap();
     let pose = QuantisedPose::quantise(&pose, &site, PoseProfile::Short).unwrap();
     let latent = Latent::new(frame, PriorId(7), &camera, pose, false).unwrap();

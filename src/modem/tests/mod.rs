@@ -4,7 +4,7 @@ mod protected;
 mod unprotected;
 
 use crate::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
-use crate::prior::{PriorFrame, PriorId};
+use crate::prior::{CoordinateFrame, PriorId};
 use crate::{Camera, Pose};
 
 const PRIOR: PriorId = PriorId(0xd4a5_d0ed);
@@ -23,7 +23,7 @@ pub struct Recipe {
 /// The packet of a recipe. Packets that differ in frame number or length do so in the pose, too.
 pub fn packet_of(recipe: Recipe) -> Vec<u8> {
     let Recipe { frame, profile, camera, payload } = recipe;
-    let frame_of_prior = PriorFrame { centre: [-3.5, 2.25, 24.0], spread: 8.25 };
+    let frame_of_prior = CoordinateFrame { centre: [-3.5, 2.25, 24.0], spread: 8.25 };
     let turn = f64::from((frame + 1000 * payload.unwrap_or(0) as u32) % 10_007) * 1e-4;
     let pose = Pose::from_wxyz([0.9, 0.1, -0.3, turn], [1.0, turn, 3.0]).unwrap();
     let pose = QuantisedPose::quantise(&pose, &frame_of_prior, profile).unwrap();

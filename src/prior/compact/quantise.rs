@@ -4,14 +4,14 @@
 //! file gives the same splats, and the same identity, everywhere.
 
 use super::super::fault::{INFINITE_LOGIT, MAX_LOG_SCALE};
-use super::super::{PriorError, PriorFrame, Splats};
+use super::super::{CoordinateFrame, PriorError, Splats};
 use super::orientation;
 
 /// How coarsely a prior is written: the steps of its parameters. Errors are up to half a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantisation {
-    /// Step of positions, as a share of the prior's spread ([`PriorFrame::unit`]), rounded down to a power of two of
-    /// the prior's unit. Far from the centre steps are coarser: see [`UNIFORM_BITS`].
+    /// Step of positions, as a share of the prior's spread ([`CoordinateFrame::unit`]), rounded down to a power of two
+    /// of the prior's unit. Far from the centre steps are coarser: see [`UNIFORM_BITS`].
     pub position: f32,
     /// Step of the logarithms of the scales.
     pub log_scale: f32,
@@ -96,7 +96,7 @@ impl Grid {
     /// spread. If the positions already lie on a grid near that one, it is taken, so that writing a
     /// second time changes nothing.
     pub fn of(positions: &[[f32; 3]], share: f32) -> Grid {
-        let frame = PriorFrame::of(positions);
+        let frame = CoordinateFrame::of(positions);
         let far = frame.centre.iter().fold(0.0, |far: f32, v| far.max(v.abs()));
         let step = (frame.unit() * f64::from(share)).max(f64::from(far) * 2_f64.powi(-20));
         let exponent = exponent_of(step).clamp(-148, 126);

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use super::super::key_frames::tests::sample_key_frames;
 use super::super::tables_file::tests::sample_tables;
 use super::super::tests::sample_splats;
-use super::super::{Fault, INFINITE_LOGIT, PartSource, Prior, PriorFrame, RenderOverrides};
+use super::super::{CoordinateFrame, Fault, INFINITE_LOGIT, PartSource, Prior, RenderOverrides};
 use super::*;
 use crate::image::Clahe;
 
@@ -72,7 +72,7 @@ fn errors_are_half_a_step_at_most() {
     let q = Quantisation::default();
     let file = read(&written(&splats, &RenderOptions::GSPLAT, &q).1).unwrap();
     assert_eq!((file.splats.len(), file.options), (300, RenderOptions::GSPLAT));
-    let step = PriorFrame::of(&splats.positions).unit() as f32 * q.position;
+    let step = CoordinateFrame::of(&splats.positions).unit() as f32 * q.position;
     let mut left: Vec<usize> = (0..splats.len()).collect();
     for i in 0..splats.len() {
         // The order is the file's own: a splat is found by its place.

@@ -3,7 +3,7 @@
 use crate::vulkan::Error;
 use crate::{Picture, Pose};
 
-use super::super::Found;
+use super::super::PoseEstimate;
 use super::super::gauss_newton::Schedule;
 use super::super::{GaussNewtonOptions, Hint, StartKind};
 use super::judgement::PARTLY;
@@ -34,13 +34,13 @@ impl Tracker {
     pub(super) fn heard(
         &mut self,
         frame: &Picture,
-        found: Found,
+        found: PoseEstimate,
         hint: &Hint,
-    ) -> Result<Found, Error> {
+    ) -> Result<PoseEstimate, Error> {
         self.relocaliser.set_frame(frame);
         Ok(match self.near(&hint.pose, StartKind::External)? {
-            Some(heard) => Found::or_judged(Some(found), heard),
-            None => Found { drawn: None, ..found },
+            Some(heard) => PoseEstimate::or_judged(Some(found), heard),
+            None => PoseEstimate { drawn: None, ..found },
         })
     }
 
@@ -49,27 +49,27 @@ impl Tracker {
     pub(super) fn look_afresh(
         &mut self,
         frame: &Picture,
-        warm: Option<Found>,
+        warm: Option<PoseEstimate>,
         hint: Option<&Hint>,
-    ) -> Result<Option<Found>, Error> {
+    ) -> Result<Option<PoseEstimate>, Error> {
         let last = self.starts.last();
-        let mut best = warm.map(|warm| Found { start: StartKind::BestOfBad, ..warm });
+        let mut best = warm.map(|warm| PoseEstimate { start: StartKind::BestOfBad, ..warm });
         let end = self.renders() + u64::from(self.options.lost_renders);
         let GaussNewtonOptions { warm: schedule, cold, .. } = self.options.gauss_newton;
         let rough = hint.map(|h| (h.pose, StartKind::External));
         let rough = rough.or(last.map(|pose| (pose, StartKind::Previous)));
         if let Some((pose, kind)) = rough {
             let found = self.search_cold(frame, &pose, &cold, &schedule)?;
-            let found = self.judged(Found { start: kind, ..found })?;
+            let found = self.judged(PoseEstimate { start: kind, ..found })?;
             let found = self.with_masks(found, PARTLY)?;
-            best = Some(Found::or_judged(best, found));
+            best = Some(PoseEstimate::or_judged(best, found));
         }
         if best.is_some_and(|best| self.settles(&best)) {
             return Ok(best);
         }
         self.relocaliser.set_frame(frame);
         // The order alternates, so that neither can use up the renders every time.
-        let key_frames_first = self.lost_frames % 2 == 1;
+        let key_frames_first = self.frames_since_certain % 2 == 1;
         for turn in [0, 1, 2] {
             if best.is_some_and(|best| self.settles(&best)) || self.renders() >= end {
                 break;
@@ -80,7 +80,7 @@ impl Tracker {
                 _ => self.by_key_frames(end)?,
             };
             if let Some(found) = found {
-                best = Some(Found::or_judged(best, found));
+                best = Some(PoseEstimate::or_judged(best, found));
             }
         }
         if best.is_none()
@@ -92,17 +92,21 @@ impl Tracker {
         }
         Ok(best.map(|best| {
             let start = if best.certain { best.start } else { StartKind::BestOfBad };
-            Found { start, ..best }
+            PoseEstimate { start, ..best }
         }))
     }
 
-    fn near_one(&mut self, pose: Option<Pose>, kind: StartKind) -> Result<Option<Found>, Error> {
+    fn near_one(
+        &mut self,
+        pose: Option<Pose>,
+        kind: StartKind,
+    ) -> Result<Option<PoseEstimate>, Error> {
         pose.map_or(Ok(None), |pose| self.near(&pose, kind))
     }
 
     /// Searches by the corners that the prior shows at a pose; `None` if too few match. If the search ends where most
     /// corners are not explained any more, the pose is not certain, unless nearly all of the picture agrees.
-    fn near(&mut self, pose: &Pose, kind: StartKind) -> Result<Option<Found>, Error> {
+    fn near(&mut self, pose: &Pose, kind: StartKind) -> Result<Option<PoseEstimate>, Error> {
         let candidate = self.relocaliser.approach(&mut self.objective, pose)?;
         let Some(candidate) = candidate.filter(|c| c.features >= EXPLAINED) else {
             return Ok(None);
@@ -110,11 +114,11 @@ impl Tracker {
         let found = self.search_candidate(&candidate.pose, kind)?;
         let explained = 2 * self.relocaliser.explained(&found.outcome.pose) >= candidate.features;
         let certain = found.certain && (explained || found.agreement.share >= SURE);
-        Ok(Some(Found { features: candidate.features, certain, ..found }))
+        Ok(Some(PoseEstimate { features: candidate.features, certain, ..found }))
     }
 
     /// Searches by the prior's key frames. First renders those not rendered yet, as many as the frame's renders allow.
-    fn by_key_frames(&mut self, end: u64) -> Result<Option<Found>, Error> {
+    fn by_key_frames(&mut self, end: u64) -> Result<Option<PoseEstimate>, Error> {
         let room = end.saturating_sub(self.renders()) as usize;
         self.relocaliser.learn(&mut self.objective, room)?;
         let mut proposed = [None; PROPOSED + LIKELY];
@@ -122,7 +126,7 @@ impl Tracker {
             *to = Some(from.pose);
         }
         // Other ones in each frame.
-        let first = self.lost_frames as usize * LIKELY;
+        let first = self.frames_since_certain as usize * LIKELY;
         for (rank, to) in proposed[PROPOSED..].iter_mut().enumerate() {
             *to = self.relocaliser.likely(first + rank);
         }
@@ -132,7 +136,7 @@ impl Tracker {
         }
         let most = COMPARISONS * self.options.lost_renders as usize;
         let mut compared = [None; COMPARED];
-        let candidates = self.relocaliser.compare_some(most, self.lost_frames as usize);
+        let candidates = self.relocaliser.compare_some(most, self.frames_since_certain as usize);
         for (to, from) in compared.iter_mut().zip(candidates) {
             *to = Some(from.pose);
         }
@@ -142,16 +146,16 @@ impl Tracker {
     /// Searches by the corners that the prior shows at each of some poses, until one settles the frame.
     fn near_any(
         &mut self,
-        mut best: Option<Found>,
+        mut best: Option<PoseEstimate>,
         poses: &[Option<Pose>],
         end: u64,
-    ) -> Result<Option<Found>, Error> {
+    ) -> Result<Option<PoseEstimate>, Error> {
         for pose in poses.iter().flatten() {
             if best.is_some_and(|best| self.settles(&best)) || self.renders() >= end {
                 break;
             }
             if let Some(found) = self.near(pose, StartKind::KeyFrame)? {
-                best = Some(Found::or_judged(best, found));
+                best = Some(PoseEstimate::or_judged(best, found));
             }
         }
         Ok(best)
@@ -166,7 +170,7 @@ impl Tracker {
         start: &Pose,
         cold: &Schedule,
         warm: &Schedule,
-    ) -> Result<Found, Error> {
+    ) -> Result<PoseEstimate, Error> {
         let (_, begun) = self.draw(start)?;
         let mut from = std::mem::take(&mut self.cold_starts);
         let proposed = self.cold.starts(&mut self.objective, frame, start, HYPOTHESES)?;
@@ -182,7 +186,7 @@ impl Tracker {
             let near = Schedule { first_level: 0, follow_level: 0, far_level: 0, ..*warm };
             found = found.or_last(self.from(&[*start], &near)?);
         }
-        Ok(Found { begun: *start, ..found })
+        Ok(PoseEstimate { begun: *start, ..found })
     }
 
     /// Renders of all levels so far.
@@ -192,7 +196,7 @@ impl Tracker {
 }
 
 /// Whether a hint lies farther from the pose found than its covariance makes likely.
-pub(super) fn disagrees(hint: &Hint, found: &Found) -> bool {
+pub(super) fn disagrees(hint: &Hint, found: &PoseEstimate) -> bool {
     let off = found.outcome.pose.after(&hint.pose.inverse()).log();
     let depth = found.observability.length;
     let [moved, turned] = HINT_DEVIATION;

@@ -8,7 +8,7 @@ use crate::vulkan::Error;
 #[cfg(feature = "paper")]
 use super::super::descent;
 use super::super::gauss_newton::Schedule;
-use super::super::{Found, Hint, Known, Optimizer, Outcome, StartKind};
+use super::super::{FrameInfo, Hint, Optimizer, Outcome, PoseEstimate, StartKind};
 use super::afresh::disagrees;
 use super::judgement::MOSTLY;
 use super::state::Tracker;
@@ -30,7 +30,11 @@ impl Tracker {
     ///
     /// # Panics
     /// If the frame has not the camera's size.
-    pub fn track(&mut self, frame: &Picture, known: &Known) -> Result<Option<Found>, Error> {
+    pub fn track(
+        &mut self,
+        frame: &Picture,
+        known: &FrameInfo,
+    ) -> Result<Option<PoseEstimate>, Error> {
         self.objective.set_frame(frame);
         self.starts.set_time(known.time);
         match self.options.optimizer {
@@ -41,7 +45,11 @@ impl Tracker {
     }
 
     /// Gauss–Newton on the device.
-    fn search(&mut self, frame: &Picture, known: &Known) -> Result<Option<Found>, Error> {
+    fn search(
+        &mut self,
+        frame: &Picture,
+        known: &FrameInfo,
+    ) -> Result<Option<PoseEstimate>, Error> {
         let hint = known.hint.map(|hint| self.brought_up(hint));
         let schedule = self.options.gauss_newton.warm;
         let mut warm = if self.masked { self.follow_masked()? } else { None };
@@ -52,7 +60,8 @@ impl Tracker {
             warm = Some(self.with_masks(found, MOSTLY)?);
         }
         if let Some(found) = warm
-            && (self.settles(&found) || (!found.agreement.tells && !self.lost(found.outcome.mse)))
+            && (self.settles(&found)
+                || (!found.agreement.is_conclusive && !self.lost(found.outcome.mse)))
         {
             let found = match hint {
                 Some(hint) if disagrees(&hint, &found) => self.heard(frame, found, &hint)?,
@@ -75,7 +84,11 @@ impl Tracker {
     /// Searches from the frames before, beginning at the level that was enough for the last one. If
     /// the error comes out worse, searches again from the coarsest level, or, if it began there, from
     /// the poses that phase correlation proposes. `None` if there are no frames before.
-    fn follow(&mut self, frame: &Picture, schedule: &Schedule) -> Result<Option<Found>, Error> {
+    fn follow(
+        &mut self,
+        frame: &Picture,
+        schedule: &Schedule,
+    ) -> Result<Option<PoseEstimate>, Error> {
         let Some((pose, start)) = self.starts.near() else { return Ok(None) };
         let coarsest = schedule.first_level.max(schedule.far_level);
         let first = match start {
@@ -84,7 +97,7 @@ impl Tracker {
             _ => coarsest,
         };
         let at = |level| Schedule { first_level: level, follow_level: level, ..*schedule };
-        let mut found = Found { start, ..self.from(&[pose], &at(first))? };
+        let mut found = PoseEstimate { start, ..self.from(&[pose], &at(first))? };
         if start == StartKind::Predicted {
             let ratio = found.first_mse / found.outcome.mse;
             self.level = match ratio {
@@ -94,23 +107,23 @@ impl Tracker {
             };
         }
         let limit = self.error.map_or(f64::INFINITY, |before| WORSE * before);
-        let worse = |found: &Found| found.outcome.mse > limit;
+        let worse = |found: &PoseEstimate| found.outcome.mse > limit;
         if first < coarsest && worse(&found) {
             self.level = coarsest;
-            found = found.or_last(Found { start, ..self.from(&[pose], &at(coarsest))? });
+            found = found.or_last(PoseEstimate { start, ..self.from(&[pose], &at(coarsest))? });
         }
         if worse(&found) {
             // A new object may draw the search away from the scene.
             let cold = self.options.gauss_newton.cold;
             let proposed = self.search_cold(frame, &pose, &cold, schedule)?;
-            found = found.or_last(Found { start, ..proposed });
+            found = found.or_last(PoseEstimate { start, ..proposed });
         }
         Ok(Some(found))
     }
 
     /// Takes back the motion along directions that the picture does not determine, if that costs nothing. Noise caused
     /// that motion, and over many frames the pose would drift.
-    fn settled(&mut self, found: Found) -> Result<Found, Error> {
+    fn settled(&mut self, found: PoseEstimate) -> Result<PoseEstimate, Error> {
         if found.observability.undetermined().next().is_none() {
             return Ok(found);
         }
@@ -119,15 +132,15 @@ impl Tracker {
         let pose = begun.stepped(&found.observability.determined(&motion));
         let (code, mse) = self.draw(&pose)?;
         if !(mse <= SETTLED * found.outcome.mse) {
-            return Ok(Found { drawn: None, ..found });
+            return Ok(PoseEstimate { drawn: None, ..found });
         }
         let outcome = Outcome { pose, mse, ..found.outcome };
-        Ok(Found { outcome, drawn: Some(code), ..found })
+        Ok(PoseEstimate { outcome, drawn: Some(code), ..found })
     }
 
     /// The gradient methods, led by the host.
     #[cfg(feature = "paper")]
-    fn descend(&mut self, external: Option<Pose>) -> Result<Option<Found>, Error> {
+    fn descend(&mut self, external: Option<Pose>) -> Result<Option<PoseEstimate>, Error> {
         let (objective, options) = (&mut self.objective, &self.options);
         let begin = descent::choose_start(&self.starts, objective, external, self.threshold)?;
         let Some(start) = begin else { return Ok(None) };
@@ -135,12 +148,12 @@ impl Tracker {
         let observability = *self.objective.observability();
         let (code, mse) = self.draw(&outcome.pose)?;
         let agreement = self.agreement();
-        Ok(Some(Found {
+        Ok(Some(PoseEstimate {
             drawn: Some(code),
             observability,
             certain: agreement.confirms(),
             agreement,
-            ..Found::from_start(&start, Outcome { mse, ..outcome })
+            ..PoseEstimate::from_start(&start, Outcome { mse, ..outcome })
         }))
     }
 }

@@ -5,7 +5,7 @@ use crate::Pose;
 use crate::render::Correction;
 use crate::vulkan::Error;
 
-use super::super::Found;
+use super::super::PoseEstimate;
 use super::super::gauss_newton::Schedule;
 use super::super::{Agreement, Outcome, StartKind};
 use super::state::Tracker;
@@ -31,7 +31,7 @@ const HINTED: f64 = 0.15;
 impl Tracker {
     /// Draws what was found, unless it is drawn, and judges it. If the frame agrees in another light or at another
     /// sharpness than the search assumed, the search goes on with these.
-    pub(super) fn judged(&mut self, mut found: Found) -> Result<Found, Error> {
+    pub(super) fn judged(&mut self, mut found: PoseEstimate) -> Result<PoseEstimate, Error> {
         if found.drawn.is_none() {
             let (code, mse) = self.draw(&found.outcome.pose)?;
             found.drawn = Some(code);
@@ -49,7 +49,11 @@ impl Tracker {
     /// Goes on from what was found and judged last: masks what does not agree, and corrects the light from place to
     /// place. If nearly all agrees then, in one light, a plain search finishes. Changes nothing if the pose found is
     /// not certain, or if what does not agree makes no more than the share `most` of the squared error.
-    pub(super) fn with_masks(&mut self, found: Found, most: f64) -> Result<Found, Error> {
+    pub(super) fn with_masks(
+        &mut self,
+        found: PoseEstimate,
+        most: f64,
+    ) -> Result<PoseEstimate, Error> {
         if !(found.certain && self.is_uneven(&found.agreement, most)) {
             return Ok(found);
         }
@@ -70,7 +74,7 @@ impl Tracker {
         if agreement.score > best.agreement.score + BETTER || !self.is_uneven(&agreement, most) {
             return Ok(best.gone_on(plain, agreement));
         }
-        Ok(Found { drawn: None, ..best })
+        Ok(PoseEstimate { drawn: None, ..best })
     }
 
     /// Searches from a pose that corners propose. If less agrees at the end of the search, the search went wrong, and
@@ -79,7 +83,7 @@ impl Tracker {
         &mut self,
         pose: &Pose,
         kind: StartKind,
-    ) -> Result<Found, Error> {
+    ) -> Result<PoseEstimate, Error> {
         self.draw(pose)?;
         let agreement = self.agreement();
         self.take_light(&agreement);
@@ -91,7 +95,7 @@ impl Tracker {
         let stayed = self.from(&[*pose], &schedule)?;
         let agreement = self.agreement();
         let masked = self.is_uneven(&agreement, PARTLY);
-        Ok(Found { masked, ..found.gone_on(stayed, agreement) })
+        Ok(PoseEstimate { masked, ..found.gone_on(stayed, agreement) })
     }
 
     /// Searches from a pose that corners propose. First masks what does not agree there: it would lead a plain search
@@ -101,10 +105,10 @@ impl Tracker {
         pose: &Pose,
         kind: StartKind,
         agreement: &Agreement,
-    ) -> Result<Found, Error> {
+    ) -> Result<PoseEstimate, Error> {
         let mut best = None;
         if agreement.share > HINTED && self.is_uneven(agreement, MOSTLY) {
-            let found = Found { start: kind, ..self.masked_from(pose)? };
+            let found = PoseEstimate { start: kind, ..self.masked_from(pose)? };
             let found = self.with_masks(found, PARTLY)?;
             if found.certain {
                 return Ok(found);
@@ -113,14 +117,14 @@ impl Tracker {
         }
         let cold = self.options.gauss_newton.cold;
         let found = self.from(&[*pose], &cold)?;
-        let found = self.judged(Found { start: kind, ..found })?;
+        let found = self.judged(PoseEstimate { start: kind, ..found })?;
         let found = self.with_masks(found, PARTLY)?;
-        Ok(Found::or_judged(best, found))
+        Ok(PoseEstimate::or_judged(best, found))
     }
 
     /// For a frame that follows a masked one: predicts the pose, masks what does not agree with the render there, and
     /// searches. `None` if no certain pose is found.
-    pub(super) fn follow_masked(&mut self) -> Result<Option<Found>, Error> {
+    pub(super) fn follow_masked(&mut self) -> Result<Option<PoseEstimate>, Error> {
         let Some((pose, start)) = self.starts.near() else { return Ok(None) };
         self.draw(&pose)?;
         let agreement = self.agreement();
@@ -128,13 +132,13 @@ impl Tracker {
             return Ok(None);
         }
         self.take_light(&agreement);
-        let found = Found { start, ..self.masked_from(&pose)? };
+        let found = PoseEstimate { start, ..self.masked_from(&pose)? };
         Ok(Some(found).filter(|found| found.certain))
     }
 
     /// Searches from the pose at which the render was compared last, and masks what does not agree there. The error is
     /// that of the whole picture.
-    fn masked_from(&mut self, pose: &Pose) -> Result<Found, Error> {
+    fn masked_from(&mut self, pose: &Pose) -> Result<PoseEstimate, Error> {
         let comparison = &mut self.comparison;
         self.objective.set_field(|field| comparison.describe(field));
         let found = self.from(&[*pose], &self.nearby(1));
@@ -144,7 +148,7 @@ impl Tracker {
         let agreement = self.agreement();
         let outcome = Outcome { mse: self.objective.error(), ..found.outcome };
         let masked = self.comparison.is_uneven(&agreement, MOSTLY);
-        Ok(Found { outcome, agreement, certain: agreement.confirms(), masked, ..found })
+        Ok(PoseEstimate { outcome, agreement, certain: agreement.confirms(), masked, ..found })
     }
 
     /// Uses the frame's light in searches from here on, if it differs from the light used so far. Returns whether it

@@ -12,7 +12,7 @@ use crate::vulkan::Error;
 use super::super::cold::ColdStart;
 use super::super::gauss_newton::{self, Schedule};
 use super::super::{
-    Comparison, Evaluation, Found, Objective, Optimizer, RefineOptions, Relocaliser, Starts,
+    Comparison, Evaluation, Objective, Optimizer, PoseEstimate, RefineOptions, Relocaliser, Starts,
 };
 
 /// If the picture cannot tell whether a pose is right, a frame is searched afresh if its error is above this many times
@@ -46,7 +46,7 @@ pub struct Tracker {
     /// Whether a frame was certain since the start.
     pub(super) good: bool,
     /// Frames since the last certain one.
-    pub(super) lost_frames: u32,
+    pub(super) frames_since_certain: u32,
     /// Share of the last certain frame that agreed; infinite before the first.
     pub(super) share: f64,
     /// Whether a part of the last certain frame was masked.
@@ -79,7 +79,7 @@ impl Tracker {
             objective,
             relocaliser,
             good: false,
-            lost_frames: 0,
+            frames_since_certain: 0,
             share: f64::INFINITY,
             masked: false,
             blurred: false,
@@ -120,7 +120,7 @@ impl Tracker {
 
     /// Notes what was found for a frame, for the next one's start. It keeps the pose as found, not as the packet holds
     /// it, which may be coarser. Once a frame was certain, uncertain frames are not used as starts.
-    pub fn keep(&mut self, found: &Found) {
+    pub fn keep(&mut self, found: &PoseEstimate) {
         if found.certain || !self.good {
             self.starts.push(found.outcome.pose, found.start, Some(&found.observability));
             self.error = Some(found.outcome.mse);
@@ -130,20 +130,21 @@ impl Tracker {
             self.share = found.agreement.share;
             self.masked = found.masked;
         }
-        self.lost_frames = if found.certain { 0 } else { self.lost_frames.saturating_add(1) };
+        self.frames_since_certain =
+            if found.certain { 0 } else { self.frames_since_certain.saturating_add(1) };
     }
 
     /// Forgets the frames before.
     pub fn reset(&mut self) {
         (self.starts, self.error, self.level) = (Starts::default(), None, 0);
-        (self.good, self.lost_frames) = (false, 0);
+        (self.good, self.frames_since_certain) = (false, 0);
         (self.share, self.masked, self.blurred) = (f64::INFINITY, false, false);
         self.objective.set_correction(&Correction::NONE);
     }
 
     /// Whether no other pose need be looked for: nearly all agrees, or nearly as much as in the frame before, or very
     /// many corners were explained. At a wrong pose a part of the scene may agree, such as a far wall.
-    pub(super) fn settles(&self, found: &Found) -> bool {
+    pub(super) fn settles(&self, found: &PoseEstimate) -> bool {
         let nearly_all = found.agreement.share >= SURE.min(AS_BEFORE * self.share);
         found.certain && (nearly_all || found.features >= MANY)
     }
@@ -162,7 +163,11 @@ impl Tracker {
     }
 
     /// Searches from some poses.
-    pub(super) fn from(&mut self, poses: &[Pose], schedule: &Schedule) -> Result<Found, Error> {
+    pub(super) fn from(
+        &mut self,
+        poses: &[Pose],
+        schedule: &Schedule,
+    ) -> Result<PoseEstimate, Error> {
         let damping = self.options.gauss_newton.damping;
         let schedule = self.at_sharpness(schedule);
         gauss_newton::search(&mut self.objective, poses, &schedule, damping, self.profile)
@@ -186,8 +191,8 @@ impl Tracker {
     }
 
     /// Frames since the last certain one.
-    pub fn lost_frames(&self) -> u32 {
-        self.lost_frames
+    pub fn frames_since_certain(&self) -> u32 {
+        self.frames_since_certain
     }
 
     /// The objective, to draw with.

@@ -74,7 +74,7 @@ fn describe(args: &Args, prior: &Prior) {
     row("scales", spread(scales));
     let opacities = splats.opacity_logits.iter().map(|l| 1.0 / (1.0 + (-l).exp())).collect();
     row("opacities", spread(opacities));
-    let frame = prior.frame();
+    let frame = prior.coordinate_frame();
     row("frame", format!("centre {:?}, spread {}", frame.centre, frame.spread));
     row("key frames", key_frames(prior));
     row("coder tables", coder_tables(prior));

@@ -52,7 +52,7 @@ fn frame(row: &Row) -> Value {
         "start": s.start.name(),
         "certain": s.certain,
         "portable": s.portable,
-        "lost_frames": s.lost_frames,
+        "lost_frames": s.frames_since_certain,
         "rate_kept": s.rate_kept,
         // Its reference frame.
         "reference": s.reference,

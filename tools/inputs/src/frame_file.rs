@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use image::ImageFormat;
 use image::imageops::FilterType;
-use nvsprior::{Hint, Known, Picture, Pose};
+use nvsprior::{FrameInfo, Hint, Picture, Pose};
 
 /// Why a file of pictures or poses cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -139,7 +139,7 @@ impl Columns {
     }
 
     /// What a row states; what is wrong with it.
-    fn known(&self, record: &csv::StringRecord) -> Result<Known, String> {
+    fn known(&self, record: &csv::StringRecord) -> Result<FrameInfo, String> {
         let at = |i: usize| record.get(i).unwrap_or_default();
         let number = |i: usize, name: &str| {
             let number = at(i).parse::<f64>().map_err(|e| format!("{name}: {e}"))?;
@@ -166,14 +166,14 @@ impl Columns {
         if hint.age < 0.0 {
             return Err(format!("age: {} is negative", hint.age));
         }
-        Ok(Known { hint: Some(hint), time: optional(self.time, "time")? })
+        Ok(FrameInfo { hint: Some(hint), time: optional(self.time, "time")? })
     }
 }
 
 /// Reads what is known of frames, by file name, from a CSV file with a header: poses
 /// (world-to-camera) and optional columns for the frame's time, the pose's age (seconds) and its
 /// standard deviations. Fields of optional columns may be empty. Columns may have any order.
-pub fn read_known(path: &Path) -> Result<HashMap<String, Known>, FrameFileError> {
+pub fn read_known(path: &Path) -> Result<HashMap<String, FrameInfo>, FrameFileError> {
     read_known_by(FILE, path)
 }
 
@@ -181,7 +181,7 @@ pub fn read_known(path: &Path) -> Result<HashMap<String, Known>, FrameFileError>
 pub fn read_known_by(
     key: &'static str,
     path: &Path,
-) -> Result<HashMap<String, Known>, FrameFileError> {
+) -> Result<HashMap<String, FrameInfo>, FrameFileError> {
     let failed = |error| FrameFileError::Csv { path: path.to_path_buf(), error };
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(failed)?;

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::{Camera, Encoded, Encoder, Known, Picture, Pose};
+use nvsprior::{Camera, Encoded, Encoder, FrameInfo, Picture, Pose};
 
 use crate::args::{SizeArgs, StepArg};
 use crate::camera_file::{CameraFile, View};
@@ -48,7 +48,7 @@ pub struct Input {
     /// The camera at the size that it is encoded at.
     pub camera: Camera,
     /// Its pose from outside, and when it was taken.
-    pub external: Known,
+    pub external: FrameInfo,
     /// Its pose in the camera file.
     pub known: Option<Pose>,
 }
@@ -97,7 +97,7 @@ impl InputArgs {
         views.iter().enumerate().map(input).collect()
     }
 
-    fn read_starts(&self, path: &Path) -> anyhow::Result<HashMap<String, Known>> {
+    fn read_starts(&self, path: &Path) -> anyhow::Result<HashMap<String, FrameInfo>> {
         if !path.exists() {
             let what = "neither `none`, `first` or `camera-file`, nor a file that is there";
             return Err(WrongUsage(format!("--starts {}: {what}", path.display())).into());
@@ -110,13 +110,13 @@ impl InputArgs {
         starts: &str,
         index: usize,
         view: &View,
-        csv: Option<&HashMap<String, Known>>,
-    ) -> Known {
+        csv: Option<&HashMap<String, FrameInfo>>,
+    ) -> FrameInfo {
         let mut known = match (csv, starts) {
             (Some(frames), _) => frames.get(&view.name).copied().unwrap_or_default(),
             (None, "camera-file") => view.pose.into(),
             (None, "first") if index == 0 => view.pose.into(),
-            _ => Known::default(),
+            _ => FrameInfo::default(),
         };
         if let (Some(offset), Some(hint), 0) = (self.start_offset, &mut known.hint, index) {
             hint.pose = hint.pose.stepped(&offset.0);

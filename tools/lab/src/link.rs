@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use nvsprior::image::Preprocessor;
 use nvsprior::modem::{Loss, ModemError};
-use nvsprior::tracking::Known;
+use nvsprior::tracking::FrameInfo;
 use nvsprior::{Mode, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
@@ -222,7 +222,7 @@ impl LinkArgs {
 struct Footage {
     /// The first one's camera; all others must be of its size.
     camera: nvsprior::Camera,
-    first: Known,
+    first: FrameInfo,
     pictures: Vec<Picture>,
 }
 
@@ -339,7 +339,7 @@ mod tests {
                 picture
             })
             .collect();
-        let footage = Footage { camera, first: Known::default(), pictures };
+        let footage = Footage { camera, first: FrameInfo::default(), pictures };
         let order: Vec<_> = (0..8).map(|k| footage.picture(k).data[0]).collect();
         assert_eq!(order, [0, 1, 2, 3, 2, 1, 0, 1]);
     }

@@ -110,7 +110,7 @@ fn print_times(
 fn default_view(prior: &Prior) -> (Camera, Pose) {
     let (width, height) = (320, 180);
     let camera = Camera { width, height, fx: 274.0, fy: 274.0, cx: 160.0, cy: 90.0 };
-    let frame = prior.frame();
+    let frame = prior.coordinate_frame();
     let centre = glam::DVec3::from(frame.centre.map(f64::from));
     let back = glam::DVec3::Z * 3.0 * f64::from(frame.spread);
     (camera, Pose::from_centre(glam::DQuat::IDENTITY, centre - back))

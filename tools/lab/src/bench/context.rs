@@ -8,7 +8,7 @@ use nvsprior::render::Scene;
 use nvsprior::tracking::{Evaluation, Optimizer};
 use nvsprior::vulkan::MemoryUse;
 use nvsprior::{
-    Camera, Encoder, EncoderOptions, Engine, FrameStats, Hint, Known, Picture, Pose, Prior,
+    Camera, Encoder, EncoderOptions, Engine, FrameInfo, FrameStats, Hint, Picture, Pose, Prior,
 };
 
 use super::forward::Forward;
@@ -33,8 +33,8 @@ pub struct Shot {
 
 impl Shot {
     /// What an encoder is told of it, if it is told this pose.
-    pub fn told(&self, pose: Option<Pose>) -> Known {
-        Known { hint: pose.map(Hint::of), time: self.time }
+    pub fn told(&self, pose: Option<Pose>) -> FrameInfo {
+        FrameInfo { hint: pose.map(Hint::of), time: self.time }
     }
 
     pub fn read(input: &Input, preprocessor: &mut Preprocessor) -> anyhow::Result<Shot> {

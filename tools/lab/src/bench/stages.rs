@@ -3,7 +3,7 @@
 
 use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
-use nvsprior::tracking::{Found, Known, Objective, RefineOptions, Tracker};
+use nvsprior::tracking::{FrameInfo, Objective, PoseEstimate, RefineOptions, Tracker};
 use nvsprior::vulkan::StageTime;
 use nvsprior::{Camera, EncoderOptions, Pose};
 use serde::Serialize;
@@ -149,10 +149,10 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     let times = mean(|| {
         tracker.reset();
         for Best { pose, psnr } in &context.best[..last] {
-            tracker.keep(&Found::known(*pose, 10f64.powf(-0.1 * psnr)));
+            tracker.keep(&PoseEstimate::known(*pose, 10f64.powf(-0.1 * psnr)));
         }
         let before = tracker.objective().renderer().renders().to_vec();
-        tracker.track(&shot.picture, &Known::default())?;
+        tracker.track(&shot.picture, &FrameInfo::default())?;
         let renderer = tracker.objective().renderer();
         renders = renderer.renders().iter().zip(before).map(|(now, then)| now - then).collect();
         Ok(renderer.stage_times(Job::Search)?)

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use nvsprior::Engine;
 use nvsprior::modem::Report;
 use nvsprior::render::Scene;
-use nvsprior::tracking::Known;
+use nvsprior::tracking::FrameInfo;
 
 use super::channel::Channel;
 use super::report::{Moment, Outcome};
@@ -155,7 +155,7 @@ impl<'a> Simulation<'a> {
 
     fn expose(&mut self, frame: usize, now: f64) -> anyhow::Result<()> {
         let hint = if frame == 0 { self.footage.first.hint } else { None };
-        let known = Known { hint, time: Some(now) };
+        let known = FrameInfo { hint, time: Some(now) };
         if self.vehicle.take(frame, now, self.footage.picture(frame), known)? {
             self.plan.add(now + self.setting.coding, Event::Due);
         }

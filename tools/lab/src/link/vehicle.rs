@@ -8,7 +8,7 @@ use nvsprior::modem::{
 };
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
-use nvsprior::tracking::Known;
+use nvsprior::tracking::FrameInfo;
 use nvsprior::{Encoded, Encoder, EncoderOptions, Engine, Error, Picture, Rate};
 
 use super::{Footage, Setting};
@@ -100,7 +100,7 @@ impl Vehicle {
         frame: usize,
         exposed: f64,
         picture: &Picture,
-        known: Known,
+        known: FrameInfo,
     ) -> anyhow::Result<bool> {
         let Some(bytes) = self.sender.plan(exposed)? else { return Ok(false) };
         self.encoder.skip((frame - self.next) as u32);
@@ -126,7 +126,7 @@ impl Vehicle {
 
     /// Encodes a frame in so many bytes. A packet that also tells the camera may take more: what does not fit its
     /// shares is cut off.
-    fn encode(&mut self, picture: &Picture, known: Known, bytes: usize) -> Result<(), Error> {
+    fn encode(&mut self, picture: &Picture, known: FrameInfo, bytes: usize) -> Result<(), Error> {
         self.encoder.set_rate(Some(Rate::Bytes(bytes)));
         match self.encoder.encode_into(picture, known, &mut self.encoded) {
             Err(Error::Budget { needed, .. }) => {

@@ -40,8 +40,8 @@ fn cases(bench: &Bench) -> Vec<Case> {
             let near = Some(RenderOptions::INRIA.near);
             let prior =
                 Prior::open(&path, &RenderOverrides { near, ..RenderOverrides::default() })?;
-            let centre = glam::DVec3::from(prior.frame().centre.map(f64::from));
-            let back = glam::DVec3::Z * f64::from(prior.frame().spread);
+            let centre = glam::DVec3::from(prior.coordinate_frame().centre.map(f64::from));
+            let back = glam::DVec3::Z * f64::from(prior.coordinate_frame().spread);
             compare(bench, &prior, &Pose::from_centre(glam::DQuat::IDENTITY, centre - back))
         }));
     }

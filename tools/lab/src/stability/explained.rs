@@ -73,7 +73,7 @@ impl Explained {
 /// Whether f32 and f64 may disagree on which splats lie before the near plane.
 pub fn undecided(prior: &Prior, pose: &Pose) -> bool {
     let near = f64::from(prior.options().near);
-    let centre = DVec3::from(prior.frame().centre.map(f64::from));
+    let centre = DVec3::from(prior.coordinate_frame().centre.map(f64::from));
     prior.splats().positions.iter().any(|p| {
         let position = DVec3::from(p.map(f64::from));
         let z = (pose.rotation * position + pose.translation).z;
@@ -87,7 +87,7 @@ pub fn undecided(prior: &Prior, pose: &Pose) -> bool {
 /// one unit of their distance from the prior's centre if that is more: the device holds them relative to it.
 pub fn rounded(prior: &Prior) -> Result<Prior, PriorError> {
     let mut splats = prior.splats().clone();
-    let centre = prior.frame().centre;
+    let centre = prior.coordinate_frame().centre;
     for position in &mut splats.positions {
         for (v, c) in position.iter_mut().zip(centre) {
             let mut from_centre = *v - c;
@@ -124,7 +124,7 @@ fn nudge(value: &mut f32) {
 pub fn nudged(prior: &Prior, pose: &Pose) -> Pose {
     let by = f64::from(f32::EPSILON);
     let mut pose = *pose;
-    let centre = DVec3::from(prior.frame().centre.map(f64::from));
+    let centre = DVec3::from(prior.coordinate_frame().centre.map(f64::from));
     let held = pose.translation + pose.rotation * centre;
     pose.translation += held * DVec3::new(by, -by, by);
     pose.stepped(&[0.0, 0.0, 0.0, by, -by, by])

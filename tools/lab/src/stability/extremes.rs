@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use nvsprior::prior::{PriorError, PriorFrame, Splats};
+use nvsprior::prior::{CoordinateFrame, PriorError, Splats};
 use nvsprior::random::Random;
 use nvsprior::render::{Jacobian, NormalEquations, Plan, SortPrecision};
 use nvsprior::tracking::RefineOptions;
@@ -269,7 +269,7 @@ fn send(engine: &Engine, prior: &Prior, scene: &Extreme, seed: u64) -> Result<()
         Err(Error::Packet(_)) => return Ok(()),
         // A start beyond a million spreads is refused, and no other.
         Err(Error::HintFar { .. }) => {
-            let PriorFrame { centre, spread } = prior.frame();
+            let CoordinateFrame { centre, spread } = prior.coordinate_frame();
             let centre = glam::Vec3::from(centre).as_dvec3();
             let spreads = (start.centre() - centre).length() / f64::from(spread);
             return ensure(spreads > 1e6, || format!("refused: a start at {spreads:e} spreads"));

@@ -173,7 +173,7 @@ pub fn evaluated(
     prior: &Prior,
     at: &Pose,
 ) -> Result<NormalEquations, Error> {
-    let centre = glam::DVec3::from(prior.frame().centre.map(f64::from));
+    let centre = glam::DVec3::from(prior.coordinate_frame().centre.map(f64::from));
     let program = Program {
         renders: 1,
         first_level: 0,
@@ -283,7 +283,7 @@ impl Reference {
 /// The search on the twin, led by the host.
 fn descend(scenario: &Scenario, frame: &Picture) -> anyhow::Result<Descent> {
     let Scenario { prior, camera, .. } = scenario;
-    let centre = glam::DVec3::from(prior.frame().centre.map(f64::from));
+    let centre = glam::DVec3::from(prior.coordinate_frame().centre.map(f64::from));
     let cameras: Vec<(u32, Camera)> = FACTORS
         .iter()
         .map(|factor| (*factor, camera.reduced(*factor)))

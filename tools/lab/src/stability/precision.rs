@@ -56,8 +56,8 @@ impl Which {
         match (self, &bench.prior) {
             (Which::Given, Some(path)) => {
                 let prior = Prior::open(path, &RenderOverrides::default())?;
-                let centre = glam::DVec3::from(prior.frame().centre.map(f64::from));
-                let away = 3.0 * f64::from(prior.frame().spread);
+                let centre = glam::DVec3::from(prior.coordinate_frame().centre.map(f64::from));
+                let away = 3.0 * f64::from(prior.coordinate_frame().spread);
                 let translation = glam::DVec3::new(0.0, 0.0, away) - centre;
                 Ok(PriorView { prior, camera, pose: Pose { translation, ..Pose::IDENTITY } })
             }

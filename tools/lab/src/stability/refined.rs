@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use nvsprior::render::Plan;
-use nvsprior::tracking::{Found, Objective, Optimizer, RefineOptions, Tracker};
+use nvsprior::tracking::{Objective, Optimizer, PoseEstimate, RefineOptions, Tracker};
 use nvsprior::{Camera, Picture, Pose, Prior};
 use nvsprior_kernels::search::COMPACT;
 
@@ -37,7 +37,11 @@ pub fn picture(
 impl Sought<'_> {
     /// Searches, and checks what every search must do: end no worse than it began, at finite numbers, and no farther
     /// off than the scene is deep.
-    pub fn refine(&self, bench: &Bench, optimizer: Optimizer) -> anyhow::Result<(Found, Row)> {
+    pub fn refine(
+        &self,
+        bench: &Bench,
+        optimizer: Optimizer,
+    ) -> anyhow::Result<(PoseEstimate, Row)> {
         let since = Instant::now();
         let refine = RefineOptions { optimizer, ..RefineOptions::default() };
         let search = optimizer == Optimizer::GaussNewton;
@@ -72,7 +76,7 @@ impl Sought<'_> {
     }
 
     /// How far the camera went from the start, the prior's unit.
-    pub fn moved(&self, found: &Found) -> f64 {
+    pub fn moved(&self, found: &PoseEstimate) -> f64 {
         (found.outcome.pose.centre() - self.start.centre()).length()
     }
 }
@@ -81,7 +85,7 @@ impl Sought<'_> {
 const ROUNDING: f64 = 2.0 / (12.0 * 255.0 * 255.0);
 
 /// Condition, deviations and open directions, in words.
-fn spectrum(found: &Found) -> String {
+fn spectrum(found: &PoseEstimate) -> String {
     let o = &found.observability;
     let open = o.undetermined().count();
     format!(

@@ -93,7 +93,7 @@ impl Scene {
 
 /// The pose as a packet would hold it; `None` if none can.
 pub fn code(prior: &Prior, pose: &Pose) -> Option<PoseCode> {
-    let quantised = QuantisedPose::quantise(pose, &prior.frame(), PoseProfile::Compact);
+    let quantised = QuantisedPose::quantise(pose, &prior.coordinate_frame(), PoseProfile::Compact);
     quantised.ok().map(|pose| pose.words())
 }
 

@@ -181,7 +181,7 @@ fn the_search_is_the_host_s() {
     let engine = common::engine();
     let prior = random_prior(92, 2_000, 1);
     let mut renderer = renderer(&engine, 92);
-    let centre = glam::DVec3::from(prior.frame().centre.map(f64::from));
+    let centre = glam::DVec3::from(prior.coordinate_frame().centre.map(f64::from));
     let truth = random_pose(92);
     let mut frame = Picture::new(150, 83);
     renderer.picture(&truth, &mut frame).unwrap();

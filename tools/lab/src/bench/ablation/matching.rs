@@ -80,7 +80,7 @@ impl Matching {
             }
             pose = next;
         }
-        let frame = context.scene.frame();
+        let frame = context.scene.coordinate_frame();
         let code = QuantisedPose::quantise(&best.1, &frame, PoseProfile::Compact)?;
         renderer.draw_coded(&code.words())?;
         Ok(Attempt {

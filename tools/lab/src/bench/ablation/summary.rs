@@ -36,7 +36,7 @@ impl Ablation {
     }
 
     /// The outcomes of a method from a source of starts.
-    fn from_source(&self, source: StartSource, method: Method) -> Vec<&Outcome> {
+    fn of_source(&self, source: StartSource, method: Method) -> Vec<&Outcome> {
         let of_source = self.starts.iter().filter(|trial| trial.source == source);
         of_source.map(|trial| &trial.outcome).filter(|outcome| outcome.method == method).collect()
     }
@@ -129,7 +129,7 @@ fn starts(context: &Context, ablation: &Ablation) -> Vec<Start> {
     let mut starts = Vec::new();
     for source in StartSource::ALL {
         for method in METHODS {
-            let figures = Figures::of(context, &ablation.from_source(source, method));
+            let figures = Figures::of(context, &ablation.of_source(source, method));
             if figures.trials > 0 {
                 starts.push(Start { source: source.name(), method: method.name(), figures });
             }

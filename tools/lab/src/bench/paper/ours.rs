@@ -2,7 +2,7 @@
 
 use anyhow::Context as _;
 use nvsprior::packet::Parsed;
-use nvsprior::{Decoder, EncoderOptions, Known, Mode, Pose};
+use nvsprior::{Decoder, EncoderOptions, FrameInfo, Mode, Pose};
 
 use super::coders::Method;
 use super::row::{Coded, Setting};
@@ -43,7 +43,7 @@ pub enum Starts<'a> {
 }
 
 impl Starts<'_> {
-    fn known(&self, index: usize, shot: &Shot) -> Known {
+    fn known(&self, index: usize, shot: &Shot) -> FrameInfo {
         match self {
             Starts::Track => shot.told(shot.external),
             Starts::Nothing => shot.told(None),

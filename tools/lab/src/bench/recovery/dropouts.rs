@@ -1,6 +1,6 @@
 //! Frames that show nothing, in the middle of a run. Measures when the camera is found again.
 
-use nvsprior::{Hint, Known, Picture};
+use nvsprior::{FrameInfo, Hint, Picture};
 
 use super::super::context::{Best, Context, Shot};
 use super::super::statistics::median;
@@ -137,7 +137,7 @@ fn sequence(
         let (shot, phase) = (&shots[at(n)], case.phase(n));
         let empty = (phase == Phase::Dropout).then(|| case.outage.picture(shot, n - GOOD));
         let hint = shot.known.filter(|_| case.hints || n == 0).map(Hint::of);
-        let known = Known { hint, time: Some(n as f64 / case.rate) };
+        let known = FrameInfo { hint, time: Some(n as f64 / case.rate) };
         let target = Target { shot, best: &best[at(n)], foreign: false, shown: None };
         let frame = probe.frame(phase, target, empty.as_ref().unwrap_or(&shot.picture), known)?;
         let again = phase == Phase::Clear && frame.found() && frame.certain();

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use nvsprior::render::Scene;
-use nvsprior::{Encoder, EncoderOptions, Error, Known, Picture};
+use nvsprior::{Encoder, EncoderOptions, Error, FrameInfo, Picture};
 
 use super::super::context::{Best, Context, Shot};
 use super::super::forward::Forward;
@@ -190,7 +190,7 @@ impl<'a> Probe<'a> {
         phase: Phase,
         target: Target,
         given: &Picture,
-        known: impl Into<Known>,
+        known: impl Into<FrameInfo>,
     ) -> anyhow::Result<Frame> {
         let Target { shot, best, foreign, .. } = target;
         let encoding = || format!("encoding {}", shot.file);
@@ -209,7 +209,7 @@ impl<'a> Probe<'a> {
             Answer {
                 psnr: target.psnr(&encoded.render),
                 certain: stats.certain,
-                lost_frames: stats.lost_frames,
+                lost_frames: stats.frames_since_certain,
                 start: stats.start.name(),
                 renders: stats.renders.iter().sum(),
                 full_renders: stats.full_renders,
@@ -226,7 +226,7 @@ impl<'a> Probe<'a> {
         &mut self,
         target: Target,
         given: &Picture,
-        known: impl Into<Known>,
+        known: impl Into<FrameInfo>,
         done: fn(&Frame) -> bool,
     ) -> anyhow::Result<Vec<Frame>> {
         self.reset();

@@ -182,7 +182,7 @@ fn of_equations(stage: &'static str, got: &NormalEquations, twin: &NormalEquatio
 
 /// The pose that a packet's code stands for, as the device and as the host take it.
 fn decode_pose(seen: &PriorView) -> anyhow::Result<Errors> {
-    let frame = seen.prior.frame();
+    let frame = seen.prior.coordinate_frame();
     let centre = glam::DVec3::from(frame.centre.map(f64::from));
     let anchor = search::Anchor { centre: frame.centre, step: frame.step() as f32 };
     let mut relative = Vec::new();

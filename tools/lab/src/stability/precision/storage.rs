@@ -78,7 +78,7 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
     let mut rows = Vec::new();
     for storage in &STORAGES {
         let mut splats = seen.prior.splats().clone();
-        (storage.round)(&mut splats, seen.prior.frame().centre);
+        (storage.round)(&mut splats, seen.prior.coordinate_frame().centre);
         let saved = (storage.saves)(&splats);
         let prior = Prior::from_splats(splats, *seen.prior.options())?;
         let db = psnr(&draw(bench, &seen, &prior)?, &whole);

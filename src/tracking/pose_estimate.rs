@@ -7,7 +7,7 @@ use super::{Agreement, Observability, Outcome, Start, StartKind, Stop};
 
 /// What was found for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
+pub struct PoseEstimate {
     /// Pose and error.
     pub outcome: Outcome,
     /// Where the search started.
@@ -33,10 +33,10 @@ pub struct Found {
     pub features: u32,
 }
 
-impl Found {
+impl PoseEstimate {
     /// An outcome, not judged yet, of a search from a start.
-    pub(super) fn from_start(start: &Start, outcome: Outcome) -> Found {
-        Found {
+    pub(super) fn from_start(start: &Start, outcome: Outcome) -> PoseEstimate {
+        PoseEstimate {
             outcome,
             start: start.kind,
             drawn: None,
@@ -52,43 +52,55 @@ impl Found {
     }
 
     /// A certain pose that is known otherwise, with its mean squared error.
-    pub fn known(pose: Pose, mse: f64) -> Found {
+    pub fn known(pose: Pose, mse: f64) -> PoseEstimate {
         let start = Start { pose, kind: StartKind::Previous };
         let agreement = Agreement {
             share: 1.0,
             score: 1.0,
-            tells: true,
+            is_conclusive: true,
             correction: None,
             sharpness: f64::NAN,
         };
         let outcome = Outcome { pose, mse, stop: Stop::Progress };
-        Found { first_mse: mse, certain: true, agreement, ..Found::from_start(&start, outcome) }
+        PoseEstimate {
+            first_mse: mse,
+            certain: true,
+            agreement,
+            ..PoseEstimate::from_start(&start, outcome)
+        }
     }
 
     /// Returns the result with less error, this one or the last search's. If it is this one, the last search has drawn
     /// over its picture.
-    pub(super) fn or_last(self, last: Found) -> Found {
-        let better =
-            if last.outcome.mse <= self.outcome.mse { last } else { Found { drawn: None, ..self } };
-        Found { submissions: self.submissions + last.submissions, ..better }
+    pub(super) fn or_last(self, last: PoseEstimate) -> PoseEstimate {
+        let better = if last.outcome.mse <= self.outcome.mse {
+            last
+        } else {
+            PoseEstimate { drawn: None, ..self }
+        };
+        PoseEstimate { submissions: self.submissions + last.submissions, ..better }
     }
 
     /// The result of the last search, which went on from this one.
-    pub(super) fn gone_on(&self, last: Found, agreement: Agreement) -> Found {
+    pub(super) fn gone_on(&self, last: PoseEstimate, agreement: Agreement) -> PoseEstimate {
         let submissions = self.submissions + last.submissions;
         let certain = agreement.confirms();
-        let Found { start, begun, features, .. } = *self;
-        Found { start, begun, features, submissions, agreement, certain, ..last }
+        let PoseEstimate { start, begun, features, .. } = *self;
+        PoseEstimate { start, begun, features, submissions, agreement, certain, ..last }
     }
 
     /// Returns the better of two judged results. If both are certain: the one that the frame agrees with more. If one
     /// is certain: that one. Else: the one with less error.
-    pub(super) fn or_judged(before: Option<Found>, last: Found) -> Found {
+    pub(super) fn or_judged(before: Option<PoseEstimate>, last: PoseEstimate) -> PoseEstimate {
         let Some(before) = before else { return last };
         let both = before.certain && last.certain;
-        let rank = |f: &Found| (f.certain, if both { f.agreement.score } else { -f.outcome.mse });
-        let better =
-            if rank(&last) >= rank(&before) { last } else { Found { drawn: None, ..before } };
-        Found { submissions: before.submissions + last.submissions, ..better }
+        let rank =
+            |f: &PoseEstimate| (f.certain, if both { f.agreement.score } else { -f.outcome.mse });
+        let better = if rank(&last) >= rank(&before) {
+            last
+        } else {
+            PoseEstimate { drawn: None, ..before }
+        };
+        PoseEstimate { submissions: before.submissions + last.submissions, ..better }
     }
 }

@@ -7,7 +7,7 @@ const STEPS_PER_UNIT: f64 = 131_072.0;
 ///
 /// Both sides compute it from the same splats with the same comparisons, so with the same bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PriorFrame {
+pub struct CoordinateFrame {
     /// Per axis the lower median of the splats' positions.
     pub centre: [f32; 3],
     /// Largest of the three median absolute deviations from `centre`, in the prior's unit. If that
@@ -16,7 +16,7 @@ pub struct PriorFrame {
     pub spread: f32,
 }
 
-impl PriorFrame {
+impl CoordinateFrame {
     /// The unit of lengths in packets: `spread`, but at least 2⁻²³ of the distance from the origin
     /// (the resolution of f32 there). So f64 tells steps of 2⁻¹⁷ units apart everywhere.
     pub fn unit(&self) -> f64 {
@@ -30,7 +30,7 @@ impl PriorFrame {
     }
 
     /// The frame of finite `positions`, of which there is at least one.
-    pub(super) fn of(positions: &[[f32; 3]]) -> PriorFrame {
+    pub(super) fn of(positions: &[[f32; 3]]) -> CoordinateFrame {
         let axes = [0, 1, 2].map(|axis| deviations(positions, axis));
         let largest = |pick: fn(&Axis) -> f64| axes.iter().map(pick).fold(0.0, f64::max);
         let spread = [largest(|a| a.median), largest(|a| a.most), 1.0]
@@ -38,7 +38,7 @@ impl PriorFrame {
             .map(|s| (s as f32).min(f32::MAX))
             .find(|s| *s > 0.0)
             .unwrap_or(1.0);
-        PriorFrame { centre: axes.map(|a| a.centre), spread }
+        CoordinateFrame { centre: axes.map(|a| a.centre), spread }
     }
 }
 
@@ -72,11 +72,11 @@ mod tests {
     fn strays_do_not_count() {
         let mut positions: Vec<[f32; 3]> =
             (0..101).map(|i| [i as f32, 5.0 + 0.1 * i as f32, -3.0]).collect();
-        let frame = PriorFrame::of(&positions);
+        let frame = CoordinateFrame::of(&positions);
         assert_eq!(frame.centre, [50.0, 10.0, -3.0]);
         assert_eq!(frame.spread, 25.0);
         positions[3] = [1e30, -1e30, f32::MAX];
-        let with_stray = PriorFrame::of(&positions);
+        let with_stray = CoordinateFrame::of(&positions);
         assert!((with_stray.centre[0] - 50.0).abs() <= 1.0);
         assert!((with_stray.spread - 25.0).abs() <= 1.0);
     }
@@ -85,16 +85,16 @@ mod tests {
     fn order_does_not_matter() {
         let mut positions: Vec<[f32; 3]> =
             (0..50_u32).map(|i| [(i * 37 % 50) as f32, (i * 11 % 7) as f32, 0.0]).collect();
-        let frame = PriorFrame::of(&positions);
+        let frame = CoordinateFrame::of(&positions);
         positions.reverse();
-        assert_eq!(PriorFrame::of(&positions), frame);
+        assert_eq!(CoordinateFrame::of(&positions), frame);
     }
 
     #[test]
     fn spread_is_positive_and_finite() {
-        assert_eq!(PriorFrame::of(&[[1.0; 3]]).spread, 1.0);
-        assert_eq!(PriorFrame::of(&[[1.0; 3], [1.0; 3], [1.0, 1.0, 4.0]]).spread, 3.0);
-        let far = PriorFrame::of(&[[f32::MIN; 3], [f32::MAX; 3], [f32::MAX; 3]]);
+        assert_eq!(CoordinateFrame::of(&[[1.0; 3]]).spread, 1.0);
+        assert_eq!(CoordinateFrame::of(&[[1.0; 3], [1.0; 3], [1.0, 1.0, 4.0]]).spread, 3.0);
+        let far = CoordinateFrame::of(&[[f32::MIN; 3], [f32::MAX; 3], [f32::MAX; 3]]);
         assert_eq!(far.spread, f32::MAX);
     }
 }

@@ -65,7 +65,7 @@ impl Hint {
 
 /// What is known of a frame besides its picture. By default nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Known {
+pub struct FrameInfo {
     /// The camera's rough pose.
     pub hint: Option<Hint>,
     /// When the frame was taken, seconds on a clock of the caller's. Some or all frames may leave it out. A later frame
@@ -73,7 +73,7 @@ pub struct Known {
     pub time: Option<f64>,
 }
 
-impl Known {
+impl FrameInfo {
     /// Whether it can be used. `frame`: the frame's number; `before`: the last time that an earlier frame
     /// stated.
     ///
@@ -94,22 +94,22 @@ impl Known {
     }
 }
 
-impl From<Hint> for Known {
-    fn from(hint: Hint) -> Known {
-        Known { hint: Some(hint), time: None }
+impl From<Hint> for FrameInfo {
+    fn from(hint: Hint) -> FrameInfo {
+        FrameInfo { hint: Some(hint), time: None }
     }
 }
 
-impl From<Pose> for Known {
-    fn from(pose: Pose) -> Known {
+impl From<Pose> for FrameInfo {
+    fn from(pose: Pose) -> FrameInfo {
         Hint::of(pose).into()
     }
 }
 
 // None from `Option<Hint>`: with two of this kind, `encode(frame, None)` would be ambiguous.
-impl From<Option<Pose>> for Known {
-    fn from(pose: Option<Pose>) -> Known {
-        Known { hint: pose.map(Hint::of), time: None }
+impl From<Option<Pose>> for FrameInfo {
+    fn from(pose: Option<Pose>) -> FrameInfo {
+        FrameInfo { hint: pose.map(Hint::of), time: None }
     }
 }
 
@@ -241,11 +241,11 @@ mod tests {
 
     #[test]
     fn what_cannot_be_used_is_named() {
-        let check = |known: Known, before| known.check(7, before);
+        let check = |known: FrameInfo, before| known.check(7, before);
         let hint = Hint::of(Pose::IDENTITY);
-        assert!(check(Known::default(), None).is_ok());
-        assert!(check(Known::from(hint), Some(5.0)).is_ok());
-        assert_eq!(Known::from(None), Known::default());
+        assert!(check(FrameInfo::default(), None).is_ok());
+        assert!(check(FrameInfo::from(hint), Some(5.0)).is_ok());
+        assert_eq!(FrameInfo::from(None), FrameInfo::default());
         for rotation in [glam::DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0), glam::DQuat::IDENTITY * 2.0] {
             let pose = Pose { rotation, ..Pose::IDENTITY };
             assert!(matches!(check(pose.into(), None), Err(Error::HintPose { frame: 7 })));
@@ -258,7 +258,7 @@ mod tests {
             let found = check(Hint { age, ..hint }.into(), None);
             assert!(matches!(found, Err(Error::HintAge { frame: 7, .. })));
         }
-        let at = |time| Known { hint: None, time: Some(time) };
+        let at = |time| FrameInfo { hint: None, time: Some(time) };
         assert!(check(at(5.0), Some(5.0)).is_ok(), "two cameras may be triggered together");
         assert!(check(at(-1e9), None).is_ok(), "any clock will do");
         let back = check(at(4.5), Some(5.0));
