@@ -216,23 +216,24 @@ template <class Structure> inline Structure nvsp_initialized() {
 // WebP codes the difference picture, as in the paper.
 #define NVSP_RESIDUAL_WEBP 1
 
-// Every frame stands alone: a lost packet costs its own frame.
+// Every frame is intra: a lost packet costs its own frame.
 #define NVSP_MODE_INTRA 0
 
-// The difference pictures of frames lean on those of earlier ones, and take fewer bytes. A frame whose reference is
-// missing is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
+// The difference pictures of frames are predicted from those of earlier ones, and take fewer bytes. A frame whose
+// reference is missing is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
 #define NVSP_MODE_STREAM 1
 
-// A frame leans on the one before. Saves most; a lost packet spoils all frames up to the next key frame.
+// A frame is predicted from the one before. Saves most; a lost packet spoils all frames up to the next key frame.
 #define NVSP_STRUCTURE_CHAIN 0
 
-// Layers: every other frame is leaned on by none, and every fourth by more. A lost packet spoils fewer frames.
+// Layers: every other frame is the reference of none, and every fourth of more. A lost packet spoils fewer frames.
 #define NVSP_STRUCTURE_LAYERS 1
 
-// A frame leans on the last key frame. A lost packet costs its own frame, unless it is the key frame.
+// A frame is predicted from the last key frame. A lost packet costs its own frame, unless it is the key frame.
 #define NVSP_STRUCTURE_KEYS 2
 
-// A frame leans on the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own frame.
+// A frame is predicted from the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own
+// frame.
 #define NVSP_STRUCTURE_ACKNOWLEDGED 3
 
 // For nvsp_encoder_options.key_every: no key frames after the first.
@@ -315,11 +316,11 @@ template <class Structure> inline Structure nvsp_initialized() {
 // The render is not the vehicle's: the vehicle's device, or its driver, rounds differently.
 #define NVSP_DECODED_OTHER_RENDER 8
 
-// The frame is one of a stream, and its difference picture leans on that of nvsp_decoded.reference.
+// The frame is one of a stream, and its difference picture is predicted from that of nvsp_decoded.reference.
 #define NVSP_DECODED_INTER 16
 
-// The frame is one of a stream and came in full: later ones may lean on it. If there is a return channel, tell the
-// vehicle: nvsp_encoder_acknowledge.
+// The frame is one of a stream and came in full: later ones may be predicted from it. If there is a return channel,
+// tell the vehicle: nvsp_encoder_acknowledge.
 #define NVSP_DECODED_KEPT 32
 
 // `pose` is given.
@@ -811,12 +812,13 @@ typedef struct nvsp_encoder_options {
   // of a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
   // the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
   uint32_t pipelined;
-  // NVSP_MODE_*: whether difference pictures lean on those of earlier frames. NVSP_MODE_STREAM takes the wavelet
-  // coder, and about 224 more bytes of host memory per pixel. If the device is not portable, all frames stand alone.
+  // NVSP_MODE_*: whether difference pictures are predicted from those of earlier frames. NVSP_MODE_STREAM takes the
+  // wavelet coder, and about 224 more bytes of host memory per pixel. If the device is not portable, all frames are
+  // intra.
   uint32_t mode;
-  // NVSP_STRUCTURE_*: the frame that others lean on, with NVSP_MODE_STREAM.
+  // NVSP_STRUCTURE_*: the reference frame of others, with NVSP_MODE_STREAM.
   uint32_t structure;
-  // With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which stands alone, comes
+  // With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which is intra, comes
   // after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
   uint32_t key_every;
   // Zero.
@@ -919,7 +921,7 @@ typedef struct nvsp_frame_stats {
   // Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
   // certain.
   uint32_t frames_since_certain;
-  // How many frames before this one the frame came that its difference picture leans on; 0: it stands alone.
+  // How many frames before this one the frame came that its difference picture is predicted from; 0: it is intra.
   uint32_t reference_distance;
 } nvsp_frame_stats;
 
@@ -1017,7 +1019,7 @@ typedef struct nvsp_decoded {
   nvsp_status damage;
   // The pose.
   struct nvsp_pose pose;
-  // With NVSP_DECODED_INTER: the number of the frame that the difference picture is predicted from, modulo 2^24; else 0.
+  // With NVSP_DECODED_INTER: number of the reference frame, modulo 2^24; else 0.
   uint32_t reference;
   // Zero.
   uint32_t reserved;
@@ -1348,7 +1350,7 @@ typedef struct nvsp_collector_statistics {
 // The system, a driver or an engine cannot do this; the text says what is missing.
 #define NVSP_ERR_UNSUPPORTED -28
 
-// The frame that a difference picture leans on is missing, came in part, or is of another stream. Only
+// The reference frame of a difference picture is missing, came in part, or is of another stream. Only
 // nvsp_decoded.damage has it.
 #define NVSP_ERR_REFERENCE -29
 
@@ -1655,7 +1657,7 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
                                   uint32_t mode,
                                   float value) NVSP_NONNULL(1);
 
-// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside asks
+// Gives the next packet the full form and the camera. In a stream its frame is intra. Call it if a topside asks
 // what the packets are about, or if a packet was not sent.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
@@ -1666,8 +1668,8 @@ NVSP_CHECKED
 nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
 // Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
-// NVSP_STRUCTURE_ACKNOWLEDGED later frames lean on it; else nothing changes. Nor does anything if the frame is unknown
-// or too old: the last 32 can be leaned on.
+// NVSP_STRUCTURE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
+// is unknown or too old: the last 32 can be reference frames.
 //
 // Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins)
 // or NVSP_ERR_POISONED.

@@ -28,11 +28,11 @@ pub struct Decoded {
     /// Rows, from the top, that the residual reached; the others are the render alone. A wavelet payload reaches all
     /// rows; the more of it arrived, the finer they are.
     pub rows: u32,
-    /// Number of the frame whose residual this one's leans on; `None`: it stands alone. If that frame is missing,
+    /// Number of the frame whose residual this one's is predicted from; `None`: it is intra. If that frame is missing,
     /// `damage` says so.
     pub reference: Option<u32>,
-    /// Later frames of the stream may lean on this one: it came in full. Tell the vehicle, if there is a return
-    /// channel: [`Encoder::acknowledge`](crate::Encoder::acknowledge).
+    /// Later frames of the stream may be predicted from this one: it came in full. Tell the vehicle, if there is a
+    /// return channel: [`Encoder::acknowledge`](crate::Encoder::acknowledge).
     pub kept: bool,
     /// Why a part of the packet could not be used.
     pub damage: Option<Error>,
@@ -69,7 +69,7 @@ struct Arrived<'a> {
 }
 
 impl Arrived<'_> {
-    /// What its residual leans on, as far as the residual is used.
+    /// What its residual is predicted from, as far as the residual is used.
     fn reference(&self) -> Option<Reference> {
         match (&self.salvage.residual, &self.salvage.residual_start) {
             (Ok(Residual::Stream { reference, .. }), _) => *reference,

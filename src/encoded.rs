@@ -45,7 +45,7 @@ pub struct FrameStats {
     pub stop: Stop,
     /// Which directions of the pose the picture determines, and how well.
     pub observability: Observability,
-    /// Number of the frame whose residual this one's leans on; `None`: it stands alone.
+    /// Number of the frame whose residual this one's is predicted from; `None`: it is intra.
     pub reference: Option<u32>,
     /// Whether the residual's rate was kept; true if no residual was asked for.
     pub rate_kept: bool,

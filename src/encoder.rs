@@ -31,8 +31,8 @@ pub struct EncoderOptions {
     pub rate: Option<Rate>,
     /// The coder of the difference picture.
     pub residual: ResidualCoder,
-    /// Whether difference pictures lean on those of earlier frames. They do not if the device is not portable: the
-    /// topside could not know what they lean on.
+    /// Whether difference pictures are predicted from those of earlier frames. They do not if the device is not
+    /// portable: the topside could not know their references.
     pub mode: Mode,
     /// How poses are written.
     pub profile: PoseProfile,
@@ -102,7 +102,7 @@ pub struct Encoder {
     camera_age: Option<u32>,
     /// The next packet has the full form, whatever else.
     full_due: bool,
-    /// No frame of the stream may lean on one before the next.
+    /// No frame of the stream may be predicted from one before the next.
     stream_ended: bool,
     /// What the topside is known to hold.
     acknowledged: Acknowledged,
@@ -200,9 +200,9 @@ impl Encoder {
     }
 
     /// Tells the encoder that the topside has decoded a frame in full, residual and all:
-    /// [`Decoded::kept`](crate::Decoded::kept). In a stream of [`Structure::Acknowledged`] later frames lean on it.
-    /// `frame` may be modulo 2¹⁶, as reports tell it. Frames that are unknown, or too old to be leaned on, change
-    /// nothing.
+    /// [`Decoded::kept`](crate::Decoded::kept). In a stream of [`Structure::Acknowledged`] later frames are predicted
+    /// from it. `frame` may be modulo 2¹⁶, as reports tell it. Frames that are unknown, or too old to be a reference
+    /// frame, change nothing.
     pub fn acknowledge(&mut self, frame: u32) {
         self.acknowledged.add(frame);
     }
@@ -227,7 +227,7 @@ impl Encoder {
         Ok(())
     }
 
-    /// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside
+    /// Gives the next packet the full form and the camera. In a stream its frame is intra. Call it if a topside
     /// asks what the packets are about, or if a packet was not sent.
     pub fn announce(&mut self) {
         self.camera_age = None;

@@ -1,4 +1,4 @@
-//! Streams through the public API: frames that lean on frames, and what happens if one of these is missing.
+//! Streams through the public API: frames that are predicted from frames, and what happens if one of these is missing.
 
 mod common;
 mod scene;
@@ -106,7 +106,7 @@ fn nothing_drifts_at_any_rate_and_structure() {
 fn streams_take_fewer_bytes() {
     let bytes = |mode| {
         let all = encode(&mut new_encoder(options(mode)), frames());
-        // The first stands alone either way.
+        // The first is intra either way.
         all[1..].iter().map(|encoded| encoded.packet.len()).sum::<usize>()
     };
     let (intra, chain) = (bytes(Mode::Intra), bytes(CHAIN));
@@ -152,7 +152,7 @@ fn a_lost_frame_on_which_none_leans_costs_itself() {
     let keys = Mode::Stream(Structure::Keys { key_every: 0 });
     let all = encode(&mut new_encoder(options(keys)), frames());
     let mut decoder = new_decoder();
-    // Key frames, those in which leaning saves nothing too, and a few others.
+    // Key frames, those in which prediction saves nothing too, and a few others.
     let arrived = |(t, encoded): &(usize, &Encoded)| {
         encoded.stats.reference.is_none() || [3, 4, 7, 11].contains(t)
     };
@@ -172,7 +172,7 @@ fn a_frame_that_came_in_part_is_no_reference() {
     let mut decoded = Decoded::default();
     let start = &all[2].packet[..all[2].packet.len() * 3 / 4];
     decoder.decode_into(start, Trust::Start, &mut decoded).unwrap();
-    // What came of it is shown: it leans on a frame that is there.
+    // What came of it is shown: it is predicted from a frame that is there.
     assert!(decoded.damage.is_some() && !decoded.kept && decoded.rows == CAMERA.height);
     assert_eq!(decoded.reference, Some(1));
     assert!(decoded.picture.psnr(&frames()[2]) > all[2].stats.render_psnr + 1.0);
@@ -209,7 +209,7 @@ fn a_topside_that_joins_late_shows_renders_up_to_the_next_key_frame() {
             check_whole(&mut decoder, encoded);
         }
     }
-    // It may also ask for a frame that stands alone.
+    // It may also ask for an intra frame.
     let mut encoder = new_encoder(options(CHAIN));
     encode(&mut encoder, &frames()[..3]);
     encoder.announce();
@@ -272,7 +272,7 @@ fn frame_numbers_wrap() {
 }
 
 #[test]
-fn only_acknowledged_frames_are_leaned_on() {
+fn only_acknowledged_frames_are_references() {
     let mut encoder = new_encoder(options(Mode::Stream(Structure::Acknowledged)));
     let mut decoder = new_decoder();
     let mut leaned = Vec::new();
@@ -288,7 +288,7 @@ fn only_acknowledged_frames_are_leaned_on() {
         heard.push(decoded.map(|decoded| decoded.frame));
     }
     assert_eq!(leaned[..3], [None; 3]);
-    // Each leans on the newest frame that was heard of, or on none if that saves nothing.
+    // Each is predicted from the newest frame that was heard of, or on none if that saves nothing.
     let newest = [0, 1, 1, 3, 4, 4, 6, 7, 7];
     for (found, due) in leaned[3..].iter().zip(newest) {
         assert!(found.is_none_or(|found| found == due), "{leaned:?}");
@@ -344,7 +344,7 @@ fn a_render_that_is_good_enough_breaks_no_stream() {
         let decoded = check_whole(&mut decoder, &encoded);
         assert_eq!(decoded.kept, t % 3 != 2);
     }
-    // A frame that could not be coded is none that others lean on.
+    // A frame that could not be coded is no reference of others.
     encoder.set_rate(Some(Rate::Bytes(5)));
     let failed = encoder.encode(&frames()[0], None);
     assert!(matches!(failed, Err(Error::Budget { .. })));

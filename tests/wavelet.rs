@@ -340,7 +340,7 @@ fn decoder_in_stream() -> (ResidualDecoder, Reference) {
         decoder.add_in_stream(None, payload, &frame, true, &mut render.clone()).unwrap();
         encoder.keep(&frame, &render);
     }
-    panic!("the same frame again leans on the first")
+    panic!("the same frame again is predicted from the first")
 }
 
 #[test]
@@ -358,7 +358,7 @@ fn a_reference_must_be_there_and_the_same() {
     let found = decoder.add_in_stream(Some(far), &[1, 2, 3], &frame, true, &mut shown);
     // Frame numbers go back beyond zero.
     assert_eq!(found, Err(ResidualError::ReferenceMissing { frame: 1, reference: (1 << 24) - 4 }));
-    // A device that is not portable cannot know what a frame leans on.
+    // A device that is not portable cannot know what a frame is predicted from.
     let found = decoder.add_in_stream(Some(reference), &[1, 2, 3], &frame, false, &mut shown);
     assert_eq!(found, Err(ResidualError::OtherRender));
     let few = StreamFrame { depths: &depths[1..], ..frame };

@@ -43,7 +43,7 @@ pub fn run(input: &[u8]) {
     }
 }
 
-/// The residual as one of a stream, three times: later ones lean on the first, and on each other.
+/// The residual as one of a stream, three times: later ones are predicted from the first, and from each other.
 fn add_in_stream(salvage: &Salvage, decoder: &mut ResidualDecoder, picture: &mut Picture) {
     let (width, height) = (picture.width, picture.height);
     let (fx, cx, cy) = (width as f32, width as f32 / 2.0, height as f32 / 2.0);

@@ -337,7 +337,7 @@ fn packets_that_give_nothing_do_not_end_the_pipeline() {
     let mut damaged = whole(2);
     damaged[4] ^= 0x55;
     let cut = whole(3)[..encoded[3].stats.latent_bytes + 9].to_vec();
-    // A packet whose camera is not known yet; all; junk; damaged; cut; one that leans on the cut one.
+    // A packet whose camera is not known yet; all; junk; damaged; cut; one that is predicted from the cut one.
     let packets = [whole(1), whole(0), whole(1), vec![1, 2, 3], damaged, cut, whole(4)];
     for (index, packet) in packets.iter().enumerate() {
         pipeline.push(index, packet);
@@ -384,7 +384,7 @@ fn a_topside_that_lacks_the_reference_asks_for_a_key_frame() {
     assert_eq!(shown.buffers.len(), FRAMES - 1);
     let messages = pipeline.element_messages();
     let alone: Vec<bool> = messages.iter().map(|of| !of.has_field("reference")).collect();
-    // Frame 3 leans on the lost one, so frame 4 stands alone.
+    // Frame 3 is predicted from the lost one, so frame 4 is intra.
     assert_eq!(alone[..6], [true, false, false, false, true, false]);
 }
 

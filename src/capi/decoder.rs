@@ -114,10 +114,10 @@ pub const NVSP_DECODED_SAME_RENDER: u32 = 4;
 /// The render is not the vehicle's: the vehicle's device, or its driver, rounds differently.
 pub const NVSP_DECODED_OTHER_RENDER: u32 = 8;
 
-/// The frame is one of a stream, and its difference picture leans on that of nvsp_decoded.reference.
+/// The frame is one of a stream, and its difference picture is predicted from that of nvsp_decoded.reference.
 pub const NVSP_DECODED_INTER: u32 = 16;
-/// The frame is one of a stream and came in full: later ones may lean on it. If there is a return channel, tell the
-/// vehicle: nvsp_encoder_acknowledge.
+/// The frame is one of a stream and came in full: later ones may be predicted from it. If there is a return channel,
+/// tell the vehicle: nvsp_encoder_acknowledge.
 pub const NVSP_DECODED_KEPT: u32 = 32;
 
 /// What decoding a packet gave besides the picture.

@@ -54,19 +54,20 @@ pub const NVSP_RESIDUAL_WAVELET: u32 = 0;
 /// WebP codes the difference picture, as in the paper.
 pub const NVSP_RESIDUAL_WEBP: u32 = 1;
 
-/// Every frame stands alone: a lost packet costs its own frame.
+/// Every frame is intra: a lost packet costs its own frame.
 pub const NVSP_MODE_INTRA: u32 = 0;
-/// The difference pictures of frames lean on those of earlier ones, and take fewer bytes. A frame whose reference is
-/// missing is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
+/// The difference pictures of frames are predicted from those of earlier ones, and take fewer bytes. A frame whose
+/// reference is missing is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
 pub const NVSP_MODE_STREAM: u32 = 1;
 
-/// A frame leans on the one before. Saves most; a lost packet spoils all frames up to the next key frame.
+/// A frame is predicted from the one before. Saves most; a lost packet spoils all frames up to the next key frame.
 pub const NVSP_STRUCTURE_CHAIN: u32 = 0;
-/// Layers: every other frame is leaned on by none, and every fourth by more. A lost packet spoils fewer frames.
+/// Layers: every other frame is the reference of none, and every fourth of more. A lost packet spoils fewer frames.
 pub const NVSP_STRUCTURE_LAYERS: u32 = 1;
-/// A frame leans on the last key frame. A lost packet costs its own frame, unless it is the key frame.
+/// A frame is predicted from the last key frame. A lost packet costs its own frame, unless it is the key frame.
 pub const NVSP_STRUCTURE_KEYS: u32 = 2;
-/// A frame leans on the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own frame.
+/// A frame is predicted from the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own
+/// frame.
 pub const NVSP_STRUCTURE_ACKNOWLEDGED: u32 = 3;
 
 /// For nvsp_encoder_options.key_every: no key frames after the first.
@@ -121,12 +122,13 @@ pub struct nvsp_encoder_options {
     /// of a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
     /// the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
     pub pipelined: u32,
-    /// NVSP_MODE_*: whether difference pictures lean on those of earlier frames. NVSP_MODE_STREAM takes the wavelet
-    /// coder, and about 224 more bytes of host memory per pixel. If the device is not portable, all frames stand alone.
+    /// NVSP_MODE_*: whether difference pictures are predicted from those of earlier frames. NVSP_MODE_STREAM takes the
+    /// wavelet coder, and about 224 more bytes of host memory per pixel. If the device is not portable, all frames are
+    /// intra.
     pub mode: u32,
-    /// NVSP_STRUCTURE_*: the frame that others lean on, with NVSP_MODE_STREAM.
+    /// NVSP_STRUCTURE_*: the reference frame of others, with NVSP_MODE_STREAM.
     pub structure: u32,
-    /// With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which stands alone, comes
+    /// With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which is intra, comes
     /// after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
     pub key_every: u32,
     /// Zero.
@@ -218,7 +220,7 @@ pub struct nvsp_frame_stats {
     /// Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
     /// certain.
     pub frames_since_certain: u32,
-    /// How many frames before this one the frame came that its difference picture leans on; 0: it stands alone.
+    /// How many frames before this one the frame came that its difference picture is predicted from; 0: it is intra.
     pub reference_distance: u32,
 }
 versioned!(nvsp_frame_stats, 192);
@@ -409,7 +411,7 @@ pub unsafe extern "C" fn nvsp_encoder_set_rate(
     }
 }
 
-/// Gives the next packet the full form and the camera. In a stream its frame stands alone. Call it if a topside asks
+/// Gives the next packet the full form and the camera. In a stream its frame is intra. Call it if a topside asks
 /// what the packets are about, or if a packet was not sent.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
@@ -428,8 +430,8 @@ pub unsafe extern "C" fn nvsp_encoder_announce(encoder: *mut nvsp_encoder) -> nv
 }
 
 /// Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
-/// NVSP_STRUCTURE_ACKNOWLEDGED later frames lean on it; else nothing changes. Nor does anything if the frame is unknown
-/// or too old: the last 32 can be leaned on.
+/// NVSP_STRUCTURE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
+/// is unknown or too old: the last 32 can be reference frames.
 ///
 /// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins)
 /// or NVSP_ERR_POISONED.

@@ -81,7 +81,7 @@ pub const NVSP_ERR_UNFINISHED: nvsp_status = -26;
 pub const NVSP_ERR_NEWER: nvsp_status = -27;
 /// The system, a driver or an engine cannot do this; the text says what is missing.
 pub const NVSP_ERR_UNSUPPORTED: nvsp_status = -28;
-/// The frame that a difference picture leans on is missing, came in part, or is of another stream. Only
+/// The reference frame of a difference picture is missing, came in part, or is of another stream. Only
 /// nvsp_decoded.damage has it.
 pub const NVSP_ERR_REFERENCE: nvsp_status = -29;
 
@@ -126,7 +126,7 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_UNFINISHED => c"what was begun is not finished",
         NVSP_ERR_NEWER => c"of a newer format than this library knows",
         NVSP_ERR_UNSUPPORTED => c"not supported here",
-        NVSP_ERR_REFERENCE => c"the frame that a difference picture leans on is missing",
+        NVSP_ERR_REFERENCE => c"the reference frame of a difference picture is missing",
         _ => c"no status of this library",
     }
 }

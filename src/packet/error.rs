@@ -111,7 +111,7 @@ pub enum PacketError {
     #[error("unknown residual coder {0}")]
     Coder(u8),
     /// A stream's residual ends before it has named its reference.
-    #[error("residual part: {0} bytes, too few to name the frame that it leans on")]
+    #[error("residual part: {0} bytes, too few to name its reference frame")]
     Reference(usize),
     /// The residual's length does not fit its field.
     #[error("residual part: length beyond {max} bytes", max = MAX_PAYLOAD)]

@@ -56,20 +56,20 @@
 //! | 4 | CRC-32 (IEEE) of the latent part, the length and the payload; after the full form |
 //! | 2 | CRC-16/IBM-3740 of the latent part's CRC-32, the length and the payload; after the short form |
 //!
-//! The payload of a frame of a stream begins with what it leans on. Then come the wavelet coder's bytes:
+//! The payload of a frame of a stream begins with its reference. Then come the wavelet coder's bytes:
 //!
 //! | bytes | reference |
 //! |---|---|
-//! | 1 | how many frames before this one it came, 1 to 255; 0: the frame stands alone, and the tag is not there |
+//! | 1 | how many frames before this one it came, 1 to 255; 0: the frame is intra, and the tag is not there |
 //! | 2 | its tag, see below |
 //!
 //! A *reference* is a frame of the stream that both sides hold: what the topside shows of it, less its render. The tag
 //! tells it from a frame of the same number that is of another stream, or came in part. It is the CRC-32 (IEEE) of
 //! these bytes, high half and low half combined by exclusive or: fx, fy, cx, cy and the placement (unit quaternion w,
 //! x, y, z, then translation, as the stage `decode_pose` has them), each as f32; then the difference picture, row by
-//! row, as `clamp(shown − render, −128, 127) + 128`. Only packets whose residual is of a stream can be leaned on, and
-//! only if all of the residual arrived. Frame numbers of references are told apart modulo 2¹⁶. Both sides hold the last
-//! 32 frames of a stream.
+//! row, as `clamp(shown − render, −128, 127) + 128`. Only packets whose residual is of a stream can be reference
+//! frames, and only if all of the residual arrived. Frame numbers of references are told apart modulo 2¹⁶. Both sides
+//! hold the last 32 frames of a stream.
 //!
 //! The residual's check covers the latent part too. So a residual is never added to the picture of
 //! another frame. Bytes after the last part are ignored: modems pad.

@@ -65,7 +65,7 @@ pub enum Coder {
     Wavelet = 4,
 }
 
-/// The frame that a residual leans on.
+/// The reference frame of a residual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reference {
     /// How many frames before this one, 1 to 255.
@@ -118,9 +118,9 @@ pub enum Residual<'a> {
         /// Its bytes.
         payload: &'a [u8],
     },
-    /// A difference picture of a stream, coded by the wavelet coder. Later frames may lean on it.
+    /// A difference picture of a stream, coded by the wavelet coder. Later frames may be predicted from it.
     Stream {
-        /// The frame that it leans on; `None`: it stands alone.
+        /// Its reference frame; `None`: it is intra.
         reference: Option<Reference>,
         /// Its bytes.
         payload: &'a [u8],
@@ -152,7 +152,7 @@ impl<'a> Residual<'a> {
 pub struct ResidualStart<'a> {
     /// How it is coded.
     pub coder: Coder,
-    /// The frame that it leans on, if it does.
+    /// Its reference frame, if it has one.
     pub reference: Option<Reference>,
     /// Its first bytes. No check covers them.
     pub payload: &'a [u8],

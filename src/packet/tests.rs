@@ -49,7 +49,7 @@ fn a_stream_names_its_references() {
         let Residual::Stream { reference, payload } = residual else { unreachable!() };
         let front = Reference::encoded_len(reference);
         assert_eq!(usize::from(bytes[SHORT_LATENT_LEN]), front + payload.len());
-        // Without its end the start is there, and what it leans on, as soon as that has come.
+        // Without its end the start is there, and its reference, as soon as that has come.
         for len in SHORT_LATENT_LEN..bytes.len() {
             let start = Packet::salvage(&bytes[..len]).unwrap().residual_start;
             let come = len.saturating_sub(SHORT_LATENT_LEN + 1);

@@ -80,13 +80,13 @@ impl ResidualDecoder {
         Err(NO_WEBP)
     }
 
-    /// Whether the frame that another one leans on is there, and the same as the encoder's.
+    /// Whether another one's reference frame is there, and the same as the encoder's.
     pub fn holds(&self, reference: Reference, frame: u32, vantage: &Vantage) -> bool {
         self.stream.holds(reference, frame, vantage)
     }
 
-    /// As [`ResidualDecoder::add`], for a stream's residual that came whole. Later frames may lean on the frame if the
-    /// render is the encoder's. `frame` needs depths only if the residual leans on another.
+    /// As [`ResidualDecoder::add`], for a stream's residual that came whole. Later frames may be predicted from the
+    /// frame if the render is the encoder's. `frame` needs depths only if the residual is predicted from another.
     ///
     /// # Errors
     /// As for [`ResidualDecoder::add`]. If the reference is missing.
@@ -99,7 +99,7 @@ impl ResidualDecoder {
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
         check_size(self.size, render)?;
-        self.wavelet.prepare_lean();
+        self.wavelet.prepare_inter();
         self.stream.set_render(frame, render);
         self.add_wavelet(reference, payload, Tail::Zeros, frame, portable, render)?;
         if portable {
@@ -108,7 +108,7 @@ impl ResidualDecoder {
         Ok(())
     }
 
-    /// As [`ResidualDecoder::add_start`], for a stream's residual. No frame can lean on it.
+    /// As [`ResidualDecoder::add_start`], for a stream's residual. No frame can be predicted from it.
     ///
     /// # Errors
     /// As for [`ResidualDecoder::add_in_stream`].
@@ -146,7 +146,7 @@ impl ResidualDecoder {
         }
         frame.check((render.width, render.height))?;
         let warped = self.stream.warped(reference, frame);
-        self.wavelet.add_leaning(payload, tail, portable, warped, render)
+        self.wavelet.add_inter(payload, tail, portable, warped, render)
     }
 
     /// As [`ResidualDecoder::add`], with the start of a payload. Returns the number of rows that it reaches. A wavelet

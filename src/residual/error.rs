@@ -66,10 +66,10 @@ pub enum ResidualError {
         "residual payload: it needs the encoder's render, but one of the two devices is not portable"
     )]
     OtherRender,
-    /// The frame that a stream's residual leans on is not there, or is not the one that the encoder had.
+    /// The reference frame of a stream's residual is not there, or is not the one that the encoder had.
     #[error(
-        "frame {frame}: its residual leans on that of frame {reference}, which is missing, came in part, or is of \
-         another stream"
+        "frame {frame}: its residual is predicted from that of frame {reference}, which is missing, came in part, or \
+         is of another stream"
     )]
     ReferenceMissing {
         /// Number of the frame, modulo 2²⁴.

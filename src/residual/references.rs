@@ -1,4 +1,4 @@
-//! The decoded difference pictures that later frames lean on.
+//! The decoded difference pictures that later frames are predicted from.
 
 use crate::packet::{Latent, Reference};
 use crate::{Camera, Picture};
@@ -21,11 +21,11 @@ pub struct References {
     next: usize,
 }
 
-/// A frame that others may lean on.
+/// A frame that others may be predicted from.
 pub struct Kept {
     /// Its number, modulo 2²⁴.
     pub frame: u32,
-    /// How many frames it came after a frame that stands alone; for encoders.
+    /// How many frames it came after an intra frame; for encoders.
     pub position: u32,
     /// Check of all else.
     pub tag: u16,
@@ -100,7 +100,7 @@ impl References {
         self.kept.extend(std::iter::repeat_with(empty).take(REFERENCES));
     }
 
-    /// The frame that a packet about `frame`, seen from `vantage`, leans on, if it is there and the same.
+    /// The frame that a packet about `frame`, seen from `vantage`, is predicted from, if it is there and the same.
     pub fn find(&self, reference: Reference, frame: u32, vantage: &Vantage) -> Option<&Kept> {
         let distance = u32::from(reference.distance);
         let is = |kept: &&Kept| {
@@ -112,7 +112,7 @@ impl References {
         self.kept.iter().find(is)
     }
 
-    /// The newest frame before `frame` that may be leaned on and that `suits`, and how to name it.
+    /// The newest frame before `frame` that may be a reference frame and that `suits`, and how to name it.
     pub fn newest(&self, frame: u32, suits: impl Fn(&Kept) -> bool) -> Option<(Reference, &Kept)> {
         let near = |kept: &&Kept| {
             let behind = frames_behind(kept.frame, frame);
@@ -202,7 +202,7 @@ mod tests {
             keep(&mut references, frame, 1, 0);
         }
         assert!(references.find(reference, 2, &vantage(0.0)).is_none(), "its place was taken");
-        assert!(references.newest(0, |_| true).is_none(), "later frames are not leaned on");
+        assert!(references.newest(0, |_| true).is_none(), "later frames are no reference frames");
         assert!(references.newest(500, |_| true).is_none(), "too far");
     }
 

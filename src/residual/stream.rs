@@ -1,4 +1,4 @@
-//! Streams: frames whose difference pictures lean on those of earlier frames.
+//! Streams: frames whose difference pictures are predicted from those of earlier frames.
 
 use crate::Picture;
 use crate::packet::{Reference, Residual};
@@ -8,19 +8,19 @@ use super::references::{Kept, NUMBERS, REFERENCES, References, frames_behind};
 use super::warp::{Vantage, warp};
 use super::wavelet::Planes;
 
-/// Whether frames lean on earlier ones.
+/// Whether frames are predicted from earlier ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// Every frame by itself: a lost packet costs its frame alone.
     #[default]
     Intra,
-    /// Frames lean on earlier ones, and take fewer bytes. A frame whose reference is missing is shown as the render
-    /// alone.
+    /// Frames are predicted from earlier ones, and take fewer bytes. A frame whose reference is missing is shown as the
+    /// render alone.
     Stream(Structure),
 }
 
-/// Which frame a frame of a stream leans on. A frame stands alone if there is no such frame among the last 32, or if
-/// leaning saves nothing; it then counts as a key frame.
+/// Which frame a frame of a stream is predicted from. A frame is intra if there is no such frame among the last 32, or
+/// if prediction saves nothing; it then counts as a key frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Structure {
     /// The newest frame that the topside has acknowledged: see [`Encoder::acknowledge`](crate::Encoder::acknowledge).
@@ -28,11 +28,11 @@ pub enum Structure {
     Acknowledged,
     /// The frame before. It saves most; a loss costs all frames up to the next key frame.
     Chain {
-        /// A key frame, which stands alone, comes after this many frames; 0: no more after the first.
+        /// A key frame, which is intra, comes after this many frames; 0: no more after the first.
         key_every: u32,
     },
-    /// Layers: of four frames, the first leans on the first of the four before, the third on the first, and the second
-    /// and the fourth on the one before. A loss of one of the latter costs its frame alone.
+    /// Layers: of four frames, the first is predicted from the first of the four before, the third from the first,
+    /// and the second and the fourth from the one before. A loss of one of the latter costs its frame alone.
     Layers {
         /// As for a chain.
         key_every: u32,
@@ -48,7 +48,7 @@ pub enum Structure {
 const LAYERED: u32 = 4;
 
 impl Structure {
-    /// Whether a frame may lean on a kept one. `position`: its number of frames after the last key frame.
+    /// Whether a frame may be predicted from a kept one. `position`: its number of frames after the last key frame.
     fn suits(self, position: u32, kept: &Kept, acknowledged: &Acknowledged) -> bool {
         match self {
             Structure::Acknowledged => acknowledged.contains(kept.frame),
@@ -121,7 +121,7 @@ impl StreamFrame<'_> {
 #[derive(Default)]
 pub(super) struct StreamEncoder {
     references: References,
-    /// Number of the last frame that stands alone.
+    /// Number of the last frame that is intra.
     key: Option<u32>,
     warped: Planes,
 }
@@ -139,7 +139,7 @@ impl StreamEncoder {
         self.references.prepare(vantage);
     }
 
-    /// What a frame may lean on, warped to its view.
+    /// What a frame may be predicted from, warped to its view.
     pub fn reference(
         &mut self,
         frame: &StreamFrame,
@@ -158,7 +158,7 @@ impl StreamEncoder {
         Some((reference, &self.warped))
     }
 
-    /// Remembers a coded frame, if later ones may lean on it.
+    /// Remembers a coded frame, if later ones may be predicted from it.
     pub fn keep(
         &mut self,
         frame: &StreamFrame,
@@ -229,7 +229,7 @@ mod tests {
         Vantage { camera, placement }
     }
 
-    /// The distances that a structure chooses over frames that all lean if they can.
+    /// The distances that a structure chooses over frames that are all inter if they can be.
     fn distances(structure: Structure, frames: u32, heard: impl Fn(u32) -> Option<u32>) -> Vec<u8> {
         let (mut encoder, mut acknowledged) = (StreamEncoder::default(), Acknowledged::default());
         let (vantage, picture) = (vantage(), Picture::new(8, 6));
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_leans_on_the_frame_before_up_to_the_next_key() {
+    fn a_chain_is_predicted_from_the_frame_before_up_to_the_next_key() {
         let found = distances(Structure::Chain { key_every: 4 }, 9, |_| None);
         assert_eq!(found, [0, 1, 1, 1, 0, 1, 1, 1, 0]);
         let endless = distances(Structure::Chain { key_every: 0 }, 100, |_| None);
@@ -255,22 +255,22 @@ mod tests {
     }
 
     #[test]
-    fn others_lean_on_the_key() {
+    fn others_are_predicted_from_the_key() {
         let found = distances(Structure::Keys { key_every: 4 }, 9, |_| None);
         assert_eq!(found, [0, 1, 2, 3, 0, 1, 2, 3, 0]);
-        // Beyond the frames that are remembered there is nothing to lean on.
+        // Beyond the frames that are remembered there is nothing to predict from.
         let far = distances(Structure::Keys { key_every: 0 }, 40, |_| None);
         assert_eq!((far[31], far[32], far[33], far[34]), (31, 32, 0, 1));
     }
 
     #[test]
-    fn layers_lean_on_lower_ones() {
+    fn layers_are_predicted_from_lower_ones() {
         let found = distances(Structure::Layers { key_every: 10 }, 12, |_| None);
         assert_eq!(found, [0, 1, 2, 1, 4, 1, 2, 1, 4, 1, 0, 1]);
     }
 
     #[test]
-    fn only_acknowledged_frames_are_leaned_on() {
+    fn only_acknowledged_frames_are_references() {
         let found = distances(Structure::Acknowledged, 8, |i| [4, 7].contains(&i).then(|| i - 3));
         assert_eq!(found, [0, 0, 0, 0, 3, 4, 5, 3]);
         assert_eq!(distances(Structure::Acknowledged, 3, |_| None), [0, 0, 0]);

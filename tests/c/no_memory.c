@@ -136,7 +136,7 @@ static nvsp_status try_decoder(void) {
     return status;
 }
 
-// Two frames of a stream, on both sides: the first takes memory for those that later ones lean on.
+// Two frames of a stream, on both sides: the first takes memory for reference frames.
 static nvsp_status try_stream(void) {
     nvsp_encoder_options options;
     MUST(NVSP_INIT(&options));

@@ -1,4 +1,4 @@
-// Streams: frames that lean on frames, and those whose reference is missing.
+// Streams: frames that are predicted from frames, and those whose reference is missing.
 
 #define NVSP_NO_ATTRIBUTES  // NULL is tested, too.
 
@@ -23,14 +23,14 @@ static nvsp_encoder *new_encoder(const nvsp_encoder_options *options) {
     return encoder;
 }
 
-// The packets of all frames, the pictures that the topside is to show, and how far back each leans.
+// The packets of all frames, the pictures that the topside is to show, and how far back each one's reference lies.
 typedef struct run {
     packet packets[MAX_FRAMES];
     uint8_t *shown[MAX_FRAMES];
     uint32_t reference_distance[MAX_FRAMES];
 } run;
 
-// The camera stands still: leaning saves most.
+// The camera stands still: prediction saves most.
 static void encode_frame(nvsp_encoder *encoder, int frame, run *run) {
     const nvsp_image image = scene_image(&dive, 0);
     nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
@@ -96,7 +96,7 @@ static void a_chain_and_a_loss(void) {
     free_run(&chain);
 }
 
-static void acknowledged_frames_are_leaned_on(void) {
+static void acknowledged_frames_are_reference_frames(void) {
     const nvsp_encoder_options options = stream_options(NVSP_STRUCTURE_ACKNOWLEDGED, 0);
     nvsp_encoder *encoder = new_encoder(&options);
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_acknowledge(NULL, 0));
@@ -111,7 +111,7 @@ static void acknowledged_frames_are_leaned_on(void) {
     encode_frame(encoder, 2, &run);
     CHECK(run.reference_distance[2] == 1);
     decode(&run, 2, 1);
-    // The next one stands alone, if that is asked for.
+    // The next one is intra, if that is asked for.
     EXPECT(NVSP_OK, nvsp_encoder_announce(encoder));
     encode_frame(encoder, 3, &run);
     CHECK(run.reference_distance[3] == 0);
@@ -119,7 +119,7 @@ static void acknowledged_frames_are_leaned_on(void) {
     free_run(&run);
 }
 
-// The packets of two frames under way are those of one, and a frame that was cancelled is none that others lean on.
+// The packets of two frames under way are those of one, and a frame that was cancelled is no reference of others.
 static void pipelined(void) {
     nvsp_encoder_options options = stream_options(NVSP_STRUCTURE_CHAIN, NVSP_KEY_ONCE);
     options.pipelined = 1;
@@ -158,7 +158,7 @@ static void refusals(void) {
                nvsp_encoder_create(both.engine, both.prior, &dive.camera, &wrong[i], &encoder));
         CHECK(encoder == NULL);
     }
-    CHECK(strstr(nvsp_status_text(NVSP_ERR_REFERENCE), "leans") != NULL);
+    CHECK(strstr(nvsp_status_text(NVSP_ERR_REFERENCE), "reference frame") != NULL);
 }
 
 int main(int argc, char **argv) {
@@ -169,7 +169,7 @@ int main(int argc, char **argv) {
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
     a_chain_and_a_loss();
-    acknowledged_frames_are_leaned_on();
+    acknowledged_frames_are_reference_frames();
     pipelined();
     refusals();
     rig_close(&both);

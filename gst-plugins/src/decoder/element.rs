@@ -275,7 +275,7 @@ impl Decoder {
     }
 }
 
-/// Whether later frames may lean on this one.
+/// Whether later frames may be predicted from this one.
 fn leads(packet: &[u8]) -> bool {
     match Packet::salvage(packet) {
         // The camera is needed, too.
@@ -287,7 +287,7 @@ fn leads(packet: &[u8]) -> bool {
     }
 }
 
-/// Whether the vehicle can help, by a frame that stands alone and tells the camera.
+/// Whether the vehicle can help, by an intra frame that tells the camera.
 fn wants_key(error: &Error) -> bool {
     matches!(
         error,
@@ -311,7 +311,7 @@ impl ObjectImpl for Decoder {
         self.parent_constructed();
         self.obj().set_packetized(true);
         self.obj().set_needs_format(true);
-        // What a frame that stands alone brings is asked for by `request_sync_point`.
+        // What an intra frame brings is asked for by `request_sync_point`.
         self.obj().set_needs_sync_point(false);
     }
 }

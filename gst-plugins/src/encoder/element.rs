@@ -85,11 +85,11 @@ pub struct Encoder {
         blurb = "Mean squared error of colours in 0..1 below which a pose is kept where the prior shows too little to \
             compare pictures")]
     #[property(name = "mode", get, set, type = ModeKind, member = mode, mutable_ready,
-        blurb = "Whether difference pictures lean on earlier ones", builder(ModeKind::Intra))]
+        blurb = "Whether difference pictures are predicted from earlier ones", builder(ModeKind::Intra))]
     #[property(name = "structure", get, set, type = StructureKind, member = structure, mutable_ready,
-        blurb = "With mode=stream: the frame that others lean on", builder(StructureKind::Chain))]
+        blurb = "With mode=stream: the reference frame of others", builder(StructureKind::Chain))]
     #[property(name = "key-every", get, set, type = u32, member = key_every, mutable_ready, default_value = 16,
-        blurb = "With mode=stream: a frame that stands alone comes after this many frames; 0: no more after the first")]
+        blurb = "With mode=stream: an intra frame comes after this many frames; 0: no more after the first")]
     #[property(name = "camera-interval", get, set, type = u32, member = camera_interval, mutable_ready,
         default_value = 64,
         blurb = "Send the camera again after this many frames, for a topside that missed it; 0: never again")]
@@ -332,7 +332,7 @@ impl Encoder {
         Ok(buffer)
     }
 
-    /// What becomes of a frame: a packet and whether it stands alone, or nothing.
+    /// What becomes of a frame: a packet and whether it is intra, or nothing.
     fn handle(
         &self,
         frame: &gst_video::VideoCodecFrame,

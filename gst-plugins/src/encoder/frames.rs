@@ -127,7 +127,7 @@ impl Frames {
         self.encoder.camera()
     }
 
-    /// The next packet stands alone, and says what packets are about.
+    /// The next packet is intra, and says what packets are about.
     pub fn announce(&mut self) {
         self.encoder.announce();
     }

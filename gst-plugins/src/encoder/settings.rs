@@ -22,18 +22,21 @@ pub enum RateKind {
     Link,
 }
 
-/// Whether difference pictures lean on earlier ones.
+/// Whether difference pictures are predicted from earlier ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, glib::Enum)]
 #[enum_type(name = "NvspriorMode")]
 pub enum ModeKind {
-    #[enum_value(name = "Every frame stands alone", nick = "intra")]
+    #[enum_value(name = "Every frame is intra", nick = "intra")]
     #[default]
     Intra,
-    #[enum_value(name = "Frames lean on earlier ones: property structure", nick = "stream")]
+    #[enum_value(
+        name = "Frames are predicted from earlier ones: property structure",
+        nick = "stream"
+    )]
     Stream,
 }
 
-/// Which frame a frame of a stream leans on.
+/// Which frame a frame of a stream is predicted from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, glib::Enum)]
 #[enum_type(name = "NvspriorStructure")]
 pub enum StructureKind {

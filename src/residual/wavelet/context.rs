@@ -8,7 +8,7 @@ use super::fixed::{ONE, log_count, log_size};
 use super::frame::Frame;
 
 use super::geometry::Band;
-use super::lean::Lean;
+use super::inter::Inter;
 use super::predictor::{BandBias, MagnitudeInputs, Predictor, QuietInputs, SignInputs};
 use super::quantised::{Places, Quantised};
 use super::render_value::RenderValue;
@@ -47,7 +47,7 @@ struct Sight {
 }
 
 /// What is predicted of a coefficient from an earlier frame, and the mean size around it; features in steps.
-struct Leaned {
+struct InterValue {
     predicted: i32,
     around: i32,
 }
@@ -204,19 +204,19 @@ impl<'a> BandContext<'a> {
     }
 
     /// What is predicted of a coefficient from an earlier frame.
-    fn leaned(&self, lean: &Lean, x: usize, y: usize) -> Leaned {
-        let (predicted, around) = lean.around(self.plane, self.index(x, y));
+    fn inter_value(&self, inter: &Inter, x: usize, y: usize) -> InterValue {
+        let (predicted, around) = inter.around(self.plane, self.index(x, y));
         let [predicted, around] = [predicted, around].map(|value| in_steps(value, self.scale));
-        Leaned { predicted, around }
+        InterValue { predicted, around }
     }
 
-    /// The render and the decoded coarser picture: inputs 18 to 32. If the frame leans on an earlier one, the first two
-    /// are what is predicted from that, in place of where the coefficient lies.
+    /// The render and the decoded coarser picture: inputs 18 to 32. If the frame is predicted from an earlier one, the
+    /// first two are what is predicted from that, in place of where the coefficient lies.
     fn pictures(&self, x: usize, y: usize, inputs: &mut [i16]) {
         let Frame { geometry, render, .. } = self.frame;
         let Band { level, width, height, .. } = self.band;
-        if let Some(lean) = self.frame.leaning() {
-            let Leaned { predicted, around } = self.leaned(lean, x, y);
+        if let Some(inter) = self.frame.inter_in_use() {
+            let InterValue { predicted, around } = self.inter_value(inter, x, y);
             inputs[0] = bounded(log_size(predicted));
             inputs[1] = bounded(log_size(around));
         } else {
@@ -266,8 +266,8 @@ impl<'a> BandContext<'a> {
             }
         }
         // In place of the sign in the second plane.
-        if let Some(lean) = self.frame.leaning() {
-            all[8] = clamped(self.leaned(lean, x, y).predicted, 3);
+        if let Some(inter) = self.frame.inter_in_use() {
+            all[8] = clamped(self.inter_value(inter, x, y).predicted, 3);
         }
         if self.band.rank() == 0 {
             return inputs;

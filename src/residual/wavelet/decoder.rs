@@ -8,7 +8,7 @@ use super::encoder::WaveletEncoder;
 use super::frame::Frame;
 use super::geometry::Planes;
 use super::header::Header;
-use super::lean::Lean;
+use super::inter::Inter;
 use super::pass::Pass;
 use super::predictor::Predictors;
 use super::range_coder::{RangeDecoder, Tail};
@@ -29,9 +29,9 @@ impl WaveletDecoder {
         WaveletDecoder { frame, predictors: Predictors::new(tables, &Tables::stream()), pass }
     }
 
-    /// Makes room for payloads that lean on references.
-    pub fn prepare_lean(&mut self) {
-        self.frame.prepare_lean();
+    /// Makes room for inter payloads.
+    pub fn prepare_inter(&mut self) {
+        self.frame.prepare_inter();
     }
 
     /// Adds a payload to its render, of the decoder's size. Of a payload that was cut short, what is there is added.
@@ -46,15 +46,15 @@ impl WaveletDecoder {
         portable: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
-        self.add_leaning(payload, tail, portable, None, render)
+        self.add_inter(payload, tail, portable, None, render)
     }
 
-    /// As [`WaveletDecoder::add`], for a payload that leans on a reference. `warped`: the reference's planes in this
+    /// As [`WaveletDecoder::add`], for an inter payload. `warped`: the reference's planes in this
     /// view.
     ///
     /// # Errors
-    /// As for [`WaveletDecoder::add`]. All payloads that lean need the encoder's render.
-    pub fn add_leaning(
+    /// As for [`WaveletDecoder::add`]. All inter payloads need the encoder's render.
+    pub fn add_inter(
         &mut self,
         payload: &[u8],
         tail: Tail,
@@ -63,9 +63,9 @@ impl WaveletDecoder {
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
         if let Some(warped) = warped {
-            self.prepare_lean();
-            let Frame { geometry, scratch, lean, .. } = &mut self.frame;
-            lean.iter_mut().for_each(|lean| lean.set(geometry, warped, scratch));
+            self.prepare_inter();
+            let Frame { geometry, scratch, inter, .. } = &mut self.frame;
+            inter.iter_mut().for_each(|inter| inter.set(geometry, warped, scratch));
         }
         self.add_prepared(payload, tail, portable, warped.is_some(), render)
     }
@@ -77,21 +77,21 @@ impl WaveletDecoder {
         payload: &[u8],
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
-        let leaning = encoder.leaning();
-        if let Some(leaning) = leaning {
-            self.prepare_lean();
-            self.frame.lean.iter_mut().for_each(|lean| lean.set_as(leaning));
+        let own = encoder.inter_in_use();
+        if let Some(own) = own {
+            self.prepare_inter();
+            self.frame.inter.iter_mut().for_each(|inter| inter.set_as(own));
         }
-        self.add_prepared(payload, Tail::Zeros, true, leaning.is_some(), render)
+        self.add_prepared(payload, Tail::Zeros, true, own.is_some(), render)
     }
 
-    /// `leans`: the reference was set.
+    /// `is_inter`: the reference was set.
     fn add_prepared(
         &mut self,
         payload: &[u8],
         tail: Tail,
         portable: bool,
-        leans: bool,
+        is_inter: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
         let WaveletDecoder { frame, predictors, pass } = self;
@@ -99,7 +99,7 @@ impl WaveletDecoder {
         let Some(header) = Header::read(&mut frame.predicted, &mut decoder) else {
             return Ok(());
         };
-        if (header.sees_render || leans) && !portable {
+        if (header.sees_render || is_inter) && !portable {
             return Err(ResidualError::OtherRender);
         }
         if header.cut {
@@ -107,9 +107,9 @@ impl WaveletDecoder {
         }
         (frame.sees_render, frame.step) = (header.sees_render, header.step);
         frame.low_predicted = header.low_predicted;
-        frame.leans = leans;
-        if let Some(lean) = frame.lean.as_mut().filter(|_| leans)
-            && lean.read(&frame.geometry, &mut decoder, &mut frame.scratch).is_none()
+        frame.is_inter = is_inter;
+        if let Some(inter) = frame.inter.as_mut().filter(|_| is_inter)
+            && inter.read(&frame.geometry, &mut decoder, &mut frame.scratch).is_none()
         {
             return Ok(());
         }
@@ -118,7 +118,7 @@ impl WaveletDecoder {
         let mut reader = Reader { decoder, predictor };
         pass.run(frame, predictor, header.finest, &mut reader);
         pass.finish(frame, predictor);
-        pass.add_to(frame.leaning().map(Lean::picture), &mut render.data);
+        pass.add_to(frame.inter_in_use().map(Inter::picture), &mut render.data);
         Ok(())
     }
 }

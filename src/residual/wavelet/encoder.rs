@@ -16,7 +16,7 @@ use super::frame::Frame;
 use super::gains::{Gains, LevelGains};
 use super::geometry::{Finest, Geometry, Planes};
 use super::header::Header;
-use super::lean::{Lean, Pays};
+use super::inter::{Inter, Pays};
 use super::lifting::{self, FRACTION};
 use super::model::Model;
 use super::pass::{Due, Pass, Source};
@@ -66,12 +66,12 @@ impl WaveletEncoder {
     /// Takes a camera picture and its render, both of the encoder's size. `sees_render`: the topside draws the same
     /// render, byte for byte.
     pub fn set(&mut self, camera: &Picture, render: &Picture, sees_render: bool) {
-        self.set_leaning(camera, render, sees_render, None);
+        self.set_inter(camera, render, sees_render, None);
     }
 
-    /// Makes room for leaning on references.
-    pub fn prepare_lean(&mut self) {
-        self.frame.prepare_lean();
+    /// Makes room for inter frames.
+    pub fn prepare_inter(&mut self) {
+        self.frame.prepare_inter();
     }
 
     /// Sets which parts of the picture count more, from here on.
@@ -79,14 +79,14 @@ impl WaveletEncoder {
         self.prices.set(&self.frame.geometry, interest);
     }
 
-    /// Sets the tables of frames that lean.
+    /// Sets the tables of inter frames.
     pub(super) fn set_stream_tables(&mut self, tables: &Tables) {
-        *self.predictors.leaning = Predictor::new(tables);
+        *self.predictors.inter = Predictor::new(tables);
     }
 
-    /// As [`WaveletEncoder::set`], beside a reference's planes, warped to the view. It is leaned on unless that surely
+    /// As [`WaveletEncoder::set`], beside a reference's planes, warped to the view. It is used unless that surely
     /// does not pay.
-    pub fn set_leaning(
+    pub fn set_inter(
         &mut self,
         camera: &Picture,
         render: &Picture,
@@ -94,7 +94,7 @@ impl WaveletEncoder {
         warped: Option<&Planes>,
     ) -> Pays {
         if warped.is_some() {
-            self.prepare_lean();
+            self.prepare_inter();
         }
         let WaveletEncoder { frame, difference, .. } = self;
         frame.sees_render = sees_render;
@@ -111,14 +111,14 @@ impl WaveletEncoder {
                 lifting::forward(plane, geometry.width, geometry.sizes[level], &mut frame.scratch);
             }
         }
-        let pays = match (warped, &mut frame.lean) {
-            (Some(warped), Some(lean)) => {
-                lean.set(&frame.geometry, warped, &mut frame.scratch);
-                lean.choose(&frame.geometry, difference, &mut frame.scratch)
+        let pays = match (warped, &mut frame.inter) {
+            (Some(warped), Some(inter)) => {
+                inter.set(&frame.geometry, warped, &mut frame.scratch);
+                inter.choose(&frame.geometry, difference, &mut frame.scratch)
             }
             _ => Pays::No,
         };
-        frame.leans = pays != Pays::No;
+        frame.is_inter = pays != Pays::No;
         blocks::choose(frame, difference);
         pays
     }
@@ -191,8 +191,8 @@ impl WaveletEncoder {
         let most = bytes.capacity();
         let mut encoder = RangeEncoder::new(bytes, most);
         header.write(&frame.predicted, &mut encoder);
-        if let Some(lean) = frame.leaning() {
-            lean.write(&mut encoder);
+        if let Some(inter) = frame.inter_in_use() {
+            inter.write(&mut encoder);
         }
         let mut writer = Writer { encoder, predictor, chosen, gains };
         pass.run(frame, predictor, finest, &mut writer);
@@ -217,12 +217,12 @@ impl WaveletEncoder {
     pub fn add_to(&mut self, render: &mut Picture) {
         let WaveletEncoder { frame, predictors, pass, .. } = self;
         pass.finish(frame, predictors.of(frame));
-        pass.add_to(frame.leaning().map(Lean::picture), &mut render.data);
+        pass.add_to(frame.inter_in_use().map(Inter::picture), &mut render.data);
     }
 
-    /// What the frame that was set leans on.
-    pub(super) fn leaning(&self) -> Option<&Lean> {
-        self.frame.leaning()
+    /// What the frame that was set is predicted from.
+    pub(super) fn inter_in_use(&self) -> Option<&Inter> {
+        self.frame.inter_in_use()
     }
 }
 

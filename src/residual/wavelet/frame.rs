@@ -3,7 +3,7 @@
 use crate::Picture;
 
 use super::geometry::{Band, Geometry, Orientation};
-use super::lean::Lean;
+use super::inter::Inter;
 use super::lifting::Scratch;
 use super::render::RenderBands;
 use super::step::Step;
@@ -24,9 +24,9 @@ pub struct Frame {
     /// The quantiser.
     pub step: Step,
     /// What is predicted from a reference; room is made for the first frame of a stream.
-    pub lean: Option<Box<Lean>>,
-    /// The frame leans on a reference.
-    pub leans: bool,
+    pub inter: Option<Box<Inter>>,
+    /// The frame is predicted from a reference.
+    pub is_inter: bool,
     /// Room for the transform.
     pub scratch: Scratch,
 }
@@ -42,22 +42,22 @@ impl Frame {
             low_predicted: true,
             sees_render: true,
             step: Step::new(0),
-            lean: None,
-            leans: false,
+            inter: None,
+            is_inter: false,
             scratch: Scratch::new(geometry.len()),
             geometry,
         }
     }
 
-    /// Makes room for leaning on references.
-    pub fn prepare_lean(&mut self) {
-        let lean = || Box::new(Lean::new(&self.geometry));
-        self.lean.get_or_insert_with(lean);
+    /// Makes room for inter frames.
+    pub fn prepare_inter(&mut self) {
+        let inter = || Box::new(Inter::new(&self.geometry));
+        self.inter.get_or_insert_with(inter);
     }
 
-    /// What the frame leans on.
-    pub fn leaning(&self) -> Option<&Lean> {
-        self.lean.as_deref().filter(|_| self.leans)
+    /// What the frame is predicted from.
+    pub fn inter_in_use(&self) -> Option<&Inter> {
+        self.inter.as_deref().filter(|_| self.is_inter)
     }
 
     /// Takes a render of the frame's size.

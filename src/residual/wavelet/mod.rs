@@ -21,7 +21,7 @@ mod frame;
 mod gains;
 mod geometry;
 mod header;
-mod lean;
+mod inter;
 mod lifting;
 mod model;
 mod pass;

@@ -263,15 +263,15 @@ impl Pass {
     }
 
     /// Adds the decoded difference to a render, once it is finished, and what was predicted of it from a reference.
-    pub fn add_to(&self, leaned: Option<&Planes>, render: &mut [u8]) {
+    pub fn add_to(&self, inter: Option<&Planes>, render: &mut [u8]) {
         let [a, b, c] = &self.decoded;
         let planes = a.iter().zip(b).zip(c).map(|((a, b), c)| [*a, *b, *c]);
-        let Some([d, e, f]) = leaned else { return add(planes, render) };
-        let leaned = d.iter().zip(e).zip(f).map(|((d, e), f)| [*d, *e, *f]);
+        let Some([d, e, f]) = inter else { return add(planes, render) };
+        let inter = d.iter().zip(e).zip(f).map(|((d, e), f)| [*d, *e, *f]);
         let sum = |(a, b): ([i32; PLANES], [i32; PLANES])| {
             std::array::from_fn(|plane| a[plane].wrapping_add(b[plane]))
         };
-        add(planes.zip(leaned).map(sum), render);
+        add(planes.zip(inter).map(sum), render);
     }
 }
 

@@ -104,20 +104,20 @@ pub struct Predictor {
 
 /// A predictor for each kind of frame.
 pub struct Predictors {
-    alone: Predictor,
+    intra: Predictor,
     /// The predictor of inter frames. Boxed, so that what holds it stays small.
-    pub leaning: Box<Predictor>,
+    pub inter: Box<Predictor>,
 }
 
 impl Predictors {
     /// Makes them of the tables of intra frames and those of inter frames.
-    pub fn new(alone: &Tables, leaning: &Tables) -> Predictors {
-        Predictors { alone: Predictor::new(alone), leaning: Box::new(Predictor::new(leaning)) }
+    pub fn new(intra: &Tables, inter: &Tables) -> Predictors {
+        Predictors { intra: Predictor::new(intra), inter: Box::new(Predictor::new(inter)) }
     }
 
     /// The one of a frame.
     pub fn of(&self, frame: &Frame) -> &Predictor {
-        if frame.leans { &self.leaning } else { &self.alone }
+        if frame.is_inter { &self.inter } else { &self.intra }
     }
 }
 

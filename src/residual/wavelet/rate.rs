@@ -11,17 +11,17 @@ use super::decoder::WaveletDecoder;
 use super::encoder::WaveletEncoder;
 use super::fineness::{Bracket, Fineness};
 use super::geometry::Planes;
-use super::lean::Pays;
+use super::inter::Pays;
 use crate::coder_tables::Tables;
 
 /// Most codings of a search. A frame with a tight budget may have two searches.
 const MOST_PROBES: u32 = 10;
 /// A PSNR may lie above its target by this much, dB.
 const PSNR_SLACK: f64 = 0.05;
-/// Bytes of a reference, beyond those of a stream's frame that stands alone.
+/// Bytes of a reference, beyond those of an intra frame of a stream.
 const REFERENCE_BYTES: f64 = 2.0;
-/// Share of its bytes that a frame must save to lean, if it is in doubt: one that stands alone outlasts losses.
-const WORTH_LEANING: f64 = 0.02;
+/// Share of its bytes that an inter frame must save, if it is in doubt: an intra frame outlasts losses.
+const WORTH_INTER: f64 = 0.02;
 /// Payloads up to this length are also coded with the whole frame predicted from the render (docs/decisions.md, 26).
 const TIGHT: usize = 160;
 /// Share of a budget that is used at least.
@@ -35,18 +35,18 @@ pub struct RateEncoder {
     best: Coding,
     trial: Coding,
     probes: u32,
-    /// What a frame of a stream leans on.
+    /// What a frame of a stream is predicted from.
     stream: Option<Option<Reference>>,
     trials: Trials,
 }
 
-/// What a frame may lean on: the reference, and its planes, warped to the view.
-pub type Leanable<'a> = Option<(Reference, &'a Planes)>;
+/// What a frame may be predicted from: the reference, and its planes, warped to the view.
+pub type InterSource<'a> = Option<(Reference, &'a Planes)>;
 
-/// When frames are coded both ways to see whether leaning is better: less and less often as long as the answer stays.
+/// When frames are coded both ways to see whether inter is better: less and less often as long as the answer stays.
 #[derive(Default)]
 struct Trials {
-    /// Whether leaning was better, and what the coefficients had told.
+    /// Whether inter was better, and what the coefficients had told.
     last: Option<(bool, Pays)>,
     /// How often the answer stayed.
     streak: u32,
@@ -55,17 +55,18 @@ struct Trials {
 }
 
 impl Trials {
-    /// Whether a frame is to lean; `None`: try it.
+    /// Whether a frame is to be inter; `None`: try it.
     fn answer(&mut self, pays: Pays) -> Option<bool> {
-        let (leans, told) = self.last?;
+        let (is_inter, told) = self.last?;
         let holds = told == pays && self.waiting > 0;
         self.waiting = self.waiting.saturating_sub(1);
-        holds.then_some(leans)
+        holds.then_some(is_inter)
     }
 
     /// Takes what a trial came to.
-    fn learn(&mut self, pays: Pays, leans: bool) {
-        let same = self.last.replace((leans, pays)).is_some_and(|(before, _)| before == leans);
+    fn learn(&mut self, pays: Pays, is_inter: bool) {
+        let same =
+            self.last.replace((is_inter, pays)).is_some_and(|(before, _)| before == is_inter);
         self.streak = if same { self.streak + 1 } else { 0 };
         self.waiting = (1 << self.streak.min(3)) - 1;
     }
@@ -104,19 +105,19 @@ impl RateEncoder {
     }
 
     /// Codes a frame of the encoder's size; the outcome is in [`RateEncoder::coded`]. `stream`: the frame is one of a
-    /// stream, and may lean on a reference if there is one.
+    /// stream, and may be predicted from a reference if there is one.
     pub fn encode(
         &mut self,
         camera: &Picture,
         render: &Picture,
         rate: Rate,
         overhead: usize,
-        stream: Option<&Leanable>,
+        stream: Option<&InterSource>,
     ) -> RateResult {
         self.stream = stream.map(|_| None);
         if stream.is_some() {
-            self.encoder.prepare_lean();
-            self.decoder.prepare_lean();
+            self.encoder.prepare_inter();
+            self.decoder.prepare_inter();
         }
         self.probes = 0;
         let plain = camera.psnr(render);
@@ -163,29 +164,29 @@ impl RateEncoder {
         (residual, reconstruction, *psnr)
     }
 
-    /// Takes a frame, and chooses whether it leans. Returns the bytes that a stream's frame takes more.
+    /// Takes a frame, and chooses whether it is inter. Returns the bytes that a stream's frame takes more.
     fn set(
         &mut self,
         camera: &Picture,
         render: &Picture,
         rate: Rate,
-        stream: Option<&Leanable>,
+        stream: Option<&InterSource>,
     ) -> usize {
-        let Some(leanable) = stream else {
+        let Some(source) = stream else {
             self.encoder.set(camera, render, self.portable);
             return 0;
         };
-        let (reference, warped) = (*leanable).unzip();
-        let mut pays = self.encoder.set_leaning(camera, render, self.portable, warped);
+        let (reference, warped) = (*source).unzip();
+        let mut pays = self.encoder.set_inter(camera, render, self.portable, warped);
         if pays != Pays::No {
-            let leans = self.trials.answer(pays).unwrap_or_else(|| {
-                let leans = self.is_better_leaning(camera, render, rate);
-                self.trials.learn(pays, leans);
+            let is_inter = self.trials.answer(pays).unwrap_or_else(|| {
+                let is_inter = self.is_better_inter(camera, render, rate);
+                self.trials.learn(pays, is_inter);
                 // The trial ended with the frame alone.
-                self.encoder.set_leaning(camera, render, self.portable, warped);
-                leans
+                self.encoder.set_inter(camera, render, self.portable, warped);
+                is_inter
             });
-            if !leans {
+            if !is_inter {
                 self.encoder.set(camera, render, self.portable);
                 pays = Pays::No;
             }
@@ -196,13 +197,13 @@ impl RateEncoder {
     }
 
     /// Codes the frame that was set both ways.
-    fn is_better_leaning(&mut self, camera: &Picture, render: &Picture, rate: Rate) -> bool {
+    fn is_better_inter(&mut self, camera: &Picture, render: &Picture, rate: Rate) -> bool {
         let fineness = self.guess(rate);
-        let leaning = self.price(camera, render, fineness) + 8.0 * REFERENCE_BYTES;
+        let inter = self.price(camera, render, fineness) + 8.0 * REFERENCE_BYTES;
         self.encoder.set(camera, render, self.portable);
         let alone = self.price(camera, render, fineness);
-        let worth_it = WORTH_LEANING * 8.0 * self.trial.payload.len() as f64;
-        leaning + worth_it < alone
+        let worth_it = WORTH_INTER * 8.0 * self.trial.payload.len() as f64;
+        inter + worth_it < alone
     }
 
     /// About how finely a rate asks for.
@@ -427,9 +428,9 @@ mod tests {
     #[test]
     fn an_answer_that_stays_is_asked_for_less_and_less_often() {
         let mut trials = Trials::default();
-        let mut tried = |frames: std::ops::Range<u32>, pays, leans| -> Vec<u32> {
+        let mut tried = |frames: std::ops::Range<u32>, pays, is_inter| -> Vec<u32> {
             let due = |_: &u32| {
-                trials.answer(pays).is_none().then(|| trials.learn(pays, leans)).is_some()
+                trials.answer(pays).is_none().then(|| trials.learn(pays, is_inter)).is_some()
             };
             frames.filter(due).collect()
         };

@@ -6,7 +6,7 @@ use crate::coder_tables::Tables;
 use crate::coder_tables::networks::{MAGNITUDE_INPUTS, SIGN_INPUTS};
 
 pub use super::bits::UNARY;
-pub use super::lean::Pays;
+pub use super::inter::Pays;
 
 /// One coefficient that was coded.
 pub struct Sample {
@@ -33,7 +33,7 @@ impl Sampler {
         Sampler { encoder: WaveletEncoder::new(width, height, tables) }
     }
 
-    /// For frames that lean on references, too.
+    /// For inter frames, too.
     pub fn with_stream(mut self, tables: &Tables) -> Sampler {
         self.encoder.set_stream_tables(tables);
         self

@@ -213,7 +213,7 @@ fn times_come_from_the_csv_file_or_the_camera_file_and_do_not_go_back() {
 }
 
 #[test]
-fn frames_of_a_stream_lean_on_frames_and_say_so() {
+fn frames_of_a_stream_are_predicted_from_frames_and_say_so() {
     let dive = Dive::new();
     // The camera stands still.
     (1..FRAMES).for_each(|t| save(&pictures()[0], &dive.path(&name(t))));
@@ -233,7 +233,10 @@ fn frames_of_a_stream_lean_on_frames_and_say_so() {
     }
     // Without the first packet, the second is the render alone; the third is an intra frame.
     std::fs::remove_file(dive.path("packets/0.nvsp")).unwrap();
-    dive.run(decode).ends_with(0).says("leans on that of frame 0").says("the render alone");
+    dive.run(decode)
+        .ends_with(0)
+        .says("is predicted from that of frame 0")
+        .says("the render alone");
     assert_ne!(dive.bytes("topside/1.png"), dive.bytes("seen/1.png"));
     assert_eq!(dive.bytes("topside/2.png"), dive.bytes("seen/2.png"));
     let run = dive.run(&format!("encode {INPUT} --packets packets --mode stream --residual webp"));

@@ -109,7 +109,7 @@ fn a_return_channel_brings_back_what_a_blackout_took() {
 }
 
 #[test]
-fn frames_of_a_stream_lean_on_what_the_topside_has() {
+fn frames_of_a_stream_are_predicted_from_what_the_topside_has() {
     let dive = Dive::new();
     let run = format!("{} --seconds 3 --mode stream", LINK.replace("16000", "256000"));
     let link = |folder: &str, args: &str| {

@@ -92,7 +92,7 @@ fn collect(
             &warped
         });
         let encoder = sampler.encoder();
-        let pays = encoder.set_leaning(&frame.picture, &frame.render, true, reference);
+        let pays = encoder.set_inter(&frame.picture, &frame.render, true, reference);
         let first = collector.examples.len();
         sampler.visit(step, |sample| {
             if pays != Pays::No {
@@ -143,7 +143,7 @@ pub fn measure_stream(
             &warped
         });
         let inter = reference.is_some();
-        sampler.encoder().set_leaning(&frame.picture, &frame.render, true, reference);
+        sampler.encoder().set_inter(&frame.picture, &frame.render, true, reference);
         sampler.encoder().encode(step, &mut bytes);
         let mut shown = frame.render.clone();
         sampler.encoder().add_to(&mut shown);

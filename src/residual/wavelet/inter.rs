@@ -103,7 +103,7 @@ impl Pays {
 }
 
 /// A prediction, and what it is made of.
-pub struct Lean {
+pub struct Inter {
     /// Coefficients of the warped reference.
     warped: Planes,
     /// The prediction's coefficients.
@@ -139,15 +139,15 @@ impl Energies {
 const LOW_PLAIN: Probability = 1 << 12;
 const SOME_BLOCKS: Probability = 1 << 13;
 
-impl Lean {
+impl Inter {
     /// For pictures of a size.
-    pub fn new(geometry: &Geometry) -> Lean {
+    pub fn new(geometry: &Geometry) -> Inter {
         let planes = || std::array::from_fn(|_| vec![0; geometry.len()]);
         let (columns, rows) = geometry.sizes[geometry.levels];
         let blocks = vec![true; columns * rows];
         let (warped, predicted, energy, picture) = (planes(), planes(), planes(), planes());
         let (says, rows) = (Says::default(), vec![0; mean_room(geometry)]);
-        Lean { warped, predicted, energy, picture, says, blocks, rows }
+        Inter { warped, predicted, energy, picture, says, blocks, rows }
     }
 
     /// The prediction's picture, to be added to what is decoded.
@@ -171,7 +171,7 @@ impl Lean {
     }
 
     /// Takes the reference of another prediction of this size.
-    pub fn set_as(&mut self, other: &Lean) {
+    pub fn set_as(&mut self, other: &Inter) {
         for (own, other) in self.warped.iter_mut().zip(&other.warped) {
             own.copy_from_slice(other);
         }
@@ -302,7 +302,7 @@ impl Lean {
 
     /// Makes what contexts look at, and the picture.
     fn finish(&mut self, geometry: &Geometry, scratch: &mut Scratch) {
-        let Lean { predicted, energy, picture, rows, .. } = self;
+        let Inter { predicted, energy, picture, rows, .. } = self;
         for ((predicted, energy), picture) in predicted.iter().zip(energy).zip(picture) {
             box_mean(predicted, geometry, rows, energy);
             picture.copy_from_slice(predicted);
