@@ -80,6 +80,7 @@ c-test-memory:
 
 lint:
 	@scripts/setup.sh lint
+	python3 scripts/arrows.py selftest
 	python3 scripts/arrows.py
 	python3 scripts/lines.py
 	cargo fmt --all --check
