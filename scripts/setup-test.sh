@@ -58,7 +58,7 @@ system() { # The root, where changes go.
     layer "$bare" "$1" "$2/system"
     home=$1/root
     mkdir -p "$home/.cargo/bin"
-    cp "$cargo_home/bin/rustup" "$home/.cargo/bin/"
+    cp "$(command -v rustup)" "$home/.cargo/bin/rustup"
     for name in cargo rustc rustdoc rustfmt cargo-fmt cargo-clippy clippy-driver; do
         ln -s rustup "$home/.cargo/bin/$name"
     done
