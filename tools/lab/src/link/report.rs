@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::Context;
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use super::Setting;
 use super::topside::Seen;
 use super::vehicle::{PacketBytes, SentPacket};
 use super::video::Beside;
+use crate::report::{Table, fixed, write_json};
 
 /// What the pilot sees of a camera frame.
 pub struct Moment {
@@ -103,151 +103,174 @@ impl Outcome {
         let dips = self.packets.windows(3).map(|w| (w[0].psnr + w[2].psnr) / 2.0 - w[1].psnr);
         dips.fold(0.0, f64::max)
     }
+}
 
-    fn json(&self) -> Value {
+/// A run's figures.
+#[derive(Serialize)]
+struct Figures<'a> {
+    bit_rate: f64,
+    mtu: usize,
+    overhead: usize,
+    propagation: f64,
+    loss: f64,
+    burst: f64,
+    latency: f64,
+    seed: u64,
+    return_delay: Option<f64>,
+    seconds: f64,
+    shown_psnr: f64,
+    pictures_per_second: f64,
+    shown: Shown,
+    latency_ms: f64,
+    whole_latency_ms: f64,
+    bytes: LinkBytes,
+    sent_frames: usize,
+    /// Inter frames.
+    leaning_frames: usize,
+    lost_frames: usize,
+    whole_frames: usize,
+    repaired: u64,
+    sent_psnr: f64,
+    render_psnr: f64,
+    deepest_dip: f64,
+    worst_second_bits: f64,
+    beside: &'a [Beside],
+    /// Mean bytes of a packet on the link, without what is sent again.
+    #[serde(skip)]
+    packet_bytes: f64,
+}
+
+/// How many camera frames are seen in each way.
+#[derive(Serialize)]
+struct Shown {
+    own: usize,
+    between: usize,
+    held: usize,
+    nothing: usize,
+}
+
+/// All bytes on the link.
+#[derive(Serialize)]
+struct LinkBytes {
+    #[serde(flatten)]
+    packets: PacketBytes,
+    resent: usize,
+    total: usize,
+}
+
+impl Figures<'_> {
+    fn of(outcome: &Outcome) -> Figures<'_> {
         let Setting { bit_rate, mtu, overhead, propagation, loss, latency, seed, .. } =
-            self.setting;
-        let bytes = self.bytes();
-        let [first, whole] = self.latency();
-        let complete = self.pictures.values().filter(|(_, whole)| whole.is_some()).count();
-        json!({
-            "bit_rate": bit_rate,
-            "mtu": mtu,
-            "overhead": overhead,
-            "propagation": propagation,
-            "loss": loss.chance,
-            "burst": loss.burst,
-            "latency": latency,
-            "seed": seed,
-            "return_delay": self.setting.return_delay,
-            "seconds": self.seconds,
-            "shown_psnr": self.shown_psnr(),
-            "pictures_per_second": self.pictures_per_second(),
-            "shown": {
-                "own": self.seen(|seen| seen == Seen::Own),
-                "between": self.seen(|seen| seen == Seen::Between),
-                "held": self.seen(|seen| matches!(seen, Seen::Held(_))),
-                "nothing": self.seen(|seen| seen == Seen::Nothing),
+            outcome.setting;
+        let Outcome { packets, pictures, resent, .. } = outcome;
+        let bytes = outcome.bytes();
+        let [latency_ms, whole_latency_ms] = outcome.latency();
+        let seen = |way: fn(Seen) -> bool| outcome.seen(way);
+        Figures {
+            bit_rate,
+            mtu,
+            overhead,
+            propagation,
+            loss: loss.chance,
+            burst: loss.burst,
+            latency,
+            seed,
+            return_delay: outcome.setting.return_delay,
+            seconds: outcome.seconds,
+            shown_psnr: outcome.shown_psnr(),
+            pictures_per_second: outcome.pictures_per_second(),
+            shown: Shown {
+                own: seen(|seen| seen == Seen::Own),
+                between: seen(|seen| seen == Seen::Between),
+                held: seen(|seen| matches!(seen, Seen::Held(_))),
+                nothing: seen(|seen| seen == Seen::Nothing),
             },
-            "latency_ms": first,
-            "whole_latency_ms": whole,
-            "bytes": {
-                "latent": bytes.latent,
-                "residual": bytes.residual,
-                "headers": bytes.headers,
-                "parity": bytes.parity,
-                "resent": self.resent,
-                "total": bytes.total() + self.resent,
-            },
-            "sent_frames": self.packets.len(),
-            "leaning_frames": self.packets.iter().filter(|packet| packet.inter).count(),
-            "lost_frames": self.lost(),
-            "whole_frames": complete,
-            "repaired": self.repaired,
-            "sent_psnr": mean(self.packets.iter().map(|packet| packet.psnr)),
-            "render_psnr": mean(self.packets.iter().map(|packet| packet.render_psnr)),
-            "deepest_dip": self.deepest_dip(),
-            "worst_second_bits": self.worst_second,
-            "beside": self.beside.iter().map(Beside::json).collect::<Value>(),
-        })
-    }
-}
-
-/// Prints a line for each setting.
-pub fn print(outcomes: &[Outcome]) {
-    println!(
-        "{:>7} {:>6} {:>9} {:>9} {:>9} {:>8} {:>10} {:>6} {:>6} {:>6}",
-        "loss",
-        "burst",
-        "shown dB",
-        "sent dB",
-        "pictures",
-        "bytes",
-        "latency ms",
-        "sent",
-        "lost",
-        "whole"
-    );
-    for outcome in outcomes {
-        let [first, _] = outcome.latency();
-        let whole = outcome.pictures.values().filter(|(_, whole)| whole.is_some()).count();
-        println!(
-            "{:>7.3} {:>6.1} {:>9.2} {:>9.2} {:>7.2}/s {:>8.1} {:>10.0} {:>6} {:>6} {:>6}",
-            outcome.setting.loss.chance,
-            outcome.setting.loss.burst,
-            outcome.shown_psnr(),
-            mean(outcome.packets.iter().map(|packet| packet.psnr)),
-            outcome.pictures_per_second(),
-            mean(outcome.packets.iter().map(|packet| packet.bytes.total() as f64)),
-            first,
-            outcome.packets.len(),
-            outcome.lost(),
-            whole,
-        );
-        outcome.beside.iter().for_each(Beside::print);
-    }
-}
-
-impl Beside {
-    fn json(&self) -> Value {
-        json!({
-            "coder": self.coder.name(),
-            "fps": self.fps,
-            "crf": self.crf,
-            "shown_psnr": self.shown_psnr,
-            "bytes": self.bytes,
-            "sent_frames": self.sent,
-            "lost_frames": self.lost,
-        })
-    }
-
-    fn print(&self) {
-        println!(
-            "{:>14} {:>9.2} {:>19.2}/s {:>8.1} {:>17} {:>6}  CRF {}",
-            self.coder.name(),
-            self.shown_psnr,
-            self.fps,
-            self.bytes,
-            self.sent,
-            self.lost,
-            self.crf,
-        );
-    }
-}
-
-/// Writes link.json and frames.csv. At its top level link.json has the first setting's figures.
-pub fn write(folder: &Path, outcomes: &[Outcome]) -> anyhow::Result<()> {
-    let settings: Vec<Value> = outcomes.iter().map(Outcome::json).collect();
-    let mut all = settings[0].clone();
-    all["settings"] = settings.into();
-    let path = folder.join("link.json");
-    let text = serde_json::to_string_pretty(&all)?;
-    std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
-    let path = folder.join("frames.csv");
-    let writing = || format!("writing {}", path.display());
-    let mut table = csv::Writer::from_path(&path).with_context(writing)?;
-    table.write_record([
-        "loss",
-        "frame",
-        "seconds",
-        "shown",
-        "shown_psnr",
-        "sent_bytes",
-        "sent_psnr",
-    ])?;
-    for outcome in outcomes {
-        for moment in &outcome.moments {
-            let sent = outcome.packets.iter().find(|packet| packet.frame == moment.frame);
-            table.write_record([
-                outcome.setting.loss.chance.to_string(),
-                moment.frame.to_string(),
-                format!("{:.4}", moment.frame as f64 / outcome.setting.fps),
-                moment.seen.name().to_owned(),
-                format!("{:.3}", moment.psnr),
-                sent.map_or(String::new(), |sent| sent.bytes.total().to_string()),
-                sent.map_or(String::new(), |sent| format!("{:.3}", sent.psnr)),
-            ])?;
+            latency_ms,
+            whole_latency_ms,
+            bytes: LinkBytes { packets: bytes, resent: *resent, total: bytes.total() + resent },
+            sent_frames: packets.len(),
+            leaning_frames: packets.iter().filter(|packet| packet.inter).count(),
+            lost_frames: outcome.lost(),
+            whole_frames: pictures.values().filter(|(_, whole)| whole.is_some()).count(),
+            repaired: outcome.repaired,
+            sent_psnr: mean(packets.iter().map(|packet| packet.psnr)),
+            render_psnr: mean(packets.iter().map(|packet| packet.render_psnr)),
+            deepest_dip: outcome.deepest_dip(),
+            worst_second_bits: outcome.worst_second,
+            beside: &outcome.beside,
+            packet_bytes: mean(packets.iter().map(|packet| packet.bytes.total() as f64)),
         }
     }
-    table.flush().with_context(writing)
+}
+
+/// Prints a line for each setting, and one for each video coder on the same channel.
+pub fn print(outcomes: &[Outcome]) {
+    let columns = ["loss", "burst", "shown dB", "sent dB", "pictures/s", "bytes", "latency ms"];
+    let counts = ["sent", "lost", "whole", "coder"];
+    let mut table = Table::new(columns.into_iter().chain(counts));
+    for f in outcomes.iter().map(Figures::of) {
+        let [loss, burst] = [fixed(f.loss, 3), fixed(f.burst, 1)];
+        table.push([
+            loss.clone(),
+            burst.clone(),
+            fixed(f.shown_psnr, 2),
+            fixed(f.sent_psnr, 2),
+            fixed(f.pictures_per_second, 2),
+            fixed(f.packet_bytes, 1),
+            fixed(f.latency_ms, 0),
+            f.sent_frames.to_string(),
+            f.lost_frames.to_string(),
+            f.whole_frames.to_string(),
+            String::new(),
+        ]);
+        for b in f.beside {
+            table.push([
+                loss.clone(),
+                burst.clone(),
+                fixed(b.shown_psnr, 2),
+                String::new(),
+                fixed(b.fps, 2),
+                fixed(b.bytes, 1),
+                String::new(),
+                b.sent.to_string(),
+                b.lost.to_string(),
+                String::new(),
+                format!("{}, CRF {}", b.coder.name(), b.crf),
+            ]);
+        }
+    }
+    table.print();
+}
+
+/// `link.json`. At its top level it has the first setting's figures.
+#[derive(Serialize)]
+struct Root<'a> {
+    #[serde(flatten)]
+    first: &'a Figures<'a>,
+    settings: &'a [Figures<'a>],
+}
+
+/// Writes link.json and frames.csv.
+pub fn write(folder: &Path, outcomes: &[Outcome]) -> anyhow::Result<()> {
+    let settings: Vec<Figures> = outcomes.iter().map(Figures::of).collect();
+    write_json(&folder.join("link.json"), &Root { first: &settings[0], settings: &settings })?;
+    let moments = outcomes.iter().flat_map(|o| o.moments.iter().map(move |moment| (o, moment)));
+    let rows: Vec<(&Outcome, &Moment)> = moments.collect();
+    let sent = |(outcome, moment): &(&Outcome, &Moment), cell: fn(&SentPacket) -> String| {
+        let sent = outcome.packets.iter().find(|packet| packet.frame == moment.frame);
+        sent.map_or(String::new(), cell)
+    };
+    let table = Table::of(
+        &rows,
+        &[
+            ("loss", &|(outcome, _)| outcome.setting.loss.chance.to_string()),
+            ("frame", &|(_, moment)| moment.frame.to_string()),
+            ("seconds", &|(o, moment)| fixed(moment.frame as f64 / o.setting.fps, 4)),
+            ("shown", &|(_, moment)| moment.seen.name().to_owned()),
+            ("shown_psnr", &|(_, moment)| fixed(moment.psnr, 3)),
+            ("sent_bytes", &|row| sent(row, |sent| sent.bytes.total().to_string())),
+            ("sent_psnr", &|row| sent(row, |sent| fixed(sent.psnr, 3))),
+        ],
+    );
+    table.write_csv(&folder.join("frames.csv"))
 }

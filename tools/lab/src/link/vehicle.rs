@@ -30,7 +30,7 @@ pub struct SentPacket {
 }
 
 /// What the bytes of a packet are for.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize)]
 pub struct PacketBytes {
     /// Latent part, and the camera where it is sent.
     pub latent: usize,

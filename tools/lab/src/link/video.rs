@@ -5,6 +5,7 @@ mod unit;
 
 use clap::ValueEnum;
 use nvsprior::Picture;
+use serde::Serialize;
 
 use super::Setting;
 use super::channel::Channel;
@@ -12,7 +13,8 @@ use super::report::Outcome;
 use coder::Coded;
 
 /// Video coders that can be compared with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
 pub enum Coder {
     /// HEVC, gradual intra refresh
     X265,
@@ -21,6 +23,7 @@ pub enum Coder {
 }
 
 /// What a video coder came to at a setting: at the best of all its frame rates and qualities.
+#[derive(Serialize)]
 pub struct Beside {
     pub coder: Coder,
     pub fps: f64,
@@ -29,7 +32,9 @@ pub struct Beside {
     pub shown_psnr: f64,
     /// Mean bytes of a picture on the link but the first, headers and parity included.
     pub bytes: f64,
+    #[serde(rename = "sent_frames")]
     pub sent: usize,
+    #[serde(rename = "lost_frames")]
     pub lost: usize,
 }
 
