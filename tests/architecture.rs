@@ -51,7 +51,8 @@ fn the_functions_of_a_frames_way_exist() {
     let functions = functions(&document);
     assert!(functions.len() >= 20, "the document lists {} functions", functions.len());
     let missing = functions.iter().filter(|(file, function)| !defines(&text(file), function));
-    assert_eq!(missing.collect::<Vec<_>>(), [&(String::new(), ""); 0]);
+    let missing: Vec<_> = missing.collect();
+    assert!(missing.is_empty(), "{missing:?}");
 }
 
 /// NAME, SUBJECT and VERSION stand for what is new; `target/` is what the targets write.
