@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use nvsprior::modem::{Collector, CollectorOptions, share_count};
+use nvsprior::modem::{Collected, Collector, CollectorOptions, ModemError, share_count};
 use nvsprior::prior::replace_file;
 use nvsprior_inputs::values;
 
@@ -58,24 +58,13 @@ fn from_folder(args: &Args, folder: &Path) -> anyhow::Result<Joined> {
     let mut frames = Vec::new();
     for path in values::files(folder, "frame", "frames")? {
         let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
-        frames.push((packet_name(&path), bytes));
+        frames.push(bytes);
     }
-    let longest = frames.iter().map(|(_, bytes)| bytes.len()).max().unwrap_or(0);
+    let longest = frames.iter().map(Vec::len).max().unwrap_or(0);
     let mtu = args.mtu.map_or(longest.max(MIN_MTU), usize::from);
     let mut joined = Joined::new(mtu, &args.out)?;
-    let mut before = None;
-    for (name, frame) in &frames {
-        // Packets of files may have any numbers: each comes at a time of its own.
-        joined.now += if before.replace(name) == Some(name) { 0.0 } else { APART };
-        joined.push(frame)?;
-    }
+    frames.iter().try_for_each(|frame| joined.push(frame))?;
     Ok(joined)
-}
-
-/// NAME of NAME-0000.frame.
-fn packet_name(path: &Path) -> String {
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    stem.rsplit_once('-').map_or(&*stem, |(name, _)| name).to_owned()
 }
 
 fn from_udp(args: &Args, address: &str) -> anyhow::Result<Joined> {
@@ -108,9 +97,9 @@ struct Joined {
     packets: BTreeMap<u32, (usize, bool)>,
 }
 
-/// Packets that are held.
-const HELD: usize = 4;
-/// Seconds between packets of different names: more than they are held for.
+/// Packets that are held, as many as can be: packets of files may come in any order of their numbers.
+const HELD: usize = 64;
+/// Seconds after which none of them is held any more.
 const APART: f64 = 60.0;
 /// The longest packet, bytes.
 const MAX_BYTES: usize = 1 << 16;
@@ -126,9 +115,14 @@ impl Joined {
 
     /// Takes a frame, and writes each packet that it adds to. What is no frame is counted, and left out.
     fn push(&mut self, frame: &[u8]) -> anyhow::Result<()> {
-        if self.collector.push(self.now, frame).is_err() {
-            return Ok(());
+        let mut pushed = self.collector.push(self.now, frame);
+        if matches!(pushed, Err(ModemError::Late(_))) {
+            // Another count of numbers.
+            self.now += APART;
+            pushed = self.collector.push(self.now, frame);
         }
+        let Ok(pushed) = pushed else { return Ok(()) };
+        let damaged = matches!(pushed, Collected::Damaged(..));
         let newest = self.collector.newest(0).map(|packet| packet.frame);
         let back = |newest: u32| (0..HELD as u32).map(move |k| newest.wrapping_sub(k));
         let held = newest.into_iter().flat_map(back);
@@ -138,7 +132,13 @@ impl Joined {
             if self.packets.get(&packet.frame) == Some(&known) {
                 continue;
             }
-            replace_file(&self.folder.join(format!("{:08}.nvsp", packet.frame)), packet.bytes)?;
+            let path = self.folder.join(format!("{:08}.nvsp", packet.frame));
+            let written = self.packets.get(&packet.frame).is_some_and(|(len, _)| *len > known.0);
+            if written && !damaged && std::fs::read(&path)?.starts_with(packet.bytes) {
+                // Its start has come again.
+                continue;
+            }
+            replace_file(&path, packet.bytes)?;
             self.packets.insert(packet.frame, known);
         }
         Ok(())
