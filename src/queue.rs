@@ -1,16 +1,16 @@
-//! Work beside the caller: frames go through stages, each on a thread of its own.
+//! Work beside the caller: frames go through workers, each on a thread of its own.
 //!
-//! A queue has a fixed number of *slots*, each with the buffers of one frame, and one stage or two. A frame is begun by
-//! filling a spare slot. It then goes from stage to stage and waits until its result is taken. Frames never overtake
+//! A queue has a fixed number of *slots*, each with the buffers of one frame, and one worker or two. A frame is begun by
+//! filling a spare slot. It then goes from worker to worker and waits until its result is taken. Frames never overtake
 //! each other. Rules:
 //!
 //! - A frame that was begun is the caller's until [`take`](Queue::take) or [`cancel`](Queue::cancel) ends it. No other
 //!   call drops it.
 //! - If a result cannot be handed over, it is *kept*: the next [`run`](Queue::run) drops it, and in a queue of one slot
 //!   the next [`begin`](Queue::begin) too.
-//! - A frame that is cancelled while a stage works on it ends by itself. Until then no frame can be begun.
-//! - If a frame is dropped, what it told is lost: the queue calls `lost` before the first stage's next frame.
-//! - A stage that panics poisons the queue.
+//! - A frame that is cancelled while a worker works on it ends by itself. Until then no frame can be begun.
+//! - If a frame is dropped, what it told is lost: the queue calls `lost` before the first worker's next frame.
+//! - A worker that panics poisons the queue.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -32,21 +32,21 @@ pub enum QueueError {
     /// No frame is under way.
     #[error("nothing was begun")]
     Empty,
-    /// A stage panicked now.
+    /// A worker panicked now.
     #[error("a fault of the library itself: please report it")]
     Panicked,
-    /// A stage panicked before.
+    /// A worker panicked before.
     #[error("an earlier frame failed inside the library")]
     Poisoned,
 }
 
-/// What a stage does to a slot.
-pub(crate) type Stage<S, E> = Box<dyn FnMut(&mut S) -> Result<(), E> + Send>;
+/// What a worker does to a slot.
+pub(crate) type Worker<S, E> = Box<dyn FnMut(&mut S) -> Result<(), E> + Send>;
 
 /// What a thread of the queue does. It does not unwind.
 pub(crate) type Body = Box<dyn FnOnce() + Send>;
 
-/// Starts the thread of the stage of a number. What it returns waits for the thread's end when dropped.
+/// Starts the thread of the worker of a number. What it returns waits for the thread's end when dropped.
 pub(crate) type Spawn<E> = Box<dyn FnMut(usize, Body) -> Result<Box<dyn Send>, E> + Send>;
 
 /// A frame on its way.
@@ -61,12 +61,12 @@ struct Slot<S, E> {
 
 type Slots<S, E> = VecDeque<Box<Slot<S, E>>>;
 
-/// A slot goes from `spare` through `waiting` for each stage to `done`, and back.
+/// A slot goes from `spare` through `waiting` for each worker to `done`, and back.
 struct State<S, E> {
     spare: Slots<S, E>,
-    /// By stage.
+    /// By worker.
     waiting: Vec<Slots<S, E>>,
-    /// Whether a stage works on a slot.
+    /// Whether a worker works on a slot.
     busy: Vec<bool>,
     done: Slots<S, E>,
     slots: usize,
@@ -81,14 +81,14 @@ struct State<S, E> {
 }
 
 struct Shared<S, E> {
-    stages: Vec<Mutex<Stage<S, E>>>,
-    /// Called before the first stage's next frame if one was dropped.
+    workers: Vec<Mutex<Worker<S, E>>>,
+    /// Called before the first worker's next frame if one was dropped.
     lost: Mutex<Box<dyn FnMut() + Send>>,
     state: Mutex<State<S, E>>,
     changed: Condvar,
 }
 
-/// Frames on their way through stages.
+/// Frames on their way through workers.
 pub(crate) struct Queue<S, E> {
     shared: Arc<Shared<S, E>>,
     /// Started with the first frame that is begun.
@@ -131,27 +131,27 @@ impl<S, E: From<QueueError>> Shared<S, E> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for a slot of a stage; `None`: the thread is to end.
-    fn next(&self, stage: usize) -> Option<Box<Slot<S, E>>> {
-        let rest = |state: &mut State<S, E>| state.waiting[stage].is_empty() && !state.quit;
+    /// Waits for a slot of a worker; `None`: the thread is to end.
+    fn next(&self, worker: usize) -> Option<Box<Slot<S, E>>> {
+        let rest = |state: &mut State<S, E>| state.waiting[worker].is_empty() && !state.quit;
         let state = self.changed.wait_while(self.state(), rest);
         let mut state = state.unwrap_or_else(PoisonError::into_inner);
         if state.quit {
             return None;
         }
-        state.busy[stage] = true;
-        state.waiting[stage].pop_front()
+        state.busy[worker] = true;
+        state.waiting[worker].pop_front()
     }
 
-    /// Passes a slot on from a stage, unless it was cancelled meanwhile.
-    fn pass(&self, slot: Box<Slot<S, E>>, stage: usize) {
+    /// Passes a slot on from a worker, unless it was cancelled meanwhile.
+    fn pass(&self, slot: Box<Slot<S, E>>, worker: usize) {
         let mut state = self.state();
-        state.busy[stage] = false;
+        state.busy[worker] = false;
         if slot.begun_at != state.cancels {
             state.lost = true;
             state.spare.push_back(slot);
-        } else if stage + 1 < self.stages.len() {
-            state.waiting[stage + 1].push_back(slot);
+        } else if worker + 1 < self.workers.len() {
+            state.waiting[worker + 1].push_back(slot);
         } else {
             state.done.push_back(slot);
         }
@@ -166,13 +166,13 @@ impl<S, E: From<QueueError>> Shared<S, E> {
         }
     }
 
-    /// Does a stage's work on a slot, unless an earlier stage failed. A panic poisons the queue.
-    fn work(&self, slot: &mut Slot<S, E>, stage: usize) {
+    /// Does a worker's work on a slot, unless an earlier worker failed. A panic poisons the queue.
+    fn work(&self, slot: &mut Slot<S, E>, worker: usize) {
         let work = || {
-            if stage == 0 {
+            if worker == 0 {
                 self.settle();
             }
-            let mut work = self.stages[stage].lock().map_err(|_| QueueError::Poisoned)?;
+            let mut work = self.workers[worker].lock().map_err(|_| QueueError::Poisoned)?;
             work(&mut slot.content)
         };
         if slot.outcome.is_ok() {
@@ -183,19 +183,19 @@ impl<S, E: From<QueueError>> Shared<S, E> {
         }
     }
 
-    /// The thread of a stage.
-    fn serve(&self, stage: usize) {
-        while let Some(mut slot) = self.next(stage) {
-            self.work(&mut slot, stage);
-            self.pass(slot, stage);
+    /// The thread of a worker.
+    fn serve(&self, worker: usize) {
+        while let Some(mut slot) = self.next(worker) {
+            self.work(&mut slot, worker);
+            self.pass(slot, worker);
         }
     }
 }
 
 impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
-    /// A queue of these stages and slots. `lost` is called before the first stage's next frame if one was dropped.
+    /// A queue of these workers and slots. `lost` is called before the first worker's next frame if one was dropped.
     pub(crate) fn new(
-        stages: Vec<Stage<S, E>>,
+        workers: Vec<Worker<S, E>>,
         slots: Vec<S>,
         lost: Box<dyn FnMut() + Send>,
         spawn: Spawn<E>,
@@ -205,8 +205,8 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
         let room = || VecDeque::with_capacity(count);
         let state = State {
             spare: slots.into_iter().map(slot).collect(),
-            waiting: stages.iter().map(|_| room()).collect(),
-            busy: vec![false; stages.len()],
+            waiting: workers.iter().map(|_| room()).collect(),
+            busy: vec![false; workers.len()],
             done: room(),
             slots: count,
             live: 0,
@@ -215,10 +215,10 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
             poisoned: false,
             quit: false,
         };
-        let threads = Vec::with_capacity(stages.len());
-        let stages = stages.into_iter().map(Mutex::new).collect();
+        let threads = Vec::with_capacity(workers.len());
+        let workers = workers.into_iter().map(Mutex::new).collect();
         let (lost, state) = (Mutex::new(lost), Mutex::new(state));
-        let shared = Shared { stages, lost, state, changed: Condvar::new() };
+        let shared = Shared { workers, lost, state, changed: Condvar::new() };
         Queue { shared: Arc::new(shared), threads, spawn }
     }
 
@@ -235,9 +235,9 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
         Ok(())
     }
 
-    /// Checks that the first stage works on no frame and that none waits for it.
+    /// Checks that the first worker works on no frame and that none waits for it.
     #[cfg(any(feature = "capi", test))]
-    pub(crate) fn check_first_stage(&self) -> Result<(), QueueError> {
+    pub(crate) fn check_first_worker(&self) -> Result<(), QueueError> {
         let state = self.shared.state();
         if state.poisoned {
             return Err(QueueError::Poisoned);
@@ -280,8 +280,8 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
             (slot.begun_at, slot.outcome, slot.kept) = (state.cancels, Ok(()), true);
             state.live += usize::from(!kept);
         }
-        for stage in 0..self.shared.stages.len() {
-            self.shared.work(&mut slot, stage);
+        for worker in 0..self.shared.workers.len() {
+            self.shared.work(&mut slot, worker);
         }
         self.shared.state().done.push_back(slot);
         Ok(())
@@ -323,9 +323,9 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
     }
 
     fn start_threads(&mut self) -> Result<(), E> {
-        for stage in self.threads.len()..self.shared.stages.len() {
+        for worker in self.threads.len()..self.shared.workers.len() {
             let shared = self.shared.clone();
-            self.threads.push((self.spawn)(stage, Box::new(move || shared.serve(stage)))?);
+            self.threads.push((self.spawn)(worker, Box::new(move || shared.serve(worker)))?);
         }
         Ok(())
     }
@@ -381,8 +381,8 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
                 state.cancels += 1;
                 state.live = 0;
                 let State { spare, waiting, lost, .. } = &mut *state;
-                for (stage, waiting) in waiting.iter_mut().enumerate() {
-                    *lost |= stage > 0 && !waiting.is_empty();
+                for (worker, waiting) in waiting.iter_mut().enumerate() {
+                    *lost |= worker > 0 && !waiting.is_empty();
                     spare.extend(waiting.drain(..));
                 }
             }
@@ -396,7 +396,7 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
 }
 
 impl<S, E> Drop for Queue<S, E> {
-    /// Waits for what the stages are at. A frame that no stage has taken is dropped.
+    /// Waits for what the workers are at. A frame that no worker has taken is dropped.
     fn drop(&mut self) {
         let mut state = self.shared.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.quit = true;

@@ -567,7 +567,7 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
     }
 }
 
-/// The stage.
+/// The worker of the queue.
 fn decode(core: &mut Core, work: &mut PacketWork) -> Result<(), Failure> {
     let (Core { decoder, limits, .. }, PacketWork { bytes, parsed, trust, decoded }) = (core, work);
     let parsed = parsed.as_ref().map_err(|error| Error::from(error.clone()))?;

@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::frame_work::{Coder, FrameWork};
 use crate::geometry::Lens;
 use crate::image::{Converter, Mask};
-use crate::queue::{Queue, QueueError, Stage};
+use crate::queue::{Queue, QueueError, Worker};
 use crate::{Camera, Encoded, Encoder, Error, FrameInfo};
 
 use super::frame::refused;
@@ -82,14 +82,14 @@ impl Encoding {
         let (own, most_cold) = (converter.clone(), cold);
         let core = Core { encoder, converter: own, seen, limits, cold, most_cold };
         let core = Arc::new(Mutex::new(core));
-        let stages = if two { search_and_code(&core, limits, cold) } else { vec![encode(&core)] };
+        let workers = if two { search_and_code(&core, limits, cold) } else { vec![encode(&core)] };
         let (width, height) = (camera.width, camera.height);
         let room = || FrameWork::with_room(width, height);
         let works = std::iter::repeat_with(room).take(slots).collect();
         let own = core.clone();
         let lost = move || own.lock().unwrap_or_else(PoisonError::into_inner).encoder.announce();
         let spawn = spawner([c"nvsp-encoder", c"nvsp-coder"], start);
-        let queue = Queue::new(stages, works, Box::new(lost), spawn);
+        let queue = Queue::new(workers, works, Box::new(lost), spawn);
         Encoding {
             core,
             converter,
@@ -104,7 +104,7 @@ impl Encoding {
     /// the beginning of a frame until that is finished or cancelled.
     pub(super) fn core(&self) -> Result<MutexGuard<'_, Core>, Failure> {
         match self.two {
-            true => self.queue.check_first_stage()?,
+            true => self.queue.check_first_worker()?,
             false => self.queue.check_idle()?,
         }
         self.core.lock().map_err(|_| QueueError::Poisoned.into())
@@ -182,8 +182,8 @@ fn locked(core: &Mutex<Core>) -> Result<MutexGuard<'_, Core>, Failure> {
     core.lock().map_err(|_| QueueError::Poisoned.into())
 }
 
-/// The stage that does all of a frame.
-fn encode(core: &Arc<Mutex<Core>>) -> Stage<FrameWork, Failure> {
+/// The worker that does all of a frame.
+fn encode(core: &Arc<Mutex<Core>>) -> Worker<FrameWork, Failure> {
     let core = core.clone();
     Box::new(move |work| {
         let mut core = locked(&core)?;
@@ -195,12 +195,12 @@ fn encode(core: &Arc<Mutex<Core>>) -> Stage<FrameWork, Failure> {
     })
 }
 
-/// The stages of an encoder with two frames under way.
+/// The workers of an encoder with two frames under way.
 fn search_and_code(
     core: &Arc<Mutex<Core>>,
     limits: Limits,
     most_cold: usize,
-) -> Vec<Stage<FrameWork, Failure>> {
+) -> Vec<Worker<FrameWork, Failure>> {
     let announce = Arc::new(Mutex::new(false));
     let (core, lost) = (core.clone(), announce.clone());
     let search = move |work: &mut FrameWork| {

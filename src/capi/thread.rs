@@ -31,12 +31,14 @@ unsafe impl Sync for ThreadStart {}
 /// A thread that was started. Waits for its end when dropped.
 pub(super) struct Thread(libc::pthread_t);
 
-/// Starts the threads of a queue's stages, by the names of the stages.
+/// Starts the threads of a queue's workers, by the names of the workers.
 pub(super) fn spawner<const N: usize>(
     names: [&'static CStr; N],
     start: ThreadStart,
 ) -> Spawn<Failure> {
-    Box::new(move |stage, body| Ok(Box::new(Thread::spawn(names[stage.min(N - 1)], start, body)?)))
+    Box::new(move |worker, body| {
+        Ok(Box::new(Thread::spawn(names[worker.min(N - 1)], start, body)?))
+    })
 }
 
 /// What a thread gets.

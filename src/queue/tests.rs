@@ -12,10 +12,10 @@ enum Failure {
     Room,
 }
 
-/// What a stage has counted, and how often frames were lost.
+/// What a worker has counted, and how often frames were lost.
 #[derive(Default)]
 struct Counts {
-    stage: u32,
+    worker: u32,
     lost: u32,
 }
 
@@ -31,23 +31,23 @@ fn spawn(_: usize, body: Body) -> Result<Box<dyn Send>, Failure> {
     Ok(Box::new(Joined(Some(std::thread::spawn(body)))))
 }
 
-/// A queue whose slots take what its first stage counts. The stage fails at 3 and panics at 5.
-fn queue(slots: usize, stages: usize, pause: u64) -> (Queue<u32, Failure>, Arc<Mutex<Counts>>) {
+/// A queue whose slots take what its first worker counts. The worker fails at 3 and panics at 5.
+fn queue(slots: usize, workers: usize, pause: u64) -> (Queue<u32, Failure>, Arc<Mutex<Counts>>) {
     let counts = Arc::new(Mutex::new(Counts::default()));
     let own = counts.clone();
     let first = move |slot: &mut u32| {
         std::thread::sleep(Duration::from_millis(pause));
         let mut counts = own.lock().unwrap_or_else(PoisonError::into_inner);
-        counts.stage += 1;
-        *slot = counts.stage;
+        counts.worker += 1;
+        *slot = counts.worker;
         match *slot {
             3 => Err(Failure::Three),
             5 => panic!("on purpose"),
             _ => Ok(()),
         }
     };
-    let mut all: Vec<Stage<u32, Failure>> = vec![Box::new(first)];
-    if stages > 1 {
+    let mut all: Vec<Worker<u32, Failure>> = vec![Box::new(first)];
+    if workers > 1 {
         all.push(Box::new(|slot| {
             *slot *= 10;
             Ok(())
@@ -108,10 +108,10 @@ fn only_a_result_that_could_not_be_handed_over_is_dropped_by_the_next_frame() {
 }
 
 #[test]
-fn a_panic_of_a_stage_is_told_and_poisons_the_queue() {
+fn a_panic_of_a_worker_is_told_and_poisons_the_queue() {
     for here in [false, true] {
         let (mut queue, counts) = queue(1, 1, 0);
-        counts.lock().unwrap().stage = 4;
+        counts.lock().unwrap().worker = 4;
         let begun = if here { queue.run(|_| Ok(())) } else { queue.begin(|_| Ok(())) };
         assert_eq!(begun, Ok(()));
         assert_eq!(taken(&mut queue), Err(failure(QueueError::Panicked)));
@@ -124,7 +124,7 @@ fn a_panic_of_a_stage_is_told_and_poisons_the_queue() {
 fn what_was_begun_is_left_alone_until_it_ends() {
     let (mut queue, _) = queue(1, 1, 200);
     queue.begin(|_| Ok(())).unwrap();
-    assert_eq!(queue.check_first_stage(), Err(QueueError::UnderWay));
+    assert_eq!(queue.check_first_worker(), Err(QueueError::UnderWay));
     assert_eq!(queue.begin(|_| Ok(())), Err(failure(QueueError::Full)));
     assert_eq!(queue.take(|_| Ok(())), Ok(false));
     assert_eq!(taken(&mut queue), Ok(1));
@@ -137,7 +137,7 @@ fn what_is_cancelled_ends_without_a_result() {
     let (mut queue, counts) = queue(1, 1, 100);
     assert!(queue.cancel(), "nothing was begun");
     queue.begin(|_| Ok(())).unwrap();
-    while queue.check_first_stage().is_ok() {}
+    while queue.check_first_worker().is_ok() {}
     std::thread::sleep(Duration::from_millis(20));
     assert!(!queue.cancel());
     assert_eq!(queue.begin(|_| Ok(())), Err(failure(QueueError::Ending)));
@@ -154,7 +154,7 @@ fn what_is_cancelled_ends_without_a_result() {
 }
 
 #[test]
-fn two_frames_go_through_two_stages_in_order() {
+fn two_frames_go_through_two_workers_in_order() {
     let (mut queue, counts) = queue(2, 2, 20);
     queue.begin(|_| Ok(())).unwrap();
     queue.begin(|_| Ok(())).unwrap();
@@ -162,7 +162,7 @@ fn two_frames_go_through_two_stages_in_order() {
     assert_eq!(taken(&mut queue), Ok(10));
     queue.begin(|_| Ok(())).unwrap();
     assert_eq!(taken(&mut queue), Ok(20));
-    assert_eq!(taken(&mut queue), Err(Failure::Three), "the second stage leaves it alone");
+    assert_eq!(taken(&mut queue), Err(Failure::Three), "the second worker leaves it alone");
     queue.run(|_| Ok(())).unwrap();
     assert_eq!(taken(&mut queue), Ok(40));
     assert_eq!(counts.lock().unwrap().lost, 0);
