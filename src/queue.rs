@@ -1,8 +1,8 @@
 //! Work beside the caller: frames go through workers, each on a thread of its own.
 //!
-//! A queue has a fixed number of *slots*, each with the buffers of one frame, and one worker or two. A frame is begun by
-//! filling a spare slot. It then goes from worker to worker and waits until its result is taken. Frames never overtake
-//! each other. Rules:
+//! A queue has a fixed number of *slots*, each with the buffers of one frame, and one worker or two. A frame is begun
+//! by filling a spare slot. It then goes from worker to worker and waits until its result is taken. Frames never
+//! overtake each other. Rules:
 //!
 //! - A frame that was begun is the caller's until [`take`](Queue::take) or [`cancel`](Queue::cancel) ends it. No other
 //!   call drops it.

@@ -42,26 +42,35 @@ mod tests {
     }
 
     #[test]
-    fn no_two_flags_have_one_value() {
-        use super::super::{decoder, encoder, engine, frame, prior};
-        let flags = [
-            encoder::NVSP_FRAME_UNCERTAIN,
-            encoder::NVSP_FRAME_RATE_MISSED,
-            encoder::NVSP_FRAME_UNDETERMINED,
-            encoder::NVSP_FRAME_NOT_PORTABLE,
-            decoder::NVSP_DECODED_SAME_RENDER,
-            decoder::NVSP_DECODED_OTHER_RENDER,
-            decoder::NVSP_HEADER_POSE,
-            decoder::NVSP_HEADER_SHORT,
-            decoder::NVSP_DECODE_START,
-            frame::NVSP_GIVEN_TIME,
-            engine::NVSP_ENGINE_VALIDATION,
-            prior::NVSP_PRIOR_NEAR,
-            prior::NVSP_PRIOR_ALPHA_MAX,
-            prior::NVSP_PRIOR_ANTIALIASED,
-            prior::NVSP_PRIOR_BACKGROUND,
+    fn the_flags_of_a_structure_are_numbered_from_one() {
+        use super::super::{collector, decoder, encoder, engine, frame, prior, sender};
+        let shared = [encoder::NVSP_FRAME_UNCERTAIN, encoder::NVSP_FRAME_NOT_PORTABLE];
+        let of_frame = |own: &[u32]| [&shared[..], own].concat();
+        let structures = [
+            of_frame(&[encoder::NVSP_FRAME_RATE_MISSED, encoder::NVSP_FRAME_UNDETERMINED]),
+            of_frame(&[
+                decoder::NVSP_DECODED_SAME_RENDER,
+                decoder::NVSP_DECODED_OTHER_RENDER,
+                decoder::NVSP_DECODED_INTER,
+                decoder::NVSP_DECODED_KEPT,
+            ]),
+            of_frame(&[decoder::NVSP_HEADER_POSE, decoder::NVSP_HEADER_SHORT]),
+            vec![decoder::NVSP_DECODE_START],
+            vec![frame::NVSP_GIVEN_TIME],
+            vec![engine::NVSP_ENGINE_VALIDATION],
+            vec![
+                prior::NVSP_PRIOR_NEAR,
+                prior::NVSP_PRIOR_ALPHA_MAX,
+                prior::NVSP_PRIOR_ANTIALIASED,
+                prior::NVSP_PRIOR_BACKGROUND,
+            ],
+            vec![sender::NVSP_SENDER_EXPECT_REPORTS, sender::NVSP_SENDER_UNPROTECTED],
+            vec![collector::NVSP_COLLECTOR_MODEM_CHECKS],
         ];
-        let all = flags.iter().fold(0, |all, flag| all | flag);
-        assert_eq!(all.count_ones() as usize, flags.len());
+        for flags in structures {
+            for (place, flag) in flags.iter().enumerate() {
+                assert_eq!(*flag, 1 << place, "{flags:?}");
+            }
+        }
     }
 }
