@@ -187,10 +187,18 @@ fn without_a_frame_rate_a_packet_has_the_time_of_its_first_share() {
 #[test]
 fn other_frames_on_the_link_do_no_harm() {
     let mut playout = Playout::new(OPTIONS).unwrap();
-    for junk in [&[][..], &[0x40], &[0xFF; 64], &packet(3)] {
+    for junk in [&[][..], &[0x40], &[0xFF; 64]] {
         assert!(playout.push(0.0, junk).is_err());
     }
     assert_eq!(bring(&mut playout, 0.1, &shares(0)).len(), 1);
     // Shares that come again bring nothing.
     assert!(bring(&mut playout, 0.2, &shares(0)).is_empty());
+}
+
+#[test]
+fn a_packet_without_protection_is_played() {
+    let mut playout = Playout::new(OPTIONS).unwrap();
+    let played = bring(&mut playout, 0.1, &[packet(3)]);
+    assert_eq!(played.len(), 1);
+    assert_eq!(bring(&mut playout, 0.2, &shares(4)).len(), 1, "a protected one may follow");
 }
