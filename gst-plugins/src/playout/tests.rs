@@ -198,7 +198,9 @@ fn other_frames_on_the_link_do_no_harm() {
 #[test]
 fn a_packet_without_protection_is_played() {
     let mut playout = Playout::new(OPTIONS).unwrap();
-    let played = bring(&mut playout, 0.1, &[packet(3)]);
-    assert_eq!(played.len(), 1);
+    let mut sharer = Sharer::default();
+    sharer.split(&packet(3), OPTIONS.mtu).unwrap();
+    let frames: Vec<_> = sharer.shares().map(<[u8]>::to_vec).collect();
+    assert_eq!(bring(&mut playout, 0.1, &frames).len(), 1);
     assert_eq!(bring(&mut playout, 0.2, &shares(4)).len(), 1, "a protected one may follow");
 }
