@@ -27,7 +27,9 @@ impl Pipeline {
         let (lost, mut coder) = (announce.clone(), Coder::default());
         let code = move |work: &mut FrameWork| {
             let tells_camera = work.camera.is_some();
-            coder.code(work).inspect_err(|_| lost.store(tells_camera, Ordering::Relaxed))
+            coder.code(work).inspect_err(|_| {
+                lost.fetch_or(tells_camera, Ordering::Relaxed);
+            })
         };
         let slots = vec![FrameWork::default(), FrameWork::default()];
         let queue = Queue::new(vec![Box::new(code)], slots, Box::new(|| ()), Box::new(spawn));
