@@ -22,9 +22,6 @@ impl Slot {
         if data.len() > self.room {
             return Err(ModemError::NoRoom { index: header.index, room: self.there.len() });
         }
-        if self.state.is_none() {
-            self.since = now;
-        }
         let fresh = State {
             number: header.packet.number,
             form: Form::Layers { header: header.packet, solved: 0 },
@@ -32,7 +29,10 @@ impl Slot {
             filled: 0,
             start: None,
         };
-        let mut state = *self.state.get_or_insert(fresh);
+        let mut state = self.state().unwrap_or_else(|| {
+            self.since = now;
+            fresh
+        });
         match state.form {
             Form::Layers { header: own, .. } if own == header.packet => {}
             _ => return Err(ModemError::OtherShare(header.packet.number)),
@@ -43,13 +43,13 @@ impl Slot {
         self.there[header.index] = true;
         state.arrived += 1;
         if state.start.is_some_and(|start| start.complete) {
-            self.state = Some(state);
+            self.known = state;
             return Ok(Taken::Surplus);
         }
         self.shares[header.index * self.room..][..data.len()].copy_from_slice(data);
         let before = state.filled;
         let valid = self.grow(&mut state, last);
-        self.state = Some(state);
+        self.known = state;
         if valid.is_none() {
             self.clear();
             return Ok(Taken::Damaged(header.packet.number));

@@ -31,7 +31,7 @@ pub enum Arrival {
 impl Slot {
     /// The state of an unprotected packet.
     fn plain(&self) -> Option<(State, Plain, Start)> {
-        let state = self.state?;
+        let state = self.state()?;
         match (state.form, state.start) {
             (Form::Plain(plain), Some(start)) => Some((state, plain, start)),
             _ => None,
@@ -45,7 +45,7 @@ impl Slot {
 
     /// Bytes of the packet that count so far.
     pub fn valid_len(&self) -> usize {
-        self.state.map_or(0, |state| state.filled)
+        self.state().map_or(0, |state| state.filled)
     }
 
     /// Whether the length of an unprotected packet is known.
@@ -85,7 +85,7 @@ impl Slot {
                 self.let_go(statistics);
             }
         }
-        match self.state {
+        match self.state() {
             // Another packet with the same number is under way with protection.
             Some(State { form: Form::Layers { .. }, number, .. }) => {
                 return Err(ModemError::OtherShare(number));
@@ -179,7 +179,7 @@ impl Slot {
         state.filled = if plain.vouched { without_gap } else { plain.own };
         state.form = Form::Plain(plain);
         state.start = Some(start);
-        self.state = Some(state);
+        self.known = state;
     }
 
     /// What a share of an unprotected packet has brought, which had `before` valid bytes.

@@ -20,7 +20,8 @@ pub struct Slot {
     pub(super) there: Vec<bool>,
     /// Protected: the layers so far, one after another. Unprotected: the packet's bytes, each in its place.
     pub(super) bytes: Vec<u8>,
-    pub(super) state: Option<State>,
+    /// See [`Slot::state`].
+    pub(super) known: State,
     /// When the packet's first share came, seconds.
     pub(super) since: f64,
 }
@@ -41,6 +42,8 @@ pub(super) struct State {
 /// In which form the packet travels.
 #[derive(Clone, Copy)]
 pub(super) enum Form {
+    /// There is no packet.
+    None,
     Layers {
         header: PacketHeader,
         /// Layers that are in `bytes`.
@@ -97,6 +100,10 @@ pub enum Taken {
 }
 
 impl State {
+    /// Not an `Option`: all of it is always written, so a memory checker finds nothing that a compiler reads ahead.
+    const NO_PACKET: State =
+        State { number: 0, form: Form::None, arrived: 0, filled: 0, start: None };
+
     fn is_complete(&self) -> bool {
         self.start.is_some_and(|start| start.complete)
     }
@@ -104,6 +111,7 @@ impl State {
     /// Shares that the packet was sent in.
     fn sent(&self) -> Option<usize> {
         match self.form {
+            Form::None => None,
             Form::Layers { header, .. } => Some(header.count),
             Form::Plain(plain) => plain.count,
         }
@@ -112,6 +120,7 @@ impl State {
     /// Shares that are known of: without a length, those up to the first missing one.
     fn known(&self) -> usize {
         match self.form {
+            Form::None => 0,
             Form::Layers { header, .. } => header.count,
             Form::Plain(plain) => plain.count.unwrap_or(plain.next + 1),
         }
@@ -135,24 +144,29 @@ impl Slot {
             shares: filled(shares * mtu, 0)?,
             there: filled(shares, false)?,
             bytes: filled(shares * mtu, 0)?,
-            state: None,
+            known: State::NO_PACKET,
             since: 0.0,
         })
     }
 
     pub fn clear(&mut self) {
-        self.state = None;
+        self.known = State::NO_PACKET;
         self.there.fill(false);
+    }
+
+    /// What is known of the packet; `None`: there is no packet.
+    pub(super) fn state(&self) -> Option<State> {
+        (!matches!(self.known.form, Form::None)).then_some(self.known)
     }
 
     /// When the packet's first share came; `None`: there is no packet.
     pub fn since(&self) -> Option<f64> {
-        self.state.map(|_| self.since)
+        self.state().map(|_| self.since)
     }
 
     /// Counts the packet, if there is one, and drops it.
     pub fn let_go(&mut self, statistics: &mut CollectorStatistics) {
-        if let Some(state) = self.state {
+        if let Some(state) = self.state() {
             if let Some(sent) = state.sent() {
                 statistics.arrived += state.arrived as u64;
                 statistics.sent += sent as u64;
@@ -169,7 +183,7 @@ impl Slot {
 
     /// What is known of the packet, if it may be that of a frame number.
     fn state_of(&self, frame: u32) -> Option<State> {
-        self.state.filter(|state| {
+        self.state().filter(|state| {
             let is_of = |start: Start| state.filled == 0 || start.extent.may_be(frame);
             state.number == frame % NUMBERS && state.start.is_none_or(is_of)
         })
@@ -182,7 +196,7 @@ impl Slot {
 
     /// What has come of the packet of a frame number modulo [`NUMBERS`].
     pub fn numbered(&self, number: u32) -> Option<CollectedPacket<'_>> {
-        self.collected(self.state.filter(|state| state.number == number)?)
+        self.collected(self.state().filter(|state| state.number == number)?)
     }
 
     fn collected(&self, state: State) -> Option<CollectedPacket<'_>> {
