@@ -15,7 +15,7 @@ pub(crate) fn agrees(device: &Device) -> Result<bool, Error> {
     let numbers: Vec<[f32; 3]> = (0..SAMPLES).map(|_| numbers(&mut random)).collect();
     let module = nvsprior_kernels::modules::arithmetic;
     let (entry, spirv) = (module.entry, module.spirv);
-    let code = Code { entry, spirv, bindings: 2, push_words: 0, constants: &[] };
+    let code = Code { entry, spirv, bindings: 2, push_words: 0, constants: &[], subgroup: None };
     let kernel = Kernel::new(device, "arithmetic", &code)?;
     let from = Buffer::from_slice(device, "numbers", &numbers)?;
     let count = SAMPLES * RESULTS;

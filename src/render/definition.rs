@@ -11,7 +11,7 @@ use crate::portable;
 use crate::prior::analysis::PriorAnalysis;
 use crate::search::{Anchor, PoseCode, placed, set_pose};
 use crate::shared::{
-    self, CULLED, FACTOR, LOG_ALPHA_MIN, NOWHERE, PIXEL, Params, Projected, TILE,
+    self, CULLED, LOG_ALPHA_MIN, NOWHERE, PIXEL, POWER_FACTOR, POWER_MIN, Params, Projected, TILE,
     TRANSMITTANCE_STOP,
 };
 use crate::{Camera, Pose, Prior, RenderOptions};
@@ -161,9 +161,9 @@ impl Definition {
         for y in tile[1] * TILE..((tile[1] + 1) * TILE).min(params.height) {
             for x in tile[0] * TILE..((tile[0] + 1) * TILE).min(params.width) {
                 let [column, row] = [x % TILE, y % TILE].map(|v| v as f32 - 3.5);
-                let exponent = s.exponent(column, row);
-                if exponent >= LOG_ALPHA_MIN {
-                    let alpha = portable::exp2(exponent);
+                let argument = s.argument(column, row);
+                if argument >= POWER_MIN {
+                    let alpha = portable::power(argument);
                     let alpha = alpha_max.map_or(alpha, |most| shared::min(alpha, most));
                     pixels[(y * params.width + x) as usize].blend(s, alpha);
                 }
@@ -194,11 +194,12 @@ fn reach(params: &Params, r: &Record) -> [std::ops::Range<u32>; 2] {
     [range(r.mean[0], sigma_x, params.tiles_x), range(r.mean[1], sigma_y, params.tiles_y)]
 }
 
-/// A splat relative to a tile's middle: `log₂ α` at an offset (x, y) is `level − u² − y² curve + 2 y v`.
+/// A splat relative to a tile's middle. At an offset (x, y), the argument of [`portable::power`] is
+/// `level − u² + y (2 v − y curve)`, with `u = u₀ − l₁₁ x` and `2 v = tilt u + down`.
 struct Seen {
     u: f32,
     l11: f32,
-    l21: f32,
+    tilt: f32,
     level: f32,
     down: f32,
     curve: f32,
@@ -210,14 +211,14 @@ impl Record {
     fn seen_from(&self, tile_x: u32, tile_y: u32) -> Seen {
         let middle = |tile: u32| (tile * TILE) as f32 + (TILE / 2) as f32;
         let (dx, dy) = (self.mean[0] - middle(tile_x), self.mean[1] - middle(tile_y));
-        let [l11, l21, l22] = self.conic.map(|l| l * FACTOR);
+        let [l11, l21, l22] = self.conic.map(|l| l * POWER_FACTOR);
         let w = l22 * dy;
         Seen {
             u: l11 * dx + l21 * dy,
             l11,
-            l21,
-            level: self.log_opacity - w * w,
-            down: l22 * w,
+            tilt: l21 + l21,
+            level: portable::POWER_SHIFT + portable::POWER_SCALE * self.log_opacity - w * w,
+            down: (l22 + l22) * w,
             curve: l21 * l21 + l22 * l22,
             rgb: self.rgb,
             depth: self.depth,
@@ -226,11 +227,11 @@ impl Record {
 }
 
 impl Seen {
-    /// log₂ of alpha before the clamp.
-    fn exponent(&self, x: f32, y: f32) -> f32 {
+    /// The argument of alpha before the clamp.
+    fn argument(&self, x: f32, y: f32) -> f32 {
         let u = self.u - self.l11 * x;
-        let v = self.l21 * u + self.down;
-        self.level - u * u - y * y * self.curve + y * 2.0 * v
+        let twice_v = self.tilt * u + self.down;
+        self.level - u * u + y * (twice_v - y * self.curve)
     }
 }
 
@@ -239,13 +240,13 @@ impl Seen {
 struct Pixel {
     rgb: [f32; 3],
     depth: f32,
+    /// 0 once the pixel is finished.
     transmittance: f32,
-    finished: bool,
 }
 
 impl Default for Pixel {
     fn default() -> Pixel {
-        Pixel { rgb: [0.0; 3], depth: 0.0, transmittance: 1.0, finished: false }
+        Pixel { rgb: [0.0; 3], depth: 0.0, transmittance: 1.0 }
     }
 }
 
@@ -253,15 +254,11 @@ impl Pixel {
     fn blend(&mut self, s: &Seen, alpha: f32) {
         let weight = alpha * self.transmittance;
         let next = self.transmittance - weight;
-        if self.finished || !(next > TRANSMITTANCE_STOP) {
-            self.finished = true;
-            return;
-        }
         for (value, colour) in self.rgb.iter_mut().zip(s.rgb) {
             *value += weight * colour;
         }
         self.depth += weight * s.depth;
-        self.transmittance = next;
+        self.transmittance = if next > TRANSMITTANCE_STOP { next } else { 0.0 };
     }
 
     fn over(&self, background: [f32; 3]) -> [f32; PIXEL as usize] {

@@ -15,10 +15,11 @@ pub(crate) fn log_blocks(device: &DeviceInfo, splats: u32) -> u32 {
 
 /// Defines a set of pipelines, one field per pipeline: its entry point, its number of storage buffers
 /// and its words of push constants. Then, if it has them, its form for devices in lockstep
-/// ([`DeviceInfo::in_lockstep`](crate::vulkan::DeviceInfo::in_lockstep)) and a specialisation constant of its own.
+/// ([`DeviceInfo::in_lockstep`](crate::vulkan::DeviceInfo::in_lockstep)), its forms for waves of 16, 32 and 64
+/// ([`DeviceInfo::wave`](crate::vulkan::DeviceInfo::wave)), and a specialisation constant of its own.
 macro_rules! kernels {
     ($(#[$doc:meta])* $set:ident: $($name:ident = $entry:ident($bindings:literal, $push:literal)
-        $(, in lockstep: $lockstep:ident)? $(, with $constant:ident = $value:literal)?;)*) => {
+        $(, in lockstep: $lockstep:ident)? $(, in waves: $w16:ident $w32:ident $w64:ident)? $(, with $constant:ident = $value:literal)?;)*) => {
         $(#[$doc])*
         pub struct $set {
             $(pub(crate) $name: Kernel,)*
@@ -32,6 +33,13 @@ macro_rules! kernels {
                     $($name: {
                         let module = modules::$entry;
                         $(let module = if in_lockstep { modules::$lockstep } else { module };)?
+                        let subgroup = None;
+                        $(let (module, subgroup) = match device.info().wave {
+                            Some(16) => (modules::$w16, Some(16)),
+                            Some(32) => (modules::$w32, Some(32)),
+                            Some(64) => (modules::$w64, Some(64)),
+                            _ => (module, subgroup),
+                        };)?
                         let own = [$(($constant, $value))?];
                         let constants = [constants, own.as_slice()].concat();
                         let code = Code {
@@ -40,6 +48,7 @@ macro_rules! kernels {
                             bindings: $bindings,
                             push_words: $push,
                             constants: &constants,
+                            subgroup,
                         };
                         Kernel::new(device, stringify!($entry), &code)?
                     },)*
@@ -52,12 +61,18 @@ macro_rules! kernels {
 kernels! {
     /// Pipelines that do not depend on the prior.
     Kernels:
-    radix_count = radix_count(3, 4), in lockstep: radix_count_lockstep;
-    radix_scan = radix_scan(2, 4), in lockstep: radix_scan_lockstep;
-    radix_scatter = radix_scatter(6, 4), in lockstep: radix_scatter_lockstep;
-    bin_count = bin_count(5, 1), in lockstep: bin_count_lockstep;
-    bin_scan = bin_scan(3, 1), in lockstep: bin_scan_lockstep;
-    bin_emit = bin_emit(8, 1), in lockstep: bin_emit_lockstep;
+    radix_count = radix_count(3, 4), in lockstep: radix_count_lockstep,
+        in waves: radix_count_wave16 radix_count_wave32 radix_count_wave64;
+    radix_scan = radix_scan(2, 4), in lockstep: radix_scan_lockstep,
+        in waves: radix_scan_wave16 radix_scan_wave32 radix_scan_wave64;
+    radix_scatter = radix_scatter(6, 4), in lockstep: radix_scatter_lockstep,
+        in waves: radix_scatter_wave16 radix_scatter_wave32 radix_scatter_wave64;
+    bin_count = bin_count(5, 1), in lockstep: bin_count_lockstep,
+        in waves: bin_count_wave16 bin_count_wave32 bin_count_wave64;
+    bin_scan = bin_scan(3, 1), in lockstep: bin_scan_lockstep,
+        in waves: bin_scan_wave16 bin_scan_wave32 bin_scan_wave64;
+    bin_emit = bin_emit(8, 1), in lockstep: bin_emit_lockstep,
+        in waves: bin_emit_wave16 bin_emit_wave32 bin_emit_wave64;
     reduce = reduce(3, 0);
     pyramid = pyramid(4, 6);
     solve = solve(7, 1);
@@ -93,9 +108,11 @@ kernels! {
     /// Pipelines made for one kind of prior.
     SceneKernels:
     project = project(6, 0), in lockstep: project_lockstep;
-    splat = splat(6, 0), in lockstep: splat_lockstep;
-    splat_colour = splat(6, 0), in lockstep: splat_lockstep, with DEPTH = 0;
-    splat_flow = splat_flow(7, 0), in lockstep: splat_flow_lockstep;
+    splat = splat(6, 0), in lockstep: splat_lockstep, in waves: splat_wave16 splat_wave32 splat_wave64;
+    splat_colour = splat(6, 0), in lockstep: splat_lockstep, in waves: splat_wave16 splat_wave32 splat_wave64,
+        with DEPTH = 0;
+    splat_flow = splat_flow(7, 0), in lockstep: splat_flow_lockstep,
+        in waves: splat_flow_wave16 splat_flow_wave32 splat_flow_wave64;
     pose_jacobian = pose_jacobian(6, 0);
     splat_exact = splat_exact(8, 0);
 }

@@ -237,7 +237,7 @@ impl Stages<'_> {
             Channels::All => &splats.kernels.splat,
             Channels::Colour => &splats.kernels.splat_colour,
         };
-        let tiles = pass.at(offset_of!(Groups, tiles));
+        let tiles = pass.at(offset_of!(Groups, tile_groups));
         r.dispatch_indirect(kernel, &buffers, &[], &levels.groups, tiles)
     }
 
@@ -247,7 +247,7 @@ impl Stages<'_> {
         let (params, ranges, counters) = (&levels.params, &levels.ranges, &work.counters);
         let (pairs, frame, partials) = (&work.pair_splats, &levels.frame, &levels.partials);
         let buffers = [params, ranges, pairs, &work.records, frame, partials, counters];
-        let tiles = pass.at(offset_of!(Groups, tiles));
+        let tiles = pass.at(offset_of!(Groups, tile_groups));
         r.dispatch_indirect(&splats.kernels.splat_flow, &buffers, &[], &levels.groups, tiles)
     }
 

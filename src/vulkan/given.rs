@@ -45,6 +45,8 @@ pub struct EnabledFeatures {
     pub vulkan_memory_model: bool,
     /// `shaderInt64`, which makes CPU devices faster.
     pub shader_int64: bool,
+    /// `subgroupSizeControl` and `computeFullSubgroups`, which make GPUs faster.
+    pub full_subgroups: bool,
 }
 
 impl EnabledFeatures {
@@ -60,6 +62,20 @@ impl EnabledFeatures {
         let mut next = features.p_next.cast::<vk::BaseInStructure>().cast_const();
         // SAFETY: as the caller promises: each structure is of its type, or the chain's end.
         while let Some(structure) = unsafe { next.as_ref() } {
+            // SAFETY: as above.
+            enabled.full_subgroups |= unsafe {
+                match structure.s_type {
+                    vk::StructureType::PHYSICAL_DEVICE_VULKAN_1_3_FEATURES => {
+                        let f = &*next.cast::<vk::PhysicalDeviceVulkan13Features>();
+                        f.subgroup_size_control & f.compute_full_subgroups
+                    }
+                    vk::StructureType::PHYSICAL_DEVICE_SUBGROUP_SIZE_CONTROL_FEATURES => {
+                        let f = &*next.cast::<vk::PhysicalDeviceSubgroupSizeControlFeatures>();
+                        f.subgroup_size_control & f.compute_full_subgroups
+                    }
+                    _ => vk::FALSE,
+                }
+            } == vk::TRUE;
             // SAFETY: as above.
             enabled.vulkan_memory_model |= unsafe {
                 match structure.s_type {
@@ -96,7 +112,8 @@ impl fmt::Debug for GivenDevice {
 }
 
 /// What finds out whether the instance is of Vulkan 1.1 at least: `ash` panics if a function is called that is missing.
-const FUNCTIONS: [&CStr; 4] = [
+const FUNCTIONS: [&CStr; 5] = [
+    c"vkEnumerateDeviceExtensionProperties",
     c"vkGetPhysicalDeviceProperties2",
     c"vkGetPhysicalDeviceFeatures2",
     c"vkGetPhysicalDeviceQueueFamilyProperties",
@@ -135,6 +152,7 @@ impl GivenDevice {
             return Err(unfit("it was made without the feature vulkanMemoryModel".into()));
         }
         info.int64 &= features.shader_int64;
+        info.wave = info.wave.filter(|_| features.full_subgroups);
         // SAFETY: a physical device of this instance.
         let families =
             unsafe { instance.instance.get_physical_device_queue_family_properties(physical) };
@@ -175,7 +193,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_memory_model_is_found_anywhere_in_the_chain() {
+    fn features_are_found_anywhere_in_the_chain() {
         let mut model =
             vk::PhysicalDeviceVulkanMemoryModelFeatures::default().vulkan_memory_model(true);
         let mut other = vk::PhysicalDevice16BitStorageFeatures::default();
@@ -183,7 +201,12 @@ mod tests {
             .features(vk::PhysicalDeviceFeatures::default().shader_int64(true))
             .push_next(&mut model)
             .push_next(&mut other);
-        let all = EnabledFeatures { vulkan_memory_model: true, shader_int64: true };
+        let mut control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
+            .subgroup_size_control(true)
+            .compute_full_subgroups(true);
+        let features = features.push_next(&mut control);
+        let all =
+            EnabledFeatures { vulkan_memory_model: true, shader_int64: true, full_subgroups: true };
         // SAFETY: chains of valid structures.
         unsafe {
             assert_eq!(EnabledFeatures::of(&features), all);
@@ -191,6 +214,10 @@ mod tests {
                 vk::PhysicalDeviceVulkan12Features::default().vulkan_memory_model(true);
             let features = vk::PhysicalDeviceFeatures2::default().push_next(&mut vulkan12);
             assert!(EnabledFeatures::of(&features).vulkan_memory_model);
+            let mut vulkan13 =
+                vk::PhysicalDeviceVulkan13Features::default().subgroup_size_control(true);
+            let features = vk::PhysicalDeviceFeatures2::default().push_next(&mut vulkan13);
+            assert!(!EnabledFeatures::of(&features).full_subgroups, "they need not be full");
             let none = vk::PhysicalDeviceFeatures2::default();
             assert_eq!(EnabledFeatures::of(&none), EnabledFeatures::default());
         }

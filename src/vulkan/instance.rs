@@ -85,6 +85,16 @@ impl Opened {
     }
 }
 
+/// The subgroup size that the forms for waves are built for: [`DeviceInfo::wave`].
+fn wave(subgroup: u32, operations: vk::SubgroupFeatureFlags) -> Option<u32> {
+    let needed = vk::SubgroupFeatureFlags::BASIC
+        | vk::SubgroupFeatureFlags::VOTE
+        | vk::SubgroupFeatureFlags::ARITHMETIC
+        | vk::SubgroupFeatureFlags::BALLOT
+        | vk::SubgroupFeatureFlags::SHUFFLE;
+    (matches!(subgroup, 16 | 32 | 64) && operations.contains(needed)).then_some(subgroup)
+}
+
 impl Instance {
     /// One that the program made.
     pub(super) fn given(entry: Entry, instance: ash::Instance) -> Instance {
@@ -199,6 +209,8 @@ impl Instance {
 
     pub(super) fn describe(&self, device: vk::PhysicalDevice) -> DeviceInfo {
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut sizes = vk::PhysicalDeviceSubgroupSizeControlProperties::default();
+        let controls_size = self.controls_subgroup_size(device);
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
         let mut allocation = vk::PhysicalDeviceMaintenance3Properties::default();
@@ -207,6 +219,9 @@ impl Instance {
             .push_next(&mut allocation)
             .push_next(&mut floats)
             .push_next(&mut driver);
+        if controls_size {
+            properties = properties.push_next(&mut sizes);
+        }
         // SAFETY: the chained structures live through the call.
         unsafe { self.instance.get_physical_device_properties2(device, &mut properties) };
         // SAFETY: a plain query.
@@ -217,6 +232,12 @@ impl Instance {
         let heaps = memory.memory_heaps_as_slice().iter().filter(local).map(|heap| heap.size);
         let p = properties.properties;
         let kind = DeviceKind::of(p.device_type);
+        let compute = vk::ShaderStageFlags::COMPUTE;
+        let operations = match subgroup.supported_stages.contains(compute) {
+            true => subgroup.supported_operations,
+            false => vk::SubgroupFeatureFlags::empty(),
+        };
+        let full = controls_size && sizes.required_subgroup_size_stages.contains(compute);
         let text = |s: Result<&CStr, _>| s.unwrap_or(c"?").to_string_lossy().into_owned();
         DeviceInfo {
             name: text(p.device_name_as_c_str()),
@@ -227,8 +248,8 @@ impl Instance {
             },
             api: (vk::api_version_major(p.api_version), vk::api_version_minor(p.api_version)),
             subgroup: subgroup.subgroup_size,
-            shuffles: subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::SHUFFLE)
-                && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE),
+            shuffles: operations.contains(vk::SubgroupFeatureFlags::SHUFFLE),
+            wave: if full { wave(subgroup.subgroup_size, operations) } else { None },
             int64: features.shader_int64 == vk::TRUE,
             shared_memory: p.limits.max_compute_shared_memory_size,
             storage_range: u64::from(p.limits.max_storage_buffer_range),
@@ -239,6 +260,22 @@ impl Instance {
             rounding_control: floats.shader_rounding_mode_rte_float32 == vk::TRUE,
             portable: false,
         }
+    }
+
+    /// Whether a pipeline can ask for full subgroups of a size.
+    fn controls_subgroup_size(&self, device: vk::PhysicalDevice) -> bool {
+        // SAFETY: a plain query on a device of this instance.
+        let extensions = unsafe { self.instance.enumerate_device_extension_properties(device) };
+        let name = ext::subgroup_size_control::NAME;
+        let is_it = |e: &vk::ExtensionProperties| e.extension_name_as_c_str() == Ok(name);
+        if !extensions.is_ok_and(|extensions| extensions.iter().any(is_it)) {
+            return false;
+        }
+        let mut control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut control);
+        // SAFETY: the chained structure lives through the call, and the device knows it.
+        unsafe { self.instance.get_physical_device_features2(device, &mut features) };
+        control.subgroup_size_control == vk::TRUE && control.compute_full_subgroups == vk::TRUE
     }
 
     /// A compute queue family of a device that fits, or why it does not.
@@ -277,11 +314,19 @@ impl Instance {
         let features = unsafe { self.instance.get_physical_device_features(physical) };
         let features =
             vk::PhysicalDeviceFeatures::default().shader_int64(features.shader_int64 == vk::TRUE);
-        let info = vk::DeviceCreateInfo::default()
+        let mut info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_features(&features)
             .push_next(&mut vulkan12);
-        // SAFETY: `physical` has the family and the feature (`queue_family` checked both).
+        let mut control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
+            .subgroup_size_control(true)
+            .compute_full_subgroups(true);
+        let extensions = [ext::subgroup_size_control::NAME.as_ptr()];
+        if self.controls_subgroup_size(physical) {
+            info = info.enabled_extension_names(&extensions).push_next(&mut control);
+        }
+        // SAFETY: `physical` has the family and the feature (`queue_family` checked both), and the extension if it is
+        // asked for.
         unsafe { self.instance.create_device(physical, &info, None) }
             .map_err(Error::of("vkCreateDevice"))
     }

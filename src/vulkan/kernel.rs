@@ -52,6 +52,8 @@ pub struct Code<'a> {
     pub push_words: u32,
     /// Specialisation constants, by number. Constants that the module does not have are ignored.
     pub constants: &'a [(u32, u32)],
+    /// Invocations of its subgroups, all of which must be full. `None`: any number.
+    pub subgroup: Option<u32>,
 }
 
 impl Kernel {
@@ -122,13 +124,20 @@ impl Pipeline {
         let constants = vk::SpecializationInfo::default()
             .map_entries(&places)
             .data(bytemuck::cast_slice(&values));
-        let stage = vk::PipelineShaderStageCreateInfo::default()
+        let mut subgroup = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default()
+            .required_subgroup_size(code.subgroup.unwrap_or(0));
+        let mut stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module)
             .name(&entry)
             .specialization_info(&constants);
+        if code.subgroup.is_some() {
+            let full = vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS;
+            stage = stage.flags(full).push_next(&mut subgroup);
+        }
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
-        // SAFETY: layout and module are valid; the module may go once the pipeline is made.
+        // SAFETY: layout and module are valid; the module may go once the pipeline is made. A size of subgroups is asked
+        // for if the device was made with the feature: `DeviceInfo::wave`.
         let made = unsafe {
             let made = device.create_compute_pipelines(self.device.pipeline_cache, &[info], None);
             device.destroy_shader_module(module, None);

@@ -13,14 +13,26 @@ const TOOLCHAIN: &str = "nightly-2026-08-15";
 const TARGET: &str = "spirv-unknown-vulkan1.2";
 /// The modules of the final picture, whose bits are the same on every device: docs/portability.md. The manifest has
 /// this list for the tests.
-const PORTABLE: [&str; 7] =
-    ["arithmetic", "decode_pose", "project", "project_lockstep", "quantize_rgb8", "splat", "splat_lockstep"];
+const PORTABLE: [&str; 10] = [
+    "arithmetic",
+    "decode_pose",
+    "project",
+    "project_lockstep",
+    "quantize_rgb8",
+    "splat",
+    "splat_lockstep",
+    "splat_wave16",
+    "splat_wave32",
+    "splat_wave64",
+];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let check = match std::env::args().nth(1).as_deref() {
         None => false,
         Some("--check") => true,
-        Some(other) => return Err(format!("unknown argument {other}; there is only --check").into()),
+        Some(other) => {
+            return Err(format!("unknown argument {other}; there is only --check").into());
+        }
     };
     // The folder that `cargo run` names now, not the one at compile time: several checkouts may share a target folder.
     let package = std::env::var("CARGO_MANIFEST_DIR").map_err(|_| "run me by `cargo run`")?;
@@ -47,6 +59,8 @@ fn build(root: &Path) -> Result<Modules, Box<dyn Error>> {
         .capability(Capability::VulkanMemoryModel)
         .capability(Capability::Int64)
         .capability(Capability::GroupNonUniform)
+        .capability(Capability::GroupNonUniformVote)
+        .capability(Capability::GroupNonUniformArithmetic)
         .capability(Capability::GroupNonUniformBallot)
         .capability(Capability::GroupNonUniformShuffle);
     builder.toolchain_overwrite = Some(TOOLCHAIN.into());
@@ -59,7 +73,8 @@ fn build(root: &Path) -> Result<Modules, Box<dyn Error>> {
     };
     let mut modules = Modules::new();
     for (entry, file) in files {
-        let (source, name) = entry.rsplit_once("::").ok_or("an entry point is in no file of its own")?;
+        let (source, name) =
+            entry.rsplit_once("::").ok_or("an entry point is in no file of its own")?;
         let (source, name) = (source.to_owned(), name.to_owned());
         let mut spirv = fs::read(&file)?;
         if PORTABLE.contains(&name.as_str()) {
@@ -116,23 +131,39 @@ fn instructions(words: &[u32]) -> Vec<&[u32]> {
     instructions
 }
 
-/// Removes the capabilities of subgroup operations and of 64-bit integers from modules that do not use them: a device
-/// need not have them then.
+/// Removes the capabilities of subgroup operations and of 64-bit integers that a module does not use: a device need not
+/// have them then.
 fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
     const OP_CAPABILITY: u32 = 17;
     const OP_TYPE_INT: u32 = 21;
     const INT_64: u32 = 11;
-    let subgroup_operations = 333..=366;
-    let subgroup_capabilities = 61..=68;
     let words = words(spirv);
     let instructions = instructions(&words);
-    let subgroups = instructions.iter().any(|i| subgroup_operations.contains(&(i[0] & 0xffff)));
-    let wide = instructions.iter().any(|i| i[0] & 0xffff == OP_TYPE_INT && i[2] == 64);
-    let idle = |capability: u32| {
-        (!subgroups && subgroup_capabilities.contains(&capability)) || (!wide && capability == INT_64)
+    let any = |is_it: &dyn Fn(&[u32]) -> bool| instructions.iter().any(|i| is_it(i));
+    let uses =
+        |operations: std::ops::RangeInclusive<u32>| any(&|i| operations.contains(&(i[0] & 0xffff)));
+    let wide = any(&|i| i[0] & 0xffff == OP_TYPE_INT && i[2] == 64);
+    let idle = |capability: u32| match capability {
+        INT_64 => !wide,
+        // GroupNonUniform, …Vote, …Arithmetic, …Ballot, …Shuffle.
+        61 => !uses(333..=366) && !any(&has_subgroup_number),
+        62 => !uses(334..=336),
+        63 => !uses(349..=364),
+        64 => !uses(337..=344),
+        65 => !uses(345..=346),
+        _ => false,
     };
-    let kept = instructions.into_iter().filter(|i| i[0] & 0xffff != OP_CAPABILITY || !idle(i[1]));
+    let kept =
+        instructions.iter().filter(|i| i[0] & 0xffff != OP_CAPABILITY || !idle(i[1])).copied();
     words[..HEADER].iter().chain(kept.flatten()).flat_map(|w| w.to_le_bytes()).collect()
+}
+
+/// Whether an instruction declares a built-in number of subgroups or of their invocations.
+fn has_subgroup_number(instruction: &[u32]) -> bool {
+    const OP_DECORATE: u32 = 71;
+    const BUILT_IN: u32 = 11;
+    let [op, _, BUILT_IN, number] = *instruction else { return false };
+    op & 0xffff == OP_DECORATE && (36..=41).contains(&number)
 }
 
 /// Refuses structures that hold pointers, such as closures that capture a buffer: SwiftShader crashes on them.
@@ -162,8 +193,13 @@ fn optimised(file: &Path, spirv: &[u8]) -> Result<Vec<u8>, Box<dyn Error>> {
 
 fn validate(file: &Path, spirv: &[u8]) -> Result<(), Box<dyn Error>> {
     fs::write(file, spirv)?;
-    let status = Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(file).status()?;
-    if status.success() { Ok(()) } else { Err(format!("spirv-val refuses {}", file.display()).into()) }
+    let status =
+        Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(file).status()?;
+    if status.success() {
+        Ok(())
+    } else {
+        Err(format!("spirv-val refuses {}", file.display()).into())
+    }
 }
 
 /// FNV-1a, 64 bits.
@@ -195,7 +231,8 @@ fn listing(modules: &Modules) -> String {
     for (name, (source, _)) in modules {
         files.entry(source).or_default().push(name);
     }
-    let rows: String = files.iter().map(|(file, names)| format!("    {file}: {};\n", names.join(" "))).collect();
+    let rows: String =
+        files.iter().map(|(file, names)| format!("    {file}: {};\n", names.join(" "))).collect();
     let head = "// The entry points by the file of the stages that has them. `make shaders` writes this.\n";
     format!("{head}modules! {{\n{rows}}}\n")
 }
@@ -213,11 +250,7 @@ fn manifest(root: &Path, modules: &Modules) -> Result<String, Box<dyn Error>> {
     Ok(serde_json::to_string_pretty(&manifest)? + "\n")
 }
 
-fn write(
-    out: &Path,
-    modules: &Modules,
-    texts: &[(&str, String)],
-) -> Result<(), Box<dyn Error>> {
+fn write(out: &Path, modules: &Modules, texts: &[(&str, String)]) -> Result<(), Box<dyn Error>> {
     fs::create_dir_all(out)?;
     for entry in fs::read_dir(out)? {
         let path = entry?.path();
@@ -235,21 +268,25 @@ fn write(
     Ok(())
 }
 
-fn compare(
-    out: &Path,
-    modules: &Modules,
-    texts: &[(&str, String)],
-) -> Result<(), Box<dyn Error>> {
+fn compare(out: &Path, modules: &Modules, texts: &[(&str, String)]) -> Result<(), Box<dyn Error>> {
     let mut different: Vec<String> = modules
         .iter()
-        .filter(|(name, (_, spirv))| fs::read(out.join(format!("{name}.spv"))).ok().as_ref() != Some(spirv))
+        .filter(|(name, (_, spirv))| {
+            fs::read(out.join(format!("{name}.spv"))).ok().as_ref() != Some(spirv)
+        })
         .map(|(name, _)| format!("{name}.spv"))
         .collect();
-    let is_other = |(name, text): &&(&str, String)| fs::read_to_string(out.join(name)).ok().as_ref() != Some(text);
+    let is_other = |(name, text): &&(&str, String)| {
+        fs::read_to_string(out.join(name)).ok().as_ref() != Some(text)
+    };
     different.extend(texts.iter().filter(is_other).map(|(name, _)| (*name).to_owned()));
     if different.is_empty() {
         println!("{} modules agree with their sources", modules.len());
         return Ok(());
     }
-    Err(format!("rebuilt modules differ from kernels/spv/: {}; run `make shaders`", different.join(", ")).into())
+    Err(format!(
+        "rebuilt modules differ from kernels/spv/: {}; run `make shaders`",
+        different.join(", ")
+    )
+    .into())
 }

@@ -10,6 +10,8 @@ pub const TILE: u32 = 8;
 pub const SPLAT_THREADS: u32 = TILE * TILE / ROWS;
 /// Pixels of one column that one invocation blends: a splat's record is loaded once for all of them.
 pub const ROWS: u32 = 4;
+/// Invocations of a workgroup whose subgroups draw one tile each.
+pub const WAVE_THREADS: u32 = 128;
 /// Invocations of a workgroup with one splat or one pair per invocation.
 pub const GROUP: u32 = 256;
 /// Digits of a depth key. The sort takes one pass per digit.
@@ -60,14 +62,17 @@ pub fn low_pass(antialiased: bool, factor: u32) -> [f32; 2] {
 }
 /// Alpha below this is skipped.
 pub const ALPHA_MIN: f32 = 1.0 / 255.0;
-/// Blending multiplies the conic's factor by this, `√(½ log₂ e)`. Alpha's exponent, to base 2, is then a difference of
-/// squares.
+/// Blending multiplies the conic's factor by this, `√(½ log₂ e)`. Log₂ of alpha is then a difference of squares.
 pub const FACTOR: f32 = 0.849_321_8;
+/// The same for the argument of [`portable::power`]: [`FACTOR`] times the root of [`portable::POWER_SCALE`].
+pub const POWER_FACTOR: f32 = 0.103_991_71;
 /// log₂ of [`ALPHA_MIN`].
 pub const LOG_ALPHA_MIN: f32 = -7.994_353_4;
+/// The argument of [`portable::power`] at [`ALPHA_MIN`].
+pub const POWER_MIN: f32 = portable::POWER_SHIFT + portable::POWER_SCALE * LOG_ALPHA_MIN;
 /// log₂ of the opacity of a splat that shows nowhere.
 pub const NOWHERE: f32 = -1000.0;
-/// A pixel is finished before a splat that would bring its transmittance to this or below.
+/// A splat that brings a pixel's transmittance to this or below makes it 0: the pixel is finished.
 pub const TRANSMITTANCE_STOP: f32 = 1e-4;
 /// Largest extent of a splat, standard deviations.
 pub const EXTENT_MAX: f32 = 3.33;
@@ -119,6 +124,8 @@ pub struct Params {
     pub sort_blocks: u32,
     /// Workgroups that share their binning.
     pub bin_blocks: u32,
+    /// Tiles that a workgroup draws.
+    pub tiles_per_group: u32,
 }
 
 /// Indirect dispatches of the stages at one level; zeros if nothing is to run.
@@ -136,6 +143,8 @@ pub struct Groups {
     pub bands: [u32; 3],
     /// A workgroup per tile.
     pub tiles: [u32; 3],
+    /// A workgroup per so many tiles of a row as it draws.
+    pub tile_groups: [u32; 3],
     /// An invocation four pixels.
     pub quads: [u32; 3],
     /// One workgroup.
@@ -150,6 +159,7 @@ impl Groups {
         bin_blocks: [0, 1, 1],
         bands: [0, 1, 1],
         tiles: [0, 1, 1],
+        tile_groups: [0, 1, 1],
         quads: [0, 1, 1],
         one: [0, 1, 1],
     };
@@ -165,6 +175,7 @@ impl Groups {
             bin_blocks: [params.bin_blocks, bands, 1],
             bands: [bands, 1, 1],
             tiles: [params.tiles_x, params.tiles_y, 1],
+            tile_groups: [params.tiles_x.div_ceil(params.tiles_per_group), params.tiles_y, 1],
             quads: [(params.width * params.height).div_ceil(4 * GROUP), 1, 1],
             one: [1, 1, 1],
         }

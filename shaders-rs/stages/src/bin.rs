@@ -7,7 +7,7 @@
 //! invocation. It walks the tiles of those rows in the same way. So no invocation waits for a
 //! neighbour's larger splat.
 
-use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table, Wide};
+use crate::lanes::{Lanes, Lockstep, Plain, Scan, Scratch, Table, Wave, Waves, Wide};
 use crate::memory::{Pairs, at, at_mut};
 use crate::shared::{self, Counters, Outline, Params, Projected};
 use spirv_std::glam::{UVec2, UVec3};
@@ -291,7 +291,7 @@ fn count<L: Lanes, B: Pairs + ?Sized>(
 /// Finds the place at which each block's part of each tile's list begins, counted from the band's first pair. The last
 /// row holds the ends of the lists. One workgroup per band. The number of blocks is a multiple of four; each round
 /// takes four.
-fn scan<L: Lanes>(
+fn scan<L: Scan>(
     band: u32,
     lane: u32,
     scratch: &mut Scratch,
@@ -427,118 +427,88 @@ fn emit<L: Lanes, B: Pairs + ?Sized>(
     }
 }
 
-/// Each block's pairs by tile. Workgroups: blocks × bands.
-#[spirv(compute(threads(32)))]
-pub fn bin_count(
-    #[spirv(workgroup_id)] group: UVec3,
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] table: &mut Table,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] split: &Split,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
-) {
-    let (p, visible) = (*params, counters.visible);
-    count::<Plain, _>(group, lane, table, scratch, split, &p, visible, order, records, starts);
+/// Makes a form of the two passes over splats: entry points, invocations of a workgroup, the built-in number of an
+/// invocation, and how records are loaded. Workgroups: blocks × bands.
+macro_rules! form {
+    ($count:ident, $emit:ident, $threads:tt, $lanes:ty, $lane:ident, $record:ty) => {
+        /// Each block's pairs by tile.
+        #[spirv(compute(threads($threads)))]
+        pub fn $count(
+            #[spirv(workgroup_id)] group: UVec3,
+            #[spirv($lane)] lane: u32,
+            #[spirv(workgroup)] table: &mut Table,
+            #[spirv(workgroup)] scratch: &mut Scratch,
+            #[spirv(push_constant)] split: &Split,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &Counters,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[$record],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
+        ) {
+            let (p, visible) = (*params, counters.visible);
+            count::<$lanes, _>(
+                group, lane, table, scratch, split, &p, visible, order, records, starts,
+            );
+        }
+
+        /// Writes each block's part of each tile's list, each tile's range, and the pairs needed.
+        #[spirv(compute(threads($threads)))]
+        pub fn $emit(
+            #[spirv(workgroup_id)] group: UVec3,
+            #[spirv($lane)] lane: u32,
+            #[spirv(workgroup)] table: &mut Table,
+            #[spirv(workgroup)] scratch: &mut Scratch,
+            #[spirv(push_constant)] split: &Split,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[$record],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] bands: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] ranges: &mut [UVec2],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u32],
+        ) {
+            let p = *params;
+            emit::<$lanes, _>(
+                group, lane, table, scratch, split, &p, counters, order, records, starts, bands,
+                ranges, pairs,
+            );
+        }
+    };
 }
 
-/// Finds the place at which each block's part of each tile's list begins, and counts the pairs of
-/// each band. One workgroup per band.
-#[spirv(compute(threads(256)))]
-pub fn bin_scan(
-    #[spirv(workgroup_id)] group: UVec3,
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] split: &Split,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] starts: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] bands: &mut [u32],
-) {
-    let params = *params;
-    scan::<Wide>(group.x, lane, scratch, split, &params, starts, bands);
+form!(bin_count, bin_emit, 32, Plain, local_invocation_index, f32);
+form!(bin_count_lockstep, bin_emit_lockstep, 8, Lockstep, local_invocation_index, u64);
+form!(bin_count_wave16, bin_emit_wave16, 16, Wave<16>, subgroup_local_invocation_id, f32);
+form!(bin_count_wave32, bin_emit_wave32, 32, Wave<32>, subgroup_local_invocation_id, f32);
+form!(bin_count_wave64, bin_emit_wave64, 64, Wave<64>, subgroup_local_invocation_id, f32);
+
+/// Makes a form of the pass over the table of starts. What follows the type are built-in numbers from which the
+/// invocation's is made.
+macro_rules! scan_form {
+    ($scan:ident, $threads:tt, $lanes:ty, $lane:ident $(, $subgroup:ident)?) => {
+        /// Finds the place at which each block's part of each tile's list begins, and counts the pairs of each band.
+        /// One workgroup per band.
+        #[spirv(compute(threads($threads)))]
+        pub fn $scan(
+            #[spirv(workgroup_id)] group: UVec3,
+            #[spirv($lane)] lane: u32,
+            $(#[spirv($subgroup)] $subgroup: u32,)?
+            #[spirv(workgroup)] scratch: &mut Scratch,
+            #[spirv(push_constant)] split: &Split,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] starts: &mut [u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] bands: &mut [u32],
+        ) {
+            $(let lane = <$lanes>::lane($subgroup, lane);)?
+            let params = *params;
+            scan::<$lanes>(group.x, lane, scratch, split, &params, starts, bands);
+        }
+    };
 }
 
-/// Writes each block's part of each tile's list, each tile's range, and the pairs needed.
-/// Workgroups: blocks × bands.
-#[spirv(compute(threads(32)))]
-pub fn bin_emit(
-    #[spirv(workgroup_id)] group: UVec3,
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] table: &mut Table,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] split: &Split,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] bands: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] ranges: &mut [UVec2],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u32],
-) {
-    let p = *params;
-    emit::<Plain, _>(
-        group, lane, table, scratch, split, &p, counters, order, records, starts, bands, ranges,
-        pairs,
-    );
-}
-
-/// As [`bin_count`], in lockstep.
-#[spirv(compute(threads(8)))]
-pub fn bin_count_lockstep(
-    #[spirv(workgroup_id)] group: UVec3,
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] table: &mut Table,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] split: &Split,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[u64],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
-) {
-    let (p, visible) = (*params, counters.visible);
-    count::<Lockstep, _>(group, lane, table, scratch, split, &p, visible, order, records, starts);
-}
-
-/// As [`bin_scan`], in lockstep.
-#[spirv(compute(threads(8)))]
-pub fn bin_scan_lockstep(
-    #[spirv(workgroup_id)] group: UVec3,
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] split: &Split,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] starts: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] bands: &mut [u32],
-) {
-    let params = *params;
-    scan::<Lockstep>(group.x, lane, scratch, split, &params, starts, bands);
-}
-
-/// As [`bin_emit`], in lockstep.
-#[spirv(compute(threads(8)))]
-pub fn bin_emit_lockstep(
-    #[spirv(workgroup_id)] group: UVec3,
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] table: &mut Table,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] split: &Split,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[u64],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] bands: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] ranges: &mut [UVec2],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u32],
-) {
-    let p = *params;
-    emit::<Lockstep, _>(
-        group, lane, table, scratch, split, &p, counters, order, records, starts, bands, ranges,
-        pairs,
-    );
-}
+scan_form!(bin_scan, 256, Wide, local_invocation_index);
+scan_form!(bin_scan_lockstep, 8, Lockstep, local_invocation_index);
+scan_form!(bin_scan_wave16, 256, Waves<16>, subgroup_local_invocation_id, subgroup_id);
+scan_form!(bin_scan_wave32, 256, Waves<32>, subgroup_local_invocation_id, subgroup_id);
+scan_form!(bin_scan_wave64, 256, Waves<64>, subgroup_local_invocation_id, subgroup_id);

@@ -1,12 +1,13 @@
-//! How the invocations of a workgroup exchange values, in two forms of the same meaning. Plain: through shared memory
-//! between barriers; works with any subgroup size. Lockstep: eight invocations that are one vector of a CPU driver
-//! (llvmpipe) and run each instruction together. There a shuffle is one instruction, while shared memory goes lane by
-//! lane and a barrier saves every register.
+//! How the invocations of a workgroup exchange values, in three forms of the same meaning. Plain: through shared memory
+//! between barriers; works with any subgroup size. Wave: by operations of a full subgroup of 16, 32 or 64. Lockstep:
+//! eight invocations that are one vector of a CPU driver (llvmpipe) and run each instruction together. There a shuffle
+//! is one instruction, while shared memory goes lane by lane and a barrier saves every register.
 
 use crate::memory::at_mut;
 use crate::shared::{TABLE, saturating};
 use spirv_std::arch::{
-    atomic_i_add, subgroup_broadcast_const, subgroup_shuffle,
+    atomic_i_add, control_barrier, subgroup_ballot, subgroup_broadcast_const,
+    subgroup_exclusive_i_add, subgroup_shuffle,
     workgroup_memory_barrier_with_group_sync as barrier,
 };
 use spirv_std::memory::{Scope, Semantics};
@@ -34,10 +35,16 @@ pub struct Rank {
 }
 
 /// A workgroup. All calls must be reached by all invocations together.
-pub trait Lanes {
+pub trait Scan {
     /// Its invocations.
     const COUNT: u32;
 
+    /// Exclusive prefix sum, and the total, which saturates; uses slot 0. Of a [`Wave`], totals stay below 2³².
+    fn scan(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32);
+}
+
+/// A workgroup whose invocations also hand each other values.
+pub trait Lanes: Scan {
     /// Ends a phase: afterwards what was written to shared memory can be read, and what was read can be written.
     fn sync();
 
@@ -52,9 +59,6 @@ pub trait Lanes {
 
     /// Adds one to a counter of each invocation that is `counted`; uses slot 0.
     fn tally(table: &mut Table, index: u32, counted: bool, lane: u32, scratch: &mut Scratch);
-
-    /// Exclusive prefix sum, and the total, which saturates; uses slot 0.
-    fn scan(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32);
 }
 
 /// Invocations in subgroups of any size.
@@ -62,14 +66,40 @@ pub struct Shared<const COUNT: u32>;
 
 /// 32 of them.
 pub type Plain = Shared<PLAIN>;
-/// 256 of them, which may publish nothing: slot 0 alone has room.
+/// 256 of them.
 pub type Wide = Shared<WIDE>;
 
 const _: () = assert!(WIDE <= SLOTS * PLAIN);
 
-impl<const COUNT: u32> Lanes for Shared<COUNT> {
+impl<const COUNT: u32> Scan for Shared<COUNT> {
     const COUNT: u32 = COUNT;
 
+    fn scan(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32) {
+        scratch[lane as usize] = value;
+        barrier();
+        let (mut before, mut total) = (0, 0);
+        let mut other = 0;
+        while other < COUNT {
+            let here = scratch[other as usize];
+            before += if other < lane { here } else { 0 };
+            total = saturating(total, here);
+            other += 1;
+        }
+        barrier();
+        (before, total)
+    }
+}
+
+/// Adds one to a counter in shared memory.
+fn count_one(table: &mut Table, index: u32) {
+    // SAFETY: an atomic on shared memory. The sum of integers is the same in any order.
+    unsafe {
+        const SCOPE: u32 = Scope::Workgroup as u32;
+        atomic_i_add::<u32, SCOPE, { Semantics::NONE.bits() }>(at_mut(table, index), 1);
+    }
+}
+
+impl<const COUNT: u32> Lanes for Shared<COUNT> {
     fn sync() {
         barrier();
     }
@@ -99,22 +129,109 @@ impl<const COUNT: u32> Lanes for Shared<COUNT> {
 
     fn tally(table: &mut Table, index: u32, counted: bool, _lane: u32, _scratch: &mut Scratch) {
         if counted {
-            // SAFETY: an atomic on shared memory. The sum of integers is the same in any order.
-            unsafe {
-                const SCOPE: u32 = Scope::Workgroup as u32;
-                atomic_i_add::<u32, SCOPE, { Semantics::NONE.bits() }>(at_mut(table, index), 1);
-            }
+            count_one(table, index);
         }
     }
+}
+
+/// The invocations of a full subgroup of `COUNT`.
+pub struct Wave<const COUNT: u32>;
+
+/// Ends a phase of a subgroup: what was written to shared memory can be read, and what was read can be written.
+pub fn sync_subgroup() {
+    const SCOPE: u32 = Scope::Subgroup as u32;
+    const SEMANTICS: u32 = Semantics::ACQUIRE_RELEASE.bits() | Semantics::WORKGROUP_MEMORY.bits();
+    control_barrier::<SCOPE, SCOPE, SEMANTICS>();
+}
+
+/// Bits of the values that [`Lanes::rank`] compares: at most [`TABLE`].
+const RANK_BITS: u32 = TABLE.ilog2() + 1;
+
+/// Two words that have a bit for each of the first `count` invocations.
+fn first(count: u32) -> [u32; 2] {
+    let word = |count: u32| if count < 32 { (1 << count) - 1 } else { u32::MAX };
+    [word(count), if count > 32 { word(count - 32) } else { 0 }]
+}
+
+impl<const COUNT: u32> Scan for Wave<COUNT> {
+    const COUNT: u32 = COUNT;
+
+    fn scan(value: u32, _lane: u32, _scratch: &mut Scratch) -> (u32, u32) {
+        let before = subgroup_exclusive_i_add(value);
+        (before, subgroup_shuffle(before + value, COUNT - 1))
+    }
+}
+
+impl<const COUNT: u32> Lanes for Wave<COUNT> {
+    fn sync() {
+        sync_subgroup();
+    }
+
+    fn put(_value: u32, _slot: u32, _lane: u32, _scratch: &mut Scratch) {}
+
+    fn get(own: u32, _slot: u32, from: u32, _scratch: &Scratch) -> u32 {
+        subgroup_shuffle(own, from)
+    }
+
+    fn rank(value: u32, lane: u32, _scratch: &mut Scratch) -> Rank {
+        let [mut low, mut high] = first(COUNT);
+        let mut bit = 0;
+        while bit < RANK_BITS {
+            let set = (value >> bit) & 1 != 0;
+            let others = subgroup_ballot(set);
+            low &= if set { others.x } else { !others.x };
+            if COUNT > 32 {
+                high &= if set { others.y } else { !others.y };
+            }
+            bit += 1;
+        }
+        let [low_before, high_before] = first(lane);
+        let mut before = (low & low_before).count_ones();
+        let mut all = low.count_ones();
+        if COUNT > 32 {
+            before += (high & high_before).count_ones();
+            all += high.count_ones();
+        }
+        Rank { before, last: before + 1 == all }
+    }
+
+    fn tally(table: &mut Table, index: u32, counted: bool, _lane: u32, _scratch: &mut Scratch) {
+        if counted {
+            count_one(table, index);
+        }
+    }
+}
+
+/// The invocations of full subgroups of `SUBGROUP`, [`WIDE`] in all. Invocation `lane` is in subgroup `lane / SUBGROUP`.
+pub struct Waves<const SUBGROUP: u32>;
+
+impl<const SUBGROUP: u32> Waves<SUBGROUP> {
+    /// The number of an invocation.
+    pub fn lane(subgroup: u32, invocation: u32) -> u32 {
+        subgroup * SUBGROUP + invocation
+    }
+}
+
+impl<const SUBGROUP: u32> Scan for Waves<SUBGROUP> {
+    const COUNT: u32 = WIDE;
 
     fn scan(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32) {
-        scratch[lane as usize] = value;
+        let own = lane & (SUBGROUP - 1);
+        let mut sum = value;
+        let mut reach = 1;
+        while reach < SUBGROUP {
+            sum = widen::<SUBGROUP>(sum, own, reach);
+            reach *= 2;
+        }
+        if own == SUBGROUP - 1 {
+            scratch[(lane / SUBGROUP) as usize] = sum;
+        }
         barrier();
-        let (mut before, mut total) = (0, 0);
+        let (mut before, mut total) = (sum.wrapping_sub(value), 0);
         let mut other = 0;
-        while other < COUNT {
+        while other < WIDE / SUBGROUP {
             let here = scratch[other as usize];
-            before += if other < lane { here } else { 0 };
+            before += if other < lane / SUBGROUP { here } else { 0 };
             total = saturating(total, here);
             other += 1;
         }
@@ -139,14 +256,21 @@ fn broadcast<const ID: u32>(value: u32) -> u32 {
 }
 
 /// Widens a sum over the `reach` invocations up to this one: adds the sum over the `reach` invocations before them.
-fn widen(sum: u32, lane: u32, reach: u32) -> u32 {
-    let other = subgroup_shuffle(sum, (lane.wrapping_sub(reach)) & (EIGHT - 1));
+fn widen<const SUBGROUP: u32>(sum: u32, lane: u32, reach: u32) -> u32 {
+    let other = subgroup_shuffle(sum, (lane.wrapping_sub(reach)) & (SUBGROUP - 1));
     saturating(sum, if lane >= reach { other } else { 0 })
 }
 
-impl Lanes for Lockstep {
+impl Scan for Lockstep {
     const COUNT: u32 = EIGHT;
 
+    fn scan(value: u32, lane: u32, _scratch: &mut Scratch) -> (u32, u32) {
+        let sum = widen::<EIGHT>(widen::<EIGHT>(widen::<EIGHT>(value, lane, 1), lane, 2), lane, 4);
+        (sum.wrapping_sub(value), broadcast::<7>(sum))
+    }
+}
+
+impl Lanes for Lockstep {
     fn sync() {}
 
     fn put(_value: u32, _slot: u32, _lane: u32, _scratch: &mut Scratch) {}
@@ -172,10 +296,5 @@ impl Lanes for Lockstep {
         if counted {
             *at_mut(table, index) += rank.before + 1;
         }
-    }
-
-    fn scan(value: u32, lane: u32, _scratch: &mut Scratch) -> (u32, u32) {
-        let sum = widen(widen(widen(value, lane, 1), lane, 2), lane, 4);
-        (sum.wrapping_sub(value), broadcast::<7>(sum))
     }
 }

@@ -7,6 +7,7 @@ pub use nvsprior_kernels::{portable, search, shared, training};
 
 pub mod arithmetic;
 pub mod bin;
+pub mod blend;
 pub mod ceilings;
 pub mod decode_pose;
 pub mod difference;
@@ -19,6 +20,7 @@ pub mod pyramid;
 pub mod quantize_rgb8;
 pub mod radix;
 pub mod reduce;
+pub mod rows;
 pub mod solve;
 pub mod splat;
 pub mod splat_backward;

@@ -1,45 +1,104 @@
-//! The splats of a tile, front to back, as the blending stages read them: one record at a time, or
-//! eight at a time for subgroups of eight.
+//! The splats of a tile, front to back, as the blending stages read them.
 //!
-//! A GPU loads one address for a whole subgroup at once. On a CPU each invocation would load the same record again, so
-//! there invocations hand records to each other. What each of these forms takes: docs/decisions.md, 6.
+//! Plain: each invocation loads one splat after another. Wave: the invocations of a subgroup load one splat each, and
+//! read each other's from shared memory. Lockstep: as wave, but by shuffles, which cost a CPU driver less than shared
+//! memory. What each of these forms takes: docs/decisions.md, 6.
 
-use crate::shared::{self, Counters, FACTOR, NOWHERE, RECORD};
+use crate::memory::{at, at_mut};
+use crate::portable::{self, POWER_SCALE, POWER_SHIFT};
+use crate::rows::Rows;
+use crate::shared::{
+    self, Counters, FACTOR, LOG_ALPHA_MIN, NOWHERE, POWER_FACTOR, POWER_MIN, RECORD,
+};
 use core::arch::asm;
 use spirv_std::arch::{IndexUnchecked, atomic_u_max, subgroup_shuffle};
 use spirv_std::glam::Vec4;
 use spirv_std::memory::{Scope, Semantics};
+use spirv_std::num_traits::Float;
 
-/// Invocations of a workgroup whose invocations hand records to each other; also the splats that it takes at a time.
+/// Invocations of a lockstep subgroup; also the splats that it takes at a time.
 pub const LANES: u32 = 8;
-/// What a product of two scaled values must be multiplied by.
-pub const PRODUCT: f32 = 1.0 / (FACTOR * FACTOR);
+/// What a [pull](Column::pull) must be multiplied by.
+pub const PRODUCT: f32 = 0.5 / (FACTOR * FACTOR);
 
-/// A splat as seen along the columns of a tile, from points at an offset `(x, y)` from the centre.
-/// The factor's rows are `u = u₀ − l₁₁ x − l₂₁ y` and `w = w₀ − l₂₂ y`. Alpha's exponent is `log₂ α
-/// − u² − w²`, expanded in `y`.
+/// How alpha is computed. Its argument is a linear function of log₂ alpha.
+pub trait Power {
+    /// What the conic's factor is multiplied by, so that the argument is a difference of squares.
+    const FACTOR: f32;
+    /// The argument of the least alpha that counts.
+    const MIN: f32;
+
+    /// The argument from log₂ alpha.
+    fn argument(log_alpha: f32) -> f32;
+
+    /// Alpha.
+    fn alpha(argument: f32) -> f32;
+}
+
+/// The same on every device.
+pub struct Portable;
+
+impl Power for Portable {
+    const FACTOR: f32 = POWER_FACTOR;
+    const MIN: f32 = POWER_MIN;
+
+    fn argument(log_alpha: f32) -> f32 {
+        POWER_SHIFT + POWER_SCALE * log_alpha
+    }
+
+    fn alpha(argument: f32) -> f32 {
+        portable::power(argument)
+    }
+}
+
+/// The device's own.
+pub struct Native;
+
+impl Power for Native {
+    const FACTOR: f32 = FACTOR;
+    const MIN: f32 = LOG_ALPHA_MIN;
+
+    fn argument(log_alpha: f32) -> f32 {
+        log_alpha
+    }
+
+    fn alpha(argument: f32) -> f32 {
+        argument.exp2()
+    }
+}
+
+/// A splat as seen along the columns of a tile, from points at an offset `(x, y)` from the centre. The factor's rows
+/// are `u = u₀ − l₁₁ x − l₂₁ y` and `w = w₀ − l₂₂ y`. Alpha's argument is `a − u² − w²`, expanded in `y`.
 #[derive(Clone, Copy)]
 pub struct Splat {
     /// `u₀`.
     pub u: f32,
     pub l11: f32,
-    pub l21: f32,
-    /// The part of the exponent that is the same for all columns, `log₂ α − w₀²`.
+    /// `2 l₂₁`.
+    pub tilt: f32,
+    /// `2 l₁₁`.
+    pub wide: f32,
+    /// `2 l₁₁ l₂₁`.
+    pub turn: f32,
+    /// The part of the argument that is the same for all columns, `a − w₀²`.
     pub level: f32,
-    /// `l₂₂ w₀`.
+    /// `2 l₂₂ w₀`.
     pub down: f32,
     /// `l₂₁² + l₂₂²`.
     pub curve: f32,
-    pub rgb: [f32; 3],
     pub depth: f32,
+    pub rgb: [f32; 3],
 }
+
+/// `Vec4`s of a splat in shared memory.
+pub const SPLAT: u32 = 3;
 
 /// A splat along one column, a quadratic in `y`.
 #[derive(Clone, Copy)]
 pub struct Column {
-    exponent: f32,
+    level: f32,
     curve: f32,
-    /// `v = Q d` at the centre and its slope, `v − y·turn`.
+    /// `2 v` at the centre, for `v = Q d`, and its slope, `2 v − y turn`.
     v: [f32; 2],
     turn: f32,
 }
@@ -57,7 +116,7 @@ pub struct List<'a> {
 
 impl List<'_> {
     /// The splat of pair `at`; from the end on, a splat that shows nowhere. There must be at least one pair.
-    pub fn load(&self, at: u32) -> Splat {
+    pub fn load<P: Power>(&self, at: u32) -> Splat {
         let inside = at < self.end;
         let place = if inside { at } else { self.end - 1 };
         // SAFETY: stage `ranges` keeps ends within the pairs, stage `bin_emit` makes pairs of splats
@@ -67,18 +126,20 @@ impl List<'_> {
             (whole(self.records, i), whole(self.records, i + 1), whole(self.records, i + 2))
         };
         let (dx, dy) = (a.x - self.centre[0], a.y - self.centre[1]);
-        let (l11, l21, l22) = (a.z * FACTOR, a.w * FACTOR, b.x * FACTOR);
+        let (l11, l21, l22) = (a.z * P::FACTOR, a.w * P::FACTOR, b.x * P::FACTOR);
         let w = l22 * dy;
-        let log = if inside { b.y } else { NOWHERE };
+        let argument = P::argument(if inside { b.y } else { NOWHERE });
         Splat {
             u: l11 * dx + l21 * dy,
             l11,
-            l21,
-            level: log - w * w,
-            down: l22 * w,
+            tilt: l21 + l21,
+            wide: l11 + l11,
+            turn: (l11 + l11) * l21,
+            level: argument - w * w,
+            down: (l22 + l22) * w,
             curve: l21 * l21 + l22 * l22,
-            rgb: [c.x, c.y, c.z],
             depth: c.w,
+            rgb: [c.x, c.y, c.z],
         }
     }
 }
@@ -89,16 +150,41 @@ impl Splat {
         Splat {
             u: subgroup_shuffle(self.u, j),
             l11: subgroup_shuffle(self.l11, j),
-            l21: subgroup_shuffle(self.l21, j),
+            tilt: subgroup_shuffle(self.tilt, j),
+            wide: subgroup_shuffle(self.wide, j),
+            turn: subgroup_shuffle(self.turn, j),
             level: subgroup_shuffle(self.level, j),
             down: subgroup_shuffle(self.down, j),
             curve: subgroup_shuffle(self.curve, j),
-            rgb: [
-                subgroup_shuffle(self.rgb[0], j),
-                subgroup_shuffle(self.rgb[1], j),
-                subgroup_shuffle(self.rgb[2], j),
-            ],
             depth: subgroup_shuffle(self.depth, j),
+            rgb: rgb_of(self.rgb, j),
+        }
+    }
+
+    /// Publishes it in place `slot` of shared memory.
+    pub fn put<const N: usize>(&self, shared: &mut [Vec4; N], slot: u32) {
+        let [r, g, b] = self.rgb;
+        *at_mut(shared, slot * SPLAT) = Vec4::new(self.u, self.l11, self.tilt, self.level);
+        *at_mut(shared, slot * SPLAT + 1) = Vec4::new(self.down, self.curve, self.wide, self.turn);
+        *at_mut(shared, slot * SPLAT + 2) = Vec4::new(r, g, b, self.depth);
+    }
+
+    /// The splat in place `slot`.
+    pub fn get<const N: usize>(shared: &[Vec4; N], slot: u32) -> Splat {
+        let a: Vec4 = at(shared, slot * SPLAT);
+        let b: Vec4 = at(shared, slot * SPLAT + 1);
+        let c: Vec4 = at(shared, slot * SPLAT + 2);
+        Splat {
+            u: a.x,
+            l11: a.y,
+            tilt: a.z,
+            level: a.w,
+            down: b.x,
+            curve: b.y,
+            wide: b.z,
+            turn: b.w,
+            rgb: [c.x, c.y, c.z],
+            depth: c.w,
         }
     }
 
@@ -106,31 +192,31 @@ impl Splat {
     pub fn along(&self, x: f32) -> Column {
         let u = self.u - self.l11 * x;
         Column {
-            exponent: self.level - u * u,
+            level: self.level - u * u,
             curve: self.curve,
-            v: [self.l11 * u, self.l21 * u + self.down],
-            turn: self.l11 * self.l21,
+            v: [self.wide * u, self.tilt * u + self.down],
+            turn: self.turn,
         }
     }
 }
 
-impl Column {
-    /// log₂ alpha, not clamped, at `y` and the three rows below.
-    pub fn exponents(&self, y: f32) -> Vec4 {
-        let y = rows(y);
-        Vec4::splat(self.exponent) - y * y * self.curve + y * 2.0 * self.v[1]
-    }
-
-    /// `v = Q d`, alpha's derivative with respect to the mean, at `y` and the three rows below. It is too small by the
-    /// factor [`PRODUCT`].
-    pub fn pull(&self, y: f32) -> [Vec4; 2] {
-        let y = rows(y);
-        [Vec4::splat(self.v[0]) - y * self.turn, Vec4::splat(self.v[1]) - y * self.curve]
-    }
+/// The colour that invocation `j` of the subgroup holds.
+pub fn rgb_of([r, g, b]: [f32; 3], j: u32) -> [f32; 3] {
+    [subgroup_shuffle(r, j), subgroup_shuffle(g, j), subgroup_shuffle(b, j)]
 }
 
-fn rows(y: f32) -> Vec4 {
-    Vec4::new(y, y + 1.0, y + 2.0, y + 3.0)
+impl Column {
+    /// Alpha's argument, not clamped, at rows `y`.
+    pub fn arguments<R: Rows>(&self, y: R) -> R {
+        R::all(self.level) + y * (R::all(self.v[1]) - y * R::all(self.curve))
+    }
+
+    /// `2 v`, for `v = Q d`, alpha's derivative with respect to the mean, at rows `y`. For [`Native`], it
+    /// must be multiplied by [`PRODUCT`].
+    pub fn pull<R: Rows>(&self, y: R) -> [R; 2] {
+        let slope = R::all(self.v[1]) - y * R::all(self.curve);
+        [R::all(self.v[0]) - y * R::all(self.turn), slope - y * R::all(self.curve)]
+    }
 }
 
 /// Tells the host that a list was not read to its end: llvmpipe ends an invocation's loops after 65,535 rounds. The

@@ -133,13 +133,7 @@ const Z: [f32; 3] = [0.0, 0.0, 1.0];
 
 /// Gradient of the spherical harmonics with respect to the (unnormalised) direction, times the
 /// coefficients: d(rgb)/d(x, y, z).
-fn sh_gradient(
-    params: &Params,
-    sh_degree: u32,
-    sh: &[f32],
-    i: u32,
-    d: [f32; 3],
-) -> [[f32; 3]; 3] {
+fn sh_gradient(params: &Params, sh_degree: u32, sh: &[f32], i: u32, d: [f32; 3]) -> [[f32; 3]; 3] {
     let basis = shared::sh_basis_gradient(d);
     let mut out = [[0.0; 3]; 3];
     let count = shared::sh_coefficients(sh_degree);

@@ -4,7 +4,7 @@
 //! leaves out culled splats.
 
 use crate::bin::replace_four;
-use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table, Wide};
+use crate::lanes::{Lanes, Lockstep, Plain, Scan, Scratch, Table, Wave, Waves, Wide};
 use crate::memory::{at, at_mut};
 use crate::shared::{self, CULLED, Counters};
 use spirv_std::glam::UVec3;
@@ -78,7 +78,7 @@ fn count<L: Lanes>(
 
 /// Turns the histograms into first positions: by digit, then by block. One workgroup. The number of
 /// blocks is a multiple of four; each round takes four, as llvmpipe ends loops after 65,535 rounds.
-fn scan<L: Lanes>(
+fn scan<L: Scan>(
     lane: u32,
     scratch: &mut Scratch,
     pass: &Pass,
@@ -163,101 +163,79 @@ fn scatter<L: Lanes>(
     }
 }
 
-/// Histogram of each block's digits.
-#[spirv(compute(threads(32)))]
-pub fn radix_count(
-    #[spirv(workgroup_id)] group: UVec3,
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] bins: &mut Table,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] pass: &Pass,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] keys: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] histogram: &mut [u32],
-) {
-    let counters = *counters;
-    count::<Plain>(group.x, lane, bins, scratch, pass, &counters, keys, histogram);
+/// Makes a form of the two passes over keys: entry points, invocations of a workgroup, and the built-in number of an
+/// invocation.
+macro_rules! form {
+    ($count:ident, $scatter:ident, $threads:tt, $lanes:ty, $lane:ident) => {
+        /// Histogram of each block's digits.
+        #[spirv(compute(threads($threads)))]
+        pub fn $count(
+            #[spirv(workgroup_id)] group: UVec3,
+            #[spirv($lane)] lane: u32,
+            #[spirv(workgroup)] bins: &mut Table,
+            #[spirv(workgroup)] scratch: &mut Scratch,
+            #[spirv(push_constant)] pass: &Pass,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] keys: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] histogram: &mut [u32],
+        ) {
+            let counters = *counters;
+            count::<$lanes>(group.x, lane, bins, scratch, pass, &counters, keys, histogram);
+        }
+
+        /// Moves each key and value to its place: after those placed before, by its rank among the invocations with an
+        /// equal digit.
+        #[spirv(compute(threads($threads)))]
+        pub fn $scatter(
+            #[spirv(workgroup_id)] group: UVec3,
+            #[spirv($lane)] lane: u32,
+            #[spirv(workgroup)] next: &mut Table,
+            #[spirv(workgroup)] scratch: &mut Scratch,
+            #[spirv(push_constant)] pass: &Pass,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] keys: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] values: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys_out: &mut [u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] values_out: &mut [u32],
+        ) {
+            let (g, counters) = (group.x, *counters);
+            scatter::<$lanes>(
+                g, lane, next, scratch, pass, &counters, histogram, keys, values, keys_out,
+                values_out,
+            );
+        }
+    };
 }
 
-/// As [`radix_count`], in lockstep.
-#[spirv(compute(threads(8)))]
-pub fn radix_count_lockstep(
-    #[spirv(workgroup_id)] group: UVec3,
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] bins: &mut Table,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] pass: &Pass,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] keys: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] histogram: &mut [u32],
-) {
-    let counters = *counters;
-    count::<Lockstep>(group.x, lane, bins, scratch, pass, &counters, keys, histogram);
+form!(radix_count, radix_scatter, 32, Plain, local_invocation_index);
+form!(radix_count_lockstep, radix_scatter_lockstep, 8, Lockstep, local_invocation_index);
+form!(radix_count_wave16, radix_scatter_wave16, 16, Wave<16>, subgroup_local_invocation_id);
+form!(radix_count_wave32, radix_scatter_wave32, 32, Wave<32>, subgroup_local_invocation_id);
+form!(radix_count_wave64, radix_scatter_wave64, 64, Wave<64>, subgroup_local_invocation_id);
+
+/// Makes a form of the pass over histograms, which one workgroup runs. What follows the type are built-in numbers from
+/// which the invocation's is made.
+macro_rules! scan_form {
+    ($scan:ident, $threads:tt, $lanes:ty, $lane:ident $(, $subgroup:ident)?) => {
+        /// Turns the histograms into first positions, and counts the visible splats. One workgroup.
+        #[spirv(compute(threads($threads)))]
+        pub fn $scan(
+            #[spirv($lane)] lane: u32,
+            $(#[spirv($subgroup)] $subgroup: u32,)?
+            #[spirv(workgroup)] scratch: &mut Scratch,
+            #[spirv(push_constant)] pass: &Pass,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &mut Counters,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &mut [u32],
+        ) {
+            $(let lane = <$lanes>::lane($subgroup, lane);)?
+            scan::<$lanes>(lane, scratch, pass, counters, histogram);
+        }
+    };
 }
 
-/// Turns the histograms into first positions, and counts the visible splats. One workgroup.
-#[spirv(compute(threads(256)))]
-pub fn radix_scan(
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] pass: &Pass,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &mut Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &mut [u32],
-) {
-    scan::<Wide>(lane, scratch, pass, counters, histogram);
-}
-
-/// As [`radix_scan`], in lockstep.
-#[spirv(compute(threads(8)))]
-pub fn radix_scan_lockstep(
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] pass: &Pass,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &mut Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &mut [u32],
-) {
-    scan::<Lockstep>(lane, scratch, pass, counters, histogram);
-}
-
-/// Moves each key and value to its place: after those placed before, by its rank among the
-/// invocations with an equal digit.
-#[spirv(compute(threads(32)))]
-pub fn radix_scatter(
-    #[spirv(workgroup_id)] group: UVec3,
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] next: &mut Table,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] pass: &Pass,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] keys: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] values: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys_out: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] values_out: &mut [u32],
-) {
-    let (g, counters) = (group.x, *counters);
-    scatter::<Plain>(
-        g, lane, next, scratch, pass, &counters, histogram, keys, values, keys_out, values_out,
-    );
-}
-
-/// As [`radix_scatter`], in lockstep.
-#[spirv(compute(threads(8)))]
-pub fn radix_scatter_lockstep(
-    #[spirv(workgroup_id)] group: UVec3,
-    #[spirv(local_invocation_index)] lane: u32,
-    #[spirv(workgroup)] next: &mut Table,
-    #[spirv(workgroup)] scratch: &mut Scratch,
-    #[spirv(push_constant)] pass: &Pass,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] keys: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] values: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys_out: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] values_out: &mut [u32],
-) {
-    let (g, counters) = (group.x, *counters);
-    scatter::<Lockstep>(
-        g, lane, next, scratch, pass, &counters, histogram, keys, values, keys_out, values_out,
-    );
-}
+scan_form!(radix_scan, 256, Wide, local_invocation_index);
+scan_form!(radix_scan_lockstep, 8, Lockstep, local_invocation_index);
+scan_form!(radix_scan_wave16, 256, Waves<16>, subgroup_local_invocation_id, subgroup_id);
+scan_form!(radix_scan_wave32, 256, Waves<32>, subgroup_local_invocation_id, subgroup_id);
+scan_form!(radix_scan_wave64, 256, Waves<64>, subgroup_local_invocation_id, subgroup_id);

@@ -1,91 +1,112 @@
 //! Stage `reduce`: sums of the normal equations, over a workgroup and over tiles, in a fixed order.
 
+use crate::memory::at_mut;
+use crate::rows::Rows;
 use crate::shared::{Params, SPLAT_THREADS, SUMS};
-use spirv_std::arch::workgroup_memory_barrier_with_group_sync as barrier;
-use spirv_std::glam::Vec3;
+use spirv_std::arch::{subgroup_f_add, workgroup_memory_barrier_with_group_sync as barrier};
 use spirv_std::spirv;
 
-/// Shared memory that [`Sums::store`] needs.
+/// Shared memory that [`store`] needs.
 pub type Scratch = [f32; (SUMS * SPLAT_THREADS) as usize];
 
-/// The normal equations of some pixels: JᵀJ in 3×3 blocks (ρρ, ρθ, θθ), Jᵀr, r².
-#[derive(Clone, Copy)]
-pub struct Sums {
-    /// Rows of the ρρ block.
-    pub rr: [Vec3; 3],
-    /// Rows of the ρθ block.
-    pub rt: [Vec3; 3],
-    /// Rows of the θθ block.
-    pub tt: [Vec3; 3],
-    pub gradient: [Vec3; 2],
-    pub square: f32,
+/// One channel of some pixels: its derivative with respect to the pose, ρ then θ, and its residual.
+pub type Channel<R> = [R; 7];
+
+/// The three channels of some pixels.
+pub type Channels<R> = [Channel<R>; 3];
+
+/// The product of two columns of a channel, summed over channels and pixels.
+fn product<R: Rows>(of: &Channels<R>, i: usize, j: usize) -> f32 {
+    (of[0][i] * of[0][j] + of[1][i] * of[1][j] + of[2][i] * of[2][j]).sum()
 }
 
-impl Sums {
-    pub const ZERO: Sums = Sums {
-        rr: [Vec3::ZERO; 3],
-        rt: [Vec3::ZERO; 3],
-        tt: [Vec3::ZERO; 3],
-        gradient: [Vec3::ZERO; 2],
-        square: 0.0,
+/// Calls a macro with each sum's index and its two columns, in the order of `partials`: the upper triangle of JᵀJ row by
+/// row, Jᵀr, r².
+macro_rules! for_each_sum {
+    ($call:ident) => {
+        $call!(0, 0, 0);
+        $call!(1, 0, 1);
+        $call!(2, 0, 2);
+        $call!(3, 0, 3);
+        $call!(4, 0, 4);
+        $call!(5, 0, 5);
+        $call!(6, 1, 1);
+        $call!(7, 1, 2);
+        $call!(8, 1, 3);
+        $call!(9, 1, 4);
+        $call!(10, 1, 5);
+        $call!(11, 2, 2);
+        $call!(12, 2, 3);
+        $call!(13, 2, 4);
+        $call!(14, 2, 5);
+        $call!(15, 3, 3);
+        $call!(16, 3, 4);
+        $call!(17, 3, 5);
+        $call!(18, 4, 4);
+        $call!(19, 4, 5);
+        $call!(20, 5, 5);
+        $call!(21, 0, 6);
+        $call!(22, 1, 6);
+        $call!(23, 2, 6);
+        $call!(24, 3, 6);
+        $call!(25, 4, 6);
+        $call!(26, 5, 6);
+        $call!(27, 6, 6);
     };
+}
 
-    /// Adds one channel of one pixel: its derivative with respect to ρ and θ, and its residual.
-    pub fn add(self, rho: Vec3, theta: Vec3, residual: f32) -> Sums {
-        Sums {
-            rr: [self.rr[0] + rho * rho.x, self.rr[1] + rho * rho.y, self.rr[2] + rho * rho.z],
-            rt: [
-                self.rt[0] + theta * rho.x,
-                self.rt[1] + theta * rho.y,
-                self.rt[2] + theta * rho.z,
-            ],
-            tt: [
-                self.tt[0] + theta * theta.x,
-                self.tt[1] + theta * theta.y,
-                self.tt[2] + theta * theta.z,
-            ],
-            gradient: [self.gradient[0] + rho * residual, self.gradient[1] + theta * residual],
-            square: self.square + residual * residual,
-        }
+/// Sums over the tile's invocations and writes the tile's row of `partials`.
+pub fn store<R: Rows>(
+    of: &Channels<R>,
+    lane: u32,
+    tile: u32,
+    scratch: &mut Scratch,
+    partials: &mut [f32],
+) {
+    macro_rules! publish {
+        ($k:literal, $i:literal, $j:literal) => {
+            scratch[(lane * SUMS + $k) as usize] = product(of, $i, $j);
+        };
     }
-
-    /// In the order of `partials`: the upper triangle of JᵀJ row by row, Jᵀr, r².
-    #[rustfmt::skip]
-    fn values(&self) -> [f32; SUMS as usize] {
-        let (rr, rt, tt) = (&self.rr, &self.rt, &self.tt);
-        let [rho, theta] = &self.gradient;
-        [
-            rr[0].x, rr[0].y, rr[0].z, rt[0].x, rt[0].y, rt[0].z,
-            rr[1].y, rr[1].z, rt[1].x, rt[1].y, rt[1].z,
-            rr[2].z, rt[2].x, rt[2].y, rt[2].z,
-            tt[0].x, tt[0].y, tt[0].z,
-            tt[1].y, tt[1].z,
-            tt[2].z,
-            rho.x, rho.y, rho.z, theta.x, theta.y, theta.z,
-            self.square,
-        ]
+    for_each_sum!(publish);
+    barrier();
+    let mut k = lane;
+    while k < SUMS {
+        let mut sum = 0.0;
+        let mut other = 0;
+        while other < SPLAT_THREADS {
+            sum += scratch[(other * SUMS + k) as usize];
+            other += 1;
+        }
+        partials[(tile * SUMS + k) as usize] = sum;
+        k += SPLAT_THREADS;
     }
+}
 
-    /// Sums over the tile's invocations and writes the tile's row of `partials`.
-    pub fn store(&self, lane: u32, tile: u32, scratch: &mut Scratch, partials: &mut [f32]) {
-        let values = self.values();
-        let mut k = 0;
-        while k < SUMS as usize {
-            scratch[(lane * SUMS) as usize + k] = values[k];
-            k += 1;
-        }
-        barrier();
-        let mut k = lane;
-        while k < SUMS {
-            let mut sum = 0.0;
-            let mut other = 0;
-            while other < SPLAT_THREADS {
-                sum += scratch[(other * SUMS + k) as usize];
-                other += 1;
-            }
-            partials[(tile * SUMS + k) as usize] = sum;
-            k += SPLAT_THREADS;
-        }
+/// Sums over a subgroup, which has one tile, and writes the tile's row of `partials`. One sum after another, as all at
+/// once would take many registers.
+pub fn store_of_subgroup<R: Rows, const SUBGROUP: u32>(
+    of: &Channels<R>,
+    lane: u32,
+    tile: u32,
+    partials: &mut [f32],
+) {
+    // Invocation k keeps sum k; the second one is for subgroups of 16.
+    let mut own = [0.0, 0.0];
+    macro_rules! keep {
+        ($k:literal, $i:literal, $j:literal) => {
+            let sum = subgroup_f_add(product(of, $i, $j));
+            own[$k / SUBGROUP as usize % 2] =
+                if lane == $k % SUBGROUP { sum } else { own[$k / SUBGROUP as usize % 2] };
+        };
+    }
+    for_each_sum!(keep);
+    let first = tile * SUMS + lane;
+    if lane < SUMS {
+        *at_mut(partials, first) = own[0];
+    }
+    if lane + SUBGROUP < SUMS {
+        *at_mut(partials, first + SUBGROUP) = own[1];
     }
 }
 

@@ -1,22 +1,20 @@
 //! Stage `splat_backward`: what each splat's colour, place and shape in the picture do to the loss, summed over each
 //! tile.
 //!
-//! It blends as stage `splat` does, front to back. The power is the device's own: the portable one is right only if
-//! nothing is fused, which would take time here. With `g` the loss's gradient by a pixel, `q = c · g` and
+//! It blends as stage `splat` does, front to back, with the same power, but products and sums may be fused. With `g` the loss's gradient by a pixel, `q = c · g` and
 //! `total = C · g` (`C` the render's colour), the gradient by alpha is `T q − (total − Σ w q) / (1 − α)`: the sum runs
 //! over all splats up to this one, so what lies behind need not be known (Kerbl et al. 2023 go back to front).
 
-use crate::list::{LANES, List, Splat, largest};
+use crate::blend::{Clamp, Hits, behind, middle, range};
+use crate::list::{LANES, List, Portable, Splat, largest};
 use crate::memory::{at, at_mut};
+use crate::portable::power_slope;
+use crate::rows::Rows;
 use crate::shared::{Outline, Params, ROWS, SPLAT_THREADS, TILE, max};
-use crate::splat::{Clamp, Hits, both, dim, middle_of_tile, range};
 use crate::train_slots;
 use crate::training::{GRADIENT_PIXEL, NO_PAIR, PAIR_SUMS, slot_box};
-use spirv_std::arch::{
-    subgroup_shuffle, workgroup_memory_barrier_with_group_sync as barrier,
-};
+use spirv_std::arch::{subgroup_shuffle, workgroup_memory_barrier_with_group_sync as barrier};
 use spirv_std::glam::{UVec2, UVec3, Vec4};
-use spirv_std::num_traits::Float;
 use spirv_std::spirv;
 
 /// Four pixels, one below the other.
@@ -26,7 +24,7 @@ struct Four {
     g: [Vec4; 3],
     /// `total` less what splats up to here show.
     behind: Vec4,
-    /// Negative once a pixel is finished.
+    /// 0 once a pixel is finished.
     transmittance: Vec4,
 }
 
@@ -52,10 +50,6 @@ fn gradient_at(params: &Params, gradient: &[f32], x: u32, y: u32) -> [f32; 4] {
     ]
 }
 
-fn sum(v: Vec4) -> f32 {
-    v.x + v.y + (v.z + v.w)
-}
-
 impl Four {
     fn load(params: &Params, gradient: &[f32], x: u32, y: u32) -> Four {
         let a = gradient_at(params, gradient, x, y);
@@ -75,29 +69,34 @@ impl Four {
 
     /// Blends a splat that is seen from `y` above the first pixel.
     fn blend(self, s: &Splat, x: f32, y: f32, clamp: Clamp) -> (Four, Sums) {
-        let hits = Hits::new(s.along(x).exponents(y), clamp, f32::exp2);
-        let (weights, transmittance) = dim(self.transmittance, hits.alphas);
+        let rows = Vec4::down(y);
+        let arguments: Vec4 = s.along(x).arguments(rows);
+        let hits = Hits::new::<Portable>(arguments, clamp);
+        let weights = hits.alphas * self.transmittance;
+        let transmittance = behind(self.transmittance, weights);
         let q = self.g[0] * s.rgb[0] + self.g[1] * s.rgb[1] + self.g[2] * s.rgb[2];
         let shown = weights * q;
-        let behind = self.behind - shown;
-        // By log alpha: α (T q − behind / (1 − α)).
-        let covered = both(hits.alphas, weights, |a, w| if w > 0.0 { a / (1.0 - a) } else { 0.0 });
-        let h = hits.where_free(shown - behind * covered, clamp);
-        let rows = Vec4::new(y, y + 1.0, y + 2.0, y + 3.0);
+        let rest = self.behind - shown;
+        // By log alpha: α (T q − rest / (1 − α)).
+        let covered = hits.alphas.both(weights, |a, w| if w > 0.0 { a / (1.0 - a) } else { 0.0 });
+        let h = hits.where_free(shown - rest * covered, clamp) * arguments.each(power_slope);
         let hy = h * rows;
         let sums = Sums {
-            colour: [sum(weights * self.g[0]), sum(weights * self.g[1]), sum(weights * self.g[2])],
-            h: sum(h),
-            hy: sum(hy),
-            hyy: sum(hy * rows),
+            colour: [
+                (weights * self.g[0]).sum(),
+                (weights * self.g[1]).sum(),
+                (weights * self.g[2]).sum(),
+            ],
+            h: (h).sum(),
+            hy: (hy).sum(),
+            hyy: (hy * rows).sum(),
         };
-        (Four { behind, transmittance, ..self }, sums)
+        (Four { behind: rest, transmittance, ..self }, sums)
     }
 
-    /// Negative where all are finished.
+    /// The largest transmittance; 0 if all are finished.
     fn left(&self) -> f32 {
-        let t = self.transmittance;
-        max(max(t.x, t.y), max(t.z, t.w))
+        self.transmittance.largest()
     }
 }
 
@@ -211,15 +210,15 @@ pub fn splat_backward_lockstep(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] slots: &mut [u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [f32],
 ) {
-    let range = range(params, ranges, group);
-    let list = List { records, pair_splats, end: range.y, centre: middle_of_tile(group) };
+    let range = range(params, ranges, [group.x, group.y]);
+    let list = List { records, pair_splats, end: range.y, centre: middle([group.x, group.y]) };
     let clamp = Clamp::new(params, 1);
     let (x, y) = (group.x * TILE + lane, group.y * TILE);
     let mut pixels =
         (Four::load(params, gradient, x, y), Four::load(params, gradient, x, y + ROWS));
     let mut first = range.x;
     while first < range.y {
-        let own = list.load(first + lane);
+        let own = list.load::<Portable>(first + lane);
         let mut kept = [0.0; PAIR_SUMS as usize];
         pixels = blend_eight(pixels, &own, 0, lane, clamp, &mut kept);
         pixels = blend_eight(pixels, &own, 1, lane, clamp, &mut kept);
@@ -236,7 +235,7 @@ pub fn splat_backward_lockstep(
         }
         first += LANES;
         let left = max(pixels.0.left(), pixels.1.left());
-        if largest(left, lane) < 0.0 {
+        if largest(left, lane) == 0.0 {
             break;
         }
     }
@@ -260,16 +259,15 @@ pub fn splat_backward(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] slots: &mut [u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [f32],
 ) {
-    let range = range(params, ranges, group);
-    let list = List { records, pair_splats, end: range.y, centre: middle_of_tile(group) };
+    let range = range(params, ranges, [group.x, group.y]);
+    let list = List { records, pair_splats, end: range.y, centre: middle([group.x, group.y]) };
     let clamp = Clamp::new(params, 1);
     let (column, row) = (lane % TILE, lane / TILE * ROWS);
     let (x, y) = (column as f32 - 3.5, row as f32 - 3.5);
-    let mut pixels =
-        Four::load(params, gradient, group.x * TILE + column, group.y * TILE + row);
+    let mut pixels = Four::load(params, gradient, group.x * TILE + column, group.y * TILE + row);
     let mut pair = range.x;
     while pair < range.y {
-        let (next, sums) = pixels.blend(&list.load(pair), x, y, clamp);
+        let (next, sums) = pixels.blend(&list.load::<Portable>(pair), x, y, clamp);
         pixels = next;
         let sums = sums.of_column(x);
         let mut k = 0;
@@ -278,7 +276,7 @@ pub fn splat_backward(
             k += 1;
         }
         scratch[(PAIR_SUMS * SPLAT_THREADS + lane) as usize] =
-            if pixels.left() < 0.0 { 0.0 } else { 1.0 };
+            if pixels.left() == 0.0 { 0.0 } else { 1.0 };
         barrier();
         let mut all = [0.0; PAIR_SUMS as usize];
         let (mut left, mut other) = (0.0, 0);

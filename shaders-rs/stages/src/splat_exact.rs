@@ -2,12 +2,12 @@
 //! cuts held fixed): `dα = α (d ln α − v·dμ + ½ wᵀ K w)`, `dC += c (T dα + α dT) + α T dc`,
 //! `dT ← (1 − α) dT − T dα`.
 
+use crate::blend::{Clamp, Place};
 use crate::list::tell_cut;
-use crate::reduce::{Scratch, Sums};
+use crate::reduce::{Channel, Channels, Scratch, store};
 use crate::shared::{
-    Counters, DERIVATIVES, LOG_ALPHA_MIN, MASKED, Params, RECORD, TRANSMITTANCE_STOP,
+    Counters, DERIVATIVES, LOG_ALPHA_MIN, MASKED, Params, RECORD, ROWS, TRANSMITTANCE_STOP,
 };
-use crate::splat::{Clamp, first_pixel};
 use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4, Vec4Swizzles};
 use spirv_std::num_traits::Float;
 use spirv_std::spirv;
@@ -123,9 +123,9 @@ const EMPTY: Pixel = Pixel {
 
 fn blend(p: Pixel, s: &Record, d: &Derivatives, clamp: Clamp, dx: f32, dy: f32) -> Pixel {
     let hit = Hit::at(s, clamp, dx, dy);
-    let next = p.transmittance * (1.0 - hit.alpha);
-    let live = if next > TRANSMITTANCE_STOP { p.live } else { 0.0 };
-    let alpha = hit.alpha * live;
+    let alpha = hit.alpha * p.live;
+    let next = p.transmittance * (1.0 - alpha);
+    let live = if next > TRANSMITTANCE_STOP { 1.0 } else { 0.0 };
     let weight = alpha * p.transmittance;
     let slope = if hit.clamped { 0.0 } else { alpha };
     let v0 = s.conic[0] * hit.u;
@@ -144,7 +144,7 @@ fn blend(p: Pixel, s: &Record, d: &Derivatives, clamp: Clamp, dx: f32, dy: f32) 
     };
     Pixel {
         rgb: p.rgb + Vec3::from_array(s.rgb) * weight,
-        transmittance: p.transmittance - weight,
+        transmittance: (p.transmittance - weight) * live,
         live,
         d_r: channel(p.d_r, s.rgb[0], d.red),
         d_g: channel(p.d_g, s.rgb[1], d.green),
@@ -153,23 +153,31 @@ fn blend(p: Pixel, s: &Record, d: &Derivatives, clamp: Clamp, dx: f32, dy: f32) 
     }
 }
 
-/// Adds one pixel to the normal equations, unless it is masked or outside of the picture.
-fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) -> Sums {
-    if (x >= params.width) | (y >= params.height) {
-        return sums;
-    }
-    let at = (params.frame_offset + (y * params.width + x) * 3) as usize;
-    if frame[at] <= MASKED {
-        return sums;
-    }
-    let t = p.transmittance;
-    let bg = params.background;
-    let d = p.d_r.plus(p.d_transmittance, bg[0]);
-    let sums = sums.add(d.rho, d.theta, p.rgb.x + t * bg[0] - frame[at]);
-    let d = p.d_g.plus(p.d_transmittance, bg[1]);
-    let sums = sums.add(d.rho, d.theta, p.rgb.y + t * bg[1] - frame[at + 1]);
-    let d = p.d_b.plus(p.d_transmittance, bg[2]);
-    sums.add(d.rho, d.theta, p.rgb.z + t * bg[2] - frame[at + 2])
+/// What one pixel adds to the normal equations: nothing if it is masked or outside of the picture.
+fn channels(params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) -> Channels<f32> {
+    let inside = (x < params.width) & (y < params.height);
+    let (x, y) = (x.min(params.width - 1), y.min(params.height - 1));
+    let first = (params.frame_offset + (y * params.width + x) * 3) as usize;
+    let counted = inside & (frame[first] > MASKED);
+    let (transmittance, d_transmittance) = (p.transmittance, p.d_transmittance);
+    let channel = |background: f32, frame: f32, rgb: f32, d: Twist| {
+        let d = d.plus(d_transmittance, background);
+        let residual = rgb + transmittance * background - frame;
+        let all = [d.rho.x, d.rho.y, d.rho.z, d.theta.x, d.theta.y, d.theta.z, residual];
+        if counted { all } else { [0.0; 7] }
+    };
+    let [r, g, b] = params.background;
+    [
+        channel(r, frame[first], p.rgb.x, p.d_r),
+        channel(g, frame[first + 1], p.rgb.y, p.d_g),
+        channel(b, frame[first + 2], p.rgb.z, p.d_b),
+    ]
+}
+
+/// One channel of four pixels.
+fn four(k: usize, of: &[Channels<f32>; 4]) -> Channel<Vec4> {
+    let column = |i: usize| Vec4::new(of[0][k][i], of[1][k][i], of[2][k][i], of[3][k][i]);
+    [column(0), column(1), column(2), column(3), column(4), column(5), column(6)]
 }
 
 /// One workgroup per tile.
@@ -188,7 +196,7 @@ pub fn splat_exact(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] derivatives: &[Vec4],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] counters: &mut Counters,
 ) {
-    let [x, y] = first_pixel(group, lane);
+    let [x, y] = Place::of_group(group, lane, ROWS).pixel();
     let tile = group.y * params.tiles_x + group.x;
     let range = ranges[tile as usize];
     let clamp = Clamp::new(params, clamp);
@@ -212,9 +220,11 @@ pub fn splat_exact(
     if (at < range.y) & !(p0.live + p1.live + p2.live + p3.live == 0.0) {
         tell_cut(counters);
     }
-    let sums = add(Sums::ZERO, params, frame, x, y, &p0);
-    let sums = add(sums, params, frame, x, y + 1, &p1);
-    let sums = add(sums, params, frame, x, y + 2, &p2);
-    let sums = add(sums, params, frame, x, y + 3, &p3);
-    sums.store(lane, tile, scratch, partials);
+    let all = [
+        channels(params, frame, x, y, &p0),
+        channels(params, frame, x, y + 1, &p1),
+        channels(params, frame, x, y + 2, &p2),
+        channels(params, frame, x, y + 3, &p3),
+    ];
+    store(&[four(0, &all), four(1, &all), four(2, &all)], lane, tile, scratch, partials);
 }

@@ -2,156 +2,160 @@
 //! pose nearly as if all that it shows moved with the flow of the pixel's own ray. Twelve sums per pixel (∂C/∂u, ∂C/∂v,
 //! and both weighted by 1/z) replace the eighteen of the exact Jacobian. The derivatives follow from them after the
 //! loop.
+//!
+//! A splat's weight is the transmittance before it less that behind it. So with colours `c` and transmittances `T`
+//! before each splat, `C = Σ Tᵢ (cᵢ − cᵢ₋₁)`, and the derivatives likewise: a splat's own weight need not be derived.
 
-use crate::list::{Column, LANES, List, PRODUCT, Splat, largest, tell_cut};
-use crate::reduce::{Scratch, Sums};
-use crate::shared::{Counters, MASKED, Params, TILE, max};
-use crate::splat::{Clamp, Hits, both, dim, first_pixel, middle, range};
-use spirv_std::glam::{UVec2, UVec3, Vec3, Vec4};
-use spirv_std::num_traits::Float;
+use crate::blend::{
+    Blend, Clamp, Hits, How, Place, Wave, behind, lockstep, middle, plain, range, wave,
+};
+use crate::list::{LANES, List, Native, PRODUCT, Splat};
+use crate::reduce::{Channels, Scratch, store, store_of_subgroup};
+use crate::rows::Rows;
+use crate::shared::{Counters, MASKED, Params, ROWS, WAVE_THREADS};
+use spirv_std::glam::{UVec2, UVec3, Vec2, Vec4};
 use spirv_std::spirv;
 
-/// Derivatives along four motions: u, v, u/z, v/z.
-type Motion = Vec4;
-
-/// The motions of four pixels.
-type Motions = [Vec4; 4];
-
-/// Four pixels, one below the other.
+/// Some rows of a column. Colours are without what the last splat and the background show.
 #[derive(Clone, Copy)]
-struct Four {
-    rgb: [Vec4; 3],
-    /// Negative once a pixel is finished.
-    transmittance: Vec4,
-    /// Derivatives are by [`PRODUCT`] too small.
-    d_r: Motions,
-    d_g: Motions,
-    d_b: Motions,
-    d_transmittance: Motions,
-}
-
-const NONE: Motions = [Vec4::ZERO; 4];
-
-impl Four {
-    const EMPTY: Four = Four {
-        rgb: [Vec4::ZERO; 3],
-        transmittance: Vec4::ONE,
-        d_r: NONE,
-        d_g: NONE,
-        d_b: NONE,
-        d_transmittance: NONE,
-    };
-
-    /// Blends a splat into the four pixels from `y` down. The splat's depth is inverted.
-    fn blend(self, s: &Splat, column: &Column, y: f32, clamp: Clamp) -> Four {
-        let hits = Hits::new(column.exponents(y), clamp, f32::exp2);
-        let (weights, transmittance) = dim(self.transmittance, hits.alphas);
-        // A splat that finishes the pixel is not counted.
-        let alphas = both(transmittance, hits.alphas, |t, alpha| if t < 0.0 { 0.0 } else { alpha });
-        // dα = −α v·dμ, v = Q d; nothing moves a clamped alpha.
-        let slopes = -hits.where_free(weights, clamp);
-        let [v_x, v_y] = column.pull(y);
-        let (u, v) = (slopes * v_x, slopes * v_y);
-        let front = [u, v, u * s.depth, v * s.depth];
-        let d_weights = plus(front, self.d_transmittance, alphas);
-        Four {
-            rgb: [
-                self.rgb[0] + weights * s.rgb[0],
-                self.rgb[1] + weights * s.rgb[1],
-                self.rgb[2] + weights * s.rgb[2],
-            ],
-            transmittance,
-            d_r: plus(self.d_r, d_weights, Vec4::splat(s.rgb[0])),
-            d_g: plus(self.d_g, d_weights, Vec4::splat(s.rgb[1])),
-            d_b: plus(self.d_b, d_weights, Vec4::splat(s.rgb[2])),
-            d_transmittance: plus(self.d_transmittance, d_weights, Vec4::NEG_ONE),
-        }
-    }
-
-    /// Negative if all pixels are finished.
-    fn left(&self) -> f32 {
-        let t = self.transmittance;
-        max(max(t.x, t.y), max(t.z, t.w))
-    }
-
-    /// Adds the pixels to the normal equations.
-    fn add(&self, sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32) -> Sums {
-        let sums = add(sums, params, frame, x, y, &self.pixel(|v| v.x));
-        let sums = add(sums, params, frame, x, y + 1, &self.pixel(|v| v.y));
-        let sums = add(sums, params, frame, x, y + 2, &self.pixel(|v| v.z));
-        add(sums, params, frame, x, y + 3, &self.pixel(|v| v.w))
-    }
-
-    fn pixel(&self, of: impl Fn(Vec4) -> f32) -> Pixel {
-        let motion = |d: Motions| Motion::new(of(d[0]), of(d[1]), of(d[2]), of(d[3]));
-        Pixel {
-            rgb: Vec3::new(of(self.rgb[0]), of(self.rgb[1]), of(self.rgb[2])),
-            transmittance: of(self.transmittance),
-            d_r: motion(self.d_r),
-            d_g: motion(self.d_g),
-            d_b: motion(self.d_b),
-            d_transmittance: motion(self.d_transmittance),
-        }
-    }
+struct Pixels<R> {
+    rgb: [R; 3],
+    /// 0 once a pixel is finished.
+    transmittance: R,
+    /// Derivatives along four motions, u, v, u/z, v/z; to be multiplied by [`PRODUCT`].
+    d_r: [R; 4],
+    d_g: [R; 4],
+    d_b: [R; 4],
+    d_transmittance: [R; 4],
 }
 
 /// `a + b scale`.
-fn plus(a: Motions, b: Motions, scale: Vec4) -> Motions {
+fn plus<R: Rows>(a: [R; 4], b: [R; 4], scale: f32) -> [R; 4] {
+    let scale = R::all(scale);
     [a[0] + b[0] * scale, a[1] + b[1] * scale, a[2] + b[2] * scale, a[3] + b[3] * scale]
 }
 
-/// A pixel when all is blended.
-struct Pixel {
-    rgb: Vec3,
-    transmittance: f32,
-    d_r: Motion,
-    d_g: Motion,
-    d_b: Motion,
-    d_transmittance: Motion,
+impl<R: Rows> Blend for Pixels<R> {
+    type Power = Native;
+    type Rows = R;
+    const STEPS: bool = true;
+
+    /// With its depth inverted.
+    fn prepared(s: Splat) -> Splat {
+        Splat { depth: 1.0 / s.depth, ..s }
+    }
+
+    fn blend(self, s: &Splat, x: f32, y: R, how: How) -> Pixels<R> {
+        let column = s.along(x);
+        let hits = Hits::new::<Native>(column.arguments(y), how.clamp);
+        let weights = hits.alphas * self.transmittance;
+        // dα = −α v·dμ, v = Q d; nothing moves a clamped alpha. dT ← (1 − α) dT − T dα.
+        let moved = hits.where_free(weights, how.clamp);
+        let [v_x, v_y] = column.pull(y);
+        let (u, v) = (moved * v_x, moved * v_y);
+        let inverse_depth = R::all(s.depth);
+        let kept = R::all(1.0) - hits.alphas;
+        let (t, d) = (self.transmittance, self.d_transmittance);
+        Pixels {
+            rgb: [
+                self.rgb[0] + t * R::all(s.rgb[0]),
+                self.rgb[1] + t * R::all(s.rgb[1]),
+                self.rgb[2] + t * R::all(s.rgb[2]),
+            ],
+            transmittance: behind(t, weights),
+            d_r: plus(self.d_r, d, s.rgb[0]),
+            d_g: plus(self.d_g, d, s.rgb[1]),
+            d_b: plus(self.d_b, d, s.rgb[2]),
+            d_transmittance: [
+                d[0] * kept + u,
+                d[1] * kept + v,
+                d[2] * kept + u * inverse_depth,
+                d[3] * kept + v * inverse_depth,
+            ],
+        }
+    }
+
+    fn left(&self) -> f32 {
+        self.transmittance.largest()
+    }
+}
+
+impl<R: Rows> Pixels<R> {
+    fn empty() -> Pixels<R> {
+        let none = R::all(0.0);
+        let still = [none, none, none, none];
+        Pixels {
+            rgb: [none, none, none],
+            transmittance: R::all(1.0),
+            d_r: still,
+            d_g: still,
+            d_b: still,
+            d_transmittance: still,
+        }
+    }
+
+    /// What the pixels from `(x, y)` down add to the normal equations: nothing if they are masked or outside of the
+    /// picture. `last`: the colour of the last splat.
+    fn channels(
+        &self,
+        params: &Params,
+        frame: &[f32],
+        [x, y]: [u32; 2],
+        last: [f32; 3],
+    ) -> Channels<R> {
+        let (width, height) = (params.width, params.height);
+        let (principal, focal) = (params.principal, params.focal);
+        let column = (x as f32 + 0.5 - principal[0]) / focal[0];
+        let row = R::down(y as f32 + 0.5).each(|y| (y - principal[1]) / focal[1]);
+        let ray = [R::all(column), row];
+        let (inside, left) = (x < width, (height - y.min(height)) as f32);
+        let counted = R::down(0.5).each(|k| if inside & (k < left) { 1.0 } else { 0.0 });
+        // Beyond the picture, the last pixels, which do not count.
+        let (x, last_row) = (x.min(width - 1), height - 1);
+        let first = params.frame_offset;
+        let place = |k: u32| first + ((y + k).min(last_row) * width + x) * 3;
+        let [a, b, c, d] = [place(0), place(1), place(2), place(3)];
+        let frame = [
+            R::load(frame, [a, b, c, d]),
+            R::load(frame, [a + 1, b + 1, c + 1, d + 1]),
+            R::load(frame, [a + 2, b + 2, c + 2, d + 2]),
+        ];
+        let counted = frame[0].both(counted, |r, c| if r <= MASKED { 0.0 } else { c });
+        let (focal, transmittance) = ([focal[0] * PRODUCT, focal[1] * PRODUCT], self.transmittance);
+        let moved = self.d_transmittance;
+        let channel = |frame: R, behind: f32, rgb: R, d: [R; 4]| {
+            let residual = rgb + transmittance * R::all(behind) - frame;
+            let [a, b, c, d, e, f] = pose_derivative(focal, ray, plus(d, moved, behind));
+            let only = |value: R| value.both(counted, |value, c| if c > 0.0 { value } else { 0.0 });
+            [only(a), only(b), only(c), only(d), only(e), only(f), only(residual)]
+        };
+        let background = params.background;
+        [
+            channel(frame[0], background[0] - last[0], self.rgb[0], self.d_r),
+            channel(frame[1], background[1] - last[1], self.rgb[1], self.d_g),
+            channel(frame[2], background[2] - last[2], self.rgb[2], self.d_b),
+        ]
+    }
 }
 
 /// One channel's derivative with respect to the pose from its four motions, at the ray `(x, y)`:
 /// `du = fx (ρx − x ρz)/z + fx (−xy θx + (1 + x²) θy − y θz)`, `dv` likewise.
-fn pose_derivative(params: &Params, ray: [f32; 2], d: Motion) -> (Vec3, Vec3) {
-    let (fx, fy) = (params.focal[0] * PRODUCT, params.focal[1] * PRODUCT);
-    let (x, y) = (ray[0], ray[1]);
-    let (u, v) = (fx * d.x, fy * d.y);
-    let (u_z, v_z) = (fx * d.z, fy * d.w);
-    let rho = Vec3::new(u_z, v_z, -(x * u_z + y * v_z));
-    let theta =
-        Vec3::new(-x * y * u - (1.0 + y * y) * v, (1.0 + x * x) * u + x * y * v, x * v - y * u);
-    (rho, theta)
+fn pose_derivative<R: Rows>(focal: [f32; 2], [x, y]: [R; 2], d: [R; 4]) -> [R; 6] {
+    let (fx, fy) = (R::all(focal[0]), R::all(focal[1]));
+    let (u, v) = (fx * d[0], fy * d[1]);
+    let (u_z, v_z) = (fx * d[2], fy * d[3]);
+    let one = R::all(1.0);
+    [
+        u_z,
+        v_z,
+        -(x * u_z + y * v_z),
+        -(x * y * u) - (one + y * y) * v,
+        (one + x * x) * u + x * y * v,
+        x * v - y * u,
+    ]
 }
 
-/// Adds one pixel to the normal equations, unless it is masked or outside of the picture.
-fn add(sums: Sums, params: &Params, frame: &[f32], x: u32, y: u32, p: &Pixel) -> Sums {
-    if (x >= params.width) | (y >= params.height) {
-        return sums;
-    }
-    let at = (params.frame_offset + (y * params.width + x) * 3) as usize;
-    if frame[at] <= MASKED {
-        return sums;
-    }
-    let ray = [
-        (x as f32 + 0.5 - params.principal[0]) / params.focal[0],
-        (y as f32 + 0.5 - params.principal[1]) / params.focal[1],
-    ];
-    let t = p.transmittance.abs();
-    let bg = params.background;
-    let (rho, theta) = pose_derivative(params, ray, p.d_r + p.d_transmittance * bg[0]);
-    let sums = sums.add(rho, theta, p.rgb.x + t * bg[0] - frame[at]);
-    let (rho, theta) = pose_derivative(params, ray, p.d_g + p.d_transmittance * bg[1]);
-    let sums = sums.add(rho, theta, p.rgb.y + t * bg[1] - frame[at + 1]);
-    let (rho, theta) = pose_derivative(params, ray, p.d_b + p.d_transmittance * bg[2]);
-    sums.add(rho, theta, p.rgb.z + t * bg[2] - frame[at + 2])
-}
-
-/// The splat with its depth inverted.
-fn with_inverse_depth(s: Splat) -> Splat {
-    Splat { depth: 1.0 / s.depth, ..s }
-}
-
-/// One workgroup per tile.
+/// Plain: one workgroup per tile.
 #[spirv(compute(threads(16)))]
 pub fn splat_flow(
     #[spirv(workgroup_id)] group: UVec3,
@@ -166,30 +170,18 @@ pub fn splat_flow(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] partials: &mut [f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] counters: &mut Counters,
 ) {
-    let [x, y] = first_pixel(group, lane);
-    let range = range(params, ranges, group);
-    let list = List { records, pair_splats, end: range.y, centre: middle([x, y]) };
-    let clamp = Clamp::new(params, clamp);
-    let mut pixels = Four::EMPTY;
-    let mut at = range.x;
-    while at < range.y {
-        let s = with_inverse_depth(list.load(at));
-        pixels = pixels.blend(&s, &s.along(0.0), -1.5, clamp);
-        at += 1;
-        if pixels.left() < 0.0 {
-            break;
-        }
-    }
-    if (at < range.y) & !(pixels.left() < 0.0) {
-        tell_cut(counters);
-    }
-    let sums = pixels.add(Sums::ZERO, params, frame, x, y);
-    sums.store(lane, group.y * params.tiles_x + group.x, scratch, partials);
+    let place = Place::of_group(group, lane, ROWS);
+    let range = range(params, ranges, place.tile);
+    let list = List { records, pair_splats, end: range.y, centre: middle(place.tile) };
+    let how = How { clamp: Clamp::new(params, clamp), depth: true };
+    let pixels = Pixels::<Vec4>::empty();
+    let (pixels, last) = plain(list, range.x, pixels, place.from_middle(), how, counters);
+    let channels = pixels.channels(params, frame, place.pixel(), last);
+    store(&channels, lane, group.y * params.tiles_x + group.x, scratch, partials);
 }
 
-/// The form for subgroups of eight: one workgroup per tile, with two subgroups for one half of the
-/// tile each. With one subgroup for all eight rows the instructions would take 40 KB, and more time, although loads
-/// would halve: docs/decisions.md, 7.
+/// Lockstep: one workgroup per tile, with two subgroups for one half of the tile each. With one subgroup for all eight
+/// rows the instructions would take 40 KB, and more time, although loads would halve: docs/decisions.md, 7.
 #[spirv(compute(threads(16)))]
 pub fn splat_flow_lockstep(
     #[spirv(workgroup_id)] group: UVec3,
@@ -205,31 +197,66 @@ pub fn splat_flow_lockstep(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] partials: &mut [f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] counters: &mut Counters,
 ) {
-    let range = range(params, ranges, group);
-    let [x, y] = first_pixel(group, half * LANES + lane);
-    let list = List { records, pair_splats, end: range.y, centre: middle([group.x * TILE, y]) };
-    let (column, clamp) = (lane as f32, Clamp::new(params, clamp));
-    let blend = |pixels: Four, s: Splat| pixels.blend(&s, &s.along(column), -1.5, clamp);
-    let mut pixels = Four::EMPTY;
-    let mut at = range.x;
-    while at < range.y {
-        let own = with_inverse_depth(list.load(at + lane));
-        pixels = blend(pixels, own.of(0));
-        pixels = blend(pixels, own.of(1));
-        pixels = blend(pixels, own.of(2));
-        pixels = blend(pixels, own.of(3));
-        pixels = blend(pixels, own.of(4));
-        pixels = blend(pixels, own.of(5));
-        pixels = blend(pixels, own.of(6));
-        pixels = blend(pixels, own.of(7));
-        at += LANES;
-        if largest(pixels.left(), lane) < 0.0 {
-            break;
-        }
-    }
-    if (at < range.y) & !(largest(pixels.left(), lane) < 0.0) {
-        tell_cut(counters);
-    }
-    let sums = pixels.add(Sums::ZERO, params, frame, x, y);
-    sums.store(half * LANES + lane, group.y * params.tiles_x + group.x, scratch, partials);
+    let place = Place::of_group(group, half * LANES + lane, ROWS);
+    let range = range(params, ranges, place.tile);
+    // Seen from the middle of the half's upper row, so that few terms remain.
+    let [x, y] = middle(place.tile);
+    let centre = [x, y - 3.5 + (half * ROWS) as f32];
+    let list = List { records, pair_splats, end: range.y, centre };
+    let how = How { clamp: Clamp::new(params, clamp), depth: true };
+    let first = [place.from_middle()[0], 0.0];
+    let pixels = Pixels::<Vec4>::empty();
+    let (pixels, last) = lockstep(list, range.x, pixels, first, how, lane, counters);
+    let channels = pixels.channels(params, frame, place.pixel(), last);
+    store(&channels, half * LANES + lane, group.y * params.tiles_x + group.x, scratch, partials);
 }
+
+/// Makes a wave form: one tile per subgroup of so many invocations, which blend rows of this type.
+macro_rules! wave_form {
+    ($name:ident, $subgroup:literal, $rows:ty) => {
+        /// Wave: one tile per subgroup.
+        #[spirv(compute(threads(128)))]
+        pub fn $name(
+            #[spirv(workgroup_id)] group: UVec3,
+            #[spirv(subgroup_id)] subgroup: u32,
+            #[spirv(subgroup_local_invocation_id)] lane: u32,
+            #[spirv(workgroup)] splats: &mut Wave,
+            #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] pair_splats: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[Vec4],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] frame: &[f32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] partials: &mut [f32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] counters: &mut Counters,
+        ) {
+            let place = Place::of_subgroup::<$subgroup>(group, subgroup, lane);
+            if place.tile[0] >= params.tiles_x {
+                return;
+            }
+            let range = range(params, ranges, place.tile);
+            let list = List { records, pair_splats, end: range.y, centre: middle(place.tile) };
+            let how = How { clamp: Clamp::new(params, clamp), depth: true };
+            let pixels = Pixels::<$rows>::empty();
+            let lanes = (lane, subgroup * $subgroup + lane);
+            let (pixels, last) = wave::<_, $subgroup>(
+                list,
+                range.x,
+                pixels,
+                place.from_middle(),
+                how,
+                lanes,
+                splats,
+                counters,
+            );
+            let channels = pixels.channels(params, frame, place.pixel(), last);
+            let tile = place.tile[1] * params.tiles_x + place.tile[0];
+            store_of_subgroup::<_, $subgroup>(&channels, lane, tile, partials);
+        }
+    };
+}
+
+const _: () = assert!(WAVE_THREADS == 128);
+wave_form!(splat_flow_wave16, 16, Vec4);
+wave_form!(splat_flow_wave32, 32, Vec2);
+wave_form!(splat_flow_wave64, 64, f32);

@@ -161,12 +161,9 @@ fn by_rotation(shape: &Shape, by_axes: [[f32; 3]; 3]) -> [f32; 4] {
     let [[b00, b10, b20], [b01, b11, b21], [b02, b12, b22]] = by_axes;
     let g = [
         2.0 * (z * (b10 - b01) + y * (b02 - b20) + x * (b21 - b12)),
-        2.0 * (y * (b01 + b10) + z * (b02 + b20) + w * (b21 - b12)
-            - 2.0 * x * (b11 + b22)),
-        2.0 * (x * (b01 + b10) + z * (b12 + b21) + w * (b02 - b20)
-            - 2.0 * y * (b00 + b22)),
-        2.0 * (x * (b02 + b20) + y * (b12 + b21) + w * (b10 - b01)
-            - 2.0 * z * (b00 + b11)),
+        2.0 * (y * (b01 + b10) + z * (b02 + b20) + w * (b21 - b12) - 2.0 * x * (b11 + b22)),
+        2.0 * (x * (b01 + b10) + z * (b12 + b21) + w * (b02 - b20) - 2.0 * y * (b00 + b22)),
+        2.0 * (x * (b02 + b20) + y * (b12 + b21) + w * (b10 - b01) - 2.0 * z * (b00 + b11)),
     ];
     let along = g[0] * w + g[1] * x + g[2] * y + g[3] * z;
     let by = 1.0 / shape.length;
@@ -240,8 +237,7 @@ fn spatial(params: &Params, shape: &Shape, seen: &Seen) -> Spatial {
     let [gu, gv] = seen.mean;
     let by_x = (params.focal[0] * gu + rx) * inverse_z;
     let by_y = (params.focal[1] * gv + ry) * inverse_z;
-    let by_z = -(dot(g0, m0) + dot(g1, m1)) * inverse_z
-        - (by_x * p[0] + by_y * p[1]) * inverse_z;
+    let by_z = -(dot(g0, m0) + dot(g1, m1)) * inverse_z - (by_x * p[0] + by_y * p[1]) * inverse_z;
     let by_world = [
         by_axis(params, ray, sx * g0[0], sy * g1[0]),
         by_axis(params, ray, sx * g0[1], sy * g1[1]),

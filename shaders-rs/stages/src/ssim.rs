@@ -10,7 +10,8 @@
 use crate::memory::{at, at_mut};
 use crate::shared::{PIXEL, Params, max, min};
 use crate::training::{
-    FRAME_BITS, FRAME_COUNTS, FRAME_MASK, FRAME_ONE, GRADIENT_PIXEL, RUN, SSIM_REACH, SSIM_WEIGHTS, Training,
+    FRAME_BITS, FRAME_COUNTS, FRAME_MASK, FRAME_ONE, GRADIENT_PIXEL, RUN, SSIM_REACH, SSIM_WEIGHTS,
+    Training,
 };
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::spirv;

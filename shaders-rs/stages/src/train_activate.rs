@@ -84,11 +84,8 @@ pub fn train_activate(
     }
     let shape = Shape::load(parameters, n, i);
     let [x, y, z] = shape.unit_axes();
-    let [a, b, c] = [
-        scaled(x, shape.scale[0]),
-        scaled(y, shape.scale[1]),
-        scaled(z, shape.scale[2]),
-    ];
+    let [a, b, c] =
+        [scaled(x, shape.scale[0]), scaled(y, shape.scale[1]), scaled(z, shape.scale[2])];
     let p = shape.position;
     put(geometry, n, 0, i, [p[0], p[1]]);
     put(geometry, n, 1, i, [p[2], shape.opacity]);

@@ -27,8 +27,7 @@ pub fn train_gradient(
         return;
     }
     let shape = Shape::load(parameters, n, i);
-    let own =
-        Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, i);
+    let own = Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, i);
     let mut k = 0;
     while k < 3 {
         *at_mut(gradients, (POSITION + k) * n + i) = own.position[k as usize];

@@ -6,9 +6,7 @@ use crate::memory::{at, at_mut};
 use crate::shared::{Counters, Params, dot};
 use crate::splat_gradient::Gradient;
 use crate::train_activate::Shape;
-use crate::training::{
-    FADING, LOG_SCALE, OPACITY, POSITION, ROTATION, SH, SlotCounters, Training,
-};
+use crate::training::{FADING, LOG_SCALE, OPACITY, POSITION, ROTATION, SH, SlotCounters, Training};
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::num_traits::Float;
 use spirv_std::spirv;
@@ -110,8 +108,7 @@ pub fn train_step(
         return;
     }
     let shape = Shape::load(parameters, n, i);
-    let own =
-        Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, i);
+    let own = Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, i);
     let rates = training.rates;
     let mut k = 0;
     while k < 3 {

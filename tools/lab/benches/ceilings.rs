@@ -53,7 +53,8 @@ impl Source {
 
     fn kernel(&self, device: &Device, bindings: u32, push: u32) -> Result<Kernel, Error> {
         let Module { entry, spirv } = self.module;
-        let code = Code { entry, spirv, bindings, push_words: push, constants: &[] };
+        let code =
+            Code { entry, spirv, bindings, push_words: push, constants: &[], subgroup: None };
         Kernel::new(device, self.name, &code)
     }
 }

@@ -52,7 +52,11 @@ fn copy(device: &Device) -> Result<f64, Error> {
 
 fn kernel(device: &Device, name: &'static str, module: &Module) -> Result<Kernel, Error> {
     let &Module { entry, spirv } = module;
-    Kernel::new(device, name, &Code { entry, spirv, bindings: 2, push_words: 0, constants: &[] })
+    Kernel::new(
+        device,
+        name,
+        &Code { entry, spirv, bindings: 2, push_words: 0, constants: &[], subgroup: None },
+    )
 }
 
 /// Device time of the fastest run, seconds.

@@ -56,18 +56,16 @@ impl WatchedPixel {
         if self.pixel.stopped {
             return;
         }
-        let Some(hit) = Hit::at(s, options, centre) else { return };
+        let Some(hit) = Hit::at(s, options, centre).map(|hit| hit.drawn(options)) else { return };
         let before = self.pixel;
         let counted = self.pixel.blend(s, &hit);
         let (payload, alpha) = (s.payload(), hit.alpha);
         let near = |value: f64, limit: f32, margin| (value / f64::from(limit) - 1.0).abs() < margin;
         let mut note = |what, before| self.close.push(Close { what, before, payload, alpha });
-        if near(alpha, ALPHA_MIN, CUT_MARGIN) {
+        if near(hit.full, ALPHA_MIN, CUT_MARGIN) {
             note(Decision::Cut { kept: counted }, before);
         }
-        if (counted || self.pixel.stopped)
-            && near(before.transmittance * (1.0 - alpha), TRANSMITTANCE_STOP, STOP_MARGIN)
-        {
+        if counted && near(before.transmittance * (1.0 - alpha), TRANSMITTANCE_STOP, STOP_MARGIN) {
             note(Decision::Stop, before);
         }
         if !counted {
@@ -112,9 +110,12 @@ impl Close {
                 alpha * ((rest - alpha * t * payload) / (1.0 - alpha) - t * payload)
             }
             Decision::Cut { kept: false } => alpha * (rest - t * payload),
-            // Either the splat and all behind it, or the background. What is behind the stop is not
-            // known. Its weight is 1e-4, and it is assumed to look like the splat.
-            Decision::Stop => (rest - t * background).abs() + t * (payload - background).abs(),
+            // What is behind the splat, or nothing. What that is is not known. Its weight is 1e-4, and it is assumed to
+            // look like the splat, or the background.
+            Decision::Stop => {
+                let rest = rest - alpha * t * payload;
+                rest.abs() + t * (1.0 - alpha) * payload.abs().max(background.abs())
+            }
             Decision::Order { payload: other, alpha: its } => {
                 t * alpha * its * (payload - other[k])
             }

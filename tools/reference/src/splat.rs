@@ -4,6 +4,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use nvsprior::{Camera, RenderOptions};
+use nvsprior_kernels::portable::{POWER_SCALE, POWER_SHIFT, POWER_SUM};
 use nvsprior_kernels::shared::{ALPHA_MIN, TRANSMITTANCE_STOP};
 
 use super::Channels;
@@ -20,6 +21,8 @@ pub fn background(options: &RenderOptions) -> Channels {
 pub struct Hit {
     /// Alpha after the clamp, before the cut.
     pub alpha: f64,
+    /// Alpha before the clamp: the cut looks at this.
+    pub full: f64,
     /// Whether the clamp holds it.
     pub clamped: bool,
     /// `v = Q d`, with d from the pixel's centre to the mean.
@@ -36,8 +39,20 @@ impl Hit {
         let exponent = -0.5 * (u * u + w * w);
         let full = s.opacity * exponent.exp();
         let alpha_max = f64::from(options.alpha_max);
-        let hit = Hit { alpha: full.min(alpha_max), clamped: full > alpha_max, v };
+        let hit = Hit { alpha: full.min(alpha_max), full, clamped: full > alpha_max, v };
         (exponent <= 0.0).then_some(hit)
+    }
+
+    /// With the alpha that pictures are drawn with: the power of 2 by the definition's polynomial.
+    pub fn drawn(self, options: &RenderOptions) -> Hit {
+        let s = f64::from(POWER_SHIFT) + f64::from(POWER_SCALE) * self.full.log2();
+        let alpha = (s * s + f64::from(POWER_SUM)).powi(32);
+        Hit { alpha: alpha.min(f64::from(options.alpha_max)), ..self }
+    }
+
+    /// Whether it is above the cut.
+    pub fn counts(&self) -> bool {
+        self.full >= f64::from(ALPHA_MIN)
     }
 }
 
@@ -48,7 +63,7 @@ pub struct Pixel {
     pub sum: Channels,
     /// Transmittance so far.
     pub transmittance: f64,
-    /// Whether the transmittance stop was met.
+    /// Whether a splat met the transmittance stop, so that the transmittance became 0.
     pub stopped: bool,
 }
 
@@ -61,19 +76,16 @@ impl Default for Pixel {
 impl Pixel {
     /// Blends a splat; returns whether it counted.
     pub fn blend(&mut self, s: &Projected, hit: &Hit) -> bool {
-        if self.stopped || !(hit.alpha >= f64::from(ALPHA_MIN)) {
+        if self.stopped || !hit.counts() {
             return false;
         }
         let next = self.transmittance * (1.0 - hit.alpha);
-        if !(next > f64::from(TRANSMITTANCE_STOP)) {
-            self.stopped = true;
-            return false;
-        }
+        self.stopped = !(next > f64::from(TRANSMITTANCE_STOP));
         let weight = hit.alpha * self.transmittance;
         for (sum, payload) in self.sum.iter_mut().zip(s.payload()) {
             *sum += weight * payload;
         }
-        self.transmittance = next;
+        self.transmittance = if self.stopped { 0.0 } else { next };
         true
     }
 

@@ -1,5 +1,5 @@
-//! The twin's exact Jacobian against central differences of the twin's picture. Medians are
-//! compared, as the cuts make true jumps, which grow as the step shrinks.
+//! The twin's exact Jacobian against central differences of the twin's colours. Both are with the exact power of 2, not
+//! with that of the final picture. Medians are compared, as the cuts make true jumps, which grow as the step shrinks.
 
 use nvsprior::geometry::Step;
 use nvsprior::render::Jacobian;
@@ -21,13 +21,13 @@ fn unit(k: usize, size: f64) -> Step {
 /// Relative errors of the Jacobian's entries along component `k` of τ.
 fn errors_along(twin: &Twin, camera: &Camera, pose: &Pose, k: usize) -> Vec<f64> {
     const STEP: f64 = 1e-6;
-    let samples = twin.samples(camera, pose, Jacobian::Exact);
-    let ahead = twin.render(camera, &pose.stepped(&unit(k, STEP)));
-    let behind = twin.render(camera, &pose.stepped(&unit(k, -STEP)));
+    let at = |pose: &Pose| twin.samples(camera, pose, Jacobian::Exact);
+    let samples = at(pose);
+    let (ahead, behind) = (at(&pose.stepped(&unit(k, STEP))), at(&pose.stepped(&unit(k, -STEP))));
     let mut errors = Vec::new();
     for (at, sample) in samples.iter().enumerate() {
         for channel in 0..3 {
-            let change = ahead.pixels[at][channel] - behind.pixels[at][channel];
+            let change = ahead[at].rgb[channel] - behind[at].rgb[channel];
             let (slope, d) = (change / (2.0 * STEP), sample.jacobian[channel][k]);
             if d.abs() > 1e-3 {
                 errors.push((slope - d).abs() / d.abs());
