@@ -1,0 +1,159 @@
+//! `make gpu-check`: what a GPU's compiler makes of the engine's pipelines, without a GPU. Mesa's RADV compiles for a
+//! GPU that is not in the machine, at subgroups of 32 and of 64. Nothing is submitted to that device: `docs/gpu.md`.
+
+mod assembly;
+mod row;
+mod table;
+mod units;
+
+use std::path::PathBuf;
+use std::process::{Command, ExitCode, Stdio};
+
+use anyhow::Context as _;
+use nvsprior::render::inspection;
+use nvsprior::vulkan::Device;
+
+use crate::report::write_json;
+use row::Row;
+use table::Comparison;
+use units::{IDLE, Idle};
+
+/// Ask a GPU's compiler about the engine's pipelines, without a GPU
+///
+/// Writes target/gpu-check/report.json. Fails if a pipeline spills registers, if it leaves lanes idle and is no known
+/// exception, or if the figures are not those of docs/gpu.md.
+#[derive(clap::Parser)]
+pub struct Args {
+    /// Writes the table of docs/gpu.md anew
+    #[arg(long)]
+    renew: bool,
+    /// The document with the table
+    #[arg(long, value_name = "FILE", default_value = "docs/gpu.md")]
+    document: PathBuf,
+    /// The folder that report.json is written to
+    #[arg(long, value_name = "DIR", default_value = "target/gpu-check")]
+    report: PathBuf,
+    /// Prints the rows of one size of subgroups as JSON; the driver must have been told that size
+    #[arg(long, value_name = "SIZE", hide = true)]
+    compile: Option<u32>,
+}
+
+/// Part of the name of the device without hardware.
+const NULL_DEVICE: &str = "Null hardware";
+
+/// Checks; the exit code says whether all is well.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    if let Some(subgroup) = args.compile {
+        println!("{}", serde_json::to_string(&compile(subgroup)?)?);
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut rows = in_child(32)?;
+    rows.extend(in_child(64)?);
+    std::fs::create_dir_all(&args.report)
+        .with_context(|| format!("creating {}", args.report.display()))?;
+    write_json(&args.report.join("report.json"), &rows)?;
+    for subgroup in [32, 64] {
+        println!("\nsubgroups of {subgroup}");
+        table::table(&rows, subgroup).print();
+    }
+    let mut faults = faults(&rows);
+    println!("\nidle lanes that are known:");
+    for idle in IDLE {
+        println!("  {} at subgroups of {:?}: {}", idle.module, idle.subgroups, idle.reason);
+    }
+    faults.extend(check_document(args, &rows)?);
+    for fault in &faults {
+        eprintln!("gpu-check: {fault}");
+    }
+    Ok(if faults.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Compiles all pipelines for subgroups of this size.
+fn compile(subgroup: u32) -> anyhow::Result<Vec<Row>> {
+    let device = Device::open_for_inspection(NULL_DEVICE, subgroup)
+        .context("Mesa's RADV makes the device; Debian's mesa-vulkan-drivers has it")?;
+    let stages = inspection::stages(&device)?;
+    let rows = row::rows(&stages, &device.info().driver)?;
+    for row in &rows {
+        let Row { stage, subgroup: compiled, .. } = row;
+        anyhow::ensure!(*compiled == subgroup, "{stage} was compiled for subgroups of {compiled}");
+    }
+    Ok(rows)
+}
+
+/// As [`compile`], in a process of its own: the driver reads its orders from the environment once.
+fn in_child(subgroup: u32) -> anyhow::Result<Vec<Row>> {
+    let mut command = Command::new(std::env::current_exe()?);
+    command.arg("--compile").arg(subgroup.to_string());
+    command.env("RADV_FORCE_FAMILY", "navi21").env("MESA_SHADER_CACHE_DISABLE", "true");
+    match subgroup {
+        32 => command.env("RADV_PERFTEST", "cswave32"),
+        _ => command.env_remove("RADV_PERFTEST"),
+    };
+    let output = command.stderr(Stdio::inherit()).output()?;
+    anyhow::ensure!(output.status.success(), "compiling for subgroups of {subgroup} failed");
+    serde_json::from_slice(&output.stdout).context("reading what the compiling process printed")
+}
+
+/// Spills, and idle lanes that are not known; known ones that are not idle any more.
+fn faults(rows: &[Row]) -> Vec<String> {
+    let mut faults = Vec::new();
+    for row in rows {
+        let Row { subgroup, spills, lanes_used, .. } = row;
+        let name = row.name();
+        if *spills > 0 {
+            faults.push(format!("{name} spills {spills} registers at subgroups of {subgroup}"));
+        }
+        let known = IDLE.iter().any(|idle| is_of(idle, row));
+        if *lanes_used < 1.0 && !known {
+            let used = 100.0 * lanes_used;
+            faults.push(format!("{name} uses {used:.0} % of its lanes at subgroups of {subgroup}"));
+        }
+    }
+    for idle in IDLE {
+        for subgroup in idle.subgroups {
+            let own = |row: &&Row| row.module == idle.module && row.subgroup == *subgroup;
+            if !rows.iter().filter(own).any(|row| row.lanes_used < 1.0) {
+                faults.push(format!(
+                    "{} has no idle lanes at subgroups of {subgroup}, and is a known exception: \
+                     tools/lab/src/gpu_check/units.rs",
+                    idle.module
+                ));
+            }
+        }
+    }
+    faults
+}
+
+fn is_of(idle: &Idle, row: &Row) -> bool {
+    idle.module == row.module && idle.subgroups.contains(&row.subgroup)
+}
+
+/// Renews the document, or tells how it differs.
+fn check_document(args: &Args, rows: &[Row]) -> anyhow::Result<Vec<String>> {
+    let path = &args.document;
+    let reading = || format!("reading {}", path.display());
+    let document = std::fs::read_to_string(path).with_context(reading)?;
+    let section = table::section(rows);
+    if args.renew {
+        let renewed = table::renewed(&document, &section)
+            .with_context(|| format!("{} has no place for the table", path.display()))?;
+        std::fs::write(path, renewed).with_context(|| format!("writing {}", path.display()))?;
+        return Ok(Vec::new());
+    }
+    let path = path.display();
+    Ok(match table::compare(&document, &section) {
+        Comparison::Same => Vec::new(),
+        Comparison::None => vec![format!("{path} has no table")],
+        Comparison::OtherCompiler(theirs) => {
+            println!("\nfigures not compared: the table of {path} is of another Mesa: {theirs}");
+            Vec::new()
+        }
+        Comparison::Different { before, now } => {
+            let before = before.iter().map(|line| format!("- {line}"));
+            let lines: Vec<_> = before.chain(now.iter().map(|line| format!("+ {line}"))).collect();
+            let lines = lines.join("\n");
+            vec![format!("{path} has other figures; `make gpu-check RENEW=1` renews it:\n{lines}")]
+        }
+    })
+}
