@@ -56,12 +56,22 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         println!("\nsubgroups of {subgroup}");
         table::table(&rows, subgroup).print();
     }
-    let mut faults = faults(&rows);
     println!("\nidle lanes that are known:");
     for idle in IDLE {
         println!("  {} at subgroups of {:?}: {}", idle.module, idle.subgroups, idle.reason);
     }
-    faults.extend(check_document(args, &rows)?);
+    let mut faults = faults(&rows, IDLE);
+    match check_document(args, &rows)? {
+        // Another version may choose other sizes for small workgroups.
+        Comparison::OtherCompiler(theirs) => println!(
+            "\nfigures and exceptions not compared: the table of {} is of another Mesa: {theirs}",
+            args.document.display()
+        ),
+        comparison => {
+            faults.extend(stale(&rows, IDLE));
+            faults.extend(fault_of(comparison, args));
+        }
+    }
     for fault in &faults {
         eprintln!("gpu-check: {fault}");
     }
@@ -73,12 +83,9 @@ fn compile(subgroup: u32) -> anyhow::Result<Vec<Row>> {
     let device = Device::open_for_inspection(NULL_DEVICE, subgroup)
         .context("Mesa's RADV makes the device; Debian's mesa-vulkan-drivers has it")?;
     let stages = inspection::stages(&device)?;
-    let rows = row::rows(&stages, &device.info().driver)?;
-    for row in &rows {
-        let Row { stage, subgroup: compiled, .. } = row;
-        anyhow::ensure!(*compiled == subgroup, "{stage} was compiled for subgroups of {compiled}");
-    }
-    Ok(rows)
+    let heeds = stages.iter().any(|stage| stage.compiled.subgroup == subgroup);
+    anyhow::ensure!(heeds, "the driver compiles nothing for subgroups of {subgroup}");
+    row::rows(&stages, &device.info().driver, subgroup)
 }
 
 /// As [`compile`], in a process of its own: the driver reads its orders from the environment once.
@@ -95,8 +102,8 @@ fn in_child(subgroup: u32) -> anyhow::Result<Vec<Row>> {
     serde_json::from_slice(&output.stdout).context("reading what the compiling process printed")
 }
 
-/// Spills, and idle lanes that are not known; known ones that are not idle any more.
-fn faults(rows: &[Row]) -> Vec<String> {
+/// Spills, and idle lanes that are not known.
+fn faults(rows: &[Row], exceptions: &[Idle]) -> Vec<String> {
     let mut faults = Vec::new();
     for row in rows {
         let Row { subgroup, spills, lanes_used, .. } = row;
@@ -104,33 +111,38 @@ fn faults(rows: &[Row]) -> Vec<String> {
         if *spills > 0 {
             faults.push(format!("{name} spills {spills} registers at subgroups of {subgroup}"));
         }
-        let known = IDLE.iter().any(|idle| is_of(idle, row));
+        let known = exceptions.iter().any(|idle| is_of(idle, row));
         if *lanes_used < 1.0 && !known {
             let used = 100.0 * lanes_used;
             faults.push(format!("{name} uses {used:.0} % of its lanes at subgroups of {subgroup}"));
         }
     }
-    for idle in IDLE {
-        for subgroup in idle.subgroups {
-            let own = |row: &&Row| row.module == idle.module && row.subgroup == *subgroup;
+    faults
+}
+
+/// Exceptions that are none any more.
+fn stale(rows: &[Row], exceptions: &[Idle]) -> Vec<String> {
+    let mut stale = Vec::new();
+    for Idle { module, subgroups, .. } in exceptions {
+        for subgroup in *subgroups {
+            let own = |row: &&Row| row.module == *module && row.subgroup == *subgroup;
             if !rows.iter().filter(own).any(|row| row.lanes_used < 1.0) {
-                faults.push(format!(
-                    "{} has no idle lanes at subgroups of {subgroup}, and is a known exception: \
-                     tools/lab/src/gpu_check/units.rs",
-                    idle.module
+                stale.push(format!(
+                    "{module} has no idle lanes at subgroups of {subgroup}, and is an exception in \
+                     tools/lab/src/gpu_check/units.rs"
                 ));
             }
         }
     }
-    faults
+    stale
 }
 
 fn is_of(idle: &Idle, row: &Row) -> bool {
     idle.module == row.module && idle.subgroups.contains(&row.subgroup)
 }
 
-/// Renews the document, or tells how it differs.
-fn check_document(args: &Args, rows: &[Row]) -> anyhow::Result<Vec<String>> {
+/// Renews the document, or compares it.
+fn check_document(args: &Args, rows: &[Row]) -> anyhow::Result<Comparison> {
     let path = &args.document;
     let reading = || format!("reading {}", path.display());
     let document = std::fs::read_to_string(path).with_context(reading)?;
@@ -139,21 +151,67 @@ fn check_document(args: &Args, rows: &[Row]) -> anyhow::Result<Vec<String>> {
         let renewed = table::renewed(&document, &section)
             .with_context(|| format!("{} has no place for the table", path.display()))?;
         std::fs::write(path, renewed).with_context(|| format!("writing {}", path.display()))?;
-        return Ok(Vec::new());
+        return Ok(Comparison::Same);
     }
-    let path = path.display();
-    Ok(match table::compare(&document, &section) {
-        Comparison::Same => Vec::new(),
-        Comparison::None => vec![format!("{path} has no table")],
-        Comparison::OtherCompiler(theirs) => {
-            println!("\nfigures not compared: the table of {path} is of another Mesa: {theirs}");
-            Vec::new()
-        }
+    Ok(table::compare(&document, &section))
+}
+
+/// What is wrong if the figures of the document differ.
+fn fault_of(comparison: Comparison, args: &Args) -> Option<String> {
+    let path = args.document.display();
+    match comparison {
+        Comparison::Same | Comparison::OtherCompiler(_) => None,
+        Comparison::None => Some(format!("{path} has no table")),
         Comparison::Different { before, now } => {
             let before = before.iter().map(|line| format!("- {line}"));
             let lines: Vec<_> = before.chain(now.iter().map(|line| format!("+ {line}"))).collect();
             let lines = lines.join("\n");
-            vec![format!("{path} has other figures; `make gpu-check RENEW=1` renews it:\n{lines}")]
+            Some(format!("{path} has other figures; `make gpu-check RENEW=1` renews it:\n{lines}"))
         }
-    })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(module: &str, subgroup: u32, lanes_used: f64, spills: u32) -> Row {
+        Row {
+            module: module.into(),
+            stage: module.into(),
+            subgroup,
+            lanes_used,
+            spills,
+            ..Row::default()
+        }
+    }
+
+    const SOLVE: &[Idle] = &[Idle { module: "solve", subgroups: &[32, 64], reason: "one" }];
+
+    #[test]
+    fn spills_and_unknown_idle_lanes_are_faults() {
+        let rows = [
+            row("solve", 32, 0.1, 0),
+            row("project", 32, 1.0, 2),
+            row("splat", 64, 0.5, 0),
+            row("reduce", 32, 1.0, 0),
+        ];
+        assert_eq!(
+            faults(&rows, SOLVE),
+            [
+                "project spills 2 registers at subgroups of 32",
+                "splat uses 50 % of its lanes at subgroups of 64"
+            ]
+        );
+    }
+
+    #[test]
+    fn an_exception_that_is_full_or_gone_is_a_fault() {
+        let idle = [row("solve", 32, 0.1, 0), row("solve", 64, 0.1, 0)];
+        assert!(stale(&idle, SOLVE).is_empty());
+        let [full, gone] = [&[row("solve", 64, 1.0, 0), idle[0].clone()], &idle[..1]]
+            .map(|rows| stale(rows, SOLVE));
+        assert_eq!(full, gone);
+        assert!(full[0].starts_with("solve has no idle lanes at subgroups of 64"), "{full:?}");
+    }
 }

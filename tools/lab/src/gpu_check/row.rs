@@ -13,7 +13,7 @@ use super::units::{unit, workers};
 const SUBGROUPS_PER_SIMD: f64 = 32.0;
 
 /// A pipeline.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The driver with its version, on which all figures depend.
     pub compiler: String,
@@ -23,8 +23,10 @@ pub struct Row {
     pub variant: String,
     /// Its file in `shaders-rs/kernels/spv`, without the ending.
     pub module: String,
-    /// Invocations of a subgroup.
+    /// Invocations of a subgroup that the driver was told to compile for.
     pub subgroup: u32,
+    /// Those that it has compiled for: newer drivers take fewer for small workgroups.
+    pub compiled_subgroup: u32,
     /// Invocations of a workgroup.
     pub workgroup: u32,
     /// Invocations that work, as a share of the lanes of the workgroup's subgroups.
@@ -56,10 +58,11 @@ pub struct Row {
 }
 
 /// The rows of some stages; one for all kinds of priors for which the figures are the same.
-pub fn rows(stages: &[Stage], compiler: &str) -> anyhow::Result<Vec<Row>> {
+pub fn rows(stages: &[Stage], compiler: &str, subgroup: u32) -> anyhow::Result<Vec<Row>> {
     let mut merged: Vec<(Row, Vec<PipelineKey>)> = Vec::new();
     for stage in stages {
-        let row = Row::of(stage, compiler).with_context(|| format!("pipeline {}", stage.name))?;
+        let row = Row::of(stage, compiler, subgroup);
+        let row = row.with_context(|| format!("pipeline {}", stage.name))?;
         match merged.iter_mut().find(|(other, _)| *other == row) {
             Some((_, priors)) => priors.extend(stage.prior),
             None => merged.push((row, stage.prior.into_iter().collect())),
@@ -92,11 +95,11 @@ fn variant(priors: &[PipelineKey]) -> String {
 }
 
 impl Row {
-    fn of(stage: &Stage, compiler: &str) -> anyhow::Result<Row> {
+    fn of(stage: &Stage, compiler: &str, subgroup: u32) -> anyhow::Result<Row> {
         let compiled = &stage.compiled;
         let module = compiled.entry.rsplit("::").next().unwrap_or_default();
-        let subgroup = compiled.subgroup;
         let workgroup = workgroup(module)?;
+        let workers = workers(module).unwrap_or(workgroup);
         let statistic = |name: &str| {
             let found = compiled.statistics.iter().find(|(own, _)| own.eq_ignore_ascii_case(name));
             found
@@ -118,8 +121,9 @@ impl Row {
             variant: String::new(),
             module: module.into(),
             subgroup,
+            compiled_subgroup: compiled.subgroup,
             workgroup,
-            lanes_used: lanes_used(workers(module).unwrap_or(workgroup), workgroup, subgroup),
+            lanes_used: lanes_used(workers, workgroup, compiled.subgroup),
             registers: whole("VGPRs")?,
             scalar_registers: whole("Pre-Sched SGPRs")?,
             spills: whole("Spilled SGPRs")? + whole("Spilled VGPRs")?,

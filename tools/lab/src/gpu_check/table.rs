@@ -139,23 +139,21 @@ mod tests {
         Row {
             compiler: "Mesa 1.2".into(),
             stage: stage.into(),
-            variant: String::new(),
             module: stage.into(),
             subgroup,
+            compiled_subgroup: subgroup,
             workgroup: 32,
             lanes_used: 32.0 / f64::from(subgroup),
             registers: 48,
             scalar_registers: 38,
             spills: 0,
-            scratch_bytes: 0,
             shared_bytes: 1024,
             occupancy: 21.0 / 32.0,
             instructions: 531,
-            by_kind: Default::default(),
             loop_unit: "key".into(),
             loop_instructions: Some(46.5),
             loop_transcendental: Some(0.0),
-            loops: Vec::new(),
+            ..Row::default()
         }
     }
 
