@@ -14,8 +14,10 @@ use nvsprior::render::inspection;
 use nvsprior::vulkan::Device;
 
 use crate::report::write_json;
-use row::Row;
+pub use assembly::{Instructions, Loop, work_loop};
+pub use row::Row;
 use table::Comparison;
+pub use units::workers;
 use units::{IDLE, Idle};
 
 /// Ask a GPU's compiler about the engine's pipelines, without a GPU

@@ -18,12 +18,22 @@ pub struct Instructions {
     pub transcendental: f64,
     /// One operation for the whole subgroup.
     pub scalar: f64,
+    /// Loads for the whole subgroup.
     pub scalar_loads: f64,
+    /// Branches, taken or not.
     pub branches: f64,
     /// Accesses to shared memory, and exchanges between lanes that go through it.
     pub shared: f64,
     /// Accesses to buffers by lane.
     pub memory: f64,
+}
+
+impl Instructions {
+    /// Slots of a scheduler that issues one instruction at a time, of whatever kind.
+    pub fn slots(&self) -> f64 {
+        let Instructions { vector, scalar, scalar_loads, branches, shared, memory, .. } = self;
+        vector + scalar + scalar_loads + branches + shared + memory
+    }
 }
 
 impl Add for Instructions {
@@ -71,6 +81,7 @@ pub struct Loop {
     pub rounds: Option<u32>,
     /// Of one round, without the loops inside.
     pub own: Instructions,
+    /// Loops inside.
     pub inner: Vec<Loop>,
 }
 
@@ -79,6 +90,16 @@ impl Loop {
     pub fn round(&self) -> Instructions {
         let inner = |inner: &Loop| inner.round() * f64::from(inner.rounds.unwrap_or(1));
         self.own + self.inner.iter().map(inner).sum()
+    }
+
+    /// All that stand in it.
+    pub fn standing(&self) -> Instructions {
+        self.own + self.inner.iter().map(Loop::standing).sum()
+    }
+
+    /// Whether it is that loop, or has it inside.
+    pub fn contains(&self, other: &Loop) -> bool {
+        std::ptr::eq(self, other) || self.inner.iter().any(|inner| inner.contains(other))
     }
 
     /// Whether the rounds of all loops inside are known.
