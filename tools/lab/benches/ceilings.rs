@@ -353,7 +353,6 @@ const ORIN_GPU: Gpu = Gpu {
     workgroups: 16.0,
     registers: 65_536.0,
     shared_bytes: 164.0 * 1024.0,
-    dependent: 4.0,
     load: 300.0,
     shared_load: 30.0,
     transcendental: 8.0,

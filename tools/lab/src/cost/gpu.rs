@@ -26,8 +26,6 @@ pub struct Gpu {
     pub registers: f64,
     /// Its shared memory.
     pub shared_bytes: f64,
-    /// Cycles from an instruction to the next one of its subgroup, as if each needed the result of the one before.
-    pub dependent: f64,
     /// Cycles from a load to its value.
     pub load: f64,
     /// Cycles from a load of shared memory to its value.
@@ -220,13 +218,13 @@ impl Gpu {
         let resident = self.resident(row, rounds.workgroups, working);
         let schedulers = self.schedulers.min(resident.subgroups);
         // A scheduler with few subgroups waits for results.
-        let share = (resident.subgroups / schedulers / self.dependent).min(1.0);
-        let cycles = all.slots().max(all.transcendental * self.transcendental);
+        let alone = all.alone / (resident.subgroups / schedulers);
+        let cycles = all.slots().max(all.transcendental * self.transcendental).max(alone);
         let waits = rounds.work * rounds.waits + FIRST_LOADS * invocations;
         let waiting = waits / lanes * self.load + all.shared * self.shared_load;
         let at_once = resident.multiprocessors * resident.subgroups;
         Ok(Some(Times {
-            issue: cycles / (resident.multiprocessors * schedulers * share) / self.clock,
+            issue: cycles / (resident.multiprocessors * schedulers) / self.clock,
             memory: cost.of(row.stage.trim_end_matches("_colour")).bytes / bytes,
             latency: (waiting / at_once + rounds.chain * self.load) / self.clock,
             dispatches: rounds.dispatches * dispatch,
@@ -247,7 +245,6 @@ mod tests {
         workgroups: 16.0,
         registers: 65_536.0,
         shared_bytes: 65_536.0,
-        dependent: 4.0,
         load: 300.0,
         shared_load: 30.0,
         transcendental: 8.0,
@@ -271,7 +268,9 @@ mod tests {
     const COST: Cost = Cost { counts: &COUNTS, sharing: &Sharing::GPU, passes: 3 };
 
     fn a_loop(rounds: Option<u32>, vector: f64, inner: Vec<Loop>) -> Loop {
-        Loop { rounds, own: Instructions { vector, ..Instructions::default() }, inner }
+        // As if each instruction needed the result of the one before.
+        let own = Instructions { vector, alone: 4.0 * vector, ..Instructions::default() };
+        Loop { rounds, own, inner }
     }
 
     fn row(stage: &str, workgroup: u32, loops: Vec<Loop>) -> Row {
@@ -317,7 +316,7 @@ mod tests {
         let inner = vec![a_loop(None, 4.0, vec![]), a_loop(Some(256), 5.0, vec![])];
         let scan = row("radix_scan", 256, vec![a_loop(None, 1.0, inner)]);
         let lanes = 3.0 * 1024.0 * (1.0 + 5.0 * 256.0) + 3.0 * 128.0 * 1024.0 / 4.0 * 4.0;
-        // Two of its eight subgroups on each of four schedulers, which then issue half of the time.
+        // Each of four schedulers has two of its eight subgroups, which wait for results half of the time.
         let expected = lanes / 32.0 / (4.0 * 0.5) / 1e9;
         assert!((times(&scan).issue / expected - 1.0).abs() < 1e-9);
         assert_eq!(times(&scan).dispatches, 3.0 * 5e-6);

@@ -26,7 +26,13 @@ pub struct Instructions {
     pub shared: f64,
     /// Accesses to buffers by lane.
     pub memory: f64,
+    /// Cycles in which one subgroup alone issues them in their order, a block at a time, with [`DEPENDENT`] cycles from
+    /// an instruction to one that needs its result. Loads are not waited for.
+    pub alone: f64,
 }
+
+/// Cycles from an instruction to one that needs its result.
+const DEPENDENT: u32 = 4;
 
 impl Instructions {
     /// Slots of a scheduler that issues one instruction at a time, of whatever kind.
@@ -48,6 +54,7 @@ impl Add for Instructions {
             branches: self.branches + b.branches,
             shared: self.shared + b.shared,
             memory: self.memory + b.memory,
+            alone: self.alone + b.alone,
         }
     }
 }
@@ -64,6 +71,7 @@ impl Mul<f64> for Instructions {
             branches: self.branches * times,
             shared: self.shared * times,
             memory: self.memory * times,
+            alone: self.alone * times,
         }
     }
 }
@@ -157,7 +165,19 @@ impl<'a> Assembly<'a> {
 
     /// All instructions.
     pub fn instructions(&self) -> Instructions {
-        self.lines.iter().map(Line::counted).sum()
+        self.counted(&(0..self.lines.len()).collect::<Vec<_>>())
+    }
+
+    /// Those of some lines.
+    fn counted(&self, lines: &[usize]) -> Instructions {
+        let mut sum: Instructions = lines.iter().map(|at| self.lines[*at].counted()).sum();
+        let ends_block =
+            |at: &usize| !matches!(&self.lines[*at], Line::Code(c) if c.branch().is_none());
+        for block in lines.split_inclusive(ends_block) {
+            let code: Vec<_> = self.code(block.iter().copied()).map(|(_, code)| code).collect();
+            sum.alone += f64::from(cycles_alone(&code));
+        }
+        sum
     }
 
     /// The outermost loops, in their order.
@@ -185,7 +205,7 @@ impl<'a> Assembly<'a> {
             let own: Vec<usize> = first.clone().filter(is_own).collect();
             loops.push(Loop {
                 rounds: self.rounds(first, &own),
-                own: own.iter().map(|at| self.lines[*at].counted()).sum(),
+                own: self.counted(&own),
                 inner: self.nested(inside),
             });
             ranges = after;
@@ -264,6 +284,39 @@ impl<'a> Assembly<'a> {
     }
 }
 
+/// Cycles until one subgroup has issued a block, each instruction when its operands are there.
+fn cycles_alone(block: &[&Code]) -> u32 {
+    let mut ready = BTreeMap::new();
+    let mut cycle = 0;
+    for code in block.iter().filter(|code| !code.calculates_nothing()) {
+        let names = || code.operands.iter().flat_map(|operand| registers(operand));
+        let start = names().filter_map(|name| ready.get(&name)).fold(cycle, |a, b| a.max(*b));
+        cycle = start + 1;
+        if code.makes_a_result() {
+            ready.extend(registers(code.operands[0]).into_iter().map(|r| (r, start + DEPENDENT)));
+        }
+    }
+    cycle
+}
+
+/// The registers of an operand; a pair of conditions counts as its lower half.
+fn registers(operand: &str) -> Vec<(char, u32)> {
+    let name = operand.trim_matches(['-', '|']).split(' ').next().unwrap_or_default();
+    let Some(kind) = name.chars().next().filter(|kind| ['v', 's'].contains(kind)) else {
+        return Vec::new();
+    };
+    if let Some(half) = name.strip_prefix("vcc") {
+        return vec![('c', u32::from(half == "_hi"))];
+    }
+    let rest = &name[1..];
+    let range = rest.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')?.split_once(':'));
+    let (first, last) = range.unwrap_or((rest, rest));
+    match (first.parse(), last.parse::<u32>()) {
+        (Ok(first), Ok(last)) => (first..=last).map(|number| (kind, number)).collect(),
+        _ => Vec::new(),
+    }
+}
+
 /// The loop that does a stage's work: of those that depend on the data and have no such loop inside, the one with the
 /// most vector instructions a round.
 pub fn work_loop(loops: &[Loop]) -> Option<&Loop> {
@@ -279,7 +332,8 @@ const NOTHING: [&str; 7] =
 
 impl Line<'_> {
     fn counted(&self) -> Instructions {
-        let Line::Code(Code { name, .. }) = self else { return Instructions::default() };
+        let Line::Code(code) = self else { return Instructions::default() };
+        let name = code.name;
         let mut one = Instructions::default();
         let is = |prefixes: &[&str]| prefixes.iter().any(|prefix| name.starts_with(prefix));
         let kind = match name.split_once('_').unwrap_or_default().0 {
@@ -290,7 +344,7 @@ impl Line<'_> {
             }
             "s" if is(&["s_load", "s_buffer_load"]) => &mut one.scalar_loads,
             "s" if is(&["s_branch", "s_cbranch"]) => &mut one.branches,
-            "s" if is(&NOTHING) => return one,
+            "s" if code.calculates_nothing() => return one,
             "s" => &mut one.scalar,
             "ds" => &mut one.shared,
             _ => &mut one.memory,
@@ -301,6 +355,17 @@ impl Line<'_> {
 }
 
 impl<'a> Code<'a> {
+    fn calculates_nothing(&self) -> bool {
+        NOTHING.iter().any(|prefix| self.name.starts_with(prefix))
+    }
+
+    /// Whether its first operand is a result that is there after some cycles: not a store, and no load, whose value
+    /// takes longer.
+    fn makes_a_result(&self) -> bool {
+        let is_load = ["s_load", "s_buffer"].iter().any(|prefix| self.name.starts_with(prefix));
+        (self.name.starts_with("v_") || self.name.starts_with("s_")) && !is_load
+    }
+
     /// The label that it branches to.
     fn branch(&self) -> Option<&'a str> {
         let branches = ["s_branch", "s_cbranch"].iter().any(|name| self.name.starts_with(name));
@@ -481,8 +546,28 @@ BB13:
             branches: 7.0,
             shared: 1.0,
             memory: 1.0,
+            alone: all.alone,
         };
         assert_eq!(all, expected);
+    }
+
+    #[test]
+    fn a_subgroup_alone_waits_for_results() {
+        let alone = |text: &str| Assembly::of(text).instructions().alone;
+        // Four that need nothing, four in a chain, and a pair of which one half is needed.
+        let free = "v_mov_b32_e32 v1, 1.0\nv_mov_b32_e32 v2, 1.0\nv_mov_b32_e32 v3, 1.0\nv_mov_b32_e32 v4, v0\n";
+        assert_eq!(alone(free), 4.0);
+        let chain = "v_add_f32_e32 v1, v0, v0\nv_mul_f32_e64 v2, -|v1|, v0\nv_add_f32_e32 v3, 1.0, v2\nv_mov_b32_e32 v4, v3\n";
+        assert_eq!(alone(chain), 13.0);
+        let pair = "v_lshrrev_b64 v[6:7], 0, 0\nv_mov_b32_e32 v1, v7\ns_waitcnt vmcnt(0)\nv_mov_b32_e32 v2, v0\n";
+        assert_eq!(alone(pair), 6.0);
+        // A new block begins anew; a load is not waited for.
+        assert_eq!(alone("v_mov_b32_e32 v1, 1.0\nBB1:\nv_mov_b32_e32 v2, v1\n"), 2.0);
+        assert_eq!(alone("buffer_load_dword v1, v0, s[4:7], 0 offen\nv_mov_b32_e32 v2, v1\n"), 2.0);
+        assert_eq!(
+            alone("v_cmp_lt_u32_e32 vcc_lo, s1, v1\nv_cndmask_b32_e32 v1, 0, v2, vcc_lo\n"),
+            5.0
+        );
     }
 
     #[test]
