@@ -8,7 +8,7 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 
 .PHONY: help demo demo-prior quick test gst gst-test c-test c-test-memory lint lib install uninstall package \
 	portability package-test firmware cross-aarch64 licences deb deb-test dist dist-test subproject-test abi-check \
-	abi-baseline shaders shaders-check shader-toolchain clean paper-test setup-test
+	abi-baseline shaders shaders-check shader-toolchain gpu-check clean paper-test setup-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -40,6 +40,7 @@ help:
 	@echo "make setup-test     runs targets in a bare Debian, as a new user would: TARGETS=\"demo test lib deb\""
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
+	@echo "make gpu-check      ask a GPU's compiler about them, without a GPU: docs/gpu.md; RENEW=1 renews its table"
 
 demo:
 	@scripts/setup.sh run
@@ -170,6 +171,10 @@ shaders: shader-toolchain
 
 shaders-check: shader-toolchain
 	cd shaders-rs && CARGO_TARGET_DIR=$(SHADER_TARGET) cargo run --release -p nvsprior-shaders-build -- --check
+
+gpu-check:
+	@scripts/setup.sh gpu-check
+	cargo run -p nvsprior-lab --bin gpu-check -- $(if $(RENEW),--renew)
 
 clean:
 	rm -rf target demo-out bench-out

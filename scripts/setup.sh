@@ -22,6 +22,10 @@ vulkan_loader() { ldconfig -p | grep -q 'libvulkan\.so\.1'; }
 vulkan_driver() {
     [ -n "${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}" ] || any /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json
 }
+radv() {
+    manifest=vulkan/icd.d/radeon_icd
+    [ -n "${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}" ] || any /usr/share/$manifest*.json /etc/$manifest*.json
+}
 validation_layer() {
     layer=vulkan/explicit_layer.d/VkLayer_khronos_validation.json
     [ -n "${VK_LAYER_PATH:-}" ] || any "/usr/share/$layer" "/etc/$layer"
@@ -47,6 +51,10 @@ look() {
         test)
             need vulkan-validationlayers "the Vulkan validation layer" validation_layer
             program spirv-val spirv-tools
+            ;;
+        gpu-check) # A driver that compiles for a GPU that is not there.
+            need libvulkan1 libvulkan.so.1 vulkan_loader
+            need mesa-vulkan-drivers "Mesa's RADV" radv
             ;;
         lint | licences)
             python

@@ -13,10 +13,7 @@ const GROUP: usize = 64;
 pub(crate) fn agrees(device: &Device) -> Result<bool, Error> {
     let mut random = Random::new(13);
     let numbers: Vec<[f32; 3]> = (0..SAMPLES).map(|_| numbers(&mut random)).collect();
-    let module = nvsprior_kernels::modules::arithmetic;
-    let (entry, spirv) = (module.entry, module.spirv);
-    let code = Code { entry, spirv, bindings: 2, push_words: 0, constants: &[], subgroup: None };
-    let kernel = Kernel::new(device, "arithmetic", &code)?;
+    let kernel = kernel(device)?;
     let from = Buffer::from_slice(device, "numbers", &numbers)?;
     let count = SAMPLES * RESULTS;
     let results = Buffer::new::<f32>(device, "results", count, Memory::Device)?;
@@ -27,6 +24,14 @@ pub(crate) fn agrees(device: &Device) -> Result<bool, Error> {
     recorder.finish()?.run()?;
     let expected = numbers.iter().flat_map(|[a, b, c]| sample(*a, *b, *c));
     Ok(std::iter::zip(read.read::<f32>(count), expected).all(|(a, b)| a.to_bits() == b.to_bits()))
+}
+
+/// The stage's pipeline.
+pub(crate) fn kernel(device: &Device) -> Result<Kernel, Error> {
+    let module = nvsprior_kernels::modules::arithmetic;
+    let (entry, spirv) = (module.entry, module.spirv);
+    let code = Code { entry, spirv, bindings: 2, push_words: 0, constants: &[], subgroup: None };
+    Kernel::new(device, "arithmetic", &code)
 }
 
 /// A positive number, one of any sign, and an exponent.

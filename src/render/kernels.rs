@@ -26,6 +26,12 @@ macro_rules! kernels {
         }
 
         impl $set {
+            /// All of them, with their names here.
+            #[cfg(feature = "inspection")]
+            pub(crate) fn all(&self) -> impl Iterator<Item = (&'static str, &Kernel)> {
+                [$((stringify!($name), &self.$name)),*].into_iter()
+            }
+
             /// Builds every pipeline, with these values of specialisation constants.
             fn build(device: &Device, constants: &[(u32, u32)]) -> Result<$set, Error> {
                 let in_lockstep = device.info().in_lockstep();

@@ -5,6 +5,8 @@ pub(crate) mod arithmetic;
 mod binning;
 pub mod definition;
 mod frame;
+#[cfg(feature = "inspection")]
+pub mod inspection;
 mod jacobian;
 mod kernels;
 pub(crate) mod levels;

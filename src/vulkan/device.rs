@@ -9,7 +9,7 @@ use std::time::Duration;
 use ash::{Entry, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
-use super::device_info::{DeviceInfo, ListedDevice};
+use super::device_info::{DeviceInfo, ListedDevice, NO_HARDWARE};
 use super::instance::{Instance, Opened};
 use super::{Error, GivenDevice, QueueLock, cache};
 
@@ -17,7 +17,7 @@ use super::{Error, GivenDevice, QueueLock, cache};
 #[derive(Clone, Debug, Default)]
 pub struct DeviceOptions {
     /// The device's index, or a part of its name or its driver's name. Default: the best device, first a discrete GPU,
-    /// then an integrated one, then a CPU.
+    /// then an integrated one, then a CPU. A device without hardware ([`DeviceInfo::is_null`]) is refused.
     pub device: Option<String>,
     /// Run under the Khronos validation layer and keep its messages.
     pub validation: bool,
@@ -68,6 +68,8 @@ pub(super) struct Inner {
     pub queue_family: u32,
     pub device: ash::Device,
     pub info: DeviceInfo,
+    /// Whether pipelines are made so that the compiler tells what it made of them.
+    pub inspected: bool,
     pub timestamp_period: f32,
     /// Whether the queue can tell the time.
     pub timestamps: bool,
@@ -82,7 +84,7 @@ pub(super) struct Inner {
     memory_limit: u64,
     /// Null if the driver makes none.
     pub pipeline_cache: vk::PipelineCache,
-    instance: ManuallyDrop<Instance>,
+    pub instance: ManuallyDrop<Instance>,
 }
 
 /// The queue, held for a submission.
@@ -178,11 +180,19 @@ impl Drop for Inner {
 impl Device {
     /// Opens the best device, or the one asked for, or takes the one given.
     pub fn open(options: &DeviceOptions) -> Result<Device, Error> {
-        let Opened { instance, physical, device, queue, queue_family, info } = match &options.given
-        {
+        let opened = match &options.given {
             Some(given) => given.open()?,
-            None => Opened::own(options.validation, options.device.as_deref())?,
+            None => Opened::own(options.validation, options.device.as_deref(), false)?,
         };
+        if opened.info.is_null() {
+            let found = format!("{} {NO_HARDWARE}", opened.info.name);
+            return Err(Error::NoDevice { found });
+        }
+        Device::with(opened, options)
+    }
+
+    pub(super) fn with(opened: Opened, options: &DeviceOptions) -> Result<Device, Error> {
+        let Opened { instance, physical, device, queue, queue_family, info, inspected } = opened;
         // SAFETY: `physical` is a device of this instance.
         let limits = unsafe { instance.instance.get_physical_device_properties(physical) }.limits;
         // SAFETY: as above.
@@ -218,6 +228,7 @@ impl Device {
                 queue_family,
                 device,
                 info,
+                inspected,
                 timestamp_period: limits.timestamp_period,
                 timestamps,
                 lost: AtomicBool::new(false),

@@ -79,7 +79,37 @@ pub struct DeviceInfo {
     pub portable: bool,
 }
 
+/// Why a device without hardware is not used.
+pub(super) const NO_HARDWARE: &str = "has no hardware: its driver compiles, and computes nothing";
+
 impl DeviceInfo {
+    /// For tests.
+    #[cfg(test)]
+    pub(super) const NONE: DeviceInfo = DeviceInfo {
+        name: String::new(),
+        kind: DeviceKind::Other,
+        driver: String::new(),
+        api: (1, 2),
+        subgroup: 32,
+        shuffles: true,
+        wave: None,
+        int64: true,
+        shared_memory: 0,
+        storage_range: 0,
+        allocation: 0,
+        heap: 0,
+        workgroups: 0,
+        unified: false,
+        rounding_control: false,
+        portable: false,
+    };
+
+    /// Whether there is no hardware, as on the device that Mesa's RADV makes for `RADV_FORCE_FAMILY`: its compiler
+    /// works, what is submitted is dropped. It calls itself a discrete GPU. No engine is made with it.
+    pub fn is_null(&self) -> bool {
+        self.name.starts_with("Null hardware")
+    }
+
     /// Whether the device runs a subgroup of eight invocations as one vector, as llvmpipe does. Some stages have a form
     /// for such devices, `…_lockstep`. It has no barriers and no shared copies, loads two words per access, and lanes
     /// hand each other what they loaded.

@@ -166,7 +166,7 @@ impl GivenDevice {
         // SAFETY: a device of this instance, whose vkGetDeviceProcAddr was found.
         let device = unsafe { ash::Device::load(instance.instance.fp_v1_0(), self.handles.device) };
         let queue = self.handles.queue;
-        Ok(Opened { instance, physical, device, queue, queue_family, info })
+        Ok(Opened { instance, physical, device, queue, queue_family, info, inspected: false })
     }
 
     /// The instance with its functions.

@@ -3,10 +3,10 @@
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex};
 
-use ash::{Entry, ext, vk};
+use ash::{Entry, ext, khr, vk};
 
 use super::Error;
-use super::device_info::{DeviceInfo, DeviceKind, ListedDevice};
+use super::device_info::{DeviceInfo, DeviceKind, ListedDevice, NO_HARDWARE};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
@@ -18,6 +18,8 @@ pub(super) struct Opened {
     pub queue: vk::Queue,
     pub queue_family: u32,
     pub info: DeviceInfo,
+    /// Whether the compiler is asked what it makes of pipelines.
+    pub inspected: bool,
 }
 
 pub(super) struct Instance {
@@ -71,22 +73,64 @@ fn is_the_one(wanted: &str, index: usize, info: &DeviceInfo) -> bool {
     }
 }
 
+/// A device to choose from, and its compute queue family, or why it does not fit.
+type Candidate = (DeviceInfo, Result<u32, &'static str>);
+
+/// The index of the device asked for, or of the one of the best kind, and its queue family. A device without hardware
+/// must be asked for.
+fn best(candidates: &[Candidate], wanted: Option<&str>) -> Result<(usize, u32), Error> {
+    let mut best: Option<(usize, u32)> = None;
+    let (mut passed_over, mut others) = (Vec::new(), Vec::new());
+    for (index, (info, family)) in candidates.iter().enumerate() {
+        match *family {
+            _ if wanted.is_some_and(|wanted| !is_the_one(wanted, index, info)) => {
+                others.push(format!("{index}: {}", info.name));
+            }
+            Err(reason) => passed_over.push(format!("{} {reason}", info.name)),
+            Ok(_) if info.is_null() && wanted.is_none() => {
+                passed_over.push(format!("{} {NO_HARDWARE}", info.name));
+            }
+            Ok(family) if best.is_none_or(|(best, _)| info.kind < candidates[best].0.kind) => {
+                best = Some((index, family));
+            }
+            Ok(_) => {}
+        }
+    }
+    best.ok_or_else(|| match wanted {
+        Some(wanted) if passed_over.is_empty() && !others.is_empty() => {
+            Error::UnknownDevice { wanted: wanted.to_owned(), found: others.join(", ") }
+        }
+        _ if passed_over.is_empty() => Error::NoDevice { found: "none found".into() },
+        _ => Error::NoDevice { found: passed_over.join(", ") },
+    })
+}
+
 impl Opened {
-    /// Opens a device of the system's drivers.
-    pub(super) fn own(validation: bool, wanted: Option<&str>) -> Result<Opened, Error> {
+    /// Opens a device of the system's drivers; `inspected`: with what its compiler tells.
+    pub(super) fn own(
+        validation: bool,
+        wanted: Option<&str>,
+        inspected: bool,
+    ) -> Result<Opened, Error> {
         // SAFETY: the library loaded is the system's Vulkan loader.
         let entry = unsafe { Entry::load() }.map_err(|e| Error::NoLoader(e.to_string()))?;
         let instance = Instance::new(entry, validation)?;
         let (physical, queue_family, info) = instance.choose(wanted)?;
-        let device = instance.open(physical, queue_family)?;
+        let device = instance.open(physical, queue_family, inspected)?;
         // SAFETY: the queue family was asked for when the device was made.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
-        Ok(Opened { instance, physical, device, queue, queue_family, info })
+        Ok(Opened { instance, physical, device, queue, queue_family, info, inspected })
     }
 }
 
-/// The subgroup size that the forms for waves are built for: [`DeviceInfo::wave`].
-fn wave(subgroup: u32, operations: vk::SubgroupFeatureFlags) -> Option<u32> {
+/// The subgroup size that the forms for waves are built for: [`DeviceInfo::wave`]. It is 32, if the device can, as fewer
+/// invocations wait for the longest loop than with 64; else the device's own.
+fn wave(
+    subgroup: u32,
+    [least, most]: [u32; 2],
+    operations: vk::SubgroupFeatureFlags,
+) -> Option<u32> {
+    let subgroup = if (least..=most).contains(&32) { 32 } else { subgroup };
     let needed = vk::SubgroupFeatureFlags::BASIC
         | vk::SubgroupFeatureFlags::VOTE
         | vk::SubgroupFeatureFlags::ARITHMETIC
@@ -165,29 +209,11 @@ impl Instance {
 
     /// The device asked for, or the one of the best kind.
     fn choose(&self, wanted: Option<&str>) -> Result<(vk::PhysicalDevice, u32, DeviceInfo), Error> {
-        let mut best: Option<(vk::PhysicalDevice, u32, DeviceInfo)> = None;
-        let (mut passed_over, mut others) = (Vec::new(), Vec::new());
-        for (index, device) in self.devices()?.into_iter().enumerate() {
-            let info = self.describe(device);
-            if wanted.is_some_and(|wanted| !is_the_one(wanted, index, &info)) {
-                others.push(format!("{index}: {}", info.name));
-                continue;
-            }
-            match self.queue_family(device) {
-                Err(reason) => passed_over.push(format!("{} {reason}", info.name)),
-                Ok(family) if best.as_ref().is_none_or(|b| info.kind < b.2.kind) => {
-                    best = Some((device, family, info));
-                }
-                Ok(_) => {}
-            }
-        }
-        best.ok_or_else(|| match wanted {
-            Some(wanted) if passed_over.is_empty() && !others.is_empty() => {
-                Error::UnknownDevice { wanted: wanted.to_owned(), found: others.join(", ") }
-            }
-            _ if passed_over.is_empty() => Error::NoDevice { found: "none found".into() },
-            _ => Error::NoDevice { found: passed_over.join(", ") },
-        })
+        let devices = self.devices()?;
+        let candidates: Vec<Candidate> =
+            devices.iter().map(|d| (self.describe(*d), self.queue_family(*d))).collect();
+        let (chosen, family) = best(&candidates, wanted)?;
+        Ok((devices[chosen], family, candidates[chosen].0.clone()))
     }
 
     pub(super) fn devices(&self) -> Result<Vec<vk::PhysicalDevice>, Error> {
@@ -200,10 +226,14 @@ impl Instance {
         // SAFETY: a plain query on a device of this instance.
         let memory = unsafe { self.instance.get_physical_device_memory_properties(device) };
         let heaps = memory.memory_heaps_as_slice().iter();
+        let info = self.describe(device);
         ListedDevice {
-            info: self.describe(device),
             memory: heaps.map(|heap| heap.size).max().unwrap_or(0),
-            unfit: self.queue_family(device).err(),
+            unfit: match self.queue_family(device) {
+                Ok(_) if info.is_null() => Some(NO_HARDWARE),
+                family => family.err(),
+            },
+            info,
         }
     }
 
@@ -249,7 +279,13 @@ impl Instance {
             api: (vk::api_version_major(p.api_version), vk::api_version_minor(p.api_version)),
             subgroup: subgroup.subgroup_size,
             shuffles: operations.contains(vk::SubgroupFeatureFlags::SHUFFLE),
-            wave: if full { wave(subgroup.subgroup_size, operations) } else { None },
+            wave: match full {
+                true => {
+                    let sizes = [sizes.min_subgroup_size, sizes.max_subgroup_size];
+                    wave(subgroup.subgroup_size, sizes, operations)
+                }
+                false => None,
+            },
             int64: features.shader_int64 == vk::TRUE,
             shared_memory: p.limits.max_compute_shared_memory_size,
             storage_range: u64::from(p.limits.max_storage_buffer_range),
@@ -304,7 +340,12 @@ impl Instance {
             .ok_or("has no compute queue")
     }
 
-    fn open(&self, physical: vk::PhysicalDevice, family: u32) -> Result<ash::Device, Error> {
+    fn open(
+        &self,
+        physical: vk::PhysicalDevice,
+        family: u32,
+        inspected: bool,
+    ) -> Result<ash::Device, Error> {
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(family)
@@ -321,13 +362,60 @@ impl Instance {
         let mut control = vk::PhysicalDeviceSubgroupSizeControlFeatures::default()
             .subgroup_size_control(true)
             .compute_full_subgroups(true);
-        let extensions = [ext::subgroup_size_control::NAME.as_ptr()];
+        let mut executables = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
+            .pipeline_executable_info(true);
+        let mut extensions = Vec::new();
         if self.controls_subgroup_size(physical) {
-            info = info.enabled_extension_names(&extensions).push_next(&mut control);
+            extensions.push(ext::subgroup_size_control::NAME.as_ptr());
+            info = info.push_next(&mut control);
         }
-        // SAFETY: `physical` has the family and the feature (`queue_family` checked both), and the extension if it is
-        // asked for.
+        if inspected {
+            extensions.push(khr::pipeline_executable_properties::NAME.as_ptr());
+            info = info.push_next(&mut executables);
+        }
+        info = info.enabled_extension_names(&extensions);
+        // SAFETY: `physical` has the family and the feature (`queue_family` checked both), and the first extension if it
+        // is asked for. If it lacks the second one, the call fails.
         unsafe { self.instance.create_device(physical, &info, None) }
             .map_err(Error::of("vkCreateDevice"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device(name: &str, kind: DeviceKind) -> DeviceInfo {
+        DeviceInfo { kind, name: name.into(), ..DeviceInfo::NONE }
+    }
+
+    /// A CPU driver, the device without hardware, and an old device.
+    fn candidates() -> Vec<Candidate> {
+        vec![
+            (device("llvmpipe", DeviceKind::Cpu), Ok(1)),
+            (device("Null hardware (RADV NAVI21)", DeviceKind::DiscreteGpu), Ok(2)),
+            (device("old", DeviceKind::DiscreteGpu), Err("is old")),
+        ]
+    }
+
+    #[test]
+    fn a_device_without_hardware_is_chosen_only_if_it_is_asked_for() {
+        let candidates = candidates();
+        assert_eq!(best(&candidates, None).unwrap(), (0, 1));
+        assert_eq!(best(&candidates, Some("Null hardware")).unwrap(), (1, 2));
+        assert_eq!(best(&candidates, Some("1")).unwrap(), (1, 2));
+        let error = best(&candidates[1..], None).unwrap_err().to_string();
+        assert!(error.contains("Null hardware (RADV NAVI21) has no hardware"), "{error}");
+    }
+
+    #[test]
+    fn the_best_kind_of_device_is_chosen() {
+        let mut candidates = candidates();
+        candidates.push((device("a GPU", DeviceKind::IntegratedGpu), Ok(3)));
+        assert_eq!(best(&candidates, None).unwrap(), (3, 3));
+        assert_eq!(best(&candidates, Some("llvm")).unwrap(), (0, 1));
+        let error = |wanted| best(&candidates, Some(wanted)).unwrap_err();
+        assert!(matches!(error("old"), Error::NoDevice { found } if found == "old is old"));
+        assert!(matches!(error("new"), Error::UnknownDevice { .. }));
     }
 }

@@ -16,12 +16,14 @@ pub struct Kernel {
 
 pub(super) struct Pipeline {
     pub name: &'static str,
+    #[cfg(feature = "inspection")]
+    pub entry: &'static str,
     pub bindings: u32,
     pub push_bytes: u32,
     pub pipeline: vk::Pipeline,
     pub layout: vk::PipelineLayout,
     pub set_layout: vk::DescriptorSetLayout,
-    device: Arc<Inner>,
+    pub device: Arc<Inner>,
 }
 
 impl Drop for Pipeline {
@@ -43,7 +45,7 @@ impl Drop for Pipeline {
 /// What a pipeline is made of.
 pub struct Code<'a> {
     /// Entry point.
-    pub entry: &'a str,
+    pub entry: &'static str,
     /// Its module.
     pub spirv: &'a [u8],
     /// Storage buffers that it uses.
@@ -62,6 +64,8 @@ impl Kernel {
         let inner = device.inner.clone();
         let mut pipeline = Pipeline {
             name,
+            #[cfg(feature = "inspection")]
+            entry: code.entry,
             bindings: code.bindings,
             push_bytes: code.push_words * 4,
             pipeline: vk::Pipeline::null(),
@@ -135,7 +139,13 @@ impl Pipeline {
             let full = vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS;
             stage = stage.flags(full).push_next(&mut subgroup);
         }
-        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
+        let mut info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
+        if self.device.inspected {
+            info = info.flags(
+                vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR
+                    | vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR,
+            );
+        }
         // SAFETY: layout and module are valid; the module may go once the pipeline is made. A size of subgroups is asked
         // for if the device was made with the feature: `DeviceInfo::wave`.
         let made = unsafe {

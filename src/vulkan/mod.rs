@@ -9,6 +9,8 @@ mod device;
 mod device_info;
 mod error;
 mod given;
+#[cfg(feature = "inspection")]
+mod inspection;
 mod instance;
 mod kernel;
 mod spirv;
@@ -22,4 +24,6 @@ pub use device::{Device, DeviceOptions, MemoryUse, devices};
 pub use device_info::{DeviceInfo, DeviceKind, ListedDevice};
 pub use error::Error;
 pub use given::{DeviceHandles, EnabledFeatures, GivenDevice, QueueLock};
+#[cfg(feature = "inspection")]
+pub use inspection::Compiled;
 pub use kernel::{Code, Kernel};

@@ -1,6 +1,6 @@
 //! Measures how near the stages come to what the device can do, and to the same stages written by
 //! hand in GLSL (`glsl/`): `cargo bench -p nvsprior-lab`. Uses the reef if its data lies beside the
-//! project, else the tests' wall.
+//! project, else the tests' wall. `-- orin` only predicts what a Jetson Orin takes.
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;
@@ -8,6 +8,8 @@ mod common;
 mod scene;
 
 use std::sync::Arc;
+
+use anyhow::Context as _;
 
 use nvsprior::render::probe::{SortPrecision, Stages};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer, Scene};
@@ -21,8 +23,10 @@ use nvsprior_kernels::shared::{CULLED, Counters, DIGITS, PIXEL, Params, SUMS, TA
 use nvsprior_lab::ceilings::{self, Ceilings};
 
 use nvsprior_lab::cost::{
-    Cost, Counts, FLOW_FLOPS, Machine, PICTURE_FLOPS, PICTURE_PASSES, SEARCH_PASSES, Sharing, Work,
+    Cost, Counts, FLOW_FLOPS, Gpu, Machine, PICTURE_FLOPS, PICTURE_PASSES, SEARCH_PASSES, Sharing,
+    Work,
 };
+use nvsprior_lab::gpu_check::Row;
 
 /// Runs of each kernel, in turn with those that it is compared with. The fastest counts.
 const RUNS: usize = 60;
@@ -339,6 +343,92 @@ const ORIN: Machine = Machine {
     sharing: Sharing::GPU,
 };
 
+/// The same, as the model sees it that knows what a compiler makes of the stages. Published (CUDA C++ Programming
+/// Guide, compute capability 8.7): what a multiprocessor holds, and 16 transcendental operations per cycle. Assumed:
+/// cycles until a result or a load is there.
+const ORIN_GPU: Gpu = Gpu {
+    multiprocessors: 8.0,
+    schedulers: 4.0,
+    clock: 918e6,
+    subgroups: 48.0,
+    workgroups: 16.0,
+    registers: 65_536.0,
+    shared_bytes: 164.0 * 1024.0,
+    load: 300.0,
+    shared_load: 30.0,
+    transcendental: 8.0,
+};
+
+/// The report of `make gpu-check`, from the project's folder.
+const GPU_CHECK: &str = "../../target/gpu-check/report.json";
+
+/// Prints what a Jetson Orin should take for the stages of a picture, or of an evaluation: by operations, and by what a
+/// compiler makes of the stages.
+fn predict(c: &Counts, evaluation: bool, rows: &[Row]) -> anyhow::Result<()> {
+    const BLENDED: [(&str, &str); 7] = [
+        ("project", "project"),
+        ("radix", "radix_count"),
+        ("radix", "radix_scan"),
+        ("radix", "radix_scatter"),
+        ("bin", "bin_count"),
+        ("bin", "bin_scan"),
+        ("bin", "bin_emit"),
+    ];
+    const PICTURE_ENDS: [(&str, &str); 4] = [
+        ("splat", "splat"),
+        ("small", "decode_pose"),
+        ("small", "quantize_rgb8"),
+        ("small", "difference"),
+    ];
+    const EVALUATION_ENDS: [(&str, &str); 2] = [("splat_flow", "splat_flow"), ("reduce", "solve")];
+    let (name, passes, ends) = match evaluation {
+        true => ("evaluation", SEARCH_PASSES, EVALUATION_ENDS.as_slice()),
+        false => ("picture", PICTURE_PASSES, PICTURE_ENDS.as_slice()),
+    };
+    println!("  {name} on {}, us: by operations; by the compiled stages", ORIN.name);
+    let cost = Cost { counts: c, sharing: &ORIN.sharing, passes };
+    let mut total = [0.0; 2];
+    let mut part_before = "";
+    for (part, stage) in BLENDED.iter().chain(ends) {
+        if *part != part_before {
+            let old = ORIN.seconds(&work(part, c, &ORIN, passes)) * 1e6;
+            println!("    {part}: {old:.0}");
+            (part_before, total[0]) = (part, total[0] + old);
+        }
+        // Of the variants the one with the most work.
+        let own = rows.iter().filter(|row| row.stage == *stage && row.subgroup == 32);
+        let row = own.max_by(|a, b| a.instructions.cmp(&b.instructions));
+        let row = row.with_context(|| format!("{GPU_CHECK} has no stage {stage}"))?;
+        let Some(times) = ORIN_GPU.times(row, &cost, ORIN.bytes, ORIN.dispatch)? else { continue };
+        let new = times.seconds() * 1e6;
+        let [issue, memory, latency, dispatches] =
+            [times.issue, times.memory, times.latency, times.dispatches].map(|s| s * 1e6);
+        print!("      {stage:13} {new:5.0}: issue {issue:5.0}, memory {memory:4.0}, ");
+        println!("latency {latency:5.0}, dispatches {dispatches:3.0}; {}", times.bound());
+        total[1] += new;
+    }
+    println!("    all: {:.0}; {:.0}", total[0], total[1]);
+    Ok(())
+}
+
+/// What a Jetson Orin should take for the levels of a prior.
+fn orin(engine: &Engine, seen: &PriorView) -> anyhow::Result<()> {
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(GPU_CHECK);
+    let Ok(text) = std::fs::read_to_string(file) else {
+        println!("no prediction by compiled stages: `make gpu-check` writes {GPU_CHECK}");
+        return Ok(());
+    };
+    let rows: Vec<Row> = serde_json::from_str(&text)?;
+    println!("stages compiled by {}", rows.first().map_or("nothing", |row| &row.compiler));
+    for (level, factor) in [1, 2, 4].into_iter().enumerate() {
+        let counts = LevelView::new(engine, seen, factor)?.counts(seen);
+        println!("level {level}");
+        predict(&counts, false, &rows)?;
+        predict(&counts, true, &rows)?;
+    }
+    Ok(())
+}
+
 /// Fastest times of the stages of a job at a level, in milliseconds.
 fn measured(renderer: &mut Renderer, level: usize, job: Job, pose: &Pose) -> Times {
     let mut best: Vec<StageTime> = Vec::new();
@@ -449,11 +539,15 @@ fn predicting(
     Ok(())
 }
 
-fn main() -> Result<(), Error> {
+fn main() -> anyhow::Result<()> {
     let engine = Engine::new(&DeviceOptions::default())?;
     let device = engine.vulkan();
     println!("{}", engine.device());
     let seen = PriorView::new(&engine)?;
+    orin(&engine, &seen)?;
+    if std::env::args().any(|argument| argument == "orin") {
+        return Ok(());
+    }
     let view = LevelView::new(&engine, &seen, 1)?;
     let mut best = Best { engine: &engine, ceilings: ceilings::measure(engine.vulkan())? };
     blending(&seen, &view, &mut best)?;
@@ -465,5 +559,5 @@ fn main() -> Result<(), Error> {
     sorting(device, &[largest.unwrap_or(0)], &mut best)?;
     println!("multiply-adds: {:.1} GFLOP/s", best.ceilings.flops * 1e-9);
     println!("copy by words: {:.2} GB/s", best.ceilings.bytes * 1e-9);
-    predicting(&engine, device, &seen, &best)
+    Ok(predicting(&engine, device, &seen, &best)?)
 }

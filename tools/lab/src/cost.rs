@@ -7,11 +7,13 @@
 //! estimates, best for the blending.
 
 mod counts;
+mod gpu;
 
 use nvsprior::{Engine, Prior};
 use nvsprior_kernels::shared::{DIGITS, SUMS};
 
 pub use counts::Counts;
+pub use gpu::{Gpu, Times};
 
 /// Passes of a picture's sort, and of that of an evaluation nobody sees.
 pub const PICTURE_PASSES: u32 = DIGITS;

@@ -1,11 +1,13 @@
 //! Measures the engine: run time and error ([`mod@bench`]), numbers at their extremes ([`stability`]), whether a device
 //! is portable ([`verify_device`]), what a device can do at best ([`ceilings`]), how much of that each stage should
-//! take ([`cost`]), and what a pilot sees over a link ([`mod@link`]).
+//! take ([`cost`]), what a GPU's compiler makes of the stages ([`gpu_check`]), and what a pilot sees over a link
+//! ([`mod@link`]).
 
 pub mod bench;
 pub mod ceilings;
 pub mod cost;
 mod ffmpeg;
+pub mod gpu_check;
 pub mod link;
 mod report;
 pub mod stability;

@@ -192,3 +192,20 @@ fn devices_are_listed() {
     let none = [("VK_ICD_FILENAMES", "none.json"), ("VK_DRIVER_FILES", "none.json")];
     dive.run_with("devices", &none).ends_with(1).says("apt-get install mesa-vulkan-drivers");
 }
+
+/// RADV compiles for a GPU that is not there, and calls that a discrete GPU. Its driver may be missing.
+#[test]
+fn a_device_without_hardware_is_listed_and_never_used() {
+    let dive = Dive::new();
+    let null = [("RADV_FORCE_FAMILY", "navi21")];
+    let run = dive.run_with("devices", &null).ends_with(0);
+    let Some((_, rest)) = run.stdout.split_once("Null hardware") else {
+        eprintln!("skipped: Mesa's RADV is not installed");
+        return;
+    };
+    let rest = rest.lines().take(4).collect::<Vec<_>>().join("\n");
+    assert!(rest.contains("cannot run nvsprior: it has no hardware"), "{}", run.stdout);
+    dive.run_with("verify-device --scenes 1 --device Null", &null).ends_with(1).says("no hardware");
+    let run = dive.run_with("verify-device --scenes 1", &null).ends_with(0);
+    assert!(!run.stderr.contains("Null hardware"), "{}", run.stderr);
+}
