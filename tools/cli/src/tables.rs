@@ -149,7 +149,6 @@ fn pairs(args: &Args, prior: &Prior, frames: &[Input]) -> anyhow::Result<Vec<Pai
         }
         bar.inc(1);
     }
-    bar.finish_and_clear();
     args.device.check(&engine)?;
     Ok(pairs)
 }
@@ -160,7 +159,6 @@ fn train(pairs: &[Pair], rounds: usize) -> Tables {
     let bar = progress(rounds, "training");
     bar.tick();
     let tables = train_tables(pairs, Some(&Tables::generic()), &options, |_| bar.inc(1));
-    bar.finish_and_clear();
     tables
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use nvsprior::render::Scene;
 use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::DeviceOptions;
@@ -178,14 +178,21 @@ pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     }
 }
 
-/// A progress bar on standard error; silent if that is no terminal.
+/// A progress bar on standard error; silent if that is no terminal. It goes when it is dropped.
 pub fn progress(length: usize, what: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len} {eta}");
     let bar = ProgressBar::new(length as u64).with_message(what);
+    let bar = bar.with_finish(ProgressFinish::AndClear);
     match style {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }
+}
+
+/// Does work that says when each of `length` parts is done, behind a progress bar.
+pub fn with_progress<T>(length: usize, what: &'static str, work: impl FnOnce(&dyn Fn()) -> T) -> T {
+    let bar = progress(length, what);
+    work(&|| bar.inc(1))
 }
 
 #[cfg(test)]

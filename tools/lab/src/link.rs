@@ -15,7 +15,7 @@ use nvsprior::image::Preprocessor;
 use nvsprior::modem::{Loss, ModemError};
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Mode, Picture};
-use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::mode::ModeArgs;
@@ -290,9 +290,9 @@ fn compare(
     fps: f64,
     outcomes: &mut [Outcome],
 ) -> anyhow::Result<()> {
-    let bar = progress(Video::codings(coder), coder.name());
-    let video = Video::code(coder, frames, fps, || bar.inc(1))?;
-    bar.finish_and_clear();
+    let video = with_progress(Video::codings(coder), coder.name(), |done| {
+        Video::code(coder, frames, fps, done)
+    })?;
     for outcome in outcomes {
         outcome.beside.extend(video.beside(outcome, frames)?);
     }

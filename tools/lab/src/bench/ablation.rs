@@ -21,7 +21,7 @@ use super::context::{Best, Context};
 use super::optimum;
 use judge::{Judge, Verdict};
 use method::{Attempt, Method, Searches};
-use nvsprior_inputs::args::progress;
+use nvsprior_inputs::args::{progress, with_progress};
 use nvsprior_inputs::values;
 use perturbation::{Kind, Limits, Perturbation};
 use start::StartTrial;
@@ -91,18 +91,15 @@ pub struct Ablation {
 
 /// Measures, prints and writes it all to a folder.
 pub fn run(args: &AblationArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
-    let bar = progress(context.shots.len(), "best poses");
-    optimum::find(context, || bar.inc(1))?;
-    bar.finish_and_clear();
+    optimum::find(context)?;
 
     let limits = args.limits();
     let mut searches = Searches::new(context)?;
     let mut judge = Judge::default();
     let trials = measure(args, context, &mut searches, &mut judge)?;
-    let bar = progress(start::count(context), "sources of starts");
-    let starts = start::measure(context, &mut searches, &mut judge, || bar.inc(1))?;
-    bar.finish_and_clear();
-
+    let starts = with_progress(start::count(context), "sources of starts", |done| {
+        start::measure(context, &mut searches, &mut judge, done)
+    })?;
     let ablation = Ablation { limits, trials, starts };
     summary::print(context, &ablation);
     summary::write(&folder.join("ablation.json"), context, &ablation)?;
@@ -145,7 +142,6 @@ fn measure(
             }
         }
     }
-    bar.finish_and_clear();
     Ok(trials)
 }
 

@@ -28,7 +28,6 @@ use super::context::Context;
 use super::optimum;
 use super::perturbed::SHORT;
 use condition::Condition;
-use nvsprior_inputs::args::progress;
 use probe::Run;
 
 /// Further below the best known pose's render than this, a pose is wrong, dB.
@@ -142,9 +141,7 @@ pub fn run(args: &RecoveryArgs, context: &mut Context, folder: &Path) -> anyhow:
     }
     let foreign = args.foreign.as_deref().filter(|_| args.measures(Measurement::Foreign));
     let foreign = foreign.map(|path| Prior::open(path, &Default::default())).transpose()?;
-    let bar = progress(context.shots.len(), "best poses");
-    optimum::find(context, || bar.inc(1))?;
-    bar.finish_and_clear();
+    optimum::find(context)?;
 
     let runs = measure(args, context, foreign.as_ref())?;
     let columns = summary::columns(&runs);

@@ -45,7 +45,6 @@ pub fn estimates(context: &Context) -> anyhow::Result<Option<Estimates>> {
         estimates.ms += ms / context.shots.len() as f64;
         bar.inc(1);
     }
-    bar.finish_and_clear();
     Ok(Some(estimates))
 }
 

@@ -47,7 +47,6 @@ pub fn measure(
             bar.inc(1);
         }
     }
-    bar.finish_and_clear();
     Ok(runs)
 }
 
@@ -84,6 +83,5 @@ fn rolled(context: &mut Context, trials: usize) -> anyhow::Result<Vec<Rolled>> {
         copies.push(Rolled { shot, best, degrees: angle.to_degrees(), shown });
         bar.inc(1);
     }
-    bar.finish_and_clear();
     Ok(copies)
 }
