@@ -19,23 +19,18 @@ use std::time::Duration;
 
 /// Why a queue refuses a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum QueueError {
-    /// As many frames are under way as there are slots.
     #[error("all frames that may be under way are: finish the first, or cancel them")]
     Full,
-    /// A frame that was cancelled has not ended yet.
     #[error("a frame that was cancelled has not ended yet")]
     Ending,
-    /// A frame is under way.
     #[error("a frame is under way: finish it or cancel it")]
     UnderWay,
-    /// No frame is under way.
     #[error("nothing was begun")]
     Empty,
-    /// A worker panicked now.
     #[error("a fault of the library itself: please report it")]
     Panicked,
-    /// A worker panicked before.
     #[error("an earlier frame failed inside the library")]
     Poisoned,
 }

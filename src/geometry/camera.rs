@@ -22,23 +22,12 @@ pub struct Camera {
 
 /// Why a camera cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum CameraError {
-    /// A side of the picture is zero or above [`Camera::MAX_SIDE`].
     #[error("picture size {width}×{height}: sides must lie in 1..={}", Camera::MAX_SIDE)]
-    Size {
-        /// Width asked for.
-        width: u32,
-        /// Height asked for.
-        height: u32,
-    },
-    /// An intrinsic is not a finite number, or a focal length is not positive.
+    Size { width: u32, height: u32 },
     #[error("camera {name} = {value}: must be finite, focal lengths positive")]
-    Intrinsic {
-        /// Which of fx, fy, cx, cy.
-        name: &'static str,
-        /// Its value.
-        value: f32,
-    },
+    Intrinsic { name: &'static str, value: f32 },
 }
 
 impl Camera {

@@ -57,19 +57,12 @@ impl Clahe {
 
 /// Why there is no such preprocessing.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum PreprocessingError {
-    /// The clip limit lies outside its range.
     #[error("CLAHE with a clip limit of {found}: at least 1, at most {}", Clahe::MAX_CLIP_LIMIT)]
-    ClipLimit {
-        /// The clip limit.
-        found: f32,
-    },
-    /// The number of tiles lies outside its range.
+    ClipLimit { found: f32 },
     #[error("CLAHE with {found} tiles along a side: at least 1, at most {}", Clahe::MAX_TILES)]
-    Tiles {
-        /// The number of tiles.
-        found: u8,
-    },
+    Tiles { found: u8 },
 }
 
 /// Levels of luma, and bins of a histogram.

@@ -7,29 +7,14 @@ use serde::Serialize;
 
 /// Why a run was not written.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum RunWriterError {
-    /// A folder or file could not be written.
     #[error("cannot write {}: {source}", path.display())]
-    Write {
-        /// Which one.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A picture could not be written.
+    Write { path: PathBuf, source: std::io::Error },
     #[error("cannot write the picture {}: {source}", path.display())]
-    Picture {
-        /// Which one.
-        path: PathBuf,
-        /// What the coder said.
-        source: image::ImageError,
-    },
-    /// Two pictures have one name.
+    Picture { path: PathBuf, source: image::ImageError },
     #[error("two pictures would be written to {}: rename one of them", path.display())]
-    Twice {
-        /// Their file.
-        path: PathBuf,
-    },
+    Twice { path: PathBuf },
 }
 
 /// A picture's entry in `cameras.json`.

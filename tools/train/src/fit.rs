@@ -13,11 +13,10 @@ use crate::mapper::{MapOptions, Order, Progress, Schedule, from_planes, to_plane
 
 /// Why splats were not fitted.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum FitError {
-    /// The device has no room for it.
     #[error(transparent)]
     NoRoom(#[from] NoRoom),
-    /// The device failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
 }

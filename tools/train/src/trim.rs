@@ -95,41 +95,20 @@ pub trait Judge {
 
 /// Why a prior was not reduced.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum TrimError {
-    /// There is nothing to fit to.
     #[error("no views")]
     NoViews,
-    /// A view's camera cannot be used.
     #[error("view {index}")]
-    Camera {
-        /// Which view.
-        index: usize,
-        /// What is wrong with it.
-        source: CameraError,
-    },
-    /// A view's pose is not finite.
+    Camera { index: usize, source: CameraError },
     #[error("view {index}: its pose is not finite")]
-    Pose {
-        /// Which view.
-        index: usize,
-    },
-    /// A view's picture has not the camera's size.
+    Pose { index: usize },
     #[error("view {index}: a picture of {width}×{height} for another camera")]
-    PictureSize {
-        /// Which view.
-        index: usize,
-        /// The picture's width.
-        width: u32,
-        /// The picture's height.
-        height: u32,
-    },
-    /// The splats are none that can be drawn.
+    PictureSize { index: usize, width: u32, height: u32 },
     #[error(transparent)]
     Splats(#[from] PriorError),
-    /// The rest could not be fitted.
     #[error(transparent)]
     Fit(#[from] FitError),
-    /// The device failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
 }

@@ -91,49 +91,22 @@ impl MapOptions {
 
 /// Why no prior was made.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum MapError {
-    /// There is nothing to train on.
     #[error("no picture to train on")]
     NoPictures,
-    /// A picture has another size than the first.
     #[error("picture {index}: {width}×{height}, the first one has another size")]
-    Size {
-        /// Which one.
-        index: usize,
-        /// Its width.
-        width: u32,
-        /// Its height.
-        height: u32,
-    },
-    /// A pose is not finite.
+    Size { index: usize, width: u32, height: u32 },
     #[error("picture {index}: its pose is not finite")]
-    Pose {
-        /// Which one.
-        index: usize,
-    },
-    /// An option lies outside its range.
+    Pose { index: usize },
     #[error("option {name} = {value} is out of range: {range}")]
-    Option {
-        /// Which one.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
-    /// A saved state is of another training.
+    Option { name: &'static str, value: f64, range: &'static str },
     #[error("the saved state is of another training: {what}")]
-    State {
-        /// What differs.
-        what: &'static str,
-    },
-    /// The splats are none that can be drawn.
+    State { what: &'static str },
     #[error(transparent)]
     Splats(#[from] PriorError),
-    /// The device has no room for it.
     #[error(transparent)]
     NoRoom(#[from] NoRoom),
-    /// The device failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
 }
