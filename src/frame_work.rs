@@ -18,7 +18,6 @@ use crate::{Camera, Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose
 pub(crate) struct FrameWork {
     /// The camera's picture; after the search as the prior's preprocessing left it, with the render where it is masked.
     pub frame: Picture,
-    /// What is known of it.
     pub known: FrameInfo,
     /// Which pixels count; `None`: all do.
     pub mask: Option<Arc<Mask>>,
@@ -188,7 +187,6 @@ impl FrameWork {
     }
 }
 
-/// The reference frame of a residual.
 fn reference_of(residual: &Residual, frame: u32) -> Option<u32> {
     match residual {
         Residual::Stream { reference: Some(reference), .. } => {

@@ -11,7 +11,6 @@ pub const PACKET: &str = "video/x-nvsprior";
 /// Fields, all optional: `framerate` of the camera; `stream`, 0 to 3.
 pub const SHARE: &str = "application/x-nvsprior-share";
 
-/// Any caps of this name.
 pub fn any(name: &str) -> gst::Caps {
     gst::Caps::new_empty_simple(name)
 }

@@ -6,7 +6,6 @@ use gst::glib;
 use gst::prelude::*;
 
 glib::wrapper! {
-    /// The element.
     pub struct Decoder(ObjectSubclass<element::Decoder>)
         @extends gst_video::VideoDecoder, gst::Element, gst::Object;
 }

@@ -6,7 +6,6 @@ use gst::glib;
 use gst::prelude::*;
 
 glib::wrapper! {
-    /// The element.
     pub struct Depayloader(ObjectSubclass<element::Depayloader>) @extends gst::Element, gst::Object;
 }
 

@@ -8,7 +8,6 @@ use gst::glib;
 use gst::prelude::*;
 
 glib::wrapper! {
-    /// The element.
     pub struct Encoder(ObjectSubclass<element::Encoder>)
         @extends gst_video::VideoEncoder, gst::Element, gst::Object,
         @implements gst::Preset;

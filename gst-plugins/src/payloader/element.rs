@@ -195,7 +195,6 @@ impl Payloader {
         Ok(left)
     }
 
-    /// Pushes shares.
     fn push(&self, shares: Vec<DueShare>) -> Result<gst::FlowSuccess, gst::FlowError> {
         for (due, share) in shares {
             {

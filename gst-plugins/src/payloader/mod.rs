@@ -6,7 +6,6 @@ use gst::glib;
 use gst::prelude::*;
 
 glib::wrapper! {
-    /// The element.
     pub struct Payloader(ObjectSubclass<element::Payloader>) @extends gst::Element, gst::Object;
 }
 

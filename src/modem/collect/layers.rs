@@ -104,7 +104,6 @@ impl Slot {
         state.filled += layer.len();
     }
 
-    /// Reads the first layer.
     fn read_start(&self, first: Layer, header: &PacketHeader, last: Option<u32>) -> Option<Start> {
         let layer = &self.bytes[..first.len()];
         let (contents, packet) = take_contents(layer, first, header.count, header.data_len())?;

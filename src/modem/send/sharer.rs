@@ -51,7 +51,6 @@ use super::sharing::Sharing;
 pub struct Sharer {
     /// The chunks of all protected shares, share by share.
     data: Vec<u8>,
-    /// A layer.
     layer: Vec<u8>,
     /// All shares, one after another.
     shares: Vec<u8>,

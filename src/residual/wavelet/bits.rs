@@ -23,7 +23,6 @@ fn logit_of(logits: &[Logit; LOGITS], magnitude: i32) -> Logit {
 
 /// The logit of "not zero", and the others as far as they are known.
 pub struct First {
-    /// The logit.
     pub logit: Logit,
     others: Option<[Logit; LOGITS]>,
 }
@@ -63,13 +62,11 @@ pub fn cost(chances: &Chances, logits: &[Logit; LOGITS], magnitude: i32) -> f32 
 
 /// Writes coefficients that are known.
 pub struct Writer<'a, 'b> {
-    /// Where to.
     pub encoder: RangeEncoder<'a>,
     /// What the tables say.
     pub predictor: &'b Predictor,
     /// The coefficients, by plane.
     pub chosen: &'b [Vec<i16>; PLANES],
-    /// The gains, by level.
     pub gains: &'b LevelGains,
 }
 
@@ -122,7 +119,6 @@ impl Writer<'_, '_> {
 
 /// Reads coefficients.
 pub struct Reader<'a, 'b> {
-    /// Where from.
     pub decoder: RangeDecoder<'a>,
     /// What the tables say.
     pub predictor: &'b Predictor,

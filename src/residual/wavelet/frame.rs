@@ -12,7 +12,6 @@ use super::step::Step;
 pub struct Frame {
     /// Sizes.
     pub geometry: Geometry,
-    /// The render's bands.
     pub render: RenderBands,
     /// Whether the details of a block are predicted from the render: for each value of the coarsest low band, row by
     /// row.

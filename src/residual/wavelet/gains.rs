@@ -20,7 +20,6 @@ pub struct Gains {
     own: i8,
 }
 
-/// The gains of all levels.
 pub type LevelGains = [Gains; MAX_LEVELS + 1];
 
 /// Parts of a gain of one.

@@ -44,7 +44,6 @@ impl Orientation {
     }
 }
 
-/// One band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Band {
     /// 1 for the finest; the number of levels for the coarsest, and for [`Orientation::Low`].

@@ -44,7 +44,6 @@ impl Header {
         }
     }
 
-    /// Reads it, and the blocks.
     pub fn read(blocks: &mut [bool], decoder: &mut RangeDecoder) -> Option<Header> {
         let cut = decoder.get(CUT)?;
         let sees_render = !decoder.get(BLIND)?;
@@ -73,7 +72,6 @@ pub fn write_blocks(blocks: &[bool], encoder: &mut RangeEncoder) {
     }
 }
 
-/// Reads them.
 pub fn read_blocks(blocks: &mut [bool], decoder: &mut RangeDecoder) -> Option<()> {
     let mut chance = BlockChance::new();
     for predicted in blocks {

@@ -17,7 +17,6 @@ use crate::coder_tables::networks::FEATURE_PLACES;
 
 /// The coefficient that is due.
 pub struct Due<'a> {
-    /// Its band's context.
     pub context: &'a BandContext<'a>,
     quantised: &'a Quantised,
     x: usize,

@@ -115,14 +115,12 @@ impl Predictors {
         Predictors { intra: Predictor::new(intra), inter: Box::new(Predictor::new(inter)) }
     }
 
-    /// The one of a frame.
     pub fn of(&self, frame: &Frame) -> &Predictor {
         if frame.is_inter { &self.inter } else { &self.intra }
     }
 }
 
 impl Predictor {
-    /// Makes a predictor of tables.
     pub fn new(tables: &Tables) -> Predictor {
         let networks = tables.networks.clone();
         Predictor {
@@ -153,7 +151,6 @@ impl Predictor {
         BandBias { magnitude, quiet, sign }
     }
 
-    /// Logits of a magnitude.
     pub fn magnitude(&self, band: &BandBias, inputs: &MagnitudeInputs) -> [Logit; LOGITS] {
         let mut first = band.magnitude;
         self.magnitude_1.add(&mut first, inputs);
@@ -221,7 +218,6 @@ impl Chances {
         self.one[(i32::from(logit) + LARGEST_LOGIT) as usize]
     }
 
-    /// What a bit costs, bits.
     pub fn cost(&self, logit: Logit, bit: bool) -> f32 {
         let logit = i32::from(logit);
         self.cost[((if bit { logit } else { -logit }) + LARGEST_LOGIT) as usize]

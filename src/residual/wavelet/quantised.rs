@@ -146,7 +146,6 @@ impl Quantised {
         }
     }
 
-    /// A row of a band.
     pub fn row(&self, plane: usize, band: &Band, y: usize) -> &[i16] {
         let places = self.places[plane][band.level][band.orientation.index()];
         let start = Self::index(places, 0, y);

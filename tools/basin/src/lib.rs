@@ -2,6 +2,9 @@
 //! paper's kind; the quay is one that nothing in the library was trained on. They share no code with the splat
 //! renderer.
 
+// Not published: names that tell what they are need no comment.
+#![allow(missing_docs)]
+
 mod basin;
 mod export;
 mod material;
@@ -42,10 +45,8 @@ pub enum Site {
 }
 
 impl Site {
-    /// All of them.
     pub const ALL: [Site; 2] = [Site::Basin, Site::Quay];
 
-    /// The mapping run's name.
     pub fn mapping_run_name(self) -> &'static str {
         match self {
             Site::Basin => "M1",
@@ -80,10 +81,8 @@ pub enum Run {
 }
 
 impl Run {
-    /// All of them.
     pub const ALL: [Run; 3] = [Run::T1, Run::T2, Run::T3];
 
-    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Run::T1 => "T1",
@@ -92,7 +91,6 @@ impl Run {
         }
     }
 
-    /// Where it is.
     pub fn site(self) -> Site {
         match self {
             Run::T1 | Run::T2 => Site::Basin,

@@ -53,7 +53,6 @@ pub enum Material {
     Zinc,
     /// Bars and line of the crab pot, which only T3 has.
     Pot,
-    /// Its buoy.
     Buoy,
 }
 

@@ -195,7 +195,6 @@ pub fn of_run(
     Ok(thinned.map_or(KeyFrames::NONE, |thinned| thinned.key_frames))
 }
 
-/// The views of the split that have a pose.
 fn posed_views(file: &Path, split: Option<&str>) -> anyhow::Result<Vec<(Camera, Pose)>> {
     let views = CameraFile::open(file)?.select(split)?;
     let posed = views.iter().filter_map(|view| Some((view.camera, view.pose?)));

@@ -20,7 +20,6 @@ pub struct PriorArgs {
     #[arg(long, value_name = "FILE")]
     pub prior: PathBuf,
     #[command(flatten)]
-    #[allow(missing_docs)] // A comment would show in the help.
     pub overrides: OverrideArgs,
 }
 
@@ -135,7 +134,6 @@ impl SizeArgs {
 
 /// The optimisers by their names.
 #[derive(Clone, Copy, ValueEnum)]
-#[allow(missing_docs)] // Comments would show in the help.
 pub enum OptimizerArg {
     GaussNewton,
     Bfgs,

@@ -45,7 +45,6 @@ pub struct CameraFile {
 
 /// Why a camera file cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum CameraFileError {
     #[error("{}: {error}", path.display())]
     Read { path: PathBuf, error: std::io::Error },
@@ -101,7 +100,6 @@ impl CameraFile {
         Ok(views)
     }
 
-    /// The view of this name.
     pub fn view(&self, name: &str) -> Result<&View, CameraFileError> {
         let missing = || CameraFileError::Name { path: self.path.clone(), name: name.to_owned() };
         self.views.iter().find(|view| view.name == name).ok_or_else(missing)

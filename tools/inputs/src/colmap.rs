@@ -39,7 +39,6 @@ pub struct ColmapView {
     pub lens: Lens,
 }
 
-/// Where in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilePosition {
     /// A byte, counted from 0.
@@ -59,7 +58,6 @@ impl std::fmt::Display for FilePosition {
 
 /// Why a sparse model cannot be read.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum ColmapError {
     #[error("{}: {error}", path.display())]
     Read { path: PathBuf, error: std::io::Error },
@@ -72,7 +70,6 @@ pub enum ColmapError {
 
 /// What is wrong at a place of a model's file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum ColmapFault {
     #[error("the file ends before {what}; is it cut off?")]
     Cut { what: &'static str },
@@ -108,7 +105,6 @@ pub enum ColmapFault {
     Point,
 }
 
-/// What is wrong, and where.
 struct Wrong {
     at: FilePosition,
     fault: ColmapFault,

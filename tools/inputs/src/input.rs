@@ -24,7 +24,6 @@ pub struct InputArgs {
     #[arg(long, value_name = "N", value_parser = values::count, allow_hyphen_values = true)]
     pub limit: Option<usize>,
     #[command(flatten)]
-    #[allow(missing_docs)] // A comment would show in the help.
     pub size: SizeArgs,
     /// Moves the first frame's start: ρx,ρy,ρz,θx,θy,θz in the prior's unit and degrees
     #[arg(long, value_name = "STEP", allow_hyphen_values = true)]

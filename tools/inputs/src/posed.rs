@@ -58,7 +58,6 @@ pub struct PosedOptions {
 
 /// Why posed pictures cannot be read.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum PosedError {
     #[error(transparent)]
     CameraFile(#[from] CameraFileError),

@@ -7,7 +7,6 @@ use serde::Serialize;
 
 /// Why a run was not written.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum RunWriterError {
     #[error("cannot write {}: {source}", path.display())]
     Write { path: PathBuf, source: std::io::Error },
@@ -22,7 +21,6 @@ pub enum RunWriterError {
 pub struct RunView {
     /// The picture's file, relative to the folder: from [`RunWriter::picture`].
     pub file: String,
-    /// Its split.
     pub split: String,
     /// Its camera, of the run's size.
     pub camera: Camera,

@@ -85,7 +85,6 @@ fn ends_with(text: &str, ending: &str) -> Result<PathBuf, String> {
 
 /// Why nothing can be written to a place.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum OutputError {
     #[error("{option} {}: this is a file; give a folder", path.display())]
     File { option: &'static str, path: PathBuf },

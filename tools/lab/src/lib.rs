@@ -2,6 +2,9 @@
 //! is portable ([`verify_device`]), what a device can do at best ([`ceilings`]), how much of that each stage should
 //! take ([`cost`]), and what a pilot sees over a link ([`mod@link`]).
 
+// Not published: names that tell what they are need no comment.
+#![allow(missing_docs)]
+
 pub mod bench;
 pub mod ceilings;
 pub mod cost;

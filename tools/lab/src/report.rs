@@ -59,7 +59,6 @@ impl Table {
         Table { header: pick(&self.header), rows: self.rows.iter().map(pick).collect() }
     }
 
-    /// Writes it as CSV.
     pub fn write_csv(&self, path: &Path) -> anyhow::Result<()> {
         let write = || {
             let mut csv = csv::Writer::from_path(path)?;

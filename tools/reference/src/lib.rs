@@ -6,6 +6,9 @@
 //! `Σ wᵢ payloadᵢ + T · background`. For depth the payload is z and the background 0; for
 //! transmittance the payload is 0 and the background 1.
 
+// Not published: names that tell what they are need no comment.
+#![allow(missing_docs)]
+
 pub mod bin;
 pub mod harmonics;
 pub mod loss;
@@ -47,7 +50,6 @@ pub(crate) fn plus(a: Twist, scale: f64, b: Twist) -> Twist {
 /// What is common to all splats of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Viewpoint<'a> {
-    /// The camera.
     pub camera: &'a Camera,
     /// Where it stands.
     pub pose: &'a Pose,

@@ -80,7 +80,6 @@ impl WatchedPixel {
         self.last = Some(Last { before, splat: *s, alpha });
     }
 
-    /// The channels, with the background.
     pub fn value(&self, background: &Channels) -> Channels {
         self.pixel.value(background)
     }

@@ -10,7 +10,6 @@ use nvsprior_kernels::shared::{ALPHA_MIN, TRANSMITTANCE_STOP};
 use super::Channels;
 use super::project::Projected;
 
-/// The background, by channel.
 pub fn background(options: &RenderOptions) -> Channels {
     let [r, g, b] = options.background.map(f64::from);
     [r, g, b, 0.0, 1.0]
@@ -89,7 +88,6 @@ impl Pixel {
         true
     }
 
-    /// The channels, with the background.
     pub fn value(&self, background: &Channels) -> Channels {
         std::array::from_fn(|k| self.sum[k] + self.transmittance * background[k])
     }

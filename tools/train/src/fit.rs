@@ -13,7 +13,6 @@ use crate::mapper::{MapOptions, Order, Progress, Schedule, from_planes, to_plane
 
 /// Why splats were not fitted.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum FitError {
     #[error(transparent)]
     NoRoom(#[from] NoRoom),

@@ -95,7 +95,6 @@ pub trait Judge {
 
 /// Why a prior was not reduced.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum TrimError {
     #[error("no views")]
     NoViews,

@@ -69,15 +69,12 @@ fn clahe(text: &str) -> Result<Clahe, String> {
 pub struct HeldOut {
     /// Its name in the camera file.
     pub name: String,
-    /// Its split.
     pub split: String,
-    /// The picture.
     pub view: PosedPicture,
 }
 
 /// All that a prior is trained on, and measured by.
 pub struct MapInputs {
-    /// Pictures to train on.
     pub train: Vec<PosedPicture>,
     /// Pictures to measure by.
     pub held_out: Vec<HeldOut>,

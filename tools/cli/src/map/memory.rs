@@ -46,7 +46,6 @@ struct HostMemory {
     by_pictures: u64,
     /// What grows with the splats.
     by_splats: u64,
-    /// The rest.
     rest: u64,
 }
 

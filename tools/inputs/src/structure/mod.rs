@@ -80,7 +80,6 @@ pub struct Structure {
 /// What a running step says of itself.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Progress {
-    /// A step begins.
     Begins(Step),
     /// It was finished by an earlier run.
     WasDone(Step),
@@ -117,7 +116,6 @@ impl Step {
 
 /// Why no poses were found.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum StructureError {
     #[error(
         "pictures without poses need the program `colmap`, which is not on the PATH; on Debian or \

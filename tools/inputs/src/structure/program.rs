@@ -52,7 +52,6 @@ impl Program {
         Ok(Program { version: help.lines().next().unwrap_or_default().trim().to_owned() })
     }
 
-    /// The options of a command.
     pub fn options(&self, command: &str) -> Result<Options, StructureError> {
         Ok(Options { help: text(&[command, "-h"])? })
     }

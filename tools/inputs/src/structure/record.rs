@@ -14,7 +14,6 @@ pub const LOCK: &str = "lock";
 /// A step that was begun.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Begun {
-    /// Its arguments.
     pub arguments: Vec<String>,
     /// Whether it ended well.
     pub finished: bool,
@@ -58,7 +57,6 @@ impl Record {
         }
     }
 
-    /// Writes it.
     pub fn write(&self, folder: &Path) -> Result<(), StructureError> {
         let path = place(folder);
         let failed = |error: std::io::Error| StructureError::File { path: path.clone(), error };
@@ -66,7 +64,6 @@ impl Record {
         replace_file(&path, &bytes).map_err(|error| failed(std::io::Error::other(error)))
     }
 
-    /// How a step stands.
     pub fn standing(&self, step: usize, arguments: &[String]) -> Standing {
         match self.steps.get(step) {
             None => Standing::New,

@@ -149,7 +149,6 @@ struct Shown {
     nothing: usize,
 }
 
-/// All bytes on the link.
 #[derive(Serialize)]
 struct LinkBytes {
     #[serde(flatten)]

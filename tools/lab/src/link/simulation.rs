@@ -181,7 +181,6 @@ impl<'a> Simulation<'a> {
     }
 }
 
-/// Sends a share.
 fn send(plan: &mut Plan, channel: &mut Channel, now: f64, share: &[u8]) {
     if let Some(arrival) = channel.send(now, share.len()).arrival {
         plan.add(arrival, Event::Arrived(share.to_vec()));

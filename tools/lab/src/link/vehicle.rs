@@ -29,7 +29,6 @@ pub struct SentPacket {
     pub inter: bool,
 }
 
-/// What the bytes of a packet are for.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
 pub struct PacketBytes {
     /// Latent part, and the camera where it is sent.

@@ -29,9 +29,7 @@ fn one_of<T: Copy>(random: &mut Random, all: &[T]) -> T {
 pub struct Extreme {
     /// The prior.
     pub splats: Splats,
-    /// How it is rendered.
     pub options: RenderOptions,
-    /// The camera.
     pub camera: Camera,
     /// Where it stands.
     pub pose: Pose,

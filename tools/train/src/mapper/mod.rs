@@ -91,7 +91,6 @@ impl MapOptions {
 
 /// Why no prior was made.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum MapError {
     #[error("no picture to train on")]
     NoPictures,

@@ -18,7 +18,6 @@ const PICTURE: usize = 12 + 7;
 
 /// Why a saved state cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum SavedError {
     #[error("not the state of a training")]
     Foreign,

@@ -60,7 +60,6 @@ impl Limits {
         }
     }
 
-    /// The bin of a perturbation.
     pub fn bin(&self, perturbation: &Perturbation) -> usize {
         let share = perturbation.value.abs() / self.of(perturbation.kind);
         ((share * BINS as f64) as usize).min(BINS - 1)

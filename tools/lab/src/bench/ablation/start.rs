@@ -35,7 +35,6 @@ impl StartSource {
     }
 }
 
-/// The sources that a context has.
 fn sources(context: &Context) -> Vec<StartSource> {
     let key_frames = !context.prior.key_frames().is_empty();
     let there = |source: &StartSource| *source != StartSource::Relocaliser || key_frames;

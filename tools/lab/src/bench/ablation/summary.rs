@@ -35,7 +35,6 @@ impl Ablation {
         of_bin.map(|trial| &trial.outcome).filter(|outcome| outcome.method == method).collect()
     }
 
-    /// The outcomes of a method from a source of starts.
     fn of_source(&self, source: StartSource, method: Method) -> Vec<&Outcome> {
         let of_source = self.starts.iter().filter(|trial| trial.source == source);
         of_source.map(|trial| &trial.outcome).filter(|outcome| outcome.method == method).collect()

@@ -160,7 +160,6 @@ impl External {
         }
     }
 
-    /// What it needs.
     pub fn needs(&self) -> String {
         match &self.kind {
             Kind::JpegXl => "cjxl and djxl (Debian: libjxl-tools)".into(),

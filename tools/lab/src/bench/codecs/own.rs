@@ -66,7 +66,6 @@ impl Own {
         self.rates.iter().map(point).collect()
     }
 
-    /// Codes the run at a rate.
     pub fn code(&self, run: &Run, input: Input, rate: Rate) -> anyhow::Result<Outcome> {
         let Own { coder, portable, .. } = *self;
         let (width, height) = (run.frames[0].width, run.frames[0].height);

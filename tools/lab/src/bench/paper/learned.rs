@@ -26,7 +26,6 @@ fn names() -> String {
 
 /// Why a folder of a learned coder cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum LearnedError {
     #[error("{}: {error}", path.display())]
     Read { path: PathBuf, error: std::io::Error },
