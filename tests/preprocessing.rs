@@ -28,7 +28,6 @@ fn treated(picture: &Picture) -> Picture {
     treated
 }
 
-/// The dive's frames.
 fn frames(engine: &Engine) -> Vec<Picture> {
     let scene = engine.upload(&wall(1)).unwrap();
     (0..FRAMES).map(|t| frame(engine, &scene, &pose(t as f64))).collect()

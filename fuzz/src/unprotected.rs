@@ -23,12 +23,10 @@ struct Sent {
     payload: Option<u8>,
 }
 
-/// What arrives.
 #[derive(Arbitrary, Debug)]
 enum Arrival {
     /// A share of a packet, with some padding, and one bit flipped or none.
     Frame { packet: u8, index: u8, padding: u8, flip: Option<u16> },
-    /// Anything.
     Garbage(Vec<u8>),
 }
 

@@ -103,7 +103,6 @@ pub struct Decoder {
 enum Outcome {
     /// [`State::decoded`] has the picture.
     Picture,
-    /// It gives no picture.
     Nothing(Error),
     /// It was too late, and no later frame needs it.
     Late,
@@ -137,7 +136,6 @@ impl Decoder {
         stats
     }
 
-    /// Decodes a packet.
     fn decode(
         &self,
         state: &mut State,
@@ -184,7 +182,6 @@ impl Decoder {
         }
     }
 
-    /// Counts a picture.
     fn count(&self, decoded: &Decoded, bytes: usize, taken: gst::ClockTime) {
         let mut figures = gst::Structure::builder("nvspdec-frame")
             .field("frame", decoded.frame)

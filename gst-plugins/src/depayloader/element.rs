@@ -329,7 +329,6 @@ impl Depayloader {
         }
     }
 
-    /// Ends the timer's thread.
     fn stop_timer(&self) {
         {
             let mut state = lock(&self.state);

@@ -44,7 +44,6 @@ struct Counts {
     left_out: u64,
     late: u64,
     uncertain: u64,
-    /// The last packet's figures.
     last: Option<gst::Structure>,
 }
 
@@ -270,7 +269,6 @@ impl Encoder {
         figures
     }
 
-    /// Encodes a frame's image.
     fn encode(
         &self,
         state: &mut State,

@@ -132,7 +132,6 @@ impl Frames {
         self.encoder.announce();
     }
 
-    /// Forgets earlier frames.
     pub fn reset(&mut self) {
         self.encoder.reset();
         self.control = None;

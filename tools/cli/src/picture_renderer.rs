@@ -42,7 +42,6 @@ impl PictureRenderer {
         Ok(&self.picture)
     }
 
-    /// The pictures at views.
     pub fn render_all(&mut self, places: &[(Camera, Pose)]) -> anyhow::Result<Vec<Picture>> {
         places.iter().map(|(camera, pose)| self.render(camera, pose).cloned()).collect()
     }

@@ -73,7 +73,6 @@ pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
     std::fs::write(path, text).with_context(|| format!("writing {}", path.display()))
 }
 
-/// Prints the table.
 pub fn print(rows: &[Row]) {
     println!(
         "{:24} {:>7} {:>9} {:>9} {:>8} {:>9}  start",

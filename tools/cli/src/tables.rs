@@ -43,7 +43,6 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-/// Rounds of training.
 const ROUNDS: u32 = 3;
 
 /// A kind of file that tables are written to.

@@ -21,13 +21,11 @@ pub(crate) use posed::PosedFile;
 /// One posed picture.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// The picture's file.
     pub file: PathBuf,
     /// Its name as the camera file has it.
     pub name: String,
     /// Which part of the pictures it belongs to: `train`, `test`.
     pub split: Option<String>,
-    /// Its intrinsics.
     pub camera: Camera,
     /// World to camera, if the file has it.
     pub pose: Option<Pose>,
@@ -39,7 +37,6 @@ pub struct View {
 #[derive(Debug)]
 pub struct CameraFile {
     path: PathBuf,
-    /// Its pictures.
     pub views: Vec<View>,
 }
 

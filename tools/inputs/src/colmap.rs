@@ -19,7 +19,6 @@ use crate::points::Point;
 use model::Model;
 use nvsprior::geometry::{Lens, LensError};
 
-/// A sparse model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColmapModel {
     /// Its pictures, by name.

@@ -36,7 +36,6 @@ pub struct InputArgs {
     pub starts: String,
 }
 
-/// A frame to encode.
 pub struct Input {
     /// Its file, for reading and for messages.
     pub path: PathBuf,

@@ -18,7 +18,6 @@ use nvsprior::geometry::{Lens, LensError};
 pub struct PosedInput {
     /// Its name in the file that lists it.
     pub name: String,
-    /// The picture's file.
     pub file: PathBuf,
     /// What it was taken with.
     pub lens: Lens,

@@ -39,7 +39,6 @@ pub fn near(text: &str) -> Result<f32, String> {
     Ok(within(text, 1e-6, 1e6, "between 1e-6 and 1e6")? as f32)
 }
 
-/// A clamp of alpha.
 pub fn alpha_max(text: &str) -> Result<f32, String> {
     Ok(within(text, 0.01, 0.9999, "between 0.01 and 0.9999")? as f32)
 }
@@ -67,7 +66,6 @@ pub fn rectangle(text: &str) -> Result<[u32; 4], String> {
     numbers.ok_or("must be four whole numbers: left,top,width,height".into())
 }
 
-/// A picture to write.
 pub fn png(text: &str) -> Result<PathBuf, String> {
     ends_with(text, "png")
 }

@@ -162,7 +162,6 @@ fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
     Ok(Report { runs, rates, near, far, stages, configurations, scaling, host_bytes_steady })
 }
 
-/// The gradient methods' runs.
 fn gradient(args: &Args, context: &mut Context) -> anyhow::Result<Vec<OptimizerRun>> {
     let frames = args.bfgs_frames.min(context.shots.len() - 1);
     if frames == 0 {

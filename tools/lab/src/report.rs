@@ -32,7 +32,6 @@ pub struct Table {
 }
 
 impl Table {
-    /// Without rows.
     pub fn new<H: Display>(header: impl IntoIterator<Item = H>) -> Table {
         Table { header: header.into_iter().map(|name| name.to_string()).collect(), rows: vec![] }
     }

@@ -66,13 +66,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 
 /// Outcome of a row of pictures.
 enum Outcome {
-    /// Nothing differs.
     Same { pictures: u64 },
-    /// A picture does.
     Different { of: String, difference: Difference },
 }
 
-/// Compares the built-in scenes.
 fn built_in(engine: &Engine, scenes: u64) -> anyhow::Result<Outcome> {
     let bar = progress(scenes as usize, "scenes");
     let mut pictures = 0;

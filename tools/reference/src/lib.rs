@@ -51,7 +51,6 @@ pub(crate) fn plus(a: Twist, scale: f64, b: Twist) -> Twist {
 #[derive(Clone, Copy, Debug)]
 pub struct Viewpoint<'a> {
     pub camera: &'a Camera,
-    /// Where it stands.
     pub pose: &'a Pose,
     /// How the prior is rendered.
     pub options: &'a RenderOptions,

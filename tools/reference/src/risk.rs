@@ -28,7 +28,6 @@ struct Close {
 enum Decision {
     /// Alpha's cut; `kept` is how it fell.
     Cut { kept: bool },
-    /// The transmittance stop.
     Stop,
     /// The order of this splat and the one before it, which had this payload and alpha.
     Order { payload: Channels, alpha: f64 },

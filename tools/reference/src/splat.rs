@@ -60,7 +60,6 @@ impl Hit {
 pub struct Pixel {
     /// `Σ wᵢ payloadᵢ` so far.
     pub sum: Channels,
-    /// Transmittance so far.
     pub transmittance: f64,
     /// Whether a splat met the transmittance stop, so that the transmittance became 0.
     pub stopped: bool,

@@ -46,7 +46,6 @@ fn number(splats: &mut Splats, plane: u32, i: usize) -> &mut f32 {
     }
 }
 
-/// Which kind of splats.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Ordinary,

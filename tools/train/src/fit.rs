@@ -20,7 +20,6 @@ pub enum FitError {
     Device(#[from] DeviceError),
 }
 
-/// Pictures to fit to.
 pub(crate) struct Fit<'a> {
     engine: &'a Engine,
     views: &'a [PosedPicture],

@@ -52,16 +52,13 @@ impl TrimOptions {
     }
 }
 
-/// What was tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Round {
     /// What was left out.
     pub step: Step,
-    /// Splats that remained.
     pub splats: usize,
     /// What the judge said of them.
     pub loss: f64,
-    /// Whether it was kept.
     pub kept: bool,
 }
 

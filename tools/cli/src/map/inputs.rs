@@ -65,7 +65,6 @@ fn clahe(text: &str) -> Result<Clahe, String> {
     Clahe::new(clip_limit, Clahe::TILES).map_err(|e| e.to_string())
 }
 
-/// A held-out picture.
 pub struct HeldOut {
     /// Its name in the camera file.
     pub name: String,

@@ -38,7 +38,6 @@ pub struct NoHostRoom {
 /// What of the host's memory a training takes, bytes.
 #[derive(Clone, Copy, Debug)]
 struct HostMemory {
-    /// Number of pictures.
     count: u64,
     size: [u32; 2],
     splats: u32,

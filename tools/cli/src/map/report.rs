@@ -13,10 +13,8 @@ use crate::sheet::{self, SheetRow};
 
 /// Steps whose time counts: the last ones, with all splats in use.
 const TIMED: usize = 200;
-/// Rows of the preview.
 const ROWS: usize = 8;
 
-/// A measurement under way.
 struct Point {
     step: u32,
     seconds: f64,
@@ -25,7 +23,6 @@ struct Point {
     psnr: Vec<f64>,
 }
 
-/// Collects what is measured.
 pub struct Report {
     folder: Option<PathBuf>,
     held_out: Vec<HeldOut>,
@@ -93,7 +90,6 @@ impl Report {
         Ok(())
     }
 
-    /// Means over each split.
     fn by_split(&self, point: &Point) -> Vec<(String, f64)> {
         let mut splits: Vec<_> = self.held_out.iter().map(|held| held.split.clone()).collect();
         splits.sort_unstable();

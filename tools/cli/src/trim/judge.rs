@@ -17,7 +17,6 @@ use crate::picture_renderer::{PictureRenderer, compare_times};
 use crate::view_set::{ViewSet, expected_loss};
 use nvsprior_inputs::args::progress;
 
-/// What may be lost.
 pub struct Loss {
     /// Against frames, dB.
     pub tolerance: f64,

@@ -6,7 +6,6 @@ use nvsprior::geometry::{Distortion, Intrinsics, Lens};
 /// A camera model that is read.
 pub struct Model {
     pub name: &'static str,
-    /// Number of its parameters.
     pub parameters: usize,
     /// The parts of a lens, from that many parameters.
     parts: fn(&[f64]) -> Option<Parts>,

@@ -43,7 +43,6 @@ pub enum Matching {
 /// Pictures of which [`Matching::Auto`] compares all pairs. Their number grows with the square.
 pub const MAX_EXHAUSTIVE: usize = 250;
 
-/// How to find poses.
 #[derive(Clone, Debug)]
 pub struct StructureOptions {
     /// COLMAP's name of the camera model.
@@ -85,7 +84,6 @@ pub enum Progress {
     WasDone(Step),
     /// Share of it that is done, 0 to 1. COLMAP's mapper may begin again.
     At(f64),
-    /// It ended well.
     Ends(Step),
 }
 

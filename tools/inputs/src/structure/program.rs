@@ -35,9 +35,7 @@ impl Ended {
     }
 }
 
-/// Where a command runs.
 pub struct WorkFolder<'a> {
-    /// Its working folder.
     pub folder: &'a Path,
     /// What it says is added here.
     pub log: &'a Path,

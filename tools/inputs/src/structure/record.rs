@@ -22,7 +22,6 @@ pub struct Begun {
 /// The steps that were begun, in their order, and of which pictures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// Digest of the pictures.
     pub pictures: String,
     /// All but the last are finished.
     pub steps: Vec<Begun>,
@@ -37,7 +36,6 @@ pub enum Standing {
     Begun,
     /// It was begun with others.
     Other,
-    /// It was not begun.
     New,
 }
 

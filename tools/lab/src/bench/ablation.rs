@@ -58,7 +58,6 @@ impl AblationArgs {
     }
 }
 
-/// A positive number.
 fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
     let good = value.is_finite() && value > 0.0;
@@ -67,7 +66,6 @@ fn positive(text: &str) -> Result<f64, String> {
 
 /// What a method made of a frame.
 pub struct Outcome {
-    /// Which frame.
     pub shot: usize,
     pub method: Method,
     pub attempt: Attempt,
@@ -82,7 +80,6 @@ pub struct Trial {
     pub outcome: Outcome,
 }
 
-/// All that was measured.
 pub struct Ablation {
     pub limits: Limits,
     pub trials: Vec<Trial>,

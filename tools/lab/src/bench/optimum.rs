@@ -30,7 +30,6 @@ const LAST: Schedule = Schedule { first_level: 0, follow_level: 0, levels: 0b000
 /// How far from the camera file's pose the best known one may lie: the scene's motion in the picture, radians.
 const FARTHEST: f64 = 0.1;
 
-/// A way to search.
 struct Search {
     encoder: Encoder,
 }

@@ -130,7 +130,6 @@ fn first_start(context: &mut Context, estimates: Option<&Estimates>) -> anyhow::
 
 /// What coders of pictures code: frames beside renders.
 pub struct Runs {
-    /// Frames alone.
     pub frames: Run,
     /// Beside renders at the poses of BFGS.
     pub invs: Run,

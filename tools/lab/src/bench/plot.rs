@@ -12,7 +12,6 @@ use super::stages::Stages;
 use super::statistics::median;
 
 const SIZE: (u32, u32) = (900, 560);
-/// Points of a curve.
 const POINTS: usize = 400;
 
 /// Losses below this are drawn here, dB: they are as good as none.

@@ -106,7 +106,6 @@ pub struct RecoveryArgs {
     recovery_rate: f64,
 }
 
-/// A positive number.
 fn rate(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
     let good = value.is_finite() && value > 0.0;

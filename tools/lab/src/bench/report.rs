@@ -15,7 +15,6 @@ use super::steady::Rates;
 use crate::ceilings::Ceilings;
 use crate::report::write_json;
 
-/// All that was measured.
 pub struct Report {
     /// The steady run, then gradient methods on the first frames of the same.
     pub runs: Vec<OptimizerRun>,
@@ -102,7 +101,6 @@ pub fn errors(run: &OptimizerRun, steady: &[Sample]) -> [f64; 2] {
     [mean(&run.samples), mean(&steady[..run.samples.len()])]
 }
 
-/// The file.
 #[derive(Serialize)]
 struct Root<'a> {
     #[serde(flatten)]

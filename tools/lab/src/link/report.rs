@@ -105,7 +105,6 @@ impl Outcome {
     }
 }
 
-/// A run's figures.
 #[derive(Serialize)]
 struct Figures<'a> {
     bit_rate: f64,

@@ -18,7 +18,6 @@ pub enum Seen {
     Between,
     /// The picture of this earlier frame.
     Held(u32),
-    /// Nothing has come yet.
     Nothing,
 }
 
@@ -58,7 +57,6 @@ pub struct Topside {
     ready: BTreeMap<u32, Picture>,
 }
 
-/// Packets that are held.
 const PACKETS: usize = 64;
 /// Seconds on either side of a frame that did not come, between which its pose is looked for.
 const REACH: f64 = 1.0;

@@ -15,7 +15,6 @@ use super::{Footage, Setting};
 
 /// A packet that was sent.
 pub struct SentPacket {
-    /// The camera's frame.
     pub frame: usize,
     /// Its number in the packet.
     pub number: u32,
@@ -146,7 +145,6 @@ impl Vehicle {
         self.sender.due()
     }
 
-    /// Takes a report.
     pub fn process_report(&mut self, now: f64, report: &Report) -> Result<(), ModemError> {
         for (frame, _) in report.packets().filter(|(_, packet)| packet.state == PacketState::Kept) {
             self.encoder.acknowledge(frame);

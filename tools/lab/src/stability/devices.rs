@@ -25,7 +25,6 @@ pub const GROUP: Group = Group {
 const SAME: &str = "equal but for rounding: fewer than one pixel in a hundred differs, the decoded frame \
                     by less than 0.05 dB; the topside is told if a render differs";
 
-/// Poses that are drawn.
 const POSES: usize = 8;
 /// No machine has more devices.
 const MAX_DEVICES: usize = 16;

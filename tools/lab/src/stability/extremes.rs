@@ -27,11 +27,9 @@ fn one_of<T: Copy>(random: &mut Random, all: &[T]) -> T {
 
 /// A prior seen by a camera.
 pub struct Extreme {
-    /// The prior.
     pub splats: Splats,
     pub options: RenderOptions,
     pub camera: Camera,
-    /// Where it stands.
     pub pose: Pose,
     /// The step from the pose to the start of a search.
     pub offset: [f64; 6],
@@ -159,13 +157,11 @@ fn offset(r: &mut Random, unit: f32) -> [f64; 6] {
 /// The outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Everything held.
     Drawn,
     /// All splats were invalid, and refused.
     Refused,
 }
 
-/// What did not hold.
 #[derive(Debug)]
 pub struct Fault(pub String);
 

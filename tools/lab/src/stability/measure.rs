@@ -80,7 +80,6 @@ impl Scenario {
         })
     }
 
-    /// Rows of all paths.
     pub fn run(&self, bench: &Bench) -> anyhow::Result<Vec<Row>> {
         let twin = Reference::new(self)?;
         let mut rows = Vec::new();

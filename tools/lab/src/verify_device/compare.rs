@@ -11,11 +11,8 @@ use nvsprior_kernels::shared::{CULLED, PIXEL};
 
 use super::scenes::code;
 
-/// Outcome of a scene.
 pub enum Comparison {
-    /// Nothing differs.
     Same { pictures: u64 },
-    /// Something does.
     Different(Difference),
 }
 

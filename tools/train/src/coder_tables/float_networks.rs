@@ -37,7 +37,6 @@ mod layout {
 }
 use layout::*;
 
-/// Number of weights.
 pub const WEIGHTS: usize = ALL;
 
 const _: () = assert!(WEIGHTS * 2 == size_of::<Networks>());

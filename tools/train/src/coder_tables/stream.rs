@@ -19,9 +19,7 @@ pub struct RunFrame {
     pub picture: Picture,
     /// What the prior shows at the pose found.
     pub render: Picture,
-    /// The pose.
     pub vantage: Vantage,
-    /// Depths of the render.
     pub depths: Vec<f32>,
 }
 

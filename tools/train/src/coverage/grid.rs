@@ -37,7 +37,6 @@ pub struct Grid {
 /// Where a ray meets matter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Index of the cell.
     pub cell: usize,
     /// Distance from the ray's origin to the cell, the prior's unit.
     pub distance: f64,

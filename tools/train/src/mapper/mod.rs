@@ -38,7 +38,6 @@ pub(crate) use splats::{from_planes, to_planes};
 pub use start::ColouredPoint;
 use start::start;
 
-/// How to train.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapOptions {
     /// How the prior will be rendered.
@@ -47,7 +46,6 @@ pub struct MapOptions {
     pub splats: u32,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
-    /// Rates and their course.
     pub schedule: Schedule,
     /// Fit each picture's light, and train on the pictures without it: see [`Exposure`].
     pub exposure: bool,
@@ -113,7 +111,6 @@ pub enum MapError {
 /// A training as it stands after a step: enough to go on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapState {
-    /// Steps done.
     pub step: u32,
     /// Splats in use, the first ones of the planes.
     pub alive: u32,
@@ -130,7 +127,6 @@ const FITTED_ROUNDS: usize = 8;
 /// Poses are not corrected before: the splats are too coarse.
 const POSES_FROM: usize = 16;
 
-/// A training under way.
 pub struct Mapper {
     engine: Engine,
     trainer: Trainer,
@@ -259,7 +255,6 @@ impl Mapper {
         Ok(())
     }
 
-    /// Steps done.
     pub fn steps(&self) -> u32 {
         self.step
     }

@@ -35,7 +35,6 @@ impl Planes<'_> {
     }
 }
 
-/// The planes of splats.
 pub fn to_planes(splats: &Splats, centre: DVec3) -> Vec<f32> {
     let (n, stride) = (splats.len(), splats.sh_stride());
     let mut numbers = vec![0.0; n * planes(splats.sh_degree) as usize];

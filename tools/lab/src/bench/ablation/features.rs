@@ -39,7 +39,6 @@ const RATIO: f64 = 0.85;
 /// A match nearer than this to the best one is the same thing, perhaps at another level, pixels.
 const SAME: f64 = 6.0;
 
-/// A keypoint.
 pub struct Feature {
     /// Pixels of the full picture; pixel centres lie at +0.5.
     pub at: [f64; 2],

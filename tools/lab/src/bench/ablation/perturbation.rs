@@ -27,7 +27,6 @@ impl Kind {
         }
     }
 
-    /// Unit of its perturbations.
     pub fn unit(self) -> &'static str {
         match self {
             Kind::Rotation => "degrees",
@@ -35,7 +34,6 @@ impl Kind {
         }
     }
 
-    /// Seed of its starts.
     fn seed(self) -> u64 {
         match self {
             Kind::Rotation => 11,

@@ -11,7 +11,6 @@ use super::Outcome;
 use super::judge::Judge;
 use super::method::{Attempt, Method, Searches};
 
-/// Where starts come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StartSource {
     /// What was found for the frame before.
@@ -82,7 +81,6 @@ pub struct StartTrial {
     pub outcome: Outcome,
 }
 
-/// Number of trials.
 pub fn count(context: &Context) -> usize {
     METHODS.len() * sources(context).len() * (context.shots.len() - 1)
 }

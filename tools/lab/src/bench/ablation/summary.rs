@@ -79,7 +79,6 @@ impl Figures {
     }
 }
 
-/// The file.
 #[derive(Serialize)]
 struct Root<'a> {
     #[serde(flatten)]
@@ -137,7 +136,6 @@ fn starts(context: &Context, ablation: &Ablation) -> Vec<Start> {
     starts
 }
 
-/// Writes the summary.
 pub fn write(path: &Path, context: &Context, ablation: &Ablation) -> anyhow::Result<()> {
     let root = Root {
         about: About::of(context),
@@ -149,7 +147,6 @@ pub fn write(path: &Path, context: &Context, ablation: &Ablation) -> anyhow::Res
     write_json(path, &root)
 }
 
-/// Prints the short tables.
 pub fn print(context: &Context, ablation: &Ablation) {
     println!("{}", context.engine.device());
     println!("{} frames, {} splats", context.shots.len(), context.prior.splats().len());

@@ -38,7 +38,6 @@ struct Ffmpeg {
     low_delay: &'static [&'static str],
 }
 
-/// An elementary stream.
 struct Stream {
     /// Its format's name in ffmpeg.
     format: &'static str,
@@ -56,7 +55,6 @@ const VVC: Stream = Stream { format: "vvc", headers: "12-16|20-24", start_codes:
 
 const BOTH: &[Mode] = &[Mode::Intra, Mode::Stream];
 
-/// All that are known.
 pub fn all() -> Vec<External> {
     vec![jpeg_xl("jpeg-xl"), x264(), x265(), libaom(), svt_av1(), vvenc()]
 }

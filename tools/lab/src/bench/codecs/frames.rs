@@ -89,7 +89,6 @@ pub fn print(rows: &[Row]) {
     );
 }
 
-/// Writes them as CSV.
 pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
     let table = Table::of(
         rows,

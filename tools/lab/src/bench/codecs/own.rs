@@ -9,7 +9,6 @@ use nvsprior::residual::{Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, 
 
 use super::{Input, Mode, Outcome, Point, Run, timed};
 
-/// A coder of packets.
 pub struct Own {
     name: &'static str,
     coder: ResidualCoder,
@@ -36,7 +35,6 @@ impl Own {
         }
     }
 
-    /// WebP, under a name.
     pub fn webp(name: &'static str) -> Own {
         Own {
             name,

@@ -26,7 +26,6 @@ pub struct Beside {
 
 /// What a coder made of all pictures.
 pub struct Outcome {
-    /// Its quality setting.
     pub setting: f64,
     /// Of all payloads together, without containers.
     pub bytes: usize,
@@ -55,7 +54,6 @@ impl Run {
         Run { frames, renders, differences, grey, beside }
     }
 
-    /// Number of frames.
     pub fn len(&self) -> f64 {
         self.frames.len() as f64
     }

@@ -48,7 +48,6 @@ pub enum LearnedError {
 
 const COLUMNS: [&str; 4] = ["name", "bytes", "encode_ms", "decode_ms"];
 
-/// All that was found.
 pub struct Learned {
     pub coders: Vec<LearnedCoder>,
 }

@@ -23,10 +23,8 @@ pub struct Run {
     pub frames: Vec<Frame>,
 }
 
-/// Part of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Looked for.
     Search,
     /// Good frames before a dropout.
     Good,
