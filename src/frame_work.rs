@@ -21,7 +21,6 @@ pub(crate) struct FrameWork {
     pub known: FrameInfo,
     /// Which pixels count; `None`: all do.
     pub mask: Option<Arc<Mask>>,
-    /// Which parts count more.
     pub interest: Option<Arc<Interest>>,
     pub render: Picture,
     pub latent: Option<Latent>,
@@ -29,7 +28,6 @@ pub(crate) struct FrameWork {
     /// Whether the packet has a check of the render.
     pub has_render_check: bool,
     pub rate: Option<Rate>,
-    /// What codes the difference.
     pub residual: Option<ResidualSetup>,
     /// What it may be predicted from; `None`: it is coded by itself.
     pub stream: Option<TrackedStream>,
@@ -38,7 +36,6 @@ pub(crate) struct FrameWork {
     pub pose: Pose,
     /// As far as they are known.
     pub stats: FrameStats,
-    /// The result.
     pub encoded: Encoded,
 }
 

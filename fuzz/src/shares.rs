@@ -36,7 +36,14 @@ struct Sent {
 enum Arrival {
     /// A share of a packet, so many seconds after the one before, with padding, and one bit flipped or none. If one is,
     /// its check may be made right again.
-    Share { packet: u8, index: u8, after: u8, padding: u8, flip: Option<u16>, repair: bool },
+    Share {
+        packet: u8,
+        index: u8,
+        after: u8,
+        padding: u8,
+        flip: Option<u16>,
+        repair: bool,
+    },
     Garbage(Vec<u8>),
 }
 

@@ -26,7 +26,12 @@ struct Sent {
 #[derive(Arbitrary, Debug)]
 enum Arrival {
     /// A share of a packet, with some padding, and one bit flipped or none.
-    Frame { packet: u8, index: u8, padding: u8, flip: Option<u16> },
+    Frame {
+        packet: u8,
+        index: u8,
+        padding: u8,
+        flip: Option<u16>,
+    },
     Garbage(Vec<u8>),
 }
 

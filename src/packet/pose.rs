@@ -40,7 +40,6 @@ const SMALL_STEPS: f64 = (SMALL_ZERO - 1) as f64 * SQRT_2;
 const SHORT_CENTRE: std::ops::RangeInclusive<i32> = -SHORT_CENTRE_MAX - 1..=SHORT_CENTRE_MAX;
 /// Range of a small component of the short code, in its own steps.
 const SHORT_SMALL: std::ops::RangeInclusive<i32> = -SHORT_SMALL_MAX - 1..=SHORT_SMALL_MAX;
-/// Bits of it.
 const SHORT_SMALL_BITS: u32 = SHORT_SMALL_MAX.ilog2() + 2;
 /// Bytes of the short code.
 pub(super) const SHORT_LEN: usize = 12;

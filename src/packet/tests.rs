@@ -130,7 +130,6 @@ fn golden_packets() {
     }
 }
 
-/// Pins the render part.
 #[test]
 fn golden_render_part() {
     let bare = packet(PoseProfile::Compact, true, coded(b"difference"));

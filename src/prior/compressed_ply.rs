@@ -14,7 +14,6 @@ use super::limits::MAX_SPLATS;
 use super::ply_header::{Comments, check_length, rest_properties};
 use super::{PriorError, PriorFile, PriorFormat, Splats};
 
-/// Splats of a chunk.
 const CHUNK: usize = 256;
 
 /// The constant spherical harmonic.
@@ -23,7 +22,6 @@ const SH_C0: f64 = 0.282_094_791_773_878_14;
 /// Width of the range of the other coefficients, around zero.
 const SH_RANGE: f64 = 8.0;
 
-/// Properties of a splat.
 const PACKED: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 
 /// Bounds of a chunk, in the order of [`Bounds`].
@@ -117,7 +115,6 @@ fn quaternion(word: u32) -> [f32; 4] {
 struct Table {
     /// Byte of the first row.
     start: usize,
-    /// Bytes of a row.
     row: usize,
     count: usize,
 }

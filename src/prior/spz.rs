@@ -67,7 +67,6 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     })
 }
 
-/// What all versions have.
 struct Header {
     version: u32,
     count: usize,
@@ -115,7 +114,6 @@ impl Header {
         [9, 1, 3, 3, rotation, 3 * ((self.sh_degree as usize + 1).pow(2) - 1)]
     }
 
-    /// Bytes of each stream.
     fn sizes(&self) -> [usize; 6] {
         self.widths().map(|width| self.count * width)
     }

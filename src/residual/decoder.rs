@@ -16,7 +16,6 @@ use crate::coder_tables::Tables;
 pub struct ResidualDecoder {
     wavelet: WaveletDecoder,
     stream: StreamDecoder,
-    /// Size of the pictures.
     size: (u32, u32),
     #[cfg(feature = "paper")]
     webp: Webp,

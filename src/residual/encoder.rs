@@ -59,7 +59,6 @@ pub struct ResidualEncoder {
     stream: StreamEncoder,
     /// The last frame has a residual, from which later ones may be predicted.
     keepable: bool,
-    /// Size of the pictures.
     size: (u32, u32),
 }
 

@@ -52,7 +52,6 @@ pub fn frames_behind(behind: u32, frame: u32) -> u32 {
 }
 
 impl References {
-    /// Forgets all frames.
     pub fn clear(&mut self) {
         self.kept.iter_mut().for_each(|kept| kept.used = false);
     }

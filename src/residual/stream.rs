@@ -127,7 +127,6 @@ pub(super) struct StreamEncoder {
 }
 
 impl StreamEncoder {
-    /// Forgets all frames.
     pub fn clear(&mut self) {
         self.references.clear();
         self.key = None;

@@ -164,7 +164,6 @@ const ROUNDING: f64 = 1.0 / (12.0 * 255.0 * 255.0);
 
 /// How a run of the device came to its end.
 struct Path {
-    /// Where it ended.
     found: Placement,
     /// Share by which the last step, taken without an evaluation, promised to lower the error.
     promised: f64,

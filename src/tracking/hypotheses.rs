@@ -17,7 +17,6 @@ use crate::{Camera, Pose};
 /// Turns about the optical axis that are tried, degrees. Phase correlation tolerates 2° of roll and
 /// more.
 const ROLLS: [f32; 7] = [-12.0, -8.0, -4.0, 0.0, 4.0, 8.0, 12.0];
-/// Rounds of phase correlation.
 const ROUNDS: usize = 2;
 /// The least share of the picture that frame and render must both show; with less, they are not judged.
 const LEAST_OVERLAP: f32 = 0.25;

@@ -63,7 +63,6 @@ impl SenderOptions {
         }
     }
 
-    /// Checks the options.
     fn way(&self) -> Result<Way, ModemError> {
         if self.stream >= STREAMS {
             return Err(ModemError::Stream(self.stream));

@@ -5,7 +5,6 @@ use super::super::tables_file::refusal;
 use super::format::FORMAT;
 use crate::coder_tables::Tables;
 
-/// Bytes of their length.
 const START: usize = 4;
 
 /// The section of tables; of none, nothing.

@@ -161,7 +161,6 @@ pub fn with_preprocessing(
     Ok(assembled(&header, preprocessing, &parts.key_frames, tables, parts.stream))
 }
 
-/// A whole file.
 fn assembled(
     header: &Header,
     preprocessing: &Preprocessing,

@@ -89,7 +89,6 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Exponents of a grid.
     pub const EXPONENTS: std::ops::RangeInclusive<i16> = -149..=127;
 
     /// The grid for splats at `positions`, at least one, with steps of about `share` of their

@@ -6,7 +6,6 @@ use super::*;
 use crate::image::Preprocessing;
 use crate::random::Random;
 
-/// Tables of any numbers.
 pub(crate) fn sample_tables(seed: u64) -> Tables {
     let mut random = Random::new(seed);
     let mut bytes = Tables::zero().write();

@@ -20,7 +20,6 @@ pub struct Chooser<'a> {
     pub lambda: f32,
     /// How many times more it costs at each coefficient.
     pub prices: &'a Prices,
-    /// What the tables say.
     pub predictor: &'a Predictor,
     /// Receives the gains, by level.
     pub gains: &'a mut LevelGains,

@@ -39,7 +39,6 @@ pub struct WaveletEncoder {
     difference: [Vec<i32>; PLANES],
     /// The same in quantiser steps.
     wanted: [Vec<f32>; PLANES],
-    /// Quantised.
     chosen: [Vec<i16>; PLANES],
     gains: LevelGains,
     prices: Prices,

@@ -52,7 +52,6 @@ pub struct Band {
     pub orientation: Orientation,
     /// Coefficients in a row.
     pub width: usize,
-    /// Rows.
     pub height: usize,
     /// Place of the first coefficient in the transformed plane.
     pub offset: usize,
@@ -104,7 +103,6 @@ impl Geometry {
         Geometry { width, height, levels, sizes, norms: norms() }
     }
 
-    /// Values of a plane.
     pub fn len(&self) -> usize {
         self.width * self.height
     }

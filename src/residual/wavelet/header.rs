@@ -12,7 +12,6 @@ pub struct Header {
     pub cut: bool,
     /// Contexts look at the render: it must be the same on both sides, byte for byte.
     pub sees_render: bool,
-    /// The quantiser.
     pub step: Step,
     /// What is coded at all.
     pub finest: Finest,

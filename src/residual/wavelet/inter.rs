@@ -106,11 +106,9 @@ impl Pays {
 pub struct Inter {
     /// Coefficients of the warped reference.
     warped: Planes,
-    /// The prediction's coefficients.
     predicted: Planes,
     /// Mean magnitude over a coefficient and its eight neighbours, of the same band or not.
     energy: Planes,
-    /// The prediction's picture.
     picture: Planes,
     says: Says,
     /// Whether the details of each block are predicted.
@@ -160,7 +158,6 @@ impl Inter {
         (self.predicted[plane][index], self.energy[plane][index])
     }
 
-    /// Takes a warped reference.
     pub fn set(&mut self, geometry: &Geometry, warped: &Planes, scratch: &mut Scratch) {
         for (own, warped) in self.warped.iter_mut().zip(warped) {
             own.copy_from_slice(warped);
@@ -312,7 +309,6 @@ impl Inter {
         }
     }
 
-    /// Writes what was chosen.
     pub fn write(&self, encoder: &mut RangeEncoder) {
         for bit in (0..AGES.ilog2()).rev() {
             encoder.put(self.says.age >> bit & 1 > 0, EVEN);

@@ -62,7 +62,6 @@ impl Model {
         10.0 * libm::log10(65_025.0 / mean.max(1e-9))
     }
 
-    /// Bytes of the payload.
     pub fn bytes(&self, fineness: Fineness) -> f64 {
         let step = fineness.step().value();
         let bits: f64 = self

@@ -71,7 +71,6 @@ struct Run<'a, S> {
 
 /// Room for a pass, and its outcome.
 pub struct Pass {
-    /// The coefficients.
     pub quantised: Quantised,
     /// Decoded planes of the difference between picture and render.
     decoded: [Vec<i32>; PLANES],

@@ -77,7 +77,6 @@ fn logit(sum: i32) -> Logit {
     (sum >> places).clamp(-LARGEST_LOGIT, LARGEST_LOGIT) as Logit
 }
 
-/// Biases as sums.
 fn biases<const N: usize, const FOURS: usize>(bias: &[i16; N]) -> [i32x4; FOURS] {
     const { assert!(N == 4 * FOURS) };
     std::array::from_fn(|four| {
@@ -86,7 +85,6 @@ fn biases<const N: usize, const FOURS: usize>(bias: &[i16; N]) -> [i32x4; FOURS]
     })
 }
 
-/// Tables, ready for use.
 pub struct Predictor {
     networks: Networks,
     magnitude_1: Layer<{ pairs(MAGNITUDE_INPUTS) }, { HIDDEN / 4 }>,
@@ -98,7 +96,6 @@ pub struct Predictor {
     sign_1: Layer<{ pairs(SIGN_INPUTS) }, { HIDDEN_SIGN / 4 }>,
     /// Where coefficients lie in their intervals.
     pub offsets: Offsets,
-    /// Chances of logits.
     pub chances: Chances,
 }
 

@@ -37,7 +37,6 @@ impl Interval {
     }
 }
 
-/// Writes bits.
 pub struct RangeEncoder<'a> {
     bytes: &'a mut Vec<u8>,
     /// Most bytes that are written.
@@ -61,7 +60,6 @@ impl<'a> RangeEncoder<'a> {
         }
     }
 
-    /// Writes a bit.
     pub fn put(&mut self, bit: bool, one: Probability) {
         let split = self.interval.split(one);
         self.interval.take(bit, split);
@@ -99,7 +97,6 @@ pub enum Tail {
     Unknown,
 }
 
-/// Reads bits.
 pub struct RangeDecoder<'a> {
     bytes: std::slice::Iter<'a, u8>,
     interval: Interval,

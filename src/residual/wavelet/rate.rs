@@ -394,7 +394,6 @@ const OFF: f64 = 0.04;
 const OFF_BYTES: f64 = 4.0;
 
 impl Length {
-    /// Bytes of a payload.
     fn of(&self, weighed: f64) -> f64 {
         (self.share * weighed).max(1.0)
     }
@@ -404,7 +403,6 @@ impl Length {
         (guess - target).abs() <= self.off * target + OFF_BYTES
     }
 
-    /// What the payload took.
     fn tell(&mut self, weighed: f64, len: f64) {
         if weighed > 0.0 {
             *self = Length { share: len / weighed, off: OFF };

@@ -14,7 +14,6 @@ pub fn distance(a: &Descriptor, b: &Descriptor) -> u32 {
 
 /// Half the side of a patch, pixels.
 pub const RADIUS: usize = 15;
-/// Directions of a histogram.
 const DIRECTIONS: usize = 8;
 /// Histograms along a side of the patch.
 const SIDE: usize = 4;

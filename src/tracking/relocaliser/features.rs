@@ -3,7 +3,6 @@
 
 use super::descriptor::{Describer, Descriptor, RADIUS};
 
-/// A corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feature {
     /// Pixels of the picture; pixel (0, 0) covers [0, 1) × [0, 1).

@@ -36,7 +36,6 @@ const LEAST_KEY_FEATURES: usize = 120;
 const MEMORY: usize = 48 << 20;
 /// How many key frames, those with most votes, have their corners compared with the frame's.
 const VOTED: usize = 64;
-/// Poses that are proposed.
 const PROPOSALS: usize = 6;
 /// Key frames that stand nearer to another than this, in depths of the scene, propose poses together with it. A pose
 /// that one key frame proposes by itself must be as near to it.

@@ -162,7 +162,6 @@ impl Tracker {
         mse >= self.threshold && self.error.is_none_or(|before| mse > LOST * before)
     }
 
-    /// Searches from some poses.
     pub(super) fn from(
         &mut self,
         poses: &[Pose],

@@ -27,10 +27,15 @@ struct Close {
 #[derive(Clone, Copy, Debug)]
 enum Decision {
     /// Alpha's cut; `kept` is how it fell.
-    Cut { kept: bool },
+    Cut {
+        kept: bool,
+    },
     Stop,
     /// The order of this splat and the one before it, which had this payload and alpha.
-    Order { payload: Channels, alpha: f64 },
+    Order {
+        payload: Channels,
+        alpha: f64,
+    },
 }
 
 /// A splat that counted, for the order's sake.
