@@ -1,6 +1,6 @@
 //! The element `nvspdec`.
 
-use std::sync::{LazyLock, Mutex};
+use std::sync::Mutex;
 use std::time::Instant;
 
 use gst::glib;
@@ -16,14 +16,13 @@ use nvsprior::residual::ResidualError;
 use nvsprior::{Decoded, Error, Trust};
 
 use crate::caps;
+use crate::element::{log_category, registry};
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
 use crate::property;
 use crate::stats::{self, properties_with_stats};
 
-static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
-    gst::DebugCategory::new("nvspdec", gst::DebugColorFlags::empty(), Some("nvsprior decoder"))
-});
+log_category!("nvspdec", "nvsprior decoder");
 
 /// What is known of a packet's bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, glib::Enum)]
@@ -316,33 +315,13 @@ impl ObjectImpl for Decoder {
 impl GstObjectImpl for Decoder {}
 
 impl ElementImpl for Decoder {
-    fn metadata() -> Option<&'static gst::subclass::ElementMetadata> {
-        static METADATA: LazyLock<gst::subclass::ElementMetadata> = LazyLock::new(|| {
-            gst::subclass::ElementMetadata::new(
-                "nvsprior decoder",
-                "Codec/Decoder/Video",
-                "Draws the prior at a packet's pose and adds the packet's difference picture",
-                "The nvsprior authors",
-            )
-        });
-        Some(&*METADATA)
-    }
-
-    fn pad_templates() -> &'static [gst::PadTemplate] {
-        static TEMPLATES: LazyLock<Vec<gst::PadTemplate>> = LazyLock::new(|| {
-            let side = 1..=nvsprior::Camera::MAX_SIDE as i32;
-            let src = gst_video::VideoCapsBuilder::new()
-                .format_list(FORMATS.map(|(format, _)| format))
-                .width_range(side.clone())
-                .height_range(side)
-                .build();
-            vec![
-                caps::template("sink", gst::PadDirection::Sink, &caps::any(caps::PACKET)),
-                caps::template("src", gst::PadDirection::Src, &src),
-            ]
-        });
-        &TEMPLATES
-    }
+    registry!(
+        "nvsprior decoder",
+        "Codec/Decoder/Video",
+        "Draws the prior at a packet's pose and adds the packet's difference picture",
+        sink: caps::any(caps::PACKET),
+        src: caps::pictures(&FORMATS.map(|(format, _)| format), nvsprior::Camera::MAX_SIDE)
+    );
 }
 
 impl VideoDecoderImpl for Decoder {

@@ -1,6 +1,6 @@
 //! The element `nvspenc`.
 
-use std::sync::{LazyLock, Mutex};
+use std::sync::Mutex;
 
 use gst::glib;
 use gst::prelude::*;
@@ -16,14 +16,13 @@ use super::frames::{Frames, FramesError, Outcome};
 use super::settings::{ModeKind, RateKind, Settings, StructureKind};
 use crate::budget::Budget;
 use crate::caps;
+use crate::element::{log_category, registry};
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
 use crate::property;
 use crate::stats::{self, properties_with_stats};
 
-static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
-    gst::DebugCategory::new("nvspenc", gst::DebugColorFlags::empty(), Some("nvsprior encoder"))
-});
+log_category!("nvspenc", "nvsprior encoder");
 
 /// What the element holds while it runs.
 #[derive(Default)]
@@ -146,6 +145,16 @@ pub struct Encoder {
     counts: Mutex<Counts>,
     state: Mutex<State>,
 }
+
+/// The formats that frames may have.
+const FORMATS: [VideoFormat; 6] = [
+    VideoFormat::Rgb,
+    VideoFormat::Nv12,
+    VideoFormat::I420,
+    VideoFormat::Bgr,
+    VideoFormat::Rgba,
+    VideoFormat::Rgbx,
+];
 
 impl Encoder {
     fn start_text(&self) -> Option<String> {
@@ -396,41 +405,13 @@ impl ObjectImpl for Encoder {
 impl GstObjectImpl for Encoder {}
 
 impl ElementImpl for Encoder {
-    fn metadata() -> Option<&'static gst::subclass::ElementMetadata> {
-        static METADATA: LazyLock<gst::subclass::ElementMetadata> = LazyLock::new(|| {
-            gst::subclass::ElementMetadata::new(
-                "nvsprior encoder",
-                "Codec/Encoder/Video",
-                "Encodes frames against a 3D Gaussian Splatting prior: a pose and a difference picture",
-                "The nvsprior authors",
-            )
-        });
-        Some(&*METADATA)
-    }
-
-    fn pad_templates() -> &'static [gst::PadTemplate] {
-        static TEMPLATES: LazyLock<Vec<gst::PadTemplate>> = LazyLock::new(|| {
-            let formats = [
-                VideoFormat::Rgb,
-                VideoFormat::Nv12,
-                VideoFormat::I420,
-                VideoFormat::Bgr,
-                VideoFormat::Rgba,
-                VideoFormat::Rgbx,
-            ];
-            let side = 1..=ImageView::MAX_SIDE as i32;
-            let sink = gst_video::VideoCapsBuilder::new()
-                .format_list(formats)
-                .width_range(side.clone())
-                .height_range(side)
-                .build();
-            vec![
-                caps::template("sink", gst::PadDirection::Sink, &sink),
-                caps::template("src", gst::PadDirection::Src, &caps::any(caps::PACKET)),
-            ]
-        });
-        &TEMPLATES
-    }
+    registry!(
+        "nvsprior encoder",
+        "Codec/Encoder/Video",
+        "Encodes frames against a 3D Gaussian Splatting prior: a pose and a difference picture",
+        sink: caps::pictures(&FORMATS, ImageView::MAX_SIDE),
+        src: caps::any(caps::PACKET)
+    );
 }
 
 impl VideoEncoderImpl for Encoder {

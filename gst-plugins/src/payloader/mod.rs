@@ -2,13 +2,4 @@
 
 mod element;
 
-use gst::glib;
-use gst::prelude::*;
-
-glib::wrapper! {
-    pub struct Payloader(ObjectSubclass<element::Payloader>) @extends gst::Element, gst::Object;
-}
-
-pub fn register(plugin: &gst::Plugin) -> Result<(), glib::BoolError> {
-    gst::Element::register(Some(plugin), "nvsppay", gst::Rank::NONE, Payloader::static_type())
-}
+crate::element::class!("nvsppay", Payloader extends gst::Element, gst::Object);
