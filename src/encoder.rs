@@ -10,7 +10,7 @@ use crate::packet::{
 };
 use crate::render::{Plan, Scene};
 use crate::residual::{
-    Acknowledged, Interest, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Vantage,
+    Acknowledged, Interest, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Viewpoint,
 };
 use crate::tracking::{
     Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker,
@@ -251,10 +251,10 @@ impl Encoder {
     pub fn encode(
         &mut self,
         frame: &Picture,
-        known: impl Into<FrameInfo>,
+        info: impl Into<FrameInfo>,
     ) -> Result<Encoded, Error> {
         let mut encoded = Encoded::default();
-        self.encode_into(frame, known, &mut encoded)?;
+        self.encode_into(frame, info, &mut encoded)?;
         Ok(encoded)
     }
 
@@ -263,13 +263,13 @@ impl Encoder {
     pub fn encode_into(
         &mut self,
         frame: &Picture,
-        known: impl Into<FrameInfo>,
+        info: impl Into<FrameInfo>,
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
         self.check_frame(frame)?;
         let mut work = std::mem::take(&mut self.work);
         work.frame.clone_from(frame);
-        work.known = known.into();
+        work.info = info.into();
         std::mem::swap(&mut work.encoded, encoded);
         let done = self.encode_filled(&mut work);
         std::mem::swap(&mut work.encoded, encoded);
@@ -295,12 +295,12 @@ impl Encoder {
     pub(crate) fn track_next(
         &mut self,
         frame: &Picture,
-        known: FrameInfo,
+        info: FrameInfo,
         work: &mut FrameWork,
     ) -> Result<(), Error> {
         self.check_frame(frame)?;
         work.frame.clone_from(frame);
-        work.known = known;
+        work.info = info;
         self.track_filled(work)
     }
 
@@ -315,8 +315,8 @@ impl Encoder {
     fn track(&mut self, work: &mut FrameWork) -> Result<PoseEstimate, Error> {
         let since = Instant::now();
         self.check_frame(&work.frame)?;
-        let known = work.known;
-        self.check_known(&known)?;
+        let info = work.info;
+        self.check_info(&info)?;
         self.renders_before.clear();
         self.renders_before.extend_from_slice(self.tracker.objective().renderer().renders());
         let short = self.short_next();
@@ -328,7 +328,7 @@ impl Encoder {
         if let Some(mask) = &self.mask {
             mask.level_out(&mut work.frame);
         }
-        let found = self.tracker.track(&work.frame, &known)?;
+        let found = self.tracker.track(&work.frame, &info)?;
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
         self.set_stream(&pose, work);
@@ -381,7 +381,7 @@ impl Encoder {
                 work.depths.extend(renderer.depths());
                 let placement = renderer.placed(&pose.words());
                 Some(TrackedStream {
-                    vantage: Vantage { camera: self.camera, placement },
+                    viewpoint: Viewpoint { camera: self.camera, placement },
                     structure,
                     acknowledged: self.acknowledged,
                     first: self.stream_ended,
@@ -402,7 +402,7 @@ impl Encoder {
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         (self.full_due, self.stream_ended) = (false, false);
         self.frame = self.frame.wrapping_add(1);
-        self.time = work.known.time.or(self.time);
+        self.time = work.info.time.or(self.time);
         self.tracker.keep(found);
     }
 
@@ -430,9 +430,9 @@ impl Encoder {
     }
 
     /// Checks what is stated of the next frame.
-    pub(crate) fn check_known(&self, known: &FrameInfo) -> Result<(), Error> {
-        known.check(self.frame, self.time)?;
-        let Some(hint) = &known.hint else { return Ok(()) };
+    pub(crate) fn check_info(&self, info: &FrameInfo) -> Result<(), Error> {
+        info.check(self.frame, self.time)?;
+        let Some(hint) = &info.hint else { return Ok(()) };
         let frame = self.scene.coordinate_frame();
         let distance = (hint.pose.centre() - self.scene.centre()).length();
         if distance > FAR * f64::from(frame.spread) {

@@ -7,7 +7,7 @@ use crate::image::{Mask, psnr_of_mse};
 use crate::packet::{Latent, RenderCheck, Residual};
 use crate::residual::{
     Acknowledged, InStream, Interest, ResidualEncoder, ResidualSetup, StreamFrame, Structure,
-    Vantage,
+    Viewpoint,
 };
 use crate::{Camera, Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose, Rate};
 
@@ -18,7 +18,7 @@ use crate::{Camera, Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose
 pub(crate) struct FrameWork {
     /// The camera's picture; after the search as the prior's preprocessing left it, with the render where it is masked.
     pub frame: Picture,
-    pub known: FrameInfo,
+    pub info: FrameInfo,
     /// Which pixels count; `None`: all do.
     pub mask: Option<Arc<Mask>>,
     pub interest: Option<Arc<Interest>>,
@@ -42,7 +42,7 @@ pub(crate) struct FrameWork {
 /// What a frame of a stream may be predicted from.
 #[derive(Clone, Copy)]
 pub(crate) struct TrackedStream {
-    pub vantage: Vantage,
+    pub viewpoint: Viewpoint,
     pub structure: Structure,
     pub acknowledged: Acknowledged,
     /// Frames before it are forgotten.
@@ -159,7 +159,7 @@ impl FrameWork {
         let in_stream = self.stream.as_ref().map(|stream| InStream {
             frame: StreamFrame {
                 frame: self.stats.frame,
-                vantage: &stream.vantage,
+                viewpoint: &stream.viewpoint,
                 depths: &self.depths,
             },
             structure: stream.structure,

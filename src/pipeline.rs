@@ -46,11 +46,11 @@ impl Pipeline {
     pub fn push(
         &mut self,
         frame: &Picture,
-        known: impl Into<FrameInfo>,
+        info: impl Into<FrameInfo>,
         encoded: &mut Encoded,
     ) -> Result<bool, Error> {
-        let (encoder, known) = (&mut self.encoder, known.into());
-        self.queue.begin(|work| encoder.track_next(frame, known, work))?;
+        let (encoder, info) = (&mut self.encoder, info.into());
+        self.queue.begin(|work| encoder.track_next(frame, info, work))?;
         let before = self.take(encoded);
         self.under_way = true;
         before

@@ -210,12 +210,12 @@ fn what_is_stated_of_a_frame_is_checked() {
     let frames = [0.0, 1.0].map(|t| frame(&engine, &scene, &pose(t)));
     let sure = Hint::with_deviation(pose(0.0), &[0.01; 6]).unwrap();
     let at = |hint, time| FrameInfo { hint, time: Some(time) };
-    let sound = [at(Some(Hint { age: 0.1, ..sure }), 5.0), at(None, 5.5)];
+    let valid = [at(Some(Hint { age: 0.1, ..sure }), 5.0), at(None, 5.5)];
     let mut plain = encoder();
-    let expected = [0, 1].map(|t| plain.encode(&frames[t], sound[t]).unwrap().packet);
+    let expected = [0, 1].map(|t| plain.encode(&frames[t], valid[t]).unwrap().packet);
 
     let mut encoder = encoder();
-    assert_eq!(encoder.encode(&frames[0], sound[0]).unwrap().packet, expected[0]);
+    assert_eq!(encoder.encode(&frames[0], valid[0]).unwrap().packet, expected[0]);
     let mut covariance = sure.covariance.unwrap();
     covariance[0][1] = 1.0;
     let none = Hint { covariance: Some(covariance), ..sure };
@@ -230,7 +230,7 @@ fn what_is_stated_of_a_frame_is_checked() {
         assert!(error.starts_with("frame 1: ") && error.contains(named), "{error}");
     }
     assert_eq!(encoder.trace().len(), before.len(), "no work was done");
-    assert_eq!(encoder.encode(&frames[1], sound[1]).unwrap().packet, expected[1]);
+    assert_eq!(encoder.encode(&frames[1], valid[1]).unwrap().packet, expected[1]);
 
     let mut pipeline = Pipeline::new(encoder);
     let mut encoded = Encoded::default();

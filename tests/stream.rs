@@ -177,7 +177,7 @@ fn a_frame_that_came_in_part_is_no_reference() {
     assert_eq!(decoded.reference, Some(1));
     assert!(decoded.picture.psnr(&frames()[2]) > all[2].stats.render_psnr + 1.0);
     check_missing(&mut decoder, &all[3]);
-    // If the rest comes after all, those after it are sound again.
+    // If the rest comes after all, those after it are valid again.
     check_whole(&mut decoder, &all[2]);
     check_whole(&mut decoder, &all[3]);
     // The same without trust: the render alone, and no reference.

@@ -90,7 +90,7 @@ pub fn run(bytes: &[u8]) {
 fn look(collector: &Collector, stream: u8, sent: Option<&Vec<Shared>>) {
     if let Some(newest) = collector.newest(stream) {
         if newest.complete {
-            Packet::decode(newest.bytes).expect("a complete packet is sound");
+            Packet::decode(newest.bytes).expect("a complete packet is valid");
             assert_eq!(collector.missing(stream, newest.frame).count(), 0);
         }
         if let Some(sent) = sent {
@@ -129,7 +129,7 @@ fn shared(sent: &Sent, mtu: usize) -> Option<Shared> {
     let mut sharer = Sharer::default();
     sharer
         .share(&packet, &sharing, sent.stream % STREAMS as u8, user.as_deref())
-        .expect("a sound packet");
+        .expect("a valid packet");
     let shares = (0..sharer.count()).map(|index| sharer.get(index).to_vec()).collect();
     Some(Shared { packet, shares })
 }

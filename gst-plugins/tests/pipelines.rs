@@ -322,7 +322,7 @@ fn after_a_flush_frames_are_searched_for_anew() {
     }
 }
 
-/// What the topside gets is not all sound.
+/// What the topside gets is not all valid.
 #[test]
 fn packets_that_give_nothing_do_not_end_the_pipeline() {
     let fixture = fixture();

@@ -128,7 +128,7 @@ impl Encoding {
     /// Checks what is known of a frame. While another is searched for, what depends on that one is left to the search.
     fn check_known(&self, known: &FrameInfo) -> Result<(), Failure> {
         let checked = match self.core() {
-            Ok(core) => core.encoder.check_known(known),
+            Ok(core) => core.encoder.check_info(known),
             Err(_) => known.check(0, None),
         };
         checked.map_err(refused)
@@ -173,7 +173,7 @@ impl GivenFrame<'_> {
     fn fill(&self, converter: &Mutex<Converter>, work: &mut FrameWork) -> Result<(), Failure> {
         let mut converter = converter.lock().unwrap_or_else(PoisonError::into_inner);
         converter.convert(&self.view, &mut work.frame)?;
-        work.known = self.known;
+        work.info = self.known;
         Ok(())
     }
 }
@@ -188,7 +188,7 @@ fn encode(core: &Arc<Mutex<Core>>) -> Worker<FrameWork, Failure> {
     Box::new(move |work| {
         let mut core = locked(&core)?;
         let _memory = core.memory()?;
-        core.encoder.check_known(&work.known).map_err(refused)?;
+        core.encoder.check_info(&work.info).map_err(refused)?;
         core.encoder.encode_filled(work)?;
         core.cold = core.cold.saturating_sub(1);
         Ok(())
@@ -209,7 +209,7 @@ fn search_and_code(
             core.encoder.announce();
         }
         let _memory = core.memory()?;
-        core.encoder.check_known(&work.known).map_err(refused)?;
+        core.encoder.check_info(&work.info).map_err(refused)?;
         core.encoder.track_filled(work)?;
         core.cold = core.cold.saturating_sub(1);
         Ok(())

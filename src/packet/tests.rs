@@ -146,8 +146,8 @@ fn golden_render_part() {
     let salvage = Packet::salvage(&damaged).unwrap();
     assert_eq!(salvage.render, Err(PacketError::Check(Part::Render)));
     assert_eq!((salvage.camera, salvage.residual), (Ok(Some(CAMERA)), Ok(told.residual)));
-    assert_eq!(sound_len(&damaged), 49);
-    assert_eq!(sound_len(&bytes[..60]), 55);
+    assert_eq!(valid_len(&damaged), 49);
+    assert_eq!(valid_len(&bytes[..60]), 55);
     assert_eq!(Extent::read(&bytes[..56]).unwrap().total, Some(bytes.len()));
 }
 
@@ -246,8 +246,8 @@ fn the_extent_is_known_from_the_start() {
                 let extent = Extent { frame, frames, latent, head, total };
                 assert_eq!(Extent::read(&bytes[..len]), Ok(extent));
                 let ends = [bytes.len(), head, latent, 0];
-                let sound = ends.into_iter().find(|end| *end <= len).unwrap();
-                assert_eq!(sound_len(&bytes[..len]), sound, "{len} of {}", bytes.len());
+                let valid = ends.into_iter().find(|end| *end <= len).unwrap();
+                assert_eq!(valid_len(&bytes[..len]), valid, "{len} of {}", bytes.len());
             }
         }
     }
@@ -259,7 +259,7 @@ fn the_extent_of_what_is_no_packet() {
     let with = |index: usize, value: u8| {
         let mut bytes = bytes.clone();
         bytes[index] = value;
-        (Extent::read(&bytes).map(|extent| extent.total), sound_len(&bytes))
+        (Extent::read(&bytes).map(|extent| extent.total), valid_len(&bytes))
     };
     assert!(matches!(Extent::read(&bytes[..30]), Err(PacketError::TooShort { .. })));
     assert_eq!(with(0, 0x52), (Err(PacketError::Magic(0x52)), 0));
@@ -478,7 +478,7 @@ proptest! {
             let (salvage, parsed) = (Packet::salvage(&bytes), Parsed::of(&bytes));
             prop_assert_eq!(salvage.map(|s| format!("{s:?}")), parsed.map(|p| format!("{:?}", p.salvage(&bytes))));
             let _ = Extent::read(&bytes);
-            prop_assert!(sound_len(&bytes) <= bytes.len());
+            prop_assert!(valid_len(&bytes) <= bytes.len());
         }
     }
 
@@ -497,7 +497,7 @@ proptest! {
         prop_assert_eq!(salvage, format!("{:?}", parsed.salvage(&bytes)));
         let _ = parsed.salvage(&bytes[..31]);
         let _ = Extent::read(&bytes);
-        prop_assert!((31..=bytes.len()).contains(&sound_len(&bytes)));
+        prop_assert!((31..=bytes.len()).contains(&valid_len(&bytes)));
     }
 
     #[test]
@@ -622,7 +622,7 @@ fn a_short_frame_number_is_the_nearest() {
 #[test]
 fn checks_of_the_short_form_miss_what_is_said() {
     let payload = [7; 60];
-    let sound = packet(PoseProfile::Short, false, coded(&payload)).encode().unwrap();
+    let valid = packet(PoseProfile::Short, false, coded(&payload)).encode().unwrap();
     let mut state = 1_u64;
     let mut random = move || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -631,12 +631,12 @@ fn checks_of_the_short_form_miss_what_is_said() {
     const TRIALS: u32 = 1 << 19;
     let (mut latents, mut residuals, mut both) = (0, 0, 0);
     for _ in 0..TRIALS {
-        let mut bytes = sound.clone();
+        let mut bytes = valid.clone();
         bytes[2..19].fill_with(&mut random);
         let salvage = Packet::salvage(&bytes);
         latents += u32::from(salvage.is_ok());
         both += u32::from(salvage.is_ok_and(|s| s.residual.is_ok()));
-        let mut bytes = sound.clone();
+        let mut bytes = valid.clone();
         bytes[20..].fill_with(&mut random);
         residuals += u32::from(Packet::decode(&bytes).is_ok());
     }
@@ -648,12 +648,12 @@ fn checks_of_the_short_form_miss_what_is_said() {
 /// A residual fits no latent part but its own: tries other frame numbers, poses and tags.
 #[test]
 fn a_short_residual_belongs_to_its_latent() {
-    let sound = packet(PoseProfile::Short, false, coded(b"difference"));
-    let bytes = sound.encode().unwrap();
+    let valid = packet(PoseProfile::Short, false, coded(b"difference"));
+    let bytes = valid.encode().unwrap();
     let mut taken = 0;
     for frame in 0..u32::from(u16::MAX) {
-        let latent = Latent { frame, ..sound.latent };
-        let other = Packet { latent, ..sound }.encode().unwrap();
+        let latent = Latent { frame, ..valid.latent };
+        let other = Packet { latent, ..valid }.encode().unwrap();
         let mixed = [&other[..SHORT_LATENT_LEN], &bytes[SHORT_LATENT_LEN..]].concat();
         taken += u32::from(Packet::decode(&mixed).is_ok() && mixed != bytes);
     }

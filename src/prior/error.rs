@@ -58,7 +58,7 @@ pub enum PriorError {
     #[error("the splats are prior {found}, not {stated} as the file says")]
     Identity { stated: PriorId, found: PriorId },
     #[error("splat {splat} has a {fault}")]
-    Unsound { splat: usize, fault: Fault },
+    Invalid { splat: usize, fault: Fault },
     #[error("splat {splat}: {column} {value} is out of the range of steps of {step}")]
     OutOfSteps { splat: usize, column: &'static str, value: f32, step: f32 },
     #[error("quantisation of {name} in steps of {step}: at least 1e-6, at most {most}")]

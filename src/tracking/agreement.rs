@@ -321,8 +321,8 @@ impl Sums {
     fn light(&self) -> Option<(f64, f64)> {
         let told = self.count > 0.0 && self.render_variance() > RANGE * RANGE;
         let gain = ((self.frame_variance() - NOISE).max(0.0) / self.render_variance()).sqrt();
-        let sound = told && self.covariance() > 0.0 && gain > 0.02 && gain < 50.0;
-        sound.then(|| (gain, (self.frame - gain * self.render) / self.count / 255.0))
+        let valid = told && self.covariance() > 0.0 && gain > 0.02 && gain < 50.0;
+        valid.then(|| (gain, (self.frame - gain * self.render) / self.count / 255.0))
     }
 }
 

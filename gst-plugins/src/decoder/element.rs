@@ -99,7 +99,7 @@ pub struct Decoder {
 }
 
 /// What becomes of a packet.
-enum Outcome {
+enum Fate {
     /// [`State::decoded`] has the picture.
     Picture,
     Nothing(Error),
@@ -140,7 +140,7 @@ impl Decoder {
         state: &mut State,
         packet: &[u8],
         late: bool,
-    ) -> Result<Outcome, gst::ErrorMessage> {
+    ) -> Result<Fate, gst::ErrorMessage> {
         let trust = match lock(&self.settings).trust {
             TrustKind::Start => Trust::Start,
             TrustKind::Auto if state.starts => Trust::Start,
@@ -153,7 +153,7 @@ impl Decoder {
             ));
         };
         if late && !leads(packet) {
-            return Ok(Outcome::Late);
+            return Ok(Fate::Late);
         }
         let since = Instant::now();
         let done = decoder.decode_into(packet, trust, &mut state.decoded);
@@ -162,12 +162,12 @@ impl Decoder {
             Ok(()) => {
                 self.tell_latency(state, taken);
                 self.count(&state.decoded, packet.len(), taken);
-                Ok(if late { Outcome::Late } else { Outcome::Picture })
+                Ok(if late { Fate::Late } else { Fate::Picture })
             }
             Err(error) if is_fatal(&error) => {
                 Err(gst::error_msg!(gst::ResourceError::Failed, ("{error}")))
             }
-            Err(error) => Ok(Outcome::Nothing(error)),
+            Err(error) => Ok(Fate::Nothing(error)),
         }
     }
 
@@ -392,7 +392,7 @@ impl VideoDecoderImpl for Decoder {
             }
         };
         match outcome {
-            Outcome::Picture => {
+            Fate::Picture => {
                 let damage = state.decoded.damage.take();
                 if damage.as_ref().is_some_and(wants_key) {
                     self.obj()
@@ -408,7 +408,7 @@ impl VideoDecoderImpl for Decoder {
                 drop(state);
                 self.obj().finish_frame(frame)
             }
-            Outcome::Nothing(error) => {
+            Fate::Nothing(error) => {
                 lock(&self.counts).refused += 1;
                 if wants_key(&error) {
                     self.obj()
@@ -418,7 +418,7 @@ impl VideoDecoderImpl for Decoder {
                 drop(state);
                 self.obj().drop_frame(frame)
             }
-            Outcome::Late => {
+            Fate::Late => {
                 lock(&self.counts).late += 1;
                 drop(state);
                 self.obj().drop_frame(frame)

@@ -12,7 +12,7 @@ use gst_video::{VideoColorMatrix, VideoColorRange, VideoFormat, VideoInfo};
 use nvsprior::image::{Colour, ImageView, PixelFormat};
 use nvsprior::tracking::FrameInfo;
 
-use super::frames::{Frames, FramesError, Outcome};
+use super::frames::{Frames, FramesError, Taken};
 use super::settings::{ModeKind, RateKind, Settings, StructureKind};
 use crate::budget::Budget;
 use crate::caps;
@@ -172,8 +172,8 @@ impl Encoder {
         };
         let mut settings = lock(&self.settings);
         settings.start = text;
-        if let Some(known) = pose {
-            settings.known = known;
+        if let Some(frame_info) = pose {
+            settings.info = frame_info;
         }
     }
 
@@ -181,7 +181,7 @@ impl Encoder {
     fn start_again(&self) {
         let mut settings = lock(&self.settings);
         if let Some(Ok(pose)) = settings.start.as_deref().map(property::pose) {
-            settings.known = Some(pose.into());
+            settings.info = Some(pose.into());
         }
     }
 
@@ -283,24 +283,24 @@ impl Encoder {
         state: &mut State,
         frame: &gst_video::VideoCodecFrame,
         time: f64,
-    ) -> Result<Outcome, gst::ErrorMessage> {
+    ) -> Result<Taken, gst::ErrorMessage> {
         let failed = |text: String| gst::error_msg!(gst::StreamError::Encode, ("{text}"));
         let (Some(frames), Some(info)) = (&mut state.frames, &state.info) else {
             return Err(gst::error_msg!(gst::CoreError::Negotiation, ("a frame before its caps")));
         };
-        let (settings, known) = {
+        let (settings, frame_info) = {
             let mut settings = lock(&self.settings);
-            (settings.clone(), settings.known.take().unwrap_or_default())
+            (settings.clone(), settings.info.take().unwrap_or_default())
         };
         let input =
             frame.input_buffer().ok_or_else(|| failed("a frame without a buffer".into()))?;
         let mapped = gst_video::VideoFrameRef::from_buffer_ref_readable(input, info)
             .map_err(|error| failed(format!("mapping a frame: {error}")))?;
         let view = Self::view(&mapped)?;
-        let taken = frames.take(&view, time, known, &settings);
-        if let Ok(Outcome::LeftOut | Outcome::TooSmall(_)) = taken {
+        let taken = frames.take(&view, time, frame_info, &settings);
+        if let Ok(Taken::LeftOut | Taken::TooSmall(_)) = taken {
             // The next frame takes it, unless there is a newer one by then.
-            lock(&self.settings).known.get_or_insert(known);
+            lock(&self.settings).info.get_or_insert(frame_info);
         }
         if let Some(error) = frames.take_refused() {
             gst::element_imp_warning!(self, gst::StreamError::Encode, ("{error}"));
@@ -357,19 +357,19 @@ impl Encoder {
             }
         }
         match self.encode(&mut state, frame, time)? {
-            Outcome::Packet(budget) => {
+            Taken::Packet(budget) => {
                 state.starved = false;
                 let Some(frames) = &state.frames else { return Ok(None) };
                 let alone = frames.encoded().stats.reference.is_none();
                 Ok(Some((self.packet(frames, budget)?, alone)))
             }
-            Outcome::LeftOut => {
+            Taken::LeftOut => {
                 lock(&self.counts).left_out += 1;
                 Ok(None)
             }
-            Outcome::TooSmall(error) => Ok(self.give_up(&mut state, error.to_string())),
+            Taken::TooSmall(error) => Ok(self.give_up(&mut state, error.to_string())),
             // A pose may come while the pipeline plays.
-            Outcome::NoStart(error) => {
+            Taken::NoStart(error) => {
                 let text = format!("{error}; the property start gives a pose");
                 Ok(self.give_up(&mut state, text))
             }

@@ -212,18 +212,18 @@ fn curve(histogram: &[u32; LEVELS], clip_limit: u64) -> Curve {
 struct Side {
     tiles: usize,
     /// For each pixel.
-    places: Vec<Place>,
+    places: Vec<BetweenTiles>,
 }
 
 /// Where a pixel lies between two tiles' middles.
-struct Place {
+struct BetweenTiles {
     first: u16,
     second: u16,
     /// The weight of the second.
     weight: u32,
 }
 
-impl Place {
+impl BetweenTiles {
     /// Between the values of the first tile and the second; adds [`WEIGHT_BITS`].
     fn blend(&self, first: u32, second: u32) -> u32 {
         first * (ONE - self.weight) + second * self.weight
@@ -244,7 +244,7 @@ impl Side {
         }
     }
 
-    fn place(&self, pixel: usize, pixels: usize) -> Place {
+    fn place(&self, pixel: usize, pixels: usize) -> BetweenTiles {
         // In half pixels.
         let at = 2 * pixel + 1;
         let middle = |tile: usize| {
@@ -255,11 +255,11 @@ impl Side {
         let (first, last) = (second.saturating_sub(1), self.tiles - 1);
         if second == 0 || second == self.tiles {
             let tile = if second == 0 { 0 } else { last } as u16;
-            return Place { first: tile, second: tile, weight: 0 };
+            return BetweenTiles { first: tile, second: tile, weight: 0 };
         }
         let (from, to) = (middle(first), middle(second));
         let weight = ((at - from) * ONE as usize + (to - from) / 2) / (to - from);
-        Place { first: first as u16, second: second as u16, weight: weight as u32 }
+        BetweenTiles { first: first as u16, second: second as u16, weight: weight as u32 }
     }
 
     fn bounds(&self, tile: usize, pixels: usize) -> std::ops::Range<usize> {

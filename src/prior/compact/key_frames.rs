@@ -226,9 +226,9 @@ mod tests {
 
     #[test]
     fn what_no_writer_leaves_is_refused() {
-        let sound = to_bytes(&sample_key_frames(3));
+        let valid = to_bytes(&sample_key_frames(3));
         let error = |change: &dyn Fn(&mut Vec<u8>)| {
-            let mut bytes = sound.clone();
+            let mut bytes = valid.clone();
             change(&mut bytes);
             read(&bytes, 76).unwrap_err()
         };

@@ -160,7 +160,7 @@ pub fn columns(sh_degree: u32) -> usize {
 /// Largest magnitude of a value in steps: up to this an f32 tells neighbouring steps apart.
 const MAX_CODE: f64 = (1 << 22) as f64;
 
-/// Splat `index` in steps, column by column. The splat must be sound. Fails if a value is too large
+/// Splat `index` in steps, column by column. The splat must be valid. Fails if a value is too large
 /// for its step.
 pub fn quantise(splats: &Splats, index: usize, q: &Quantisation) -> Result<Vec<i32>, PriorError> {
     let steps = |value: f32, step: f32| (f64::from(value) / f64::from(step)).round();

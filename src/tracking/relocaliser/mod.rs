@@ -158,8 +158,8 @@ impl Relocaliser {
             self.depths.push(self.sorted.get(self.sorted.len() / 2).copied().unwrap_or(0.0));
             // Corners are ordered by level. If there are too many for the room, they are left out evenly.
             let (seen, room) = (self.sorted.len().max(1), self.key_features);
-            let sound = self.points.iter().zip(&self.render).filter(|(p, _)| p[0].is_finite());
-            let kept = sound
+            let valid = self.points.iter().zip(&self.render).filter(|(p, _)| p[0].is_finite());
+            let kept = valid
                 .enumerate()
                 .filter(|(i, _)| i * room / seen != (i + 1) * room / seen || seen <= room);
             self.landmarks.add(kept.map(|(_, (p, f))| (*p, f.descriptor)));
@@ -332,8 +332,8 @@ impl Relocaliser {
             let near = (here.centre() - there.centre()).length() < reach;
             let same_way = axis(here).dot(axis(there)) > TURNED;
             if other == slot || (near && same_way) {
-                let sound = self.by_key_frame[other].iter().filter(|(d, _)| *d <= alike);
-                self.matches.extend(sound.map(|(_, of)| *of));
+                let valid = self.by_key_frame[other].iter().filter(|(d, _)| *d <= alike);
+                self.matches.extend(valid.map(|(_, of)| *of));
             }
         }
     }
@@ -355,8 +355,8 @@ impl Relocaliser {
         let render = self.render.iter().map(|f| &f.descriptor);
         let pairs = self.pairs.between(&self.frame, render, ALIKE_NEAR, DISTINCT_NEAR);
         self.matches.clear();
-        let sound = pairs.filter(|(_, at)| self.points[*at][0].is_finite());
-        self.matches.extend(sound.map(|(index, at)| Match {
+        let valid = pairs.filter(|(_, at)| self.points[*at][0].is_finite());
+        self.matches.extend(valid.map(|(index, at)| Match {
             feature: index as u32,
             place: self.frame[index].place,
             point: vector(&self.points[at]),

@@ -65,7 +65,7 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 /// What a method made of a frame.
-pub struct Outcome {
+pub struct Judged {
     pub shot: usize,
     pub method: Method,
     pub attempt: Attempt,
@@ -77,7 +77,7 @@ pub struct Trial {
     /// Which start of its kind.
     pub number: usize,
     pub perturbation: Perturbation,
-    pub outcome: Outcome,
+    pub outcome: Judged,
 }
 
 pub struct Ablation {
@@ -133,7 +133,7 @@ fn measure(
                 if method == Method::ADAM {
                     adam = Some(attempt.clone());
                 }
-                let outcome = Outcome { shot, method, attempt, verdict };
+                let outcome = Judged { shot, method, attempt, verdict };
                 trials.push(Trial { number, perturbation, outcome });
                 bar.inc(1);
             }

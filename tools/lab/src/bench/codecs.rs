@@ -23,7 +23,7 @@ use external::External;
 use own::Own;
 use point::{Input, Mode, Point};
 use report::Missing;
-use run::{Beside, Outcome, Run};
+use run::{Beside, CodedRun, Run};
 
 /// `bench --codecs` and what it takes.
 #[derive(clap::Args)]

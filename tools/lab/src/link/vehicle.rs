@@ -98,14 +98,14 @@ impl Vehicle {
         frame: usize,
         exposed: f64,
         picture: &Picture,
-        known: FrameInfo,
+        info: FrameInfo,
     ) -> anyhow::Result<bool> {
         let Some(bytes) = self.sender.plan(exposed)? else { return Ok(false) };
         self.encoder.skip((frame - self.next) as u32);
         self.next = frame + 1;
         // A packet that tells the camera has as many bytes for its difference picture as others.
         let bytes = bytes + self.encoder.extra_bytes();
-        self.encode(picture, known, bytes)?;
+        self.encode(picture, info, bytes)?;
         let packet = &self.encoded.packet;
         let ready = exposed + self.setting.coding;
         let division = self.sender.push(ready, packet, None)?;
@@ -124,12 +124,12 @@ impl Vehicle {
 
     /// Encodes a frame in so many bytes. A packet that also tells the camera may take more: what does not fit its
     /// shares is cut off.
-    fn encode(&mut self, picture: &Picture, known: FrameInfo, bytes: usize) -> Result<(), Error> {
+    fn encode(&mut self, picture: &Picture, info: FrameInfo, bytes: usize) -> Result<(), Error> {
         self.encoder.set_rate(Some(Rate::Bytes(bytes)));
-        match self.encoder.encode_into(picture, known, &mut self.encoded) {
+        match self.encoder.encode_into(picture, info, &mut self.encoded) {
             Err(Error::Budget { needed, .. }) => {
                 self.encoder.set_rate(Some(Rate::Bytes(needed)));
-                self.encoder.encode_into(picture, known, &mut self.encoded)
+                self.encoder.encode_into(picture, info, &mut self.encoded)
             }
             done => done,
         }

@@ -156,7 +156,7 @@ fn offset(r: &mut Random, unit: f32) -> [f64; 6] {
 
 /// The outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum Checked {
     Drawn,
     /// All splats were invalid, and refused.
     Refused,
@@ -184,10 +184,10 @@ fn ensure(holds: bool, otherwise: impl FnOnce() -> String) -> Result<(), Fault> 
 
 /// Draws the scene of a seed and differentiates it. Searches and sends one scene in four, and compares one in eight
 /// with the twin.
-pub fn check(engine: &Engine, seed: u64) -> Result<Outcome, Fault> {
+pub fn check(engine: &Engine, seed: u64) -> Result<Checked, Fault> {
     let scene = Extreme::new(seed);
     let prior = match Prior::from_splats(scene.splats.clone(), scene.options) {
-        Err(PriorError::AllDropped { .. }) => return Ok(Outcome::Refused),
+        Err(PriorError::AllDropped { .. }) => return Ok(Checked::Refused),
         prior => prior?,
     };
     let drawn = draw(engine, &prior, &scene)?;
@@ -197,7 +197,7 @@ pub fn check(engine: &Engine, seed: u64) -> Result<Outcome, Fault> {
     if seed.is_multiple_of(8) {
         as_twin(&prior, &scene, &drawn)?;
     }
-    Ok(Outcome::Drawn)
+    Ok(Checked::Drawn)
 }
 
 /// The picture and both normal equations: all numbers, within their bounds.

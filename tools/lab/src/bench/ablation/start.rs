@@ -7,7 +7,7 @@ use nvsprior::{EncoderOptions, Picture, Pose};
 
 use super::super::context::{Context, Sample};
 use super::super::perturbed::{NEAR, steps};
-use super::Outcome;
+use super::Judged;
 use super::judge::Judge;
 use super::method::{Attempt, Method, Searches};
 
@@ -78,7 +78,7 @@ const SEED: u64 = 13;
 /// A frame from one source with one method.
 pub struct StartTrial {
     pub source: StartSource,
-    pub outcome: Outcome,
+    pub outcome: Judged,
 }
 
 pub fn count(context: &Context) -> usize {
@@ -114,7 +114,7 @@ pub fn measure(
                 let verdict = judge.judge(context, shot, &sample.pose)?;
                 let attempt = Attempt::of(&sample);
                 super::learn(context, shot, &attempt, &verdict);
-                let outcome = Outcome { shot, method, attempt, verdict };
+                let outcome = Judged { shot, method, attempt, verdict };
                 trials.push(StartTrial { source, outcome });
                 done();
             }

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use nvsprior::Picture;
 use nvsprior_inputs::frame_file;
 
-use super::{Input, Mode, Outcome, Point, Run, timed};
+use super::{CodedRun, Input, Mode, Point, Run, timed};
 use crate::ffmpeg::{self, FROM_YUV, QUIET, RGB, TO_YUV, run_program};
 
 /// A coder, by its programs.
@@ -185,7 +185,7 @@ impl External {
         input: Input,
         mode: Mode,
         quality: f64,
-    ) -> anyhow::Result<Outcome> {
+    ) -> anyhow::Result<CodedRun> {
         let (folder, pictures) = (tempfile::tempdir()?, run.pictures(input));
         let coded = match &self.kind {
             Kind::JpegXl => code_jpeg_xl(pictures, quality, folder.path()),
@@ -205,7 +205,7 @@ impl Ffmpeg {
         mode: Mode,
         quality: f64,
         folder: &Path,
-    ) -> anyhow::Result<Outcome> {
+    ) -> anyhow::Result<CodedRun> {
         let (width, height) = (pictures[0].width, pictures[0].height);
         let file = |name: &str| folder.join(name).to_string_lossy().into_owned();
         let (raw, coded, bare, shown) =
@@ -220,7 +220,7 @@ impl Ffmpeg {
         let format = ["-pix_fmt", self.pixels, "-f", self.stream.format, &coded];
         let arguments =
             [&from[..], &how, &quality_options, self.options, of_mode, &format].concat();
-        let mut outcome = Outcome::new(quality);
+        let mut outcome = CodedRun::new(quality);
         (_, outcome.encode_ms) = timed(|| ffmpeg::run(&arguments))?;
         let to = ["-f", self.stream.format, "-i", &coded, "-vf", FROM_YUV];
         let arguments = [&QUIET[..], &to, &RGB, &[&shown]].concat();
@@ -246,11 +246,11 @@ impl Stream {
     }
 }
 
-fn code_jpeg_xl(pictures: &[Picture], distance: f64, folder: &Path) -> anyhow::Result<Outcome> {
+fn code_jpeg_xl(pictures: &[Picture], distance: f64, folder: &Path) -> anyhow::Result<CodedRun> {
     let file = |name: &str| folder.join(name);
     let text = |name: &str| file(name).to_string_lossy().into_owned();
     let (raw, coded, shown) = (text("in.png"), text("coded.jxl"), text("out.png"));
-    let mut outcome = Outcome::new(distance);
+    let mut outcome = CodedRun::new(distance);
     let distance = distance.to_string();
     for picture in pictures {
         frame_file::write_png(&file("in.png"), picture)?;

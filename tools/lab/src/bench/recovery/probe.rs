@@ -188,14 +188,14 @@ impl<'a> Probe<'a> {
         phase: Phase,
         target: Target,
         given: &Picture,
-        known: impl Into<FrameInfo>,
+        info: impl Into<FrameInfo>,
     ) -> anyhow::Result<Frame> {
         let Target { shot, best, foreign, .. } = target;
         let encoding = || format!("encoding {}", shot.file);
         self.encoder.set_camera(&shot.camera).with_context(encoding)?;
         let forward_ms = self.forward.measure(&shot.camera, &best.pose)?;
         let since = Instant::now();
-        let encoded = match self.encoder.encode(given, known) {
+        let encoded = match self.encoder.encode(given, info) {
             Err(Error::NoStart { .. }) => None,
             encoded => Some(encoded.with_context(encoding)?),
         };
@@ -224,14 +224,14 @@ impl<'a> Probe<'a> {
         &mut self,
         target: Target,
         given: &Picture,
-        known: impl Into<FrameInfo>,
+        info: impl Into<FrameInfo>,
         done: fn(&Frame) -> bool,
     ) -> anyhow::Result<Vec<Frame>> {
         self.reset();
-        let known = known.into();
+        let info = info.into();
         let mut frames: Vec<Frame> = Vec::new();
         while frames.len() < TRIES && !frames.last().is_some_and(done) {
-            frames.push(self.frame(Phase::Search, target, given, known)?);
+            frames.push(self.frame(Phase::Search, target, given, info)?);
         }
         Ok(frames)
     }
