@@ -314,8 +314,8 @@ impl CameraDecoder {
     ) -> Result<Viewpoint, Error> {
         let code = latent.pose.words();
         let viewpoint = Viewpoint { camera: self.camera, placement: self.renderer.placed(&code) };
-        let leans = |reference| self.residual.holds(reference, arrived.frame, &viewpoint);
-        let deep = arrived.portable && arrived.reference().is_some_and(leans);
+        let is_held = |reference| self.residual.holds(reference, arrived.frame, &viewpoint);
+        let deep = arrived.portable && arrived.reference().is_some_and(is_held);
         match deep {
             true => self.renderer.draw_coded_deep(&code)?,
             false => self.renderer.draw_coded(&code)?,

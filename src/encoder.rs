@@ -332,7 +332,7 @@ impl Encoder {
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
         self.set_stream(&pose, work);
-        let frames_since_certain = self.lost_frames_with(&found);
+        let frames_since_certain = self.frames_since_certain_with(&found);
         let camera = self.camera_due().then_some(self.camera);
         work.has_render_check = self.check_due();
         work.residual = Some(self.residual_setup());
@@ -392,7 +392,7 @@ impl Encoder {
     }
 
     /// [`frames_since_certain`](crate::FrameStats::frames_since_certain) of the next frame.
-    fn lost_frames_with(&self, found: &PoseEstimate) -> u32 {
+    fn frames_since_certain_with(&self, found: &PoseEstimate) -> u32 {
         if found.certain { 0 } else { self.tracker.frames_since_certain().saturating_add(1) }
     }
 
@@ -422,11 +422,11 @@ impl Encoder {
         self.acknowledged = Acknowledged::default();
     }
 
-    /// Renders up to `most` of the prior's key frames that are not rendered yet, and returns how many are left. With
+    /// Renders up to `max` of the prior's key frames that are not rendered yet, and returns how many are left. With
     /// them lost cameras are found. Without this call they are rendered while a frame is lost, as many as
     /// [`RefineOptions::lost_renders`] allows. Each takes one render and some 20 ms of the host.
-    pub fn prepare(&mut self, most: usize) -> Result<usize, Error> {
-        Ok(self.tracker.prepare(most)?)
+    pub fn prepare(&mut self, max: usize) -> Result<usize, Error> {
+        Ok(self.tracker.prepare(max)?)
     }
 
     /// Checks what is stated of the next frame.

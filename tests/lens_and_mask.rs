@@ -70,8 +70,8 @@ fn two_patches(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
     picture
 }
 
-/// `most`: how far the pose may be off, pixels.
-fn arm_beside_none(rate: Rate, frame: fn(&Engine, &Arc<Scene>, &Pose) -> Picture, most: f64) {
+/// `max`: how far the pose may be off, pixels.
+fn arm_beside_none(rate: Rate, frame: fn(&Engine, &Arc<Scene>, &Pose) -> Picture, max: f64) {
     let engine = engine();
     let options = EncoderOptions { rate: Some(rate), ..EncoderOptions::default() };
     let scene = engine.upload(&wall(1)).unwrap();
@@ -92,7 +92,7 @@ fn arm_beside_none(rate: Rate, frame: fn(&Engine, &Arc<Scene>, &Pose) -> Picture
         let naked = naked.encode(&covered, start).unwrap();
         let errors = [&plain, &found, &naked].map(|e| pose_error(&e.pose, &truth));
         assert!(found.stats.certain, "frame {t}: {:?}", found.stats);
-        assert!(errors[1] < most, "frame {t}: {errors:?}");
+        assert!(errors[1] < max, "frame {t}: {errors:?}");
         let psnr = [&plain, &found, &naked].map(|e| e.stats.psnr);
         println!("{rate:?} {t}: poses off by {errors:.3?} px, {psnr:.2?} dB");
         for (sum, encoded) in bytes.iter_mut().zip([&plain, &found, &naked]) {

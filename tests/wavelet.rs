@@ -423,9 +423,9 @@ proptest! {
         let (frame, render) = pair();
         let body = &weights[4..];
         // Weights of the greatest magnitudes, or any.
-        let most = |b: &u8| if b & 1 == 0 { i16::MIN } else { i16::MAX };
+        let max = |b: &u8| if b & 1 == 0 { i16::MIN } else { i16::MAX };
         let body: Vec<u8> = match extreme {
-            true => body.iter().flat_map(|b| most(b).to_le_bytes()).take(body.len()).collect(),
+            true => body.iter().flat_map(|b| max(b).to_le_bytes()).take(body.len()).collect(),
             false => body.to_vec(),
         };
         let tables = Tables::read(&[b"NVT1", &body[..]].concat()).expect("tables of any numbers");

@@ -41,19 +41,19 @@ impl Undistortion {
         }
         lens.check_corners()?;
         let mut covered = Mask::none(camera.width, camera.height);
-        let mut least = f64::INFINITY;
+        let mut min = f64::INFINITY;
         lens.each_footprint(camera, |pixel, footprint| {
             covered.data[pixel] = footprint.whole;
             if footprint.whole {
                 let [across, down] = [footprint.sides.x_axis, footprint.sides.y_axis];
-                least = least.min(across.length()).min(down.length());
+                min = min.min(across.length()).min(down.length());
             }
         });
-        if !least.is_finite() {
+        if !min.is_finite() {
             return Err(LensError::Nothing);
         }
         // A hundredth less is no loss, as rounding of sizes is as much.
-        let factor = ((least + 0.01).floor() as u32).max(1);
+        let factor = ((min + 0.01).floor() as u32).max(1);
         let reduced = Picture::new(width.div_ceil(factor), height.div_ceil(factor));
         let scale = DVec2::new(reduced.width.into(), reduced.height.into())
             / DVec2::new(width.into(), height.into());

@@ -136,11 +136,11 @@ impl QuantisedPose {
             let last = codes[count - 1];
             let next = round(&last.dequantise(frame), frame, profile)?;
             if let Some(start) = codes[..count].iter().position(|code| *code == next) {
-                return Ok(least(&codes[start..count]));
+                return Ok(min_code(&codes[start..count]));
             }
             codes[count] = next;
         }
-        Ok(least(&codes))
+        Ok(min_code(&codes))
     }
 
     /// The pose, with the same bits on every machine.
@@ -321,7 +321,7 @@ fn unit(q: DQuat) -> DQuat {
 }
 
 /// The least of some codes, by their bytes.
-fn least(codes: &[QuantisedPose]) -> QuantisedPose {
+fn min_code(codes: &[QuantisedPose]) -> QuantisedPose {
     let less = |a: QuantisedPose, b: &QuantisedPose| if b.bytes() < a.bytes() { *b } else { a };
     codes[1..].iter().fold(codes[0], less)
 }

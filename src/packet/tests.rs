@@ -33,17 +33,17 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn leaning(payload: &[u8]) -> Residual<'_> {
+fn inter(payload: &[u8]) -> Residual<'_> {
     Residual::Stream { reference: Some(Reference { distance: 7, tag: 0x0201 }), payload }
 }
 
-fn alone(payload: &[u8]) -> Residual<'_> {
+fn intra(payload: &[u8]) -> Residual<'_> {
     Residual::Stream { reference: None, payload }
 }
 
 #[test]
 fn a_stream_names_its_references() {
-    for residual in [leaning(b"difference"), alone(b"")] {
+    for residual in [inter(b"difference"), intra(b"")] {
         let bytes = packet(PoseProfile::Short, false, residual).encode().unwrap();
         // The part's length counts the reference.
         let Residual::Stream { reference, payload } = residual else { unreachable!() };
@@ -61,7 +61,7 @@ fn a_stream_names_its_references() {
         }
     }
     // A part that ends before it has named its reference.
-    let none = packet(PoseProfile::Short, false, alone(b"")).encode().unwrap();
+    let none = packet(PoseProfile::Short, false, intra(b"")).encode().unwrap();
     for part in [&[][..], &[3], &[3, 1]] {
         let mut bytes = none[..SHORT_LATENT_LEN].to_vec();
         let as_coded = Residual::Coded { coder: Coder::Wavelet, payload: part };
@@ -112,11 +112,11 @@ fn golden_packets() {
             "b42704039d9a00a8f81bcf9252125252125f330a646966666572656e6365a1b7",
         ),
         (
-            packet(Short, false, leaning(b"difference")),
+            packet(Short, false, inter(b"difference")),
             "b45704039d9a00a8f81bcf92521252521269da0d070102646966666572656e63651b93",
         ),
         (
-            packet(Compact, false, alone(b"difference")),
+            packet(Compact, false, intra(b"difference")),
             concat!(
                 "b155040302edd0a5d43f310b451300fc14ff6be3f994948e84a4a424a8f2bc",
                 "0b00646966666572656e63658c950d2a"

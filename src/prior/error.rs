@@ -61,8 +61,8 @@ pub enum PriorError {
     Invalid { splat: usize, fault: Fault },
     #[error("splat {splat}: {column} {value} is out of the range of steps of {step}")]
     OutOfSteps { splat: usize, column: &'static str, value: f32, step: f32 },
-    #[error("quantisation of {name} in steps of {step}: at least 1e-6, at most {most}")]
-    Step { name: &'static str, step: f32, most: f32 },
+    #[error("quantisation of {name} in steps of {step}: at least 1e-6, at most {max}")]
+    Step { name: &'static str, step: f32, max: f32 },
     #[error("key frame {index}: {reason}")]
     KeyFrame { index: usize, reason: &'static str },
     #[error("{count} key frames: at most {}; thin them out by a greater distance", MAX_KEY_FRAMES)]

@@ -22,7 +22,7 @@ use crate::image::Preprocessing;
 pub const MAGICS: [&[u8]; 2] = [&[0x1f, 0x8b], b"NGSP"];
 
 /// Most bytes that a byte of the file may stand for: what gzip can reach.
-const MOST_EXPANSION: u128 = 1032;
+const MAX_EXPANSION: u128 = 1032;
 
 /// Bytes of the header up to version 3, and those that version 4 begins with.
 const HEADER: usize = 16;
@@ -101,7 +101,7 @@ impl Header {
         }
         let header =
             Header { version, count, sh_degree, fraction_bits: bytes[13], flags: bytes[14] };
-        let needed = (header.sizes().iter().sum::<usize>() as u128).div_ceil(MOST_EXPANSION);
+        let needed = (header.sizes().iter().sum::<usize>() as u128).div_ceil(MAX_EXPANSION);
         match needed > found as u128 {
             true => Err(PriorError::Truncated { needed, found }),
             false => Ok(header),

@@ -117,7 +117,7 @@ const FORMATS: [(VideoFormat, PixelFormat); 4] = [
 
 /// Latency is told in steps of this, and up to the most.
 const LATENCY_STEP: gst::ClockTime = gst::ClockTime::from_mseconds(20);
-const MOST_LATENCY: gst::ClockTime = gst::ClockTime::from_seconds(1);
+const MAX_LATENCY: gst::ClockTime = gst::ClockTime::from_seconds(1);
 
 impl Decoder {
     fn stats(&self) -> gst::Structure {
@@ -174,7 +174,7 @@ impl Decoder {
     /// Tells the pipeline how long pictures take, if that has grown: sinks wait for so long.
     fn tell_latency(&self, state: &mut State, taken: gst::ClockTime) {
         let steps = taken.nseconds().div_ceil(LATENCY_STEP.nseconds());
-        let latency = (LATENCY_STEP * steps).min(MOST_LATENCY);
+        let latency = (LATENCY_STEP * steps).min(MAX_LATENCY);
         if latency > state.latency {
             state.latency = latency;
             self.obj().set_latency(latency, None);

@@ -360,8 +360,8 @@ impl Encoder {
             Taken::Packet(budget) => {
                 state.starved = false;
                 let Some(frames) = &state.frames else { return Ok(None) };
-                let alone = frames.encoded().stats.reference.is_none();
-                Ok(Some((self.packet(frames, budget)?, alone)))
+                let is_intra = frames.encoded().stats.reference.is_none();
+                Ok(Some((self.packet(frames, budget)?, is_intra)))
             }
             Taken::LeftOut => {
                 lock(&self.counts).left_out += 1;
@@ -494,8 +494,8 @@ impl VideoEncoderImpl for Encoder {
         let number = f64::from(frame.system_frame_number());
         let time = frame.pts().map_or(number, |pts| pts.seconds_f64());
         match self.handle(&frame, time) {
-            Ok(Some((packet, alone))) => {
-                if alone {
+            Ok(Some((packet, is_intra))) => {
+                if is_intra {
                     frame.set_flags(gst_video::VideoCodecFrameFlags::SYNC_POINT);
                 }
                 frame.set_output_buffer(packet);

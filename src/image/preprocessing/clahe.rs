@@ -91,8 +91,8 @@ pub(super) struct Equaliser {
 
 impl Equaliser {
     pub fn new(clahe: Clahe) -> Equaliser {
-        let most = usize::from(clahe.tiles);
-        let curves = Vec::with_capacity(most * most);
+        let max = usize::from(clahe.tiles);
+        let curves = Vec::with_capacity(max * max);
         Equaliser { clahe, sides: Default::default(), luma: Vec::new(), curves }
     }
 

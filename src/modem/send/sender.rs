@@ -649,9 +649,9 @@ mod tests {
     #[test]
     fn without_a_rate_packets_go_as_they_come() {
         let mut sender = unprotected(0.0, false).unwrap();
-        let most = 64 + 63 * 60;
-        assert_eq!(sender.plan(0.0), Ok(Some(most)));
-        let packet = packet(7, most);
+        let max = 64 + 63 * 60;
+        assert_eq!(sender.plan(0.0), Ok(Some(max)));
+        let packet = packet(7, max);
         for _ in 0..3 {
             let shares = sender.push(0.0, &packet, None).unwrap().shares;
             let sent = std::iter::from_fn(|| sender.next(9.0).map(|(_, share)| share.len()));

@@ -66,9 +66,9 @@ impl Quantisation {
     /// Checks that every step is at least 1e-6 and at most 1 (rotations: 1/8).
     pub fn check(&self) -> Result<(), PriorError> {
         for (name, step) in self.steps() {
-            let most = if name == "rotation" { 0.125 } else { 1.0 };
-            if !(step >= 1e-6 && step <= most) {
-                return Err(PriorError::Step { name, step, most });
+            let max = if name == "rotation" { 0.125 } else { 1.0 };
+            if !(step >= 1e-6 && step <= max) {
+                return Err(PriorError::Step { name, step, max });
             }
         }
         Ok(())
@@ -171,9 +171,9 @@ pub fn quantise(splats: &Splats, index: usize, q: &Quantisation) -> Result<Vec<i
             false => Err(PriorError::OutOfSteps { splat: index, column, value, step }),
         }
     };
-    let most = (f64::from(MAX_LOG_SCALE) / f64::from(q.log_scale)).floor();
+    let max = (f64::from(MAX_LOG_SCALE) / f64::from(q.log_scale)).floor();
     let scales = splats.log_scales[index];
-    let scales = scales.map(|s| steps(s, q.log_scale).clamp(-most, most) as i32);
+    let scales = scales.map(|s| steps(s, q.log_scale).clamp(-max, max) as i32);
     let (scales, rotation) = orientation::reduced(splats, index, scales, q.rotation);
     let mut codes = Vec::with_capacity(columns(splats.sh_degree));
     codes.extend(scales);

@@ -84,12 +84,12 @@ fn a_broken_file_beside_a_prior_is_named() {
     let beside = path_beside(&path);
     let error = || Prior::open(&path, &RenderOverrides::default()).unwrap_err().to_string();
     let valid = sample_tables(1).write();
-    let (most, short) = (valid.len(), valid.len() - 1);
+    let (max, short) = (valid.len(), valid.len() - 1);
     std::fs::write(&beside, b"NVT0").unwrap();
     assert!(error().contains("p.ply.tables: coder tables, byte 0: no coder tables"), "{}", error());
     std::fs::write(&beside, &valid[..short]).unwrap();
     let named = format!(
-        "p.ply.tables: coder tables, byte {short}: coder tables of {short} bytes, {most} expected"
+        "p.ply.tables: coder tables, byte {short}: coder tables of {short} bytes, {max} expected"
     );
     assert!(error().ends_with(&named), "{}", error());
     std::fs::write(&beside, [&valid[..], &[0]].concat()).unwrap();

@@ -62,8 +62,8 @@ fn a_budget_is_never_exceeded_and_well_used() {
                 let share = if coder == ResidualCoder::Wavelet { 0.95 } else { 0.7 };
                 // At its finest, a coder has no use for more.
                 let finest = coded.psnr > finest - 0.5;
-                let least = share * (budget - overhead) as f64 - 12.0;
-                assert!(finest || used as f64 > least, "{coder:?}: {used} of {budget}");
+                let min = share * (budget - overhead) as f64 - 12.0;
+                assert!(finest || used as f64 > min, "{coder:?}: {used} of {budget}");
                 // Not quite monotone: a quantiser step may cost bytes and gain nothing.
                 assert!(coded.psnr > last - 0.3, "{budget}: {} after {last}", coded.psnr);
                 last = coded.psnr;

@@ -187,8 +187,8 @@ impl WaveletEncoder {
         let finest = finest(&frame.geometry, |plane, i| chosen[plane][i] != 0);
         let Frame { sees_render, step, low_predicted, .. } = *frame;
         let header = Header { cut, sees_render, step, finest, low_predicted };
-        let most = bytes.capacity();
-        let mut encoder = RangeEncoder::new(bytes, most);
+        let max = bytes.capacity();
+        let mut encoder = RangeEncoder::new(bytes, max);
         header.write(&frame.predicted, &mut encoder);
         if let Some(inter) = frame.inter_in_use() {
             inter.write(&mut encoder);

@@ -262,7 +262,7 @@ impl Inter {
         block_cost::visit_low(geometry, &mut |plane, i, scale| add(&mut low, plane, i, scale));
         let (plain, left) = low;
         self.says.low = left <= plain;
-        let (mut all, mut least) = (plain, plain.min(left));
+        let (mut all, mut min) = (plain, plain.min(left));
         for by in 0..rows {
             for bx in 0..columns {
                 let mut costs = (0, 0);
@@ -270,11 +270,11 @@ impl Inter {
                 block_cost::visit_details(geometry, (bx, by), add);
                 let (plain, left) = costs;
                 self.blocks[by * columns + bx] = left <= plain;
-                (all, least) = (all + plain, least + plain.min(left));
+                (all, min) = (all + plain, min + plain.min(left));
             }
         }
         self.drop_blocks(geometry);
-        Pays::of(all, least)
+        Pays::of(all, min)
     }
 
     /// Zeroes the prediction where there is to be none.

@@ -15,7 +15,7 @@ use super::inter::Pays;
 use crate::coder_tables::Tables;
 
 /// Most codings of a search. A frame with a tight budget may have two searches.
-const MOST_PROBES: u32 = 10;
+const MAX_PROBES: u32 = 10;
 /// A PSNR may lie above its target by this much, dB.
 const PSNR_SLACK: f64 = 0.05;
 /// Bytes of a reference, beyond those of an intra frame of a stream.
@@ -267,7 +267,7 @@ impl RateEncoder {
         let mut bracket = Bracket::new(target + 0.4 * PSNR_SLACK, |at| model.psnr(at));
         let mut best: Option<(Fineness, f64)> = None;
         let mut last = None;
-        while let Some(fineness) = bracket.next().filter(|_| self.probes < MOST_PROBES) {
+        while let Some(fineness) = bracket.next().filter(|_| self.probes < MAX_PROBES) {
             self.choose(fineness);
             self.show(frame, render);
             last = Some(fineness);
@@ -303,19 +303,19 @@ impl RateEncoder {
 
     /// The best picture whose residual part has at most `room` bytes.
     fn within(&mut self, frame: &Picture, render: &Picture, room: usize) {
-        let most = most_payload(room);
+        let max = max_payload(room);
         self.best.psnr = f64::NEG_INFINITY;
         self.best.payload.clear();
-        self.search_within(frame, render, most);
+        self.search_within(frame, render, max);
         // Blocks were chosen as a fine picture needs them. A coarse one lacks the render's details in the others.
-        if most <= TIGHT && self.encoder.predict_all() {
-            self.search_within(frame, render, most);
+        if max <= TIGHT && self.encoder.predict_all() {
+            self.search_within(frame, render, max);
         }
     }
 
-    /// Codes until a payload has about `most` bytes; keeps what is better than the best so far.
-    fn search_within(&mut self, frame: &Picture, render: &Picture, most: usize) {
-        let target = (most as f64 * (1.0 + USED) / 2.0).max(1.0);
+    /// Codes until a payload has about `max` bytes; keeps what is better than the best so far.
+    fn search_within(&mut self, frame: &Picture, render: &Picture, max: usize) {
+        let target = (max as f64 * (1.0 + USED) / 2.0).max(1.0);
         let model = self.encoder.model();
         let mut bracket = Bracket::new(target.ln(), |at| model.bytes(at).ln());
         let first = self.probes;
@@ -324,21 +324,21 @@ impl RateEncoder {
         let mut longest = 0.0f64;
         // Too long, and short enough but not written: those nearest to the target.
         let (mut over, mut under) = (None, None);
-        while let Some(fineness) = bracket.next().filter(|_| self.probes - first < MOST_PROBES) {
+        while let Some(fineness) = bracket.next().filter(|_| self.probes - first < MAX_PROBES) {
             let weighed = self.choose(fineness);
             let mut len = length.of(weighed);
             let is_near = length.may_be(len, target);
             if is_near {
-                len = self.write_within(frame, render, most);
+                len = self.write_within(frame, render, max);
                 length.tell(weighed, len);
-                if (USED * most as f64..=most as f64).contains(&len) {
+                if (USED * max as f64..=max as f64).contains(&len) {
                     return;
                 }
             }
             bracket.tell(fineness, len.ln());
             let here = Some((len, fineness));
-            if len > most as f64 {
-                over = over.filter(|(least, _)| *least <= len).or(here);
+            if len > max as f64 {
+                over = over.filter(|(min, _)| *min <= len).or(here);
             } else if is_near {
                 longest = longest.max(len);
             } else {
@@ -347,21 +347,21 @@ impl RateEncoder {
         }
         if let Some((_, fineness)) = under.filter(|(len, _): &(f64, Fineness)| *len > longest) {
             self.choose(fineness);
-            longest = longest.max(self.write_within(frame, render, most));
+            longest = longest.max(self.write_within(frame, render, max));
         }
-        if !(USED * most as f64..=most as f64).contains(&longest)
+        if !(USED * max as f64..=max as f64).contains(&longest)
             && let Some((_, fineness)) = over
         {
-            self.cut(frame, render, fineness, most);
+            self.cut(frame, render, fineness, max);
         }
     }
 
-    /// Writes what was chosen last; keeps it if it has room and is the best so far. Its length, or more than `most`.
-    fn write_within(&mut self, frame: &Picture, render: &Picture, most: usize) -> f64 {
+    /// Writes what was chosen last; keeps it if it has room and is the best so far. Its length, or more than `max`.
+    fn write_within(&mut self, frame: &Picture, render: &Picture, max: usize) -> f64 {
         let whole = self.write(false);
         let len = self.trial.payload.len();
-        if !whole || len > most {
-            return len.max(most + 1) as f64;
+        if !whole || len > max {
+            return len.max(max + 1) as f64;
         }
         self.show(frame, render);
         if self.trial.psnr > self.best.psnr {
@@ -371,11 +371,11 @@ impl RateEncoder {
     }
 
     /// Codes more than there is room for, and leaves the end away; keeps it if it is the best so far.
-    fn cut(&mut self, frame: &Picture, render: &Picture, fineness: Fineness, most: usize) {
+    fn cut(&mut self, frame: &Picture, render: &Picture, fineness: Fineness, max: usize) {
         self.choose(fineness);
         self.write(true);
         let trial = &mut self.trial;
-        trial.payload.truncate(most);
+        trial.payload.truncate(max);
         trial.reconstruction.clone_from(render);
         // It fails only if the render is not the encoder's own.
         let _ = self.decoder.add_own(&self.encoder, &trial.payload, &mut trial.reconstruction);
@@ -419,12 +419,12 @@ impl Length {
 }
 
 /// The longest payload whose residual part has at most `room` bytes.
-fn most_payload(room: usize) -> usize {
-    let mut most = room.saturating_sub(residual_part_len(0));
-    while most > 0 && residual_part_len(most) > room {
-        most -= 1;
+fn max_payload(room: usize) -> usize {
+    let mut max = room.saturating_sub(residual_part_len(0));
+    while max > 0 && residual_part_len(max) > room {
+        max -= 1;
     }
-    most
+    max
 }
 
 #[cfg(test)]

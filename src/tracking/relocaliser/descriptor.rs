@@ -181,8 +181,8 @@ fn compared<'a>(histogram: impl Fn(usize) -> &'a Histogram) -> Descriptor {
 /// The direction of a vector, in [0, [`TURNS`]), by a polynomial; exact to a tenth of a degree.
 fn turns(x: f32, y: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
-    let (least, most) = if ax < ay { (ax, ay) } else { (ay, ax) };
-    let t = if most > 0.0 { least / most } else { 0.0 };
+    let (min, max) = if ax < ay { (ax, ay) } else { (ay, ax) };
+    let t = if max > 0.0 { min / max } else { 0.0 };
     // Abramowitz & Stegun 4.4.47, shortened.
     let octant = t
         * (0.999_866

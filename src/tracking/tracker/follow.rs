@@ -60,7 +60,9 @@ impl Tracker {
                 || (!found.agreement.is_conclusive && !self.lost(found.outcome.mse)))
         {
             let found = match hint {
-                Some(hint) if disagrees(&hint, &found) => self.heard(frame, found, &hint)?,
+                Some(hint) if disagrees(&hint, &found) => {
+                    self.searched_from_hint(frame, found, &hint)?
+                }
                 _ => found,
             };
             return self.settled(found).map(Some);

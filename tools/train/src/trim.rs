@@ -16,7 +16,7 @@ use nvsprior::{Engine, Picture, Prior};
 
 use crate::PosedPicture;
 use crate::fit::{Fit, FitError};
-use crate::removal::{Removal, most_needed, removals};
+use crate::removal::{Removal, max_needed, removals};
 
 /// How a prior is reduced.
 #[derive(Clone, Copy, Debug)]
@@ -203,7 +203,7 @@ impl<J: Judge> Trimmer<'_, J> {
         let mut share = self.options.share;
         while share >= self.options.min_share && self.best.len() > 1 {
             let removals = self.removals()?;
-            let kept = most_needed(&removals, share);
+            let kept = max_needed(&removals, share);
             let mut candidate = self.best.filtered(&kept);
             self.fit(&mut candidate)?;
             if !self.judged(Step::Share(share), candidate, self.options.tolerance)? {

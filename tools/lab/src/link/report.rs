@@ -124,7 +124,6 @@ struct Figures<'a> {
     whole_latency_ms: f64,
     bytes: LinkBytes,
     sent_frames: usize,
-    /// Inter frames.
     #[serde(rename = "leaning_frames")]
     inter_frames: usize,
     lost_frames: usize,

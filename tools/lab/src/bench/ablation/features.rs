@@ -168,11 +168,11 @@ pub fn matches(a: &[Feature], b: &[Feature], max: usize) -> Vec<(usize, usize)> 
 fn best(feature: &Feature, among: &[Feature]) -> Option<(usize, u32)> {
     let difference = |other: &Feature| feature.descriptor.hamming_distance(&other.descriptor);
     let differences: Vec<u32> = among.iter().map(difference).collect();
-    let (first, least) = differences.iter().copied().enumerate().min_by_key(|(_, d)| *d)?;
+    let (first, min) = differences.iter().copied().enumerate().min_by_key(|(_, d)| *d)?;
     let elsewhere = |(i, _): &(usize, &u32)| distance(&among[*i], &among[first]) >= SAME;
     let second = differences.iter().enumerate().filter(elsewhere).map(|(_, d)| *d).min();
-    let clear = second.is_none_or(|second| f64::from(least) < RATIO * f64::from(second));
-    (least <= DIFFERENCE && clear).then_some((first, least))
+    let clear = second.is_none_or(|second| f64::from(min) < RATIO * f64::from(second));
+    (min <= DIFFERENCE && clear).then_some((first, min))
 }
 
 fn distance(a: &Feature, b: &Feature) -> f64 {

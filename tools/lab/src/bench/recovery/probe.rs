@@ -64,7 +64,7 @@ pub struct Answer {
     /// PSNR of the clean frame and the render, dB.
     pub psnr: f64,
     pub certain: bool,
-    pub lost_frames: u32,
+    pub frames_since_certain: u32,
     pub start: &'static str,
     /// Of all levels.
     pub renders: u32,
@@ -207,7 +207,7 @@ impl<'a> Probe<'a> {
             Answer {
                 psnr: target.psnr(&encoded.render),
                 certain: stats.certain,
-                lost_frames: stats.frames_since_certain,
+                frames_since_certain: stats.frames_since_certain,
                 start: stats.start.name(),
                 renders: stats.renders.iter().sum(),
                 full_renders: stats.full_renders,
@@ -246,7 +246,7 @@ pub mod tests {
         let answer = Answer {
             psnr: 30.0 - short,
             certain,
-            lost_frames: 0,
+            frames_since_certain: 0,
             start: "external",
             renders: 4,
             full_renders: 2,
