@@ -241,12 +241,12 @@ impl Encoder {
 
     /// Encodes a frame. First it is treated as the prior's pictures were, unless [`EncoderOptions::frames_treated`]
     /// says that it is. All that follows is about the treated frame: the search, the difference picture, and the PSNR
-    /// in [`FrameStats`](crate::FrameStats). `known`: when the frame was taken, and a pose from sensors or an
+    /// in [`FrameStats`](crate::FrameStats). `info`: when the frame was taken, and a pose from sensors or an
     /// estimator, used if the frame before gives no good start. It may be a [`Pose`](crate::Pose), an `Option` of one,
     /// a [`Hint`](crate::Hint), or a [`FrameInfo`].
     ///
     /// # Errors
-    /// If the frame cannot be encoded, or `known` cannot be true. Such a frame changes nothing: the next one goes on
+    /// If the frame cannot be encoded, or `info` cannot be true. Such a frame changes nothing: the next one goes on
     /// from the frame before.
     pub fn encode(
         &mut self,

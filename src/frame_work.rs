@@ -13,7 +13,7 @@ use crate::{Camera, Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose
 
 /// A frame on its way through the encoder. Buffers are kept from frame to frame.
 ///
-/// A caller fills `frame` and `known`. The search fills all but `encoded`, and coding that.
+/// A caller fills `frame` and `info`. The search fills all but `encoded`, and coding that.
 #[derive(Default)]
 pub(crate) struct FrameWork {
     /// The camera's picture; after the search as the prior's preprocessing left it, with the render where it is masked.
