@@ -73,15 +73,6 @@ pub fn sized_camera(text: &str) -> Result<Camera, PropertyError> {
     }
 }
 
-/// The same view, if it is wider than `width`, at that width; 0: as it is.
-pub fn reduced(camera: Camera, width: u32) -> Camera {
-    if width == 0 || camera.width <= width {
-        return camera;
-    }
-    let height = f64::from(camera.height) * f64::from(width) / f64::from(camera.width);
-    camera.resized(width, (height.round() as u32).max(1))
-}
-
 /// A lens with distortion, as OpenCV's calibration gives it.
 pub fn lens(text: &str) -> Result<Lens, PropertyError> {
     let (model, rest) = text.split_once(',').unwrap_or((text, ""));
@@ -156,8 +147,8 @@ mod tests {
         assert_eq!((six.width, six.height, six.fx, six.cy), (320, 180, 274.4, 90.0));
         let four = camera("548.8, 548.8, 320, 180", (640, 360)).unwrap();
         assert_eq!((four.width, four.height, four.cx), (640, 360, 320.0));
-        assert_eq!(reduced(four, 320).fx, 274.4);
-        assert_eq!(reduced(four, 0), four);
+        assert_eq!(four.at_most_wide(320).fx, 274.4);
+        assert_eq!(four.at_most_wide(0), four);
         for wrong in ["", "1,2,3", "320,180,x,1,1,1", "0,180,1,1,1,1", "320,180,-1,1,1,1"] {
             let text = camera(wrong, (640, 360)).unwrap_err().to_string();
             assert!(text.contains("property camera"), "{text}");

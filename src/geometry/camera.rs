@@ -67,6 +67,15 @@ impl Camera {
         }
     }
 
+    /// The same view, if it is wider than `width` pixels, at that width; 0: as it is.
+    pub fn at_most_wide(&self, width: u32) -> Camera {
+        if width == 0 || self.width <= width {
+            return *self;
+        }
+        let height = f64::from(self.height) * f64::from(width) / f64::from(self.width);
+        self.resized(width, (height.round() as u32).max(1))
+    }
+
     /// The camera whose pixels are `factor × factor` blocks of this one's. Blocks that do not fit
     /// whole at the right and lower edge are left out, so that every pixel averages a full block.
     pub fn reduced(&self, factor: u32) -> Camera {

@@ -281,7 +281,7 @@ fn views(
             return Err(PropertyError::Missing("camera", what).into());
         }
     };
-    let camera = property::reduced(camera, settings.width);
+    let camera = camera.at_most_wide(settings.width);
     camera.check().map_err(PropertyError::from)?;
     let Some(lens) = lens else {
         let converter = Converter::new(camera.width, camera.height).map_err(Error::from)?;

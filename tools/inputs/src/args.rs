@@ -124,11 +124,7 @@ impl SizeArgs {
 
     /// The camera at the size that its frames are encoded at.
     pub fn reduced(&self, camera: &Camera) -> Camera {
-        if self.width == 0 || camera.width <= self.width {
-            return *camera;
-        }
-        let height = f64::from(camera.height) * f64::from(self.width) / f64::from(camera.width);
-        camera.resized(self.width, (height.round() as u32).max(1))
+        camera.at_most_wide(self.width)
     }
 }
 

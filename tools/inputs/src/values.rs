@@ -29,6 +29,19 @@ pub fn psnr(text: &str) -> Result<f64, String> {
     within(text, 1.0, 100.0, "between 1 and 100 dB")
 }
 
+/// A share of a whole.
+pub fn share(text: &str) -> Result<f32, String> {
+    Ok(mse(text)? as f32)
+}
+
+/// A positive number.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match number(text)? {
+        value if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("must be above 0".into()),
+    }
+}
+
 /// A mean squared error of values in [0, 1].
 pub fn mse(text: &str) -> Result<f64, String> {
     within(text, 0.0, 1.0, "between 0 and 1")

@@ -33,6 +33,7 @@ use nvsprior_inputs::values;
 pub use perturbed::even;
 pub use plot::training as plot_training;
 use report::Report;
+pub use statistics::median;
 
 /// Measure run time and error on a run of frames; times are in milliseconds and in forward renders
 ///

@@ -10,6 +10,6 @@ pub mod ceilings;
 pub mod cost;
 mod ffmpeg;
 pub mod link;
-mod report;
+pub mod report;
 pub mod stability;
 pub mod verify_device;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::Context;
-use nvsprior_lab::bench::plot_training;
+use nvsprior_lab::bench::{median, plot_training};
+use nvsprior_lab::report::{Table, fixed, write_json};
 use nvsprior_train::mapper::Mapper;
 use serde_json::json;
 
@@ -102,26 +102,26 @@ impl Report {
     }
 
     fn write_curve(&self, folder: &Path) -> anyhow::Result<()> {
-        let mut csv = csv::Writer::from_path(folder.join("curve.csv"))?;
-        csv.write_record(["step", "seconds", "splats", "split", "psnr_db"])?;
+        let mut table = Table::new(["step", "seconds", "splats", "split", "psnr_db"]);
         let mut curves: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
         for point in &self.points {
             for (split, psnr) in self.by_split(point) {
                 let Point { step, seconds, splats, .. } = point;
-                csv.write_record([
-                    step.to_string(),
-                    format!("{seconds:.3}"),
-                    splats.to_string(),
-                    split.clone(),
-                    format!("{psnr:.4}"),
-                ])?;
+                let (seconds_text, psnr_text) = (fixed(*seconds, 3), fixed(psnr, 4));
+                table.push([
+                    &step.to_string(),
+                    &seconds_text,
+                    &splats.to_string(),
+                    &split,
+                    &psnr_text,
+                ]);
                 match curves.iter_mut().find(|(name, _)| *name == split) {
                     Some((_, points)) => points.push((*seconds, psnr)),
                     None => curves.push((split, vec![(*seconds, psnr)])),
                 }
             }
         }
-        csv.flush()?;
+        table.write_csv(&folder.join("curve.csv"))?;
         plot_training(&folder.join("curve.svg"), curves)
     }
 
@@ -148,9 +148,7 @@ impl Report {
         forward: f64,
     ) -> anyhow::Result<()> {
         let Some(folder) = &self.folder else { return Ok(()) };
-        let mut times = self.times.clone();
-        times.sort_by(f64::total_cmp);
-        let median = times.get(times.len() / 2).copied();
+        let median = (!self.times.is_empty()).then(|| median(self.times.iter().copied()));
         let last = self.points.last();
         let pictures = last.into_iter().flat_map(|point| self.held_out.iter().zip(&point.psnr));
         let pictures: Vec<_> = pictures
@@ -172,8 +170,6 @@ impl Report {
             "splats": splats,
             "pictures": pictures,
         });
-        let path = folder.join("report.json");
-        std::fs::write(&path, serde_json::to_string_pretty(&report)? + "\n")
-            .with_context(|| format!("writing {}", path.display()))
+        write_json(&folder.join("report.json"), &report)
     }
 }

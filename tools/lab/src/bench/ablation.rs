@@ -41,7 +41,7 @@ pub struct AblationArgs {
     #[arg(long, value_name = "N", requires = "ablation", value_parser = values::count)]
     ablation_adam_trials: Option<usize>,
     /// Move translations off by up to this, in the prior's unit (paper: 1.58 m)
-    #[arg(long, value_name = "U", default_value = "1.58", value_parser = positive, requires = "ablation")]
+    #[arg(long, value_name = "U", default_value = "1.58", value_parser = values::positive, requires = "ablation")]
     ablation_units: f64,
 }
 
@@ -56,12 +56,6 @@ impl AblationArgs {
         let adam = self.ablation_adam_trials.unwrap_or(all);
         if method.slow() { adam.min(all) } else { all }
     }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    let good = value.is_finite() && value > 0.0;
-    good.then_some(value).ok_or_else(|| "must be above 0".to_owned())
 }
 
 /// What a method made of a frame.
