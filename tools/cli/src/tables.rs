@@ -157,8 +157,7 @@ fn train(pairs: &[Pair], rounds: usize) -> Tables {
     let options = TableOptions { rounds, ..TableOptions::default() };
     let bar = progress(rounds, "training");
     bar.tick();
-    let tables = train_tables(pairs, Some(&Tables::generic()), &options, |_| bar.inc(1));
-    tables
+    train_tables(pairs, Some(&Tables::generic()), &options, |_| bar.inc(1))
 }
 
 impl Kind {

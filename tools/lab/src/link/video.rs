@@ -75,7 +75,7 @@ impl Video {
         Ok(Video { coder, coded })
     }
 
-    /// The best that it can do at an run's setting, with the same part of its bytes as parity. `None`: no quality
+    /// The best that it can do at a run's setting, with the same part of its bytes as parity. `None`: no quality
     /// is coarse enough for the bit rate.
     pub fn beside(&self, run: &LinkRun, frames: &[&Picture]) -> anyhow::Result<Option<Beside>> {
         let parity = run.parity();
