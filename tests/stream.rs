@@ -43,7 +43,6 @@ fn frames() -> &'static [Picture] {
     })
 }
 
-/// Encodes the frames in order.
 fn encode(encoder: &mut Encoder, frames: &[Picture]) -> Vec<Encoded> {
     let hint = |t: usize| (t == 0).then(|| pose(0.0));
     frames.iter().enumerate().map(|(t, frame)| encoder.encode(frame, hint(t)).unwrap()).collect()

@@ -47,7 +47,6 @@ enum Arrival {
     Garbage(Vec<u8>),
 }
 
-/// A packet and its shares.
 struct Shared {
     packet: Vec<u8>,
     shares: Vec<Vec<u8>>,

@@ -37,7 +37,6 @@ pub fn frame_rate(caps: &gst::CapsRef) -> Option<gst::Fraction> {
     (rate.numer() > 0 && rate.denom() > 0).then_some(rate)
 }
 
-/// A frame rate as a number.
 pub fn per_second(rate: gst::Fraction) -> f64 {
     f64::from(rate.numer()) / f64::from(rate.denom())
 }

@@ -65,7 +65,6 @@ pub fn camera(text: &str, frames: (u32, u32)) -> Result<Camera, PropertyError> {
     Ok(camera)
 }
 
-/// A camera that states its size.
 pub fn sized_camera(text: &str) -> Result<Camera, PropertyError> {
     match numbers("camera", text)?.len() {
         6 => camera(text, (0, 0)),
@@ -98,7 +97,6 @@ pub fn lens(text: &str) -> Result<Lens, PropertyError> {
     Ok(lens)
 }
 
-/// A pose, world to camera.
 pub fn pose(text: &str) -> Result<Pose, PropertyError> {
     let numbers = numbers("start", text)?;
     let [qw, qx, qy, qz, tx, ty, tz] = numbers[..] else {

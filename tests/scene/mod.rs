@@ -76,7 +76,6 @@ pub fn frame(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
     picture
 }
 
-/// Writes the wall as a .ply.
 pub fn write_prior(path: &Path, prior: &Prior) {
     let mut bytes = Vec::new();
     let (splats, options, key_frames) = (prior.splats(), prior.options(), prior.key_frames());

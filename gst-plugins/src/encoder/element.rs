@@ -146,7 +146,6 @@ pub struct Encoder {
     state: Mutex<State>,
 }
 
-/// The formats that frames may have.
 const FORMATS: [VideoFormat; 6] = [
     VideoFormat::Rgb,
     VideoFormat::Nv12,

@@ -12,7 +12,6 @@ use crate::property::{self, PropertyError};
 
 use super::settings::{RateKind, Settings};
 
-/// Why frames cannot be encoded.
 #[derive(Debug, thiserror::Error)]
 pub enum FramesError {
     #[error(transparent)]
@@ -36,7 +35,6 @@ pub enum Taken {
     NoStart(Error),
 }
 
-/// The frames of a camera.
 pub struct Frames {
     encoder: Encoder,
     converter: Converter,

@@ -134,7 +134,6 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// How the encoder is made.
     pub fn encoder_options(&self) -> EncoderOptions {
         let key_every = self.key_every;
         let structure = match self.structure {

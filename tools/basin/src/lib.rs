@@ -143,7 +143,6 @@ impl Conditions {
     pub const CALM: Conditions = Conditions { caustics: 0.10, snow: 6, noise: 1.0 };
 }
 
-/// A picture of a run.
 #[derive(Clone, Debug)]
 pub struct DemoFrame {
     /// File name without folder, such as `0001.png`.
@@ -203,7 +202,6 @@ pub fn random_views(
         .map(move |(index, pose)| draw(&scene, &conditions, pose, index, 4.0 * index as f64, 3))
 }
 
-/// Seed of the random views.
 const VIEWS_SEED: u64 = 11;
 
 fn draw(

@@ -43,7 +43,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     study::print(&prior, mission.as_ref(), args.tolerance, &args.device)
 }
 
-/// One line of the report.
 fn row(name: &str, value: String) {
     println!("{name:14} {value}");
 }

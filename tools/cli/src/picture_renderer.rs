@@ -30,7 +30,6 @@ impl PictureRenderer {
         }
     }
 
-    /// The picture at a view.
     pub fn render(&mut self, camera: &Camera, pose: &Pose) -> anyhow::Result<&Picture> {
         if self.renderer.as_ref().is_none_or(|(kept, _)| kept != camera) {
             let renderer = self.engine.renderer(&self.scene, camera, Plan::picture())?;

@@ -73,21 +73,18 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// One line of the report.
 fn row(name: &str, value: String) {
     println!("{name:14} {value}");
 }
 
 /// The frames of a mapping run with their renders.
 struct MappingRun {
-    /// How many frames there are.
     frames: usize,
     learned: Vec<Pair>,
     held_out: Vec<Pair>,
 }
 
 impl MappingRun {
-    /// Finds the poses of the frames.
     fn of(args: &Args, prior: &Prior) -> anyhow::Result<MappingRun> {
         /// One frame in this many is held out.
         const HELD_OUT: usize = 8;

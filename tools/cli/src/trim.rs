@@ -85,7 +85,6 @@ fn share(text: &str) -> Result<f64, String> {
 
 /// The finest steps that are tried, as multiples of the usual ones.
 const FINEST: f32 = 0.125;
-/// Rows of the contact sheet.
 const SHEET_ROWS: usize = 8;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {

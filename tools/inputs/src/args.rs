@@ -38,7 +38,6 @@ pub struct OverrideArgs {
 }
 
 impl OverrideArgs {
-    /// The options that were given.
     pub fn overrides(&self) -> RenderOverrides {
         RenderOverrides {
             near: self.near,
@@ -91,7 +90,6 @@ impl PriorArgs {
         Ok(prior)
     }
 
-    /// Reads the prior and uploads it.
     pub fn upload(&self, engine: &Engine) -> anyhow::Result<Arc<Scene>> {
         let prior = self.open()?;
         engine.upload(&prior).with_context(|| format!("uploading {}", self.prior.display()))

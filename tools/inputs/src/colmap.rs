@@ -27,7 +27,6 @@ pub struct ColmapModel {
     pub points: Vec<Point>,
 }
 
-/// A picture of a sparse model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColmapView {
     /// Its file, from the folder of pictures.
@@ -148,7 +147,6 @@ impl ColmapModel {
         ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file())
     }
 
-    /// Reads the model in a folder.
     pub fn open(folder: &Path) -> Result<ColmapModel, ColmapError> {
         if !ColmapModel::is_in(folder) {
             return Err(ColmapError::Missing { folder: folder.to_path_buf() });

@@ -39,7 +39,6 @@ pub struct InputArgs {
 pub struct Input {
     /// Its file, for reading and for messages.
     pub path: PathBuf,
-    /// Its name in the camera file.
     pub file: String,
     /// Name of what is written about it, without ending.
     pub name: String,

@@ -55,7 +55,6 @@ pub struct PosedOptions {
     pub split: Option<String>,
 }
 
-/// Why posed pictures cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PosedError {
     #[error(transparent)]

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use nvsprior::{Camera, Picture, Pose};
 use serde::Serialize;
 
-/// Why a run was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum RunWriterError {
     #[error("cannot write {}: {source}", path.display())]
@@ -64,7 +63,6 @@ struct Intrinsics {
 const CONVENTION: &str = "OpenCV camera (x right, y down, z forward); world-to-camera: \
     X_cam = R(q) X_world + t; q = w,x,y,z unit; pixel (0,0) covers [0,1)x[0,1)";
 
-/// Writes a run to a folder.
 #[derive(Clone, Debug)]
 pub struct RunWriter {
     folder: PathBuf,

@@ -94,7 +94,6 @@ fn ends_with(text: &str, ending: &str) -> Result<PathBuf, String> {
     if fits { Ok(path) } else { Err(format!("the file's name must end in .{ending}")) }
 }
 
-/// Why nothing can be written to a place.
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     #[error("{option} {}: this is a file; give a folder", path.display())]

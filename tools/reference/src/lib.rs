@@ -52,7 +52,6 @@ pub(crate) fn plus(a: Twist, scale: f64, b: Twist) -> Twist {
 pub struct Viewpoint<'a> {
     pub camera: &'a Camera,
     pub pose: &'a Pose,
-    /// How the prior is rendered.
     pub options: &'a RenderOptions,
     /// See [`nvsprior_kernels::shared::low_pass`].
     pub low_pass: [f32; 2],
@@ -117,7 +116,6 @@ impl<'a> Twin<'a> {
         seen
     }
 
-    /// The picture from a pose.
     pub fn render(&self, camera: &Camera, pose: &Pose) -> Rendered {
         let view = self.view(camera, pose);
         let background = splat::background(view.options);

@@ -15,7 +15,6 @@ pub fn background(options: &RenderOptions) -> Channels {
     [r, g, b, 0.0, 1.0]
 }
 
-/// A splat at one pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
     /// Alpha after the clamp, before the cut.

@@ -283,7 +283,6 @@ struct Blocks {
     size: [usize; 3],
     /// Index of each block's place, if it has one.
     place: Vec<Option<u32>>,
-    /// The cell of each place.
     chosen: Vec<usize>,
     /// Centre of block 0, and a block's side, the prior's unit.
     low: DVec3,

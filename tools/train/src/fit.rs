@@ -11,7 +11,6 @@ use nvsprior::{Camera, Engine};
 use crate::PosedPicture;
 use crate::mapper::{MapOptions, Order, Progress, Schedule, from_planes, to_planes, volume};
 
-/// Why splats were not fitted.
 #[derive(Debug, thiserror::Error)]
 pub enum FitError {
     #[error(transparent)]

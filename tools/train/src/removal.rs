@@ -75,7 +75,6 @@ struct View<'a> {
     options: &'a RenderOptions,
 }
 
-/// A splat in a pixel.
 struct Blended {
     /// Its place in the tile's list.
     place: usize,

@@ -18,10 +18,8 @@ use crate::PosedPicture;
 use crate::fit::{Fit, FitError};
 use crate::removal::{Removal, max_needed, removals};
 
-/// How a prior is reduced.
 #[derive(Clone, Copy, Debug)]
 pub struct TrimOptions {
-    /// How the prior is rendered.
     pub render: RenderOptions,
     /// Greatest loss, in the judge's measure.
     pub tolerance: f64,
@@ -90,7 +88,6 @@ pub trait Judge {
     fn fitted(&mut self, done: u32, all: u32);
 }
 
-/// Why a prior was not reduced.
 #[derive(Debug, thiserror::Error)]
 pub enum TrimError {
     #[error("no views")]
@@ -231,7 +228,6 @@ impl<J: Judge> Trimmer<'_, J> {
         Ok(removals(self.engine, &prior, &places)?)
     }
 
-    /// Fits splats to the views.
     fn fit(&mut self, splats: &mut Splats) -> Result<(), TrimError> {
         let TrimOptions { render, steps, pace, .. } = *self.options;
         let mut done = 0;

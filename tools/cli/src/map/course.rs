@@ -75,7 +75,6 @@ impl Course<'_> {
     }
 }
 
-/// Parts of the progress bar.
 const BAR: u64 = 10_000;
 
 fn bar() -> ProgressBar {

@@ -66,7 +66,6 @@ fn clahe(text: &str) -> Result<Clahe, String> {
 }
 
 pub struct HeldOut {
-    /// Its name in the camera file.
     pub name: String,
     pub split: String,
     pub view: PosedPicture,
@@ -102,14 +101,12 @@ impl Listed {
     }
 }
 
-/// The pictures of a camera file.
 struct Divided {
     train: Vec<PosedInput>,
     /// Each with the name of its split.
     held_out: Vec<(String, PosedInput)>,
 }
 
-/// A picture that was read.
 struct Read {
     view: PosedPicture,
     /// Its entry in the list of those written.

@@ -44,7 +44,6 @@ impl Report {
         Report { folder, held_out, points: Vec::new(), times: Vec::new(), next: 0 }
     }
 
-    /// Notes the time of a step.
     pub fn took(&mut self, time: Duration) {
         let seconds = time.as_secs_f64();
         if self.times.len() < TIMED {

@@ -64,7 +64,6 @@ pub struct StructureOptions {
 pub struct Structure {
     /// Pictures, poses and points, in the unit of [`DEPTH`].
     pub posed: PosedPictures,
-    /// How many pictures there are.
     pub pictures: usize,
     /// Names of those whose poses were not found.
     pub missing: Vec<String>,
@@ -112,7 +111,6 @@ impl Step {
     }
 }
 
-/// Why no poses were found.
 #[derive(Debug, thiserror::Error)]
 pub enum StructureError {
     #[error(

@@ -12,7 +12,6 @@ const NAME: &str = "colmap";
 /// Lines of the output that an error shows.
 const LAST: usize = 6;
 
-/// COLMAP as it is installed.
 pub struct Program {
     /// The first line of its help: its version.
     pub version: String,

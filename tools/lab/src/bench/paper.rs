@@ -61,11 +61,9 @@ impl PaperArgs {
     }
 }
 
-/// Where the frames come from.
 pub struct Set {
     /// The split, or `all`.
     pub name: String,
-    /// Name of the camera file.
     pub cameras: String,
 }
 

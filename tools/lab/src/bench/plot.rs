@@ -219,7 +219,6 @@ fn draw(
     Ok(root.present()?)
 }
 
-/// Draws axes, points and words.
 fn fill<'a, X, Y>(
     mut chart: ChartContext<'a, SVGBackend<'a>, Cartesian2d<X, Y>>,
     words: &Words,

@@ -40,7 +40,6 @@ impl Report {
     }
 }
 
-/// The figures of some samples.
 #[derive(Serialize)]
 pub struct Figures {
     pub frame_ms: f64,
@@ -161,7 +160,6 @@ impl<'a> BestPsnr<'a> {
     }
 }
 
-/// A frame's best known pose.
 #[derive(Serialize)]
 struct BestKnown<'a> {
     #[serde(flatten)]

@@ -19,7 +19,6 @@ pub struct Moment {
     pub psnr: f64,
 }
 
-/// A run at one setting.
 pub struct LinkRun {
     pub setting: Setting,
     pub seconds: f64,

@@ -13,10 +13,8 @@ use nvsprior::{Encoded, Encoder, EncoderOptions, Engine, Error, Picture, Rate};
 
 use super::{Footage, Setting};
 
-/// A packet that was sent.
 pub struct SentPacket {
     pub frame: usize,
-    /// Its number in the packet.
     pub number: u32,
     /// When the frame was exposed, seconds.
     pub exposed: f64,
@@ -24,7 +22,6 @@ pub struct SentPacket {
     pub render_psnr: f64,
     /// Of the whole packet.
     pub psnr: f64,
-    /// It is an inter frame.
     pub inter: bool,
 }
 

@@ -63,7 +63,6 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-/// A group's rows and tables.
 pub struct Section {
     pub group: &'static Group,
     pub rows: Vec<Row>,

@@ -25,7 +25,6 @@ fn one_of<T: Copy>(random: &mut Random, all: &[T]) -> T {
     all[below(random, all.len() as u64) as usize]
 }
 
-/// A prior seen by a camera.
 pub struct Extreme {
     pub splats: Splats,
     pub options: RenderOptions,
@@ -36,7 +35,6 @@ pub struct Extreme {
 }
 
 impl Extreme {
-    /// The scene of a seed.
     pub fn new(seed: u64) -> Extreme {
         let mut random = Random::new(seed.wrapping_mul(0x2545_f491_4f6c_dd1d));
         let r = &mut random;
@@ -154,7 +152,6 @@ fn offset(r: &mut Random, unit: f32) -> [f64; 6] {
         .map(|k| f64::from(r.within(-1.0, 1.0) * far * if k < 3 { unit } else { 1.0 }))
 }
 
-/// The outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Checked {
     Drawn,
@@ -177,7 +174,6 @@ impl<E: std::error::Error> From<E> for Fault {
     }
 }
 
-/// Fails if something does not hold.
 fn ensure(holds: bool, otherwise: impl FnOnce() -> String) -> Result<(), Fault> {
     if holds { Ok(()) } else { Err(Fault(otherwise())) }
 }

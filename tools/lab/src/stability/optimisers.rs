@@ -59,7 +59,6 @@ fn cases(bench: &Bench) -> Vec<Case> {
     ]
 }
 
-/// A case of all optimisers.
 fn each(name: &'static str, splats: fn() -> Splats, spoil: Frame, offset: [f64; 6]) -> Case {
     Case::new(name, ENDS, move |bench| {
         let camera = scenes::camera(160, 90);

@@ -119,7 +119,6 @@ impl Grid {
         }
     }
 
-    /// How many cells there are.
     pub fn len(&self) -> usize {
         self.occupied.len()
     }
@@ -129,7 +128,6 @@ impl Grid {
         self.size
     }
 
-    /// The cell that holds a place.
     fn cell_at(&self, place: DVec3) -> Option<usize> {
         let at = ((place - self.low) / self.cell).floor();
         let size = DVec3::from(self.size.map(|n| n as f64));
@@ -147,7 +145,6 @@ impl Grid {
         [cell % x, cell / x % y, cell / (x * y)]
     }
 
-    /// The middle of a cell.
     pub fn centre(&self, cell: usize) -> DVec3 {
         self.low + self.cell * (DVec3::from(self.at(cell).map(|v| v as f64)) + 0.5)
     }

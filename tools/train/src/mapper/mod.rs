@@ -40,7 +40,6 @@ use start::start;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapOptions {
-    /// How the prior will be rendered.
     pub render: RenderOptions,
     /// Most splats.
     pub splats: u32,
@@ -51,7 +50,6 @@ pub struct MapOptions {
     pub exposure: bool,
     /// Correct the poses: see [`Mapper::poses`].
     pub correct_poses: bool,
-    /// Seed of all that is random.
     pub seed: u64,
     /// Have the device time its stages.
     pub profiled: bool,
@@ -87,7 +85,6 @@ impl MapOptions {
     }
 }
 
-/// Why no prior was made.
 #[derive(Debug, thiserror::Error)]
 pub enum MapError {
     #[error("no picture to train on")]
@@ -116,9 +113,7 @@ pub struct MapState {
     pub alive: u32,
     /// Parameters, and what Adam knows of them.
     pub training: TrainingState,
-    /// The light of each picture.
     pub exposures: Vec<Exposure>,
-    /// The pose of each picture.
     pub poses: Vec<Pose>,
 }
 
@@ -133,7 +128,6 @@ pub struct Mapper {
     views: Vec<PosedPicture>,
     /// Their poses, as far as they are corrected.
     poses: Vec<Pose>,
-    /// The light of each picture.
     exposures: Vec<Exposure>,
     /// The pictures without it.
     frames: Vec<TrainingFrame>,

@@ -23,7 +23,6 @@ pub struct Schedule {
     pub sh_first: f32,
     /// Rate of the others.
     pub sh_others: f32,
-    /// Share of SSIM in the loss.
     pub ssim: f32,
     /// Errors below it count by their squares (Huber's loss), of 1; 0 if none does.
     pub knee: f32,
@@ -70,7 +69,6 @@ impl Default for Schedule {
 /// No relocation before this step: opacities say nothing yet.
 const RELOCATE_FROM: u32 = 500;
 
-/// How far a training is.
 pub struct Progress {
     pub step: u32,
     /// Share of the training that is done, 0 to 1.

@@ -20,7 +20,6 @@ impl Planes<'_> {
         &mut self.numbers[plane as usize * self.splats + splat]
     }
 
-    /// Copies all numbers of a splat.
     pub fn copy(&mut self, from: usize, to: usize) {
         for plane in self.numbers.chunks_exact_mut(self.splats) {
             plane[to] = plane[from];

@@ -10,7 +10,6 @@ use super::probe::{Frame, Probe, Run, Target, psnr_where};
 use super::roll;
 use nvsprior_inputs::args::progress;
 
-/// A rolled copy of a frame.
 struct Rolled {
     shot: Shot,
     best: Best,
