@@ -12,6 +12,7 @@ use nvsprior::prior::{
 };
 use nvsprior::{Camera, Pose, Prior};
 
+use crate::row;
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::values;
 use nvsprior_train::coverage::{Covering, covering};
@@ -101,10 +102,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     row("written", format!("{}, {} bytes", out.display(), content.len()));
     row("identity", format!("{}, as it was", prior.id()));
     Ok(())
-}
-
-fn row(name: &str, value: String) {
-    println!("{name:14} {value}");
 }
 
 /// Why there are no key frames although no camera file was given.

@@ -4,6 +4,7 @@ mod gain;
 
 use std::path::{Path, PathBuf};
 
+use crate::row;
 use anyhow::Context as _;
 use nvsprior::coder_tables::Tables;
 use nvsprior::prior::{PriorFormat, compact, replace_file, tables_file};
@@ -71,10 +72,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     row("written", format!("{}, {} bytes", out.display(), content.len()));
     row("identity", format!("{}", prior.with_coder_tables(Some(tables)).id()));
     Ok(())
-}
-
-fn row(name: &str, value: String) {
-    println!("{name:14} {value}");
 }
 
 /// The frames of a mapping run with their renders.

@@ -4,9 +4,9 @@ use nvsprior::prior::analysis::{PriorAnalysis, key_bits, splat_bytes};
 use nvsprior::{Camera, EncoderOptions, Engine, Pose, Prior};
 use nvsprior_train::removal::{Removal, max_needed, removals};
 
-use super::row;
 use crate::mission::{Mission, places, spaced};
 use crate::picture_renderer::{PictureRenderer, compare_times};
+use crate::row;
 use crate::view_set::{ViewSet, expected_loss};
 use nvsprior_inputs::args::DeviceArgs;
 
