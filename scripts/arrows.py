@@ -3,7 +3,6 @@
 
 Usage: arrows.py            prints what breaks the rules; exit status 1 if anything does
        arrows.py list       prints every arrow: file -> file: names
-       arrows.py rooms      prints the arrows between rooms
        arrows.py selftest   tries the check on small trees with known faults
 
 File A knows file B if A's code names something that B defines: in a `use`, or in a path. Names are followed
@@ -13,6 +12,7 @@ has `impl` blocks in several files, `self.name()`, `Self::name` and `Type::name`
 method calls do not count, since this script knows no types. Tests do not count.
 """
 
+import graphlib
 import os
 import re
 import sys
@@ -374,29 +374,13 @@ def room_of(file, known):
     return name
 
 
-def circles(arrows):
-    """The strongly connected parts of more than one file (Tarjan), the largest first."""
-    number, low, stack, found = {}, {}, [], []
-
-    def visit(file):
-        number[file] = low[file] = len(number)
-        stack.append(file)
-        for other in sorted(arrows.get(file, {})):
-            if other not in number:
-                visit(other)
-                low[file] = min(low[file], low[other])
-            elif other in stack:
-                low[file] = min(low[file], number[other])
-        if low[file] == number[file]:
-            part = stack[stack.index(file) :]
-            del stack[stack.index(file) :]
-            if len(part) > 1:
-                found.append(sorted(part))
-
-    for file in sorted(arrows):
-        if file not in number:
-            visit(file)
-    return sorted(found, key=lambda part: (-len(part), part))
+def circle(arrows):
+    """The files of a circle, if there is one."""
+    try:
+        graphlib.TopologicalSorter(arrows).prepare()
+    except graphlib.CycleError as error:
+        return sorted(set(error.args[1]))
+    return []
 
 
 def faults(arrows):
@@ -411,7 +395,7 @@ def faults(arrows):
                 lines.append(f"up: {file} ({room}) -> {other} ({target}): {', '.join(sorted(names))}")
         if room_of(file, known) not in known and file != "lib.rs":
             lines.append(f"no room: {file}: scripts/arrows.py does not say how high it lies")
-    for part in circles(arrows):
+    if part := circle(arrows):
         lines.append(f"circle of {len(part)} files: {' '.join(part)}")
         for file in part:
             for other, names in sorted(arrows[file].items()):
@@ -507,20 +491,9 @@ def main():
         return selftest()
     if what == "check":
         return check(source)
-    arrows, known = Tree(source).arrows(), levels()
-    if what == "list":
-        for file, others in sorted(arrows.items()):
-            for other, names in sorted(others.items()):
-                print(f"{file} -> {other}: {', '.join(sorted(names))}")
-    elif what == "rooms":
-        between = {}
-        for file, others in arrows.items():
-            for other in others:
-                pair = room_of(file, known), room_of(other, known)
-                if pair[0] != pair[1] and pair[0] != "lib":
-                    between[pair] = between.get(pair, 0) + 1
-        for (room, other), count in sorted(between.items()):
-            print(f"{room} -> {other}: {count}")
+    for file, others in sorted(Tree(source).arrows().items()):
+        for other, names in sorted(others.items()):
+            print(f"{file} -> {other}: {', '.join(sorted(names))}")
     return 0
 
 

@@ -11,6 +11,7 @@ import pathlib
 import re
 import subprocess
 import sys
+import textwrap
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "packaging" / "licences"
@@ -56,14 +57,25 @@ def field(text):
     return "".join(f" {line}\n" if line.strip() else " .\n" for line in text.strip("\n").expandtabs().splitlines())
 
 
-def holders(text, crates):
-    """The copyright notices within a licence's text, or else the crates' authors."""
-    found = []
-    for line in text.splitlines():
-        match = re.match(r"[\s/*#;]*Copyright\s+(\(c\)|©)?\s*(\d{4}.*|\(c\).*|The .*)", line, re.IGNORECASE)
-        if match and "[yyyy]" not in line and "{yyyy}" not in line:
-            found.append(match.group(2).strip())
-    return found or ["The authors of " + ", ".join(crates)]
+NOTICE = re.compile(r"Copyright\s+(\(c\)|©)?\s*(\d{4}.*|\(c\).*|The .*)", re.IGNORECASE)
+
+
+def notice(line):
+    """The copyright notice that a line is, or `None`."""
+    match = NOTICE.match(line)
+    return match.group(2).strip() if match and "[yyyy]" not in line and "{yyyy}" not in line else None
+
+
+def parted(text):
+    """The copyright notices within a licence's text, and the text without them.
+
+    Some texts are the heads of source files, from whose comments cargo-about takes them.
+    """
+    if text.lstrip().startswith("/*"):
+        text = text.split("*/", 1)[0]
+    lines = [re.sub(r"^[\s/*]*", "", line.expandtabs()).rstrip() for line in text.splitlines()]
+    body = "\n".join(line for line in lines if not notice(line))
+    return [notice(line) for line in lines if notice(line)], re.sub(r"\n{3,}", "\n\n", body).strip()
 
 
 def common(name):
@@ -72,22 +84,34 @@ def common(name):
 
 
 def stanzas(licences):
-    for number, licence in enumerate(licences, 1):
-        crates = sorted({used["crate"]["name"] for used in licence["used_by"]} - {"nvsprior"})
-        crates = [name for name in crates if not OURS.match(name)]
+    """A paragraph for each notice of each licence, then each wording of a licence once, whoever holds the copyright.
+
+    `licences`: the crates, the licence's name and its text.
+    """
+    bodies, files = {}, {}
+    for crates, identifier, text in licences:
+        crates = sorted({name for name in crates if not OURS.match(name)})
         if not crates:
             continue
-        text = licence["text"]
-        if licence["id"] == "Apache-2.0":
-            body = common("Apache-2.0")
-        else:
-            body = text
-        yield (
-            "Files: " + " ".join(f"vendor/{name}/*" for name in crates) + "\n"
-            + "Copyright: " + "\n           ".join(holders(text, crates)) + "\n"
-            + f"License: {licence['id'].replace(' ', '-')}-{number}\n"
-            + field(body) + "\n"
-        )
+        found, body = parted(text)
+        if identifier == "Apache-2.0":
+            body = common(identifier)
+        # Titles, quotes and places where lines end make no other licence.
+        key = re.sub(r"^(the )?(mit|isc|zlib|bsd)?[- \w]*licen[sc]e\s*(\(\w+\))?\W*(all rights reserved\.)?\s*", "",
+                     " ".join(re.sub("[“”\"'`]", "", body).lower().split()))
+        known = bodies.setdefault(identifier, {})
+        name = known.setdefault(key, (f"{identifier.replace(' ', '-')}-{len(known) + 1}", body))[0]
+        for holder in found or ["The authors of " + ", ".join(crates)]:
+            files.setdefault((holder, name), set()).update(crates)
+    notices = {}
+    for (holder, name), crates in files.items():
+        notices.setdefault((name, tuple(sorted(crates))), []).append(holder)
+    for (name, crates), holders in notices.items():
+        paths = "\n       ".join(textwrap.wrap(" ".join(f"vendor/{crate}/*" for crate in crates), 110))
+        yield f"Files: {paths}\nCopyright: " + "\n           ".join(holders) + f"\nLicense: {name}\n\n"
+    for known in bodies.values():
+        for name, body in known.values():
+            yield f"License: {name}\n" + field(body) + "\n"
 
 
 def about(manifest, features):
@@ -115,11 +139,13 @@ def write(part, report):
         + "\nLicense: BSD-3-clause-libwebp\n" + field(webp)
         + "\nLicense: Apache-2.0 with LLVM-exception\n" + field(common("Apache-2.0") + "\n" + exception)
     )
+    texts = [({used["crate"]["name"] for used in licence["used_by"]}, licence["id"], licence["text"])
+             for licence in report["licenses"]]
     named = sorted({f"{used['crate']['name']} {used['crate']['version']}" for licence in report["licenses"]
                     for used in licence["used_by"] if not OURS.match(used["crate"]["name"])})
     crates = "Comment: Crates and versions:\n" + field("\n".join(named)) + "\n"
     head = HEAD.replace("Comment: Written", crates.rstrip("\n") + "\n .\n Written", 1)
-    (FOLDER / f"{part}.copyright").write_text(head + "\n" + "".join(stanzas(report["licenses"])) + TAIL + licences)
+    (FOLDER / f"{part}.copyright").write_text(head + "\n" + "".join(stanzas(texts)) + TAIL + licences)
     print(f"{part}: {len(named)} crates, {len(report['licenses'])} texts")
 
 

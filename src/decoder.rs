@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::packet::{Latent, Parsed, Reference, RenderCheck, Residual, Salvage, Session};
 use crate::render::{Plan, Renderer, Scene};
-use crate::residual::{ResidualDecoder, StreamFrame, Vantage};
+use crate::residual::{ResidualDecoder, StreamFrame, Viewpoint};
 use crate::{Camera, Engine, Error, Picture, Pose};
 
 /// A decoded frame.
@@ -176,7 +176,7 @@ impl Decoder {
         Ok(())
     }
 
-    /// Decodes a packet. If only its latent part is sound, the picture is the render alone.
+    /// Decodes a packet. If only its latent part is valid, the picture is the render alone.
     ///
     /// # Errors
     /// If the latent part is damaged, is about another prior, or names a camera that never came. In the short form: if
@@ -188,7 +188,7 @@ impl Decoder {
     }
 
     /// As [`Decoder::decode`], but replaces what `decoded` held, and takes the start of a packet too (see [`Trust`]).
-    /// Allocates nothing from the second sound packet of a camera on, unless a view of the prior needs more room than
+    /// Allocates nothing from the second valid packet of a camera on, unless a view of the prior needs more room than
     /// any before.
     pub fn decode_into(
         &mut self,
@@ -226,7 +226,7 @@ impl Decoder {
         decoded.picture.resize(width, height);
         let portable = latent.portable && here;
         let arrived = Arrived { salvage: &salvage, trust, frame, portable };
-        let vantage = view.draw(&latent, &arrived, &mut decoded.picture)?;
+        let viewpoint = view.draw(&latent, &arrived, &mut decoded.picture)?;
         let behind = arrived.reference().map(|reference| u32::from(reference.distance));
         decoded.reference = behind.map(|by| frame.wrapping_sub(by) % Latent::FRAMES);
         (decoded.frame, decoded.pose) = (frame, pose);
@@ -234,7 +234,7 @@ impl Decoder {
         decoded.portable = portable;
         let told = salvage.render.as_ref().ok().copied().flatten();
         decoded.same_render = told.map(|check| check == RenderCheck::of(&decoded.picture));
-        let rows = view.add_residual(&arrived, &vantage, &mut decoded.picture);
+        let rows = view.add_residual(&arrived, &viewpoint, &mut decoded.picture);
         let whole = matches!(salvage.residual, Ok(Residual::Stream { .. })) && rows.is_ok();
         decoded.kept = whole && portable;
         (decoded.damage, decoded.rows) = match rows {
@@ -311,11 +311,11 @@ impl CameraDecoder {
         latent: &Latent,
         arrived: &Arrived,
         picture: &mut Picture,
-    ) -> Result<Vantage, Error> {
+    ) -> Result<Viewpoint, Error> {
         let code = latent.pose.words();
-        let vantage = Vantage { camera: self.camera, placement: self.renderer.placed(&code) };
-        let leans = |reference| self.residual.holds(reference, arrived.frame, &vantage);
-        let deep = arrived.portable && arrived.reference().is_some_and(leans);
+        let viewpoint = Viewpoint { camera: self.camera, placement: self.renderer.placed(&code) };
+        let is_held = |reference| self.residual.holds(reference, arrived.frame, &viewpoint);
+        let deep = arrived.portable && arrived.reference().is_some_and(is_held);
         match deep {
             true => self.renderer.draw_coded_deep(&code)?,
             false => self.renderer.draw_coded(&code)?,
@@ -328,18 +328,18 @@ impl CameraDecoder {
             // Room is made with the first frame of a stream.
             self.depths.resize(self.camera.pixels(), 0.0);
         }
-        Ok(vantage)
+        Ok(viewpoint)
     }
 
     /// Turns the render into the picture. Returns the rows that a residual reached, and what was damaged.
     fn add_residual(
         &mut self,
         arrived: &Arrived,
-        vantage: &Vantage,
+        viewpoint: &Viewpoint,
         picture: &mut Picture,
     ) -> Result<(u32, Option<Error>), Error> {
         let Arrived { salvage, trust, frame, portable } = *arrived;
-        let stream = StreamFrame { frame, vantage, depths: &self.depths };
+        let stream = StreamFrame { frame, viewpoint, depths: &self.depths };
         match (&salvage.residual, &salvage.residual_start) {
             (Ok(Residual::None | Residual::Omitted), _) => Ok((0, None)),
             (Ok(Residual::Stream { reference, payload }), _) => {

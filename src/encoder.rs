@@ -10,7 +10,7 @@ use crate::packet::{
 };
 use crate::render::{Plan, Scene};
 use crate::residual::{
-    Acknowledged, Interest, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Vantage,
+    Acknowledged, Interest, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Viewpoint,
 };
 use crate::tracking::{
     Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker,
@@ -241,20 +241,20 @@ impl Encoder {
 
     /// Encodes a frame. First it is treated as the prior's pictures were, unless [`EncoderOptions::frames_treated`]
     /// says that it is. All that follows is about the treated frame: the search, the difference picture, and the PSNR
-    /// in [`FrameStats`](crate::FrameStats). `known`: when the frame was taken, and a pose from sensors or an
+    /// in [`FrameStats`](crate::FrameStats). `info`: when the frame was taken, and a pose from sensors or an
     /// estimator, used if the frame before gives no good start. It may be a [`Pose`](crate::Pose), an `Option` of one,
     /// a [`Hint`](crate::Hint), or a [`FrameInfo`].
     ///
     /// # Errors
-    /// If the frame cannot be encoded, or `known` cannot be true. Such a frame changes nothing: the next one goes on
+    /// If the frame cannot be encoded, or `info` cannot be true. Such a frame changes nothing: the next one goes on
     /// from the frame before.
     pub fn encode(
         &mut self,
         frame: &Picture,
-        known: impl Into<FrameInfo>,
+        info: impl Into<FrameInfo>,
     ) -> Result<Encoded, Error> {
         let mut encoded = Encoded::default();
-        self.encode_into(frame, known, &mut encoded)?;
+        self.encode_into(frame, info, &mut encoded)?;
         Ok(encoded)
     }
 
@@ -263,13 +263,13 @@ impl Encoder {
     pub fn encode_into(
         &mut self,
         frame: &Picture,
-        known: impl Into<FrameInfo>,
+        info: impl Into<FrameInfo>,
         encoded: &mut Encoded,
     ) -> Result<(), Error> {
         self.check_frame(frame)?;
         let mut work = std::mem::take(&mut self.work);
         work.frame.clone_from(frame);
-        work.known = known.into();
+        work.info = info.into();
         std::mem::swap(&mut work.encoded, encoded);
         let done = self.encode_filled(&mut work);
         std::mem::swap(&mut work.encoded, encoded);
@@ -295,12 +295,12 @@ impl Encoder {
     pub(crate) fn track_next(
         &mut self,
         frame: &Picture,
-        known: FrameInfo,
+        info: FrameInfo,
         work: &mut FrameWork,
     ) -> Result<(), Error> {
         self.check_frame(frame)?;
         work.frame.clone_from(frame);
-        work.known = known;
+        work.info = info;
         self.track_filled(work)
     }
 
@@ -315,8 +315,8 @@ impl Encoder {
     fn track(&mut self, work: &mut FrameWork) -> Result<PoseEstimate, Error> {
         let since = Instant::now();
         self.check_frame(&work.frame)?;
-        let known = work.known;
-        self.check_known(&known)?;
+        let info = work.info;
+        self.check_info(&info)?;
         self.renders_before.clear();
         self.renders_before.extend_from_slice(self.tracker.objective().renderer().renders());
         let short = self.short_next();
@@ -328,11 +328,11 @@ impl Encoder {
         if let Some(mask) = &self.mask {
             mask.level_out(&mut work.frame);
         }
-        let found = self.tracker.track(&work.frame, &known)?;
+        let found = self.tracker.track(&work.frame, &info)?;
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
         self.set_stream(&pose, work);
-        let frames_since_certain = self.lost_frames_with(&found);
+        let frames_since_certain = self.frames_since_certain_with(&found);
         let camera = self.camera_due().then_some(self.camera);
         work.has_render_check = self.check_due();
         work.residual = Some(self.residual_setup());
@@ -381,7 +381,7 @@ impl Encoder {
                 work.depths.extend(renderer.depths());
                 let placement = renderer.placed(&pose.words());
                 Some(TrackedStream {
-                    vantage: Vantage { camera: self.camera, placement },
+                    viewpoint: Viewpoint { camera: self.camera, placement },
                     structure,
                     acknowledged: self.acknowledged,
                     first: self.stream_ended,
@@ -392,7 +392,7 @@ impl Encoder {
     }
 
     /// [`frames_since_certain`](crate::FrameStats::frames_since_certain) of the next frame.
-    fn lost_frames_with(&self, found: &PoseEstimate) -> u32 {
+    fn frames_since_certain_with(&self, found: &PoseEstimate) -> u32 {
         if found.certain { 0 } else { self.tracker.frames_since_certain().saturating_add(1) }
     }
 
@@ -402,7 +402,7 @@ impl Encoder {
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         (self.full_due, self.stream_ended) = (false, false);
         self.frame = self.frame.wrapping_add(1);
-        self.time = work.known.time.or(self.time);
+        self.time = work.info.time.or(self.time);
         self.tracker.keep(found);
     }
 
@@ -422,17 +422,17 @@ impl Encoder {
         self.acknowledged = Acknowledged::default();
     }
 
-    /// Renders up to `most` of the prior's key frames that are not rendered yet, and returns how many are left. With
+    /// Renders up to `max` of the prior's key frames that are not rendered yet, and returns how many are left. With
     /// them lost cameras are found. Without this call they are rendered while a frame is lost, as many as
     /// [`RefineOptions::lost_renders`] allows. Each takes one render and some 20 ms of the host.
-    pub fn prepare(&mut self, most: usize) -> Result<usize, Error> {
-        Ok(self.tracker.prepare(most)?)
+    pub fn prepare(&mut self, max: usize) -> Result<usize, Error> {
+        Ok(self.tracker.prepare(max)?)
     }
 
     /// Checks what is stated of the next frame.
-    pub(crate) fn check_known(&self, known: &FrameInfo) -> Result<(), Error> {
-        known.check(self.frame, self.time)?;
-        let Some(hint) = &known.hint else { return Ok(()) };
+    pub(crate) fn check_info(&self, info: &FrameInfo) -> Result<(), Error> {
+        info.check(self.frame, self.time)?;
+        let Some(hint) = &info.hint else { return Ok(()) };
         let frame = self.scene.coordinate_frame();
         let distance = (hint.pose.centre() - self.scene.centre()).length();
         if distance > FAR * f64::from(frame.spread) {

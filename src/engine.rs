@@ -69,7 +69,7 @@ impl Engine {
     }
 
     fn scene_kernels(&self, traits: &PipelineKey) -> Result<Arc<SceneKernels>, Error> {
-        // Only whole sets are put in, so what a thread that panicked left is sound.
+        // Only whole sets are put in, so what a thread that panicked left is valid.
         let mut sets = self.scene_kernels.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, set)) = sets.iter().find(|(of, _)| of == traits) {
             return Ok(set.clone());

@@ -7,22 +7,20 @@ use crate::image::{Mask, psnr_of_mse};
 use crate::packet::{Latent, RenderCheck, Residual};
 use crate::residual::{
     Acknowledged, InStream, Interest, ResidualEncoder, ResidualSetup, StreamFrame, Structure,
-    Vantage,
+    Viewpoint,
 };
 use crate::{Camera, Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose, Rate};
 
 /// A frame on its way through the encoder. Buffers are kept from frame to frame.
 ///
-/// A caller fills `frame` and `known`. The search fills all but `encoded`, and coding that.
+/// A caller fills `frame` and `info`. The search fills all but `encoded`, and coding that.
 #[derive(Default)]
 pub(crate) struct FrameWork {
     /// The camera's picture; after the search as the prior's preprocessing left it, with the render where it is masked.
     pub frame: Picture,
-    /// What is known of it.
-    pub known: FrameInfo,
+    pub info: FrameInfo,
     /// Which pixels count; `None`: all do.
     pub mask: Option<Arc<Mask>>,
-    /// Which parts count more.
     pub interest: Option<Arc<Interest>>,
     pub render: Picture,
     pub latent: Option<Latent>,
@@ -30,7 +28,6 @@ pub(crate) struct FrameWork {
     /// Whether the packet has a check of the render.
     pub has_render_check: bool,
     pub rate: Option<Rate>,
-    /// What codes the difference.
     pub residual: Option<ResidualSetup>,
     /// What it may be predicted from; `None`: it is coded by itself.
     pub stream: Option<TrackedStream>,
@@ -39,14 +36,13 @@ pub(crate) struct FrameWork {
     pub pose: Pose,
     /// As far as they are known.
     pub stats: FrameStats,
-    /// The result.
     pub encoded: Encoded,
 }
 
 /// What a frame of a stream may be predicted from.
 #[derive(Clone, Copy)]
 pub(crate) struct TrackedStream {
-    pub vantage: Vantage,
+    pub viewpoint: Viewpoint,
     pub structure: Structure,
     pub acknowledged: Acknowledged,
     /// Frames before it are forgotten.
@@ -163,7 +159,7 @@ impl FrameWork {
         let in_stream = self.stream.as_ref().map(|stream| InStream {
             frame: StreamFrame {
                 frame: self.stats.frame,
-                vantage: &stream.vantage,
+                viewpoint: &stream.viewpoint,
                 depths: &self.depths,
             },
             structure: stream.structure,
@@ -188,7 +184,6 @@ impl FrameWork {
     }
 }
 
-/// The reference frame of a residual.
 fn reference_of(residual: &Residual, frame: u32) -> Option<u32> {
     match residual {
         Residual::Stream { reference: Some(reference), .. } => {

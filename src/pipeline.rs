@@ -1,13 +1,11 @@
 //! Encoding in two halves at once: while the host codes the difference picture of one frame, the device searches for
 //! the pose of the next.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use crate::frame_work::{Coder, FrameWork};
-use crate::queue::{Body, Queue};
+use crate::queue::{Body, Lost, Queue};
 use crate::{Encoded, Encoder, Error, FrameInfo, Picture};
 
 /// An [`Encoder`] that yields each packet one call later, but more packets per second: a frame takes
@@ -16,28 +14,25 @@ pub struct Pipeline {
     encoder: Encoder,
     queue: Queue<FrameWork, Error>,
     under_way: bool,
-    /// A packet that told the camera is lost.
-    announce: Arc<AtomicBool>,
+    /// Packets that told the camera.
+    lost: Lost,
 }
 
 impl Pipeline {
     /// Makes a pipeline. The first frame starts the coding thread.
     pub fn new(encoder: Encoder) -> Pipeline {
-        let announce = Arc::new(AtomicBool::new(false));
-        let (lost, mut coder) = (announce.clone(), Coder::default());
+        let lost = Lost::default();
+        let (noted, mut coder) = (lost.clone(), Coder::default());
         let code = move |work: &mut FrameWork| {
-            let tells_camera = work.camera.is_some();
-            coder.code(work).inspect_err(|_| {
-                lost.fetch_or(tells_camera, Ordering::Relaxed);
-            })
+            coder.code(work).inspect_err(|_| noted.note(work.camera.is_some()))
         };
         let slots = vec![FrameWork::default(), FrameWork::default()];
-        let queue = Queue::new(vec![Box::new(code)], slots, Box::new(|| ()), Box::new(spawn));
-        Pipeline { encoder, queue, under_way: false, announce }
+        let queue = Queue::new(vec![Box::new(code)], slots, lost.clone(), Box::new(spawn));
+        Pipeline { encoder, queue, under_way: false, lost }
     }
 
     /// Finds the pose of a frame, while the difference of the frame before is coded. Then fills `encoded` with the
-    /// frame before; `false`: there was none. `known`: as for [`Encoder::encode`].
+    /// frame before; `false`: there was none. `info`: as for [`Encoder::encode`].
     ///
     /// # Errors
     /// If the pose cannot be found: this frame is then left out, and the next call still yields the
@@ -46,11 +41,11 @@ impl Pipeline {
     pub fn push(
         &mut self,
         frame: &Picture,
-        known: impl Into<FrameInfo>,
+        info: impl Into<FrameInfo>,
         encoded: &mut Encoded,
     ) -> Result<bool, Error> {
-        let (encoder, known) = (&mut self.encoder, known.into());
-        self.queue.begin(|work| encoder.track_next(frame, known, work))?;
+        let (encoder, info) = (&mut self.encoder, info.into());
+        self.queue.begin(|work| encoder.track_next(frame, info, work))?;
         let before = self.take(encoded);
         self.under_way = true;
         before
@@ -73,7 +68,7 @@ impl Pipeline {
             std::mem::swap(encoded, &mut work.encoded);
             Ok(())
         });
-        if self.announce.swap(false, Ordering::Relaxed) {
+        if self.lost.take() {
             self.encoder.announce();
         }
         taken

@@ -9,33 +9,30 @@
 //! - If a result cannot be handed over, it is *kept*: the next [`run`](Queue::run) drops it, and in a queue of one slot
 //!   the next [`begin`](Queue::begin) too.
 //! - A frame that is cancelled while a worker works on it ends by itself. Until then no frame can be begun.
-//! - If a frame is dropped, what it told is lost: the queue calls `lost` before the first worker's next frame.
+//! - If a frame is dropped, what it told is lost: the queue notes that in its [`Lost`]. A worker does so for a frame
+//!   that it fails.
 //! - A worker that panics poisons the queue.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Why a queue refuses a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum QueueError {
-    /// As many frames are under way as there are slots.
     #[error("all frames that may be under way are: finish the first, or cancel them")]
     Full,
-    /// A frame that was cancelled has not ended yet.
     #[error("a frame that was cancelled has not ended yet")]
     Ending,
-    /// A frame is under way.
     #[error("a frame is under way: finish it or cancel it")]
     UnderWay,
-    /// No frame is under way.
     #[error("nothing was begun")]
     Empty,
-    /// A worker panicked now.
     #[error("a fault of the library itself: please report it")]
     Panicked,
-    /// A worker panicked before.
     #[error("an earlier frame failed inside the library")]
     Poisoned,
 }
@@ -48,6 +45,21 @@ pub(crate) type Body = Box<dyn FnOnce() + Send>;
 
 /// Starts the thread of the worker of a number. What it returns waits for the thread's end when dropped.
 pub(crate) type Spawn<E> = Box<dyn FnMut(usize, Body) -> Result<Box<dyn Send>, E> + Send>;
+
+/// Whether frames were lost that told something. A queue, its workers and its owner share it.
+#[derive(Clone, Default)]
+pub(crate) struct Lost(Arc<AtomicBool>);
+
+impl Lost {
+    pub(crate) fn note(&self, lost: bool) {
+        self.0.fetch_or(lost, Ordering::Relaxed);
+    }
+
+    /// Whether any was noted since the last call. Who sees that to be true tells it again.
+    pub(crate) fn take(&self) -> bool {
+        self.0.swap(false, Ordering::Relaxed)
+    }
+}
 
 /// A frame on its way.
 struct Slot<S, E> {
@@ -74,16 +86,13 @@ struct State<S, E> {
     live: usize,
     /// How often all that was under way was cancelled.
     cancels: u64,
-    /// A frame was dropped.
-    lost: bool,
+    lost: Lost,
     poisoned: bool,
     quit: bool,
 }
 
 struct Shared<S, E> {
     workers: Vec<Mutex<Worker<S, E>>>,
-    /// Called before the first worker's next frame if one was dropped.
-    lost: Mutex<Box<dyn FnMut() + Send>>,
     state: Mutex<State<S, E>>,
     changed: Condvar,
 }
@@ -110,7 +119,7 @@ impl<S, E> State<S, E> {
     #[cfg(any(feature = "capi", test))]
     fn drop_done(&mut self, count: usize) {
         for slot in self.done.drain(..count) {
-            self.lost |= slot.outcome.is_ok();
+            self.lost.note(slot.outcome.is_ok());
             self.spare.push_back(slot);
             self.live -= 1;
         }
@@ -148,7 +157,7 @@ impl<S, E: From<QueueError>> Shared<S, E> {
         let mut state = self.state();
         state.busy[worker] = false;
         if slot.begun_at != state.cancels {
-            state.lost = true;
+            state.lost.note(true);
             state.spare.push_back(slot);
         } else if worker + 1 < self.workers.len() {
             state.waiting[worker + 1].push_back(slot);
@@ -158,20 +167,9 @@ impl<S, E: From<QueueError>> Shared<S, E> {
         self.changed.notify_all();
     }
 
-    /// Tells that frames were dropped, if some were.
-    fn settle(&self) {
-        if std::mem::take(&mut self.state().lost) {
-            let mut lost = self.lost.lock().unwrap_or_else(PoisonError::into_inner);
-            lost();
-        }
-    }
-
     /// Does a worker's work on a slot, unless an earlier worker failed. A panic poisons the queue.
     fn work(&self, slot: &mut Slot<S, E>, worker: usize) {
         let work = || {
-            if worker == 0 {
-                self.settle();
-            }
             let mut work = self.workers[worker].lock().map_err(|_| QueueError::Poisoned)?;
             work(&mut slot.content)
         };
@@ -193,11 +191,11 @@ impl<S, E: From<QueueError>> Shared<S, E> {
 }
 
 impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
-    /// A queue of these workers and slots. `lost` is called before the first worker's next frame if one was dropped.
+    /// A queue of these workers and slots. `lost`: where it notes that frames were dropped.
     pub(crate) fn new(
         workers: Vec<Worker<S, E>>,
         slots: Vec<S>,
-        lost: Box<dyn FnMut() + Send>,
+        lost: Lost,
         spawn: Spawn<E>,
     ) -> Queue<S, E> {
         let count = slots.len();
@@ -211,14 +209,13 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
             slots: count,
             live: 0,
             cancels: 0,
-            lost: false,
+            lost,
             poisoned: false,
             quit: false,
         };
         let threads = Vec::with_capacity(workers.len());
         let workers = workers.into_iter().map(Mutex::new).collect();
-        let (lost, state) = (Mutex::new(lost), Mutex::new(state));
-        let shared = Shared { workers, lost, state, changed: Condvar::new() };
+        let shared = Shared { workers, state: Mutex::new(state), changed: Condvar::new() };
         Queue { shared: Arc::new(shared), threads, spawn }
     }
 
@@ -227,12 +224,7 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
     pub(crate) fn check_idle(&self) -> Result<(), QueueError> {
         let state = self.shared.state();
         state.check()?;
-        if state.under_way() > state.kept() {
-            return Err(QueueError::UnderWay);
-        }
-        drop(state);
-        self.shared.settle();
-        Ok(())
+        if state.under_way() > state.kept() { Err(QueueError::UnderWay) } else { Ok(()) }
     }
 
     /// Checks that the first worker works on no frame and that none waits for it.
@@ -242,12 +234,8 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
         if state.poisoned {
             return Err(QueueError::Poisoned);
         }
-        if state.busy[0] || !state.waiting[0].is_empty() {
-            return Err(QueueError::UnderWay);
-        }
-        drop(state);
-        self.shared.settle();
-        Ok(())
+        let is_idle = !state.busy[0] && state.waiting[0].is_empty();
+        if is_idle { Ok(()) } else { Err(QueueError::UnderWay) }
     }
 
     /// Begins a frame; `fill` fills its slot. If that fails, nothing changes.
@@ -259,7 +247,7 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
             return Err(error);
         }
         let mut state = self.shared.state();
-        state.lost |= kept && slot.outcome.is_ok();
+        state.lost.note(kept && slot.outcome.is_ok());
         (slot.begun_at, slot.outcome, slot.kept) = (state.cancels, Ok(()), false);
         state.live += usize::from(!kept);
         state.waiting[0].push_back(slot);
@@ -274,7 +262,7 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
         let (mut slot, kept) = self.filled(true, fill)?;
         {
             let mut state = self.shared.state();
-            state.lost |= kept && slot.outcome.is_ok();
+            state.lost.note(kept && slot.outcome.is_ok());
             let others = state.kept();
             state.drop_done(others);
             (slot.begun_at, slot.outcome, slot.kept) = (state.cancels, Ok(()), true);
@@ -373,25 +361,19 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
     /// Drops all frames under way. Returns whether they have ended; if not, they end by themselves.
     #[cfg(any(feature = "capi", test))]
     pub(crate) fn cancel(&mut self) -> bool {
-        let ended = {
-            let mut state = self.shared.state();
-            if state.live > 0 {
-                let done = state.done.len();
-                state.drop_done(done);
-                state.cancels += 1;
-                state.live = 0;
-                let State { spare, waiting, lost, .. } = &mut *state;
-                for (worker, waiting) in waiting.iter_mut().enumerate() {
-                    *lost |= worker > 0 && !waiting.is_empty();
-                    spare.extend(waiting.drain(..));
-                }
+        let mut state = self.shared.state();
+        if state.live > 0 {
+            let done = state.done.len();
+            state.drop_done(done);
+            state.cancels += 1;
+            state.live = 0;
+            let State { spare, waiting, lost, .. } = &mut *state;
+            for (worker, waiting) in waiting.iter_mut().enumerate() {
+                lost.note(worker > 0 && !waiting.is_empty());
+                spare.extend(waiting.drain(..));
             }
-            state.under_way() == 0
-        };
-        if ended && !self.shared.state().poisoned {
-            self.shared.settle();
         }
-        ended
+        state.under_way() == 0
     }
 }
 

@@ -5,7 +5,7 @@ mod scene;
 
 use std::sync::Arc;
 
-use common::{assert_silent, engine};
+use common::assert_silent;
 use nvsprior::packet::{Latent, PoseProfile, RenderCheck};
 use nvsprior::render::{Plan, Scene};
 use nvsprior::tracking::{Optimizer, StartKind};
@@ -13,14 +13,13 @@ use nvsprior::{
     Camera, Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, FrameInfo, Hint, Packet,
     Picture, Pipeline, Pose, Rate,
 };
-use scene::{CAMERA, clean_frame, frame, pose, pose_error, wall};
+use scene::{CAMERA, clean_frame, frame, on_device, pose, pose_error, wall};
 
 const OFFSET: [f64; 6] = [0.05, -0.04, 0.06, 0.02, -0.03, 0.02];
 
 #[test]
 fn a_dive_comes_back_as_the_encoder_predicted() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1)).unwrap();
+    let (engine, scene) = on_device(&wall(1));
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
     let mut decoder = Decoder::new(&engine, &scene);
     for t in 0..4u8 {
@@ -41,8 +40,7 @@ fn a_dive_comes_back_as_the_encoder_predicted() {
 
 #[test]
 fn every_optimiser_finds_the_pose_and_none_ends_worse_than_it_began() {
-    let engine = engine();
-    let scene = engine.upload(&wall(2)).unwrap();
+    let (engine, scene) = on_device(&wall(2));
     let truth = pose(0.0);
     let frame = clean_frame(&engine, &scene, &truth);
     let near = truth.stepped(&OFFSET.map(|v| v * 0.3));
@@ -74,8 +72,7 @@ fn every_optimiser_finds_the_pose_and_none_ends_worse_than_it_began() {
 /// Frames side by side: the same packets, one call later.
 #[test]
 fn a_pipeline_gives_the_same_packets() {
-    let engine = engine();
-    let scene = engine.upload(&wall(6)).unwrap();
+    let (engine, scene) = on_device(&wall(6));
     let frames: Vec<_> = (0..4).map(|t| frame(&engine, &scene, &pose(t.into()))).collect();
     let encoder = || Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
     let mut alone = encoder();
@@ -111,8 +108,7 @@ fn a_pipeline_gives_the_same_packets() {
 
 #[test]
 fn starts_follow_the_paper() {
-    let engine = engine();
-    let scene = engine.upload(&wall(3)).unwrap();
+    let (engine, scene) = on_device(&wall(3));
     let options = |threshold| {
         let mut options = EncoderOptions { threshold, rate: None, ..EncoderOptions::default() };
         options.refine.optimizer = Optimizer::Bfgs;
@@ -142,8 +138,7 @@ fn starts_follow_the_paper() {
 /// On the device the frame before is always tried first. The outcome shows a jump.
 #[test]
 fn a_jump_is_looked_for_afresh() {
-    let engine = engine();
-    let scene = engine.upload(&wall(3)).unwrap();
+    let (engine, scene) = on_device(&wall(3));
     let far = 60.0;
     let frames: Vec<_> =
         [0.0, 1.0, far, far + 1.0].iter().map(|t| frame(&engine, &scene, &pose(*t))).collect();
@@ -176,8 +171,7 @@ fn a_jump_is_looked_for_afresh() {
 /// After steady frames a search begins at a fine level, which a jump leads astray.
 #[test]
 fn a_jump_after_steady_frames_ends_near_the_best_pose() {
-    let engine = engine();
-    let scene = engine.upload(&wall(3)).unwrap();
+    let (engine, scene) = on_device(&wall(3));
     let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
     let mut renderer = engine.renderer(&scene, &CAMERA, Plan::picture()).unwrap();
@@ -197,8 +191,7 @@ fn a_jump_after_steady_frames_ends_near_the_best_pose() {
 
 #[test]
 fn the_first_frame_needs_a_pose_and_a_failed_frame_changes_nothing() {
-    let engine = engine();
-    let scene = engine.upload(&wall(4)).unwrap();
+    let (engine, scene) = on_device(&wall(4));
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
     let picture = frame(&engine, &scene, &pose(0.0));
     assert!(matches!(encoder.encode(&picture, None), Err(Error::NoStart { frame: 0 })));
@@ -212,18 +205,17 @@ fn the_first_frame_needs_a_pose_and_a_failed_frame_changes_nothing() {
 /// Impossible statements are refused before the frame is looked at. The next packet is as if the frame had never come.
 #[test]
 fn what_is_stated_of_a_frame_is_checked() {
-    let engine = engine();
-    let scene = engine.upload(&wall(4)).unwrap();
+    let (engine, scene) = on_device(&wall(4));
     let encoder = || Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
     let frames = [0.0, 1.0].map(|t| frame(&engine, &scene, &pose(t)));
     let sure = Hint::with_deviation(pose(0.0), &[0.01; 6]).unwrap();
     let at = |hint, time| FrameInfo { hint, time: Some(time) };
-    let sound = [at(Some(Hint { age: 0.1, ..sure }), 5.0), at(None, 5.5)];
+    let valid = [at(Some(Hint { age: 0.1, ..sure }), 5.0), at(None, 5.5)];
     let mut plain = encoder();
-    let expected = [0, 1].map(|t| plain.encode(&frames[t], sound[t]).unwrap().packet);
+    let expected = [0, 1].map(|t| plain.encode(&frames[t], valid[t]).unwrap().packet);
 
     let mut encoder = encoder();
-    assert_eq!(encoder.encode(&frames[0], sound[0]).unwrap().packet, expected[0]);
+    assert_eq!(encoder.encode(&frames[0], valid[0]).unwrap().packet, expected[0]);
     let mut covariance = sure.covariance.unwrap();
     covariance[0][1] = 1.0;
     let none = Hint { covariance: Some(covariance), ..sure };
@@ -238,7 +230,7 @@ fn what_is_stated_of_a_frame_is_checked() {
         assert!(error.starts_with("frame 1: ") && error.contains(named), "{error}");
     }
     assert_eq!(encoder.trace().len(), before.len(), "no work was done");
-    assert_eq!(encoder.encode(&frames[1], sound[1]).unwrap().packet, expected[1]);
+    assert_eq!(encoder.encode(&frames[1], valid[1]).unwrap().packet, expected[1]);
 
     let mut pipeline = Pipeline::new(encoder);
     let mut encoded = Encoded::default();
@@ -249,8 +241,7 @@ fn what_is_stated_of_a_frame_is_checked() {
 /// The last stated time counts, whichever frames came after it. A reset forgets it with the frames.
 #[test]
 fn a_reset_forgets_the_frames_before() {
-    let engine = engine();
-    let scene = engine.upload(&wall(4)).unwrap();
+    let (engine, scene) = on_device(&wall(4));
     let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
     let picture = frame(&engine, &scene, &pose(0.0));
@@ -280,8 +271,7 @@ fn silt(value: f64, seed: u64) -> Picture {
 /// A frame's statistics and its packet agree on whether it is certain. Uncertain frames are counted.
 #[test]
 fn frames_that_are_not_certain_are_counted() {
-    let engine = engine();
-    let scene = engine.upload(&wall(3)).unwrap();
+    let (engine, scene) = on_device(&wall(3));
     for optimizer in [Optimizer::GaussNewton, Optimizer::Bfgs] {
         let mut options = EncoderOptions { rate: None, ..EncoderOptions::default() };
         options.refine.optimizer = optimizer;
@@ -308,8 +298,7 @@ fn frames_that_are_not_certain_are_counted() {
 /// lost.
 #[test]
 fn clear_water_is_found_again_at_once() {
-    let engine = engine();
-    let scene = engine.upload(&wall(3)).unwrap();
+    let (engine, scene) = on_device(&wall(3));
     for (value, length) in [(110.0, 1), (110.0, 4), (0.0, 15)] {
         let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
         let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
@@ -340,8 +329,7 @@ fn render(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
 /// A sudden change of the light, by gain, offset and cast, does not lose the track and leads to no other pose.
 #[test]
 fn light_may_change_at_once() {
-    let engine = engine();
-    let scene = engine.upload(&wall(3)).unwrap();
+    let (engine, scene) = on_device(&wall(3));
     for (gain, offset) in [
         ([0.3; 3], [0.0; 3]),
         ([0.25; 3], [0.0; 3]),
@@ -371,8 +359,7 @@ fn light_may_change_at_once() {
 
 #[test]
 fn a_budget_holds_for_the_whole_packet() {
-    let engine = engine();
-    let scene = engine.upload(&wall(5)).unwrap();
+    let (engine, scene) = on_device(&wall(5));
     let picture = frame(&engine, &scene, &pose(0.0));
     for (budget, profile) in [
         (49, PoseProfile::Compact),
@@ -400,8 +387,7 @@ fn a_budget_holds_for_the_whole_packet() {
 
 #[test]
 fn encoding_twice_gives_the_same_bytes() {
-    let engine = engine();
-    let scene = engine.upload(&wall(6)).unwrap();
+    let (engine, scene) = on_device(&wall(6));
     let picture = frame(&engine, &scene, &pose(0.5));
     let encode = || {
         let mut encoder =
@@ -413,8 +399,7 @@ fn encoding_twice_gives_the_same_bytes() {
 
 #[test]
 fn a_decoder_refuses_what_it_cannot_show_and_shows_what_it_can() {
-    let engine = engine();
-    let scene = engine.upload(&wall(7)).unwrap();
+    let (engine, scene) = on_device(&wall(7));
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
     let encode = |encoder: &mut Encoder, t: f64| {
         let picture = frame(&engine, &scene, &pose(t));
@@ -456,8 +441,7 @@ fn a_decoder_refuses_what_it_cannot_show_and_shows_what_it_can() {
 /// Packets have the short form if prior and camera are known, and the full form if they may not be.
 #[test]
 fn the_short_form_is_for_a_known_session() {
-    let engine = engine();
-    let scene = engine.upload(&wall(7)).unwrap();
+    let (engine, scene) = on_device(&wall(7));
     let pictures: Vec<_> = (0..3).map(|t| frame(&engine, &scene, &pose(t.into()))).collect();
     let options = || EncoderOptions { rate: None, first_frame: 0x02_FFFD, ..Default::default() };
     let start = Some(pose(0.0));
@@ -500,8 +484,7 @@ fn the_short_form_is_for_a_known_session() {
 /// A byte budget counts the short form's own check.
 #[test]
 fn a_budget_holds_for_a_short_packet() {
-    let engine = engine();
-    let scene = engine.upload(&wall(5)).unwrap();
+    let (engine, scene) = on_device(&wall(5));
     let picture = frame(&engine, &scene, &pose(0.0));
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
     encoder.encode(&picture, Some(pose(0.0))).unwrap();
@@ -521,8 +504,7 @@ fn a_budget_holds_for_a_short_packet() {
 
 #[test]
 fn a_coder_goes_on_elsewhere_where_it_was() {
-    let engine = engine();
-    let scene = engine.upload(&wall(9)).unwrap();
+    let (engine, scene) = on_device(&wall(9));
     let frames: Vec<_> = (0..3).map(|t| frame(&engine, &scene, &pose(t.into()))).collect();
     let options = EncoderOptions { first_frame: 40, threshold: 1.0, ..EncoderOptions::default() };
     let mut stayed = Encoder::new(&engine, &scene, &CAMERA, options.clone()).unwrap();
@@ -547,8 +529,7 @@ fn a_coder_goes_on_elsewhere_where_it_was() {
 
 #[test]
 fn the_rate_may_change_with_the_link() {
-    let engine = engine();
-    let scene = engine.upload(&wall(11)).unwrap();
+    let (engine, scene) = on_device(&wall(11));
     let picture = frame(&engine, &scene, &pose(0.0));
     let options = EncoderOptions { rate: Some(Rate::Quality(98.0)), ..EncoderOptions::default() };
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();

@@ -17,7 +17,7 @@ use nvsprior::tracking::Optimizer;
 use nvsprior::{
     Camera, Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, Picture, Pipeline, Pose, Rate,
 };
-use scene::{CAMERA, clean_frame, frame, pose, pose_error, wall};
+use scene::{CAMERA, clean_frame, frame, on_device, pose, pose_error, wall};
 
 const OFFSET: [f64; 6] = [0.05, -0.04, 0.06, 0.02, -0.03, 0.02];
 
@@ -70,8 +70,8 @@ fn two_patches(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
     picture
 }
 
-/// `most`: how far the pose may be off, pixels.
-fn arm_beside_none(rate: Rate, frame: fn(&Engine, &Arc<Scene>, &Pose) -> Picture, most: f64) {
+/// `max`: how far the pose may be off, pixels.
+fn arm_beside_none(rate: Rate, frame: fn(&Engine, &Arc<Scene>, &Pose) -> Picture, max: f64) {
     let engine = engine();
     let options = EncoderOptions { rate: Some(rate), ..EncoderOptions::default() };
     let scene = engine.upload(&wall(1)).unwrap();
@@ -92,7 +92,7 @@ fn arm_beside_none(rate: Rate, frame: fn(&Engine, &Arc<Scene>, &Pose) -> Picture
         let naked = naked.encode(&covered, start).unwrap();
         let errors = [&plain, &found, &naked].map(|e| pose_error(&e.pose, &truth));
         assert!(found.stats.certain, "frame {t}: {:?}", found.stats);
-        assert!(errors[1] < most, "frame {t}: {errors:?}");
+        assert!(errors[1] < max, "frame {t}: {errors:?}");
         let psnr = [&plain, &found, &naked].map(|e| e.stats.psnr);
         println!("{rate:?} {t}: poses off by {errors:.3?} px, {psnr:.2?} dB");
         for (sum, encoded) in bytes.iter_mut().zip([&plain, &found, &naked]) {
@@ -159,8 +159,7 @@ fn what_masked_pixels_show_does_not_matter_at_all() {
 
 #[test]
 fn a_target_is_reached_over_what_counts() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1)).unwrap();
+    let (engine, scene) = on_device(&wall(1));
     let (mask, truth) = (arm(), pose(0.0));
     let mut seen = frame(&engine, &scene, &truth);
     paint(&mut seen, &mask, 0);
@@ -178,8 +177,7 @@ fn a_target_is_reached_over_what_counts() {
 
 #[test]
 fn masks_that_do_not_fit_are_refused_and_the_old_one_stays() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1)).unwrap();
+    let (engine, scene) = on_device(&wall(1));
     let mut encoder = encoder(&engine, &scene, EncoderOptions::default());
     let (mask, truth) = (arm(), pose(0.0));
     encoder.set_mask(Some(&mask)).unwrap();
@@ -208,8 +206,7 @@ fn masks_that_do_not_fit_are_refused_and_the_old_one_stays() {
 
 #[test]
 fn a_pipeline_masks_as_the_encoder_does() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1)).unwrap();
+    let (engine, scene) = on_device(&wall(1));
     let options = EncoderOptions::default();
     let one_by_one = packets(&engine, &scene, &options, paint);
     let mask = arm();
@@ -258,8 +255,7 @@ fn through(lens: &Lens, engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Pic
 
 #[test]
 fn frames_through_a_lens_are_found_as_those_of_a_pinhole() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1)).unwrap();
+    let (engine, scene) = on_device(&wall(1));
     let intrinsics =
         Intrinsics { width: 400, height: 225, fx: 310.0, fy: 311.0, cx: 203.0, cy: 110.0 };
     for distortion in [
@@ -302,8 +298,7 @@ fn frames_through_a_lens_are_found_as_those_of_a_pinhole() {
 
 #[test]
 fn a_mask_of_all_pixels_changes_nothing() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1)).unwrap();
+    let (engine, scene) = on_device(&wall(1));
     let truth = pose(0.0);
     let seen = clean_frame(&engine, &scene, &truth);
     let mut packets = [None, Some(Mask::all(160, 90))].map(|mask| {

@@ -3,11 +3,11 @@
 mod common;
 mod scene;
 
-use common::{Random, engine};
+use common::Random;
 use nvsprior::modem::{Collector, CollectorOptions, Sharer};
 use nvsprior::residual::ResidualCoder;
 use nvsprior::{Decoded, Decoder, Encoder, EncoderOptions, Picture, Rate, Trust};
-use scene::{CAMERA, frame, pose, wall};
+use scene::{CAMERA, frame, on_device, pose, wall};
 
 /// The modem frames of a packet, without protection.
 fn split(packet: &[u8], mtu: usize) -> Vec<Vec<u8>> {
@@ -25,8 +25,7 @@ fn common_rows(a: &Picture, b: &Picture) -> u32 {
 
 #[test]
 fn a_frame_of_webp_that_is_lost_costs_the_rows_after_it() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1)).unwrap();
+    let (engine, scene) = on_device(&wall(1));
     let options = EncoderOptions {
         rate: Some(Rate::Quality(40.0)),
         residual: ResidualCoder::Webp,
@@ -79,8 +78,7 @@ fn a_frame_of_webp_that_is_lost_costs_the_rows_after_it() {
 
 #[test]
 fn what_arrives_of_a_wavelet_payload_makes_the_whole_picture_finer() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1)).unwrap();
+    let (engine, scene) = on_device(&wall(1));
     let options = EncoderOptions { rate: Some(Rate::Quality(80.0)), ..EncoderOptions::default() };
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
     let camera = frame(&engine, &scene, &pose(0.0));

@@ -13,7 +13,7 @@ use nvsprior::render::Scene;
 use nvsprior::{
     Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, Picture, Pipeline, Prior, Rate,
 };
-use scene::{CAMERA, clean_frame, frame, pose, wall};
+use scene::{CAMERA, clean_frame, frame, on_device, pose, wall};
 
 const FRAMES: usize = 3;
 
@@ -28,7 +28,6 @@ fn treated(picture: &Picture) -> Picture {
     treated
 }
 
-/// The dive's frames.
 fn frames(engine: &Engine) -> Vec<Picture> {
     let scene = engine.upload(&wall(1)).unwrap();
     (0..FRAMES).map(|t| frame(engine, &scene, &pose(t as f64))).collect()
@@ -80,8 +79,7 @@ fn an_encoder_treats_its_frames_as_the_prior_says() {
 
 #[test]
 fn a_pipeline_treats_its_frames_too() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1).with_preprocessing(preprocessing())).unwrap();
+    let (engine, scene) = on_device(&wall(1).with_preprocessing(preprocessing()));
     let raw = frames(&engine);
     let expected = encode(&engine, &scene, &raw, options());
     let encoder = Encoder::new(&engine, &scene, &CAMERA, options()).unwrap();
@@ -99,8 +97,7 @@ fn a_pipeline_treats_its_frames_too() {
 
 #[test]
 fn frames_of_any_format_and_size_are_treated_after_conversion() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1).with_preprocessing(preprocessing())).unwrap();
+    let (engine, scene) = on_device(&wall(1).with_preprocessing(preprocessing()));
     // Twice the camera's size, with a cast.
     let (width, height) = (2 * CAMERA.width, 2 * CAMERA.height);
     let small = &frames(&engine)[0];
@@ -121,8 +118,7 @@ fn frames_of_any_format_and_size_are_treated_after_conversion() {
 
 #[test]
 fn the_frame_that_is_given_stays_and_a_wrong_one_is_refused() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1).with_preprocessing(preprocessing())).unwrap();
+    let (engine, scene) = on_device(&wall(1).with_preprocessing(preprocessing()));
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options()).unwrap();
     assert!(encoder.treated_frame().data.is_empty());
     let refused = encoder.encode(&Picture::new(8, 8), Some(pose(0.0)));
@@ -137,8 +133,7 @@ fn the_frame_that_is_given_stays_and_a_wrong_one_is_refused() {
 
 #[test]
 fn another_engine_and_another_size_are_treated_in_the_same_way() {
-    let engine = engine();
-    let scene = engine.upload(&wall(1).with_preprocessing(preprocessing())).unwrap();
+    let (engine, scene) = on_device(&wall(1).with_preprocessing(preprocessing()));
     let plain = engine.upload(&wall(1)).unwrap();
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options()).unwrap();
     let camera = CAMERA.resized(80, 45);

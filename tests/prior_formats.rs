@@ -68,16 +68,16 @@ fn a_compact_prior_is_an_eighth_and_shows_the_same() {
 
 /// The greatest difference of two sets of splats: positions, scales, rotations, opacities, colours.
 fn differences(a: &Splats, b: &Splats) -> [f32; 5] {
-    let most = |a: &[f32], b: &[f32]| {
+    let max = |a: &[f32], b: &[f32]| {
         assert_eq!(a.len(), b.len());
         a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
     };
     [
-        most(a.positions.as_flattened(), b.positions.as_flattened()),
-        most(a.log_scales.as_flattened(), b.log_scales.as_flattened()),
-        most(a.rotations.as_flattened(), b.rotations.as_flattened()),
-        most(&a.opacity_logits, &b.opacity_logits),
-        most(&a.sh, &b.sh),
+        max(a.positions.as_flattened(), b.positions.as_flattened()),
+        max(a.log_scales.as_flattened(), b.log_scales.as_flattened()),
+        max(a.rotations.as_flattened(), b.rotations.as_flattened()),
+        max(&a.opacity_logits, &b.opacity_logits),
+        max(&a.sh, &b.sh),
     ]
 }
 
@@ -134,8 +134,8 @@ fn key_frames_go_from_container_to_container() {
     let small = open(&bytes);
     assert_eq!((small.id(), small.report().key_frames), (id, PartSource::InFile));
     assert_eq!(small.splats(), open(&without).splats());
-    let [least, most] = key_frames.bounds().unwrap();
-    let limit = 0.51 * (most - least).length() / 65_535.0 + 1e-6;
+    let [min, max] = key_frames.bounds().unwrap();
+    let limit = 0.51 * (max - min).length() / 65_535.0 + 1e-6;
     for (a, b) in key_frames.poses().iter().zip(small.key_frames().poses()) {
         assert!((a.centre() - b.centre()).length() <= limit, "{a:?} {b:?}");
         assert!(a.angle_to(b).to_degrees() <= 0.28, "{a:?} {b:?}");

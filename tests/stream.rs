@@ -43,7 +43,6 @@ fn frames() -> &'static [Picture] {
     })
 }
 
-/// Encodes the frames in order.
 fn encode(encoder: &mut Encoder, frames: &[Picture]) -> Vec<Encoded> {
     let hint = |t: usize| (t == 0).then(|| pose(0.0));
     frames.iter().enumerate().map(|(t, frame)| encoder.encode(frame, hint(t)).unwrap()).collect()
@@ -62,7 +61,7 @@ fn check_whole(decoder: &mut Decoder, encoded: &Encoded) -> Decoded {
 /// Checks that a packet gives the render alone, since a frame is missing.
 fn check_missing(decoder: &mut Decoder, encoded: &Encoded) {
     let decoded = decoder.decode(&encoded.packet).unwrap();
-    let due = encoded.stats.reference.expect("it leans");
+    let due = encoded.stats.reference.expect("an inter frame");
     let missing = match decoded.damage {
         Some(Error::Residual(ResidualError::ReferenceMissing { frame, reference })) => {
             assert_eq!(frame, encoded.stats.frame);
@@ -95,8 +94,8 @@ fn nothing_drifts_at_any_rate_and_structure() {
                     assert!(encoded.packet.len() <= budget);
                 }
             }
-            let leaning = all.iter().filter(|encoded| encoded.stats.reference.is_some()).count();
-            assert!(leaning > 6, "{rate:?} {structure:?}: {leaning} lean");
+            let inter = all.iter().filter(|encoded| encoded.stats.reference.is_some()).count();
+            assert!(inter > 6, "{rate:?} {structure:?}: {inter} inter frames");
         }
     }
     assert_silent(&engine());
@@ -177,7 +176,7 @@ fn a_frame_that_came_in_part_is_no_reference() {
     assert_eq!(decoded.reference, Some(1));
     assert!(decoded.picture.psnr(&frames()[2]) > all[2].stats.render_psnr + 1.0);
     check_missing(&mut decoder, &all[3]);
-    // If the rest comes after all, those after it are sound again.
+    // If the rest comes after all, those after it are valid again.
     check_whole(&mut decoder, &all[2]);
     check_whole(&mut decoder, &all[3]);
     // The same without trust: the render alone, and no reference.
@@ -275,25 +274,25 @@ fn frame_numbers_wrap() {
 fn only_acknowledged_frames_are_references() {
     let mut encoder = new_encoder(options(Mode::Stream(Structure::Acknowledged)));
     let mut decoder = new_decoder();
-    let mut leaned = Vec::new();
-    let mut heard = Vec::new();
+    let mut references = Vec::new();
+    let mut acknowledged = Vec::new();
     for (t, frame) in frames().iter().enumerate() {
         // Word of a frame takes three frames to come back; every third packet is lost.
-        if let Some(frame) = t.checked_sub(3).and_then(|t| heard[t]) {
+        if let Some(frame) = t.checked_sub(3).and_then(|t| acknowledged[t]) {
             encoder.acknowledge(frame);
         }
         let encoded = encoder.encode(frame, (t == 0).then(|| pose(0.0))).unwrap();
-        leaned.push(encoded.stats.reference);
+        references.push(encoded.stats.reference);
         let decoded = (t % 3 != 2).then(|| check_whole(&mut decoder, &encoded));
-        heard.push(decoded.map(|decoded| decoded.frame));
+        acknowledged.push(decoded.map(|decoded| decoded.frame));
     }
-    assert_eq!(leaned[..3], [None; 3]);
-    // Each is predicted from the newest frame that was heard of, or on none if that saves nothing.
+    assert_eq!(references[..3], [None; 3]);
+    // Each is predicted from the newest frame that was acknowledged, or from none if that saves nothing.
     let newest = [0, 1, 1, 3, 4, 4, 6, 7, 7];
-    for (found, due) in leaned[3..].iter().zip(newest) {
-        assert!(found.is_none_or(|found| found == due), "{leaned:?}");
+    for (found, due) in references[3..].iter().zip(newest) {
+        assert!(found.is_none_or(|found| found == due), "{references:?}");
     }
-    assert!(leaned.iter().flatten().count() > 1, "{leaned:?}");
+    assert!(references.iter().flatten().count() > 1, "{references:?}");
 }
 
 #[test]

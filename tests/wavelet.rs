@@ -6,7 +6,7 @@ use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{Coder, Reference, Residual, ResidualStart};
 use nvsprior::residual::{
     Acknowledged, InStream, Interest, Placement, Rate, ResidualCoder, ResidualDecoder,
-    ResidualEncoder, ResidualError, ResidualSetup, StreamFrame, Structure, Vantage,
+    ResidualEncoder, ResidualError, ResidualSetup, StreamFrame, Structure, Viewpoint,
 };
 use nvsprior::{Camera, Picture};
 use proptest::prelude::*;
@@ -35,9 +35,9 @@ fn encoder(portable: bool) -> ResidualEncoder {
     ResidualEncoder::new(&ResidualSetup { portable, ..setup })
 }
 
-fn payload(camera: &Picture, render: &Picture, rate: Rate, portable: bool) -> Vec<u8> {
+fn payload(frame: &Picture, render: &Picture, rate: Rate, portable: bool) -> Vec<u8> {
     let mut encoder = encoder(portable);
-    match encoder.encode(camera, render, rate, 0).expect("pictures of the size").residual {
+    match encoder.encode(frame, render, rate, 0).expect("pictures of the size").residual {
         Residual::Coded { coder: Coder::Wavelet, payload } => payload.to_vec(),
         other => panic!("{other:?}"),
     }
@@ -57,11 +57,11 @@ fn decode(payload: &[u8], render: &Picture) -> Picture {
 
 #[test]
 fn a_payload_cut_at_any_byte_gives_a_picture_that_grows_finer() {
-    let (camera, render) = pair();
-    let payload = payload(&camera, &render, Rate::Quality(50.0), true);
+    let (frame, render) = pair();
+    let payload = payload(&frame, &render, Rate::Quality(50.0), true);
     let mut decoder = decoder();
-    let mut best = camera.psnr(&render);
-    let last = camera.psnr(&decode(&payload, &render));
+    let mut best = frame.psnr(&render);
+    let last = frame.psnr(&decode(&payload, &render));
     for len in 0..payload.len() {
         let start = ResidualStart {
             reference: None,
@@ -71,30 +71,30 @@ fn a_payload_cut_at_any_byte_gives_a_picture_that_grows_finer() {
         };
         let mut shown = render.clone();
         assert_eq!(decoder.add_start(&start, true, &mut shown), Ok(SIZE.1));
-        let psnr = camera.psnr(&shown);
+        let psnr = frame.psnr(&shown);
         assert!(psnr > best - 0.5, "{len} of {} bytes: {psnr} after {best}", payload.len());
         best = best.max(psnr);
     }
-    assert!(last > best - 0.1 && last > camera.psnr(&render) + 6.0);
+    assert!(last > best - 0.1 && last > frame.psnr(&render) + 6.0);
 }
 
 #[test]
 fn a_region_of_interest_gets_more_of_the_bits() {
-    let (camera, render) = pair();
+    let (frame, render) = pair();
     let (x, y) = (24..56, 10..34);
     let mut encoder = encoder(true);
     let mut errors = |interest: Option<&Arc<Interest>>| -> [f64; 2] {
         encoder.set_interest(interest);
-        let coded = encoder.encode(&camera, &render, Rate::Bytes(300), 0).unwrap();
+        let coded = encoder.encode(&frame, &render, Rate::Bytes(300), 0).unwrap();
         let Residual::Coded { payload, .. } = coded.residual else { panic!("no payload") };
         assert!((270..=294).contains(&payload.len()), "{} bytes", payload.len());
         assert_eq!(&decode(payload, &render), coded.reconstruction);
         let mut errors = [0.0; 2];
-        let pixels = camera.data.chunks_exact(3).zip(coded.reconstruction.data.chunks_exact(3));
-        for (at, (camera, shown)) in (0..).zip(pixels) {
+        let pixels = frame.data.chunks_exact(3).zip(coded.reconstruction.data.chunks_exact(3));
+        for (at, (frame, shown)) in (0..).zip(pixels) {
             let inside = x.contains(&(at % SIZE.0)) && y.contains(&(at / SIZE.0));
             let off = |(a, b): (&u8, &u8)| f64::from(a.abs_diff(*b)).powi(2);
-            errors[usize::from(!inside)] += camera.iter().zip(shown).map(off).sum::<f64>();
+            errors[usize::from(!inside)] += frame.iter().zip(shown).map(off).sum::<f64>();
         }
         errors
     };
@@ -115,8 +115,8 @@ fn a_region_of_interest_gets_more_of_the_bits() {
 
 #[test]
 fn any_flipped_bit_gives_a_picture() {
-    let (camera, render) = pair();
-    let payload = payload(&camera, &render, Rate::Bytes(80), true);
+    let (frame, render) = pair();
+    let payload = payload(&frame, &render, Rate::Bytes(80), true);
     for bit in 0..8 * payload.len() {
         let mut damaged = payload.clone();
         damaged[bit / 8] ^= 1 << (bit % 8);
@@ -126,15 +126,15 @@ fn any_flipped_bit_gives_a_picture() {
 
 #[test]
 fn without_the_same_render_a_payload_is_refused_unless_it_looks_at_none() {
-    let (camera, render) = pair();
+    let (frame, render) = pair();
     let rate = Rate::Quality(30.0);
     let residual = |payload| Residual::Coded { coder: Coder::Wavelet, payload };
-    let seen = payload(&camera, &render, rate, true);
+    let seen = payload(&frame, &render, rate, true);
     let mut shown = render.clone();
     let refused = decoder().add(&residual(&seen), false, &mut shown);
     assert_eq!((refused, &shown), (Err(ResidualError::OtherRender), &render));
 
-    let blind = payload(&camera, &render, rate, false);
+    let blind = payload(&frame, &render, rate, false);
     let mut other = render.clone();
     other.data.iter_mut().step_by(5).for_each(|value| *value = value.saturating_add(1));
     let mut shown_there = other.clone();
@@ -148,14 +148,14 @@ fn without_the_same_render_a_payload_is_refused_unless_it_looks_at_none() {
 
 #[test]
 fn a_render_of_no_use_costs_little_more_than_none() {
-    let (camera, _) = pair();
-    let mut grey = camera.clone();
+    let (frame, _) = pair();
+    let mut grey = frame.clone();
     grey.data.fill(128);
     // A picture of the same kind, but shifted.
     let astray = shapes(SIZE.0, SIZE.1, 100, 61);
     for target in [26.0, 30.0, 36.0] {
-        let plain = payload(&camera, &grey, Rate::Psnr(target), true).len();
-        let beside = payload(&camera, &astray, Rate::Psnr(target), true).len();
+        let plain = payload(&frame, &grey, Rate::Psnr(target), true).len();
+        let beside = payload(&frame, &astray, Rate::Psnr(target), true).len();
         assert!(beside <= plain + plain / 20 + 8, "{target} dB: {beside} bytes, plain {plain}");
     }
 }
@@ -180,12 +180,12 @@ fn noise_stays_within_the_longest_payload() {
 #[test]
 fn pictures_of_all_sizes_come_back() {
     for (width, height) in [(1, 1), (1, 9), (7, 2), (5, 5), (33, 17), (64, 200)] {
-        let (camera, render) = (shapes(width, height, 90, 3), shapes(width, height, 100, 0));
+        let (frame, render) = (shapes(width, height, 90, 3), shapes(width, height, 100, 0));
         let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
         let mut encoder = ResidualEncoder::new(&setup);
         let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
         for quality in [0.0, 50.0, 100.0] {
-            let coded = encoder.encode(&camera, &render, Rate::Quality(quality), 0).unwrap();
+            let coded = encoder.encode(&frame, &render, Rate::Quality(quality), 0).unwrap();
             let mut shown = render.clone();
             decoder.add(&coded.residual, true, &mut shown).unwrap();
             assert!(shown == *coded.reconstruction, "{width}×{height}");
@@ -204,9 +204,9 @@ fn the_extremes_of_8_bits_come_back() {
     }
     let mut inverse = black.clone();
     inverse.data.iter_mut().for_each(|value| *value = 255 - *value);
-    for (camera, render) in [(&black, &white), (&white, &black), (&black, &inverse)] {
-        let payload = payload(camera, render, Rate::Quality(100.0), true);
-        assert!(camera.psnr(&decode(&payload, render)) > 45.0);
+    for (frame, render) in [(&black, &white), (&white, &black), (&black, &inverse)] {
+        let payload = payload(frame, render, Rate::Quality(100.0), true);
+        assert!(frame.psnr(&decode(&payload, render)) > 45.0);
     }
 }
 
@@ -214,7 +214,7 @@ fn the_extremes_of_8_bits_come_back() {
 /// them; the last two also change with the search for a rate.
 #[test]
 fn payloads_and_pictures_are_the_same_on_every_processor() {
-    let (camera, render) = pair();
+    let (frame, render) = pair();
     let crc = |bytes: &[u8]| crc32fast::hash(bytes);
     let made = [
         (Rate::Quality(20.0), true),
@@ -224,7 +224,7 @@ fn payloads_and_pictures_are_the_same_on_every_processor() {
         (Rate::Psnr(33.0), true),
     ]
     .map(|(rate, portable)| {
-        let payload = payload(&camera, &render, rate, portable);
+        let payload = payload(&frame, &render, rate, portable);
         (payload.len(), crc(&payload), crc(&decode(&payload, &render).data))
     });
     assert_eq!(made, GOLDEN);
@@ -240,11 +240,11 @@ const GOLDEN: [(usize, u32, u32); 5] = [
 ];
 
 /// Where the frames of a slow pan are seen from.
-fn vantage(frame: u32) -> Vantage {
+fn viewpoint(frame: u32) -> Viewpoint {
     let camera = Camera { width: SIZE.0, height: SIZE.1, fx: 80.0, fy: 80.0, cx: 48.0, cy: 27.0 };
     let placement =
         Placement { rotation: [1.0, 0.0, 0.0, 0.0], translation: [frame as f32 * -0.1, 0.0, 0.0] };
-    Vantage { camera, placement }
+    Viewpoint { camera, placement }
 }
 
 /// A wall that slants: nearer on the right.
@@ -253,17 +253,17 @@ fn depths() -> Vec<f32> {
     (0..columns * SIZE.1 as usize).map(|i| 5.0 - (i % columns) as f32 / 64.0).collect()
 }
 
-/// A camera picture and its render: the same light on both, and a patch that moves with the scene.
+/// A frame and its render: the same light on both, and a patch that moves with the scene.
 fn panned(frame: u32) -> (Picture, Picture) {
     let shift = 2 * frame as i32;
-    let mut camera = shapes(SIZE.0, SIZE.1, 80, shift);
-    for (i, rgb) in camera.data.chunks_exact_mut(3).enumerate() {
+    let mut frame = shapes(SIZE.0, SIZE.1, 80, shift);
+    for (i, rgb) in frame.data.chunks_exact_mut(3).enumerate() {
         let (x, y) = (i as i32 % SIZE.0 as i32 + shift, i as i32 / SIZE.0 as i32);
         if (30..60).contains(&x) && (10..30).contains(&y) {
             rgb.copy_from_slice(&[200, (3 * x) as u8, (5 * y) as u8]);
         }
     }
-    (camera, shapes(SIZE.0, SIZE.1, 100, shift))
+    (frame, shapes(SIZE.0, SIZE.1, 100, shift))
 }
 
 /// Check sums of a stream's payloads and pictures are the same on every processor, and the decoder shows what the
@@ -284,12 +284,12 @@ fn streams_are_the_same_on_every_processor() {
         .enumerate()
         .map(|(i, rate)| {
             let number = i as u32;
-            let (camera, render) = panned(number);
-            let vantage = vantage(number);
-            let frame = StreamFrame { frame: number, vantage: &vantage, depths: &depths };
+            let (seen, render) = panned(number);
+            let viewpoint = viewpoint(number);
+            let frame = StreamFrame { frame: number, viewpoint: &viewpoint, depths: &depths };
             let structure = Structure::Chain { key_every: 0 };
             let stream = InStream { frame, structure, acknowledged: &acknowledged };
-            let coded = encoder.encode_in_stream(&camera, &render, rate, 0, &stream).unwrap();
+            let coded = encoder.encode_in_stream(&seen, &render, rate, 0, &stream).unwrap();
             let Residual::Stream { reference, payload } = coded.residual else {
                 panic!("{coded:?}")
             };
@@ -324,15 +324,15 @@ const GOLDEN_STREAM: [(u8, u16, usize, u32, u32); 5] = [
 /// A decoder that holds frame 0 of a stream, and how later ones name it.
 fn decoder_in_stream() -> (ResidualDecoder, Reference) {
     let (mut encoder, mut decoder) = (encoder(true), decoder());
-    let (depths, vantage, acknowledged) = (depths(), vantage(0), Acknowledged::default());
-    let mut frame = StreamFrame { frame: 0, vantage: &vantage, depths: &depths };
+    let (depths, viewpoint, acknowledged) = (depths(), viewpoint(0), Acknowledged::default());
+    let mut frame = StreamFrame { frame: 0, viewpoint: &viewpoint, depths: &depths };
     let structure = Structure::Chain { key_every: 0 };
-    let (camera, render) = panned(0);
+    let (seen, render) = panned(0);
     for number in 0..2 {
         frame.frame = number;
         let stream = InStream { frame, structure, acknowledged: &acknowledged };
         let rate = Rate::Quality(40.0);
-        let coded = encoder.encode_in_stream(&camera, &render, rate, 0, &stream).unwrap();
+        let coded = encoder.encode_in_stream(&seen, &render, rate, 0, &stream).unwrap();
         let Residual::Stream { reference, payload } = coded.residual else { panic!("{coded:?}") };
         if let Some(reference) = reference {
             return (decoder, reference);
@@ -346,10 +346,10 @@ fn decoder_in_stream() -> (ResidualDecoder, Reference) {
 #[test]
 fn a_reference_must_be_there_and_the_same() {
     let (mut decoder, reference) = decoder_in_stream();
-    let (depths, vantage, (_, render)) = (depths(), vantage(1), panned(1));
-    let frame = StreamFrame { frame: 1, vantage: &vantage, depths: &depths };
+    let (depths, viewpoint, (_, render)) = (depths(), viewpoint(1), panned(1));
+    let frame = StreamFrame { frame: 1, viewpoint: &viewpoint, depths: &depths };
     let mut shown = render.clone();
-    assert!(decoder.holds(reference, 1, &vantage));
+    assert!(decoder.holds(reference, 1, &viewpoint));
     let missing = ResidualError::ReferenceMissing { frame: 1, reference: 0 };
     let other = Reference { tag: !reference.tag, ..reference };
     let found = decoder.add_in_stream(Some(other), &[1, 2, 3], &frame, true, &mut shown);
@@ -385,8 +385,8 @@ proptest! {
         let mut depths = depths();
         depths[odd * 100] = [f32::NAN, f32::INFINITY, -1.0, 0.0][odd];
         for (i, payload) in payloads.iter().enumerate() {
-            let vantage = vantage(i as u32 + 1);
-            let frame = StreamFrame { frame: u32::from(distance), vantage: &vantage, depths: &depths };
+            let viewpoint = viewpoint(i as u32 + 1);
+            let frame = StreamFrame { frame: u32::from(distance), viewpoint: &viewpoint, depths: &depths };
             let reference = Some(Reference { distance, ..reference });
             let (_, mut shown) = panned(1);
             if cut {
@@ -420,12 +420,12 @@ proptest! {
         extreme: bool,
         quality in 0.0..100.0_f32,
     ) {
-        let (camera, render) = pair();
+        let (frame, render) = pair();
         let body = &weights[4..];
         // Weights of the greatest magnitudes, or any.
-        let most = |b: &u8| if b & 1 == 0 { i16::MIN } else { i16::MAX };
+        let max = |b: &u8| if b & 1 == 0 { i16::MIN } else { i16::MAX };
         let body: Vec<u8> = match extreme {
-            true => body.iter().flat_map(|b| most(b).to_le_bytes()).take(body.len()).collect(),
+            true => body.iter().flat_map(|b| max(b).to_le_bytes()).take(body.len()).collect(),
             false => body.to_vec(),
         };
         let tables = Tables::read(&[b"NVT1", &body[..]].concat()).expect("tables of any numbers");
@@ -433,7 +433,7 @@ proptest! {
         setup.tables = Arc::new(tables);
         let mut encoder = ResidualEncoder::new(&setup);
         let mut decoder = ResidualDecoder::new(SIZE.0, SIZE.1, &setup.tables);
-        let coded = encoder.encode(&camera, &render, Rate::Quality(quality), 0).unwrap();
+        let coded = encoder.encode(&frame, &render, Rate::Quality(quality), 0).unwrap();
         let mut shown = render.clone();
         decoder.add(&coded.residual, true, &mut shown).unwrap();
         prop_assert!(shown == *coded.reconstruction);

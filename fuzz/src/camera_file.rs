@@ -8,7 +8,7 @@ pub fn run(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(file) = CameraFile::parse(text, Path::new("input")) else { return };
     for view in &file.views {
-        // Larger ones than can be rendered are sound: frames are reduced.
+        // Larger ones than can be rendered are valid: frames are reduced.
         let reduced = Camera { width: 1, height: 1, ..view.camera };
         assert!(reduced.check().is_ok() && view.camera.width > 0 && view.camera.height > 0);
         assert!(view.pose.is_none_or(|pose| pose.is_finite()));

@@ -1,4 +1,4 @@
-//! A compact prior: must give an error or a sound prior. The check at the end is made to match first, else no input
+//! A compact prior: must give an error or a valid prior. The check at the end is made to match first, else no input
 //! would get past it.
 use nvsprior::coder_tables::Tables;
 use nvsprior::image::Preprocessing;

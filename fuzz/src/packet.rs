@@ -3,7 +3,7 @@
 //! Random bytes hardly ever match a check. So the first byte of the input says which checks to make right first.
 use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{CAMERA_PART_LEN, Residual, SHORT_LATENT_LEN, Salvage, Session};
-use nvsprior::residual::{Placement, ResidualDecoder, StreamFrame, Vantage};
+use nvsprior::residual::{Placement, ResidualDecoder, StreamFrame, Viewpoint};
 use nvsprior::{Camera, Packet, Picture};
 
 /// Pixels of a picture that is decoded here.
@@ -55,9 +55,9 @@ fn add_in_stream(salvage: &Salvage, decoder: &mut ResidualDecoder, picture: &mut
         translation: [words[0], words[1], words[2]],
     };
     let depths: Vec<f32> = (0..width * height).map(|i| words[i as usize % 7] * 8.0).collect();
-    let vantage = Vantage { camera, placement };
+    let viewpoint = Viewpoint { camera, placement };
     for number in 0..3 {
-        let frame = StreamFrame { frame: number, vantage: &vantage, depths: &depths };
+        let frame = StreamFrame { frame: number, viewpoint: &viewpoint, depths: &depths };
         if let Ok(Residual::Stream { reference, payload }) = salvage.residual {
             let _ = decoder.add_in_stream(None, payload, &frame, true, picture);
             let frame = StreamFrame { frame: number + 1, ..frame };

@@ -1,4 +1,4 @@
-//! A prior's file: an error or a sound prior.
+//! A prior's file: an error or a valid prior.
 use nvsprior::prior::ply::write_ply;
 use nvsprior::{Prior, RenderOverrides};
 

@@ -26,23 +26,27 @@ struct Sent {
     full: bool,
     payload: u8,
     budget: u16,
-    most: u8,
+    max: u8,
     loss: u8,
     user: Option<u8>,
     stream: u8,
 }
 
-/// What arrives.
 #[derive(Arbitrary, Debug)]
 enum Arrival {
     /// A share of a packet, so many seconds after the one before, with padding, and one bit flipped or none. If one is,
     /// its check may be made right again.
-    Share { packet: u8, index: u8, after: u8, padding: u8, flip: Option<u16>, repair: bool },
-    /// Anything.
+    Share {
+        packet: u8,
+        index: u8,
+        after: u8,
+        padding: u8,
+        flip: Option<u16>,
+        repair: bool,
+    },
     Garbage(Vec<u8>),
 }
 
-/// A packet and its shares.
 struct Shared {
     packet: Vec<u8>,
     shares: Vec<Vec<u8>>,
@@ -85,7 +89,7 @@ pub fn run(bytes: &[u8]) {
 fn look(collector: &Collector, stream: u8, sent: Option<&Vec<Shared>>) {
     if let Some(newest) = collector.newest(stream) {
         if newest.complete {
-            Packet::decode(newest.bytes).expect("a complete packet is sound");
+            Packet::decode(newest.bytes).expect("a complete packet is valid");
             assert_eq!(collector.missing(stream, newest.frame).count(), 0);
         }
         if let Some(sent) = sent {
@@ -112,7 +116,7 @@ fn shared(sent: &Sent, mtu: usize) -> Option<Shared> {
         mtu,
         overhead: 0,
         budget: usize::from(sent.budget) % 1024,
-        max_shares: 1 + usize::from(sent.most) % 8,
+        max_shares: 1 + usize::from(sent.max) % 8,
         spread: 0,
         loss: Loss { chance: f64::from(sent.loss) / 256.0, burst: 1.0 },
         picture: 19,
@@ -124,7 +128,7 @@ fn shared(sent: &Sent, mtu: usize) -> Option<Shared> {
     let mut sharer = Sharer::default();
     sharer
         .share(&packet, &sharing, sent.stream % STREAMS as u8, user.as_deref())
-        .expect("a sound packet");
+        .expect("a valid packet");
     let shares = (0..sharer.count()).map(|index| sharer.get(index).to_vec()).collect();
     Some(Shared { packet, shares })
 }

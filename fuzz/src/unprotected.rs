@@ -23,12 +23,15 @@ struct Sent {
     payload: Option<u8>,
 }
 
-/// What arrives.
 #[derive(Arbitrary, Debug)]
 enum Arrival {
     /// A share of a packet, with some padding, and one bit flipped or none.
-    Frame { packet: u8, index: u8, padding: u8, flip: Option<u16> },
-    /// Anything.
+    Frame {
+        packet: u8,
+        index: u8,
+        padding: u8,
+        flip: Option<u16>,
+    },
     Garbage(Vec<u8>),
 }
 
@@ -47,14 +50,14 @@ pub fn run(bytes: &[u8]) {
         |p: &Vec<u8>| !std::mem::replace(&mut tags[usize::from(p[2] & 3)], true);
     let mut honest = packets.iter().all(&mut first_of_its_tag);
     for arrival in &input.arrivals {
-        let (frame, sound) = arrived(arrival, &packets, mtu);
-        honest &= sound;
+        let (frame, valid) = arrived(arrival, &packets, mtu);
+        honest &= valid;
         let _ = collector.push(0.0, &frame);
         let _ = collector.report(0, |_| false).expect("a stream in range");
         if let Some(newest) = collector.newest(0) {
             let _ = collector.missing(0, newest.frame).count();
             if newest.complete {
-                Packet::decode(newest.bytes).expect("a complete packet is sound");
+                Packet::decode(newest.bytes).expect("a complete packet is valid");
             }
             if honest {
                 let known = packets.iter().any(|packet| packet.starts_with(newest.bytes));

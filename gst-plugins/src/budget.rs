@@ -12,7 +12,6 @@ pub struct Budget {
     pub bit_rate: f64,
     pub mtu: u32,
     pub overhead: u32,
-    /// Most shares.
     pub shares: u32,
     /// Time from a packet's first share to its last one, seconds.
     pub spread: f64,

@@ -3,7 +3,7 @@
 /// Packets: one buffer is one packet.
 ///
 /// Fields, all optional: `framerate` of the camera; `width` and `height` of the pictures; `prior`, the identity of the
-/// prior in hexadecimal; `trust`, `start` if a packet may end early and all bytes before its end are sound.
+/// prior in hexadecimal; `trust`, `start` if a packet may end early and all bytes before its end are valid.
 pub const PACKET: &str = "video/x-nvsprior";
 
 /// Shares: one buffer is one share, a datagram or a modem frame.
@@ -11,9 +11,18 @@ pub const PACKET: &str = "video/x-nvsprior";
 /// Fields, all optional: `framerate` of the camera; `stream`, 0 to 3.
 pub const SHARE: &str = "application/x-nvsprior-share";
 
-/// Any caps of this name.
 pub fn any(name: &str) -> gst::Caps {
     gst::Caps::new_empty_simple(name)
+}
+
+/// Pictures of these formats, with sides of at most `max_side` pixels.
+pub fn pictures(formats: &[gst_video::VideoFormat], max_side: u32) -> gst::Caps {
+    let side = 1..=max_side as i32;
+    gst_video::VideoCapsBuilder::new()
+        .format_list(formats.iter().copied())
+        .width_range(side.clone())
+        .height_range(side)
+        .build()
 }
 
 /// The template of a pad that is always there.
@@ -28,7 +37,6 @@ pub fn frame_rate(caps: &gst::CapsRef) -> Option<gst::Fraction> {
     (rate.numer() > 0 && rate.denom() > 0).then_some(rate)
 }
 
-/// A frame rate as a number.
 pub fn per_second(rate: gst::Fraction) -> f64 {
     f64::from(rate.numer()) / f64::from(rate.denom())
 }

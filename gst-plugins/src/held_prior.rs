@@ -19,7 +19,6 @@ pub struct PriorSettings {
     pub watchdog: u32,
 }
 
-/// A prior on a device.
 pub struct HeldPrior {
     pub engine: Engine,
     pub scene: Arc<Scene>,

@@ -17,6 +17,7 @@ mod budget;
 mod caps;
 mod decoder;
 mod depayloader;
+mod element;
 mod encoder;
 mod held_prior;
 mod lock;

@@ -14,7 +14,6 @@ use nvsprior::modem::{Collected, Collector, CollectorOptions, CollectorStatistic
 pub struct PlayoutOptions {
     /// The largest share, bytes.
     pub mtu: usize,
-    /// Most shares of a packet.
     pub shares: usize,
     pub stream: u8,
     /// Seconds from a frame's time to when it goes on at the latest.

@@ -65,21 +65,11 @@ pub fn camera(text: &str, frames: (u32, u32)) -> Result<Camera, PropertyError> {
     Ok(camera)
 }
 
-/// A camera that states its size.
 pub fn sized_camera(text: &str) -> Result<Camera, PropertyError> {
     match numbers("camera", text)?.len() {
         6 => camera(text, (0, 0)),
         found => Err(count("camera", text, found, "width,height,fx,fy,cx,cy in pixels")),
     }
-}
-
-/// The same view, if it is wider than `width`, at that width; 0: as it is.
-pub fn reduced(camera: Camera, width: u32) -> Camera {
-    if width == 0 || camera.width <= width {
-        return camera;
-    }
-    let height = f64::from(camera.height) * f64::from(width) / f64::from(camera.width);
-    camera.resized(width, (height.round() as u32).max(1))
 }
 
 /// A lens with distortion, as OpenCV's calibration gives it.
@@ -107,7 +97,6 @@ pub fn lens(text: &str) -> Result<Lens, PropertyError> {
     Ok(lens)
 }
 
-/// A pose, world to camera.
 pub fn pose(text: &str) -> Result<Pose, PropertyError> {
     let numbers = numbers("start", text)?;
     let [qw, qx, qy, qz, tx, ty, tz] = numbers[..] else {
@@ -156,8 +145,8 @@ mod tests {
         assert_eq!((six.width, six.height, six.fx, six.cy), (320, 180, 274.4, 90.0));
         let four = camera("548.8, 548.8, 320, 180", (640, 360)).unwrap();
         assert_eq!((four.width, four.height, four.cx), (640, 360, 320.0));
-        assert_eq!(reduced(four, 320).fx, 274.4);
-        assert_eq!(reduced(four, 0), four);
+        assert_eq!(four.at_most_wide(320).fx, 274.4);
+        assert_eq!(four.at_most_wide(0), four);
         for wrong in ["", "1,2,3", "320,180,x,1,1,1", "0,180,1,1,1,1", "320,180,-1,1,1,1"] {
             let text = camera(wrong, (640, 360)).unwrap_err().to_string();
             assert!(text.contains("property camera"), "{text}");

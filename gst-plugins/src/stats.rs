@@ -3,7 +3,6 @@
 use gst::glib;
 use gst::prelude::*;
 
-/// Its name.
 pub const NAME: &str = "stats";
 
 /// An element's properties, and `stats` behind them.

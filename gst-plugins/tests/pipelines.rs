@@ -105,13 +105,10 @@ fn frames_come_in_many_formats_and_sizes() {
 #[test]
 fn a_lossy_link_shows_nearly_all() {
     let fixture = fixture();
-    let text = format!(
-        "{} ! {} ! nvsppay name=payloader ! nvspdepay name=depayloader latency=800 ! {}",
-        Fixture::source(),
-        fixture.encoder("rate=link bit-rate=12000 loss=0.2 mtu=48 latency=1500 delay=100"),
-        fixture.decoder(),
+    let pipeline = fixture.pipeline(
+        "rate=link bit-rate=12000 loss=0.2 mtu=48 latency=1500 delay=100",
+        "nvsppay name=payloader ! nvspdepay name=depayloader latency=800",
     );
-    let pipeline = Pipeline::new(&text);
     let pad = pipeline.element("payloader").static_pad("src").unwrap();
     let count = std::sync::atomic::AtomicUsize::new(0);
     // Every fifth share is lost. Those of the first packet all come: it tells the camera.
@@ -143,14 +140,10 @@ fn a_lossy_link_shows_nearly_all() {
 fn the_bit_rate_is_kept_and_frames_are_left_out() {
     let fixture = fixture();
     let (bit_rate, overhead) = (1600, 4);
-    let text = format!(
-        "{} ! {} ! nvsppay name=payloader",
-        Fixture::source(),
-        fixture.encoder(&format!(
-            "rate=link bit-rate={bit_rate} overhead={overhead} least=80 loss=0 latency=2000 post-messages=true"
-        )),
+    let encoder = format!(
+        "rate=link bit-rate={bit_rate} overhead={overhead} least=80 loss=0 latency=2000 post-messages=true"
     );
-    let pipeline = Pipeline::new(&text);
+    let pipeline = fixture.encoding(&encoder, "nvsppay name=payloader");
     let shares = pipeline.run(&fixture.frames);
     let bytes: usize = shares.bytes().iter().map(|share| share.len() + overhead).sum();
     // Two seconds of frames, and the credit that a run begins with.
@@ -170,12 +163,9 @@ fn the_bit_rate_is_kept_and_frames_are_left_out() {
 #[test]
 fn shares_are_spread_over_time() {
     let fixture = fixture();
-    let text = format!(
-        "{} ! {} ! nvsppay name=payloader spread=600 loss=0.2 mtu=40",
-        Fixture::source(),
-        fixture.encoder("rate=bytes bytes=200"),
-    );
-    let shares = Pipeline::new(&text).run(&fixture.frames);
+    let shares = fixture
+        .encoding("rate=bytes bytes=200", "nvsppay name=payloader spread=600 loss=0.2 mtu=40")
+        .run(&fixture.frames);
     assert!(shares.buffers.windows(2).all(|pair| pair[0].pts() <= pair[1].pts()));
     let mut collector = Collector::new(CollectorOptions::new(40)).unwrap();
     let mut order = Vec::new();
@@ -251,7 +241,7 @@ fn frames_are_left_out_until_there_is_a_pose() {
 #[test]
 fn times_that_go_back_do_no_harm() {
     let fixture = fixture();
-    let pipeline = Pipeline::new(&format!("{} ! {}", Fixture::source(), fixture.encoder("")));
+    let pipeline = fixture.encoding("", "");
     pipeline.play();
     for index in [1, 2, 1, 0, 3] {
         pipeline.push(index, &fixture.frames[index].data);
@@ -276,13 +266,7 @@ fn a_decoder_with_another_prior_says_so() {
 #[test]
 fn a_pipeline_plays_again_after_a_stop() {
     let fixture = fixture();
-    let text = format!(
-        "{} ! {} ! nvsppay ! nvspdepay ! {}",
-        Fixture::source(),
-        fixture.encoder("rate=bytes bytes=300"),
-        fixture.decoder()
-    );
-    let pipeline = Pipeline::new(&text);
+    let pipeline = fixture.pipeline("rate=bytes bytes=300", "nvsppay ! nvspdepay");
     let first = pipeline.run(&fixture.frames[..3]);
     pipeline.stop();
     let second = pipeline.run(&fixture.frames[..3]);
@@ -299,13 +283,7 @@ fn a_pipeline_plays_again_after_a_stop() {
 #[test]
 fn after_a_flush_frames_are_searched_for_anew() {
     let fixture = fixture();
-    let text = format!(
-        "{} ! {} ! nvsppay ! nvspdepay ! {}",
-        Fixture::source(),
-        fixture.encoder("rate=bytes bytes=300 mode=stream"),
-        fixture.decoder()
-    );
-    let pipeline = Pipeline::new(&text);
+    let pipeline = fixture.pipeline("rate=bytes bytes=300 mode=stream", "nvsppay ! nvspdepay");
     pipeline.play();
     pipeline.push_frames(&fixture.frames[..4]);
     let sink = pipeline.element("sink").downcast::<gst_app::AppSink>().unwrap();
@@ -322,7 +300,7 @@ fn after_a_flush_frames_are_searched_for_anew() {
     }
 }
 
-/// What the topside gets is not all sound.
+/// What the topside gets is not all valid.
 #[test]
 fn packets_that_give_nothing_do_not_end_the_pipeline() {
     let fixture = fixture();
@@ -368,13 +346,8 @@ fn packets_that_give_nothing_do_not_end_the_pipeline() {
 #[test]
 fn a_topside_that_lacks_the_reference_asks_for_a_key_frame() {
     let fixture = fixture();
-    let text = format!(
-        "{} ! {} ! identity name=link ! {}",
-        Fixture::source(),
-        fixture.encoder("mode=stream key-every=0 post-messages=true"),
-        fixture.decoder()
-    );
-    let pipeline = Pipeline::new(&text);
+    let pipeline =
+        fixture.pipeline("mode=stream key-every=0 post-messages=true", "identity name=link");
     let pad = pipeline.element("link").static_pad("src").unwrap();
     pad.add_probe(gst::PadProbeType::BUFFER, |_, info| {
         let lost = info.buffer().is_some_and(|buffer| buffer.pts() == Some(SECOND / RATE * 2));
@@ -391,11 +364,7 @@ fn a_topside_that_lacks_the_reference_asks_for_a_key_frame() {
 #[test]
 fn a_start_may_come_while_playing() {
     let fixture = fixture();
-    let pipeline = Pipeline::new(&format!(
-        "{} ! {}",
-        Fixture::source(),
-        fixture.encoder("post-messages=true")
-    ));
+    let pipeline = fixture.encoding("post-messages=true", "");
     let encoder = pipeline.element("encoder");
     pipeline.play();
     encoder.set_property("start", "1,2");
@@ -415,12 +384,10 @@ fn a_start_may_come_while_playing() {
 
 /// The shares of a packet, and how many of them give a picture without being all of the packet.
 fn some_shares(fixture: &Fixture) -> (usize, Vec<Vec<u8>>) {
-    let text = format!(
-        "{} ! {} ! nvsppay mtu=64 shares=8 budget=600 loss=0.3",
-        Fixture::source(),
-        fixture.encoder("rate=bytes bytes=200")
-    );
-    let shares = Pipeline::new(&text).run(&fixture.frames[..1]).bytes();
+    let shares = fixture
+        .encoding("rate=bytes bytes=200", "nvsppay mtu=64 shares=8 budget=600 loss=0.3")
+        .run(&fixture.frames[..1])
+        .bytes();
     let mut collector = Collector::new(CollectorOptions::new(64)).unwrap();
     let gives = |share: &Vec<u8>| matches!(collector.push(0.0, share), Ok(Collected::Grown(..)));
     let few = 1 + shares.iter().position(gives).expect("a picture before the whole packet");
@@ -544,13 +511,7 @@ fn lenses_and_masks_count() {
 #[test]
 fn a_region_gets_more_of_the_bytes() {
     let fixture = fixture();
-    let text = format!(
-        "{} ! {} ! {}",
-        Fixture::source(),
-        fixture.encoder("rate=bytes bytes=250"),
-        fixture.decoder()
-    );
-    let pipeline = Pipeline::new(&text);
+    let pipeline = fixture.pipeline("rate=bytes bytes=250", "");
     pipeline.play();
     let sink = pipeline.element("sink").downcast::<gst_app::AppSink>().unwrap();
     let encoder = pipeline.element("encoder");
@@ -626,18 +587,12 @@ fn a_camera_with_another_size_is_followed() {
 #[test]
 fn an_end_without_frames_is_an_end() {
     let fixture = fixture();
-    let text = format!(
-        "{} ! {} ! nvsppay ! nvspdepay ! {}",
-        Fixture::source(),
-        fixture.encoder(""),
-        fixture.decoder()
-    );
-    let pipeline = Pipeline::new(&text);
+    let pipeline = fixture.pipeline("", "nvsppay ! nvspdepay");
     assert!(pipeline.run(&[]).buffers.is_empty());
     let mut black = fixture.frames[0].clone();
     black.data.fill(0);
     // Nothing to see: the frame is uncertain, and shown as well as can be.
-    let dark = Pipeline::new(&text);
+    let dark = fixture.pipeline("", "nvsppay ! nvspdepay");
     assert_eq!(dark.run(&[black]).buffers.len(), 1);
     assert_eq!(dark.stats("encoder").get::<u64>("uncertain"), Ok(1));
 }
@@ -646,8 +601,7 @@ fn an_end_without_frames_is_an_end() {
 #[test]
 fn late_frames_are_left_out() {
     let fixture = fixture();
-    let text = format!("{} ! {}", Fixture::source(), fixture.encoder("post-messages=true"));
-    let pipeline = Pipeline::new(&text);
+    let pipeline = fixture.encoding("post-messages=true", "");
     pipeline.play();
     pipeline.push(0, &fixture.frames[0].data);
     let sink = pipeline.element("sink").downcast::<gst_app::AppSink>().unwrap();
@@ -674,12 +628,9 @@ fn late_frames_are_left_out() {
 fn streams_are_told_apart() {
     let fixture = fixture();
     let shares = |stream: usize, bytes: usize| {
-        let text = format!(
-            "{} ! {} ! nvsppay stream={stream} loss=0",
-            Fixture::source(),
-            fixture.encoder(&format!("rate=bytes bytes={bytes}"))
-        );
-        Pipeline::new(&text).run(&fixture.frames[..3])
+        let behind = format!("nvsppay stream={stream} loss=0");
+        let pipeline = fixture.encoding(&format!("rate=bytes bytes={bytes}"), &behind);
+        pipeline.run(&fixture.frames[..3])
     };
     let (one, other) = (shares(0, 300), shares(2, 150));
     let mut all: Vec<_> = one.buffers.iter().chain(&other.buffers).collect();
@@ -717,13 +668,10 @@ fn what_is_no_packet_is_not_sent() {
 #[test]
 fn a_packet_that_does_not_fit_is_cut() {
     let fixture = fixture();
-    let text = format!(
-        "{} ! {} ! nvsppay name=payloader mtu=64 shares=4 loss=0 ! nvspdepay ! {}",
-        Fixture::source(),
-        fixture.encoder("rate=bytes bytes=1500"),
-        fixture.decoder()
+    let pipeline = fixture.pipeline(
+        "rate=bytes bytes=1500",
+        "nvsppay name=payloader mtu=64 shares=4 loss=0 ! nvspdepay",
     );
-    let pipeline = Pipeline::new(&text);
     let shown = pipeline.run(&fixture.frames[..3]);
     assert_eq!(shown.buffers.len(), 3);
     assert_eq!(pipeline.stats("payloader").get::<u64>("cut"), Ok(3));

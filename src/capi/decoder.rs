@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::packet::{LONGEST_LATENT, Latent, PacketError, Parsed, PoseProfile, Session};
 use crate::prior::CoordinateFrame;
-use crate::queue::{Queue, QueueError};
+use crate::queue::{Lost, Queue, QueueError};
 use crate::{Decoded, Decoder, Error, Picture, Trust, packet_bound};
 
 use super::engine::nvsp_engine;
@@ -75,7 +75,7 @@ impl Decoding {
         let decode = move |work: &mut PacketWork| decode(&mut *locked(&own)?, work);
         let spawn = spawner([c"nvsp-decoder"], start);
         // If nobody takes a picture, nothing is lost: no other picture depends on it.
-        let queue = Queue::new(vec![Box::new(decode)], vec![work], Box::new(|| ()), spawn);
+        let queue = Queue::new(vec![Box::new(decode)], vec![work], Lost::default(), spawn);
         Decoding { core, queue }
     }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::frame_work::{Coder, FrameWork};
 use crate::geometry::Lens;
 use crate::image::{Converter, Mask};
-use crate::queue::{Queue, QueueError, Worker};
+use crate::queue::{Lost, Queue, QueueError, Worker};
 use crate::{Camera, Encoded, Encoder, Error, FrameInfo};
 
 use super::frame::refused;
@@ -56,6 +56,8 @@ pub(super) struct Encoding {
     core: Arc<Mutex<Core>>,
     converter: Arc<Mutex<Converter>>,
     queue: Queue<FrameWork, Failure>,
+    /// Packets that told the camera.
+    lost: Lost,
     /// Whether two frames may be under way.
     two: bool,
     /// The frame finished last.
@@ -82,18 +84,21 @@ impl Encoding {
         let (own, most_cold) = (converter.clone(), cold);
         let core = Core { encoder, converter: own, seen, limits, cold, most_cold };
         let core = Arc::new(Mutex::new(core));
-        let workers = if two { search_and_code(&core, limits, cold) } else { vec![encode(&core)] };
+        let lost = Lost::default();
+        let workers = match two {
+            true => search_and_code(&core, &lost, limits, cold),
+            false => vec![encode(&core, &lost)],
+        };
         let (width, height) = (camera.width, camera.height);
         let room = || FrameWork::with_room(width, height);
         let works = std::iter::repeat_with(room).take(slots).collect();
-        let own = core.clone();
-        let lost = move || own.lock().unwrap_or_else(PoisonError::into_inner).encoder.announce();
         let spawn = spawner([c"nvsp-encoder", c"nvsp-coder"], start);
-        let queue = Queue::new(workers, works, Box::new(lost), spawn);
+        let queue = Queue::new(workers, works, lost.clone(), spawn);
         Encoding {
             core,
             converter,
             queue,
+            lost,
             two,
             last: Encoded::with_room(width, height),
             full: false,
@@ -107,7 +112,9 @@ impl Encoding {
             true => self.queue.check_first_worker()?,
             false => self.queue.check_idle()?,
         }
-        self.core.lock().map_err(|_| QueueError::Poisoned.into())
+        let mut core = locked(&self.core)?;
+        core.announce_if(&self.lost);
+        Ok(core)
     }
 
     /// Reads a frame on this thread. Others then encode it.
@@ -128,7 +135,7 @@ impl Encoding {
     /// Checks what is known of a frame. While another is searched for, what depends on that one is left to the search.
     fn check_known(&self, known: &FrameInfo) -> Result<(), Failure> {
         let checked = match self.core() {
-            Ok(core) => core.encoder.check_known(known),
+            Ok(core) => core.encoder.check_info(known),
             Err(_) => known.check(0, None),
         };
         checked.map_err(refused)
@@ -173,7 +180,7 @@ impl GivenFrame<'_> {
     fn fill(&self, converter: &Mutex<Converter>, work: &mut FrameWork) -> Result<(), Failure> {
         let mut converter = converter.lock().unwrap_or_else(PoisonError::into_inner);
         converter.convert(&self.view, &mut work.frame)?;
-        work.known = self.known;
+        work.info = self.known;
         Ok(())
     }
 }
@@ -183,12 +190,13 @@ fn locked(core: &Mutex<Core>) -> Result<MutexGuard<'_, Core>, Failure> {
 }
 
 /// The worker that does all of a frame.
-fn encode(core: &Arc<Mutex<Core>>) -> Worker<FrameWork, Failure> {
-    let core = core.clone();
+fn encode(core: &Arc<Mutex<Core>>, lost: &Lost) -> Worker<FrameWork, Failure> {
+    let (core, lost) = (core.clone(), lost.clone());
     Box::new(move |work| {
         let mut core = locked(&core)?;
+        core.announce_if(&lost);
         let _memory = core.memory()?;
-        core.encoder.check_known(&work.known).map_err(refused)?;
+        core.encoder.check_info(&work.info).map_err(refused)?;
         core.encoder.encode_filled(work)?;
         core.cold = core.cold.saturating_sub(1);
         Ok(())
@@ -198,25 +206,22 @@ fn encode(core: &Arc<Mutex<Core>>) -> Worker<FrameWork, Failure> {
 /// The workers of an encoder with two frames under way.
 fn search_and_code(
     core: &Arc<Mutex<Core>>,
+    lost: &Lost,
     limits: Limits,
     most_cold: usize,
 ) -> Vec<Worker<FrameWork, Failure>> {
-    let announce = Arc::new(Mutex::new(false));
-    let (core, lost) = (core.clone(), announce.clone());
+    let (core, lost, noted) = (core.clone(), lost.clone(), lost.clone());
     let search = move |work: &mut FrameWork| {
         let mut core = locked(&core)?;
-        if std::mem::take(&mut *announce.lock().unwrap_or_else(PoisonError::into_inner)) {
-            core.encoder.announce();
-        }
+        core.announce_if(&lost);
         let _memory = core.memory()?;
-        core.encoder.check_known(&work.known).map_err(refused)?;
+        core.encoder.check_info(&work.info).map_err(refused)?;
         core.encoder.track_filled(work)?;
         core.cold = core.cold.saturating_sub(1);
         Ok(())
     };
     let (mut coder, mut cold) = (Coder::default(), 0);
     let code = move |work: &mut FrameWork| {
-        let tells_camera = work.camera.is_some();
         cold = if coder.changes(work) { most_cold } else { cold };
         let size = (work.frame.width, work.frame.height);
         let coded = (cold > 0).then(|| limits.coder(size)).transpose().and_then(|_memory| {
@@ -224,15 +229,19 @@ fn search_and_code(
             cold = cold.saturating_sub(1);
             Ok(())
         });
-        if coded.is_err() && tells_camera {
-            *lost.lock().unwrap_or_else(PoisonError::into_inner) = true;
-        }
-        coded
+        coded.inspect_err(|_| noted.note(work.camera.is_some()))
     };
     vec![Box::new(search), Box::new(code)]
 }
 
 impl Core {
+    /// Has the next packet tell what lost ones told, if there were any.
+    fn announce_if(&mut self, lost: &Lost) {
+        if lost.take() {
+            self.encoder.announce();
+        }
+    }
+
     /// Sets memory aside for the next call, unless all that it takes is there.
     pub(super) fn memory(&self) -> Result<Option<Grant>, Failure> {
         (self.cold > 0).then(|| self.limits.encoder(self.encoder.camera())).transpose()

@@ -26,18 +26,12 @@ const MAGIC: [u8; 4] = *b"NVT1";
 
 /// Why bytes are no tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum TablesError {
-    /// They do not begin as tables do.
     #[error("no coder tables: they begin with `NVT1`")]
     Magic,
-    /// They are too few or too many.
     #[error("coder tables of {found} bytes, {expected} expected")]
-    Length {
-        /// Bytes that tables have.
-        expected: usize,
-        /// Bytes found.
-        found: usize,
-    },
+    Length { expected: usize, found: usize },
 }
 
 impl Tables {

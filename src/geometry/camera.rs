@@ -22,23 +22,12 @@ pub struct Camera {
 
 /// Why a camera cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum CameraError {
-    /// A side of the picture is zero or above [`Camera::MAX_SIDE`].
     #[error("picture size {width}×{height}: sides must lie in 1..={}", Camera::MAX_SIDE)]
-    Size {
-        /// Width asked for.
-        width: u32,
-        /// Height asked for.
-        height: u32,
-    },
-    /// An intrinsic is not a finite number, or a focal length is not positive.
+    Size { width: u32, height: u32 },
     #[error("camera {name} = {value}: must be finite, focal lengths positive")]
-    Intrinsic {
-        /// Which of fx, fy, cx, cy.
-        name: &'static str,
-        /// Its value.
-        value: f32,
-    },
+    Intrinsic { name: &'static str, value: f32 },
 }
 
 impl Camera {
@@ -76,6 +65,15 @@ impl Camera {
             cx: self.cx * sx,
             cy: self.cy * sy,
         }
+    }
+
+    /// The same view, if it is wider than `width` pixels, at that width; 0: as it is.
+    pub fn at_most_wide(&self, width: u32) -> Camera {
+        if width == 0 || self.width <= width {
+            return *self;
+        }
+        let height = f64::from(self.height) * f64::from(width) / f64::from(self.width);
+        self.resized(width, (height.round() as u32).max(1))
     }
 
     /// The camera whose pixels are `factor × factor` blocks of this one's. Blocks that do not fit

@@ -157,7 +157,6 @@ impl Distortion {
         }
     }
 
-    /// The distorted ray.
     fn apply(&self, ray: DVec2) -> DVec2 {
         let radial = ray * self.factor(ray.length());
         let Distortion::Brown([_, _, p1, p2, ..]) = self else { return radial };

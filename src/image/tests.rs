@@ -319,11 +319,11 @@ fn undistorted_pixels_are_means_over_their_footprints() {
         let camera = lens.pinhole_at(width);
         let mut converter = Converter::undistorting(lens, &camera).unwrap();
         assert_eq!(converter.covered().unwrap().share(), 1.0, "the pinhole shows nothing else");
-        let mut least = f64::INFINITY;
+        let mut min = f64::INFINITY;
         lens.each_footprint(&camera, |_, footprint| {
-            least = least.min(footprint.sides.x_axis.length()).min(footprint.sides.y_axis.length());
+            min = min.min(footprint.sides.x_axis.length()).min(footprint.sides.y_axis.length());
         });
-        let factor = (least + 0.01).floor().max(1.0);
+        let factor = (min + 0.01).floor().max(1.0);
         assert!(width > 24 || factor >= 3.0, "{factor}");
         for format in FORMATS {
             let image = Image::noise(format, 120, 80, 5, u64::from(width));

@@ -19,13 +19,13 @@ pub(super) struct Undistortion {
     size: (u32, u32),
     reduced: Picture,
     /// Places of the camera's pixels, row by row. Those that are not covered have none.
-    places: Vec<Place>,
+    places: Vec<FixedFootprint>,
     covered: Mask,
 }
 
 /// A footprint on the reduced picture, with [`BITS`].
 #[derive(Clone, Copy, Default)]
-struct Place {
+struct FixedFootprint {
     centre: [i32; 2],
     sides: [[i32; 2]; 2],
 }
@@ -41,26 +41,26 @@ impl Undistortion {
         }
         lens.check_corners()?;
         let mut covered = Mask::none(camera.width, camera.height);
-        let mut least = f64::INFINITY;
+        let mut min = f64::INFINITY;
         lens.each_footprint(camera, |pixel, footprint| {
             covered.data[pixel] = footprint.whole;
             if footprint.whole {
                 let [across, down] = [footprint.sides.x_axis, footprint.sides.y_axis];
-                least = least.min(across.length()).min(down.length());
+                min = min.min(across.length()).min(down.length());
             }
         });
-        if !least.is_finite() {
+        if !min.is_finite() {
             return Err(LensError::Nothing);
         }
         // A hundredth less is no loss, as rounding of sizes is as much.
-        let factor = ((least + 0.01).floor() as u32).max(1);
+        let factor = ((min + 0.01).floor() as u32).max(1);
         let reduced = Picture::new(width.div_ceil(factor), height.div_ceil(factor));
         let scale = DVec2::new(reduced.width.into(), reduced.height.into())
             / DVec2::new(width.into(), height.into());
-        let mut places = vec![Place::default(); camera.pixels()];
+        let mut places = vec![FixedFootprint::default(); camera.pixels()];
         lens.each_footprint(camera, |pixel, footprint| {
             if footprint.whole {
-                places[pixel] = Place::new(&footprint, scale);
+                places[pixel] = FixedFootprint::new(&footprint, scale);
             }
         });
         Ok(Undistortion { size: (width, height), reduced, places, covered })
@@ -96,11 +96,11 @@ impl Undistortion {
     }
 }
 
-impl Place {
-    fn new(footprint: &Footprint, scale: DVec2) -> Place {
+impl FixedFootprint {
+    fn new(footprint: &Footprint, scale: DVec2) -> FixedFootprint {
         let fixed = |v: DVec2| (v * scale * f64::from(ONE)).to_array().map(|v| v.round() as i32);
         let Footprint { centre, sides, .. } = *footprint;
-        Place { centre: fixed(centre), sides: [fixed(sides.x_axis), fixed(sides.y_axis)] }
+        FixedFootprint { centre: fixed(centre), sides: [fixed(sides.x_axis), fixed(sides.y_axis)] }
     }
 
     /// The mean of samples over the footprint.

@@ -21,7 +21,6 @@ pub enum Colour {
 
 /// A plane of a format.
 pub(super) struct Plane {
-    /// Its name, for errors.
     pub name: &'static str,
     /// Bytes from a sample to the next.
     pub step: usize,

@@ -24,7 +24,6 @@ pub(super) fn size_bytes(width: u32, height: u32) -> Result<[u8; 3], PacketError
     Ok(to_u24((width - 1) | (height - 1) << 12))
 }
 
-/// The camera part's fields.
 pub(super) fn intrinsics(camera: &Camera) -> [u8; 16] {
     let mut bytes = [0; 16];
     let fields = [camera.fx, camera.fy, camera.cx, camera.cy];

@@ -1,4 +1,4 @@
-//! How far a packet reaches, and how much of it is sound, read from its start.
+//! How far a packet reaches, and how much of it is valid, read from its start.
 
 use super::bytes::{Reader, from_u24};
 use super::latent::{Follows, check_start, nearest_frame};
@@ -24,7 +24,7 @@ pub struct Extent {
 
 impl Extent {
     /// Reads the first bytes of a packet: 31 or more, in the short form 19 or more. If the whole latent part is there,
-    /// its check must match. Other checks are not tested: see [`sound_len`].
+    /// its check must match. Other checks are not tested: see [`valid_len`].
     ///
     /// # Errors
     /// If the bytes are not the start of a packet, or the residual's length fits no packet.
@@ -67,27 +67,27 @@ impl Extent {
 
 /// Bytes at the start of a packet that its own checks vouch for: none, the latent part, the latent
 /// part with the fixed parts after it, or the whole packet.
-pub fn sound_len(start: &[u8]) -> usize {
+pub fn valid_len(start: &[u8]) -> usize {
     let Ok((latent, follows, rest)) = Latent::read(start) else { return 0 };
     let (latent_part, _) = start.split_at(start.len() - rest.len());
-    let mut sound = latent_part.len();
+    let mut valid = latent_part.len();
     if follows.camera {
         if camera::decode(rest, &latent).is_err() {
-            return sound;
+            return valid;
         }
-        sound += CAMERA_PART_LEN;
+        valid += CAMERA_PART_LEN;
     }
     if follows.render {
-        if render::decode(&start[sound..], latent_part).is_err() {
-            return sound;
+        if render::decode(&start[valid..], latent_part).is_err() {
+            return valid;
         }
-        sound += RENDER_PART_LEN;
+        valid += RENDER_PART_LEN;
     }
     if residual::has_part(follows.residual)
         && let Ok((length, _)) =
-            residual::checked(&start[sound..], latent_part, Check::of(latent.form()))
+            residual::checked(&start[valid..], latent_part, Check::of(latent.form()))
     {
-        sound += length;
+        valid += length;
     }
-    sound
+    valid
 }

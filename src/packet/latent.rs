@@ -44,7 +44,6 @@ pub struct Latent {
 pub(super) struct Follows {
     pub(super) camera: bool,
     pub(super) render: bool,
-    /// Code of the residual.
     pub(super) residual: u8,
 }
 

@@ -126,7 +126,7 @@ use residual::Check;
 
 pub use camera_tag::camera_tag;
 pub use error::{PacketError, Part};
-pub use extent::{Extent, sound_len};
+pub use extent::{Extent, valid_len};
 pub use latent::Latent;
 pub use parsed::Parsed;
 pub use pose::{PoseProfile, QuantisedPose};
@@ -162,7 +162,7 @@ pub struct Packet<'a> {
 /// What a packet with damaged parts still gives.
 #[derive(Clone, Debug)]
 pub struct Salvage<'a> {
-    /// The latent part: sound, or there would be nothing.
+    /// The latent part: valid, or there would be nothing.
     pub latent: Latent,
     /// The camera part, `None` if none was sent.
     pub camera: Result<Option<Camera>, PacketError>,
@@ -215,16 +215,16 @@ impl<'a> Packet<'a> {
         self.latent.encoded_len() + camera + render + residual
     }
 
-    /// Reads a packet; all its parts must be sound.
+    /// Reads a packet; all its parts must be valid.
     pub fn decode(bytes: &'a [u8]) -> Result<Packet<'a>, PacketError> {
         let Salvage { latent, camera, render, residual, .. } = Packet::salvage(bytes)?;
         Ok(Packet { latent, camera: camera?, render: render?, residual: residual? })
     }
 
-    /// Reads what is sound in a truncated or damaged packet.
+    /// Reads what is valid in a truncated or damaged packet.
     ///
     /// # Errors
-    /// If the latent part is not sound: the packet is then of no use.
+    /// If the latent part is not valid: the packet is then of no use.
     pub fn salvage(bytes: &'a [u8]) -> Result<Salvage<'a>, PacketError> {
         let (latent, follows, rest) = Latent::read(bytes)?;
         let latent_bytes = &bytes[..bytes.len() - rest.len()];

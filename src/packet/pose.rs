@@ -40,7 +40,6 @@ const SMALL_STEPS: f64 = (SMALL_ZERO - 1) as f64 * SQRT_2;
 const SHORT_CENTRE: std::ops::RangeInclusive<i32> = -SHORT_CENTRE_MAX - 1..=SHORT_CENTRE_MAX;
 /// Range of a small component of the short code, in its own steps.
 const SHORT_SMALL: std::ops::RangeInclusive<i32> = -SHORT_SMALL_MAX - 1..=SHORT_SMALL_MAX;
-/// Bits of it.
 const SHORT_SMALL_BITS: u32 = SHORT_SMALL_MAX.ilog2() + 2;
 /// Bytes of the short code.
 pub(super) const SHORT_LEN: usize = 12;
@@ -137,11 +136,11 @@ impl QuantisedPose {
             let last = codes[count - 1];
             let next = round(&last.dequantise(frame), frame, profile)?;
             if let Some(start) = codes[..count].iter().position(|code| *code == next) {
-                return Ok(least(&codes[start..count]));
+                return Ok(min_code(&codes[start..count]));
             }
             codes[count] = next;
         }
-        Ok(least(&codes))
+        Ok(min_code(&codes))
     }
 
     /// The pose, with the same bits on every machine.
@@ -322,7 +321,7 @@ fn unit(q: DQuat) -> DQuat {
 }
 
 /// The least of some codes, by their bytes.
-fn least(codes: &[QuantisedPose]) -> QuantisedPose {
+fn min_code(codes: &[QuantisedPose]) -> QuantisedPose {
     let less = |a: QuantisedPose, b: &QuantisedPose| if b.bytes() < a.bytes() { *b } else { a };
     codes[1..].iter().fold(codes[0], less)
 }

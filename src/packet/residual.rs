@@ -270,7 +270,7 @@ pub(super) fn part_len(bytes: &[u8], check: Check) -> Result<usize, PacketError>
     Ok(field + length + check.len())
 }
 
-/// Length of a sound part at the start of `bytes`, and its payload.
+/// Length of a valid part at the start of `bytes`, and its payload.
 pub(super) fn checked<'a>(
     bytes: &'a [u8],
     latent: &[u8],

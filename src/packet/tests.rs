@@ -33,17 +33,17 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn leaning(payload: &[u8]) -> Residual<'_> {
+fn inter(payload: &[u8]) -> Residual<'_> {
     Residual::Stream { reference: Some(Reference { distance: 7, tag: 0x0201 }), payload }
 }
 
-fn alone(payload: &[u8]) -> Residual<'_> {
+fn intra(payload: &[u8]) -> Residual<'_> {
     Residual::Stream { reference: None, payload }
 }
 
 #[test]
 fn a_stream_names_its_references() {
-    for residual in [leaning(b"difference"), alone(b"")] {
+    for residual in [inter(b"difference"), intra(b"")] {
         let bytes = packet(PoseProfile::Short, false, residual).encode().unwrap();
         // The part's length counts the reference.
         let Residual::Stream { reference, payload } = residual else { unreachable!() };
@@ -61,7 +61,7 @@ fn a_stream_names_its_references() {
         }
     }
     // A part that ends before it has named its reference.
-    let none = packet(PoseProfile::Short, false, alone(b"")).encode().unwrap();
+    let none = packet(PoseProfile::Short, false, intra(b"")).encode().unwrap();
     for part in [&[][..], &[3], &[3, 1]] {
         let mut bytes = none[..SHORT_LATENT_LEN].to_vec();
         let as_coded = Residual::Coded { coder: Coder::Wavelet, payload: part };
@@ -112,11 +112,11 @@ fn golden_packets() {
             "b42704039d9a00a8f81bcf9252125252125f330a646966666572656e6365a1b7",
         ),
         (
-            packet(Short, false, leaning(b"difference")),
+            packet(Short, false, inter(b"difference")),
             "b45704039d9a00a8f81bcf92521252521269da0d070102646966666572656e63651b93",
         ),
         (
-            packet(Compact, false, alone(b"difference")),
+            packet(Compact, false, intra(b"difference")),
             concat!(
                 "b155040302edd0a5d43f310b451300fc14ff6be3f994948e84a4a424a8f2bc",
                 "0b00646966666572656e63658c950d2a"
@@ -130,7 +130,6 @@ fn golden_packets() {
     }
 }
 
-/// Pins the render part.
 #[test]
 fn golden_render_part() {
     let bare = packet(PoseProfile::Compact, true, coded(b"difference"));
@@ -147,8 +146,8 @@ fn golden_render_part() {
     let salvage = Packet::salvage(&damaged).unwrap();
     assert_eq!(salvage.render, Err(PacketError::Check(Part::Render)));
     assert_eq!((salvage.camera, salvage.residual), (Ok(Some(CAMERA)), Ok(told.residual)));
-    assert_eq!(sound_len(&damaged), 49);
-    assert_eq!(sound_len(&bytes[..60]), 55);
+    assert_eq!(valid_len(&damaged), 49);
+    assert_eq!(valid_len(&bytes[..60]), 55);
     assert_eq!(Extent::read(&bytes[..56]).unwrap().total, Some(bytes.len()));
 }
 
@@ -247,8 +246,8 @@ fn the_extent_is_known_from_the_start() {
                 let extent = Extent { frame, frames, latent, head, total };
                 assert_eq!(Extent::read(&bytes[..len]), Ok(extent));
                 let ends = [bytes.len(), head, latent, 0];
-                let sound = ends.into_iter().find(|end| *end <= len).unwrap();
-                assert_eq!(sound_len(&bytes[..len]), sound, "{len} of {}", bytes.len());
+                let valid = ends.into_iter().find(|end| *end <= len).unwrap();
+                assert_eq!(valid_len(&bytes[..len]), valid, "{len} of {}", bytes.len());
             }
         }
     }
@@ -260,7 +259,7 @@ fn the_extent_of_what_is_no_packet() {
     let with = |index: usize, value: u8| {
         let mut bytes = bytes.clone();
         bytes[index] = value;
-        (Extent::read(&bytes).map(|extent| extent.total), sound_len(&bytes))
+        (Extent::read(&bytes).map(|extent| extent.total), valid_len(&bytes))
     };
     assert!(matches!(Extent::read(&bytes[..30]), Err(PacketError::TooShort { .. })));
     assert_eq!(with(0, 0x52), (Err(PacketError::Magic(0x52)), 0));
@@ -479,7 +478,7 @@ proptest! {
             let (salvage, parsed) = (Packet::salvage(&bytes), Parsed::of(&bytes));
             prop_assert_eq!(salvage.map(|s| format!("{s:?}")), parsed.map(|p| format!("{:?}", p.salvage(&bytes))));
             let _ = Extent::read(&bytes);
-            prop_assert!(sound_len(&bytes) <= bytes.len());
+            prop_assert!(valid_len(&bytes) <= bytes.len());
         }
     }
 
@@ -498,7 +497,7 @@ proptest! {
         prop_assert_eq!(salvage, format!("{:?}", parsed.salvage(&bytes)));
         let _ = parsed.salvage(&bytes[..31]);
         let _ = Extent::read(&bytes);
-        prop_assert!((31..=bytes.len()).contains(&sound_len(&bytes)));
+        prop_assert!((31..=bytes.len()).contains(&valid_len(&bytes)));
     }
 
     #[test]
@@ -623,7 +622,7 @@ fn a_short_frame_number_is_the_nearest() {
 #[test]
 fn checks_of_the_short_form_miss_what_is_said() {
     let payload = [7; 60];
-    let sound = packet(PoseProfile::Short, false, coded(&payload)).encode().unwrap();
+    let valid = packet(PoseProfile::Short, false, coded(&payload)).encode().unwrap();
     let mut state = 1_u64;
     let mut random = move || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -632,12 +631,12 @@ fn checks_of_the_short_form_miss_what_is_said() {
     const TRIALS: u32 = 1 << 19;
     let (mut latents, mut residuals, mut both) = (0, 0, 0);
     for _ in 0..TRIALS {
-        let mut bytes = sound.clone();
+        let mut bytes = valid.clone();
         bytes[2..19].fill_with(&mut random);
         let salvage = Packet::salvage(&bytes);
         latents += u32::from(salvage.is_ok());
         both += u32::from(salvage.is_ok_and(|s| s.residual.is_ok()));
-        let mut bytes = sound.clone();
+        let mut bytes = valid.clone();
         bytes[20..].fill_with(&mut random);
         residuals += u32::from(Packet::decode(&bytes).is_ok());
     }
@@ -649,12 +648,12 @@ fn checks_of_the_short_form_miss_what_is_said() {
 /// A residual fits no latent part but its own: tries other frame numbers, poses and tags.
 #[test]
 fn a_short_residual_belongs_to_its_latent() {
-    let sound = packet(PoseProfile::Short, false, coded(b"difference"));
-    let bytes = sound.encode().unwrap();
+    let valid = packet(PoseProfile::Short, false, coded(b"difference"));
+    let bytes = valid.encode().unwrap();
     let mut taken = 0;
     for frame in 0..u32::from(u16::MAX) {
-        let latent = Latent { frame, ..sound.latent };
-        let other = Packet { latent, ..sound }.encode().unwrap();
+        let latent = Latent { frame, ..valid.latent };
+        let other = Packet { latent, ..valid }.encode().unwrap();
         let mixed = [&other[..SHORT_LATENT_LEN], &bytes[SHORT_LATENT_LEN..]].concat();
         taken += u32::from(Packet::decode(&mixed).is_ok() && mixed != bytes);
     }

@@ -195,8 +195,8 @@ fn amplitude(splats: &Splats, i: usize, band: u32) -> f64 {
 /// Whether a channel of a splat's colour may be negative in some direction. In doubt it may.
 fn may_be_negative(splats: &Splats, i: usize) -> bool {
     let own = &splats.sh[i * splats.sh_stride()..][..3];
-    let least = own.iter().copied().fold(f32::INFINITY, f32::min);
-    let constant = 0.5 + f64::from(shared::sh_basis([0.0; 3])[0]) * f64::from(least);
+    let min = own.iter().copied().fold(f32::INFINITY, f32::min);
+    let constant = 0.5 + f64::from(shared::sh_basis([0.0; 3])[0]) * f64::from(min);
     let change: f64 = (1..=splats.sh_degree).map(|l| amplitude(splats, i, l)).sum();
     !(constant - change > 1e-4 * (1.0 + change))
 }
@@ -264,7 +264,7 @@ mod tests {
         for (i, band) in [(0, 1), (3, 2), (5, 3)] {
             let bound = amplitude(&splats, i, band);
             let own = &splats.sh[48 * i..][..48];
-            let mut most = 0.0_f32;
+            let mut max = 0.0_f32;
             for step in 0..2000 {
                 let z = 1.0 - (step as f32 + 0.5) / 1000.0;
                 let (s, c) = (step as f32 * 2.399_963).sin_cos();
@@ -273,11 +273,11 @@ mod tests {
                 for channel in 0..3 {
                     let terms = (band * band) as usize..((band + 1) * (band + 1)) as usize;
                     let value: f32 = terms.map(|k| basis[k] * own[3 * k + channel]).sum();
-                    most = most.max(value.abs());
+                    max = max.max(value.abs());
                 }
             }
-            assert!(f64::from(most) <= bound * 1.000_01, "band {band}: {most} beyond {bound}");
-            assert!(f64::from(most) > 0.4 * bound, "band {band}: {most} far below {bound}");
+            assert!(f64::from(max) <= bound * 1.000_01, "band {band}: {max} beyond {bound}");
+            assert!(f64::from(max) > 0.4 * bound, "band {band}: {max} far below {bound}");
         }
     }
 

@@ -19,17 +19,17 @@ pub fn is_absent(path: &Path) -> bool {
     })
 }
 
-/// Reads a file. Refuses more than `most` bytes, and devices and pipes. `what` says in errors what the file should
+/// Reads a file. Refuses more than `max` bytes, and devices and pipes. `what` says in errors what the file should
 /// hold.
-pub fn read(path: &Path, most: u64, what: &str) -> Result<Vec<u8>, PriorError> {
+pub fn read(path: &Path, max: u64, what: &str) -> Result<Vec<u8>, PriorError> {
     let refuse = |text: String| PriorError::Read(Error::other(text));
     if !fs::metadata(path).map_err(PriorError::Read)?.is_file() {
         return Err(refuse(format!("no file of {what}")));
     }
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(PriorError::Read)?;
-    file.take(most + 1).read_to_end(&mut bytes).map_err(PriorError::Read)?;
-    if bytes.len() as u64 > most {
+    file.take(max + 1).read_to_end(&mut bytes).map_err(PriorError::Read)?;
+    if bytes.len() as u64 > max {
         return Err(refuse(format!("too long for a file of {what}")));
     }
     Ok(bytes)

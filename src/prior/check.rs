@@ -29,8 +29,8 @@ pub(super) fn clamp_logits(splats: &mut Splats) -> usize {
     infinite.map(|logit| *logit = INFINITE_LOGIT.copysign(*logit)).count()
 }
 
-/// Drops unsound splats from `splats`, whose arrays must agree. Returns which, ordered by first index.
-pub(super) fn drop_unsound(splats: &mut Splats) -> Vec<Dropped> {
+/// Drops invalid splats from `splats`, whose arrays must agree. Returns which, ordered by first index.
+pub(super) fn drop_invalid(splats: &mut Splats) -> Vec<Dropped> {
     let faults: Vec<Option<Fault>> = (0..splats.len()).map(|i| fault_of(splats, i)).collect();
     let mut dropped: Vec<Dropped> = Fault::ALL
         .into_iter()
@@ -96,13 +96,13 @@ mod tests {
     #[test]
     fn drops_and_counts_each_kind() {
         let mut splats = sample_splats(8, 1);
-        let sound = splats.clone();
+        let valid = splats.clone();
         splats.opacity_logits[1] = f32::NAN;
         splats.sh[12 * 4 + 11] = f32::NAN;
         splats.rotations[2] = [1e-7, 0.0, 0.0, -1e-7];
         splats.log_scales[6] = [0.0, 40.5, 0.0];
         splats.sh[12 * 7] = -1.1e6;
-        let dropped = drop_unsound(&mut splats);
+        let dropped = drop_invalid(&mut splats);
         assert_eq!(
             dropped,
             [
@@ -113,9 +113,9 @@ mod tests {
             ]
         );
         let kept = [0, 3, 5];
-        assert_eq!(splats.positions, kept.map(|i| sound.positions[i]));
-        assert_eq!(splats.rotations, kept.map(|i| sound.rotations[i]));
-        assert_eq!(splats.sh[12..24], sound.sh[36..48]);
+        assert_eq!(splats.positions, kept.map(|i| valid.positions[i]));
+        assert_eq!(splats.rotations, kept.map(|i| valid.rotations[i]));
+        assert_eq!(splats.sh[12..24], valid.sh[36..48]);
         assert_eq!(splats.check_shape().ok(), Some(()));
     }
 
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_a_prior_of_unsound_splats_only() {
+    fn refuses_a_prior_of_invalid_splats_only() {
         let mut splats = sample_splats(2, 0);
         splats.positions[0][1] = f32::NAN;
         splats.rotations[1] = [0.0; 4];

@@ -47,7 +47,7 @@ impl PriorClaims {
 
     /// Host memory that loading takes at most, bytes, besides the file's own.
     pub fn host_bytes(&self) -> u64 {
-        // Numbers of a splat: as they stand in the file, without those that are not sound, and laid out for the
+        // Numbers of a splat: as they stand in the file, without those that are not valid, and laid out for the
         // device. The place of the prior takes a number of eight bytes per splat three times, the analysis an index.
         let numbers = 4 * (11 + 3 * (u64::from(self.sh_degree) + 1).pow(2));
         let mut splat = 3 * numbers + 32;

@@ -14,7 +14,6 @@ use super::limits::MAX_SPLATS;
 use super::ply_header::{Comments, check_length, rest_properties};
 use super::{PriorError, PriorFile, PriorFormat, Splats};
 
-/// Splats of a chunk.
 const CHUNK: usize = 256;
 
 /// The constant spherical harmonic.
@@ -23,7 +22,6 @@ const SH_C0: f64 = 0.282_094_791_773_878_14;
 /// Width of the range of the other coefficients, around zero.
 const SH_RANGE: f64 = 8.0;
 
-/// Properties of a splat.
 const PACKED: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 
 /// Bounds of a chunk, in the order of [`Bounds`].
@@ -76,26 +74,26 @@ pub fn read(bytes: &[u8], header: PlyHeader, body: usize) -> Result<PriorFile, P
 
 /// Appends a splat, up to the constant coefficients.
 fn push(splats: &mut Splats, bounds: &Bounds, [position, rotation, scale, colour]: [u32; 4]) {
-    let [least, most, least_scale, most_scale, least_colour, most_colour] = bounds;
-    splats.positions.push(between(thirds(position), least, most));
-    splats.log_scales.push(between(thirds(scale), least_scale, most_scale));
+    let [min, max, min_scale, max_scale, min_colour, max_colour] = bounds;
+    splats.positions.push(between(thirds(position), min, max));
+    splats.log_scales.push(between(thirds(scale), min_scale, max_scale));
     splats.rotations.push(quaternion(rotation));
     let [r, g, b, opacity] = colour.to_be_bytes().map(|v| f64::from(v) / 255.0);
     splats.opacity_logits.push(super::spz::logit(opacity));
-    let rgb = between([r, g, b], least_colour, most_colour);
+    let rgb = between([r, g, b], min_colour, max_colour);
     splats.sh.extend(rgb.map(|v| ((f64::from(v) - 0.5) / SH_C0) as f32));
 }
 
 /// Three numbers from 0 to 1, of 11, 10 and 11 bits.
 fn thirds(word: u32) -> [f64; 3] {
-    let part = |shift: u32, most: u32| f64::from(word >> shift & most) / f64::from(most);
+    let part = |shift: u32, max: u32| f64::from(word >> shift & max) / f64::from(max);
     [part(21, 2047), part(11, 1023), part(0, 2047)]
 }
 
-fn between(share: [f64; 3], least: &[f32; 3], most: &[f32; 3]) -> [f32; 3] {
+fn between(share: [f64; 3], min: &[f32; 3], max: &[f32; 3]) -> [f32; 3] {
     std::array::from_fn(|axis| {
-        let (least, most) = (f64::from(least[axis]), f64::from(most[axis]));
-        (least * (1.0 - share[axis]) + most * share[axis]) as f32
+        let (min, max) = (f64::from(min[axis]), f64::from(max[axis]));
+        (min * (1.0 - share[axis]) + max * share[axis]) as f32
     })
 }
 
@@ -117,7 +115,6 @@ fn quaternion(word: u32) -> [f32; 4] {
 struct Table {
     /// Byte of the first row.
     start: usize,
-    /// Bytes of a row.
     row: usize,
     count: usize,
 }

@@ -33,7 +33,7 @@ impl CoordinateFrame {
     pub(super) fn of(positions: &[[f32; 3]]) -> CoordinateFrame {
         let axes = [0, 1, 2].map(|axis| deviations(positions, axis));
         let largest = |pick: fn(&Axis) -> f64| axes.iter().map(pick).fold(0.0, f64::max);
-        let spread = [largest(|a| a.median), largest(|a| a.most), 1.0]
+        let spread = [largest(|a| a.median), largest(|a| a.max), 1.0]
             .into_iter()
             .map(|s| (s as f32).min(f32::MAX))
             .find(|s| *s > 0.0)
@@ -46,15 +46,15 @@ impl CoordinateFrame {
 struct Axis {
     centre: f32,
     median: f64,
-    most: f64,
+    max: f64,
 }
 
 fn deviations(positions: &[[f32; 3]], axis: usize) -> Axis {
     let mut values: Vec<f64> = positions.iter().map(|p| f64::from(p[axis])).collect();
     let centre = lower_median(&mut values);
     values.iter_mut().for_each(|v| *v = (*v - centre).abs());
-    let most = values.iter().copied().fold(0.0, f64::max);
-    Axis { centre: centre as f32, median: lower_median(&mut values), most }
+    let max = values.iter().copied().fold(0.0, f64::max);
+    Axis { centre: centre as f32, median: lower_median(&mut values), max }
 }
 
 /// The median; for an even count the lower of the two middle values. So it is one of the values,

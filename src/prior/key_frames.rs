@@ -28,7 +28,7 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 
 /// Largest file of key frames that is read, bytes: more than the longest list takes when it is
 /// written.
-const MOST_BYTES: u64 = 256 * (KeyFrames::MAX as u64 + 1);
+const MAX_BYTES: u64 = 256 * (KeyFrames::MAX as u64 + 1);
 
 impl KeyFrames {
     /// Most key frames of a prior.
@@ -98,7 +98,7 @@ impl KeyFrames {
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let mut centres = self.poses.iter().map(Pose::centre);
         let first = centres.next()?;
-        Some(centres.fold([first; 2], |[least, most], c| [least.min(c), most.max(c)]))
+        Some(centres.fold([first; 2], |[min, max], c| [min.min(c), max.max(c)]))
     }
 
     /// The file of key frames beside a prior's file: `prior.ply.keys` beside `prior.ply`.
@@ -183,7 +183,7 @@ fn angle_between(a: DVec3, b: DVec3) -> f64 {
 
 /// A file's text, but no more of it than key frames can take.
 fn read_text(path: &Path) -> Result<String, PriorError> {
-    let text = beside::read(path, MOST_BYTES, "key frames")?;
+    let text = beside::read(path, MAX_BYTES, "key frames")?;
     String::from_utf8(text).map_err(|error| {
         let read = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + read.iter().filter(|byte| **byte == b'\n').count();

@@ -81,7 +81,6 @@ pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
 struct Layout {
     /// Index of the element `vertex`.
     element: usize,
-    /// Number of splats.
     count: usize,
     /// Degree of the spherical harmonics.
     sh_degree: u32,
@@ -111,7 +110,6 @@ impl Layout {
         Ok(Layout { element, count: vertex.count, sh_degree })
     }
 
-    /// The properties to read.
     fn properties(&self) -> &'static [&'static str] {
         &PROPERTIES[..BASE_PROPERTIES + rest_properties(self.sh_degree)]
     }

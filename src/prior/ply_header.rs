@@ -46,7 +46,7 @@ pub fn check_length(
 ) -> Result<(), PriorError> {
     let elements = &header.elem_defs[..=last_element];
     let rows: u128 =
-        elements.iter().map(|e| e.count as u128 * least_row_bytes(e, header.format)).sum();
+        elements.iter().map(|e| e.count as u128 * min_row_bytes(e, header.format)).sum();
     // The last number of a text needs no white space after it.
     let end = u128::from(header.format == PlyFormat::Ascii);
     let needed = (body as u128 + rows).saturating_sub(end);
@@ -57,7 +57,7 @@ pub fn check_length(
 }
 
 /// Fewest bytes that one row can take: exact for binary rows without lists.
-fn least_row_bytes(element: &ElementDef, format: PlyFormat) -> u128 {
+fn min_row_bytes(element: &ElementDef, format: PlyFormat) -> u128 {
     let bytes = |property_type: &PropertyType| {
         let scalar = match property_type {
             _ if format == PlyFormat::Ascii => return 2,

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::check::{clamp_logits, drop_unsound};
+use super::check::{clamp_logits, drop_invalid};
 use super::coordinate_frame::CoordinateFrame;
 use super::error::PriorError;
 use super::file::{self, read_prior_file};
@@ -80,7 +80,7 @@ impl Prior {
         file::read(bytes).and_then(build).map_err(|error| error.in_file(name))
     }
 
-    /// Makes a prior of splats in memory. Unsound splats are dropped and counted, as from a file.
+    /// Makes a prior of splats in memory. Invalid splats are dropped and counted, as from a file.
     pub fn from_splats(splats: Splats, options: RenderOptions) -> Result<Prior, PriorError> {
         Prior::build(PriorFile {
             splats,
@@ -113,7 +113,7 @@ impl Prior {
             return Err(PriorError::TooMany { count: read });
         }
         let clamped_logits = clamp_logits(&mut splats);
-        let dropped = drop_unsound(&mut splats);
+        let dropped = drop_invalid(&mut splats);
         if let (true, Some(first)) = (splats.is_empty(), dropped.first()) {
             return Err(PriorError::AllDropped { read, fault: first.fault });
         }

@@ -51,7 +51,7 @@ pub struct LoadReport {
     pub read: usize,
     /// Splats kept.
     pub kept: usize,
-    /// Splats left out, by reason; empty if all were sound.
+    /// Splats left out, by reason; empty if all were valid.
     pub dropped: Vec<Dropped>,
     /// Splats whose opacity logit was infinite, and became ±[`INFINITE_LOGIT`].
     pub clamped_logits: usize,

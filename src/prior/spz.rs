@@ -22,7 +22,7 @@ use crate::image::Preprocessing;
 pub const MAGICS: [&[u8]; 2] = [&[0x1f, 0x8b], b"NGSP"];
 
 /// Most bytes that a byte of the file may stand for: what gzip can reach.
-const MOST_EXPANSION: u128 = 1032;
+const MAX_EXPANSION: u128 = 1032;
 
 /// Bytes of the header up to version 3, and those that version 4 begins with.
 const HEADER: usize = 16;
@@ -67,7 +67,6 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     })
 }
 
-/// What all versions have.
 struct Header {
     version: u32,
     count: usize,
@@ -102,7 +101,7 @@ impl Header {
         }
         let header =
             Header { version, count, sh_degree, fraction_bits: bytes[13], flags: bytes[14] };
-        let needed = (header.sizes().iter().sum::<usize>() as u128).div_ceil(MOST_EXPANSION);
+        let needed = (header.sizes().iter().sum::<usize>() as u128).div_ceil(MAX_EXPANSION);
         match needed > found as u128 {
             true => Err(PriorError::Truncated { needed, found }),
             false => Ok(header),
@@ -115,7 +114,6 @@ impl Header {
         [9, 1, 3, 3, rotation, 3 * ((self.sh_degree as usize + 1).pow(2) - 1)]
     }
 
-    /// Bytes of each stream.
     fn sizes(&self) -> [usize; 6] {
         self.widths().map(|width| self.count * width)
     }

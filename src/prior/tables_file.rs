@@ -21,8 +21,8 @@ pub fn path_beside(prior: &Path) -> PathBuf {
 /// Reads a file of tables. Errors name it.
 pub fn open(path: &Path) -> Result<Tables, PriorError> {
     let read = || {
-        let most = Tables::encoded_len() as u64;
-        let bytes = beside::read(path, most, FORMAT)?;
+        let max = Tables::encoded_len() as u64;
+        let bytes = beside::read(path, max, FORMAT)?;
         Tables::read(&bytes).map_err(|error| refusal(FORMAT, 0, &error))
     };
     read().map_err(|error| error.in_file(&path.display().to_string()))

@@ -1,6 +1,6 @@
 use super::*;
 
-/// `count` sound splats of the degree, every parameter a different number.
+/// `count` valid splats of the degree, every parameter a different number.
 pub(crate) fn sample_splats(count: usize, sh_degree: u32) -> Splats {
     let mut next = 0.0;
     let mut value = || {

@@ -12,13 +12,6 @@ enum Failure {
     Room,
 }
 
-/// What a worker has counted, and how often frames were lost.
-#[derive(Default)]
-struct Counts {
-    worker: u32,
-    lost: u32,
-}
-
 struct Joined(Option<std::thread::JoinHandle<()>>);
 
 impl Drop for Joined {
@@ -31,15 +24,13 @@ fn spawn(_: usize, body: Body) -> Result<Box<dyn Send>, Failure> {
     Ok(Box::new(Joined(Some(std::thread::spawn(body)))))
 }
 
-/// A queue whose slots take what its first worker counts. The worker fails at 3 and panics at 5.
-fn queue(slots: usize, workers: usize, pause: u64) -> (Queue<u32, Failure>, Arc<Mutex<Counts>>) {
-    let counts = Arc::new(Mutex::new(Counts::default()));
-    let own = counts.clone();
+/// A queue whose slots take what its first worker counts, from `counted` on. The worker fails at 3 and panics at 5.
+fn queue(slots: usize, workers: usize, counted: u32, pause: u64) -> (Queue<u32, Failure>, Lost) {
+    let mut count = counted;
     let first = move |slot: &mut u32| {
         std::thread::sleep(Duration::from_millis(pause));
-        let mut counts = own.lock().unwrap_or_else(PoisonError::into_inner);
-        counts.worker += 1;
-        *slot = counts.worker;
+        count += 1;
+        *slot = count;
         match *slot {
             3 => Err(Failure::Three),
             5 => panic!("on purpose"),
@@ -53,9 +44,8 @@ fn queue(slots: usize, workers: usize, pause: u64) -> (Queue<u32, Failure>, Arc<
             Ok(())
         }));
     }
-    let own = counts.clone();
-    let lost = Box::new(move || own.lock().unwrap_or_else(PoisonError::into_inner).lost += 1);
-    (Queue::new(all, vec![0; slots], lost, Box::new(spawn)), counts)
+    let lost = Lost::default();
+    (Queue::new(all, vec![0; slots], lost.clone(), Box::new(spawn)), lost)
 }
 
 fn taken(queue: &mut Queue<u32, Failure>) -> Result<u32, Failure> {
@@ -74,7 +64,7 @@ const fn failure(error: QueueError) -> Failure {
 
 #[test]
 fn results_are_taken_once_and_failures_end_their_frame_only() {
-    let (mut queue, _) = queue(1, 1, 0);
+    let (mut queue, _) = queue(1, 1, 0, 0);
     assert_eq!(queue.wait(Duration::ZERO), Err(QueueError::Empty));
     queue.begin(|_| Ok(())).unwrap();
     assert_eq!(queue.wait(LONG), Ok(true));
@@ -92,7 +82,7 @@ fn results_are_taken_once_and_failures_end_their_frame_only() {
 
 #[test]
 fn only_a_result_that_could_not_be_handed_over_is_dropped_by_the_next_frame() {
-    let (mut queue, counts) = queue(1, 1, 0);
+    let (mut queue, lost) = queue(1, 1, 0, 0);
     queue.begin(|_| Ok(())).unwrap();
     assert_eq!(queue.wait(LONG), Ok(true));
     assert_eq!(queue.check_idle(), Err(QueueError::UnderWay));
@@ -101,17 +91,16 @@ fn only_a_result_that_could_not_be_handed_over_is_dropped_by_the_next_frame() {
     assert_eq!(queue.take(|_| Err(Failure::Room)), Err(Failure::Room));
     assert_eq!(queue.check_idle(), Ok(()));
     assert_eq!(queue.begin(|_| Err(Failure::Room)), Err(Failure::Room), "it cannot be filled");
-    assert_eq!(counts.lock().unwrap().lost, 0, "what is kept is still there");
+    assert!(!lost.take(), "what is kept is still there");
     queue.begin(|_| Ok(())).unwrap();
     assert_eq!(taken(&mut queue), Ok(2));
-    assert_eq!(counts.lock().unwrap().lost, 1);
+    assert!(lost.take());
 }
 
 #[test]
 fn a_panic_of_a_worker_is_told_and_poisons_the_queue() {
     for here in [false, true] {
-        let (mut queue, counts) = queue(1, 1, 0);
-        counts.lock().unwrap().worker = 4;
+        let (mut queue, _) = queue(1, 1, 4, 0);
         let begun = if here { queue.run(|_| Ok(())) } else { queue.begin(|_| Ok(())) };
         assert_eq!(begun, Ok(()));
         assert_eq!(taken(&mut queue), Err(failure(QueueError::Panicked)));
@@ -122,7 +111,7 @@ fn a_panic_of_a_worker_is_told_and_poisons_the_queue() {
 
 #[test]
 fn what_was_begun_is_left_alone_until_it_ends() {
-    let (mut queue, _) = queue(1, 1, 200);
+    let (mut queue, _) = queue(1, 1, 0, 200);
     queue.begin(|_| Ok(())).unwrap();
     assert_eq!(queue.check_first_worker(), Err(QueueError::UnderWay));
     assert_eq!(queue.begin(|_| Ok(())), Err(failure(QueueError::Full)));
@@ -134,7 +123,7 @@ fn what_was_begun_is_left_alone_until_it_ends() {
 
 #[test]
 fn what_is_cancelled_ends_without_a_result() {
-    let (mut queue, counts) = queue(1, 1, 100);
+    let (mut queue, lost) = queue(1, 1, 0, 100);
     assert!(queue.cancel(), "nothing was begun");
     queue.begin(|_| Ok(())).unwrap();
     while queue.check_first_worker().is_ok() {}
@@ -143,11 +132,11 @@ fn what_is_cancelled_ends_without_a_result() {
     assert_eq!(queue.begin(|_| Ok(())), Err(failure(QueueError::Ending)));
     assert_eq!(queue.wait(LONG), Err(QueueError::Empty), "it ended, and nothing is left");
     assert_eq!(queue.check_idle(), Ok(()));
-    assert_eq!(counts.lock().unwrap().lost, 1);
+    assert!(lost.take() && !lost.take());
     queue.begin(|_| Ok(())).unwrap();
     assert_eq!(queue.wait(LONG), Ok(true));
     assert!(queue.cancel());
-    assert_eq!(counts.lock().unwrap().lost, 2);
+    assert!(lost.take());
     queue.begin(|_| Ok(())).unwrap();
     queue.cancel();
     drop(queue); // Waits, and does not hang.
@@ -155,7 +144,7 @@ fn what_is_cancelled_ends_without_a_result() {
 
 #[test]
 fn two_frames_go_through_two_workers_in_order() {
-    let (mut queue, counts) = queue(2, 2, 20);
+    let (mut queue, lost) = queue(2, 2, 0, 20);
     queue.begin(|_| Ok(())).unwrap();
     queue.begin(|_| Ok(())).unwrap();
     assert_eq!(queue.begin(|_| Ok(())), Err(failure(QueueError::Full)));
@@ -165,5 +154,5 @@ fn two_frames_go_through_two_workers_in_order() {
     assert_eq!(taken(&mut queue), Err(Failure::Three), "the second worker leaves it alone");
     queue.run(|_| Ok(())).unwrap();
     assert_eq!(taken(&mut queue), Ok(40));
-    assert_eq!(counts.lock().unwrap().lost, 0);
+    assert!(!lost.take());
 }

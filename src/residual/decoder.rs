@@ -6,7 +6,7 @@ use crate::packet::{Coder, Latent, Reference, Residual, ResidualStart};
 use super::ResidualError;
 use super::checks::check_size;
 use super::stream::{StreamDecoder, StreamFrame};
-use super::warp::Vantage;
+use super::warp::Viewpoint;
 use super::wavelet::{Tail, WaveletDecoder};
 #[cfg(feature = "paper")]
 use super::{difference, webp::Webp};
@@ -16,7 +16,6 @@ use crate::coder_tables::Tables;
 pub struct ResidualDecoder {
     wavelet: WaveletDecoder,
     stream: StreamDecoder,
-    /// Size of the pictures.
     size: (u32, u32),
     #[cfg(feature = "paper")]
     webp: Webp,
@@ -81,8 +80,8 @@ impl ResidualDecoder {
     }
 
     /// Whether another one's reference frame is there, and the same as the encoder's.
-    pub fn holds(&self, reference: Reference, frame: u32, vantage: &Vantage) -> bool {
-        self.stream.holds(reference, frame, vantage)
+    pub fn holds(&self, reference: Reference, frame: u32, viewpoint: &Viewpoint) -> bool {
+        self.stream.holds(reference, frame, viewpoint)
     }
 
     /// As [`ResidualDecoder::add`], for a stream's residual that came whole. Later frames may be predicted from the
@@ -140,7 +139,7 @@ impl ResidualDecoder {
         if !portable {
             return Err(ResidualError::OtherRender);
         }
-        if !self.stream.holds(reference, frame.frame, frame.vantage) {
+        if !self.stream.holds(reference, frame.frame, frame.viewpoint) {
             let reference = frame.frame.wrapping_sub(reference.distance.into()) % Latent::FRAMES;
             return Err(ResidualError::ReferenceMissing { frame: frame.frame, reference });
         }

@@ -6,9 +6,9 @@ use crate::Picture;
 ///
 /// # Panics
 /// If the sizes differ.
-pub fn difference(camera: &Picture, render: &Picture) -> Picture {
-    let mut into = Picture::new(camera.width, camera.height);
-    difference_into(camera, render, &mut into);
+pub fn difference(frame: &Picture, render: &Picture) -> Picture {
+    let mut into = Picture::new(frame.width, frame.height);
+    difference_into(frame, render, &mut into);
     into
 }
 
@@ -16,11 +16,11 @@ pub fn difference(camera: &Picture, render: &Picture) -> Picture {
 ///
 /// # Panics
 /// If the sizes differ.
-pub(super) fn difference_into(camera: &Picture, render: &Picture, into: &mut Picture) {
+pub(super) fn difference_into(frame: &Picture, render: &Picture, into: &mut Picture) {
     for other in [render, &*into] {
-        assert_eq!((camera.width, camera.height), (other.width, other.height), "sizes differ");
+        assert_eq!((frame.width, frame.height), (other.width, other.height), "sizes differ");
     }
-    let values = std::iter::zip(&camera.data, &render.data);
+    let values = std::iter::zip(&frame.data, &render.data);
     for (to, (&c, &r)) in into.data.iter_mut().zip(values) {
         *to = ((i16::from(c) - i16::from(r)).clamp(-128, 127) + 128) as u8;
     }
@@ -40,20 +40,20 @@ mod tests {
 
     /// All pairs of two bytes, as two pictures.
     fn all_pairs() -> (Picture, Picture) {
-        let mut camera = Picture::new(256, 256);
+        let mut frame = Picture::new(256, 256);
         let mut render = Picture::new(256, 256);
-        for (i, (c, r)) in camera.data.iter_mut().zip(&mut render.data).enumerate() {
+        for (i, (c, r)) in frame.data.iter_mut().zip(&mut render.data).enumerate() {
             (*c, *r) = ((i / 3 / 256) as u8, (i / 3 % 256) as u8);
         }
-        (camera, render)
+        (frame, render)
     }
 
     #[test]
     fn adding_undoes_the_difference_within_its_range() {
-        let (camera, render) = all_pairs();
+        let (frame, render) = all_pairs();
         let mut back = render.clone();
-        add(&difference(&camera, &render).data, &mut back.data);
-        for (i, c) in camera.data.iter().enumerate() {
+        add(&difference(&frame, &render).data, &mut back.data);
+        for (i, c) in frame.data.iter().enumerate() {
             let offset = i16::from(*c) - i16::from(render.data[i]);
             let lost = (offset - offset.clamp(-128, 127)).unsigned_abs();
             assert_eq!(u16::from(c.abs_diff(back.data[i])), lost);
@@ -62,8 +62,8 @@ mod tests {
 
     #[test]
     fn no_difference_is_grey() {
-        let (camera, _) = all_pairs();
-        assert!(difference(&camera, &camera).data.iter().all(|v| *v == 128));
+        let (frame, _) = all_pairs();
+        assert!(difference(&frame, &frame).data.iter().all(|v| *v == 128));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::checks::check_size;
 use super::interest::Interest;
 use super::rate::{Rate, RateResult};
 use super::stream::{Acknowledged, StreamEncoder, StreamFrame, Structure};
-use super::wavelet::RateEncoder;
+use super::wavelet::{FrameKind, RateEncoder};
 #[cfg(feature = "paper")]
 use super::webp::WebpEncoder;
 use crate::coder_tables::Tables;
@@ -59,7 +59,6 @@ pub struct ResidualEncoder {
     stream: StreamEncoder,
     /// The last frame has a residual, from which later ones may be predicted.
     keepable: bool,
-    /// Size of the pictures.
     size: (u32, u32),
 }
 
@@ -186,10 +185,14 @@ impl ResidualEncoder {
         }
         let result = match &mut self.coder {
             AnyEncoder::Wavelet(coder) => {
-                let reference = stream.map(|InStream { frame, structure, acknowledged }| {
-                    self.stream.reference(frame, *structure, acknowledged)
-                });
-                coder.encode(frame, render, rate, overhead, reference.as_ref())
+                let source = match stream {
+                    None => FrameKind::AllIntra,
+                    Some(InStream { frame, structure, acknowledged }) => {
+                        let reference = self.stream.reference(frame, *structure, acknowledged);
+                        reference.map_or(FrameKind::Intra, FrameKind::Inter)
+                    }
+                };
+                coder.encode(frame, render, rate, overhead, source)
             }
             #[cfg(feature = "paper")]
             AnyEncoder::Webp(coder) => coder.encode(frame, render, rate, overhead)?,

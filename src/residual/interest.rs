@@ -15,7 +15,7 @@ pub struct Interest {
 }
 
 /// Most cells along a side.
-const MOST_CELLS: u32 = 4096;
+const MAX_CELLS: u32 = 4096;
 
 impl Interest {
     /// Reads a map of `columns · rows` weights, row by row, 1 to 255 each. It is laid over pictures of any size.
@@ -23,7 +23,7 @@ impl Interest {
     /// # Errors
     /// If there are no cells or more than 4096 along a side, weights are missing or left over, or one is 0.
     pub fn map(columns: u32, rows: u32, weights: &[u8]) -> Result<Interest, ResidualError> {
-        let in_range = |cells| (1..=MOST_CELLS).contains(&cells);
+        let in_range = |cells| (1..=MAX_CELLS).contains(&cells);
         let expected = u64::from(columns) * u64::from(rows);
         if !in_range(columns) || !in_range(rows) || weights.len() as u64 != expected {
             return Err(ResidualError::InterestSize { columns, rows, weights: weights.len() });
@@ -46,7 +46,7 @@ impl Interest {
         weight: u8,
     ) -> Result<Interest, ResidualError> {
         let (columns, rows) = size;
-        let cells = (columns.min(MOST_CELLS) * rows.min(MOST_CELLS)) as usize;
+        let cells = (columns.min(MAX_CELLS) * rows.min(MAX_CELLS)) as usize;
         let mut interest = Interest::map(columns, rows, &vec![1; cells])?;
         let (x, y) = (x.start..x.end.min(columns), y.start..y.end.min(rows));
         if x.is_empty() || y.is_empty() {

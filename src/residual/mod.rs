@@ -26,7 +26,7 @@ pub use interest::Interest;
 pub use rate::Rate;
 pub use references::REFERENCES;
 pub use stream::{Acknowledged, Mode, StreamFrame, Structure};
-pub use warp::{Placement, Vantage, warp};
+pub use warp::{Placement, Viewpoint, warp};
 #[cfg(feature = "paper")]
 pub use webp::Webp;
 

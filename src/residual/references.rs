@@ -4,7 +4,7 @@ use crate::packet::{Latent, Reference};
 use crate::{Camera, Picture};
 
 use super::difference::difference_into;
-use super::warp::Vantage;
+use super::warp::Viewpoint;
 
 /// Frames that are remembered, and so the greatest distance of a reference.
 pub const REFERENCES: usize = 32;
@@ -30,7 +30,7 @@ pub struct Kept {
     /// Check of all else.
     pub tag: u16,
     /// Where it was seen from.
-    pub vantage: Vantage,
+    pub viewpoint: Viewpoint,
     /// What is shown less the render; see [`super::difference()`].
     pub difference: Picture,
     /// Whether the slot holds a frame.
@@ -52,7 +52,6 @@ pub fn frames_behind(behind: u32, frame: u32) -> u32 {
 }
 
 impl References {
-    /// Forgets all frames.
     pub fn clear(&mut self) {
         self.kept.iter_mut().for_each(|kept| kept.used = false);
     }
@@ -61,12 +60,12 @@ impl References {
     pub fn keep(
         &mut self,
         frame: u32,
-        vantage: &Vantage,
+        viewpoint: &Viewpoint,
         position: u32,
         shown: &Picture,
         render: &Picture,
     ) {
-        self.prepare(vantage);
+        self.prepare(viewpoint);
         let same = |kept: &Kept| kept.used && frames_behind(kept.frame, frame) == 0;
         let index = self.kept.iter().position(same).unwrap_or_else(|| {
             self.next = (self.next + 1) % REFERENCES;
@@ -74,40 +73,40 @@ impl References {
         });
         let kept = &mut self.kept[index];
         (kept.frame, kept.position) = (frame % Latent::FRAMES, position);
-        (kept.vantage, kept.used) = (*vantage, true);
+        (kept.viewpoint, kept.used) = (*viewpoint, true);
         difference_into(shown, render, &mut kept.difference);
-        kept.tag = tag(vantage, &kept.difference);
+        kept.tag = tag(viewpoint, &kept.difference);
     }
 
     /// Makes room for frames of a view. If its camera is another, all frames are forgotten.
-    pub fn prepare(&mut self, vantage: &Vantage) {
-        let Camera { width, height, .. } = vantage.camera;
+    pub fn prepare(&mut self, viewpoint: &Viewpoint) {
+        let Camera { width, height, .. } = viewpoint.camera;
         let first = self.kept.first();
-        if first.is_some_and(|kept| kept.vantage.camera == vantage.camera) {
+        if first.is_some_and(|kept| kept.viewpoint.camera == viewpoint.camera) {
             return;
         }
         if first.is_some_and(|kept| kept.size() == (width, height)) {
             self.clear();
-            self.kept.iter_mut().for_each(|kept| kept.vantage = *vantage);
+            self.kept.iter_mut().for_each(|kept| kept.viewpoint = *viewpoint);
             return;
         }
         let empty = || {
             let difference = Picture::new(width, height);
-            Kept { frame: 0, position: 0, tag: 0, vantage: *vantage, difference, used: false }
+            Kept { frame: 0, position: 0, tag: 0, viewpoint: *viewpoint, difference, used: false }
         };
         self.kept.clear();
         self.kept.reserve_exact(REFERENCES);
         self.kept.extend(std::iter::repeat_with(empty).take(REFERENCES));
     }
 
-    /// The frame that a packet about `frame`, seen from `vantage`, is predicted from, if it is there and the same.
-    pub fn find(&self, reference: Reference, frame: u32, vantage: &Vantage) -> Option<&Kept> {
+    /// The frame that a packet about `frame`, seen from `viewpoint`, is predicted from, if it is there and the same.
+    pub fn find(&self, reference: Reference, frame: u32, viewpoint: &Viewpoint) -> Option<&Kept> {
         let distance = u32::from(reference.distance);
         let is = |kept: &&Kept| {
             kept.used
                 && frames_behind(kept.frame, frame) == distance
                 && kept.tag == reference.tag
-                && kept.vantage.camera == vantage.camera
+                && kept.viewpoint.camera == viewpoint.camera
         };
         self.kept.iter().find(is)
     }
@@ -126,11 +125,11 @@ impl References {
 }
 
 /// Check of what a reference is.
-fn tag(vantage: &Vantage, difference: &Picture) -> u16 {
+fn tag(viewpoint: &Viewpoint, difference: &Picture) -> u16 {
     let mut hasher = crc32fast::Hasher::new();
-    let Camera { fx, fy, cx, cy, .. } = vantage.camera;
-    let [w, x, y, z] = vantage.placement.rotation;
-    let [a, b, c] = vantage.placement.translation;
+    let Camera { fx, fy, cx, cy, .. } = viewpoint.camera;
+    let [w, x, y, z] = viewpoint.placement.rotation;
+    let [a, b, c] = viewpoint.placement.translation;
     for value in [fx, fy, cx, cy, w, x, y, z, a, b, c] {
         hasher.update(&value.to_bits().to_le_bytes());
     }
@@ -145,14 +144,14 @@ mod tests {
 
     use super::*;
 
-    fn vantage(x: f32) -> Vantage {
+    fn viewpoint(x: f32) -> Viewpoint {
         let camera = Camera { width: 8, height: 6, fx: 9.0, fy: 9.0, cx: 4.0, cy: 3.0 };
         let placement = Placement { rotation: [1.0, 0.0, 0.0, 0.0], translation: [x, 0.0, 0.0] };
-        Vantage { camera, placement }
+        Viewpoint { camera, placement }
     }
 
     fn keep(references: &mut References, frame: u32, shown: u8, render: u8) {
-        references.keep(frame, &vantage(0.0), 0, &picture(shown), &picture(render));
+        references.keep(frame, &viewpoint(0.0), 0, &picture(shown), &picture(render));
     }
 
     fn picture(value: u8) -> Picture {
@@ -169,24 +168,24 @@ mod tests {
         keep(&mut references, 4, 9, 8);
         let (reference, kept) = references.newest(5, |_| true).expect("two are kept");
         assert_eq!((reference.distance, kept.frame, kept.difference.data[0]), (1, 4, 129));
-        let found = references.find(reference, 5, &vantage(0.0)).expect("it is kept");
+        let found = references.find(reference, 5, &viewpoint(0.0)).expect("it is kept");
         assert_eq!(found.frame, 4);
         let other = Reference { tag: reference.tag ^ 1, ..reference };
-        assert!(references.find(other, 5, &vantage(0.0)).is_none(), "another content");
-        assert!(references.find(reference, 6, &vantage(0.0)).is_none(), "another number");
-        let mut elsewhere = vantage(0.0);
+        assert!(references.find(other, 5, &viewpoint(0.0)).is_none(), "another content");
+        assert!(references.find(reference, 6, &viewpoint(0.0)).is_none(), "another number");
+        let mut elsewhere = viewpoint(0.0);
         elsewhere.camera.fx += 1.0;
         assert!(references.find(reference, 5, &elsewhere).is_none(), "another camera");
         references.clear();
-        assert!(references.find(reference, 5, &vantage(0.0)).is_none());
+        assert!(references.find(reference, 5, &viewpoint(0.0)).is_none());
     }
 
     #[test]
     fn the_tag_tells_pose_and_content_apart() {
         let difference = picture(100);
-        let tags = [tag(&vantage(0.0), &difference), tag(&vantage(1.0), &difference)];
+        let tags = [tag(&viewpoint(0.0), &difference), tag(&viewpoint(1.0), &difference)];
         assert_ne!(tags[0], tags[1]);
-        assert_ne!(tags[0], tag(&vantage(0.0), &picture(101)));
+        assert_ne!(tags[0], tag(&viewpoint(0.0), &picture(101)));
     }
 
     #[test]
@@ -197,11 +196,11 @@ mod tests {
         let (reference, _) = references.newest(2, |_| true).expect("three behind");
         assert_eq!(reference.distance, 3);
         // In the short form, a decoder that joined late knows the low 16 bits alone.
-        assert!(references.find(reference, 0x0001_0002, &vantage(0.0)).is_some());
+        assert!(references.find(reference, 0x0001_0002, &viewpoint(0.0)).is_some());
         for frame in 0..REFERENCES as u32 {
             keep(&mut references, frame, 1, 0);
         }
-        assert!(references.find(reference, 2, &vantage(0.0)).is_none(), "its place was taken");
+        assert!(references.find(reference, 2, &viewpoint(0.0)).is_none(), "its place was taken");
         assert!(references.newest(0, |_| true).is_none(), "later frames are no reference frames");
         assert!(references.newest(500, |_| true).is_none(), "too far");
     }

@@ -5,7 +5,7 @@ use crate::packet::{Reference, Residual};
 
 use super::ResidualError;
 use super::references::{Kept, NUMBERS, REFERENCES, References, frames_behind};
-use super::warp::{Vantage, warp};
+use super::warp::{Viewpoint, warp};
 use super::wavelet::Planes;
 
 /// Whether frames are predicted from earlier ones.
@@ -99,7 +99,7 @@ pub struct StreamFrame<'a> {
     /// Its number.
     pub frame: u32,
     /// Where it was seen from, as its packet says it.
-    pub vantage: &'a Vantage,
+    pub viewpoint: &'a Viewpoint,
     /// Depths of the render's pixels, row by row: see [`Renderer::depths`](crate::render::Renderer::depths).
     pub depths: &'a [f32],
 }
@@ -107,7 +107,7 @@ pub struct StreamFrame<'a> {
 impl StreamFrame<'_> {
     /// Checks that it has the size of a picture, and a depth for every pixel.
     pub(super) fn check(&self, expected: (u32, u32)) -> Result<(), ResidualError> {
-        let camera = &self.vantage.camera;
+        let camera = &self.viewpoint.camera;
         let found = (camera.width, camera.height);
         if expected != found {
             return Err(ResidualError::Size { expected, found });
@@ -127,16 +127,15 @@ pub(super) struct StreamEncoder {
 }
 
 impl StreamEncoder {
-    /// Forgets all frames.
     pub fn clear(&mut self) {
         self.references.clear();
         self.key = None;
     }
 
     /// Makes room for frames of a view.
-    pub fn prepare(&mut self, vantage: &Vantage) {
-        prepare(&mut self.warped, vantage);
-        self.references.prepare(vantage);
+    pub fn prepare(&mut self, viewpoint: &Viewpoint) {
+        prepare(&mut self.warped, viewpoint);
+        self.references.prepare(viewpoint);
     }
 
     /// What a frame may be predicted from, warped to its view.
@@ -146,7 +145,7 @@ impl StreamEncoder {
         structure: Structure,
         acknowledged: &Acknowledged,
     ) -> Option<(Reference, &Planes)> {
-        self.prepare(frame.vantage);
+        self.prepare(frame.viewpoint);
         let position = frames_behind(self.key?, frame.frame);
         let key_every = structure.key_every();
         if key_every > 0 && position >= key_every {
@@ -154,7 +153,7 @@ impl StreamEncoder {
         }
         let suits = |kept: &Kept| structure.suits(position, kept, acknowledged);
         let (reference, kept) = self.references.newest(frame.frame, suits)?;
-        warp(&kept.difference, &kept.vantage, frame.vantage, frame.depths, &mut self.warped);
+        warp(&kept.difference, &kept.viewpoint, frame.viewpoint, frame.depths, &mut self.warped);
         Some((reference, &self.warped))
     }
 
@@ -171,7 +170,7 @@ impl StreamEncoder {
             self.key = Some(frame.frame);
         }
         let position = self.key.map_or(0, |key| frames_behind(key, frame.frame));
-        self.references.keep(frame.frame, frame.vantage, position, shown, render);
+        self.references.keep(frame.frame, frame.viewpoint, position, shown, render);
     }
 }
 
@@ -186,34 +185,34 @@ pub(super) struct StreamDecoder {
 
 impl StreamDecoder {
     /// Whether a frame's reference is there, and the same as the encoder's.
-    pub fn holds(&self, reference: Reference, frame: u32, vantage: &Vantage) -> bool {
-        self.references.find(reference, frame, vantage).is_some()
+    pub fn holds(&self, reference: Reference, frame: u32, viewpoint: &Viewpoint) -> bool {
+        self.references.find(reference, frame, viewpoint).is_some()
     }
 
     /// A reference, warped to a frame's view. `None` if it is missing.
     pub fn warped(&mut self, reference: Reference, frame: &StreamFrame) -> Option<&Planes> {
-        prepare(&mut self.warped, frame.vantage);
-        let kept = self.references.find(reference, frame.frame, frame.vantage)?;
-        warp(&kept.difference, &kept.vantage, frame.vantage, frame.depths, &mut self.warped);
+        prepare(&mut self.warped, frame.viewpoint);
+        let kept = self.references.find(reference, frame.frame, frame.viewpoint)?;
+        warp(&kept.difference, &kept.viewpoint, frame.viewpoint, frame.depths, &mut self.warped);
         Some(&self.warped)
     }
 
     /// Takes the render of a frame, before anything is added to it.
     pub fn set_render(&mut self, frame: &StreamFrame, render: &Picture) {
-        prepare(&mut self.warped, frame.vantage);
-        self.references.prepare(frame.vantage);
+        prepare(&mut self.warped, frame.viewpoint);
+        self.references.prepare(frame.viewpoint);
         self.render.clone_from(render);
     }
 
     /// Remembers a frame that was decoded in full.
     pub fn keep(&mut self, frame: &StreamFrame, shown: &Picture) {
-        self.references.keep(frame.frame, frame.vantage, 0, shown, &self.render);
+        self.references.keep(frame.frame, frame.viewpoint, 0, shown, &self.render);
     }
 }
 
 /// Gives planes the size of a view.
-fn prepare(planes: &mut Planes, vantage: &Vantage) {
-    planes.iter_mut().for_each(|plane| plane.resize(vantage.camera.pixels(), 0));
+fn prepare(planes: &mut Planes, viewpoint: &Viewpoint) {
+    planes.iter_mut().for_each(|plane| plane.resize(viewpoint.camera.pixels(), 0));
 }
 
 #[cfg(test)]
@@ -223,20 +222,20 @@ mod tests {
 
     use super::*;
 
-    fn vantage() -> Vantage {
+    fn viewpoint() -> Viewpoint {
         let camera = Camera { width: 8, height: 6, fx: 9.0, fy: 9.0, cx: 4.0, cy: 3.0 };
         let placement = Placement { rotation: [1.0, 0.0, 0.0, 0.0], translation: [0.0; 3] };
-        Vantage { camera, placement }
+        Viewpoint { camera, placement }
     }
 
     /// The distances that a structure chooses over frames that are all inter if they can be.
     fn distances(structure: Structure, frames: u32, heard: impl Fn(u32) -> Option<u32>) -> Vec<u8> {
         let (mut encoder, mut acknowledged) = (StreamEncoder::default(), Acknowledged::default());
-        let (vantage, picture) = (vantage(), Picture::new(8, 6));
+        let (viewpoint, picture) = (viewpoint(), Picture::new(8, 6));
         let first = crate::packet::Latent::FRAMES - 3;
         let number = |i: u32| first.wrapping_add(i) % crate::packet::Latent::FRAMES;
         let distances = (0..frames).map(|i| {
-            let frame = StreamFrame { frame: number(i), vantage: &vantage, depths: &[1.0; 48] };
+            let frame = StreamFrame { frame: number(i), viewpoint: &viewpoint, depths: &[1.0; 48] };
             heard(i).map(number).into_iter().for_each(|frame| acknowledged.add(frame));
             let reference = encoder.reference(&frame, structure, &acknowledged).map(|(r, _)| r);
             let residual = Residual::Stream { reference, payload: &[] };

@@ -10,7 +10,7 @@ use super::wavelet::{FRACTION, Planes, colour};
 
 /// Where a picture was seen from, in numbers that are the same on every device.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Vantage {
+pub struct Viewpoint {
     /// The camera.
     pub camera: Camera,
     /// Its pose, as packets carry it.
@@ -38,7 +38,7 @@ struct Motion {
 }
 
 impl Motion {
-    fn new(from: &Vantage, to: &Vantage) -> Motion {
+    fn new(from: &Viewpoint, to: &Viewpoint) -> Motion {
         let (a, b) = (matrix(&from.placement), matrix(&to.placement));
         let dot = |u: [f64; 3], v: [f64; 3]| u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
         // X_to = B X + t_b and X_from = A X + t_a, so X_from = A Bᵀ (X_to − t_b) + t_a.
@@ -53,7 +53,7 @@ impl Motion {
 
     /// Where a pixel of the view, at a depth, lies among the other view's pixels: its first whole column and row,
     /// counted from pixel centres, and the parts beyond. `None` if it is not seen there.
-    fn place(&self, x: usize, y: usize, depth: f32, size: (usize, usize)) -> Option<Place> {
+    fn place(&self, x: usize, y: usize, depth: f32, size: (usize, usize)) -> Option<SubPixel> {
         let [[fx, fy], [cx, cy]] = [self.focal, self.principal];
         let depth = f64::from(depth);
         let point = [(x as f64 + 0.5 - cx) / fx * depth, (y as f64 + 0.5 - cy) / fy * depth, depth];
@@ -67,12 +67,12 @@ impl Motion {
         }
         let column = part_of(px / pz * fx + cx - 0.5, size.0)?;
         let row = part_of(py / pz * fy + cy - 0.5, size.1)?;
-        Some(Place { column, row })
+        Some(SubPixel { column, row })
     }
 }
 
 /// A place along both axes: a whole pixel, and 64ths beyond it.
-struct Place {
+struct SubPixel {
     column: (isize, usize),
     row: (isize, usize),
 }
@@ -130,7 +130,13 @@ const fn weights() -> [[i32; 4]; PLACES] {
 ///
 /// # Panics
 /// If the difference has not the size of both cameras, or there are fewer depths than pixels.
-pub fn warp(difference: &Picture, from: &Vantage, to: &Vantage, depths: &[f32], into: &mut Planes) {
+pub fn warp(
+    difference: &Picture,
+    from: &Viewpoint,
+    to: &Viewpoint,
+    depths: &[f32],
+    into: &mut Planes,
+) {
     let Camera { width, height, .. } = to.camera;
     assert_eq!((difference.width, difference.height), (width, height), "size of the reference");
     let (width, height) = (width as usize, height as usize);
@@ -149,7 +155,7 @@ pub fn warp(difference: &Picture, from: &Vantage, to: &Vantage, depths: &[f32], 
 }
 
 /// The difference at a place, in [`FRACTION`] binary places.
-fn sample(difference: &Picture, place: &Place) -> [i32; 3] {
+fn sample(difference: &Picture, place: &SubPixel) -> [i32; 3] {
     let (width, height) = (difference.width as isize, difference.height as isize);
     let ((column, x), (row, y)) = (place.column, place.row);
     let inside = column >= 1 && column + 2 < width;
@@ -189,8 +195,8 @@ mod tests {
         Camera { width: 40, height: 24, fx: 30.0, fy: 31.0, cx: 20.5, cy: 11.5 }
     }
 
-    fn vantage(rotation: [f32; 4], translation: [f32; 3]) -> Vantage {
-        Vantage { camera: camera(), placement: Placement { rotation, translation } }
+    fn viewpoint(rotation: [f32; 4], translation: [f32; 3]) -> Viewpoint {
+        Viewpoint { camera: camera(), placement: Placement { rotation, translation } }
     }
 
     fn planes() -> Planes {
@@ -218,7 +224,7 @@ mod tests {
 
     #[test]
     fn the_same_view_gives_the_same_picture() {
-        let here = vantage([0.6, 0.0, 0.8, 0.0], [3.0, -1.0, 2.0]);
+        let here = viewpoint([0.6, 0.0, 0.8, 0.0], [3.0, -1.0, 2.0]);
         let (picture, mut warped, mut plain) = (picture(), planes(), planes());
         warp(&picture, &here, &here, &[4.0; 40 * 24], &mut warped);
         let value = |i: usize| std::array::from_fn(|c| i32::from(picture.data[3 * i + c]) - NONE);
@@ -234,8 +240,8 @@ mod tests {
     fn a_step_sideways_shifts_by_the_parallax() {
         // The camera of the new view stands 0.4 to the right: what it sees lay 0.4 · 30 / 4 = 3 pixels further right
         // before.
-        let (before, now) = (vantage([1.0, 0.0, 0.0, 0.0], [0.0; 3]), [1.0, 0.0, 0.0, 0.0]);
-        let now = vantage(now, [-0.4, 0.0, 0.0]);
+        let (before, now) = (viewpoint([1.0, 0.0, 0.0, 0.0], [0.0; 3]), [1.0, 0.0, 0.0, 0.0]);
+        let now = viewpoint(now, [-0.4, 0.0, 0.0]);
         let (picture, mut warped, mut still) = (picture(), planes(), planes());
         warp(&picture, &before, &now, &[4.0; 40 * 24], &mut warped);
         warp(&picture, &before, &before, &[4.0; 40 * 24], &mut still);
@@ -254,8 +260,8 @@ mod tests {
         let depths: Vec<f32> = (0..40 * 24).map(|i| odd[i % odd.len()]).collect();
         let mut into = planes();
         for value in odd {
-            let far = vantage([1.0, 0.0, value, 0.0], [value, 0.0, 1.0]);
-            let here = vantage([1.0, 0.0, 0.0, 0.0], [0.0; 3]);
+            let far = viewpoint([1.0, 0.0, value, 0.0], [value, 0.0, 1.0]);
+            let here = viewpoint([1.0, 0.0, 0.0, 0.0], [0.0; 3]);
             warp(&picture(), &far, &here, &depths, &mut into);
             warp(&picture(), &here, &far, &depths, &mut into);
         }

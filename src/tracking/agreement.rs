@@ -141,8 +141,8 @@ impl Comparison {
     }
 
     /// Whether a search must mask parts or correct the light from place to place, for the pictures compared last and
-    /// their `agreement`. `most`: the share of the squared error, 0 to 1, that parts that do not agree may make.
-    pub fn is_uneven(&self, agreement: &Agreement, most: f64) -> bool {
+    /// their `agreement`. `max`: the share of the squared error, 0 to 1, that parts that do not agree may make.
+    pub fn is_uneven(&self, agreement: &Agreement, max: f64) -> bool {
         let (Some(all), Some(correction)) = (self.light(), agreement.correction) else {
             return false;
         };
@@ -160,7 +160,7 @@ impl Comparison {
                 other += own;
             }
         }
-        agreement.share < NEARLY_ALL || other > most * error || change > UNEVEN * agreeing
+        agreement.share < NEARLY_ALL || other > max * error || change > UNEVEN * agreeing
     }
 
     /// Masks the blocks that do not agree, and fills in the light of each place, from the pictures compared last.
@@ -170,10 +170,10 @@ impl Comparison {
     pub fn describe(&mut self, field: &mut FlatField) {
         assert_eq!(field.size(), [self.columns, self.rows], "cells");
         let Some(all) = self.light() else { return };
-        let most = PARTLY_COVERED * self.typical_error(all);
+        let max = PARTLY_COVERED * self.typical_error(all);
         for (index, to) in field.set().iter_mut().enumerate() {
             *to = self.cell(index, all);
-            if self.blocks[index].error_in(all) > most {
+            if self.blocks[index].error_in(all) > max {
                 to.counts = 0.0;
             }
         }
@@ -321,8 +321,8 @@ impl Sums {
     fn light(&self) -> Option<(f64, f64)> {
         let told = self.count > 0.0 && self.render_variance() > RANGE * RANGE;
         let gain = ((self.frame_variance() - NOISE).max(0.0) / self.render_variance()).sqrt();
-        let sound = told && self.covariance() > 0.0 && gain > 0.02 && gain < 50.0;
-        sound.then(|| (gain, (self.frame - gain * self.render) / self.count / 255.0))
+        let valid = told && self.covariance() > 0.0 && gain > 0.02 && gain < 50.0;
+        valid.then(|| (gain, (self.frame - gain * self.render) / self.count / 255.0))
     }
 }
 

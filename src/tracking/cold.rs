@@ -31,7 +31,7 @@ impl ColdStart {
             hypotheses: Hypotheses::new(&objective.camera(level)),
             level,
             mask: None,
-            starts: Vec::with_capacity(Hypotheses::MOST + 1),
+            starts: Vec::with_capacity(Hypotheses::MAX + 1),
             error: f64::NAN,
         }
     }
@@ -41,13 +41,13 @@ impl ColdStart {
         self.mask = mask.map(|mask| mask.reduced(objective.factor(self.level)));
     }
 
-    /// The best hypotheses, at most `most`. The start itself is ranked among them.
+    /// The best hypotheses, at most `max`. The start itself is ranked among them.
     pub fn starts(
         &mut self,
         objective: &mut Objective,
         frame: &Picture,
         start: &Pose,
-        most: usize,
+        max: usize,
     ) -> Result<&[Pose], Error> {
         self.pyramid.set(frame);
         let correction = *objective.correction();
@@ -56,7 +56,7 @@ impl ColdStart {
         self.error = mse(render, self.pyramid.level(0), &correction, self.mask.as_ref());
         let proposals = self.hypotheses.propose(self.pyramid.level(0), render, start);
         self.starts.clear();
-        self.starts.extend(proposals.iter().take(most).map(|proposal| proposal.pose));
+        self.starts.extend(proposals.iter().take(max).map(|proposal| proposal.pose));
         Ok(&self.starts)
     }
 

@@ -58,8 +58,8 @@ impl Hint {
             return Err(Error::HintCovariance { frame });
         }
         let age = self.age;
-        let sound = age.is_finite() && age >= 0.0;
-        if sound { Ok(()) } else { Err(Error::HintAge { frame, age }) }
+        let valid = age.is_finite() && age >= 0.0;
+        if valid { Ok(()) } else { Err(Error::HintAge { frame, age }) }
     }
 }
 
@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_used_is_named() {
-        let check = |known: FrameInfo, before| known.check(7, before);
+        let check = |info: FrameInfo, before| info.check(7, before);
         let hint = Hint::of(Pose::IDENTITY);
         assert!(check(FrameInfo::default(), None).is_ok());
         assert!(check(FrameInfo::from(hint), Some(5.0)).is_ok());

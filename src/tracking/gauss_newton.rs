@@ -164,7 +164,6 @@ const ROUNDING: f64 = 1.0 / (12.0 * 255.0 * 255.0);
 
 /// How a run of the device came to its end.
 struct Path {
-    /// Where it ended.
     found: Placement,
     /// Share by which the last step, taken without an evaluation, promised to lower the error.
     promised: f64,
@@ -179,8 +178,8 @@ impl Path {
     /// if the step promised much, it must be better by a good part of that. Near the optimum Gauss–Newton keeps its
     /// promises. If it does not, the search has not arrived.
     fn kept_promise(&self, drawn_mse: f64) -> bool {
-        let most = if self.promised > 0.03 { 1.0 - 0.8 * self.promised } else { 1.02 };
-        self.promised == 0.0 || drawn_mse - ROUNDING <= most * self.seen_mse
+        let max = if self.promised > 0.03 { 1.0 - 0.8 * self.promised } else { 1.02 };
+        self.promised == 0.0 || drawn_mse - ROUNDING <= max * self.seen_mse
     }
 }
 

@@ -17,10 +17,9 @@ use crate::{Camera, Pose};
 /// Turns about the optical axis that are tried, degrees. Phase correlation tolerates 2° of roll and
 /// more.
 const ROLLS: [f32; 7] = [-12.0, -8.0, -4.0, 0.0, 4.0, 8.0, 12.0];
-/// Rounds of phase correlation.
 const ROUNDS: usize = 2;
 /// The least share of the picture that frame and render must both show; with less, they are not judged.
-const LEAST_OVERLAP: f32 = 0.25;
+const MIN_OVERLAP: f32 = 0.25;
 
 /// A start pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,7 +53,7 @@ pub struct Hypotheses {
 
 impl Hypotheses {
     /// Most proposals of a call.
-    pub const MOST: usize = 4;
+    pub const MAX: usize = 4;
 
     /// For a level's camera. About 80 pixels across are enough, and cheap: 1.2 ms per call.
     pub fn new(camera: &Camera) -> Hypotheses {
@@ -68,7 +67,7 @@ impl Hypotheses {
             warped: [zeros(), zeros()],
             seen: [vec![false; count], vec![false; count]],
             candidates: Vec::with_capacity(ROLLS.len() + 1),
-            proposals: Vec::with_capacity(Self::MOST),
+            proposals: Vec::with_capacity(Self::MAX),
         }
     }
 
@@ -98,7 +97,7 @@ impl Hypotheses {
         self.judge();
 
         self.proposals.clear();
-        let proposals = self.candidates.iter().take(Self::MOST).map(|candidate| Proposal {
+        let proposals = self.candidates.iter().take(Self::MAX).map(|candidate| Proposal {
             pose: start.stepped(&candidate.step()),
             score: candidate.score,
         });
@@ -131,8 +130,8 @@ impl Hypotheses {
     fn judge(&mut self) {
         for at in 0..self.candidates.len() {
             self.warp(0, self.candidates[at]);
-            let least = LEAST_OVERLAP * self.render.len() as f32;
-            let score = correlation(&self.warped[0], &self.render, &self.seen[0], least);
+            let min = MIN_OVERLAP * self.render.len() as f32;
+            let score = correlation(&self.warped[0], &self.render, &self.seen[0], min);
             self.candidates[at].score = score;
         }
         self.candidates.sort_unstable_by(|a, b| b.score.total_cmp(&a.score));
@@ -192,8 +191,8 @@ fn sample(picture: &[f32], width: usize, x: f32, y: f32) -> Option<f32> {
 }
 
 /// Correlation coefficient of two pictures over the pixels that are `seen`; 0 if one of them is flat, −1 if fewer than
-/// `least` pixels are seen or a value is no number.
-fn correlation(a: &[f32], b: &[f32], seen: &[bool], least: f32) -> f32 {
+/// `min` pixels are seen or a value is no number.
+fn correlation(a: &[f32], b: &[f32], seen: &[bool], min: f32) -> f32 {
     let pixels = || {
         let seen = a.iter().zip(b).zip(seen).filter(|(_, seen)| **seen);
         seen.map(|((a, b), _)| (f64::from(*a), f64::from(*b)))
@@ -202,7 +201,7 @@ fn correlation(a: &[f32], b: &[f32], seen: &[bool], least: f32) -> f32 {
     for (a, b) in pixels() {
         (count, mean_a, mean_b) = (count + 1.0, mean_a + a, mean_b + b);
     }
-    if !(count > 0.0 && count >= f64::from(least)) {
+    if !(count > 0.0 && count >= f64::from(min)) {
         return -1.0;
     }
     (mean_a, mean_b) = (mean_a / count, mean_b / count);
@@ -272,7 +271,7 @@ mod tests {
         let start = Pose::IDENTITY;
         let mut hypotheses = Hypotheses::new(&CAMERA);
         let found = hypotheses.propose(frame, &view(&start, 5), &start);
-        assert_eq!(found.len(), Hypotheses::MOST);
+        assert_eq!(found.len(), Hypotheses::MAX);
         assert!(found.is_sorted_by(|a, b| a.score >= b.score));
         apart(&found[0].pose, truth)
     }

@@ -4,98 +4,41 @@ use ash::vk;
 
 /// A failure of the Vulkan layer, naming the call or thing that failed.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum Error {
-    /// The Vulkan loader library is missing.
     #[error(
         "no Vulkan loader ({0}); install a Vulkan driver: on Debian or Ubuntu `apt-get install \
          libvulkan1 mesa-vulkan-drivers` (a CPU driver that works everywhere), else your GPU's"
     )]
     NoLoader(String),
-    /// No device that can run the engine.
     #[error(
         "no Vulkan device fits: {found}. nvsprior needs Vulkan 1.2 with the \
          vulkanMemoryModel feature; on Debian or Ubuntu `apt-get install mesa-vulkan-drivers` \
          brings a CPU driver that works everywhere"
     )]
-    NoDevice {
-        /// Devices seen, and why each does not fit.
-        found: String,
-    },
-    /// None of the devices is the one asked for.
+    NoDevice { found: String },
     #[error(
         "no Vulkan device \"{wanted}\"; there are: {found}. Give a number, or a part of a name"
     )]
-    UnknownDevice {
-        /// What was asked for.
-        wanted: String,
-        /// Numbers and names of the devices.
-        found: String,
-    },
-    /// The device that the program gave cannot run the engine.
+    UnknownDevice { wanted: String, found: String },
     #[error("the given device does not fit: {reason}")]
-    GivenDevice {
-        /// Why.
-        reason: String,
-    },
-    /// Validation was asked for and its layer is not installed.
+    GivenDevice { reason: String },
     #[error("validation layer VK_LAYER_KHRONOS_validation is not installed")]
     NoValidationLayer,
-    /// A Vulkan call failed.
     #[error("{call} failed: {result:?}")]
-    Call {
-        /// Name of the Vulkan function.
-        call: &'static str,
-        /// What it returned.
-        result: vk::Result,
-    },
-    /// The device was lost; the engine must be opened again.
+    Call { call: &'static str, result: vk::Result },
     #[error("device lost in {call}")]
-    DeviceLost {
-        /// Name of the Vulkan function that noticed.
-        call: &'static str,
-    },
-    /// The device did not end its work in time. It counts as lost, and what it may still use is never freed.
+    DeviceLost { call: &'static str },
     #[error("the device did not end its work within {milliseconds} ms, the time of the watchdog")]
-    Hung {
-        /// The watchdog's time.
-        milliseconds: u64,
-    },
-    /// Memory could not be had.
+    Hung { milliseconds: u64 },
     #[error("no memory for buffer {buffer} of {bytes} bytes: {reason}")]
-    Memory {
-        /// Which buffer.
-        buffer: &'static str,
-        /// Its size.
-        bytes: u64,
-        /// The allocator's reason.
-        reason: String,
-    },
-    /// A buffer is larger than the device lets a shader see.
+    Memory { buffer: &'static str, bytes: u64, reason: String },
     #[error(
         "buffer {buffer} needs {bytes} bytes; this device's storage buffers hold {limit}{advice}"
     )]
-    BufferTooLarge {
-        /// Which buffer.
-        buffer: &'static str,
-        /// Size needed.
-        bytes: u64,
-        /// `maxStorageBufferRange` of the device.
-        limit: u64,
-        /// What would fit, as the end of the message; empty if that is not known.
-        advice: String,
-    },
-    /// More workgroups than the device runs at once.
+    BufferTooLarge { buffer: &'static str, bytes: u64, limit: u64, advice: String },
     #[error("{count} workgroups of {kernel}; this device dispatches {limit}{advice}")]
-    TooManyWorkgroups {
-        /// Which kernel.
-        kernel: &'static str,
-        /// Number needed.
-        count: u64,
-        /// `maxComputeWorkGroupCount` of the device, first component.
-        limit: u64,
-        /// As in [`Error::BufferTooLarge`].
-        advice: String,
-    },
+    TooManyWorkgroups { kernel: &'static str, count: u64, limit: u64, advice: String },
     /// A picture needs more (tile, splat) pairs than 32 bits count. Or one tile or workgroup has so many splats that
     /// the driver ended a shader's loop early: llvmpipe ends loops after 65,535 rounds.
     #[error(

@@ -18,7 +18,6 @@ fn scene_is_written() {
     assert_ne!(prior.id(), other.id());
 }
 
-/// A test for each program.
 macro_rules! programs {
     ($($name:ident: $arguments:expr;)*) => {
         $(#[test]

@@ -14,7 +14,6 @@ use crate::wall;
 /// Small, so that a frame takes little time even under a memory checker.
 const CAMERA: Camera = Camera { width: 96, height: 54, fx: 78.0, fy: 78.0, cx: 48.0, cy: 27.0 };
 
-/// Pictures of the dive.
 const FRAMES: usize = 8;
 
 /// The folder of the files. The first call writes them. `scripts/c-test.sh` knows the folder too.

@@ -55,7 +55,7 @@ pub fn random_splats(seed: u64, count: usize, sh_degree: u32) -> Splats {
 /// [`random_splats`] as a prior, rendered as gsplat does.
 pub fn random_prior(seed: u64, count: usize, sh_degree: u32) -> Prior {
     let splats = random_splats(seed, count, sh_degree);
-    Prior::from_splats(splats, RenderOptions::GSPLAT).expect("sound splats")
+    Prior::from_splats(splats, RenderOptions::GSPLAT).expect("valid splats")
 }
 
 /// A camera of about 60° across, its principal point beside the middle.

@@ -10,7 +10,7 @@ use nvsprior::prior::Splats;
 use nvsprior::render::{Plan, Scene};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior, RenderOptions};
 
-use crate::common::Random;
+use crate::common::{Random, engine};
 
 pub const CAMERA: Camera =
     Camera { width: 160, height: 90, fx: 130.0, fy: 130.0, cx: 80.0, cy: 45.0 };
@@ -41,6 +41,13 @@ pub fn wall(seed: u64) -> Prior {
     Prior::from_splats(splats, RenderOptions::INRIA).unwrap()
 }
 
+/// The engine of this process, and a prior on its device.
+pub fn on_device(prior: &Prior) -> (Engine, Arc<Scene>) {
+    let engine = engine();
+    let scene = engine.upload(prior).unwrap();
+    (engine, scene)
+}
+
 /// The pose of frame `t` of a slow dive along the wall.
 pub fn pose(t: f64) -> Pose {
     Pose::IDENTITY.stepped(&[0.05 * t, -0.02 * t, 0.01 * t, 0.004 * t, 0.006 * t, -0.003 * t])
@@ -69,7 +76,6 @@ pub fn frame(engine: &Engine, scene: &Arc<Scene>, pose: &Pose) -> Picture {
     picture
 }
 
-/// Writes the wall as a .ply.
 pub fn write_prior(path: &Path, prior: &Prior) {
     let mut bytes = Vec::new();
     let (splats, options, key_frames) = (prior.splats(), prior.options(), prior.key_frames());

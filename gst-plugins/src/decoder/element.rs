@@ -1,6 +1,6 @@
 //! The element `nvspdec`.
 
-use std::sync::{LazyLock, Mutex};
+use std::sync::Mutex;
 use std::time::Instant;
 
 use gst::glib;
@@ -16,14 +16,13 @@ use nvsprior::residual::ResidualError;
 use nvsprior::{Decoded, Error, Trust};
 
 use crate::caps;
+use crate::element::{log_category, registry};
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
 use crate::property;
 use crate::stats::{self, properties_with_stats};
 
-static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
-    gst::DebugCategory::new("nvspdec", gst::DebugColorFlags::empty(), Some("nvsprior decoder"))
-});
+log_category!("nvspdec", "nvsprior decoder");
 
 /// What is known of a packet's bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, glib::Enum)]
@@ -100,10 +99,9 @@ pub struct Decoder {
 }
 
 /// What becomes of a packet.
-enum Outcome {
+enum Fate {
     /// [`State::decoded`] has the picture.
     Picture,
-    /// It gives no picture.
     Nothing(Error),
     /// It was too late, and no later frame needs it.
     Late,
@@ -119,7 +117,7 @@ const FORMATS: [(VideoFormat, PixelFormat); 4] = [
 
 /// Latency is told in steps of this, and up to the most.
 const LATENCY_STEP: gst::ClockTime = gst::ClockTime::from_mseconds(20);
-const MOST_LATENCY: gst::ClockTime = gst::ClockTime::from_seconds(1);
+const MAX_LATENCY: gst::ClockTime = gst::ClockTime::from_seconds(1);
 
 impl Decoder {
     fn stats(&self) -> gst::Structure {
@@ -137,13 +135,12 @@ impl Decoder {
         stats
     }
 
-    /// Decodes a packet.
     fn decode(
         &self,
         state: &mut State,
         packet: &[u8],
         late: bool,
-    ) -> Result<Outcome, gst::ErrorMessage> {
+    ) -> Result<Fate, gst::ErrorMessage> {
         let trust = match lock(&self.settings).trust {
             TrustKind::Start => Trust::Start,
             TrustKind::Auto if state.starts => Trust::Start,
@@ -156,7 +153,7 @@ impl Decoder {
             ));
         };
         if late && !leads(packet) {
-            return Ok(Outcome::Late);
+            return Ok(Fate::Late);
         }
         let since = Instant::now();
         let done = decoder.decode_into(packet, trust, &mut state.decoded);
@@ -165,26 +162,25 @@ impl Decoder {
             Ok(()) => {
                 self.tell_latency(state, taken);
                 self.count(&state.decoded, packet.len(), taken);
-                Ok(if late { Outcome::Late } else { Outcome::Picture })
+                Ok(if late { Fate::Late } else { Fate::Picture })
             }
             Err(error) if is_fatal(&error) => {
                 Err(gst::error_msg!(gst::ResourceError::Failed, ("{error}")))
             }
-            Err(error) => Ok(Outcome::Nothing(error)),
+            Err(error) => Ok(Fate::Nothing(error)),
         }
     }
 
     /// Tells the pipeline how long pictures take, if that has grown: sinks wait for so long.
     fn tell_latency(&self, state: &mut State, taken: gst::ClockTime) {
         let steps = taken.nseconds().div_ceil(LATENCY_STEP.nseconds());
-        let latency = (LATENCY_STEP * steps).min(MOST_LATENCY);
+        let latency = (LATENCY_STEP * steps).min(MAX_LATENCY);
         if latency > state.latency {
             state.latency = latency;
             self.obj().set_latency(latency, None);
         }
     }
 
-    /// Counts a picture.
     fn count(&self, decoded: &Decoded, bytes: usize, taken: gst::ClockTime) {
         let mut figures = gst::Structure::builder("nvspdec-frame")
             .field("frame", decoded.frame)
@@ -319,33 +315,13 @@ impl ObjectImpl for Decoder {
 impl GstObjectImpl for Decoder {}
 
 impl ElementImpl for Decoder {
-    fn metadata() -> Option<&'static gst::subclass::ElementMetadata> {
-        static METADATA: LazyLock<gst::subclass::ElementMetadata> = LazyLock::new(|| {
-            gst::subclass::ElementMetadata::new(
-                "nvsprior decoder",
-                "Codec/Decoder/Video",
-                "Draws the prior at a packet's pose and adds the packet's difference picture",
-                "The nvsprior authors",
-            )
-        });
-        Some(&*METADATA)
-    }
-
-    fn pad_templates() -> &'static [gst::PadTemplate] {
-        static TEMPLATES: LazyLock<Vec<gst::PadTemplate>> = LazyLock::new(|| {
-            let side = 1..=nvsprior::Camera::MAX_SIDE as i32;
-            let src = gst_video::VideoCapsBuilder::new()
-                .format_list(FORMATS.map(|(format, _)| format))
-                .width_range(side.clone())
-                .height_range(side)
-                .build();
-            vec![
-                caps::template("sink", gst::PadDirection::Sink, &caps::any(caps::PACKET)),
-                caps::template("src", gst::PadDirection::Src, &src),
-            ]
-        });
-        &TEMPLATES
-    }
+    registry!(
+        "nvsprior decoder",
+        "Codec/Decoder/Video",
+        "Draws the prior at a packet's pose and adds the packet's difference picture",
+        sink: caps::any(caps::PACKET),
+        src: caps::pictures(&FORMATS.map(|(format, _)| format), nvsprior::Camera::MAX_SIDE)
+    );
 }
 
 impl VideoDecoderImpl for Decoder {
@@ -416,7 +392,7 @@ impl VideoDecoderImpl for Decoder {
             }
         };
         match outcome {
-            Outcome::Picture => {
+            Fate::Picture => {
                 let damage = state.decoded.damage.take();
                 if damage.as_ref().is_some_and(wants_key) {
                     self.obj()
@@ -432,7 +408,7 @@ impl VideoDecoderImpl for Decoder {
                 drop(state);
                 self.obj().finish_frame(frame)
             }
-            Outcome::Nothing(error) => {
+            Fate::Nothing(error) => {
                 lock(&self.counts).refused += 1;
                 if wants_key(&error) {
                     self.obj()
@@ -442,7 +418,7 @@ impl VideoDecoderImpl for Decoder {
                 drop(state);
                 self.obj().drop_frame(frame)
             }
-            Outcome::Late => {
+            Fate::Late => {
                 lock(&self.counts).late += 1;
                 drop(state);
                 self.obj().drop_frame(frame)

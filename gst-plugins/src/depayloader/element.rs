@@ -3,24 +3,19 @@
 //! Packets that are due go on from the thread that brings shares. In live pipelines a second thread sees to those that
 //! are due while no share comes.
 
-use std::sync::{Condvar, LazyLock, Mutex, PoisonError};
+use std::sync::{Condvar, Mutex, PoisonError};
 
 use gst::glib;
 use gst::prelude::*;
 use gst::subclass::prelude::*;
 
 use crate::caps;
+use crate::element::{add_pads, log_category, pad, registry};
 use crate::lock::lock;
 use crate::playout::{Played, Playout, PlayoutOptions};
 use crate::stats::properties_with_stats;
 
-static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
-    gst::DebugCategory::new(
-        "nvspdepay",
-        gst::DebugColorFlags::empty(),
-        Some("nvsprior depayloader"),
-    )
-});
+log_category!("nvspdepay", "nvsprior depayloader");
 
 #[derive(Clone, Copy, Debug)]
 struct Settings {
@@ -329,7 +324,6 @@ impl Depayloader {
         }
     }
 
-    /// Ends the timer's thread.
     fn stop_timer(&self) {
         {
             let mut state = lock(&self.state);
@@ -416,8 +410,7 @@ impl ObjectSubclass for Depayloader {
     type ParentType = gst::Element;
 
     fn with_class(class: &Self::Class) -> Self {
-        let template = |name| class.pad_template(name).expect("both templates are registered");
-        let sink = gst::Pad::builder_from_template(&template("sink"))
+        let sink = pad(class.pad_template("sink"))
             .chain_function(|_, parent, buffer| {
                 Depayloader::catch_panic_pad_function(
                     parent,
@@ -433,7 +426,7 @@ impl ObjectSubclass for Depayloader {
                 )
             })
             .build();
-        let src = gst::Pad::builder_from_template(&template("src"))
+        let src = pad(class.pad_template("src"))
             .query_function(|_, parent, query| {
                 Depayloader::catch_panic_pad_function(
                     parent,
@@ -471,37 +464,20 @@ impl ObjectImpl for Depayloader {
 
     fn constructed(&self) {
         self.parent_constructed();
-        let element = self.obj();
-        for pad in [&self.sink, &self.src] {
-            element.add_pad(pad).expect("a new element has no pads yet");
-        }
+        add_pads(&*self.obj(), [&self.sink, &self.src]);
     }
 }
 
 impl GstObjectImpl for Depayloader {}
 
 impl ElementImpl for Depayloader {
-    fn metadata() -> Option<&'static gst::subclass::ElementMetadata> {
-        static METADATA: LazyLock<gst::subclass::ElementMetadata> = LazyLock::new(|| {
-            gst::subclass::ElementMetadata::new(
-                "nvsprior depayloader",
-                "Codec/Depayloader/Network",
-                "Puts packets together from shares, which may come in any order, late, or not at all",
-                "The nvsprior authors",
-            )
-        });
-        Some(&*METADATA)
-    }
-
-    fn pad_templates() -> &'static [gst::PadTemplate] {
-        static TEMPLATES: LazyLock<Vec<gst::PadTemplate>> = LazyLock::new(|| {
-            vec![
-                caps::template("sink", gst::PadDirection::Sink, &caps::any(caps::SHARE)),
-                caps::template("src", gst::PadDirection::Src, &caps::any(caps::PACKET)),
-            ]
-        });
-        &TEMPLATES
-    }
+    registry!(
+        "nvsprior depayloader",
+        "Codec/Depayloader/Network",
+        "Puts packets together from shares, which may come in any order, late, or not at all",
+        sink: caps::any(caps::SHARE),
+        src: caps::any(caps::PACKET)
+    );
 
     fn change_state(
         &self,

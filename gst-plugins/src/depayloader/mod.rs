@@ -2,14 +2,4 @@
 
 mod element;
 
-use gst::glib;
-use gst::prelude::*;
-
-glib::wrapper! {
-    /// The element.
-    pub struct Depayloader(ObjectSubclass<element::Depayloader>) @extends gst::Element, gst::Object;
-}
-
-pub fn register(plugin: &gst::Plugin) -> Result<(), glib::BoolError> {
-    gst::Element::register(Some(plugin), "nvspdepay", gst::Rank::NONE, Depayloader::static_type())
-}
+crate::element::class!("nvspdepay", Depayloader extends gst::Element, gst::Object);

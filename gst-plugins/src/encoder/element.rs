@@ -1,6 +1,6 @@
 //! The element `nvspenc`.
 
-use std::sync::{LazyLock, Mutex};
+use std::sync::Mutex;
 
 use gst::glib;
 use gst::prelude::*;
@@ -12,18 +12,17 @@ use gst_video::{VideoColorMatrix, VideoColorRange, VideoFormat, VideoInfo};
 use nvsprior::image::{Colour, ImageView, PixelFormat};
 use nvsprior::tracking::FrameInfo;
 
-use super::frames::{Frames, FramesError, Outcome};
+use super::frames::{Frames, FramesError, Taken};
 use super::settings::{ModeKind, RateKind, Settings, StructureKind};
 use crate::budget::Budget;
 use crate::caps;
+use crate::element::{log_category, registry};
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
 use crate::property;
 use crate::stats::{self, properties_with_stats};
 
-static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
-    gst::DebugCategory::new("nvspenc", gst::DebugColorFlags::empty(), Some("nvsprior encoder"))
-});
+log_category!("nvspenc", "nvsprior encoder");
 
 /// What the element holds while it runs.
 #[derive(Default)]
@@ -44,7 +43,6 @@ struct Counts {
     left_out: u64,
     late: u64,
     uncertain: u64,
-    /// The last packet's figures.
     last: Option<gst::Structure>,
 }
 
@@ -148,6 +146,15 @@ pub struct Encoder {
     state: Mutex<State>,
 }
 
+const FORMATS: [VideoFormat; 6] = [
+    VideoFormat::Rgb,
+    VideoFormat::Nv12,
+    VideoFormat::I420,
+    VideoFormat::Bgr,
+    VideoFormat::Rgba,
+    VideoFormat::Rgbx,
+];
+
 impl Encoder {
     fn start_text(&self) -> Option<String> {
         lock(&self.settings).start.clone()
@@ -164,8 +171,8 @@ impl Encoder {
         };
         let mut settings = lock(&self.settings);
         settings.start = text;
-        if let Some(known) = pose {
-            settings.known = known;
+        if let Some(frame_info) = pose {
+            settings.info = frame_info;
         }
     }
 
@@ -173,7 +180,7 @@ impl Encoder {
     fn start_again(&self) {
         let mut settings = lock(&self.settings);
         if let Some(Ok(pose)) = settings.start.as_deref().map(property::pose) {
-            settings.known = Some(pose.into());
+            settings.info = Some(pose.into());
         }
     }
 
@@ -270,30 +277,29 @@ impl Encoder {
         figures
     }
 
-    /// Encodes a frame's image.
     fn encode(
         &self,
         state: &mut State,
         frame: &gst_video::VideoCodecFrame,
         time: f64,
-    ) -> Result<Outcome, gst::ErrorMessage> {
+    ) -> Result<Taken, gst::ErrorMessage> {
         let failed = |text: String| gst::error_msg!(gst::StreamError::Encode, ("{text}"));
         let (Some(frames), Some(info)) = (&mut state.frames, &state.info) else {
             return Err(gst::error_msg!(gst::CoreError::Negotiation, ("a frame before its caps")));
         };
-        let (settings, known) = {
+        let (settings, frame_info) = {
             let mut settings = lock(&self.settings);
-            (settings.clone(), settings.known.take().unwrap_or_default())
+            (settings.clone(), settings.info.take().unwrap_or_default())
         };
         let input =
             frame.input_buffer().ok_or_else(|| failed("a frame without a buffer".into()))?;
         let mapped = gst_video::VideoFrameRef::from_buffer_ref_readable(input, info)
             .map_err(|error| failed(format!("mapping a frame: {error}")))?;
         let view = Self::view(&mapped)?;
-        let taken = frames.take(&view, time, known, &settings);
-        if let Ok(Outcome::LeftOut | Outcome::TooSmall(_)) = taken {
+        let taken = frames.take(&view, time, frame_info, &settings);
+        if let Ok(Taken::LeftOut | Taken::TooSmall(_)) = taken {
             // The next frame takes it, unless there is a newer one by then.
-            lock(&self.settings).known.get_or_insert(known);
+            lock(&self.settings).info.get_or_insert(frame_info);
         }
         if let Some(error) = frames.take_refused() {
             gst::element_imp_warning!(self, gst::StreamError::Encode, ("{error}"));
@@ -350,19 +356,19 @@ impl Encoder {
             }
         }
         match self.encode(&mut state, frame, time)? {
-            Outcome::Packet(budget) => {
+            Taken::Packet(budget) => {
                 state.starved = false;
                 let Some(frames) = &state.frames else { return Ok(None) };
-                let alone = frames.encoded().stats.reference.is_none();
-                Ok(Some((self.packet(frames, budget)?, alone)))
+                let is_intra = frames.encoded().stats.reference.is_none();
+                Ok(Some((self.packet(frames, budget)?, is_intra)))
             }
-            Outcome::LeftOut => {
+            Taken::LeftOut => {
                 lock(&self.counts).left_out += 1;
                 Ok(None)
             }
-            Outcome::TooSmall(error) => Ok(self.give_up(&mut state, error.to_string())),
+            Taken::TooSmall(error) => Ok(self.give_up(&mut state, error.to_string())),
             // A pose may come while the pipeline plays.
-            Outcome::NoStart(error) => {
+            Taken::NoStart(error) => {
                 let text = format!("{error}; the property start gives a pose");
                 Ok(self.give_up(&mut state, text))
             }
@@ -398,41 +404,13 @@ impl ObjectImpl for Encoder {
 impl GstObjectImpl for Encoder {}
 
 impl ElementImpl for Encoder {
-    fn metadata() -> Option<&'static gst::subclass::ElementMetadata> {
-        static METADATA: LazyLock<gst::subclass::ElementMetadata> = LazyLock::new(|| {
-            gst::subclass::ElementMetadata::new(
-                "nvsprior encoder",
-                "Codec/Encoder/Video",
-                "Encodes frames against a 3D Gaussian Splatting prior: a pose and a difference picture",
-                "The nvsprior authors",
-            )
-        });
-        Some(&*METADATA)
-    }
-
-    fn pad_templates() -> &'static [gst::PadTemplate] {
-        static TEMPLATES: LazyLock<Vec<gst::PadTemplate>> = LazyLock::new(|| {
-            let formats = [
-                VideoFormat::Rgb,
-                VideoFormat::Nv12,
-                VideoFormat::I420,
-                VideoFormat::Bgr,
-                VideoFormat::Rgba,
-                VideoFormat::Rgbx,
-            ];
-            let side = 1..=ImageView::MAX_SIDE as i32;
-            let sink = gst_video::VideoCapsBuilder::new()
-                .format_list(formats)
-                .width_range(side.clone())
-                .height_range(side)
-                .build();
-            vec![
-                caps::template("sink", gst::PadDirection::Sink, &sink),
-                caps::template("src", gst::PadDirection::Src, &caps::any(caps::PACKET)),
-            ]
-        });
-        &TEMPLATES
-    }
+    registry!(
+        "nvsprior encoder",
+        "Codec/Encoder/Video",
+        "Encodes frames against a 3D Gaussian Splatting prior: a pose and a difference picture",
+        sink: caps::pictures(&FORMATS, ImageView::MAX_SIDE),
+        src: caps::any(caps::PACKET)
+    );
 }
 
 impl VideoEncoderImpl for Encoder {
@@ -515,8 +493,8 @@ impl VideoEncoderImpl for Encoder {
         let number = f64::from(frame.system_frame_number());
         let time = frame.pts().map_or(number, |pts| pts.seconds_f64());
         match self.handle(&frame, time) {
-            Ok(Some((packet, alone))) => {
-                if alone {
+            Ok(Some((packet, is_intra))) => {
+                if is_intra {
                     frame.set_flags(gst_video::VideoCodecFrameFlags::SYNC_POINT);
                 }
                 frame.set_output_buffer(packet);

@@ -12,7 +12,6 @@ use crate::property::{self, PropertyError};
 
 use super::settings::{RateKind, Settings};
 
-/// Why frames cannot be encoded.
 #[derive(Debug, thiserror::Error)]
 pub enum FramesError {
     #[error(transparent)]
@@ -25,7 +24,7 @@ pub enum FramesError {
 
 /// What becomes of a frame.
 #[derive(Debug)]
-pub enum Outcome {
+pub enum Taken {
     /// There is a packet, [`Frames::encoded`]. A budget if the link decides the rate.
     Packet(Option<Budget>),
     /// The link has no bytes for it.
@@ -36,7 +35,6 @@ pub enum Outcome {
     NoStart(Error),
 }
 
-/// The frames of a camera.
 pub struct Frames {
     encoder: Encoder,
     converter: Converter,
@@ -132,7 +130,6 @@ impl Frames {
         self.encoder.announce();
     }
 
-    /// Forgets earlier frames.
     pub fn reset(&mut self) {
         self.encoder.reset();
         self.control = None;
@@ -167,9 +164,9 @@ impl Frames {
         &mut self,
         image: &ImageView,
         time: f64,
-        mut known: FrameInfo,
+        mut info: FrameInfo,
         settings: &Settings,
-    ) -> Result<Outcome, FramesError> {
+    ) -> Result<Taken, FramesError> {
         let time = self.forward(time);
         let number = self.number(time);
         let budget = match settings.rate {
@@ -189,24 +186,20 @@ impl Frames {
         self.converter.convert(image, &mut self.picture).map_err(Error::from)?;
         self.encoder.skip(number.wrapping_sub(self.next));
         self.next = number;
-        known.time = Some(time);
-        match self.encode(known) {
-            Err(error @ Error::NoStart { .. }) => return Ok(Outcome::NoStart(error)),
+        info.time = Some(time);
+        match self.encode(info) {
+            Err(error @ Error::NoStart { .. }) => return Ok(Taken::NoStart(error)),
             done => done?,
         }
         self.next = number.wrapping_add(1);
         match budget {
-            None => Ok(Outcome::Packet(None)),
+            None => Ok(Taken::Packet(None)),
             Some(budget) => self.spend(time, budget),
         }
     }
 
     /// The budget of a frame, and its rate.
-    fn plan(
-        &mut self,
-        now: f64,
-        settings: &Settings,
-    ) -> Result<Result<Budget, Outcome>, ModemError> {
+    fn plan(&mut self, now: f64, settings: &Settings) -> Result<Result<Budget, Taken>, ModemError> {
         let options = settings.rate_control(self.frame_rate);
         let control = match &mut self.control {
             Some(control) => control,
@@ -218,7 +211,7 @@ impl Frames {
         if control.options().loss != options.loss {
             control.set_loss(options.loss)?;
         }
-        let Some(budget) = control.plan(now) else { return Ok(Err(Outcome::LeftOut)) };
+        let Some(budget) = control.plan(now) else { return Ok(Err(Taken::LeftOut)) };
         match control.capacity(budget) {
             Ok(bytes) => {
                 // A packet that tells the camera takes more, for once.
@@ -226,22 +219,22 @@ impl Frames {
                 self.encoder.set_rate(Some(Rate::Bytes(bytes)));
                 Ok(Ok(Budget::of(control, budget)))
             }
-            Err(error) => Ok(Err(Outcome::TooSmall(error))),
+            Err(error) => Ok(Err(Taken::TooSmall(error))),
         }
     }
 
     /// Encodes the picture. A packet that also tells the camera may take more than its bytes: what does not fit its
     /// shares is cut off.
-    fn encode(&mut self, mut known: FrameInfo) -> Result<(), Error> {
-        let mut done = self.encoder.encode_into(&self.picture, known, &mut self.encoded);
+    fn encode(&mut self, mut info: FrameInfo) -> Result<(), Error> {
+        let mut done = self.encoder.encode_into(&self.picture, info, &mut self.encoded);
         if let Err(error @ (Error::HintPose { .. } | Error::HintFar { .. })) = done {
             self.refused = Some(error.into());
-            known.hint = None;
-            done = self.encoder.encode_into(&self.picture, known, &mut self.encoded);
+            info.hint = None;
+            done = self.encoder.encode_into(&self.picture, info, &mut self.encoded);
         }
         if let Err(Error::Budget { needed, .. }) = done {
             self.encoder.set_rate(Some(Rate::Bytes(needed)));
-            done = self.encoder.encode_into(&self.picture, known, &mut self.encoded);
+            done = self.encoder.encode_into(&self.picture, info, &mut self.encoded);
         }
         done
     }
@@ -252,20 +245,20 @@ impl Frames {
     }
 
     /// Counts what the packet takes of the link.
-    fn spend(&mut self, now: f64, mut budget: Budget) -> Result<Outcome, FramesError> {
+    fn spend(&mut self, now: f64, mut budget: Budget) -> Result<Taken, FramesError> {
         let packet = &self.encoded.packet;
         let picture = Extent::read(packet).map_err(Error::from)?.head;
-        let Some(control) = &mut self.control else { return Ok(Outcome::Packet(Some(budget))) };
+        let Some(control) = &mut self.control else { return Ok(Taken::Packet(Some(budget))) };
         match control.divide_longer(budget.bytes as usize, picture, packet.len()) {
             Ok((sharing, bytes)) => {
                 budget.bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
                 control.sent(now + control.options().delay, control.cost(&sharing));
-                Ok(Outcome::Packet(Some(budget)))
+                Ok(Taken::Packet(Some(budget)))
             }
             Err(error) => {
                 // The topside has not heard of what this packet says.
                 self.encoder.announce();
-                Ok(Outcome::TooSmall(error))
+                Ok(Taken::TooSmall(error))
             }
         }
     }
@@ -286,7 +279,7 @@ fn views(
             return Err(PropertyError::Missing("camera", what).into());
         }
     };
-    let camera = property::reduced(camera, settings.width);
+    let camera = camera.at_most_wide(settings.width);
     camera.check().map_err(PropertyError::from)?;
     let Some(lens) = lens else {
         let converter = Converter::new(camera.width, camera.height).map_err(Error::from)?;

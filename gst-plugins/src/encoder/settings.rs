@@ -60,7 +60,7 @@ pub struct Settings {
     pub region_weight: u32,
     pub start: Option<String>,
     /// What `start` says, until a frame has taken it.
-    pub known: Option<FrameInfo>,
+    pub info: Option<FrameInfo>,
     pub threshold: f64,
     pub mode: ModeKind,
     pub structure: StructureKind,
@@ -104,7 +104,7 @@ impl Default for Settings {
             region: None,
             region_weight: 8,
             start: None,
-            known: None,
+            info: None,
             threshold: 1e-3,
             mode: ModeKind::default(),
             structure: StructureKind::default(),
@@ -134,7 +134,6 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// How the encoder is made.
     pub fn encoder_options(&self) -> EncoderOptions {
         let key_every = self.key_every;
         let structure = match self.structure {

@@ -1,6 +1,6 @@
 //! The element `nvsppay`.
 
-use std::sync::{LazyLock, Mutex};
+use std::sync::Mutex;
 
 use gst::glib;
 use gst::prelude::*;
@@ -11,12 +11,11 @@ use nvsprior::packet::Extent;
 
 use crate::budget::Budget;
 use crate::caps;
+use crate::element::{add_pads, log_category, pad, registry};
 use crate::lock::lock;
 use crate::stats::properties_with_stats;
 
-static CATEGORY: LazyLock<gst::DebugCategory> = LazyLock::new(|| {
-    gst::DebugCategory::new("nvsppay", gst::DebugColorFlags::empty(), Some("nvsprior payloader"))
-});
+log_category!("nvsppay", "nvsprior payloader");
 
 #[derive(Clone, Debug)]
 struct Settings {
@@ -195,7 +194,6 @@ impl Payloader {
         Ok(left)
     }
 
-    /// Pushes shares.
     fn push(&self, shares: Vec<DueShare>) -> Result<gst::FlowSuccess, gst::FlowError> {
         for (due, share) in shares {
             {
@@ -298,8 +296,7 @@ impl ObjectSubclass for Payloader {
     type ParentType = gst::Element;
 
     fn with_class(class: &Self::Class) -> Self {
-        let template = |name| class.pad_template(name).expect("both templates are registered");
-        let sink = gst::Pad::builder_from_template(&template("sink"))
+        let sink = pad(class.pad_template("sink"))
             .chain_function(|_, parent, buffer| {
                 Payloader::catch_panic_pad_function(
                     parent,
@@ -311,7 +308,7 @@ impl ObjectSubclass for Payloader {
                 Payloader::catch_panic_pad_function(parent, || false, |this| this.sink_event(event))
             })
             .build();
-        let src = gst::Pad::builder_from_template(&template("src")).build();
+        let src = pad(class.pad_template("src")).build();
         Payloader {
             sink,
             src,
@@ -327,37 +324,20 @@ impl ObjectImpl for Payloader {
 
     fn constructed(&self) {
         self.parent_constructed();
-        let element = self.obj();
-        for pad in [&self.sink, &self.src] {
-            element.add_pad(pad).expect("a new element has no pads yet");
-        }
+        add_pads(&*self.obj(), [&self.sink, &self.src]);
     }
 }
 
 impl GstObjectImpl for Payloader {}
 
 impl ElementImpl for Payloader {
-    fn metadata() -> Option<&'static gst::subclass::ElementMetadata> {
-        static METADATA: LazyLock<gst::subclass::ElementMetadata> = LazyLock::new(|| {
-            gst::subclass::ElementMetadata::new(
-                "nvsprior payloader",
-                "Codec/Payloader/Network",
-                "Spreads packets over shares for modem frames or datagrams, of which some may be lost",
-                "The nvsprior authors",
-            )
-        });
-        Some(&*METADATA)
-    }
-
-    fn pad_templates() -> &'static [gst::PadTemplate] {
-        static TEMPLATES: LazyLock<Vec<gst::PadTemplate>> = LazyLock::new(|| {
-            vec![
-                caps::template("sink", gst::PadDirection::Sink, &caps::any(caps::PACKET)),
-                caps::template("src", gst::PadDirection::Src, &caps::any(caps::SHARE)),
-            ]
-        });
-        &TEMPLATES
-    }
+    registry!(
+        "nvsprior payloader",
+        "Codec/Payloader/Network",
+        "Spreads packets over shares for modem frames or datagrams, of which some may be lost",
+        sink: caps::any(caps::PACKET),
+        src: caps::any(caps::SHARE)
+    );
 
     fn change_state(
         &self,

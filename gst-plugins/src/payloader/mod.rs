@@ -2,14 +2,4 @@
 
 mod element;
 
-use gst::glib;
-use gst::prelude::*;
-
-glib::wrapper! {
-    /// The element.
-    pub struct Payloader(ObjectSubclass<element::Payloader>) @extends gst::Element, gst::Object;
-}
-
-pub fn register(plugin: &gst::Plugin) -> Result<(), glib::BoolError> {
-    gst::Element::register(Some(plugin), "nvsppay", gst::Rank::NONE, Payloader::static_type())
-}
+crate::element::class!("nvsppay", Payloader extends gst::Element, gst::Object);

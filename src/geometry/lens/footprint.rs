@@ -26,9 +26,9 @@ impl Footprint {
         let [a, b, c, d] = corners;
         let sides = DMat2::from_cols((b - a + d - c) * 0.5, (c - a + d - b) * 0.5);
         // Else the lens mirrors here, or has no resolution.
-        let sound = sides.determinant() > 1e-9 && lens.shows(centre, SLACK);
+        let valid = sides.determinant() > 1e-9 && lens.shows(centre, SLACK);
         let whole = corners.iter().all(|corner| lens.shows(*corner, SLACK));
-        sound.then_some(Footprint { centre, sides, whole })
+        valid.then_some(Footprint { centre, sides, whole })
     }
 
     /// Calls `visit` for the old pixels within `reach` of its middle, in units of `sides`: with

@@ -57,19 +57,12 @@ impl Clahe {
 
 /// Why there is no such preprocessing.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum PreprocessingError {
-    /// The clip limit lies outside its range.
     #[error("CLAHE with a clip limit of {found}: at least 1, at most {}", Clahe::MAX_CLIP_LIMIT)]
-    ClipLimit {
-        /// The clip limit.
-        found: f32,
-    },
-    /// The number of tiles lies outside its range.
+    ClipLimit { found: f32 },
     #[error("CLAHE with {found} tiles along a side: at least 1, at most {}", Clahe::MAX_TILES)]
-    Tiles {
-        /// The number of tiles.
-        found: u8,
-    },
+    Tiles { found: u8 },
 }
 
 /// Levels of luma, and bins of a histogram.
@@ -98,8 +91,8 @@ pub(super) struct Equaliser {
 
 impl Equaliser {
     pub fn new(clahe: Clahe) -> Equaliser {
-        let most = usize::from(clahe.tiles);
-        let curves = Vec::with_capacity(most * most);
+        let max = usize::from(clahe.tiles);
+        let curves = Vec::with_capacity(max * max);
         Equaliser { clahe, sides: Default::default(), luma: Vec::new(), curves }
     }
 
@@ -219,18 +212,18 @@ fn curve(histogram: &[u32; LEVELS], clip_limit: u64) -> Curve {
 struct Side {
     tiles: usize,
     /// For each pixel.
-    places: Vec<Place>,
+    places: Vec<BetweenTiles>,
 }
 
 /// Where a pixel lies between two tiles' middles.
-struct Place {
+struct BetweenTiles {
     first: u16,
     second: u16,
     /// The weight of the second.
     weight: u32,
 }
 
-impl Place {
+impl BetweenTiles {
     /// Between the values of the first tile and the second; adds [`WEIGHT_BITS`].
     fn blend(&self, first: u32, second: u32) -> u32 {
         first * (ONE - self.weight) + second * self.weight
@@ -251,7 +244,7 @@ impl Side {
         }
     }
 
-    fn place(&self, pixel: usize, pixels: usize) -> Place {
+    fn place(&self, pixel: usize, pixels: usize) -> BetweenTiles {
         // In half pixels.
         let at = 2 * pixel + 1;
         let middle = |tile: usize| {
@@ -262,11 +255,11 @@ impl Side {
         let (first, last) = (second.saturating_sub(1), self.tiles - 1);
         if second == 0 || second == self.tiles {
             let tile = if second == 0 { 0 } else { last } as u16;
-            return Place { first: tile, second: tile, weight: 0 };
+            return BetweenTiles { first: tile, second: tile, weight: 0 };
         }
         let (from, to) = (middle(first), middle(second));
         let weight = ((at - from) * ONE as usize + (to - from) / 2) / (to - from);
-        Place { first: first as u16, second: second as u16, weight: weight as u32 }
+        BetweenTiles { first: first as u16, second: second as u16, weight: weight as u32 }
     }
 
     fn bounds(&self, tile: usize, pixels: usize) -> std::ops::Range<usize> {

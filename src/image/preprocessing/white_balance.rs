@@ -39,11 +39,11 @@ fn gains(rgb: &[u8], counts: Option<&[bool]>) -> [u32; 3] {
         }
     }
     let all: u64 = sums.iter().sum();
-    let most = WhiteBalance::MAX_GAIN << GAIN_BITS;
+    let max = WhiteBalance::MAX_GAIN << GAIN_BITS;
     sums.map(|sum| match sum {
         // A channel without any light has no use for a gain.
         0 => 1 << GAIN_BITS,
-        sum => (((all << GAIN_BITS) + 3 * sum / 2) / (3 * sum)).min(most.into()) as u32,
+        sum => (((all << GAIN_BITS) + 3 * sum / 2) / (3 * sum)).min(max.into()) as u32,
     })
 }
 

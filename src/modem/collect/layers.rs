@@ -5,7 +5,7 @@ use crate::modem::limits::NUMBERS;
 use crate::modem::wire::code::Known;
 use crate::modem::wire::contents::{Layer, take_contents};
 use crate::modem::wire::share::{Header, PacketHeader};
-use crate::packet::{Extent, sound_len};
+use crate::packet::{Extent, valid_len};
 
 use super::slot::{Form, Slot, Start, State, Taken};
 
@@ -104,7 +104,6 @@ impl Slot {
         state.filled += layer.len();
     }
 
-    /// Reads the first layer.
     fn read_start(&self, first: Layer, header: &PacketHeader, last: Option<u32>) -> Option<Start> {
         let layer = &self.bytes[..first.len()];
         let (contents, packet) = take_contents(layer, first, header.count, header.data_len())?;
@@ -131,7 +130,7 @@ impl Slot {
             self.bytes[..state.filled].get(start.at..start.at.saturating_add(total))
         });
         if let Some(whole) = whole {
-            start.complete = sound_len(whole) == whole.len();
+            start.complete = valid_len(whole) == whole.len();
             if !start.complete {
                 return None;
             }

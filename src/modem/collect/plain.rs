@@ -4,7 +4,7 @@ use crate::modem::error::ModemError;
 use crate::modem::limits::NUMBERS;
 use crate::modem::wire::continuation::{Continuation, binding, tag_of};
 use crate::modem::wire::layout::Layout;
-use crate::packet::{Extent, sound_len};
+use crate::packet::{Extent, valid_len};
 
 use super::collected::CollectorStatistics;
 use super::slot::{Form, Plain, Slot, Start, State, Taken};
@@ -99,7 +99,7 @@ impl Slot {
         let plain = Plain {
             layout,
             binding: binding(first),
-            own: sound_len(first),
+            own: valid_len(first),
             next: 1,
             count: extent.total.map(|total| layout.count(total)),
             vouched: trusted,
@@ -165,7 +165,7 @@ impl Slot {
     fn settle(&mut self, mut state: State, mut plain: Plain, mut start: Start) {
         let all = plain.count.is_some_and(|count| plain.next >= count);
         if let Some(total) = start.extent.total.filter(|_| all) {
-            start.complete = sound_len(&self.bytes[..total]) == total;
+            start.complete = valid_len(&self.bytes[..total]) == total;
             start.ended = start.complete;
             plain.vouched = start.complete;
             plain.damaged = !start.complete;

@@ -133,7 +133,6 @@ impl State {
 }
 
 impl Slot {
-    /// Bytes of memory.
     pub fn memory(shares: usize, mtu: usize) -> usize {
         2 * shares * mtu + shares
     }

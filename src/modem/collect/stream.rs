@@ -18,7 +18,7 @@ pub struct Stream {
     /// Frame number of the last packet that yielded a picture.
     pub last: Option<u32>,
     /// When the last share came, seconds.
-    heard: f64,
+    last_pushed: f64,
     /// Shares in a row that were too old.
     late: u32,
 }
@@ -30,7 +30,7 @@ impl Stream {
         for _ in 0..packets {
             slots.push(Slot::new(shares, mtu)?);
         }
-        Ok(Stream { slots, newest: None, last: None, heard: 0.0, late: 0 })
+        Ok(Stream { slots, newest: None, last: None, last_pushed: 0.0, late: 0 })
     }
 
     /// Where a packet of a frame number is kept.
@@ -61,11 +61,11 @@ impl Stream {
                 slot.let_go(statistics);
             }
         }
-        let silent = self.heard + age < now;
+        let silent = self.last_pushed + age < now;
         if silent {
             self.newest = None;
         }
-        self.heard = now;
+        self.last_pushed = now;
         silent
     }
 

@@ -35,7 +35,6 @@ struct Sent {
     count: usize,
     /// Bytes of each share; the last one of an unprotected packet may have fewer.
     share_len: usize,
-    /// Bytes of all shares.
     bytes: usize,
     /// Shares that the topside must have: those of a picture, of an unprotected packet all.
     wanted: usize,

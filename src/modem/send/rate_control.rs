@@ -81,14 +81,14 @@ pub struct RateControl {
     /// Bytes that were spent beyond a frame's budget. The next frames pay them back.
     debt: f64,
     /// The frame that was planned last.
-    planned: Option<Plan>,
+    planned: Option<Allowance>,
     /// When `credit` was right, seconds.
     at: Option<f64>,
 }
 
 /// What a frame may spend, bytes.
 #[derive(Clone, Copy, Debug)]
-struct Plan {
+struct Allowance {
     budget: f64,
     /// What it pays back of the debt.
     repaid: f64,
@@ -171,7 +171,7 @@ impl RateControl {
         let repaid = self.debt.min(REPAID * turn);
         let wanted = turn + SPREAD * (self.credit - turn).max(0.0) - repaid;
         let budget = wanted.min(self.reach() - backlog);
-        self.planned = (budget >= 0.5 * turn).then_some(Plan { budget, repaid });
+        self.planned = (budget >= 0.5 * turn).then_some(Allowance { budget, repaid });
         self.planned.map(|plan| plan.budget as usize)
     }
 
@@ -259,8 +259,8 @@ impl RateControl {
     /// What goes beyond the frame's budget is paid back by the next frames, a part by each. Returns when the link will
     /// have sent them, seconds.
     pub fn sent(&mut self, now: f64, bytes: usize) -> f64 {
-        let Plan { budget, repaid } =
-            self.planned.take().unwrap_or(Plan { budget: 0.0, repaid: 0.0 });
+        let Allowance { budget, repaid } =
+            self.planned.take().unwrap_or(Allowance { budget: 0.0, repaid: 0.0 });
         let own = budget.min(bytes as f64);
         self.credit -= own + repaid;
         self.debt += bytes as f64 - own - repaid;

@@ -63,7 +63,6 @@ impl SenderOptions {
         }
     }
 
-    /// Checks the options.
     fn way(&self) -> Result<Way, ModemError> {
         if self.stream >= STREAMS {
             return Err(ModemError::Stream(self.stream));
@@ -172,7 +171,7 @@ pub struct Sender {
     /// Shares that may wait.
     room: usize,
     /// The frame that is to come.
-    planned: Option<Plan>,
+    planned: Option<PlannedFrame>,
     history: Option<History>,
     statistics: SenderStatistics,
 }
@@ -202,7 +201,7 @@ impl Way {
 
 /// A frame that is to be sent.
 #[derive(Clone, Copy)]
-struct Plan {
+struct PlannedFrame {
     /// Bytes on the link.
     budget: usize,
     /// When it was exposed, seconds.
@@ -268,7 +267,7 @@ impl Sender {
                 budget.and_then(|budget| Some((budget, control.capacity(budget).ok()?)))
             }
         };
-        self.planned = planned.map(|(budget, _)| Plan { budget, exposed: now });
+        self.planned = planned.map(|(budget, _)| PlannedFrame { budget, exposed: now });
         self.statistics.left_out += u64::from(planned.is_none());
         Ok(planned.map(|(_, capacity)| capacity))
     }
@@ -324,8 +323,8 @@ impl Sender {
         user: Option<&[u8]>,
     ) -> Result<(Division, f64), ModemError> {
         let unpaced = self.way.control().is_none();
-        let plan = self.planned.or(unpaced.then_some(Plan { budget: 0, exposed: 0.0 }));
-        let Plan { budget, exposed } = plan.ok_or(ModemError::NotPlanned)?;
+        let plan = self.planned.or(unpaced.then_some(PlannedFrame { budget: 0, exposed: 0.0 }));
+        let PlannedFrame { budget, exposed } = plan.ok_or(ModemError::NotPlanned)?;
         let (picture, len) = (Extent::read(packet)?.head, packet.len());
         let waiting = self.interleaver.len();
         let check_room = |shares: usize| match waiting + shares {
@@ -650,9 +649,9 @@ mod tests {
     #[test]
     fn without_a_rate_packets_go_as_they_come() {
         let mut sender = unprotected(0.0, false).unwrap();
-        let most = 64 + 63 * 60;
-        assert_eq!(sender.plan(0.0), Ok(Some(most)));
-        let packet = packet(7, most);
+        let max = 64 + 63 * 60;
+        assert_eq!(sender.plan(0.0), Ok(Some(max)));
+        let packet = packet(7, max);
         for _ in 0..3 {
             let shares = sender.push(0.0, &packet, None).unwrap().shares;
             let sent = std::iter::from_fn(|| sender.next(9.0).map(|(_, share)| share.len()));

@@ -10,7 +10,7 @@ use crate::modem::wire::contents::{contents_len, put_contents};
 use crate::modem::wire::continuation::{binding, header, tag_of};
 use crate::modem::wire::layout::Layout;
 use crate::modem::wire::share::{Header, PacketHeader, write};
-use crate::packet::{Extent, sound_len};
+use crate::packet::{Extent, valid_len};
 
 use super::sharing::Sharing;
 
@@ -51,7 +51,6 @@ use super::sharing::Sharing;
 pub struct Sharer {
     /// The chunks of all protected shares, share by share.
     data: Vec<u8>,
-    /// A layer.
     layer: Vec<u8>,
     /// All shares, one after another.
     shares: Vec<u8>,
@@ -213,7 +212,7 @@ fn check(packet: &[u8]) -> Result<Extent, ModemError> {
     if stated != len {
         return Err(ModemError::PacketLength { found: len, stated });
     }
-    let valid = sound_len(packet);
+    let valid = valid_len(packet);
     if valid != len {
         return Err(ModemError::Invalid { len, valid });
     }

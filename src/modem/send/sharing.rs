@@ -147,7 +147,6 @@ impl Sharing {
 /// What a division is made from.
 struct Draft<'a> {
     options: &'a SharingOptions,
-    /// Number of shares.
     count: usize,
     /// Bytes of data in a share.
     data: usize,

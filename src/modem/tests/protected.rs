@@ -44,7 +44,6 @@ fn collector(mtu: usize) -> Collector {
     Collector::new(CollectorOptions::new(mtu)).unwrap()
 }
 
-/// Shuffles by a seed.
 fn shuffled<T>(mut all: Vec<T>, random: &mut Random) -> Vec<T> {
     for last in (1..all.len()).rev() {
         all.swap(last, (random.bits() % (last as u64 + 1)) as usize);

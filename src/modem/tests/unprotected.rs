@@ -8,7 +8,7 @@ use crate::modem::{
     Collected, CollectedPacket, Collector, CollectorOptions, CollectorStatistics, Loss, ModemError,
     PacketState, Sharer, Sharing, SharingOptions, largest_packet, share_count,
 };
-use crate::packet::{Extent, Latent, Packet, PacketError, PoseProfile, sound_len};
+use crate::packet::{Extent, Latent, Packet, PacketError, PoseProfile, valid_len};
 
 /// The MTUs of the module's table.
 const MTUS: [usize; 4] = [31, 64, 256, 1024];
@@ -588,7 +588,7 @@ impl Sent {
         let without_gap = layout.start(gap).min(len);
         let known = Extent::read(&self.packet[..without_gap]).unwrap().total.is_some();
         let bound = if known { self.comes.iter().filter(|c| **c).count() } else { gap };
-        let own = sound_len(&self.packet[..mtu.min(len)]);
+        let own = valid_len(&self.packet[..mtu.min(len)]);
         let valid = if bound > 1 { without_gap } else { own };
         let lost = (0..self.comes.len()).filter(|index| !self.comes[*index]);
         let lost: Vec<_> = if known { lost.collect() } else { vec![gap] };

@@ -33,7 +33,6 @@ const USER: u8 = 1 << 3;
 pub struct Contents<'a> {
     /// The layers after the first. Those beyond `others` are empty.
     pub layers: [Layer; MAX_LAYERS - 1],
-    /// How many there are.
     pub others: usize,
     pub user: Option<&'a [u8]>,
 }
@@ -44,7 +43,6 @@ pub fn contents_len(others: &[Layer], user: Option<usize>) -> usize {
     1 + layers.sum::<usize>() + user.map_or(0, |user| 1 + user)
 }
 
-/// Appends them.
 pub fn put_contents(others: &[Layer], user: Option<&[u8]>, bytes: &mut Vec<u8>) {
     let flag = if user.is_some() { USER } else { 0 };
     bytes.push(flag | others.len() as u8);

@@ -59,7 +59,6 @@ impl<'a> Continuation<'a> {
     }
 }
 
-/// A continuation's header.
 pub fn header(binding: u32, tag: usize, index: usize, data: &[u8]) -> [u8; HEADER_LEN] {
     let [first, second] = start(tag, index);
     let [low, high] = check(binding, tag, index, data).to_le_bytes();

@@ -15,7 +15,6 @@ const NARROW: usize = 16;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     pub packet: PacketHeader,
-    /// Which share it is.
     pub index: usize,
 }
 
@@ -25,7 +24,6 @@ pub struct PacketHeader {
     pub stream: u8,
     /// Frame number modulo [`NUMBERS`].
     pub number: u32,
-    /// Shares.
     pub count: usize,
     /// Threshold of the first layer.
     pub threshold: usize,

@@ -5,7 +5,6 @@ use super::super::tables_file::refusal;
 use super::format::FORMAT;
 use crate::coder_tables::Tables;
 
-/// Bytes of their length.
 const START: usize = 4;
 
 /// The section of tables; of none, nothing.
@@ -46,15 +45,15 @@ mod tests {
 
     #[test]
     fn what_no_writer_leaves_is_refused() {
-        let sound = to_bytes(Some(&sample_tables(1)));
+        let valid = to_bytes(Some(&sample_tables(1)));
         let error = |change: &dyn Fn(&mut Vec<u8>)| {
-            let mut bytes = sound.clone();
+            let mut bytes = valid.clone();
             change(&mut bytes);
             read(&bytes, 76).unwrap_err()
         };
         let magic = error(&|b| b[4] = b'n');
         assert!(matches!(magic, PriorError::Field { offset: 80, .. }), "{magic}");
-        let short = sound.len() as u32 - START as u32 - 1;
+        let short = valid.len() as u32 - START as u32 - 1;
         let length = error(&|b| b[..4].copy_from_slice(&short.to_le_bytes()));
         let end = 80 + u64::from(short);
         assert!(matches!(length, PriorError::Field { offset, .. } if offset == end), "{length}");
@@ -63,7 +62,7 @@ mod tests {
             let expected = 80 + u128::from(size);
             assert!(matches!(cut, PriorError::Truncated { needed, .. } if needed == expected));
         }
-        for len in 0..sound.len() {
+        for len in 0..valid.len() {
             let cut = error(&|b| b.truncate(len));
             assert!(matches!(cut, PriorError::Truncated { .. }), "{len}: {cut}");
         }

@@ -4,17 +4,13 @@ use super::super::{PriorError, PriorId, RenderOptions, Splats};
 use super::format::{FORMAT, MAGIC, refusal};
 use super::quantise::{Grid, Quantisation};
 
-/// Version of the format.
 const VERSION: u8 = 1;
 
 /// What precedes the coded part; the byte table is in the module above.
 pub struct Header {
     pub sh_degree: u32,
-    /// Whether key frames follow.
     pub key_frames: bool,
-    /// Whether coder tables follow.
     pub coder_tables: bool,
-    /// Whether a preprocessing follows.
     pub preprocessing: bool,
     pub count: u32,
     pub id: PriorId,
@@ -24,7 +20,6 @@ pub struct Header {
 }
 
 impl Header {
-    /// Its size.
     pub const BYTES: usize = 76;
 
     /// As in a file.

@@ -16,19 +16,19 @@ const START: usize = 28;
 const EACH: usize = 10;
 
 /// Largest code of a coordinate.
-const MOST: f64 = u16::MAX as f64;
+const MAX: f64 = u16::MAX as f64;
 
 /// The code of a quaternion's component that is zero. The largest code is twice this.
 const ZERO: i32 = 511;
 
 /// The most that the squares of the three smaller components can add up to: 3/4, and a little for rounding.
-const MOST_SQUARES: f64 = 0.76;
+const MAX_SQUARES: f64 = 0.76;
 
 /// The section of at least one key frame; of none, nothing.
 pub fn to_bytes(key_frames: &KeyFrames) -> Vec<u8> {
     let Some(bounds) = Bounds::of(key_frames) else { return Vec::new() };
     let mut bytes = (key_frames.len() as u32).to_le_bytes().to_vec();
-    bytes.extend([bounds.least, bounds.most].as_flattened().iter().flat_map(|v| v.to_le_bytes()));
+    bytes.extend([bounds.min, bounds.max].as_flattened().iter().flat_map(|v| v.to_le_bytes()));
     for pose in key_frames.poses() {
         bytes.extend(bounds.code(pose.centre()).into_iter().flat_map(u16::to_le_bytes));
         bytes.extend(pack(pose.rotation).to_le_bytes());
@@ -49,7 +49,7 @@ pub fn read(bytes: &[u8], at: usize) -> Result<(KeyFrames, usize), PriorError> {
     let size = START + EACH * count;
     let rows = bytes.get(START..size).ok_or_else(|| truncated((at + size) as u128))?;
     let triple = |index: usize| [0, 1, 2].map(|axis| f32::from_le_bytes(word(index + axis)));
-    let bounds = Bounds { least: triple(1), most: triple(4) };
+    let bounds = Bounds { min: triple(1), max: triple(4) };
     if !bounds.are_sound() {
         return Err(refusal(at + 4, "no bounds of camera positions".into()));
     }
@@ -66,41 +66,41 @@ pub fn read(bytes: &[u8], at: usize) -> Result<(KeyFrames, usize), PriorError> {
 
 /// Least and greatest camera position on each axis.
 struct Bounds {
-    least: [f32; 3],
-    most: [f32; 3],
+    min: [f32; 3],
+    max: [f32; 3],
 }
 
 impl Bounds {
     fn of(key_frames: &KeyFrames) -> Option<Bounds> {
         // Rounded to f32. It stays within the range of f32: key frames are checked for that.
-        let [least, most] = key_frames.bounds()?.map(|v| v.to_array().map(|v| v as f32));
-        Some(Bounds { least, most })
+        let [min, max] = key_frames.bounds()?.map(|v| v.to_array().map(|v| v as f32));
+        Some(Bounds { min, max })
     }
 
     fn are_sound(&self) -> bool {
-        let pairs = || self.least.iter().zip(&self.most);
-        pairs().all(|(least, most)| least.is_finite() && most.is_finite() && least <= most)
+        let pairs = || self.min.iter().zip(&self.max);
+        pairs().all(|(min, max)| min.is_finite() && max.is_finite() && min <= max)
     }
 
     /// The least and greatest position on an axis.
     fn axis(&self, axis: usize) -> (f64, f64) {
-        (self.least[axis].into(), self.most[axis].into())
+        (self.min[axis].into(), self.max[axis].into())
     }
 
     /// A position in 65,535ths of the bounds.
     fn code(&self, position: DVec3) -> [u16; 3] {
         std::array::from_fn(|axis| {
-            let (least, most) = self.axis(axis);
-            let share = if most > least { (position[axis] - least) / (most - least) } else { 0.0 };
+            let (min, max) = self.axis(axis);
+            let share = if max > min { (position[axis] - min) / (max - min) } else { 0.0 };
             // What rounding the bounds has put outside of them is clamped.
-            (share * MOST).round() as u16
+            (share * MAX).round() as u16
         })
     }
 
     fn position(&self, code: [u16; 3]) -> DVec3 {
         DVec3::from_array(std::array::from_fn(|axis| {
-            let ((least, most), share) = (self.axis(axis), f64::from(code[axis]) / MOST);
-            least * (1.0 - share) + most * share
+            let ((min, max), share) = (self.axis(axis), f64::from(code[axis]) / MAX);
+            min * (1.0 - share) + max * share
         }))
     }
 }
@@ -155,7 +155,7 @@ fn unpack(word: u32) -> Option<DQuat> {
     }
     let squares: f64 = q.iter().map(|v| v * v).sum();
     q[largest] = (1.0 - squares).sqrt();
-    (squares <= MOST_SQUARES).then(|| DQuat::from_xyzw(q[1], q[2], q[3], q[0]))
+    (squares <= MAX_SQUARES).then(|| DQuat::from_xyzw(q[1], q[2], q[3], q[0]))
 }
 
 #[cfg(test)]
@@ -176,13 +176,13 @@ mod tests {
 
     fn assert_near(before: &KeyFrames, after: &KeyFrames) {
         assert_eq!(before.len(), after.len());
-        let [least, most] = before.bounds().unwrap();
+        let [min, max] = before.bounds().unwrap();
         for (a, b) in before.poses().iter().zip(after.poses()) {
             let off = (a.centre() - b.centre()).abs();
             for axis in 0..3 {
                 // Half a step, and what rounding the bounds to f32 may move them by.
-                let far = least[axis].abs().max(most[axis].abs());
-                let limit = 0.51 * (most[axis] - least[axis]) / MOST + 1.3e-7 * far + 1e-44;
+                let far = min[axis].abs().max(max[axis].abs());
+                let limit = 0.51 * (max[axis] - min[axis]) / MAX + 1.3e-7 * far + 1e-44;
                 assert!(off[axis] <= limit, "{} of {limit}", off[axis]);
             }
             // Twice the quaternion's error: at worst √12 half steps of √½/511.
@@ -207,9 +207,9 @@ mod tests {
 
     #[test]
     fn cameras_at_the_ends_of_f32_stay_finite() {
-        let most = f64::from(f32::MAX);
-        let pose = |x| Pose::from_centre(DQuat::from_rotation_y(0.3), DVec3::new(x, most, 0.0));
-        let key_frames = KeyFrames::new(vec![pose(-most), pose(most), pose(1.0)]).unwrap();
+        let max = f64::from(f32::MAX);
+        let pose = |x| Pose::from_centre(DQuat::from_rotation_y(0.3), DVec3::new(x, max, 0.0));
+        let key_frames = KeyFrames::new(vec![pose(-max), pose(max), pose(1.0)]).unwrap();
         assert_near(&key_frames, &read_back(&key_frames));
     }
 
@@ -226,9 +226,9 @@ mod tests {
 
     #[test]
     fn what_no_writer_leaves_is_refused() {
-        let sound = to_bytes(&sample_key_frames(3));
+        let valid = to_bytes(&sample_key_frames(3));
         let error = |change: &dyn Fn(&mut Vec<u8>)| {
-            let mut bytes = sound.clone();
+            let mut bytes = valid.clone();
             change(&mut bytes);
             read(&bytes, 76).unwrap_err()
         };

@@ -95,7 +95,7 @@ const CHECK: usize = 4;
 /// Writes splats and key frames. Returns the identity of the prior that readers get; key frames are no part of it.
 /// [`with_coder_tables`] adds coder tables, [`with_preprocessing`] a preprocessing.
 ///
-/// Fails if the quantisation is out of its range, if a splat is unsound or one of its values too
+/// Fails if the quantisation is out of its range, if a splat is invalid or one of its values too
 /// large for its step, or if `writer` fails.
 pub fn write(
     splats: &Splats,
@@ -161,7 +161,6 @@ pub fn with_preprocessing(
     Ok(assembled(&header, preprocessing, &parts.key_frames, tables, parts.stream))
 }
 
-/// A whole file.
 fn assembled(
     header: &Header,
     preprocessing: &Preprocessing,
@@ -272,7 +271,7 @@ impl Coded {
     fn of(splats: &Splats, quantisation: &Quantisation) -> Result<Coded, PriorError> {
         let faults = (0..splats.len()).map(|splat| (splat, fault_of(splats, splat)));
         for (splat, fault) in faults {
-            fault.map_or(Ok(()), |fault| Err(PriorError::Unsound { splat, fault }))?;
+            fault.map_or(Ok(()), |fault| Err(PriorError::Invalid { splat, fault }))?;
         }
         let grid = Grid::of(&splats.positions, quantisation.position);
         let rows = (0..splats.len()).map(|i| quantise(splats, i, quantisation));

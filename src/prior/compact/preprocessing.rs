@@ -4,7 +4,6 @@ use super::super::PriorError;
 use super::format::refusal;
 use crate::image::{Clahe, Preprocessing, WhiteBalance};
 
-/// Bytes of it.
 pub const BYTES: usize = 6;
 
 /// The section of a preprocessing; of none, nothing.

@@ -66,9 +66,9 @@ impl Quantisation {
     /// Checks that every step is at least 1e-6 and at most 1 (rotations: 1/8).
     pub fn check(&self) -> Result<(), PriorError> {
         for (name, step) in self.steps() {
-            let most = if name == "rotation" { 0.125 } else { 1.0 };
-            if !(step >= 1e-6 && step <= most) {
-                return Err(PriorError::Step { name, step, most });
+            let max = if name == "rotation" { 0.125 } else { 1.0 };
+            if !(step >= 1e-6 && step <= max) {
+                return Err(PriorError::Step { name, step, max });
             }
         }
         Ok(())
@@ -89,7 +89,6 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Exponents of a grid.
     pub const EXPONENTS: std::ops::RangeInclusive<i16> = -149..=127;
 
     /// The grid for splats at `positions`, at least one, with steps of about `share` of their
@@ -161,7 +160,7 @@ pub fn columns(sh_degree: u32) -> usize {
 /// Largest magnitude of a value in steps: up to this an f32 tells neighbouring steps apart.
 const MAX_CODE: f64 = (1 << 22) as f64;
 
-/// Splat `index` in steps, column by column. The splat must be sound. Fails if a value is too large
+/// Splat `index` in steps, column by column. The splat must be valid. Fails if a value is too large
 /// for its step.
 pub fn quantise(splats: &Splats, index: usize, q: &Quantisation) -> Result<Vec<i32>, PriorError> {
     let steps = |value: f32, step: f32| (f64::from(value) / f64::from(step)).round();
@@ -172,9 +171,9 @@ pub fn quantise(splats: &Splats, index: usize, q: &Quantisation) -> Result<Vec<i
             false => Err(PriorError::OutOfSteps { splat: index, column, value, step }),
         }
     };
-    let most = (f64::from(MAX_LOG_SCALE) / f64::from(q.log_scale)).floor();
+    let max = (f64::from(MAX_LOG_SCALE) / f64::from(q.log_scale)).floor();
     let scales = splats.log_scales[index];
-    let scales = scales.map(|s| steps(s, q.log_scale).clamp(-most, most) as i32);
+    let scales = scales.map(|s| steps(s, q.log_scale).clamp(-max, max) as i32);
     let (scales, rotation) = orientation::reduced(splats, index, scales, q.rotation);
     let mut codes = Vec::with_capacity(columns(splats.sh_degree));
     codes.extend(scales);

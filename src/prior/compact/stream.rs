@@ -86,7 +86,6 @@ pub fn unpack(
     Ok((ranks, columns.collect()))
 }
 
-/// Bytes before coding.
 fn size(count: usize, columns: usize) -> usize {
     count * (RANK_BYTES + NUMBER_BYTES * columns)
 }

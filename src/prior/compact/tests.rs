@@ -132,7 +132,7 @@ fn far_and_extreme_splats_stay_where_they_are() {
 }
 
 #[test]
-fn unsound_splats_and_senseless_steps_are_named() {
+fn invalid_splats_and_senseless_steps_are_named() {
     let attempt = |change: fn(&mut Splats), q: &Quantisation| {
         let mut splats = sample_splats(5, 1);
         change(&mut splats);
@@ -140,11 +140,11 @@ fn unsound_splats_and_senseless_steps_are_named() {
     };
     let q = Quantisation::default();
     let error = attempt(|s| s.positions[3][1] = f32::NAN, &q);
-    assert!(matches!(error, PriorError::Unsound { splat: 3, fault: Fault::NonFinite }), "{error}");
+    assert!(matches!(error, PriorError::Invalid { splat: 3, fault: Fault::NonFinite }), "{error}");
     let error = attempt(|s| s.log_scales[2][0] = 41.0, &q);
-    assert!(matches!(error, PriorError::Unsound { splat: 2, fault: Fault::Scale }), "{error}");
+    assert!(matches!(error, PriorError::Invalid { splat: 2, fault: Fault::Scale }), "{error}");
     let error = attempt(|s| s.sh[12 * 4 + 7] = 1e30, &q);
-    assert!(matches!(error, PriorError::Unsound { splat: 4, fault: Fault::Colour }), "{error}");
+    assert!(matches!(error, PriorError::Invalid { splat: 4, fault: Fault::Colour }), "{error}");
     let error = attempt(|s| s.sh[12 * 4] = 9e5, &Quantisation { colour: 1e-3, ..q });
     assert!(matches!(error, PriorError::OutOfSteps { splat: 4, .. }), "{error}");
     let error = attempt(|s| *s = Splats::default(), &q);

@@ -71,9 +71,9 @@ fn roll_is_no_other_view_but_turning_away_is() {
 fn bounds_hold_all_cameras() {
     assert_eq!(KeyFrames::NONE.bounds(), None);
     let poses = vec![posed([1.0, -2.0, 3.0], [0.1, 0.2, 0.3]), posed([0.0, 5.0, 3.0], [0.0; 3])];
-    let [least, most] = KeyFrames::new(poses).unwrap().bounds().unwrap();
-    assert!(least.distance(DVec3::new(0.0, -2.0, 3.0)) < 1e-12, "{least}");
-    assert!(most.distance(DVec3::new(1.0, 5.0, 3.0)) < 1e-12, "{most}");
+    let [min, max] = KeyFrames::new(poses).unwrap().bounds().unwrap();
+    assert!(min.distance(DVec3::new(0.0, -2.0, 3.0)) < 1e-12, "{min}");
+    assert!(max.distance(DVec3::new(1.0, 5.0, 3.0)) < 1e-12, "{max}");
 }
 
 #[test]
@@ -160,7 +160,7 @@ fn a_broken_file_beside_a_prior_is_named() {
     assert!(error().ends_with("p.ply.keys: line 2: tx is no number: \"a\""), "{}", error());
     std::fs::write(&beside, b"qw,qx,qy,qz,tx,ty,tz\n1,\xff").unwrap();
     assert!(error().ends_with("p.ply.keys: line 2: no UTF-8 text"), "{}", error());
-    std::fs::write(&beside, vec![b' '; MOST_BYTES as usize + 1]).unwrap();
+    std::fs::write(&beside, vec![b' '; MAX_BYTES as usize + 1]).unwrap();
     assert!(error().contains("p.ply.keys: too long"), "{}", error());
     std::fs::remove_file(&beside).unwrap();
     std::fs::create_dir(&beside).unwrap();

@@ -5,7 +5,6 @@ use crate::Pose;
 /// The first line of a file of key frames.
 pub const HEADER: &str = "qw,qx,qy,qz,tx,ty,tz";
 
-/// Columns of a line.
 pub const COLUMNS: usize = 7;
 
 /// A quaternion whose length differs from 1 by less than this is kept bit for bit.

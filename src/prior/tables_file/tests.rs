@@ -6,7 +6,6 @@ use super::*;
 use crate::image::Preprocessing;
 use crate::random::Random;
 
-/// Tables of any numbers.
 pub(crate) fn sample_tables(seed: u64) -> Tables {
     let mut random = Random::new(seed);
     let mut bytes = Tables::zero().write();
@@ -84,16 +83,16 @@ fn a_broken_file_beside_a_prior_is_named() {
     let (_folder, path) = folder();
     let beside = path_beside(&path);
     let error = || Prior::open(&path, &RenderOverrides::default()).unwrap_err().to_string();
-    let sound = sample_tables(1).write();
-    let (most, short) = (sound.len(), sound.len() - 1);
+    let valid = sample_tables(1).write();
+    let (max, short) = (valid.len(), valid.len() - 1);
     std::fs::write(&beside, b"NVT0").unwrap();
     assert!(error().contains("p.ply.tables: coder tables, byte 0: no coder tables"), "{}", error());
-    std::fs::write(&beside, &sound[..short]).unwrap();
+    std::fs::write(&beside, &valid[..short]).unwrap();
     let named = format!(
-        "p.ply.tables: coder tables, byte {short}: coder tables of {short} bytes, {most} expected"
+        "p.ply.tables: coder tables, byte {short}: coder tables of {short} bytes, {max} expected"
     );
     assert!(error().ends_with(&named), "{}", error());
-    std::fs::write(&beside, [&sound[..], &[0]].concat()).unwrap();
+    std::fs::write(&beside, [&valid[..], &[0]].concat()).unwrap();
     assert!(error().contains("p.ply.tables: too long for a file of coder tables"), "{}", error());
     std::fs::remove_file(&beside).unwrap();
     std::fs::create_dir(&beside).unwrap();

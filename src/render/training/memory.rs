@@ -20,34 +20,15 @@ pub struct TrainingMemory {
 
 /// Which limit of the device a training passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Their texts tell.
 pub enum Shortage {
-    /// A buffer is larger than a shader may see, or than the device gives at once.
     #[error("buffer \"{buffer}\" would take {} MB, and a buffer of this device holds {} MB",
         megabytes(*bytes), limit / 1_000_000)]
-    Buffer {
-        /// Which one.
-        buffer: &'static str,
-        /// Its size.
-        bytes: u64,
-        /// The device's limit.
-        limit: u64,
-    },
-    /// All buffers together are larger than the device's memory.
+    Buffer { buffer: &'static str, bytes: u64, limit: u64 },
     #[error("it would take {} MB, and this device has {} MB", megabytes(*bytes), heap / 1_000_000)]
-    Heap {
-        /// Peak of the training.
-        bytes: u64,
-        /// The device's largest heap.
-        heap: u64,
-    },
-    /// More workgroups than the device runs at once.
+    Heap { bytes: u64, heap: u64 },
     #[error("it would take {count} workgroups, and this device dispatches {limit}")]
-    Workgroups {
-        /// Number needed.
-        count: u64,
-        /// The device's limit.
-        limit: u64,
-    },
+    Workgroups { count: u64, limit: u64 },
 }
 
 /// What would fit instead.
@@ -73,20 +54,16 @@ impl std::fmt::Display for Fits {
 
 /// A training that the device has no room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Its text tells.
 #[error(
     "{splats} splats of degree {sh_degree} on pictures of {}×{} do not fit: {shortage}; {fits}",
     size[0], size[1]
 )]
 pub struct NoRoom {
-    /// Number of splats.
     pub splats: u32,
-    /// Their degree.
     pub sh_degree: u32,
-    /// Size of the pictures.
     pub size: [u32; 2],
-    /// What is short.
     pub shortage: Shortage,
-    /// What would fit.
     pub fits: Fits,
 }
 

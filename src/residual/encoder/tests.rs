@@ -12,7 +12,7 @@ fn encoder(coder: ResidualCoder) -> ResidualEncoder {
 /// A textured picture, and a render of it that is blurred, off in brightness, and blind to a blob.
 fn sample() -> (Picture, Picture) {
     let (width, height) = (96, 64);
-    let mut camera = Picture::new(width, height);
+    let mut frame = Picture::new(width, height);
     let mut render = Picture::new(width, height);
     for i in 0..(width * height * 3) as usize {
         let (x, y, c) = (i / 3 % 96, i / 288, i % 3);
@@ -20,20 +20,20 @@ fn sample() -> (Picture, Picture) {
         let smooth = 110.0 + 60.0 * (0.09 * fx).sin() + 30.0 * (0.13 * fy + c as f64).cos();
         let noise = ((x * 7919 + y * 104_729) % 13) as f64 - 6.0;
         let blob = if (fx - 60.0).hypot(fy - 30.0) < 12.0 { 45.0 } else { 0.0 };
-        camera.data[i] = (smooth + noise + blob) as u8;
+        frame.data[i] = (smooth + noise + blob) as u8;
         render.data[i] = (smooth * 0.94) as u8;
     }
-    (camera, render)
+    (frame, render)
 }
 
 /// What every coded residual must be: what its own numbers say, and what the decoder will get.
-fn check_honest(coded: &CodedResidual, camera: &Picture, render: &Picture) {
+fn check_honest(coded: &CodedResidual, frame: &Picture, render: &Picture) {
     let mut shown = render.clone();
     let tables = Tables::generic();
     let mut decoder = ResidualDecoder::new(render.width, render.height, &tables);
     assert_eq!(decoder.add(&coded.residual, true, &mut shown), Ok(()));
     assert_eq!(shown, *coded.reconstruction);
-    assert_eq!(coded.psnr, camera.psnr(coded.reconstruction));
+    assert_eq!(coded.psnr, frame.psnr(coded.reconstruction));
 }
 
 fn part_len(residual: &Residual) -> usize {
@@ -45,15 +45,15 @@ fn part_len(residual: &Residual) -> usize {
 
 #[test]
 fn a_budget_is_never_exceeded_and_well_used() {
-    let (camera, render) = sample();
+    let (frame, render) = sample();
     let overhead = 31;
     for coder in CODERS {
         let mut encoder = encoder(coder);
-        let finest = encoder.encode(&camera, &render, Rate::Quality(100.0), 0).unwrap().psnr;
+        let finest = encoder.encode(&frame, &render, Rate::Quality(100.0), 0).unwrap().psnr;
         let mut last = f64::NEG_INFINITY;
         for budget in (0..4000).step_by(53) {
-            let coded = encoder.encode(&camera, &render, Rate::Bytes(budget), overhead).unwrap();
-            check_honest(&coded, &camera, &render);
+            let coded = encoder.encode(&frame, &render, Rate::Bytes(budget), overhead).unwrap();
+            check_honest(&coded, &frame, &render);
             let used = part_len(&coded.residual);
             assert!(used == 0 || overhead + used <= budget, "{used} of {budget}");
             assert_eq!(coded.reached, coded.residual != Residual::Omitted);
@@ -62,8 +62,8 @@ fn a_budget_is_never_exceeded_and_well_used() {
                 let share = if coder == ResidualCoder::Wavelet { 0.95 } else { 0.7 };
                 // At its finest, a coder has no use for more.
                 let finest = coded.psnr > finest - 0.5;
-                let least = share * (budget - overhead) as f64 - 12.0;
-                assert!(finest || used as f64 > least, "{coder:?}: {used} of {budget}");
+                let min = share * (budget - overhead) as f64 - 12.0;
+                assert!(finest || used as f64 > min, "{coder:?}: {used} of {budget}");
                 // Not quite monotone: a quantiser step may cost bytes and gain nothing.
                 assert!(coded.psnr > last - 0.3, "{budget}: {} after {last}", coded.psnr);
                 last = coded.psnr;
@@ -71,17 +71,17 @@ fn a_budget_is_never_exceeded_and_well_used() {
                 assert_eq!(last, f64::NEG_INFINITY, "nothing coded for {budget} bytes");
             }
         }
-        assert!(last > camera.psnr(&render) + 8.0);
+        assert!(last > frame.psnr(&render) + 8.0);
     }
 }
 
 #[test]
 fn the_wavelet_coder_has_no_cliff() {
-    let (camera, render) = sample();
+    let (frame, render) = sample();
     let mut encoder = encoder(ResidualCoder::Wavelet);
-    let mut last = camera.psnr(&render);
+    let mut last = frame.psnr(&render);
     for budget in 6..200 {
-        let psnr = encoder.encode(&camera, &render, Rate::Bytes(budget), 0).unwrap().psnr;
+        let psnr = encoder.encode(&frame, &render, Rate::Bytes(budget), 0).unwrap().psnr;
         // The first few coefficients bring the picture's brightness.
         let jump = if budget < 20 { 4.0 } else { 0.8 };
         assert!((psnr - last).abs() < jump, "{budget} bytes: {psnr} after {last}");
@@ -112,19 +112,19 @@ fn natural(x: f64, y: f64) -> f64 {
 #[test]
 fn few_bytes_help_at_a_wrong_pose_too() {
     let (width, height) = (192, 128);
-    let (mut camera, mut render) = (Picture::new(width, height), Picture::new(width, height));
-    for i in 0..camera.data.len() {
+    let (mut frame, mut render) = (Picture::new(width, height), Picture::new(width, height));
+    for i in 0..frame.data.len() {
         let (x, y) = ((i / 3 % 192) as f64 + 64.0, (i / 576) as f64 + 64.0);
-        camera.data[i] = (116.0 + 12.0 * natural(x, y)) as u8;
+        frame.data[i] = (116.0 + 12.0 * natural(x, y)) as u8;
         render.data[i] = (108.0 + 12.0 * natural(x + 5.0, y + 4.0)) as u8;
     }
     let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
     let mut encoder = ResidualEncoder::new(&setup);
-    let alone = camera.psnr(&render);
+    let alone = frame.psnr(&render);
     let mut last = alone;
     for budget in 8..100 {
-        let coded = encoder.encode(&camera, &render, Rate::Bytes(budget), 0).unwrap();
-        check_honest(&coded, &camera, &render);
+        let coded = encoder.encode(&frame, &render, Rate::Bytes(budget), 0).unwrap();
+        check_honest(&coded, &frame, &render);
         assert!(part_len(&coded.residual) <= budget);
         assert!(coded.psnr >= last - 0.2, "{budget} bytes: {} after {last}", coded.psnr);
         assert!(budget < 14 || coded.psnr > alone + 1.0, "{budget} bytes: {}", coded.psnr);
@@ -134,27 +134,27 @@ fn few_bytes_help_at_a_wrong_pose_too() {
 
 #[test]
 fn no_room_and_no_need_are_told_apart() {
-    let (camera, render) = sample();
+    let (frame, render) = sample();
     for coder in CODERS {
         let mut encoder = encoder(coder);
-        let coded = encoder.encode(&camera, &render, Rate::Bytes(50), 50).unwrap();
+        let coded = encoder.encode(&frame, &render, Rate::Bytes(50), 50).unwrap();
         assert_eq!((coded.residual, coded.reached), (Residual::Omitted, false));
         assert_eq!(*coded.reconstruction, render);
-        let coded = encoder.encode(&camera, &camera, Rate::Bytes(5000), 50).unwrap();
+        let coded = encoder.encode(&frame, &frame, Rate::Bytes(5000), 50).unwrap();
         assert_eq!((coded.residual, coded.reached), (Residual::None, true));
     }
 }
 
 #[test]
 fn a_target_is_reached_with_few_bytes() {
-    let (camera, render) = sample();
-    let alone = camera.psnr(&render);
+    let (frame, render) = sample();
+    let alone = frame.psnr(&render);
     for coder in CODERS {
         let mut encoder = encoder(coder);
         let (mut last, mut last_len) = (0.0, 0);
         for target in [alone - 1.0, alone + 1.0, alone + 3.0, alone + 6.0, alone + 10.0, 44.0] {
-            let coded = encoder.encode(&camera, &render, Rate::Psnr(target), 0).unwrap();
-            check_honest(&coded, &camera, &render);
+            let coded = encoder.encode(&frame, &render, Rate::Psnr(target), 0).unwrap();
+            check_honest(&coded, &frame, &render);
             assert!(coded.reached && coded.psnr >= target, "{} for {target}", coded.psnr);
             let len = part_len(&coded.residual);
             // In short payloads, one coefficient more or less counts for more.
@@ -170,28 +170,28 @@ fn a_target_is_reached_with_few_bytes() {
 
 #[test]
 fn a_target_out_of_reach_gives_the_best_and_says_so() {
-    let (camera, render) = sample();
+    let (frame, render) = sample();
     for coder in CODERS {
         let mut encoder = encoder(coder);
-        let coded = encoder.encode(&camera, &render, Rate::Psnr(90.0), 0).unwrap();
+        let coded = encoder.encode(&frame, &render, Rate::Psnr(90.0), 0).unwrap();
         assert!(!coded.reached);
-        check_honest(&coded, &camera, &render);
+        check_honest(&coded, &frame, &render);
         let best = coded.psnr;
-        let finest = encoder.encode(&camera, &render, Rate::Quality(100.0), 0).unwrap();
+        let finest = encoder.encode(&frame, &render, Rate::Quality(100.0), 0).unwrap();
         assert!(best >= finest.psnr - 0.01, "{best}, {}", finest.psnr);
     }
 }
 
 #[test]
 fn quality_is_one_coding() {
-    let (camera, render) = sample();
+    let (frame, render) = sample();
     for coder in CODERS {
         let mut encoder = encoder(coder);
         let mut last = 0;
         for quality in [0.0, 10.0, 30.0, 80.0] {
-            let coded = encoder.encode(&camera, &render, Rate::Quality(quality), 0).unwrap();
+            let coded = encoder.encode(&frame, &render, Rate::Quality(quality), 0).unwrap();
             assert_eq!(coded.probes, 1);
-            check_honest(&coded, &camera, &render);
+            check_honest(&coded, &frame, &render);
             assert!(part_len(&coded.residual) > last);
             last = part_len(&coded.residual);
         }
@@ -200,13 +200,13 @@ fn quality_is_one_coding() {
 
 #[test]
 fn refuses_bad_rates_and_sizes() {
-    let (camera, render) = sample();
+    let (frame, render) = sample();
     let mut encoder = encoder(ResidualCoder::Wavelet);
     for rate in [Rate::Quality(f32::NAN), Rate::Quality(100.5), Rate::Psnr(f64::NAN)] {
-        assert!(matches!(encoder.encode(&camera, &render, rate, 0), Err(ResidualError::Rate(_))));
+        assert!(matches!(encoder.encode(&frame, &render, rate, 0), Err(ResidualError::Rate(_))));
     }
     let small = Picture::new(8, 8);
-    let refused = encoder.encode(&camera, &small, Rate::Quality(50.0), 0).err();
+    let refused = encoder.encode(&frame, &small, Rate::Quality(50.0), 0).err();
     let size = ResidualError::Size { expected: (96, 64), found: (8, 8) };
     assert_eq!(refused, Some(size));
     let broken = Picture { data: vec![0; 5], ..render.clone() };

@@ -13,7 +13,6 @@ use crate::coder_tables::networks::{LOGITS, Logit};
 pub const UNARY: i32 = 24;
 /// Bits of the magnitude beyond, at most.
 const GOLOMB: u32 = 14;
-/// The largest magnitude.
 pub const LARGEST_MAGNITUDE: i32 = 8191;
 
 /// The logit of "more than `magnitude`".
@@ -23,7 +22,6 @@ fn logit_of(logits: &[Logit; LOGITS], magnitude: i32) -> Logit {
 
 /// The logit of "not zero", and the others as far as they are known.
 pub struct First {
-    /// The logit.
     pub logit: Logit,
     others: Option<[Logit; LOGITS]>,
 }
@@ -49,7 +47,6 @@ impl First {
     }
 }
 
-/// Bits of a magnitude.
 pub fn cost(chances: &Chances, logits: &[Logit; LOGITS], magnitude: i32) -> f32 {
     let unary = magnitude.min(UNARY);
     let mut bits: f32 = (0..unary).map(|k| chances.cost(logit_of(logits, k), true)).sum();
@@ -63,13 +60,9 @@ pub fn cost(chances: &Chances, logits: &[Logit; LOGITS], magnitude: i32) -> f32 
 
 /// Writes coefficients that are known.
 pub struct Writer<'a, 'b> {
-    /// Where to.
     pub encoder: RangeEncoder<'a>,
-    /// What the tables say.
     pub predictor: &'b Predictor,
-    /// The coefficients, by plane.
     pub chosen: &'b [Vec<i16>; PLANES],
-    /// The gains, by level.
     pub gains: &'b LevelGains,
 }
 
@@ -120,11 +113,8 @@ impl Writer<'_, '_> {
     }
 }
 
-/// Reads coefficients.
 pub struct Reader<'a, 'b> {
-    /// Where from.
     pub decoder: RangeDecoder<'a>,
-    /// What the tables say.
     pub predictor: &'b Predictor,
 }
 

@@ -10,7 +10,7 @@ use super::quantised::Quantised;
 use crate::coder_tables::PLANES;
 
 /// Coefficients nearer to zero than this are zero, steps.
-const LEAST: f32 = 0.45;
+const MIN: f32 = 0.45;
 
 /// Chooses coefficients in coding order. What a choice costs those after it is left out of account.
 pub struct Chooser<'a> {
@@ -20,7 +20,6 @@ pub struct Chooser<'a> {
     pub lambda: f32,
     /// How many times more it costs at each coefficient.
     pub prices: &'a Prices,
-    /// What the tables say.
     pub predictor: &'a Predictor,
     /// Receives the gains, by level.
     pub gains: &'a mut LevelGains,
@@ -33,7 +32,7 @@ impl Source for Chooser<'_> {
         let context = due.context;
         let wanted = self.wanted[context.plane][due.index()];
         let size = wanted.abs();
-        if !(size >= LEAST) {
+        if !(size >= MIN) {
             return Some(0);
         }
         let Predictor { chances, offsets, .. } = self.predictor;

@@ -18,9 +18,7 @@ use crate::coder_tables::networks::{FEATURE_PLACES, LARGEST};
 /// All that is the same for a band of a plane.
 pub struct BandContext<'a> {
     frame: &'a Frame,
-    /// The band.
     pub band: Band,
-    /// Its plane.
     pub plane: usize,
     /// The band's share of the networks.
     pub bias: BandBias,

@@ -39,7 +39,6 @@ pub struct WaveletEncoder {
     difference: [Vec<i32>; PLANES],
     /// The same in quantiser steps.
     wanted: [Vec<f32>; PLANES],
-    /// Quantised.
     chosen: [Vec<i16>; PLANES],
     gains: LevelGains,
     prices: Prices,
@@ -63,10 +62,10 @@ impl WaveletEncoder {
         }
     }
 
-    /// Takes a camera picture and its render, both of the encoder's size. `sees_render`: the topside draws the same
+    /// Takes a frame and its render, both of the encoder's size. `sees_render`: the topside draws the same
     /// render, byte for byte.
-    pub fn set(&mut self, camera: &Picture, render: &Picture, sees_render: bool) {
-        self.set_inter(camera, render, sees_render, None);
+    pub fn set(&mut self, frame: &Picture, render: &Picture, sees_render: bool) {
+        self.set_inter(frame, render, sees_render, None);
     }
 
     /// Makes room for inter frames.
@@ -88,7 +87,7 @@ impl WaveletEncoder {
     /// does not pay.
     pub fn set_inter(
         &mut self,
-        camera: &Picture,
+        frame: &Picture,
         render: &Picture,
         sees_render: bool,
         warped: Option<&Planes>,
@@ -96,30 +95,30 @@ impl WaveletEncoder {
         if warped.is_some() {
             self.prepare_inter();
         }
-        let WaveletEncoder { frame, difference, .. } = self;
-        frame.sees_render = sees_render;
-        frame.set_render(render);
+        let WaveletEncoder { frame: coded, difference, .. } = self;
+        coded.sees_render = sees_render;
+        coded.set_render(render);
         let pixel = |i: usize| {
             let level = |picture: &Picture, c: usize| i32::from(picture.data[3 * i + c]);
-            std::array::from_fn(|c| level(camera, c) - level(render, c))
+            std::array::from_fn(|c| level(frame, c) - level(render, c))
         };
         let [a, b, c] = difference;
         colour::to_planes(pixel, [a, b, c]);
         for plane in &mut *difference {
-            for level in 0..frame.geometry.levels {
-                let geometry = &frame.geometry;
-                lifting::forward(plane, geometry.width, geometry.sizes[level], &mut frame.scratch);
+            for level in 0..coded.geometry.levels {
+                let geometry = &coded.geometry;
+                lifting::forward(plane, geometry.width, geometry.sizes[level], &mut coded.scratch);
             }
         }
-        let pays = match (warped, &mut frame.inter) {
+        let pays = match (warped, &mut coded.inter) {
             (Some(warped), Some(inter)) => {
-                inter.set(&frame.geometry, warped, &mut frame.scratch);
-                inter.choose(&frame.geometry, difference, &mut frame.scratch)
+                inter.set(&coded.geometry, warped, &mut coded.scratch);
+                inter.choose(&coded.geometry, difference, &mut coded.scratch)
             }
             _ => Pays::No,
         };
-        frame.is_inter = pays != Pays::No;
-        blocks::choose(frame, difference);
+        coded.is_inter = pays != Pays::No;
+        blocks::choose(coded, difference);
         pays
     }
 
@@ -188,8 +187,8 @@ impl WaveletEncoder {
         let finest = finest(&frame.geometry, |plane, i| chosen[plane][i] != 0);
         let Frame { sees_render, step, low_predicted, .. } = *frame;
         let header = Header { cut, sees_render, step, finest, low_predicted };
-        let most = bytes.capacity();
-        let mut encoder = RangeEncoder::new(bytes, most);
+        let max = bytes.capacity();
+        let mut encoder = RangeEncoder::new(bytes, max);
         header.write(&frame.predicted, &mut encoder);
         if let Some(inter) = frame.inter_in_use() {
             inter.write(&mut encoder);

@@ -14,7 +14,6 @@ pub struct Fineness(f64);
 const LAMBDA_OCTAVES: f64 = 0.7;
 /// Index of the step at quality 0.
 const COARSEST_QUALITY: f64 = 42.0;
-/// The coarsest.
 const COARSEST: f64 = STEPS as f64 - 0.001;
 
 impl Fineness {
@@ -29,7 +28,6 @@ impl Fineness {
         Fineness::new(index.round() + 0.5)
     }
 
-    /// The quantiser's step.
     pub fn step(self) -> Step {
         Step::new(self.0 as u8)
     }

@@ -10,9 +10,7 @@ use super::step::Step;
 
 /// All that a pass over a frame's coefficients looks at, and does not change.
 pub struct Frame {
-    /// Sizes.
     pub geometry: Geometry,
-    /// The render's bands.
     pub render: RenderBands,
     /// Whether the details of a block are predicted from the render: for each value of the coarsest low band, row by
     /// row.
@@ -21,7 +19,6 @@ pub struct Frame {
     pub low_predicted: bool,
     /// Contexts look at the render: both sides hold the same one, byte for byte.
     pub sees_render: bool,
-    /// The quantiser.
     pub step: Step,
     /// What is predicted from a reference; room is made for the first frame of a stream.
     pub inter: Option<Box<Inter>>,

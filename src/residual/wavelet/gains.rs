@@ -20,7 +20,6 @@ pub struct Gains {
     own: i8,
 }
 
-/// The gains of all levels.
 pub type LevelGains = [Gains; MAX_LEVELS + 1];
 
 /// Parts of a gain of one.
@@ -48,7 +47,6 @@ impl Gains {
         (sum / PARTS.1).clamp(-LARGEST_VALUE, LARGEST_VALUE)
     }
 
-    /// Writes both.
     pub fn write(self, level: usize, encoder: &mut RangeEncoder) {
         for (gain, code) in self.with_codes(level) {
             encoder.put(gain != 0, code.some);
@@ -66,7 +64,6 @@ impl Gains {
         }
     }
 
-    /// Reads both.
     pub fn read(level: usize, decoder: &mut RangeDecoder) -> Option<Gains> {
         let mut gains = [0; 2];
         for (to, (_, code)) in gains.iter_mut().zip(Gains::default().with_codes(level)) {

@@ -44,7 +44,6 @@ impl Orientation {
     }
 }
 
-/// One band.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Band {
     /// 1 for the finest; the number of levels for the coarsest, and for [`Orientation::Low`].
@@ -53,7 +52,6 @@ pub struct Band {
     pub orientation: Orientation,
     /// Coefficients in a row.
     pub width: usize,
-    /// Rows.
     pub height: usize,
     /// Place of the first coefficient in the transformed plane.
     pub offset: usize,
@@ -105,7 +103,6 @@ impl Geometry {
         Geometry { width, height, levels, sizes, norms: norms() }
     }
 
-    /// Values of a plane.
     pub fn len(&self) -> usize {
         self.width * self.height
     }

@@ -12,7 +12,6 @@ pub struct Header {
     pub cut: bool,
     /// Contexts look at the render: it must be the same on both sides, byte for byte.
     pub sees_render: bool,
-    /// The quantiser.
     pub step: Step,
     /// What is coded at all.
     pub finest: Finest,
@@ -44,7 +43,6 @@ impl Header {
         }
     }
 
-    /// Reads it, and the blocks.
     pub fn read(blocks: &mut [bool], decoder: &mut RangeDecoder) -> Option<Header> {
         let cut = decoder.get(CUT)?;
         let sees_render = !decoder.get(BLIND)?;
@@ -73,7 +71,6 @@ pub fn write_blocks(blocks: &[bool], encoder: &mut RangeEncoder) {
     }
 }
 
-/// Reads them.
 pub fn read_blocks(blocks: &mut [bool], decoder: &mut RangeDecoder) -> Option<()> {
     let mut chance = BlockChance::new();
     for predicted in blocks {

@@ -106,11 +106,9 @@ impl Pays {
 pub struct Inter {
     /// Coefficients of the warped reference.
     warped: Planes,
-    /// The prediction's coefficients.
     predicted: Planes,
     /// Mean magnitude over a coefficient and its eight neighbours, of the same band or not.
     energy: Planes,
-    /// The prediction's picture.
     picture: Planes,
     says: Says,
     /// Whether the details of each block are predicted.
@@ -160,7 +158,6 @@ impl Inter {
         (self.predicted[plane][index], self.energy[plane][index])
     }
 
-    /// Takes a warped reference.
     pub fn set(&mut self, geometry: &Geometry, warped: &Planes, scratch: &mut Scratch) {
         for (own, warped) in self.warped.iter_mut().zip(warped) {
             own.copy_from_slice(warped);
@@ -265,7 +262,7 @@ impl Inter {
         block_cost::visit_low(geometry, &mut |plane, i, scale| add(&mut low, plane, i, scale));
         let (plain, left) = low;
         self.says.low = left <= plain;
-        let (mut all, mut least) = (plain, plain.min(left));
+        let (mut all, mut min) = (plain, plain.min(left));
         for by in 0..rows {
             for bx in 0..columns {
                 let mut costs = (0, 0);
@@ -273,11 +270,11 @@ impl Inter {
                 block_cost::visit_details(geometry, (bx, by), add);
                 let (plain, left) = costs;
                 self.blocks[by * columns + bx] = left <= plain;
-                (all, least) = (all + plain, least + plain.min(left));
+                (all, min) = (all + plain, min + plain.min(left));
             }
         }
         self.drop_blocks(geometry);
-        Pays::of(all, least)
+        Pays::of(all, min)
     }
 
     /// Zeroes the prediction where there is to be none.
@@ -312,7 +309,6 @@ impl Inter {
         }
     }
 
-    /// Writes what was chosen.
     pub fn write(&self, encoder: &mut RangeEncoder) {
         for bit in (0..AGES.ilog2()).rev() {
             encoder.put(self.says.age >> bit & 1 > 0, EVEN);

@@ -40,5 +40,5 @@ pub use decoder::WaveletDecoder;
 pub use encoder::WaveletEncoder;
 pub use geometry::Planes;
 pub(super) use lifting::FRACTION;
-pub(super) use rate::RateEncoder;
+pub(super) use rate::{FrameKind, RateEncoder};
 pub use step::{STEPS, Step};

@@ -17,7 +17,7 @@ const DEAD_PER_LAMBDA: f64 = 1.9;
 /// Bits of a coefficient that is not zero, and of each octave above; and of a payload without any.
 const BITS: f64 = 6.0;
 const BITS_PER_OCTAVE: f64 = 1.5;
-const BITS_AT_LEAST: f64 = 16.0;
+const BITS_MIN: f64 = 16.0;
 
 /// How many coefficients of about one size a frame has.
 #[derive(Clone, Copy, Default)]
@@ -62,7 +62,6 @@ impl Model {
         10.0 * libm::log10(65_025.0 / mean.max(1e-9))
     }
 
-    /// Bytes of the payload.
     pub fn bytes(&self, fineness: Fineness) -> f64 {
         let step = fineness.step().value();
         let bits: f64 = self
@@ -72,7 +71,7 @@ impl Model {
                 (1.0 - dead) * f64::from(bin.count) * (BITS + BITS_PER_OCTAVE * octaves)
             })
             .sum();
-        (BITS_AT_LEAST + bits) / 8.0
+        (BITS_MIN + bits) / 8.0
     }
 
     /// The bins, their least size, and which share of them is zero in the end.

@@ -17,7 +17,6 @@ use crate::coder_tables::networks::FEATURE_PLACES;
 
 /// The coefficient that is due.
 pub struct Due<'a> {
-    /// Its band's context.
     pub context: &'a BandContext<'a>,
     quantised: &'a Quantised,
     x: usize,
@@ -72,7 +71,6 @@ struct Run<'a, S> {
 
 /// Room for a pass, and its outcome.
 pub struct Pass {
-    /// The coefficients.
     pub quantised: Quantised,
     /// Decoded planes of the difference between picture and render.
     decoded: [Vec<i32>; PLANES],

@@ -77,7 +77,6 @@ fn logit(sum: i32) -> Logit {
     (sum >> places).clamp(-LARGEST_LOGIT, LARGEST_LOGIT) as Logit
 }
 
-/// Biases as sums.
 fn biases<const N: usize, const FOURS: usize>(bias: &[i16; N]) -> [i32x4; FOURS] {
     const { assert!(N == 4 * FOURS) };
     std::array::from_fn(|four| {
@@ -86,7 +85,6 @@ fn biases<const N: usize, const FOURS: usize>(bias: &[i16; N]) -> [i32x4; FOURS]
     })
 }
 
-/// Tables, ready for use.
 pub struct Predictor {
     networks: Networks,
     magnitude_1: Layer<{ pairs(MAGNITUDE_INPUTS) }, { HIDDEN / 4 }>,
@@ -98,7 +96,6 @@ pub struct Predictor {
     sign_1: Layer<{ pairs(SIGN_INPUTS) }, { HIDDEN_SIGN / 4 }>,
     /// Where coefficients lie in their intervals.
     pub offsets: Offsets,
-    /// Chances of logits.
     pub chances: Chances,
 }
 
@@ -115,14 +112,12 @@ impl Predictors {
         Predictors { intra: Predictor::new(intra), inter: Box::new(Predictor::new(inter)) }
     }
 
-    /// The one of a frame.
     pub fn of(&self, frame: &Frame) -> &Predictor {
         if frame.is_inter { &self.inter } else { &self.intra }
     }
 }
 
 impl Predictor {
-    /// Makes a predictor of tables.
     pub fn new(tables: &Tables) -> Predictor {
         let networks = tables.networks.clone();
         Predictor {
@@ -153,7 +148,6 @@ impl Predictor {
         BandBias { magnitude, quiet, sign }
     }
 
-    /// Logits of a magnitude.
     pub fn magnitude(&self, band: &BandBias, inputs: &MagnitudeInputs) -> [Logit; LOGITS] {
         let mut first = band.magnitude;
         self.magnitude_1.add(&mut first, inputs);
@@ -221,7 +215,6 @@ impl Chances {
         self.one[(i32::from(logit) + LARGEST_LOGIT) as usize]
     }
 
-    /// What a bit costs, bits.
     pub fn cost(&self, logit: Logit, bit: bool) -> f32 {
         let logit = i32::from(logit);
         self.cost[((if bit { logit } else { -logit }) + LARGEST_LOGIT) as usize]

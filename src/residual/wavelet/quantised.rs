@@ -6,7 +6,6 @@ use crate::coder_tables::PLANES;
 /// Zeros on every side of a band: as far as contexts look.
 const MARGIN: usize = 3;
 
-/// Where a band lies.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Places {
     first: usize,
@@ -30,7 +29,6 @@ pub struct Quantised {
 }
 
 impl Quantised {
-    /// All zero.
     pub fn new(geometry: &Geometry) -> Quantised {
         let mut places = [[[Places::default(); 4]; MAX_LEVELS + 1]; PLANES];
         let mut len = 0;
@@ -46,13 +44,11 @@ impl Quantised {
         Quantised { values: vec![0; len], loud: vec![false; len], places }
     }
 
-    /// All zero again.
     pub fn clear(&mut self) {
         self.values.fill(0);
         self.loud.fill(false);
     }
 
-    /// Where a band lies.
     pub fn places(&self, plane: usize, level: usize, orientation: usize) -> Places {
         self.places[plane][level][orientation]
     }
@@ -146,7 +142,6 @@ impl Quantised {
         }
     }
 
-    /// A row of a band.
     pub fn row(&self, plane: usize, band: &Band, y: usize) -> &[i16] {
         let places = self.places[plane][band.level][band.orientation.index()];
         let start = Self::index(places, 0, y);

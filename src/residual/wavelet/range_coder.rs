@@ -37,31 +37,29 @@ impl Interval {
     }
 }
 
-/// Writes bits.
 pub struct RangeEncoder<'a> {
     bytes: &'a mut Vec<u8>,
     /// Most bytes that are written.
-    most: usize,
+    max: usize,
     /// More were due.
     over: bool,
     interval: Interval,
 }
 
 impl<'a> RangeEncoder<'a> {
-    /// Appends to `bytes`, which must be empty; `most` of them at most.
-    pub fn new(bytes: &'a mut Vec<u8>, most: usize) -> RangeEncoder<'a> {
-        RangeEncoder { bytes, most, over: false, interval: Interval::ALL }
+    /// Appends to `bytes`, which must be empty; `max` of them at most.
+    pub fn new(bytes: &'a mut Vec<u8>, max: usize) -> RangeEncoder<'a> {
+        RangeEncoder { bytes, max, over: false, interval: Interval::ALL }
     }
 
     fn push(&mut self, byte: u8) {
-        if self.bytes.len() < self.most {
+        if self.bytes.len() < self.max {
             self.bytes.push(byte);
         } else {
             self.over = true;
         }
     }
 
-    /// Writes a bit.
     pub fn put(&mut self, bit: bool, one: Probability) {
         let split = self.interval.split(one);
         self.interval.take(bit, split);
@@ -99,13 +97,12 @@ pub enum Tail {
     Unknown,
 }
 
-/// Reads bits.
 pub struct RangeDecoder<'a> {
     bytes: std::slice::Iter<'a, u8>,
     interval: Interval,
     /// The number read, if zeros follow; if the largest bytes follow.
-    least: u32,
-    most: u32,
+    min: u32,
+    max: u32,
     /// Bytes read beyond the end.
     beyond: u32,
     tail: Tail,
@@ -115,7 +112,7 @@ impl<'a> RangeDecoder<'a> {
     /// Reads from the start of a stream.
     pub fn new(bytes: &'a [u8], tail: Tail) -> RangeDecoder<'a> {
         let (interval, bytes) = (Interval::ALL, bytes.iter());
-        let mut decoder = RangeDecoder { bytes, interval, least: 0, most: 0, beyond: 0, tail };
+        let mut decoder = RangeDecoder { bytes, interval, min: 0, max: 0, beyond: 0, tail };
         for _ in 0..4 {
             decoder.next_byte();
         }
@@ -125,26 +122,26 @@ impl<'a> RangeDecoder<'a> {
     /// What follows the bytes is not known, from here on.
     pub fn cut(&mut self) {
         self.tail = Tail::Unknown;
-        self.most = self.least | u32::MAX.checked_shr(32 - 8 * self.beyond).unwrap_or(0);
+        self.max = self.min | u32::MAX.checked_shr(32 - 8 * self.beyond).unwrap_or(0);
     }
 
     fn next_byte(&mut self) {
-        let (least, most) = match self.bytes.next() {
+        let (min, max) = match self.bytes.next() {
             Some(byte) => (*byte, *byte),
             None => {
                 self.beyond = (self.beyond + 1).min(4);
                 (0, if self.tail == Tail::Zeros { 0 } else { 0xFF })
             }
         };
-        self.least = self.least << 8 | u32::from(least);
-        self.most = self.most << 8 | u32::from(most);
+        self.min = self.min << 8 | u32::from(min);
+        self.max = self.max << 8 | u32::from(max);
     }
 
     /// The next bit; `None` if the bytes at hand do not tell it.
     pub fn get(&mut self, one: Probability) -> Option<bool> {
         let split = self.interval.split(one);
-        let bit = self.least <= split;
-        if bit != (self.most <= split) {
+        let bit = self.min <= split;
+        if bit != (self.max <= split) {
             return None;
         }
         self.interval.take(bit, split);

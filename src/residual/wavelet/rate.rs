@@ -15,7 +15,7 @@ use super::inter::Pays;
 use crate::coder_tables::Tables;
 
 /// Most codings of a search. A frame with a tight budget may have two searches.
-const MOST_PROBES: u32 = 10;
+const MAX_PROBES: u32 = 10;
 /// A PSNR may lie above its target by this much, dB.
 const PSNR_SLACK: f64 = 0.05;
 /// Bytes of a reference, beyond those of an intra frame of a stream.
@@ -35,13 +35,23 @@ pub struct RateEncoder {
     best: Coding,
     trial: Coding,
     probes: u32,
-    /// What a frame of a stream is predicted from.
-    stream: Option<Option<Reference>>,
+    kind: FrameKind<Reference>,
     trials: Trials,
 }
 
-/// What a frame may be predicted from: the reference, and its planes, warped to the view.
-pub type InterSource<'a> = Option<(Reference, &'a Planes)>;
+/// What a frame is, or may be, predicted from beside its render.
+#[derive(Clone, Copy)]
+pub enum FrameKind<R> {
+    /// It is of no stream.
+    AllIntra,
+    /// It is of a stream, and predicted from none of its frames.
+    Intra,
+    /// It is of a stream, and predicted from a reference.
+    Inter(R),
+}
+
+/// What a frame may be predicted from: a reference, and its planes, warped to the view.
+pub type InterSource<'a> = FrameKind<(Reference, &'a Planes)>;
 
 /// When frames are coded both ways to see whether inter is better: less and less often as long as the answer stays.
 #[derive(Default)]
@@ -99,37 +109,37 @@ impl RateEncoder {
             best: Coding::new(width, height),
             trial: Coding::new(width, height),
             probes: 0,
-            stream: None,
+            kind: FrameKind::AllIntra,
             trials: Trials::default(),
         }
     }
 
-    /// Codes a frame of the encoder's size; the outcome is in [`RateEncoder::coded`]. `stream`: the frame is one of a
-    /// stream, and may be predicted from a reference if there is one.
+    /// Codes a frame of the encoder's size; the outcome is in [`RateEncoder::coded`]. `source`: what it may be
+    /// predicted from.
     pub fn encode(
         &mut self,
-        camera: &Picture,
+        frame: &Picture,
         render: &Picture,
         rate: Rate,
         overhead: usize,
-        stream: Option<&InterSource>,
+        source: InterSource,
     ) -> RateResult {
-        self.stream = stream.map(|_| None);
-        if stream.is_some() {
+        self.kind = FrameKind::AllIntra;
+        if !matches!(source, FrameKind::AllIntra) {
             self.encoder.prepare_inter();
             self.decoder.prepare_inter();
         }
         self.probes = 0;
-        let plain = camera.psnr(render);
+        let plain = frame.psnr(render);
         if matches!(rate, Rate::Psnr(target) if plain >= target) {
             return RateResult { content: Content::NotNeeded, reached: true, probes: 0 };
         }
-        let overhead = overhead + self.set(camera, render, rate, stream);
+        let overhead = overhead + self.set(frame, render, rate, source);
         let (coded, reached) = match rate {
             Rate::Quality(quality) => {
                 self.choose(Fineness::of_quality(quality));
-                self.show(camera, render);
-                self.write_or_coarser(camera, render);
+                self.show(frame, render);
+                self.write_or_coarser(frame, render);
                 let content = Content::Payload;
                 return RateResult { content, reached: true, probes: self.probes };
             }
@@ -138,11 +148,11 @@ impl RateEncoder {
                 if room <= residual_part_len(0) {
                     return RateResult { content: Content::NoRoom, reached: false, probes: 0 };
                 }
-                self.within(camera, render, room);
+                self.within(frame, render, room);
                 (self.best.psnr > plain, true)
             }
             Rate::Psnr(target) => {
-                let reached = self.reaching(camera, render, target);
+                let reached = self.reaching(frame, render, target);
                 (self.best.psnr > plain, reached)
             }
         };
@@ -157,51 +167,49 @@ impl RateEncoder {
     /// What was coded, the picture that it makes, and its PSNR, dB.
     pub fn coded(&self) -> (Residual<'_>, &Picture, f64) {
         let Coding { payload, reconstruction, psnr } = &self.best;
-        let residual = match self.stream {
-            Some(reference) => Residual::Stream { reference, payload },
-            None => Residual::Coded { coder: Coder::Wavelet, payload },
+        let residual = match self.kind {
+            FrameKind::AllIntra => Residual::Coded { coder: Coder::Wavelet, payload },
+            FrameKind::Intra => Residual::Stream { reference: None, payload },
+            FrameKind::Inter(reference) => Residual::Stream { reference: Some(reference), payload },
         };
         (residual, reconstruction, *psnr)
     }
 
     /// Takes a frame, and chooses whether it is inter. Returns the bytes that a stream's frame takes more.
-    fn set(
-        &mut self,
-        camera: &Picture,
-        render: &Picture,
-        rate: Rate,
-        stream: Option<&InterSource>,
-    ) -> usize {
-        let Some(source) = stream else {
-            self.encoder.set(camera, render, self.portable);
-            return 0;
+    fn set(&mut self, frame: &Picture, render: &Picture, rate: Rate, source: InterSource) -> usize {
+        let (reference, warped) = match source {
+            FrameKind::AllIntra => {
+                self.encoder.set(frame, render, self.portable);
+                return 0;
+            }
+            FrameKind::Intra => (None, None),
+            FrameKind::Inter((reference, warped)) => (Some(reference), Some(warped)),
         };
-        let (reference, warped) = (*source).unzip();
-        let mut pays = self.encoder.set_inter(camera, render, self.portable, warped);
+        let mut pays = self.encoder.set_inter(frame, render, self.portable, warped);
         if pays != Pays::No {
             let is_inter = self.trials.answer(pays).unwrap_or_else(|| {
-                let is_inter = self.is_better_inter(camera, render, rate);
+                let is_inter = self.is_better_inter(frame, render, rate);
                 self.trials.learn(pays, is_inter);
                 // The trial ended with the frame alone.
-                self.encoder.set_inter(camera, render, self.portable, warped);
+                self.encoder.set_inter(frame, render, self.portable, warped);
                 is_inter
             });
             if !is_inter {
-                self.encoder.set(camera, render, self.portable);
+                self.encoder.set(frame, render, self.portable);
                 pays = Pays::No;
             }
         }
         let reference = reference.filter(|_| pays != Pays::No);
-        self.stream = Some(reference);
+        self.kind = reference.map_or(FrameKind::Intra, FrameKind::Inter);
         Reference::encoded_len(reference)
     }
 
     /// Codes the frame that was set both ways.
-    fn is_better_inter(&mut self, camera: &Picture, render: &Picture, rate: Rate) -> bool {
+    fn is_better_inter(&mut self, frame: &Picture, render: &Picture, rate: Rate) -> bool {
         let fineness = self.guess(rate);
-        let inter = self.price(camera, render, fineness) + 8.0 * REFERENCE_BYTES;
-        self.encoder.set(camera, render, self.portable);
-        let alone = self.price(camera, render, fineness);
+        let inter = self.price(frame, render, fineness) + 8.0 * REFERENCE_BYTES;
+        self.encoder.set(frame, render, self.portable);
+        let alone = self.price(frame, render, fineness);
         let worth_it = WORTH_INTER * 8.0 * self.trial.payload.len() as f64;
         inter + worth_it < alone
     }
@@ -218,14 +226,14 @@ impl RateEncoder {
     }
 
     /// What a coding comes to: its bits, and its error in the bits that it is worth.
-    fn price(&mut self, camera: &Picture, render: &Picture, fineness: Fineness) -> f64 {
+    fn price(&mut self, frame: &Picture, render: &Picture, fineness: Fineness) -> f64 {
         self.choose(fineness);
         self.write(false);
-        self.show(camera, render);
+        self.show(frame, render);
         let Coding { payload, reconstruction, .. } = &self.trial;
         let step = fineness.step().value();
-        let values = camera.data.len() as f64;
-        let error = camera.mse(reconstruction) * 65_025.0 * values / (step * step);
+        let values = frame.data.len() as f64;
+        let error = frame.mse(reconstruction) * 65_025.0 * values / (step * step);
         8.0 * payload.len() as f64 + error / f64::from(fineness.lambda())
     }
 
@@ -236,11 +244,11 @@ impl RateEncoder {
     }
 
     /// The picture of what was chosen last, and its PSNR, in `trial`.
-    fn show(&mut self, camera: &Picture, render: &Picture) {
+    fn show(&mut self, frame: &Picture, render: &Picture) {
         let trial = &mut self.trial;
         trial.reconstruction.clone_from(render);
         self.encoder.add_to(&mut trial.reconstruction);
-        trial.psnr = camera.psnr(&trial.reconstruction);
+        trial.psnr = frame.psnr(&trial.reconstruction);
     }
 
     /// Writes what was chosen last. Whether a payload may be that long.
@@ -254,14 +262,14 @@ impl RateEncoder {
     }
 
     /// The coarsest picture that reaches a PSNR, or the finest there is. Whether it is reached.
-    fn reaching(&mut self, camera: &Picture, render: &Picture, target: f64) -> bool {
+    fn reaching(&mut self, frame: &Picture, render: &Picture, target: f64) -> bool {
         let model = self.encoder.model();
         let mut bracket = Bracket::new(target + 0.4 * PSNR_SLACK, |at| model.psnr(at));
         let mut best: Option<(Fineness, f64)> = None;
         let mut last = None;
-        while let Some(fineness) = bracket.next().filter(|_| self.probes < MOST_PROBES) {
+        while let Some(fineness) = bracket.next().filter(|_| self.probes < MAX_PROBES) {
             self.choose(fineness);
-            self.show(camera, render);
+            self.show(frame, render);
             last = Some(fineness);
             let psnr = self.trial.psnr;
             bracket.tell(fineness, psnr);
@@ -277,37 +285,37 @@ impl RateEncoder {
         }
         if let Some((fineness, _)) = best.filter(|(fineness, _)| last != Some(*fineness)) {
             self.choose(fineness);
-            self.show(camera, render);
+            self.show(frame, render);
         }
-        self.write_or_coarser(camera, render);
+        self.write_or_coarser(frame, render);
         self.best.psnr >= target
     }
 
     /// Keeps what was chosen last; if it is longer than a payload may be, the finest that is not.
-    fn write_or_coarser(&mut self, camera: &Picture, render: &Picture) {
+    fn write_or_coarser(&mut self, frame: &Picture, render: &Picture) {
         if self.write(false) {
             self.keep();
         } else {
             let longest = self.trial.payload.capacity();
-            self.within(camera, render, residual_part_len(longest));
+            self.within(frame, render, residual_part_len(longest));
         }
     }
 
     /// The best picture whose residual part has at most `room` bytes.
-    fn within(&mut self, camera: &Picture, render: &Picture, room: usize) {
-        let most = most_payload(room);
+    fn within(&mut self, frame: &Picture, render: &Picture, room: usize) {
+        let max = max_payload(room);
         self.best.psnr = f64::NEG_INFINITY;
         self.best.payload.clear();
-        self.search_within(camera, render, most);
+        self.search_within(frame, render, max);
         // Blocks were chosen as a fine picture needs them. A coarse one lacks the render's details in the others.
-        if most <= TIGHT && self.encoder.predict_all() {
-            self.search_within(camera, render, most);
+        if max <= TIGHT && self.encoder.predict_all() {
+            self.search_within(frame, render, max);
         }
     }
 
-    /// Codes until a payload has about `most` bytes; keeps what is better than the best so far.
-    fn search_within(&mut self, camera: &Picture, render: &Picture, most: usize) {
-        let target = (most as f64 * (1.0 + USED) / 2.0).max(1.0);
+    /// Codes until a payload has about `max` bytes; keeps what is better than the best so far.
+    fn search_within(&mut self, frame: &Picture, render: &Picture, max: usize) {
+        let target = (max as f64 * (1.0 + USED) / 2.0).max(1.0);
         let model = self.encoder.model();
         let mut bracket = Bracket::new(target.ln(), |at| model.bytes(at).ln());
         let first = self.probes;
@@ -316,21 +324,21 @@ impl RateEncoder {
         let mut longest = 0.0f64;
         // Too long, and short enough but not written: those nearest to the target.
         let (mut over, mut under) = (None, None);
-        while let Some(fineness) = bracket.next().filter(|_| self.probes - first < MOST_PROBES) {
+        while let Some(fineness) = bracket.next().filter(|_| self.probes - first < MAX_PROBES) {
             let weighed = self.choose(fineness);
             let mut len = length.of(weighed);
             let is_near = length.may_be(len, target);
             if is_near {
-                len = self.write_within(camera, render, most);
+                len = self.write_within(frame, render, max);
                 length.tell(weighed, len);
-                if (USED * most as f64..=most as f64).contains(&len) {
+                if (USED * max as f64..=max as f64).contains(&len) {
                     return;
                 }
             }
             bracket.tell(fineness, len.ln());
             let here = Some((len, fineness));
-            if len > most as f64 {
-                over = over.filter(|(least, _)| *least <= len).or(here);
+            if len > max as f64 {
+                over = over.filter(|(min, _)| *min <= len).or(here);
             } else if is_near {
                 longest = longest.max(len);
             } else {
@@ -339,23 +347,23 @@ impl RateEncoder {
         }
         if let Some((_, fineness)) = under.filter(|(len, _): &(f64, Fineness)| *len > longest) {
             self.choose(fineness);
-            longest = longest.max(self.write_within(camera, render, most));
+            longest = longest.max(self.write_within(frame, render, max));
         }
-        if !(USED * most as f64..=most as f64).contains(&longest)
+        if !(USED * max as f64..=max as f64).contains(&longest)
             && let Some((_, fineness)) = over
         {
-            self.cut(camera, render, fineness, most);
+            self.cut(frame, render, fineness, max);
         }
     }
 
-    /// Writes what was chosen last; keeps it if it has room and is the best so far. Its length, or more than `most`.
-    fn write_within(&mut self, camera: &Picture, render: &Picture, most: usize) -> f64 {
+    /// Writes what was chosen last; keeps it if it has room and is the best so far. Its length, or more than `max`.
+    fn write_within(&mut self, frame: &Picture, render: &Picture, max: usize) -> f64 {
         let whole = self.write(false);
         let len = self.trial.payload.len();
-        if !whole || len > most {
-            return len.max(most + 1) as f64;
+        if !whole || len > max {
+            return len.max(max + 1) as f64;
         }
-        self.show(camera, render);
+        self.show(frame, render);
         if self.trial.psnr > self.best.psnr {
             self.keep();
         }
@@ -363,15 +371,15 @@ impl RateEncoder {
     }
 
     /// Codes more than there is room for, and leaves the end away; keeps it if it is the best so far.
-    fn cut(&mut self, camera: &Picture, render: &Picture, fineness: Fineness, most: usize) {
+    fn cut(&mut self, frame: &Picture, render: &Picture, fineness: Fineness, max: usize) {
         self.choose(fineness);
         self.write(true);
         let trial = &mut self.trial;
-        trial.payload.truncate(most);
+        trial.payload.truncate(max);
         trial.reconstruction.clone_from(render);
         // It fails only if the render is not the encoder's own.
         let _ = self.decoder.add_own(&self.encoder, &trial.payload, &mut trial.reconstruction);
-        trial.psnr = camera.psnr(&trial.reconstruction);
+        trial.psnr = frame.psnr(&trial.reconstruction);
         if trial.psnr > self.best.psnr {
             self.keep();
         }
@@ -394,7 +402,6 @@ const OFF: f64 = 0.04;
 const OFF_BYTES: f64 = 4.0;
 
 impl Length {
-    /// Bytes of a payload.
     fn of(&self, weighed: f64) -> f64 {
         (self.share * weighed).max(1.0)
     }
@@ -404,7 +411,6 @@ impl Length {
         (guess - target).abs() <= self.off * target + OFF_BYTES
     }
 
-    /// What the payload took.
     fn tell(&mut self, weighed: f64, len: f64) {
         if weighed > 0.0 {
             *self = Length { share: len / weighed, off: OFF };
@@ -413,12 +419,12 @@ impl Length {
 }
 
 /// The longest payload whose residual part has at most `room` bytes.
-fn most_payload(room: usize) -> usize {
-    let mut most = room.saturating_sub(residual_part_len(0));
-    while most > 0 && residual_part_len(most) > room {
-        most -= 1;
+fn max_payload(room: usize) -> usize {
+    let mut max = room.saturating_sub(residual_part_len(0));
+    while max > 0 && residual_part_len(max) > room {
+        max -= 1;
     }
-    most
+    max
 }
 
 #[cfg(test)]

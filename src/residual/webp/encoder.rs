@@ -23,7 +23,6 @@ pub struct WebpEncoder {
     probes: u32,
 }
 
-/// What is coded.
 #[derive(Clone, Copy)]
 struct Source<'a> {
     frame: &'a Picture,

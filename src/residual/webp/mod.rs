@@ -213,7 +213,6 @@ mod tests {
         picture
     }
 
-    /// A picture's payload.
     fn coded(picture: &Picture, quality: f32) -> Vec<u8> {
         let mut payload = Vec::new();
         let mut webp = Webp::new(picture.width, picture.height);

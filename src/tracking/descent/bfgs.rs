@@ -43,7 +43,7 @@ const CURVATURE_MIN: f64 = 1e-10;
 
 /// What the line search carries along.
 #[derive(Clone, Copy)]
-struct Place {
+struct Evaluated {
     pose: Pose,
     gradient: [f64; 6],
 }
@@ -59,10 +59,10 @@ pub(super) fn minimise(
         Ok::<_, Error>((equations.mse(), moved_in(length, &equations.gradient())))
     };
     let (mut f, gradient) = evaluate(start)?;
-    let mut place = Place { pose: *start, gradient };
+    let mut place = Evaluated { pose: *start, gradient };
     let mut hessian = InverseHessian::new();
     let mut t = (1.0 / gradient.iter().map(|g| g.abs()).sum::<f64>()).min(1.0);
-    let outcome = |place: Place, mse, stop| Ok(Outcome { pose: place.pose, mse, stop });
+    let outcome = |place: Evaluated, mse, stop| Ok(Outcome { pose: place.pose, mse, stop });
     for _ in 0..options.iterations {
         let direction = hessian.direction(&place.gradient);
         let slope = dot(&place.gradient, &direction);
@@ -73,7 +73,12 @@ pub(super) fn minimise(
         let found = strong_wolfe(from, t, norm_max(&direction), |t| {
             let pose = place.pose.stepped(&moved_in(length, &scaled(&direction, t)));
             let (f, gradient) = evaluate(&pose)?;
-            Ok(Point { t, f, slope: dot(&gradient, &direction), payload: Place { pose, gradient } })
+            Ok(Point {
+                t,
+                f,
+                slope: dot(&gradient, &direction),
+                payload: Evaluated { pose, gradient },
+            })
         })?;
         let step = scaled(&direction, found.t);
         hessian.update(&step, &minus(&found.payload.gradient, &place.gradient));

@@ -15,9 +15,7 @@ const BRACKET_TOLERANCE: f64 = 1e-9;
 /// A point on the line, with what the caller knows of it.
 #[derive(Clone, Copy)]
 pub(super) struct Point<P> {
-    /// Step along the direction.
     pub t: f64,
-    /// Value.
     pub f: f64,
     /// Slope along the line.
     pub slope: f64,

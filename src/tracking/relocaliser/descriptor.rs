@@ -14,7 +14,6 @@ pub fn distance(a: &Descriptor, b: &Descriptor) -> u32 {
 
 /// Half the side of a patch, pixels.
 pub const RADIUS: usize = 15;
-/// Directions of a histogram.
 const DIRECTIONS: usize = 8;
 /// Histograms along a side of the patch.
 const SIDE: usize = 4;
@@ -35,7 +34,7 @@ const NEIGHBOUR: [usize; SIDE * SIDE] = [1, 2, 3, 7, 0, 6, 10, 11, 4, 5, 9, 15, 
 type Histogram = [f32; DIRECTIONS];
 
 /// A pixel of a patch.
-struct Place {
+struct PatchPixel {
     dx: i32,
     dy: i32,
     /// In the histograms.
@@ -46,7 +45,7 @@ struct Place {
 
 /// The gradient of a picture, and what its patches are described with.
 pub struct Describer {
-    places: Vec<Place>,
+    places: Vec<PatchPixel>,
     width: usize,
     /// For each pixel the gradient's direction, in [`TURNS`], and its length.
     polar: Vec<[f32; 2]>,
@@ -65,7 +64,7 @@ impl Describer {
             let weight = |spread: f32| (-away / (2.0 * spread * spread)).exp();
             let near = away <= 4.0 * TURN_SPREAD * TURN_SPREAD;
             let turn_weight = if near { weight(TURN_SPREAD) } else { 0.0 };
-            Place { dx, dy, weight: weight(SPREAD), turn_weight }
+            PatchPixel { dx, dy, weight: weight(SPREAD), turn_weight }
         };
         Describer { places: inside.map(place).collect(), width: 0, polar: vec![[0.0; 2]; pixels] }
     }
@@ -152,7 +151,7 @@ impl Describer {
         (peak as f32 + off) * (TAU / TURNS as f32)
     }
 
-    fn index(&self, at: usize, place: &Place) -> usize {
+    fn index(&self, at: usize, place: &PatchPixel) -> usize {
         (at as i32 + place.dy * self.width as i32 + place.dx) as usize
     }
 }
@@ -182,8 +181,8 @@ fn compared<'a>(histogram: impl Fn(usize) -> &'a Histogram) -> Descriptor {
 /// The direction of a vector, in [0, [`TURNS`]), by a polynomial; exact to a tenth of a degree.
 fn turns(x: f32, y: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
-    let (least, most) = if ax < ay { (ax, ay) } else { (ay, ax) };
-    let t = if most > 0.0 { least / most } else { 0.0 };
+    let (min, max) = if ax < ay { (ax, ay) } else { (ay, ax) };
+    let t = if max > 0.0 { min / max } else { 0.0 };
     // Abramowitz & Stegun 4.4.47, shortened.
     let octant = t
         * (0.999_866

@@ -3,7 +3,6 @@
 
 use super::descriptor::{Describer, Descriptor, RADIUS};
 
-/// A corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feature {
     /// Pixels of the picture; pixel (0, 0) covers [0, 1) × [0, 1).
@@ -37,7 +36,7 @@ struct Level {
     width: usize,
     height: usize,
     /// Most corners of the level.
-    most: usize,
+    max: usize,
 }
 
 /// Takes features of pictures of one size. Allocates nothing after it is made.
@@ -57,16 +56,16 @@ pub struct Extractor {
 }
 
 impl Extractor {
-    /// For pictures of `width` × `height`, and about `most` features.
-    pub fn new(width: usize, height: usize, most: usize) -> Extractor {
+    /// For pictures of `width` × `height`, and about `max` features.
+    pub fn new(width: usize, height: usize, max: usize) -> Extractor {
         let finest = FINEST.min(WIDEST / width.max(1) as f32);
         let all: f32 = (0..LEVELS).map(|k| RATIO.powi(-(k as i32))).sum();
         let level = |k: usize| {
             let share = RATIO.powi(-(k as i32));
             let scale = finest * share;
             let size = |n: usize| (n as f32 * scale).round() as usize;
-            let most = (most as f32 * share / all).round() as usize;
-            Level { scale, width: size(width), height: size(height), most }
+            let max = (max as f32 * share / all).round() as usize;
+            Level { scale, width: size(width), height: size(height), max }
         };
         let wide_enough = |l: &Level| l.width > 2 * RADIUS + 2 && l.height > 2 * RADIUS + 2;
         let levels: Vec<Level> = (0..LEVELS).map(level).filter(wide_enough).collect();
@@ -149,7 +148,7 @@ impl Extractor {
     /// Finds the strongest corners of a level: maxima, within two pixels, of the least eigenvalue of the gradient's
     /// second moments.
     fn find_corners(&mut self, k: usize) {
-        let Level { width, height, most, .. } = self.levels[k];
+        let Level { width, height, max, .. } = self.levels[k];
         let count = width * height;
         let [xx, xy, yy] = &mut self.products;
         for p in [&mut *xx, &mut *xy, &mut *yy] {
@@ -183,10 +182,10 @@ impl Extractor {
         }
         let order =
             |a: &Corner, b: &Corner| b.strength.total_cmp(&a.strength).then(a.at.cmp(&b.at));
-        if self.corners.len() > most && most > 0 {
-            self.corners.select_nth_unstable_by(most - 1, order);
+        if self.corners.len() > max && max > 0 {
+            self.corners.select_nth_unstable_by(max - 1, order);
         }
-        self.corners.truncate(most);
+        self.corners.truncate(max);
         self.corners.sort_unstable_by(order);
     }
 

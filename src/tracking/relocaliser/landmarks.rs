@@ -58,12 +58,10 @@ impl Landmarks {
         groups * points * point + ((4 * TABLES) << BITS)
     }
 
-    /// Number of groups.
     pub fn groups(&self) -> usize {
         self.groups.len()
     }
 
-    /// Adds a group.
     pub fn add(&mut self, points: impl Iterator<Item = ([f32; 3], Descriptor)>) {
         let first = self.points.len() as u32;
         let owner = self.groups.len() as u32;

@@ -31,12 +31,11 @@ const FEATURES: usize = 1000;
 /// Most corners of a key frame.
 const KEY_FEATURES: usize = 800;
 /// Fewest corners of a key frame, if there are very many key frames.
-const LEAST_KEY_FEATURES: usize = 120;
-/// Memory for the points of all key frames, bytes; more if [`LEAST_KEY_FEATURES`] per key frame need it.
+const MIN_KEY_FEATURES: usize = 120;
+/// Memory for the points of all key frames, bytes; more if [`MIN_KEY_FEATURES`] per key frame need it.
 const MEMORY: usize = 48 << 20;
 /// How many key frames, those with most votes, have their corners compared with the frame's.
 const VOTED: usize = 64;
-/// Poses that are proposed.
 const PROPOSALS: usize = 6;
 /// Key frames that stand nearer to another than this, in depths of the scene, propose poses together with it. A pose
 /// that one key frame proposes by itself must be as near to it.
@@ -111,7 +110,7 @@ impl Relocaliser {
         let level = (0..objective.levels()).rev().find(detailed).unwrap_or(0);
         let camera = objective.camera(level);
         let each = MEMORY / Landmarks::bytes(key_frames.len().max(1), 1);
-        let key_features = each.clamp(LEAST_KEY_FEATURES, KEY_FEATURES);
+        let key_features = each.clamp(MIN_KEY_FEATURES, KEY_FEATURES);
         let origin = objective.renderer().scene().centre();
         let (width, height) = (camera.width as usize, camera.height as usize);
         // Each level rounds its share.
@@ -147,9 +146,9 @@ impl Relocaliser {
         self.key_frames.len() - self.landmarks.groups()
     }
 
-    /// Renders the next `most` key frames and takes their corners: one render each.
-    pub fn learn(&mut self, objective: &mut Objective, most: usize) -> Result<(), Error> {
-        for _ in 0..most.min(self.left()) {
+    /// Renders the next `max` key frames and takes their corners: one render each.
+    pub fn learn(&mut self, objective: &mut Objective, max: usize) -> Result<(), Error> {
+        for _ in 0..max.min(self.left()) {
             let pose = self.key_frames[self.landmarks.groups()];
             self.look(objective, &pose)?;
             self.sorted.clear();
@@ -159,8 +158,8 @@ impl Relocaliser {
             self.depths.push(self.sorted.get(self.sorted.len() / 2).copied().unwrap_or(0.0));
             // Corners are ordered by level. If there are too many for the room, they are left out evenly.
             let (seen, room) = (self.sorted.len().max(1), self.key_features);
-            let sound = self.points.iter().zip(&self.render).filter(|(p, _)| p[0].is_finite());
-            let kept = sound
+            let valid = self.points.iter().zip(&self.render).filter(|(p, _)| p[0].is_finite());
+            let kept = valid
                 .enumerate()
                 .filter(|(i, _)| i * room / seen != (i + 1) * room / seen || seen <= room);
             self.landmarks.add(kept.map(|(_, (p, f))| (*p, f.descriptor)));
@@ -220,11 +219,11 @@ impl Relocaliser {
         &self.candidates
     }
 
-    /// Poses that single key frames propose, best first: for frames that no vote leads to. Compares about `most` key
+    /// Poses that single key frames propose, best first: for frames that no vote leads to. Compares about `max` key
     /// frames with the frame, other ones in each `turn`, until each had its turn.
-    pub fn compare_some(&mut self, most: usize, turn: usize) -> &[Candidate] {
+    pub fn compare_some(&mut self, max: usize, turn: usize) -> &[Candidate] {
         self.candidates.clear();
-        let parts = self.landmarks.groups().div_ceil(most.max(1)).max(1);
+        let parts = self.landmarks.groups().div_ceil(max.max(1)).max(1);
         for index in (turn % parts..self.landmarks.groups()).step_by(parts) {
             self.match_key_frame(index);
             let key_frame = &self.key_frames[index];
@@ -333,8 +332,8 @@ impl Relocaliser {
             let near = (here.centre() - there.centre()).length() < reach;
             let same_way = axis(here).dot(axis(there)) > TURNED;
             if other == slot || (near && same_way) {
-                let sound = self.by_key_frame[other].iter().filter(|(d, _)| *d <= alike);
-                self.matches.extend(sound.map(|(_, of)| *of));
+                let valid = self.by_key_frame[other].iter().filter(|(d, _)| *d <= alike);
+                self.matches.extend(valid.map(|(_, of)| *of));
             }
         }
     }
@@ -356,8 +355,8 @@ impl Relocaliser {
         let render = self.render.iter().map(|f| &f.descriptor);
         let pairs = self.pairs.between(&self.frame, render, ALIKE_NEAR, DISTINCT_NEAR);
         self.matches.clear();
-        let sound = pairs.filter(|(_, at)| self.points[*at][0].is_finite());
-        self.matches.extend(sound.map(|(index, at)| Match {
+        let valid = pairs.filter(|(_, at)| self.points[*at][0].is_finite());
+        self.matches.extend(valid.map(|(index, at)| Match {
             feature: index as u32,
             place: self.frame[index].place,
             point: vector(&self.points[at]),
@@ -401,19 +400,19 @@ impl Pairs {
         self.back.clear();
         self.back.extend(descriptors.clone().map(|_| (u32::MAX, 0)));
         for (index, feature) in features.iter().enumerate() {
-            let (mut at, mut least, mut second) = (0, u32::MAX, u32::MAX);
+            let (mut at, mut min, mut second) = (0, u32::MAX, u32::MAX);
             for ((i, d), back) in descriptors.clone().enumerate().zip(&mut self.back) {
                 let d = distance(d, &feature.descriptor);
                 if d < back.0 {
                     *back = (d, index as u32);
                 }
-                if d < least {
-                    (at, least, second) = (i, d, least);
+                if d < min {
+                    (at, min, second) = (i, d, min);
                 } else if d < second {
                     second = d;
                 }
             }
-            let distinct = least <= alike && (least as f32) < share * second as f32;
+            let distinct = min <= alike && (min as f32) < share * second as f32;
             self.nearest.push(distinct.then_some(at as u32));
         }
         let pairs = self.nearest.iter().enumerate();

@@ -5,17 +5,17 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::Pose;
 
 /// Most poses of a call.
-pub const MOST: usize = 4;
+pub const MAX: usize = 4;
 
 /// World-to-camera poses that see each of the three world `points` along its ray (camera axes, of any length but zero).
 /// There are at most four, and none if the points lie on a line; the rest are `None`.
-pub fn poses(rays: [DVec3; 3], points: [DVec3; 3]) -> [Option<Pose>; MOST] {
-    let mut found = [None; MOST];
+pub fn poses(rays: [DVec3; 3], points: [DVec3; 3]) -> [Option<Pose>; MAX] {
+    let mut found = [None; MAX];
     let mut count = 0;
     let [y1, y2, y3] = rays.map(DVec3::normalize);
     for [l1, l2, l3] in depths([y1, y2, y3], points).into_iter().flatten() {
         let seen = [y1 * l1, y2 * l2, y3 * l3];
-        if let Some(pose) = motion(points, seen).filter(|_| count < MOST) {
+        if let Some(pose) = motion(points, seen).filter(|_| count < MAX) {
             found[count] = Some(pose);
             count += 1;
         }
@@ -24,20 +24,20 @@ pub fn poses(rays: [DVec3; 3], points: [DVec3; 3]) -> [Option<Pose>; MOST] {
 }
 
 /// Distances of the three points along unit rays: section 4 of the paper.
-fn depths([y1, y2, y3]: [DVec3; 3], [x1, x2, x3]: [DVec3; 3]) -> [Option<[f64; 3]>; MOST] {
+fn depths([y1, y2, y3]: [DVec3; 3], [x1, x2, x3]: [DVec3; 3]) -> [Option<[f64; 3]>; MAX] {
     let (b12, b13, b23) = (-2.0 * y1.dot(y2), -2.0 * y1.dot(y3), -2.0 * y2.dot(y3));
     let (a12, a13, a23) =
         ((x1 - x2).length_squared(), (x1 - x3).length_squared(), (x2 - x3).length_squared());
-    let Some(g) = cubic(a12, a13, a23, b12, b13, b23) else { return [None; MOST] };
+    let Some(g) = cubic(a12, a13, a23, b12, b13, b23) else { return [None; MAX] };
     // The degenerate conic of the pencil: a rank-two matrix with eigenvalues of both signs.
     let conic = [
         [a23 * (1.0 - g), a23 * b12 * 0.5, a23 * b13 * g * -0.5],
         [a23 * b12 * 0.5, a23 - a12 + a13 * g, b23 * (a13 * g - a12) * 0.5],
         [a23 * b13 * g * -0.5, b23 * (a13 * g - a12) * 0.5, g * (a13 - a23) - a12],
     ];
-    let Some((values, v)) = eigen_known_zero(&conic) else { return [None; MOST] };
+    let Some((values, v)) = eigen_known_zero(&conic) else { return [None; MAX] };
     let ratio = (-values[1] / values[0]).max(0.0).sqrt();
-    let mut found = [None; MOST];
+    let mut found = [None; MAX];
     for (slot, s) in [ratio, -ratio].into_iter().enumerate() {
         let w2 = 1.0 / (s * v[1].x - v[0].x);
         let w0 = (v[0].y - s * v[1].y) * w2;

@@ -31,7 +31,7 @@ const HINT_DEVIATION: [f64; 2] = [0.1, 0.1];
 
 impl Tracker {
     /// Searches from a hint's pose too, although the track is certain. The picture alone decides between the two.
-    pub(super) fn heard(
+    pub(super) fn searched_from_hint(
         &mut self,
         frame: &Picture,
         found: PoseEstimate,
@@ -39,7 +39,7 @@ impl Tracker {
     ) -> Result<PoseEstimate, Error> {
         self.relocaliser.set_frame(frame);
         Ok(match self.near(&hint.pose, StartKind::External)? {
-            Some(heard) => PoseEstimate::or_judged(Some(found), heard),
+            Some(hinted) => PoseEstimate::or_judged(Some(found), hinted),
             None => PoseEstimate { drawn: None, ..found },
         })
     }
@@ -134,9 +134,9 @@ impl Tracker {
         if best.is_some_and(|best| self.settles(&best)) || self.renders() >= end {
             return Ok(best);
         }
-        let most = COMPARISONS * self.options.lost_renders as usize;
+        let max = COMPARISONS * self.options.lost_renders as usize;
         let mut compared = [None; COMPARED];
-        let candidates = self.relocaliser.compare_some(most, self.frames_since_certain as usize);
+        let candidates = self.relocaliser.compare_some(max, self.frames_since_certain as usize);
         for (to, from) in compared.iter_mut().zip(candidates) {
             *to = Some(from.pose);
         }

@@ -33,24 +33,20 @@ impl Tracker {
     pub fn track(
         &mut self,
         frame: &Picture,
-        known: &FrameInfo,
+        info: &FrameInfo,
     ) -> Result<Option<PoseEstimate>, Error> {
         self.objective.set_frame(frame);
-        self.starts.set_time(known.time);
+        self.starts.set_time(info.time);
         match self.options.optimizer {
-            Optimizer::GaussNewton => self.search(frame, known),
+            Optimizer::GaussNewton => self.search(frame, info),
             #[cfg(feature = "paper")]
-            _ => self.descend(known.hint.map(|hint| hint.pose)),
+            _ => self.descend(info.hint.map(|hint| hint.pose)),
         }
     }
 
     /// Gauss–Newton on the device.
-    fn search(
-        &mut self,
-        frame: &Picture,
-        known: &FrameInfo,
-    ) -> Result<Option<PoseEstimate>, Error> {
-        let hint = known.hint.map(|hint| self.brought_up(hint));
+    fn search(&mut self, frame: &Picture, info: &FrameInfo) -> Result<Option<PoseEstimate>, Error> {
+        let hint = info.hint.map(|hint| self.brought_up(hint));
         let schedule = self.options.gauss_newton.warm;
         let mut warm = if self.masked { self.follow_masked()? } else { None };
         if warm.is_none()
@@ -64,7 +60,9 @@ impl Tracker {
                 || (!found.agreement.is_conclusive && !self.lost(found.outcome.mse)))
         {
             let found = match hint {
-                Some(hint) if disagrees(&hint, &found) => self.heard(frame, found, &hint)?,
+                Some(hint) if disagrees(&hint, &found) => {
+                    self.searched_from_hint(frame, found, &hint)?
+                }
                 _ => found,
             };
             return self.settled(found).map(Some);

@@ -48,13 +48,13 @@ impl Tracker {
 
     /// Goes on from what was found and judged last: masks what does not agree, and corrects the light from place to
     /// place. If nearly all agrees then, in one light, a plain search finishes. Changes nothing if the pose found is
-    /// not certain, or if what does not agree makes no more than the share `most` of the squared error.
+    /// not certain, or if what does not agree makes no more than the share `max` of the squared error.
     pub(super) fn with_masks(
         &mut self,
         found: PoseEstimate,
-        most: f64,
+        max: f64,
     ) -> Result<PoseEstimate, Error> {
-        if !(found.certain && self.is_uneven(&found.agreement, most)) {
+        if !(found.certain && self.is_uneven(&found.agreement, max)) {
             return Ok(found);
         }
         let mut best = found;
@@ -71,7 +71,7 @@ impl Tracker {
         let pose = best.outcome.pose;
         let plain = self.from(&[pose], &self.nearby(0))?;
         let agreement = self.agreement();
-        if agreement.score > best.agreement.score + BETTER || !self.is_uneven(&agreement, most) {
+        if agreement.score > best.agreement.score + BETTER || !self.is_uneven(&agreement, max) {
             return Ok(best.gone_on(plain, agreement));
         }
         Ok(PoseEstimate { drawn: None, ..best })
@@ -170,8 +170,8 @@ impl Tracker {
         changes
     }
 
-    fn is_uneven(&self, agreement: &Agreement, most: f64) -> bool {
-        self.options.masks && self.comparison.is_uneven(agreement, most)
+    fn is_uneven(&self, agreement: &Agreement, max: f64) -> bool {
+        self.options.masks && self.comparison.is_uneven(agreement, max)
     }
 
     /// How to search from a pose that is nearly right.

@@ -111,10 +111,10 @@ impl Tracker {
         self.objective = objective;
     }
 
-    /// Renders up to `most` of the prior's key frames that are not rendered yet, so that a lost frame need not. Returns
+    /// Renders up to `max` of the prior's key frames that are not rendered yet, so that a lost frame need not. Returns
     /// how many are left.
-    pub fn prepare(&mut self, most: usize) -> Result<usize, Error> {
-        self.relocaliser.learn(&mut self.objective, most)?;
+    pub fn prepare(&mut self, max: usize) -> Result<usize, Error> {
+        self.relocaliser.learn(&mut self.objective, max)?;
         Ok(self.relocaliser.left())
     }
 
@@ -162,7 +162,6 @@ impl Tracker {
         mse >= self.threshold && self.error.is_none_or(|before| mse > LOST * before)
     }
 
-    /// Searches from some poses.
     pub(super) fn from(
         &mut self,
         poses: &[Pose],

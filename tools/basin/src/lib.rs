@@ -2,6 +2,9 @@
 //! paper's kind; the quay is one that nothing in the library was trained on. They share no code with the splat
 //! renderer.
 
+// Not published: names that tell what they are need no comment.
+#![allow(missing_docs)]
+
 mod basin;
 mod export;
 mod material;
@@ -42,10 +45,8 @@ pub enum Site {
 }
 
 impl Site {
-    /// All of them.
     pub const ALL: [Site; 2] = [Site::Basin, Site::Quay];
 
-    /// The mapping run's name.
     pub fn mapping_run_name(self) -> &'static str {
         match self {
             Site::Basin => "M1",
@@ -80,10 +81,8 @@ pub enum Run {
 }
 
 impl Run {
-    /// All of them.
     pub const ALL: [Run; 3] = [Run::T1, Run::T2, Run::T3];
 
-    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Run::T1 => "T1",
@@ -92,7 +91,6 @@ impl Run {
         }
     }
 
-    /// Where it is.
     pub fn site(self) -> Site {
         match self {
             Run::T1 | Run::T2 => Site::Basin,
@@ -145,7 +143,6 @@ impl Conditions {
     pub const CALM: Conditions = Conditions { caustics: 0.10, snow: 6, noise: 1.0 };
 }
 
-/// A picture of a run.
 #[derive(Clone, Debug)]
 pub struct DemoFrame {
     /// File name without folder, such as `0001.png`.
@@ -205,7 +202,6 @@ pub fn random_views(
         .map(move |(index, pose)| draw(&scene, &conditions, pose, index, 4.0 * index as f64, 3))
 }
 
-/// Seed of the random views.
 const VIEWS_SEED: u64 = 11;
 
 fn draw(

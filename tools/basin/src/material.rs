@@ -11,7 +11,6 @@ use super::solid::{Material, Solid};
 /// A point of a surface, in the paint's coordinates.
 pub struct Spot<'a> {
     pub solid: &'a Solid,
-    /// World position.
     pub position: Vec3,
     /// Outward unit normal, world axes.
     pub normal: Vec3,

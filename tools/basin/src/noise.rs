@@ -30,7 +30,6 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// The stream of a seed.
     pub fn new(seed: u32) -> Stream {
         Stream { state: hash(seed ^ 0x5bd1_e995) }
     }

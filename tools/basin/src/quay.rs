@@ -20,7 +20,6 @@ const CORRUGATION: f32 = 0.36;
 /// How far the water reaches from the wall.
 const REACH: f32 = 12.0;
 
-/// The scene of the mapping run.
 pub fn mapped() -> Scene {
     let mut groups: Vec<Group> = corrugations().map(sheet_piles).collect();
     groups.push(waling());
@@ -124,7 +123,6 @@ fn fender(y: f32) -> Group {
     Group::new(solids)
 }
 
-/// Two rails and their rungs.
 fn ladder(y: f32) -> Group {
     const HALF_WIDTH: f32 = 0.22;
     let at = |side: f32, z: f32| Vec3::new(0.2, y + side * HALF_WIDTH, z);

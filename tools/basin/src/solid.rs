@@ -6,7 +6,6 @@ use glam::{Mat3, Vec3};
 #[derive(Clone, Copy)]
 pub struct Ray {
     pub origin: Vec3,
-    /// Unit direction.
     pub direction: Vec3,
 }
 
@@ -25,7 +24,6 @@ pub enum Material {
     Wall,
     /// The water's surface from below.
     WaterSurface,
-    /// A painted oil barrel.
     Barrel,
     /// Galvanised pipe.
     Pipe,
@@ -33,7 +31,6 @@ pub enum Material {
     Concrete,
     /// The bare metal of the object that only T2 has.
     Steel,
-    /// The vehicle's safety line.
     SafetyLine,
     /// Steel of the quay's wall.
     SheetPile,
@@ -53,7 +50,6 @@ pub enum Material {
     Zinc,
     /// Bars and line of the crab pot, which only T3 has.
     Pot,
-    /// Its buoy.
     Buoy,
 }
 

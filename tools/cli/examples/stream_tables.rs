@@ -11,7 +11,7 @@ use anyhow::Context as _;
 use nvsprior::coder_tables::Tables;
 use nvsprior::packet::Packet;
 use nvsprior::render::Plan;
-use nvsprior::residual::Vantage;
+use nvsprior::residual::Viewpoint;
 use nvsprior::residual::wavelet::Step;
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior};
 use nvsprior_inputs::args::SizeArgs;
@@ -92,9 +92,9 @@ fn run_of(
         renderer.draw_coded_deep(&code)?;
         let mut render = Picture::new(camera.width, camera.height);
         render.data.copy_from_slice(renderer.rendered());
-        let vantage = Vantage { camera, placement: renderer.placed(&code) };
+        let viewpoint = Viewpoint { camera, placement: renderer.placed(&code) };
         let depths = renderer.depths().collect();
-        run.push(RunFrame { picture, render, vantage, depths });
+        run.push(RunFrame { picture, render, viewpoint, depths });
     }
     runs.push(run);
     Ok(runs)

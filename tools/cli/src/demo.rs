@@ -110,7 +110,6 @@ fn encode_basin(args: &Args) -> anyhow::Result<()> {
         let bar = progress(args.views, "drawing random views");
         let views = nvsprior_basin::random_views(args.views, Conditions::CALM);
         nvsprior_basin::write_run(&args.out.join("views"), "views", views, |_| bar.inc(1))?;
-        bar.finish_and_clear();
     }
     let path = args.out.join("table.txt");
     std::fs::write(&path, tables).with_context(|| format!("writing {}", path.display()))?;
@@ -157,7 +156,6 @@ fn draw_run(out: &Path, run: Run, count: usize) -> anyhow::Result<Vec<DemoFrame>
         frames.push(frame.clone());
         bar.inc(1);
     })?;
-    bar.finish_and_clear();
     Ok(frames)
 }
 

@@ -259,7 +259,6 @@ fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
         left = encoder.prepare(AT_ONCE)?;
         bar.set_position((all - left) as u64);
     }
-    bar.finish_and_clear();
     Ok(())
 }
 

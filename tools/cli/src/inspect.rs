@@ -10,6 +10,7 @@ use nvsprior::prior::PartSource;
 
 use crate::key_frames;
 use crate::mission::MissionArgs;
+use crate::row;
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::values;
 
@@ -41,11 +42,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mission = args.cameras.as_ref().map(|path| args.mission.read(path, &prior)).transpose()?;
     describe(args, &prior);
     study::print(&prior, mission.as_ref(), args.tolerance, &args.device)
-}
-
-/// One line of the report.
-fn row(name: &str, value: String) {
-    println!("{name:14} {value}");
 }
 
 fn describe(args: &Args, prior: &Prior) {

@@ -35,7 +35,6 @@ pub struct Args {
     out: PathBuf,
 }
 
-/// The smallest MTU.
 const MIN_MTU: usize = 31;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {

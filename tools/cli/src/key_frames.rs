@@ -12,6 +12,7 @@ use nvsprior::prior::{
 };
 use nvsprior::{Camera, Pose, Prior};
 
+use crate::row;
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::values;
 use nvsprior_train::coverage::{Covering, covering};
@@ -103,10 +104,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn row(name: &str, value: String) {
-    println!("{name:14} {value}");
-}
-
 /// Why there are no key frames although no camera file was given.
 fn nothing(cover: u32) -> &'static str {
     match cover {
@@ -195,7 +192,6 @@ pub fn of_run(
     Ok(thinned.map_or(KeyFrames::NONE, |thinned| thinned.key_frames))
 }
 
-/// The views of the split that have a pose.
 fn posed_views(file: &Path, split: Option<&str>) -> anyhow::Result<Vec<(Camera, Pose)>> {
     let views = CameraFile::open(file)?.select(split)?;
     let posed = views.iter().filter_map(|view| Some((view.camera, view.pose?)));

@@ -14,6 +14,8 @@ use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::replace_file;
 use nvsprior::{Camera, Engine, Prior};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
+use nvsprior_inputs::values;
+use nvsprior_lab::bench::median;
 use nvsprior_train::mapper::{MapOptions, Mapper};
 
 use crate::container::Container;
@@ -52,10 +54,10 @@ pub struct Args {
     #[arg(long, value_name = "M", value_parser = minutes)]
     minutes: Option<f64>,
     /// Share of SSIM in the loss, beside the error of each value
-    #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = values::share)]
     ssim: f32,
     /// Errors below it, of 1, count by their squares, larger ones as they are (Huber's loss); 0: all as they are
-    #[arg(long, value_name = "ERROR", default_value_t = 0.1, value_parser = share)]
+    #[arg(long, value_name = "ERROR", default_value_t = 0.1, value_parser = values::share)]
     knee: f32,
     /// Fit each picture's light, and train on the pictures without it: for lamps and daylight that change
     #[arg(long)]
@@ -86,19 +88,8 @@ pub struct Args {
 }
 
 fn minutes(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|e| format!("{e}"))?;
-    match value > 0.0 && value <= 100_000.0 {
-        true => Ok(value),
-        false => Err("must lie between 0 and 100,000".into()),
-    }
-}
-
-fn share(text: &str) -> Result<f32, String> {
-    let value: f32 = text.parse().map_err(|e| format!("{e}"))?;
-    match (0.0..=1.0).contains(&value) {
-        true => Ok(value),
-        false => Err("must lie between 0 and 1".into()),
-    }
+    let value = values::positive(text)?;
+    if value <= 100_000.0 { Ok(value) } else { Err("must lie between 0 and 100,000".into()) }
 }
 
 /// Steps of a compact prior's quantisation, as multiples of the usual ones, which cost bytes of every packet
@@ -182,6 +173,5 @@ fn forward_seconds(engine: &Engine, prior: &Prior, mapper: &Mapper) -> anyhow::R
         renderer.render(&camera, &view.pose)?;
         times.push(start.elapsed().as_secs_f64());
     }
-    times.sort_by(f64::total_cmp);
-    Ok(times[times.len() / 2])
+    Ok(median(times))
 }

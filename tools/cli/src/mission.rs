@@ -101,7 +101,6 @@ impl Mission {
         self.margin.around(&self.places(), turn * count as u64, count)
     }
 
-    /// Cameras and poses of the views.
     pub fn places(&self) -> Vec<(Camera, Pose)> {
         places(&self.views)
     }
@@ -112,7 +111,6 @@ pub fn spaced<T>(views: &[T], max: usize) -> impl Iterator<Item = &T> {
     views.iter().step_by(views.len().div_ceil(max).max(1))
 }
 
-/// Cameras and poses of views.
 pub fn places<'a>(posed_frames: impl IntoIterator<Item = &'a PosedFrame>) -> Vec<(Camera, Pose)> {
     posed_frames.into_iter().map(|posed| (posed.camera, posed.pose)).collect()
 }

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use nvsprior::render::{Plan, Renderer, Scene};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior};
+use nvsprior_lab::bench::median;
 
 /// Draws a prior's 8-bit pictures, for any camera.
 pub struct PictureRenderer {
@@ -29,7 +30,6 @@ impl PictureRenderer {
         }
     }
 
-    /// The picture at a view.
     pub fn render(&mut self, camera: &Camera, pose: &Pose) -> anyhow::Result<&Picture> {
         if self.renderer.as_ref().is_none_or(|(kept, _)| kept != camera) {
             let renderer = self.engine.renderer(&self.scene, camera, Plan::picture())?;
@@ -42,7 +42,6 @@ impl PictureRenderer {
         Ok(&self.picture)
     }
 
-    /// The pictures at views.
     pub fn render_all(&mut self, places: &[(Camera, Pose)]) -> anyhow::Result<Vec<Picture>> {
         places.iter().map(|(camera, pose)| self.render(camera, pose).cloned()).collect()
     }
@@ -84,10 +83,4 @@ fn timed(renderer: &mut PictureRenderer, camera: &Camera, pose: &Pose) -> anyhow
     let since = Instant::now();
     renderer.render(camera, pose)?;
     Ok(since.elapsed().as_secs_f64() * 1e3)
-}
-
-/// The upper median; NaN if there is no value.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -100,7 +100,6 @@ fn draw_many(
         frame_file::write_png(&folder.join(format!("{name}.png")), &picture)?;
         bar.inc(1);
     }
-    bar.finish_and_clear();
     args.device.check(&engine)
 }
 

@@ -6,14 +6,12 @@ use nvsprior::Picture;
 use nvsprior::residual::difference;
 use nvsprior_inputs::sheet::Sheet;
 
-/// The pictures of one frame.
 pub struct SheetRow {
     pub frame: Picture,
     pub render: Picture,
     pub reconstruction: Option<Picture>,
 }
 
-/// Writes the rows as one PNG.
 pub fn write(path: &Path, rows: &[SheetRow]) -> anyhow::Result<()> {
     let cell =
         rows.iter().fold((0, 0), |(w, h), row| (row.frame.width.max(w), row.frame.height.max(h)));

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use anyhow::Context;
 use nvsprior::FrameStats;
+use nvsprior_lab::report::write_json;
 use serde_json::{Value, json};
 
 /// A frame's file name and figures.
@@ -69,11 +69,9 @@ pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
         "frames": rows.iter().map(frame).collect::<Vec<_>>(),
         "mean": Value::Object(means.into_iter().collect()),
     });
-    let text = serde_json::to_string_pretty(&summary)? + "\n";
-    std::fs::write(path, text).with_context(|| format!("writing {}", path.display()))
+    write_json(path, &summary)
 }
 
-/// Prints the table.
 pub fn print(rows: &[Row]) {
     println!(
         "{:24} {:>7} {:>9} {:>9} {:>8} {:>9}  start",

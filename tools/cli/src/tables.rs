@@ -4,6 +4,7 @@ mod gain;
 
 use std::path::{Path, PathBuf};
 
+use crate::row;
 use anyhow::Context as _;
 use nvsprior::coder_tables::Tables;
 use nvsprior::prior::{PriorFormat, compact, replace_file, tables_file};
@@ -43,7 +44,6 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-/// Rounds of training.
 const ROUNDS: u32 = 3;
 
 /// A kind of file that tables are written to.
@@ -74,21 +74,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// One line of the report.
-fn row(name: &str, value: String) {
-    println!("{name:14} {value}");
-}
-
 /// The frames of a mapping run with their renders.
 struct MappingRun {
-    /// How many frames there are.
     frames: usize,
     learned: Vec<Pair>,
     held_out: Vec<Pair>,
 }
 
 impl MappingRun {
-    /// Finds the poses of the frames.
     fn of(args: &Args, prior: &Prior) -> anyhow::Result<MappingRun> {
         /// One frame in this many is held out.
         const HELD_OUT: usize = 8;
@@ -149,7 +142,6 @@ fn pairs(args: &Args, prior: &Prior, frames: &[Input]) -> anyhow::Result<Vec<Pai
         }
         bar.inc(1);
     }
-    bar.finish_and_clear();
     args.device.check(&engine)?;
     Ok(pairs)
 }
@@ -159,9 +151,7 @@ fn train(pairs: &[Pair], rounds: usize) -> Tables {
     let options = TableOptions { rounds, ..TableOptions::default() };
     let bar = progress(rounds, "training");
     bar.tick();
-    let tables = train_tables(pairs, Some(&Tables::generic()), &options, |_| bar.inc(1));
-    bar.finish_and_clear();
-    tables
+    train_tables(pairs, Some(&Tables::generic()), &options, |_| bar.inc(1))
 }
 
 impl Kind {

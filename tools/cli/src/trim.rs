@@ -79,16 +79,12 @@ enum FitArg {
 use FitArg::{Frames, Renders};
 
 fn share(text: &str) -> Result<f64, String> {
-    let value = values::not_negative(text)?;
-    match value > 0.0 && value < 1.0 {
-        true => Ok(value),
-        false => Err("must lie between 0 and 1".into()),
-    }
+    let value = values::positive(text)?;
+    if value < 1.0 { Ok(value) } else { Err("must lie between 0 and 1".into()) }
 }
 
 /// The finest steps that are tried, as multiples of the usual ones.
 const FINEST: f32 = 0.125;
-/// Rows of the contact sheet.
 const SHEET_ROWS: usize = 8;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use nvsprior::render::Scene;
 use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::DeviceOptions;
@@ -20,7 +20,6 @@ pub struct PriorArgs {
     #[arg(long, value_name = "FILE")]
     pub prior: PathBuf,
     #[command(flatten)]
-    #[allow(missing_docs)] // A comment would show in the help.
     pub overrides: OverrideArgs,
 }
 
@@ -39,7 +38,6 @@ pub struct OverrideArgs {
 }
 
 impl OverrideArgs {
-    /// The options that were given.
     pub fn overrides(&self) -> RenderOverrides {
         RenderOverrides {
             near: self.near,
@@ -92,7 +90,6 @@ impl PriorArgs {
         Ok(prior)
     }
 
-    /// Reads the prior and uploads it.
     pub fn upload(&self, engine: &Engine) -> anyhow::Result<Arc<Scene>> {
         let prior = self.open()?;
         engine.upload(&prior).with_context(|| format!("uploading {}", self.prior.display()))
@@ -125,17 +122,12 @@ impl SizeArgs {
 
     /// The camera at the size that its frames are encoded at.
     pub fn reduced(&self, camera: &Camera) -> Camera {
-        if self.width == 0 || camera.width <= self.width {
-            return *camera;
-        }
-        let height = f64::from(camera.height) * f64::from(self.width) / f64::from(camera.width);
-        camera.resized(self.width, (height.round() as u32).max(1))
+        camera.at_most_wide(self.width)
     }
 }
 
 /// The optimisers by their names.
 #[derive(Clone, Copy, ValueEnum)]
-#[allow(missing_docs)] // Comments would show in the help.
 pub enum OptimizerArg {
     GaussNewton,
     Bfgs,
@@ -178,14 +170,21 @@ pub fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     }
 }
 
-/// A progress bar on standard error; silent if that is no terminal.
+/// A progress bar on standard error; silent if that is no terminal. It goes when it is dropped.
 pub fn progress(length: usize, what: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template("{msg} {bar:40} {pos}/{len} {eta}");
     let bar = ProgressBar::new(length as u64).with_message(what);
+    let bar = bar.with_finish(ProgressFinish::AndClear);
     match style {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }
+}
+
+/// Does work that says when each of `length` parts is done, behind a progress bar.
+pub fn with_progress<T>(length: usize, what: &'static str, work: impl FnOnce(&dyn Fn()) -> T) -> T {
+    let bar = progress(length, what);
+    work(&|| bar.inc(1))
 }
 
 #[cfg(test)]

@@ -21,13 +21,11 @@ pub(crate) use posed::PosedFile;
 /// One posed picture.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// The picture's file.
     pub file: PathBuf,
     /// Its name as the camera file has it.
     pub name: String,
     /// Which part of the pictures it belongs to: `train`, `test`.
     pub split: Option<String>,
-    /// Its intrinsics.
     pub camera: Camera,
     /// World to camera, if the file has it.
     pub pose: Option<Pose>,
@@ -39,13 +37,11 @@ pub struct View {
 #[derive(Debug)]
 pub struct CameraFile {
     path: PathBuf,
-    /// Its pictures.
     pub views: Vec<View>,
 }
 
 /// Why a camera file cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum CameraFileError {
     #[error("{}: {error}", path.display())]
     Read { path: PathBuf, error: std::io::Error },
@@ -101,7 +97,6 @@ impl CameraFile {
         Ok(views)
     }
 
-    /// The view of this name.
     pub fn view(&self, name: &str) -> Result<&View, CameraFileError> {
         let missing = || CameraFileError::Name { path: self.path.clone(), name: name.to_owned() };
         self.views.iter().find(|view| view.name == name).ok_or_else(missing)

@@ -19,7 +19,6 @@ use crate::points::Point;
 use model::Model;
 use nvsprior::geometry::{Lens, LensError};
 
-/// A sparse model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColmapModel {
     /// Its pictures, by name.
@@ -28,7 +27,6 @@ pub struct ColmapModel {
     pub points: Vec<Point>,
 }
 
-/// A picture of a sparse model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColmapView {
     /// Its file, from the folder of pictures.
@@ -39,7 +37,6 @@ pub struct ColmapView {
     pub lens: Lens,
 }
 
-/// Where in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilePosition {
     /// A byte, counted from 0.
@@ -59,7 +56,6 @@ impl std::fmt::Display for FilePosition {
 
 /// Why a sparse model cannot be read.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum ColmapError {
     #[error("{}: {error}", path.display())]
     Read { path: PathBuf, error: std::io::Error },
@@ -72,7 +68,6 @@ pub enum ColmapError {
 
 /// What is wrong at a place of a model's file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum ColmapFault {
     #[error("the file ends before {what}; is it cut off?")]
     Cut { what: &'static str },
@@ -108,7 +103,6 @@ pub enum ColmapFault {
     Point,
 }
 
-/// What is wrong, and where.
 struct Wrong {
     at: FilePosition,
     fault: ColmapFault,
@@ -153,7 +147,6 @@ impl ColmapModel {
         ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file())
     }
 
-    /// Reads the model in a folder.
     pub fn open(folder: &Path) -> Result<ColmapModel, ColmapError> {
         if !ColmapModel::is_in(folder) {
             return Err(ColmapError::Missing { folder: folder.to_path_buf() });

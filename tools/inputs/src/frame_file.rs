@@ -10,7 +10,6 @@ use nvsprior::{FrameInfo, Hint, Picture, Pose};
 
 /// Why a file of pictures or poses cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum FrameFileError {
     #[error("{}: {error}", path.display())]
     Image { path: PathBuf, error: image::ImageError },
@@ -90,7 +89,6 @@ pub(crate) fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
     (ratio(a) / ratio(b) - 1.0).abs() <= SHAPE_TOLERANCE
 }
 
-/// Writes a PNG.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FrameFileError> {
     let Picture { width, height, data } = picture;
     let format = ImageFormat::Png;

@@ -24,7 +24,6 @@ pub struct InputArgs {
     #[arg(long, value_name = "N", value_parser = values::count, allow_hyphen_values = true)]
     pub limit: Option<usize>,
     #[command(flatten)]
-    #[allow(missing_docs)] // A comment would show in the help.
     pub size: SizeArgs,
     /// Moves the first frame's start: ρx,ρy,ρz,θx,θy,θz in the prior's unit and degrees
     #[arg(long, value_name = "STEP", allow_hyphen_values = true)]
@@ -37,11 +36,9 @@ pub struct InputArgs {
     pub starts: String,
 }
 
-/// A frame to encode.
 pub struct Input {
     /// Its file, for reading and for messages.
     pub path: PathBuf,
-    /// Its name in the camera file.
     pub file: String,
     /// Name of what is written about it, without ending.
     pub name: String,

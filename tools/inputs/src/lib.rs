@@ -1,5 +1,8 @@
 //! The programs' inputs: camera files, pictures and poses on disk, and the command-line arguments that name them.
 
+// Not published: names that tell what they are need no comment.
+#![allow(missing_docs)]
+
 pub mod args;
 pub mod camera_file;
 pub mod colmap;

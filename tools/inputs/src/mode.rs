@@ -37,18 +37,20 @@ enum StructureArg {
 }
 
 impl ModeArgs {
-    /// The encoder's mode. `answers`: there is a topside that acknowledges frames.
+    /// The encoder's mode. `expect_reports`: there is a topside that acknowledges frames.
     ///
     /// # Errors
     /// If frames are to be predicted from acknowledged ones, and nothing acknowledges any.
-    pub fn mode(&self, answers: bool) -> Result<Mode, values::WrongUsage> {
+    pub fn mode(&self, expect_reports: bool) -> Result<Mode, values::WrongUsage> {
         let key_every = self.key_every.try_into().unwrap_or(0);
         Ok(match (self.mode, self.structure) {
             (ModeArg::Intra, _) => Mode::Intra,
             (_, StructureArg::Chain) => Mode::Stream(Structure::Chain { key_every }),
             (_, StructureArg::Layers) => Mode::Stream(Structure::Layers { key_every }),
             (_, StructureArg::Keys) => Mode::Stream(Structure::Keys { key_every }),
-            (_, StructureArg::Acknowledged) if answers => Mode::Stream(Structure::Acknowledged),
+            (_, StructureArg::Acknowledged) if expect_reports => {
+                Mode::Stream(Structure::Acknowledged)
+            }
             (_, StructureArg::Acknowledged) => {
                 let text = "--structure acknowledged: nothing acknowledges frames; it needs \
                             `nvsprior link --return-delay`";

@@ -27,7 +27,6 @@ pub struct Point {
 
 /// Why a file of points cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum PointsError {
     #[error("{}: {error}", path.display())]
     Read { path: PathBuf, error: std::io::Error },

@@ -18,7 +18,6 @@ use nvsprior::geometry::{Lens, LensError};
 pub struct PosedInput {
     /// Its name in the file that lists it.
     pub name: String,
-    /// The picture's file.
     pub file: PathBuf,
     /// What it was taken with.
     pub lens: Lens,
@@ -56,9 +55,7 @@ pub struct PosedOptions {
     pub split: Option<String>,
 }
 
-/// Why posed pictures cannot be read.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum PosedError {
     #[error(transparent)]
     CameraFile(#[from] CameraFileError),

@@ -5,31 +5,14 @@ use std::path::{Path, PathBuf};
 use nvsprior::{Camera, Picture, Pose};
 use serde::Serialize;
 
-/// Why a run was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum RunWriterError {
-    /// A folder or file could not be written.
     #[error("cannot write {}: {source}", path.display())]
-    Write {
-        /// Which one.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A picture could not be written.
+    Write { path: PathBuf, source: std::io::Error },
     #[error("cannot write the picture {}: {source}", path.display())]
-    Picture {
-        /// Which one.
-        path: PathBuf,
-        /// What the coder said.
-        source: image::ImageError,
-    },
-    /// Two pictures have one name.
+    Picture { path: PathBuf, source: image::ImageError },
     #[error("two pictures would be written to {}: rename one of them", path.display())]
-    Twice {
-        /// Their file.
-        path: PathBuf,
-    },
+    Twice { path: PathBuf },
 }
 
 /// A picture's entry in `cameras.json`.
@@ -37,7 +20,6 @@ pub enum RunWriterError {
 pub struct RunView {
     /// The picture's file, relative to the folder: from [`RunWriter::picture`].
     pub file: String,
-    /// Its split.
     pub split: String,
     /// Its camera, of the run's size.
     pub camera: Camera,
@@ -81,7 +63,6 @@ struct Intrinsics {
 const CONVENTION: &str = "OpenCV camera (x right, y down, z forward); world-to-camera: \
     X_cam = R(q) X_world + t; q = w,x,y,z unit; pixel (0,0) covers [0,1)x[0,1)";
 
-/// Writes a run to a folder.
 #[derive(Clone, Debug)]
 pub struct RunWriter {
     folder: PathBuf,

@@ -29,6 +29,19 @@ pub fn psnr(text: &str) -> Result<f64, String> {
     within(text, 1.0, 100.0, "between 1 and 100 dB")
 }
 
+/// A share of a whole.
+pub fn share(text: &str) -> Result<f32, String> {
+    Ok(mse(text)? as f32)
+}
+
+/// A positive number.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match number(text)? {
+        value if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("must be above 0".into()),
+    }
+}
+
 /// A mean squared error of values in [0, 1].
 pub fn mse(text: &str) -> Result<f64, String> {
     within(text, 0.0, 1.0, "between 0 and 1")
@@ -39,7 +52,6 @@ pub fn near(text: &str) -> Result<f32, String> {
     Ok(within(text, 1e-6, 1e6, "between 1e-6 and 1e6")? as f32)
 }
 
-/// A clamp of alpha.
 pub fn alpha_max(text: &str) -> Result<f32, String> {
     Ok(within(text, 0.01, 0.9999, "between 0.01 and 0.9999")? as f32)
 }
@@ -67,7 +79,6 @@ pub fn rectangle(text: &str) -> Result<[u32; 4], String> {
     numbers.ok_or("must be four whole numbers: left,top,width,height".into())
 }
 
-/// A picture to write.
 pub fn png(text: &str) -> Result<PathBuf, String> {
     ends_with(text, "png")
 }
@@ -83,9 +94,7 @@ fn ends_with(text: &str, ending: &str) -> Result<PathBuf, String> {
     if fits { Ok(path) } else { Err(format!("the file's name must end in .{ending}")) }
 }
 
-/// Why nothing can be written to a place.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum OutputError {
     #[error("{option} {}: this is a file; give a folder", path.display())]
     File { option: &'static str, path: PathBuf },

@@ -27,12 +27,13 @@ use nvsprior::vulkan::MemoryUse;
 
 use context::{Context, OptimizerRun, Shot, host_bytes};
 use forward::Forward;
-use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
+use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress, with_progress};
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::values;
 pub use perturbed::even;
 pub use plot::training as plot_training;
 use report::Report;
+pub use statistics::median;
 
 /// Measure run time and error on a run of frames; times are in milliseconds and in forward renders
 ///
@@ -133,41 +134,35 @@ fn open(args: &Args) -> anyhow::Result<Context> {
 
 fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
     let frames = context.shots.len();
-    let bar = progress(frames, "best poses");
-    optimum::find(context, || bar.inc(1))?;
-    bar.finish_and_clear();
-
-    let bar = progress(frames, "steady run");
-    let samples = steady::measure(context, context.options(), frames, || bar.inc(1))?;
+    optimum::find(context)?;
+    let samples = with_progress(frames, "steady run", |done| {
+        steady::measure(context, context.options(), frames, done)
+    })?;
     let rates = steady::rates(context)?;
     let host_bytes_steady = host_bytes();
     let mut runs = vec![OptimizerRun { optimizer: Optimizer::GaussNewton, samples }];
-    bar.finish_and_clear();
-
-    let bar = progress(2 * args.trials, "starts put off");
-    let near = trials::measure(context, perturbed::NEAR, args.trials, || bar.inc(1))?;
-    let far = trials::measure(context, perturbed::FAR, args.trials, || bar.inc(1))?;
-    bar.finish_and_clear();
-
+    let mut off = |what, magnitude| {
+        with_progress(args.trials, what, |done| {
+            trials::measure(context, magnitude, args.trials, done)
+        })
+    };
+    let near = off("starts put off a little", perturbed::NEAR)?;
+    let far = off("starts put off", perturbed::FAR)?;
     runs.extend(gradient(args, context)?);
     let stages = stages::measure(context)?;
     let mut configurations = Vec::new();
     if args.configurations > 0 {
-        let bar = progress(configurations::count(context), "settings");
-        let frames = args.configurations;
-        configurations = configurations::measure(context, frames, &runs, || bar.inc(1))?;
-        bar.finish_and_clear();
+        configurations = with_progress(configurations::count(context), "settings", |done| {
+            configurations::measure(context, args.configurations, &runs, done)
+        })?;
     }
     let mut scaling = Vec::new();
     if args.scaling {
-        let bar = progress(scaling::COUNT, "sizes");
-        scaling = scaling::measure(context, || bar.inc(1));
-        bar.finish_and_clear();
+        scaling = with_progress(scaling::COUNT, "sizes", |done| scaling::measure(context, done));
     }
     Ok(Report { runs, rates, near, far, stages, configurations, scaling, host_bytes_steady })
 }
 
-/// The gradient methods' runs.
 fn gradient(args: &Args, context: &mut Context) -> anyhow::Result<Vec<OptimizerRun>> {
     let frames = args.bfgs_frames.min(context.shots.len() - 1);
     if frames == 0 {
@@ -176,9 +171,7 @@ fn gradient(args: &Args, context: &mut Context) -> anyhow::Result<Vec<OptimizerR
     let optimizers = args.optimizers.iter().map(|optimizer| Optimizer::from(*optimizer));
     let gradient = optimizers.filter(|optimizer| *optimizer != Optimizer::GaussNewton);
     let bar = progress(args.optimizers.len() * (frames + 1), "gradient methods");
-    let runs = gradient
+    gradient
         .map(|optimizer| steady::descend(context, optimizer, frames + 1, || bar.inc(1)))
-        .collect();
-    bar.finish_and_clear();
-    runs
+        .collect()
 }

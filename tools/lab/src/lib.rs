@@ -3,12 +3,15 @@
 //! take ([`cost`]), what a GPU's compiler makes of the stages ([`gpu_check`]), and what a pilot sees over a link
 //! ([`mod@link`]).
 
+// Not published: names that tell what they are need no comment.
+#![allow(missing_docs)]
+
 pub mod bench;
 pub mod ceilings;
 pub mod cost;
 mod ffmpeg;
 pub mod gpu_check;
 pub mod link;
-mod report;
+pub mod report;
 pub mod stability;
 pub mod verify_device;

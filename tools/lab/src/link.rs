@@ -15,13 +15,13 @@ use nvsprior::image::Preprocessor;
 use nvsprior::modem::{Loss, ModemError};
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Mode, Picture};
-use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
 
-use report::Outcome;
+use report::LinkRun;
 use simulation::Simulation;
 use video::{Coder, Video};
 
@@ -267,19 +267,19 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let scene = engine.upload(&prior)?;
     let bar = progress(frames * settings.len(), "frames");
-    let mut outcomes: Vec<Outcome> = Vec::new();
+    let mut runs: Vec<LinkRun> = Vec::new();
     for setting in settings {
         let simulation = Simulation::new(&engine, &scene, &footage, setting, args.threshold)?;
-        outcomes.push(simulation.run(frames, || bar.inc(1))?);
+        runs.push(simulation.run(frames, || bar.inc(1))?);
     }
     bar.finish_and_clear();
     let shown: Vec<_> = (0..frames).map(|frame| footage.picture(frame)).collect();
     for coder in &args.beside {
-        compare(*coder, &shown, args.fps, &mut outcomes)?;
+        compare(*coder, &shown, args.fps, &mut runs)?;
     }
-    report::print(&outcomes);
-    report::write(&args.report, &outcomes)?;
-    chart::draw(&args.report.join("link.svg"), &outcomes)?;
+    report::print(&runs);
+    report::write(&args.report, &runs)?;
+    chart::draw(&args.report.join("link.svg"), &runs)?;
     args.device.check(&engine)
 }
 
@@ -288,13 +288,13 @@ fn compare(
     coder: Coder,
     frames: &[&Picture],
     fps: f64,
-    outcomes: &mut [Outcome],
+    runs: &mut [LinkRun],
 ) -> anyhow::Result<()> {
-    let bar = progress(Video::codings(coder), coder.name());
-    let video = Video::code(coder, frames, fps, || bar.inc(1))?;
-    bar.finish_and_clear();
-    for outcome in outcomes {
-        outcome.beside.extend(video.beside(outcome, frames)?);
+    let video = with_progress(Video::codings(coder), coder.name(), |done| {
+        Video::code(coder, frames, fps, done)
+    })?;
+    for run in runs {
+        run.beside.extend(video.beside(run, frames)?);
     }
     Ok(())
 }

@@ -32,7 +32,6 @@ pub struct Table {
 }
 
 impl Table {
-    /// Without rows.
     pub fn new<H: Display>(header: impl IntoIterator<Item = H>) -> Table {
         Table { header: header.into_iter().map(|name| name.to_string()).collect(), rows: vec![] }
     }
@@ -59,7 +58,6 @@ impl Table {
         Table { header: pick(&self.header), rows: self.rows.iter().map(pick).collect() }
     }
 
-    /// Writes it as CSV.
     pub fn write_csv(&self, path: &Path) -> anyhow::Result<()> {
         let write = || {
             let mut csv = csv::Writer::from_path(path)?;

@@ -101,7 +101,6 @@ fn chosen(names: &[String]) -> anyhow::Result<Vec<&'static Group>> {
     Ok(GROUPS.iter().filter(wanted).collect())
 }
 
-/// Runs a group's cases.
 fn section(group: &'static Group, bench: &Bench) -> Section {
     let cases = (group.cases)(bench);
     let bar = progress(cases.len(), group.name);

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
-use compare::{Compared, Comparison, Difference};
+use compare::{Compared, Difference};
 use nvsprior::{Engine, Prior, RenderOverrides};
 use nvsprior_inputs::args::{DeviceArgs, progress};
 use nvsprior_inputs::camera_file::{CameraFile, View};
@@ -43,20 +43,17 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let views = views(args)?;
     let engine = args.device.open()?;
     check_host()?;
-    let outcome = match built_in(&engine, args.scenes)? {
-        Outcome::Same { pictures } => match given(&engine, &views)? {
-            Outcome::Same { pictures: more } => Outcome::Same { pictures: pictures + more },
-            different => different,
-        },
+    let compared = match built_in(&engine, args.scenes)? {
+        Ok(pictures) => given(&engine, &views)?.map(|more| pictures + more),
         different => different,
     };
     args.device.check(&engine)?;
-    Ok(match outcome {
-        Outcome::Same { pictures } => {
+    Ok(match compared {
+        Ok(pictures) => {
             println!("portable: {pictures} pictures, no byte differs");
             ExitCode::SUCCESS
         }
-        Outcome::Different { of, difference } => {
+        Err((of, difference)) => {
             println!("NOT portable: {}", engine.device());
             println!("{of}: {difference}");
             ExitCode::FAILURE
@@ -64,31 +61,23 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// Outcome of a row of pictures.
-enum Outcome {
-    /// Nothing differs.
-    Same { pictures: u64 },
-    /// A picture does.
-    Different { of: String, difference: Difference },
-}
+/// How many pictures are the same, or the first that differs: what it is of, and how.
+type Same = Result<u64, (String, Difference)>;
 
-/// Compares the built-in scenes.
-fn built_in(engine: &Engine, scenes: u64) -> anyhow::Result<Outcome> {
+fn built_in(engine: &Engine, scenes: u64) -> anyhow::Result<Same> {
     let bar = progress(scenes as usize, "scenes");
     let mut pictures = 0;
     for seed in 0..scenes {
         if let Some(Scene { prior, camera, pose }) = Scene::of(seed) {
             let compared = Compared::new(engine, &prior).and_then(|c| c.compare(&camera, &pose));
             match compared.with_context(|| format!("scene {seed}"))? {
-                Comparison::Same { pictures: count } => pictures += count,
-                Comparison::Different(difference) => {
-                    return Ok(Outcome::Different { of: format!("scene {seed}"), difference });
-                }
+                Ok(count) => pictures += count,
+                Err(difference) => return Ok(Err((format!("scene {seed}"), difference))),
             }
         }
         bar.inc(1);
     }
-    Ok(Outcome::Same { pictures })
+    Ok(Ok(pictures))
 }
 
 /// A prior given, and the views of a camera file.
@@ -101,22 +90,20 @@ fn views(args: &Args) -> anyhow::Result<Views> {
 }
 
 /// Compares the views of the prior given.
-fn given(engine: &Engine, views: &Views) -> anyhow::Result<Outcome> {
-    let Some((prior, views)) = views else { return Ok(Outcome::Same { pictures: 0 }) };
+fn given(engine: &Engine, views: &Views) -> anyhow::Result<Same> {
+    let Some((prior, views)) = views else { return Ok(Ok(0)) };
     let compared = Compared::new(engine, prior)?;
     let bar = progress(views.len(), "views");
     let mut pictures = 0;
     for view in views {
         let Some(pose) = &view.pose else { continue };
         match compared.compare(&view.camera, pose).with_context(|| view.name.clone())? {
-            Comparison::Same { pictures: count } => pictures += count,
-            Comparison::Different(difference) => {
-                return Ok(Outcome::Different { of: view.name.clone(), difference });
-            }
+            Ok(count) => pictures += count,
+            Err(difference) => return Ok(Err((view.name.clone(), difference))),
         }
         bar.inc(1);
     }
-    Ok(Outcome::Same { pictures })
+    Ok(Ok(pictures))
 }
 
 /// Fails unless this host computes what every other host does.

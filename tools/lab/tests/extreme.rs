@@ -8,7 +8,7 @@ mod common;
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-use nvsprior_lab::stability::extremes::{Outcome, check};
+use nvsprior_lab::stability::extremes::{Checked, check};
 
 /// If a scene takes longer, it counts as hanging.
 const DEADLINE: Duration = Duration::from_secs(60);
@@ -30,7 +30,7 @@ fn check_all(seeds: Vec<u64>) -> usize {
     for seed in &seeds[..count] {
         let outcome = outcomes.recv_timeout(DEADLINE);
         match outcome.unwrap_or_else(|e| panic!("seed {seed} hangs or panics: {e}")) {
-            Ok(outcome) => drawn += usize::from(outcome == Outcome::Drawn),
+            Ok(outcome) => drawn += usize::from(outcome == Checked::Drawn),
             Err(fault) => panic!("seed {seed}: {fault}"),
         }
     }

@@ -6,6 +6,9 @@
 //! `Σ wᵢ payloadᵢ + T · background`. For depth the payload is z and the background 0; for
 //! transmittance the payload is 0 and the background 1.
 
+// Not published: names that tell what they are need no comment.
+#![allow(missing_docs)]
+
 pub mod bin;
 pub mod harmonics;
 pub mod loss;
@@ -47,11 +50,8 @@ pub(crate) fn plus(a: Twist, scale: f64, b: Twist) -> Twist {
 /// What is common to all splats of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Viewpoint<'a> {
-    /// The camera.
     pub camera: &'a Camera,
-    /// Where it stands.
     pub pose: &'a Pose,
-    /// How the prior is rendered.
     pub options: &'a RenderOptions,
     /// See [`nvsprior_kernels::shared::low_pass`].
     pub low_pass: [f32; 2],
@@ -116,7 +116,6 @@ impl<'a> Twin<'a> {
         seen
     }
 
-    /// The picture from a pose.
     pub fn render(&self, camera: &Camera, pose: &Pose) -> Rendered {
         let view = self.view(camera, pose);
         let background = splat::background(view.options);

@@ -17,7 +17,6 @@ pub struct Motion {
     pub covariance: [Twist; 3],
     /// Derivative of the logarithm of the opacity.
     pub ln_alpha: Twist,
-    /// Derivatives of R, G, B.
     pub rgb: [Twist; 3],
 }
 

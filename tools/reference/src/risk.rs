@@ -27,11 +27,15 @@ struct Close {
 #[derive(Clone, Copy, Debug)]
 enum Decision {
     /// Alpha's cut; `kept` is how it fell.
-    Cut { kept: bool },
-    /// The transmittance stop.
+    Cut {
+        kept: bool,
+    },
     Stop,
     /// The order of this splat and the one before it, which had this payload and alpha.
-    Order { payload: Channels, alpha: f64 },
+    Order {
+        payload: Channels,
+        alpha: f64,
+    },
 }
 
 /// A splat that counted, for the order's sake.
@@ -80,7 +84,6 @@ impl WatchedPixel {
         self.last = Some(Last { before, splat: *s, alpha });
     }
 
-    /// The channels, with the background.
     pub fn value(&self, background: &Channels) -> Channels {
         self.pixel.value(background)
     }

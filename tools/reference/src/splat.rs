@@ -10,13 +10,11 @@ use nvsprior_kernels::shared::{ALPHA_MIN, TRANSMITTANCE_STOP};
 use super::Channels;
 use super::project::Projected;
 
-/// The background, by channel.
 pub fn background(options: &RenderOptions) -> Channels {
     let [r, g, b] = options.background.map(f64::from);
     [r, g, b, 0.0, 1.0]
 }
 
-/// A splat at one pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
     /// Alpha after the clamp, before the cut.
@@ -61,7 +59,6 @@ impl Hit {
 pub struct Pixel {
     /// `Σ wᵢ payloadᵢ` so far.
     pub sum: Channels,
-    /// Transmittance so far.
     pub transmittance: f64,
     /// Whether a splat met the transmittance stop, so that the transmittance became 0.
     pub stopped: bool,
@@ -89,7 +86,6 @@ impl Pixel {
         true
     }
 
-    /// The channels, with the background.
     pub fn value(&self, background: &Channels) -> Channels {
         std::array::from_fn(|k| self.sum[k] + self.transmittance * background[k])
     }

@@ -35,7 +35,6 @@ fn planes_of(splats: &Splats) -> Vec<f32> {
     all
 }
 
-/// The number of a splat in a plane.
 fn number(splats: &mut Splats, plane: u32, i: usize) -> &mut f32 {
     let stride = splats.sh_stride();
     match plane {
@@ -47,7 +46,6 @@ fn number(splats: &mut Splats, plane: u32, i: usize) -> &mut f32 {
     }
 }
 
-/// Which kind of splats.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Ordinary,

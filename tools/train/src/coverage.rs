@@ -47,7 +47,6 @@ const NEAREST: f64 = 2.0;
 pub struct Covering {
     /// The seeds, then those that were added.
     pub key_frames: KeyFrames,
-    /// How many were added.
     pub added: usize,
     /// Views that stand for the free volume.
     pub views: usize,
@@ -127,7 +126,6 @@ struct Views {
     /// By place, then direction: how many rays of seeds met a cell that the view shows, the median over its cells; 1 if
     /// there are no seeds.
     weights: Vec<u32>,
-    /// How many count.
     count: usize,
     blocks: Blocks,
 }
@@ -285,7 +283,6 @@ struct Blocks {
     size: [usize; 3],
     /// Index of each block's place, if it has one.
     place: Vec<Option<u32>>,
-    /// The cell of each place.
     chosen: Vec<usize>,
     /// Centre of block 0, and a block's side, the prior's unit.
     low: DVec3,

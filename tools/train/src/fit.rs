@@ -11,18 +11,14 @@ use nvsprior::{Camera, Engine};
 use crate::PosedPicture;
 use crate::mapper::{MapOptions, Order, Progress, Schedule, from_planes, to_planes, volume};
 
-/// Why splats were not fitted.
 #[derive(Debug, thiserror::Error)]
 pub enum FitError {
-    /// The device has no room for it.
     #[error(transparent)]
     NoRoom(#[from] NoRoom),
-    /// The device failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
 }
 
-/// Pictures to fit to.
 pub(crate) struct Fit<'a> {
     engine: &'a Engine,
     views: &'a [PosedPicture],

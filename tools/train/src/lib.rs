@@ -1,6 +1,9 @@
 //! Makes priors ([`mapper`]), and reduces them, within a tolerance, to what a mission's views need ([`trim`]). The
 //! library itself leaves out what no view needs: [`nvsprior::prior::analysis`].
 
+// Not published: names that tell what they are need no comment.
+#![allow(missing_docs)]
+
 pub mod coder_tables;
 pub mod coverage;
 mod fit;

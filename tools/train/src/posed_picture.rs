@@ -6,9 +6,7 @@ use nvsprior::{Camera, Picture, Pose};
 /// A picture with its camera and pose.
 #[derive(Clone, Debug)]
 pub struct PosedPicture {
-    /// The camera.
     pub camera: Camera,
-    /// Its pose.
     pub pose: Pose,
     /// What it saw, of the camera's size.
     pub picture: Picture,
@@ -22,7 +20,6 @@ impl PosedPicture {
         PosedPicture { camera, pose, picture, mask: None }
     }
 
-    /// Whether a pixel counts.
     pub fn counts(&self, pixel: usize) -> bool {
         self.mask.as_ref().is_none_or(|mask| mask[pixel])
     }

@@ -56,7 +56,7 @@ pub fn removals(
 }
 
 /// Which splats stay if the share `share` of them goes, those that show least first. At least one stays.
-pub fn most_needed(removals: &[Removal], share: f64) -> Vec<bool> {
+pub fn max_needed(removals: &[Removal], share: f64) -> Vec<bool> {
     let mut order: Vec<usize> = (0..removals.len()).collect();
     let error = |i: &usize| removals[*i].error;
     // Of equal splats the later ones go first.
@@ -75,7 +75,6 @@ struct View<'a> {
     options: &'a RenderOptions,
 }
 
-/// A splat in a pixel.
 struct Blended {
     /// Its place in the tile's list.
     place: usize,

@@ -15,7 +15,6 @@ pub struct Margin {
 }
 
 impl Margin {
-    /// Whether nothing may move.
     pub fn is_none(&self) -> bool {
         !(self.distance > 0.0 || self.angle > 0.0)
     }

@@ -16,12 +16,10 @@ use nvsprior::{Engine, Picture, Prior};
 
 use crate::PosedPicture;
 use crate::fit::{Fit, FitError};
-use crate::removal::{Removal, most_needed, removals};
+use crate::removal::{Removal, max_needed, removals};
 
-/// How a prior is reduced.
 #[derive(Clone, Copy, Debug)]
 pub struct TrimOptions {
-    /// How the prior is rendered.
     pub render: RenderOptions,
     /// Greatest loss, in the judge's measure.
     pub tolerance: f64,
@@ -52,16 +50,13 @@ impl TrimOptions {
     }
 }
 
-/// What was tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Round {
     /// What was left out.
     pub step: Step,
-    /// Splats that remained.
     pub splats: usize,
     /// What the judge said of them.
     pub loss: f64,
-    /// Whether it was kept.
     pub kept: bool,
 }
 
@@ -93,43 +88,20 @@ pub trait Judge {
     fn fitted(&mut self, done: u32, all: u32);
 }
 
-/// Why a prior was not reduced.
 #[derive(Debug, thiserror::Error)]
 pub enum TrimError {
-    /// There is nothing to fit to.
     #[error("no views")]
     NoViews,
-    /// A view's camera cannot be used.
     #[error("view {index}")]
-    Camera {
-        /// Which view.
-        index: usize,
-        /// What is wrong with it.
-        source: CameraError,
-    },
-    /// A view's pose is not finite.
+    Camera { index: usize, source: CameraError },
     #[error("view {index}: its pose is not finite")]
-    Pose {
-        /// Which view.
-        index: usize,
-    },
-    /// A view's picture has not the camera's size.
+    Pose { index: usize },
     #[error("view {index}: a picture of {width}×{height} for another camera")]
-    PictureSize {
-        /// Which view.
-        index: usize,
-        /// The picture's width.
-        width: u32,
-        /// The picture's height.
-        height: u32,
-    },
-    /// The splats are none that can be drawn.
+    PictureSize { index: usize, width: u32, height: u32 },
     #[error(transparent)]
     Splats(#[from] PriorError),
-    /// The rest could not be fitted.
     #[error(transparent)]
     Fit(#[from] FitError),
-    /// The device failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
 }
@@ -228,7 +200,7 @@ impl<J: Judge> Trimmer<'_, J> {
         let mut share = self.options.share;
         while share >= self.options.min_share && self.best.len() > 1 {
             let removals = self.removals()?;
-            let kept = most_needed(&removals, share);
+            let kept = max_needed(&removals, share);
             let mut candidate = self.best.filtered(&kept);
             self.fit(&mut candidate)?;
             if !self.judged(Step::Share(share), candidate, self.options.tolerance)? {
@@ -256,7 +228,6 @@ impl<J: Judge> Trimmer<'_, J> {
         Ok(removals(self.engine, &prior, &places)?)
     }
 
-    /// Fits splats to the views.
     fn fit(&mut self, splats: &mut Splats) -> Result<(), TrimError> {
         let TrimOptions { render, steps, pace, .. } = *self.options;
         let mut done = 0;

@@ -230,11 +230,8 @@ fn memory_is_known_before_it_is_taken() {
         let off = taken.abs_diff(stated.start) as f64 / taken as f64;
         assert!(off < 0.05, "{splats} splats: stated {}, taken {taken}", stated.start);
         train(&mut mapper, 30);
-        let most = engine.memory().used - before + copy;
-        assert!(
-            most <= stated.peak + stated.peak / 20,
-            "{splats} splats: {stated:?}, taken {most}"
-        );
+        let max = engine.memory().used - before + copy;
+        assert!(max <= stated.peak + stated.peak / 20, "{splats} splats: {stated:?}, taken {max}");
     }
 }
 
@@ -251,10 +248,10 @@ fn what_does_not_fit_is_refused_with_what_would() {
     };
     let fitting = |device: &DeviceInfo| {
         let error = refused(large.splats, small, device);
-        let Fits::Splats(most) = error.fits else { panic!("{error}") };
-        assert!(plan(most, small).memory(device).is_ok(), "{error}");
-        assert_eq!(refused(most + 1, small, device).fits, Fits::Splats(most));
-        assert!(error.to_string().contains(&format!("{most} splats")), "{error}");
+        let Fits::Splats(max) = error.fits else { panic!("{error}") };
+        assert!(plan(max, small).memory(device).is_ok(), "{error}");
+        assert_eq!(refused(max + 1, small, device).fits, Fits::Splats(max));
+        assert!(error.to_string().contains(&format!("{max} splats")), "{error}");
         error.shortage
     };
     // A device that has room for all, with one limit.

@@ -39,7 +39,6 @@ fn prior(splats: &Splats, render: RenderOptions) -> Prior {
     Prior::from_splats(splats.clone(), render).unwrap()
 }
 
-/// The splats' pictures at the poses.
 fn pictures(splats: &Splats) -> Vec<Picture> {
     let scene = common::engine().upload(&prior(splats, RENDER)).unwrap();
     let mut renderer = common::engine().renderer(&scene, &CAMERA, Plan::picture()).unwrap();

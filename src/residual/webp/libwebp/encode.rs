@@ -56,7 +56,6 @@ pub fn encode_rgb(
     if done { Ok(()) } else { Err(format!("{:?}", picture.error_code)) }
 }
 
-/// Takes libwebp's output.
 unsafe extern "C" fn append(
     data: *const u8,
     count: usize,

@@ -24,7 +24,6 @@ impl TableRow {
         TableRow { method: method.into(), bytes: 0.0, psnr: 0.0, milliseconds: 0.0, renders: 0.0 }
     }
 
-    /// Adds a frame's figures.
     pub fn add(&mut self, bytes: usize, psnr: f64, milliseconds: f64, renders: u32) {
         self.bytes += bytes as f64;
         self.psnr += psnr;

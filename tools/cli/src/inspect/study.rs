@@ -2,11 +2,11 @@
 
 use nvsprior::prior::analysis::{PriorAnalysis, key_bits, splat_bytes};
 use nvsprior::{Camera, EncoderOptions, Engine, Pose, Prior};
-use nvsprior_train::removal::{Removal, most_needed, removals};
+use nvsprior_train::removal::{Removal, max_needed, removals};
 
-use super::row;
 use crate::mission::{Mission, places, spaced};
 use crate::picture_renderer::{PictureRenderer, compare_times};
+use crate::row;
 use crate::view_set::{ViewSet, expected_loss};
 use nvsprior_inputs::args::DeviceArgs;
 
@@ -150,7 +150,7 @@ impl<'a> Sampled<'a> {
         let seen: Vec<bool> = self.removals.iter().map(|r| r.pixels > 0).collect();
         self.print_without("unseen", &seen)?;
         if let Some(tolerance) = tolerance {
-            let kept = self.least_shown(tolerance)?;
+            let kept = self.min_shown(tolerance)?;
             self.print_without("hardly seen", &kept)?;
         }
         Ok(())
@@ -207,17 +207,17 @@ impl<'a> Sampled<'a> {
     }
 
     /// Which splats stay if as many are left out as the tolerance allows, starting with those that show least.
-    fn least_shown(&self, tolerance: f64) -> anyhow::Result<Vec<bool>> {
+    fn min_shown(&self, tolerance: f64) -> anyhow::Result<Vec<bool>> {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..HALVINGS {
             let share = 0.5 * (low + high);
-            let mut small = self.without(&most_needed(&self.removals, share))?;
+            let mut small = self.without(&max_needed(&self.removals, share))?;
             let (psnr, loss) = self.views.compare(&mut small)?;
             let framed = self.views.frames.is_some();
             let loss = if framed { loss } else { expected_loss(FIDELITY, psnr) };
             if loss <= tolerance { low = share } else { high = share }
         }
-        Ok(most_needed(&self.removals, low))
+        Ok(max_needed(&self.removals, low))
     }
 }
 

@@ -46,10 +46,9 @@ impl Sample {
     }
 }
 
-/// The upper median.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+/// The upper median; `None` if there is no value.
+fn median(values: Vec<f64>) -> Option<f64> {
+    Some(nvsprior_lab::bench::median(values)).filter(|median| !median.is_nan())
 }
 
 #[cfg(test)]

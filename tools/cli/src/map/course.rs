@@ -7,10 +7,8 @@ use nvsprior_train::mapper::Mapper;
 
 use super::report::Report;
 
-/// How long to train.
 #[derive(Clone, Copy, Debug)]
 pub enum Budget {
-    /// Steps.
     Iterations(u32),
     /// Seconds on the clock.
     Seconds(f64),
@@ -18,11 +16,8 @@ pub enum Budget {
 
 /// How a training goes on.
 pub struct Course<'a> {
-    /// How long.
     pub budget: Budget,
-    /// Saves the state.
     pub save: &'a dyn Fn(&Mapper) -> anyhow::Result<()>,
-    /// How often.
     pub save_every: Duration,
 }
 
@@ -80,7 +75,6 @@ impl Course<'_> {
     }
 }
 
-/// Parts of the progress bar.
 const BAR: u64 = 10_000;
 
 fn bar() -> ProgressBar {

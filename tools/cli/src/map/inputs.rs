@@ -65,19 +65,14 @@ fn clahe(text: &str) -> Result<Clahe, String> {
     Clahe::new(clip_limit, Clahe::TILES).map_err(|e| e.to_string())
 }
 
-/// A held-out picture.
 pub struct HeldOut {
-    /// Its name in the camera file.
     pub name: String,
-    /// Its split.
     pub split: String,
-    /// The picture.
     pub view: PosedPicture,
 }
 
 /// All that a prior is trained on, and measured by.
 pub struct MapInputs {
-    /// Pictures to train on.
     pub train: Vec<PosedPicture>,
     /// Pictures to measure by.
     pub held_out: Vec<HeldOut>,
@@ -106,14 +101,12 @@ impl Listed {
     }
 }
 
-/// The pictures of a camera file.
 struct Divided {
     train: Vec<PosedInput>,
     /// Each with the name of its split.
     held_out: Vec<(String, PosedInput)>,
 }
 
-/// A picture that was read.
 struct Read {
     view: PosedPicture,
     /// Its entry in the list of those written.

@@ -38,7 +38,6 @@ pub struct NoHostRoom {
 /// What of the host's memory a training takes, bytes.
 #[derive(Clone, Copy, Debug)]
 struct HostMemory {
-    /// Number of pictures.
     count: u64,
     size: [u32; 2],
     splats: u32,
@@ -46,7 +45,6 @@ struct HostMemory {
     by_pictures: u64,
     /// What grows with the splats.
     by_splats: u64,
-    /// The rest.
     rest: u64,
 }
 

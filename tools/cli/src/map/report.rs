@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::Context;
-use nvsprior_lab::bench::plot_training;
+use nvsprior_lab::bench::{median, plot_training};
+use nvsprior_lab::report::{Table, fixed, write_json};
 use nvsprior_train::mapper::Mapper;
 use serde_json::json;
 
@@ -13,10 +13,8 @@ use crate::sheet::{self, SheetRow};
 
 /// Steps whose time counts: the last ones, with all splats in use.
 const TIMED: usize = 200;
-/// Rows of the preview.
 const ROWS: usize = 8;
 
-/// A measurement under way.
 struct Point {
     step: u32,
     seconds: f64,
@@ -25,7 +23,6 @@ struct Point {
     psnr: Vec<f64>,
 }
 
-/// Collects what is measured.
 pub struct Report {
     folder: Option<PathBuf>,
     held_out: Vec<HeldOut>,
@@ -47,7 +44,6 @@ impl Report {
         Report { folder, held_out, points: Vec::new(), times: Vec::new(), next: 0 }
     }
 
-    /// Notes the time of a step.
     pub fn took(&mut self, time: Duration) {
         let seconds = time.as_secs_f64();
         if self.times.len() < TIMED {
@@ -93,7 +89,6 @@ impl Report {
         Ok(())
     }
 
-    /// Means over each split.
     fn by_split(&self, point: &Point) -> Vec<(String, f64)> {
         let mut splits: Vec<_> = self.held_out.iter().map(|held| held.split.clone()).collect();
         splits.sort_unstable();
@@ -106,26 +101,26 @@ impl Report {
     }
 
     fn write_curve(&self, folder: &Path) -> anyhow::Result<()> {
-        let mut csv = csv::Writer::from_path(folder.join("curve.csv"))?;
-        csv.write_record(["step", "seconds", "splats", "split", "psnr_db"])?;
+        let mut table = Table::new(["step", "seconds", "splats", "split", "psnr_db"]);
         let mut curves: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
         for point in &self.points {
             for (split, psnr) in self.by_split(point) {
                 let Point { step, seconds, splats, .. } = point;
-                csv.write_record([
-                    step.to_string(),
-                    format!("{seconds:.3}"),
-                    splats.to_string(),
-                    split.clone(),
-                    format!("{psnr:.4}"),
-                ])?;
+                let (seconds_text, psnr_text) = (fixed(*seconds, 3), fixed(psnr, 4));
+                table.push([
+                    &step.to_string(),
+                    &seconds_text,
+                    &splats.to_string(),
+                    &split,
+                    &psnr_text,
+                ]);
                 match curves.iter_mut().find(|(name, _)| *name == split) {
                     Some((_, points)) => points.push((*seconds, psnr)),
                     None => curves.push((split, vec![(*seconds, psnr)])),
                 }
             }
         }
-        csv.flush()?;
+        table.write_csv(&folder.join("curve.csv"))?;
         plot_training(&folder.join("curve.svg"), curves)
     }
 
@@ -152,9 +147,7 @@ impl Report {
         forward: f64,
     ) -> anyhow::Result<()> {
         let Some(folder) = &self.folder else { return Ok(()) };
-        let mut times = self.times.clone();
-        times.sort_by(f64::total_cmp);
-        let median = times.get(times.len() / 2).copied();
+        let median = (!self.times.is_empty()).then(|| median(self.times.iter().copied()));
         let last = self.points.last();
         let pictures = last.into_iter().flat_map(|point| self.held_out.iter().zip(&point.psnr));
         let pictures: Vec<_> = pictures
@@ -176,8 +169,6 @@ impl Report {
             "splats": splats,
             "pictures": pictures,
         });
-        let path = folder.join("report.json");
-        std::fs::write(&path, serde_json::to_string_pretty(&report)? + "\n")
-            .with_context(|| format!("writing {}", path.display()))
+        write_json(&folder.join("report.json"), &report)
     }
 }

@@ -7,7 +7,6 @@ use anyhow::Context;
 use nvsprior::prior::replace_file;
 use nvsprior_train::mapper::{Mapper, read_state, write_state};
 
-/// Where a training's state is saved.
 pub struct Saved {
     path: PathBuf,
     fingerprint: u32,

@@ -109,7 +109,6 @@ fn work_folder(out: &Path) -> PathBuf {
     out.with_file_name(name)
 }
 
-/// Parts of a step's progress bar.
 const BAR: f64 = 1000.0;
 
 /// The steps on standard error: a line each, and a bar while one runs.

@@ -14,10 +14,10 @@ use nvsprior_train::trim::{Judge, Round, Step};
 use crate::container::Container;
 use crate::mission::{self, Mission};
 use crate::picture_renderer::{PictureRenderer, compare_times};
+use crate::row;
 use crate::view_set::{ViewSet, expected_loss};
 use nvsprior_inputs::args::progress;
 
-/// What may be lost.
 pub struct Loss {
     /// Against frames, dB.
     pub tolerance: f64,
@@ -132,7 +132,6 @@ impl<'a> Bench<'a> {
 
     /// What became of the prior.
     pub fn print(&mut self, reduced: &Prior, before: u64, after: u64) -> anyhow::Result<()> {
-        let row = |name: &str, value: String| println!("{name:14} {value}");
         let of = |a: f64, b: f64| format!("{:.2} ×", a / b);
         let (all, left) = (self.prior.len(), reduced.len());
         row("identity", format!("{} → {}", self.prior.id(), reduced.id()));

@@ -79,8 +79,8 @@ fn ablation_writes_every_trial_summary_and_plots() {
     for row in &starts {
         check(row);
         // In pictures as small as these BFGS may stop in a local minimum near the best pose.
-        let most = if row["method"] == "gauss-newton" { 0.1 } else { 0.5 };
-        assert!(number(row, "db_short") <= most, "{row:?}");
+        let max = if row["method"] == "gauss-newton" { 0.1 } else { 0.5 };
+        assert!(number(row, "db_short") <= max, "{row:?}");
     }
     summary(&dive, &trials);
     for plot in ["losses.svg", "optimizers.svg"] {

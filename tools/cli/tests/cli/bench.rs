@@ -13,7 +13,6 @@ fn number(report: &Value, at: &str) -> f64 {
     value.filter(|v| v.is_finite()).unwrap_or_else(|| panic!("no number at {at}:\n{report:#}"))
 }
 
-/// The lines of a table.
 fn table(dive: &Dive, name: &str) -> Vec<String> {
     let text = String::from_utf8(dive.bytes(&format!("out/{name}"))).unwrap();
     text.lines().map(str::to_owned).collect()

@@ -140,14 +140,12 @@ fn cameras() -> Value {
     camera_file(&CAMERA, (0..=FRAMES).rev().map(image).collect())
 }
 
-/// A camera file of views.
 pub fn camera_file(camera: &Camera, images: Vec<Value>) -> Value {
     let Camera { width, height, fx, fy, cx, cy } = *camera;
     json!({ "width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy,
             "images": images })
 }
 
-/// A view of a camera file.
 pub fn view(file: &str, index: usize, split: &str, pose: &Pose) -> Value {
     let (q, t) = (pose.wxyz(), pose.translation.to_array());
     json!({ "file": file, "index": index, "split": split, "qvec": q, "tvec": t })

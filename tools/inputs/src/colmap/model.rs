@@ -6,7 +6,6 @@ use nvsprior::geometry::{Distortion, Intrinsics, Lens};
 /// A camera model that is read.
 pub struct Model {
     pub name: &'static str,
-    /// Number of its parameters.
     pub parameters: usize,
     /// The parts of a lens, from that many parameters.
     parts: fn(&[f64]) -> Option<Parts>,
@@ -57,7 +56,6 @@ fn simple(p: &[f64], [k1, k2]: [f64; 2]) -> Option<Parts> {
 }
 
 impl Model {
-    /// Finds a model by COLMAP's number.
     pub fn numbered(number: u32) -> Result<&'static Model, ColmapFault> {
         let index = number as usize;
         MODELS.get(index).ok_or_else(|| {
@@ -67,7 +65,6 @@ impl Model {
         })
     }
 
-    /// Finds a model by COLMAP's name.
     pub fn named(name: &str) -> Result<&'static Model, ColmapFault> {
         let model = || ColmapFault::Model { model: name.to_owned() };
         MODELS.iter().find(|model| model.name == name).ok_or_else(model)

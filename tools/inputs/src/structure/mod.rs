@@ -43,7 +43,6 @@ pub enum Matching {
 /// Pictures of which [`Matching::Auto`] compares all pairs. Their number grows with the square.
 pub const MAX_EXHAUSTIVE: usize = 250;
 
-/// How to find poses.
 #[derive(Clone, Debug)]
 pub struct StructureOptions {
     /// COLMAP's name of the camera model.
@@ -65,7 +64,6 @@ pub struct StructureOptions {
 pub struct Structure {
     /// Pictures, poses and points, in the unit of [`DEPTH`].
     pub posed: PosedPictures,
-    /// How many pictures there are.
     pub pictures: usize,
     /// Names of those whose poses were not found.
     pub missing: Vec<String>,
@@ -80,13 +78,11 @@ pub struct Structure {
 /// What a running step says of itself.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Progress {
-    /// A step begins.
     Begins(Step),
     /// It was finished by an earlier run.
     WasDone(Step),
     /// Share of it that is done, 0 to 1. COLMAP's mapper may begin again.
     At(f64),
-    /// It ended well.
     Ends(Step),
 }
 
@@ -115,9 +111,7 @@ impl Step {
     }
 }
 
-/// Why no poses were found.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum StructureError {
     #[error(
         "pictures without poses need the program `colmap`, which is not on the PATH; on Debian or \

@@ -12,7 +12,6 @@ use crate::posed::PosedError;
 /// Endings of the names of pictures.
 const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
-/// Pictures of a folder, by name.
 pub struct Listed {
     /// The folder's absolute path.
     pub folder: PathBuf,

@@ -12,7 +12,6 @@ const NAME: &str = "colmap";
 /// Lines of the output that an error shows.
 const LAST: usize = 6;
 
-/// COLMAP as it is installed.
 pub struct Program {
     /// The first line of its help: its version.
     pub version: String,
@@ -35,9 +34,7 @@ impl Ended {
     }
 }
 
-/// Where a command runs.
 pub struct WorkFolder<'a> {
-    /// Its working folder.
     pub folder: &'a Path,
     /// What it says is added here.
     pub log: &'a Path,
@@ -52,7 +49,6 @@ impl Program {
         Ok(Program { version: help.lines().next().unwrap_or_default().trim().to_owned() })
     }
 
-    /// The options of a command.
     pub fn options(&self, command: &str) -> Result<Options, StructureError> {
         Ok(Options { help: text(&[command, "-h"])? })
     }

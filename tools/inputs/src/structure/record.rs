@@ -14,7 +14,6 @@ pub const LOCK: &str = "lock";
 /// A step that was begun.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Begun {
-    /// Its arguments.
     pub arguments: Vec<String>,
     /// Whether it ended well.
     pub finished: bool,
@@ -23,7 +22,6 @@ pub struct Begun {
 /// The steps that were begun, in their order, and of which pictures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// Digest of the pictures.
     pub pictures: String,
     /// All but the last are finished.
     pub steps: Vec<Begun>,
@@ -38,7 +36,6 @@ pub enum Standing {
     Begun,
     /// It was begun with others.
     Other,
-    /// It was not begun.
     New,
 }
 
@@ -58,7 +55,6 @@ impl Record {
         }
     }
 
-    /// Writes it.
     pub fn write(&self, folder: &Path) -> Result<(), StructureError> {
         let path = place(folder);
         let failed = |error: std::io::Error| StructureError::File { path: path.clone(), error };
@@ -66,7 +62,6 @@ impl Record {
         replace_file(&path, &bytes).map_err(|error| failed(std::io::Error::other(error)))
     }
 
-    /// How a step stands.
     pub fn standing(&self, step: usize, arguments: &[String]) -> Standing {
         match self.steps.get(step) {
             None => Standing::New,

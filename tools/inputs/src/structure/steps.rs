@@ -64,7 +64,6 @@ impl Workplace {
         self.folder.join("colmap.log")
     }
 
-    /// The folder of models.
     pub fn sparse(&self) -> PathBuf {
         self.folder.join(SPARSE)
     }

@@ -21,7 +21,7 @@ use super::context::{Best, Context};
 use super::optimum;
 use judge::{Judge, Verdict};
 use method::{Attempt, Method, Searches};
-use nvsprior_inputs::args::progress;
+use nvsprior_inputs::args::{progress, with_progress};
 use nvsprior_inputs::values;
 use perturbation::{Kind, Limits, Perturbation};
 use start::StartTrial;
@@ -41,7 +41,7 @@ pub struct AblationArgs {
     #[arg(long, value_name = "N", requires = "ablation", value_parser = values::count)]
     ablation_adam_trials: Option<usize>,
     /// Move translations off by up to this, in the prior's unit (paper: 1.58 m)
-    #[arg(long, value_name = "U", default_value = "1.58", value_parser = positive, requires = "ablation")]
+    #[arg(long, value_name = "U", default_value = "1.58", value_parser = values::positive, requires = "ablation")]
     ablation_units: f64,
 }
 
@@ -58,16 +58,8 @@ impl AblationArgs {
     }
 }
 
-/// A positive number.
-fn positive(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    let good = value.is_finite() && value > 0.0;
-    good.then_some(value).ok_or_else(|| "must be above 0".to_owned())
-}
-
 /// What a method made of a frame.
-pub struct Outcome {
-    /// Which frame.
+pub struct Judged {
     pub shot: usize,
     pub method: Method,
     pub attempt: Attempt,
@@ -79,10 +71,9 @@ pub struct Trial {
     /// Which start of its kind.
     pub number: usize,
     pub perturbation: Perturbation,
-    pub outcome: Outcome,
+    pub outcome: Judged,
 }
 
-/// All that was measured.
 pub struct Ablation {
     pub limits: Limits,
     pub trials: Vec<Trial>,
@@ -91,18 +82,15 @@ pub struct Ablation {
 
 /// Measures, prints and writes it all to a folder.
 pub fn run(args: &AblationArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
-    let bar = progress(context.shots.len(), "best poses");
-    optimum::find(context, || bar.inc(1))?;
-    bar.finish_and_clear();
+    optimum::find(context)?;
 
     let limits = args.limits();
     let mut searches = Searches::new(context)?;
     let mut judge = Judge::default();
     let trials = measure(args, context, &mut searches, &mut judge)?;
-    let bar = progress(start::count(context), "sources of starts");
-    let starts = start::measure(context, &mut searches, &mut judge, || bar.inc(1))?;
-    bar.finish_and_clear();
-
+    let starts = with_progress(start::count(context), "sources of starts", |done| {
+        start::measure(context, &mut searches, &mut judge, done)
+    })?;
     let ablation = Ablation { limits, trials, starts };
     summary::print(context, &ablation);
     summary::write(&folder.join("ablation.json"), context, &ablation)?;
@@ -139,13 +127,12 @@ fn measure(
                 if method == Method::ADAM {
                     adam = Some(attempt.clone());
                 }
-                let outcome = Outcome { shot, method, attempt, verdict };
+                let outcome = Judged { shot, method, attempt, verdict };
                 trials.push(Trial { number, perturbation, outcome });
                 bar.inc(1);
             }
         }
     }
-    bar.finish_and_clear();
     Ok(trials)
 }
 

@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use nvsprior::{EncoderOptions, Picture, Pose};
-use nvsprior_inputs::args::progress;
+use nvsprior_inputs::args::{progress, with_progress};
 
 use super::context::{Context, Shot};
 use super::perturbed::{NEAR, steps};
@@ -23,7 +23,7 @@ use external::External;
 use own::Own;
 use point::{Input, Mode, Point};
 use report::Missing;
-use run::{Beside, Outcome, Run};
+use run::{Beside, CodedRun, Run};
 
 /// `bench --codecs` and what it takes.
 #[derive(clap::Args)]
@@ -51,14 +51,14 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     let frames = context.shots.iter().map(|shot| shot.picture.clone()).collect();
     let run = Run::new(frames, found.renders, beside);
     let wavelet = Own::wavelet(&context.scene, context.engine.device().portable);
-    let bar = progress(times::RATES.len(), "the wavelet coder's time");
-    let times = times::measure(context, &run, &poses, || bar.inc(1))?;
-    bar.finish_and_clear();
-    let bar = progress(run.frames.len(), "frame by frame");
+    let times = with_progress(times::RATES.len(), "the wavelet coder's time", |done| {
+        times::measure(context, &run, &poses, done)
+    })?;
     let names = context.shots.iter().map(|shot| shot.file.as_str());
     let (tables, portable) = (context.scene.coder_tables(), context.engine.device().portable);
-    let frames = frames::measure(&run, names, tables, portable, || bar.inc(1))?;
-    bar.finish_and_clear();
+    let frames = with_progress(run.frames.len(), "frame by frame", |done| {
+        frames::measure(&run, names, tables, portable, done)
+    })?;
     let mut report = Measured::default();
     report.plain(&run, &wavelet)?;
     report.webp(&affine::warped(&run), affine::FOUND)?;
@@ -93,7 +93,6 @@ impl Measured {
             for input in inputs {
                 self.points.extend(own.measure(run, input, || bar.inc(1))?);
             }
-            bar.finish_and_clear();
         }
         for coder in &external::all() {
             self.external(coder, run, &inputs);
@@ -129,7 +128,6 @@ impl Measured {
                 Err(error) => self.missing.push(missing(format!("failed: {error:#}"))),
             }
         }
-        bar.finish_and_clear();
     }
 }
 
@@ -160,7 +158,6 @@ pub fn found(context: &Context, options: EncoderOptions) -> anyhow::Result<Found
         found.ms += encoded.stats.refine_milliseconds / context.shots.len() as f64;
         bar.inc(1);
     }
-    bar.finish_and_clear();
     Ok(found)
 }
 

@@ -13,7 +13,6 @@ use super::steady;
 /// Loss that a recommended setting may have, dB in the median.
 const LOSS: f64 = 0.05;
 
-/// How a setting did.
 #[derive(Serialize)]
 pub struct Row {
     pub name: String,
@@ -61,7 +60,6 @@ enum Kept {
     Share(f64),
 }
 
-/// What is measured.
 struct Setting {
     name: String,
     options: EncoderOptions,
@@ -111,7 +109,6 @@ fn settings(context: &Context) -> Vec<Setting> {
     settings
 }
 
-/// Number of settings.
 pub fn count(context: &Context) -> usize {
     settings(context).len()
 }

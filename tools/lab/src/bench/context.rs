@@ -63,7 +63,6 @@ pub struct Best {
 
 /// A frame encoded, beside a forward render.
 pub struct Sample {
-    /// Which frame.
     pub shot: usize,
     /// Milliseconds of a forward render just before.
     pub forward_ms: f64,

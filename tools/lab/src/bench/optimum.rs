@@ -6,6 +6,7 @@ use nvsprior::tracking::Schedule;
 use nvsprior::{Encoder, EncoderOptions, Pose};
 
 use super::context::{Best, Context, Shot};
+use nvsprior_inputs::args::progress;
 
 /// Goes on as long as there is anything to be gained.
 const CAREFUL: Schedule = Schedule {
@@ -29,7 +30,6 @@ const LAST: Schedule = Schedule { first_level: 0, follow_level: 0, levels: 0b000
 /// How far from the camera file's pose the best known one may lie: the scene's motion in the picture, radians.
 const FARTHEST: f64 = 0.1;
 
-/// A way to search.
 struct Search {
     encoder: Encoder,
 }
@@ -88,7 +88,8 @@ impl Searches {
 /// Looks for the best pose of every frame: from the camera file's pose, if there is one, and from the best pose of the
 /// frame before. In another light than the prior's a wrong pose may look more like the frame. So if the pose found is
 /// too far from the camera file's, the camera file's is taken.
-pub fn find(context: &mut Context, done: impl Fn()) -> anyhow::Result<()> {
+pub fn find(context: &mut Context) -> anyhow::Result<()> {
+    let bar = progress(context.shots.len(), "best poses");
     let mut searches = Searches::new(context)?;
     for shot in &context.shots {
         let before = context.best.last().map(|best| best.pose);
@@ -102,7 +103,7 @@ pub fn find(context: &mut Context, done: impl Fn()) -> anyhow::Result<()> {
             best = Best { pose: known, psnr: shot.picture.psnr(render) };
         }
         context.best.push(best);
-        done();
+        bar.inc(1);
     }
     Ok(())
 }

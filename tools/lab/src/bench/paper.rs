@@ -61,11 +61,9 @@ impl PaperArgs {
     }
 }
 
-/// Where the frames come from.
 pub struct Set {
     /// The split, or `all`.
     pub name: String,
-    /// Name of the camera file.
     pub cameras: String,
 }
 
@@ -130,7 +128,6 @@ fn first_start(context: &mut Context, estimates: Option<&Estimates>) -> anyhow::
 
 /// What coders of pictures code: frames beside renders.
 pub struct Runs {
-    /// Frames alone.
     pub frames: Run,
     /// Beside renders at the poses of BFGS.
     pub invs: Run,

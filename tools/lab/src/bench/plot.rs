@@ -12,7 +12,6 @@ use super::stages::Stages;
 use super::statistics::median;
 
 const SIZE: (u32, u32) = (900, 560);
-/// Points of a curve.
 const POINTS: usize = 400;
 
 /// Losses below this are drawn here, dB: they are as good as none.
@@ -220,7 +219,6 @@ fn draw(
     Ok(root.present()?)
 }
 
-/// Draws axes, points and words.
 fn fill<'a, X, Y>(
     mut chart: ChartContext<'a, SVGBackend<'a>, Cartesian2d<X, Y>>,
     words: &Words,

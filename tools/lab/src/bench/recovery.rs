@@ -28,7 +28,7 @@ use super::context::Context;
 use super::optimum;
 use super::perturbed::SHORT;
 use condition::Condition;
-use nvsprior_inputs::args::progress;
+use nvsprior_inputs::values;
 use probe::Run;
 
 /// Further below the best known pose's render than this, a pose is wrong, dB.
@@ -103,15 +103,8 @@ pub struct RecoveryArgs {
     )]
     recovery_dropouts: Vec<NonZeroUsize>,
     /// Frames per second of the run, if the frames' times are not known
-    #[arg(long, value_name = "FPS", default_value = "3", value_parser = rate, requires = "recovery")]
+    #[arg(long, value_name = "FPS", default_value = "3", value_parser = values::positive, requires = "recovery")]
     recovery_rate: f64,
-}
-
-/// A positive number.
-fn rate(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    let good = value.is_finite() && value > 0.0;
-    good.then_some(value).ok_or_else(|| "must be above 0".to_owned())
 }
 
 impl RecoveryArgs {
@@ -142,9 +135,7 @@ pub fn run(args: &RecoveryArgs, context: &mut Context, folder: &Path) -> anyhow:
     }
     let foreign = args.foreign.as_deref().filter(|_| args.measures(Measurement::Foreign));
     let foreign = foreign.map(|path| Prior::open(path, &Default::default())).transpose()?;
-    let bar = progress(context.shots.len(), "best poses");
-    optimum::find(context, || bar.inc(1))?;
-    bar.finish_and_clear();
+    optimum::find(context)?;
 
     let runs = measure(args, context, foreign.as_ref())?;
     let columns = summary::columns(&runs);

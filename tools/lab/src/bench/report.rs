@@ -15,7 +15,6 @@ use super::steady::Rates;
 use crate::ceilings::Ceilings;
 use crate::report::write_json;
 
-/// All that was measured.
 pub struct Report {
     /// The steady run, then gradient methods on the first frames of the same.
     pub runs: Vec<OptimizerRun>,
@@ -41,7 +40,6 @@ impl Report {
     }
 }
 
-/// The figures of some samples.
 #[derive(Serialize)]
 pub struct Figures {
     pub frame_ms: f64,
@@ -102,7 +100,6 @@ pub fn errors(run: &OptimizerRun, steady: &[Sample]) -> [f64; 2] {
     [mean(&run.samples), mean(&steady[..run.samples.len()])]
 }
 
-/// The file.
 #[derive(Serialize)]
 struct Root<'a> {
     #[serde(flatten)]
@@ -163,7 +160,6 @@ impl<'a> BestPsnr<'a> {
     }
 }
 
-/// A frame's best known pose.
 #[derive(Serialize)]
 struct BestKnown<'a> {
     #[serde(flatten)]

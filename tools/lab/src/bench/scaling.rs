@@ -12,9 +12,7 @@ use super::context::Context;
 use super::perturbed::even;
 use super::statistics::median;
 
-/// Splats of the priors.
 const SPLATS: [usize; 5] = [5_000, 20_000, 80_000, 320_000, 2_000_000];
-/// Sizes of the pictures.
 const SIZES: [(u32, u32); 4] = [(160, 90), (320, 180), (640, 360), (1280, 720)];
 /// Runs; their median counts.
 const RUNS: usize = 3;
@@ -33,7 +31,6 @@ pub struct Row {
     pub error: Option<String>,
 }
 
-/// Rows of the table.
 pub const COUNT: usize = SPLATS.len() * SIZES.len();
 
 /// Measures all, at the first frame's best known pose.

@@ -17,7 +17,6 @@ const RUNS: u32 = 10;
 /// If a stage reaches this share of a ceiling, the ceiling bounds it.
 const BOUND: f64 = 0.35;
 
-/// A stage of a job.
 #[derive(Serialize)]
 pub struct Stage {
     pub job: &'static str,

@@ -30,7 +30,6 @@ pub fn measure(
     Ok(samples)
 }
 
-/// Measures a gradient method.
 pub fn descend(
     context: &mut Context,
     optimizer: Optimizer,

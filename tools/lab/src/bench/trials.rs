@@ -5,7 +5,6 @@ use nvsprior::EncoderOptions;
 use super::context::{Context, Sample};
 use super::perturbed::{Magnitude, steps};
 
-/// Seed of the starts.
 const SEED: u64 = 1;
 
 /// Encodes frames from `trials` starts, spread over the frames in turn.

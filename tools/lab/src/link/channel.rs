@@ -5,7 +5,6 @@ use nvsprior::random::Random;
 
 use super::Setting;
 
-/// What became of a modem frame.
 pub struct Sent {
     /// When the modem has sent it, seconds.
     #[cfg(test)]

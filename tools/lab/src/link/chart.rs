@@ -4,20 +4,20 @@ use std::path::Path;
 
 use plotters::prelude::*;
 
-use super::report::Outcome;
+use super::report::LinkRun;
 
 const SIZE: (u32, u32) = (1000, 480);
 /// Room above and below the curves, dB.
 const MARGIN: f64 = 0.5;
 
 /// A curve for each setting.
-pub fn draw(path: &Path, outcomes: &[Outcome]) -> anyhow::Result<()> {
+pub fn draw(path: &Path, runs: &[LinkRun]) -> anyhow::Result<()> {
     let root = SVGBackend::new(path, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
-    let all = || outcomes.iter().flat_map(|outcome| &outcome.moments).map(|moment| moment.psnr);
+    let all = || runs.iter().flat_map(|run| &run.moments).map(|moment| moment.psnr);
     let low = all().fold(f64::INFINITY, f64::min).max(0.0) - MARGIN;
     let high = all().fold(0.0, f64::max).min(60.0) + MARGIN;
-    let seconds = outcomes.iter().map(|outcome| outcome.seconds).fold(0.0, f64::max);
+    let seconds = runs.iter().map(|run| run.seconds).fold(0.0, f64::max);
     let mut chart = ChartBuilder::on(&root)
         .caption("PSNR of what the pilot sees, pictures that are held included", ("sans-serif", 20))
         .margin(16)
@@ -30,12 +30,11 @@ pub fn draw(path: &Path, outcomes: &[Outcome]) -> anyhow::Result<()> {
         .y_desc("dB")
         .label_style(("sans-serif", 15))
         .draw()?;
-    for (k, outcome) in outcomes.iter().enumerate() {
+    for (k, run) in runs.iter().enumerate() {
         let colour = Palette99::pick(k).to_rgba();
-        let (loss, fps) = (outcome.setting.loss, outcome.setting.fps);
-        let points = outcome.moments.iter().map(|m| (m.frame as f64 / fps, m.psnr));
-        let name =
-            format!("{:.0} % lost, mean {:.2} dB", 100.0 * loss.chance, outcome.shown_psnr());
+        let (loss, fps) = (run.setting.loss, run.setting.fps);
+        let points = run.moments.iter().map(|m| (m.frame as f64 / fps, m.psnr));
+        let name = format!("{:.0} % lost, mean {:.2} dB", 100.0 * loss.chance, run.shown_psnr());
         chart
             .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
             .label(name)

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::Setting;
-use super::topside::Seen;
+use super::topside::Shown;
 use super::vehicle::{PacketBytes, SentPacket};
 use super::video::Beside;
 use crate::report::{Table, fixed, write_json};
@@ -14,13 +14,12 @@ use crate::report::{Table, fixed, write_json};
 /// What the pilot sees of a camera frame.
 pub struct Moment {
     pub frame: usize,
-    pub seen: Seen,
+    pub shown: Shown,
     /// Against the camera's frame, dB.
     pub psnr: f64,
 }
 
-/// A run at one setting.
-pub struct Outcome {
+pub struct LinkRun {
     pub setting: Setting,
     pub seconds: f64,
     pub moments: Vec<Moment>,
@@ -42,19 +41,19 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-impl Outcome {
+impl LinkRun {
     pub fn shown_psnr(&self) -> f64 {
         mean(self.moments.iter().map(|moment| moment.psnr))
     }
 
-    /// Camera frames that are seen in a way.
-    fn seen(&self, way: impl Fn(Seen) -> bool) -> usize {
-        self.moments.iter().filter(|moment| way(moment.seen)).count()
+    /// Camera frames that are shown in a way.
+    fn shown(&self, way: impl Fn(Shown) -> bool) -> usize {
+        self.moments.iter().filter(|moment| way(moment.shown)).count()
     }
 
     /// Frames that are shown by what came of their packets.
     fn pictures_per_second(&self) -> f64 {
-        self.seen(|seen| seen == Seen::Own) as f64 / self.seconds
+        self.shown(|shown| shown == Shown::Own) as f64 / self.seconds
     }
 
     /// Mean milliseconds from exposure to the first picture, and to the whole one.
@@ -105,7 +104,6 @@ impl Outcome {
     }
 }
 
-/// A run's figures.
 #[derive(Serialize)]
 struct Figures<'a> {
     bit_rate: f64,
@@ -120,13 +118,13 @@ struct Figures<'a> {
     seconds: f64,
     shown_psnr: f64,
     pictures_per_second: f64,
-    shown: Shown,
+    shown: ShownCounts,
     latency_ms: f64,
     whole_latency_ms: f64,
     bytes: LinkBytes,
     sent_frames: usize,
-    /// Inter frames.
-    leaning_frames: usize,
+    #[serde(rename = "leaning_frames")]
+    inter_frames: usize,
     lost_frames: usize,
     whole_frames: usize,
     repaired: u64,
@@ -140,16 +138,15 @@ struct Figures<'a> {
     packet_bytes: f64,
 }
 
-/// How many camera frames are seen in each way.
+/// How many camera frames are shown in each way.
 #[derive(Serialize)]
-struct Shown {
+struct ShownCounts {
     own: usize,
     between: usize,
     held: usize,
     nothing: usize,
 }
 
-/// All bytes on the link.
 #[derive(Serialize)]
 struct LinkBytes {
     #[serde(flatten)]
@@ -159,13 +156,12 @@ struct LinkBytes {
 }
 
 impl Figures<'_> {
-    fn of(outcome: &Outcome) -> Figures<'_> {
-        let Setting { bit_rate, mtu, overhead, propagation, loss, latency, seed, .. } =
-            outcome.setting;
-        let Outcome { packets, pictures, resent, .. } = outcome;
-        let bytes = outcome.bytes();
-        let [latency_ms, whole_latency_ms] = outcome.latency();
-        let seen = |way: fn(Seen) -> bool| outcome.seen(way);
+    fn of(run: &LinkRun) -> Figures<'_> {
+        let Setting { bit_rate, mtu, overhead, propagation, loss, latency, seed, .. } = run.setting;
+        let LinkRun { packets, pictures, resent, .. } = run;
+        let bytes = run.bytes();
+        let [latency_ms, whole_latency_ms] = run.latency();
+        let shown = |way: fn(Shown) -> bool| run.shown(way);
         Figures {
             bit_rate,
             mtu,
@@ -175,40 +171,40 @@ impl Figures<'_> {
             burst: loss.burst,
             latency,
             seed,
-            return_delay: outcome.setting.return_delay,
-            seconds: outcome.seconds,
-            shown_psnr: outcome.shown_psnr(),
-            pictures_per_second: outcome.pictures_per_second(),
-            shown: Shown {
-                own: seen(|seen| seen == Seen::Own),
-                between: seen(|seen| seen == Seen::Between),
-                held: seen(|seen| matches!(seen, Seen::Held(_))),
-                nothing: seen(|seen| seen == Seen::Nothing),
+            return_delay: run.setting.return_delay,
+            seconds: run.seconds,
+            shown_psnr: run.shown_psnr(),
+            pictures_per_second: run.pictures_per_second(),
+            shown: ShownCounts {
+                own: shown(|shown| shown == Shown::Own),
+                between: shown(|shown| shown == Shown::Between),
+                held: shown(|shown| matches!(shown, Shown::Held(_))),
+                nothing: shown(|shown| shown == Shown::Nothing),
             },
             latency_ms,
             whole_latency_ms,
             bytes: LinkBytes { packets: bytes, resent: *resent, total: bytes.total() + resent },
             sent_frames: packets.len(),
-            leaning_frames: packets.iter().filter(|packet| packet.inter).count(),
-            lost_frames: outcome.lost(),
+            inter_frames: packets.iter().filter(|packet| packet.inter).count(),
+            lost_frames: run.lost(),
             whole_frames: pictures.values().filter(|(_, whole)| whole.is_some()).count(),
-            repaired: outcome.repaired,
+            repaired: run.repaired,
             sent_psnr: mean(packets.iter().map(|packet| packet.psnr)),
             render_psnr: mean(packets.iter().map(|packet| packet.render_psnr)),
-            deepest_dip: outcome.deepest_dip(),
-            worst_second_bits: outcome.worst_second,
-            beside: &outcome.beside,
+            deepest_dip: run.deepest_dip(),
+            worst_second_bits: run.worst_second,
+            beside: &run.beside,
             packet_bytes: mean(packets.iter().map(|packet| packet.bytes.total() as f64)),
         }
     }
 }
 
 /// Prints a line for each setting, and one for each video coder on the same channel.
-pub fn print(outcomes: &[Outcome]) {
+pub fn print(runs: &[LinkRun]) {
     let columns = ["loss", "burst", "shown dB", "sent dB", "pictures/s", "bytes", "latency ms"];
     let counts = ["sent", "lost", "whole", "coder"];
     let mut table = Table::new(columns.into_iter().chain(counts));
-    for f in outcomes.iter().map(Figures::of) {
+    for f in runs.iter().map(Figures::of) {
         let [loss, burst] = [fixed(f.loss, 3), fixed(f.burst, 1)];
         table.push([
             loss.clone(),
@@ -251,22 +247,22 @@ struct Root<'a> {
 }
 
 /// Writes link.json and frames.csv.
-pub fn write(folder: &Path, outcomes: &[Outcome]) -> anyhow::Result<()> {
-    let settings: Vec<Figures> = outcomes.iter().map(Figures::of).collect();
+pub fn write(folder: &Path, runs: &[LinkRun]) -> anyhow::Result<()> {
+    let settings: Vec<Figures> = runs.iter().map(Figures::of).collect();
     write_json(&folder.join("link.json"), &Root { first: &settings[0], settings: &settings })?;
-    let moments = outcomes.iter().flat_map(|o| o.moments.iter().map(move |moment| (o, moment)));
-    let rows: Vec<(&Outcome, &Moment)> = moments.collect();
-    let sent = |(outcome, moment): &(&Outcome, &Moment), cell: fn(&SentPacket) -> String| {
-        let sent = outcome.packets.iter().find(|packet| packet.frame == moment.frame);
+    let moments = runs.iter().flat_map(|o| o.moments.iter().map(move |moment| (o, moment)));
+    let rows: Vec<(&LinkRun, &Moment)> = moments.collect();
+    let sent = |(run, moment): &(&LinkRun, &Moment), cell: fn(&SentPacket) -> String| {
+        let sent = run.packets.iter().find(|packet| packet.frame == moment.frame);
         sent.map_or(String::new(), cell)
     };
     let table = Table::of(
         &rows,
         &[
-            ("loss", &|(outcome, _)| outcome.setting.loss.chance.to_string()),
+            ("loss", &|(run, _)| run.setting.loss.chance.to_string()),
             ("frame", &|(_, moment)| moment.frame.to_string()),
             ("seconds", &|(o, moment)| fixed(moment.frame as f64 / o.setting.fps, 4)),
-            ("shown", &|(_, moment)| moment.seen.name().to_owned()),
+            ("shown", &|(_, moment)| moment.shown.name().to_owned()),
             ("shown_psnr", &|(_, moment)| fixed(moment.psnr, 3)),
             ("sent_bytes", &|row| sent(row, |sent| sent.bytes.total().to_string())),
             ("sent_psnr", &|row| sent(row, |sent| fixed(sent.psnr, 3))),

@@ -10,7 +10,7 @@ use nvsprior::render::Scene;
 use nvsprior::tracking::FrameInfo;
 
 use super::channel::Channel;
-use super::report::{Moment, Outcome};
+use super::report::{LinkRun, Moment};
 use super::topside::Topside;
 use super::vehicle::Vehicle;
 use super::{Footage, Setting};
@@ -58,12 +58,12 @@ impl PartialEq for At {
 impl Eq for At {}
 
 #[derive(Default)]
-struct Plan {
+struct Agenda {
     heap: BinaryHeap<At>,
     planned: usize,
 }
 
-impl Plan {
+impl Agenda {
     fn add(&mut self, time: f64, event: Event) {
         self.heap.push(At { time, order: self.planned, event });
         self.planned += 1;
@@ -75,7 +75,7 @@ pub struct Simulation<'a> {
     setting: Setting,
     vehicle: Vehicle,
     topside: Topside,
-    plan: Plan,
+    plan: Agenda,
     moments: Vec<Moment>,
 }
 
@@ -93,13 +93,13 @@ impl<'a> Simulation<'a> {
             vehicle: Vehicle::new(engine, scene, footage, &setting, threshold)?,
             topside: Topside::new(engine, scene, camera, &setting)?,
             setting,
-            plan: Plan::default(),
+            plan: Agenda::default(),
             moments: Vec::new(),
         })
     }
 
     /// Runs so many camera frames. `done` is called after each one is shown.
-    pub fn run(mut self, frames: usize, mut done: impl FnMut()) -> anyhow::Result<Outcome> {
+    pub fn run(mut self, frames: usize, mut done: impl FnMut()) -> anyhow::Result<LinkRun> {
         let seconds = frames as f64 / self.setting.fps;
         let mut channel = Channel::new(&self.setting, seconds);
         for frame in 0..frames {
@@ -140,7 +140,7 @@ impl<'a> Simulation<'a> {
         }
         let worst_second = channel.worst_second();
         let repaired = self.topside.repaired();
-        Ok(Outcome {
+        Ok(LinkRun {
             setting: self.setting,
             seconds,
             moments: self.moments,
@@ -155,8 +155,8 @@ impl<'a> Simulation<'a> {
 
     fn expose(&mut self, frame: usize, now: f64) -> anyhow::Result<()> {
         let hint = if frame == 0 { self.footage.first.hint } else { None };
-        let known = FrameInfo { hint, time: Some(now) };
-        if self.vehicle.take(frame, now, self.footage.picture(frame), known)? {
+        let info = FrameInfo { hint, time: Some(now) };
+        if self.vehicle.take(frame, now, self.footage.picture(frame), info)? {
             self.plan.add(now + self.setting.coding, Event::Due);
         }
         Ok(())
@@ -175,14 +175,13 @@ impl<'a> Simulation<'a> {
     /// What the pilot sees of a camera frame.
     fn display(&mut self, frame: usize) -> anyhow::Result<()> {
         let wanted = self.footage.picture(frame);
-        let (seen, picture) = self.topside.show(frame as u32)?;
-        self.moments.push(Moment { frame, seen, psnr: picture.psnr(wanted) });
+        let (shown, picture) = self.topside.show(frame as u32)?;
+        self.moments.push(Moment { frame, shown, psnr: picture.psnr(wanted) });
         Ok(())
     }
 }
 
-/// Sends a share.
-fn send(plan: &mut Plan, channel: &mut Channel, now: f64, share: &[u8]) {
+fn send(plan: &mut Agenda, channel: &mut Channel, now: f64, share: &[u8]) {
     if let Some(arrival) = channel.send(now, share.len()).arrival {
         plan.add(arrival, Event::Arrived(share.to_vec()));
     }

@@ -11,24 +11,23 @@ use super::Setting;
 
 /// What the pilot sees of a camera frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seen {
+pub enum Shown {
     /// What came of its own packet.
     Own,
     /// The prior at a pose between those of frames that came.
     Between,
     /// The picture of this earlier frame.
     Held(u32),
-    /// Nothing has come yet.
     Nothing,
 }
 
-impl Seen {
+impl Shown {
     pub fn name(self) -> &'static str {
         match self {
-            Seen::Own => "own",
-            Seen::Between => "between",
-            Seen::Held(_) => "held",
-            Seen::Nothing => "nothing",
+            Shown::Own => "own",
+            Shown::Between => "between",
+            Shown::Held(_) => "held",
+            Shown::Nothing => "nothing",
         }
     }
 }
@@ -38,7 +37,7 @@ pub struct Topside {
     collector: Collector,
     decoded: Decoded,
     /// The frame that `decoded` shows.
-    seen: Option<u32>,
+    shown: Option<u32>,
     size: (u32, u32),
     /// Frames on either side of one that did not come, between which its pose is looked for.
     reach: u32,
@@ -58,7 +57,6 @@ pub struct Topside {
     ready: BTreeMap<u32, Picture>,
 }
 
-/// Packets that are held.
 const PACKETS: usize = 64;
 /// Seconds on either side of a frame that did not come, between which its pose is looked for.
 const REACH: f64 = 1.0;
@@ -86,7 +84,7 @@ impl Topside {
             decoder,
             collector: Collector::new(options)?,
             decoded: Decoded::default(),
-            seen: None,
+            shown: None,
             size: (camera.width, camera.height),
             reach: ((REACH * setting.fps) as u32).clamp(1, PACKETS as u32 / 2 - 1),
             pictures: BTreeMap::new(),
@@ -124,34 +122,34 @@ impl Topside {
     }
 
     /// What there is of a camera frame.
-    pub fn show(&mut self, frame: u32) -> anyhow::Result<(Seen, &Picture)> {
-        let seen = self.look(frame)?;
-        if self.seen.is_none() {
+    pub fn show(&mut self, frame: u32) -> anyhow::Result<(Shown, &Picture)> {
+        let shown = self.look(frame)?;
+        if self.shown.is_none() {
             self.decoded.picture.resize(self.size.0, self.size.1);
             self.decoded.picture.data.fill(128);
         }
-        Ok((seen, &self.decoded.picture))
+        Ok((shown, &self.decoded.picture))
     }
 
-    fn look(&mut self, frame: u32) -> anyhow::Result<Seen> {
+    fn look(&mut self, frame: u32) -> anyhow::Result<Shown> {
         self.ready = self.ready.split_off(&frame);
         if let Some(picture) = self.ready.remove(&frame) {
-            (self.decoded.picture, self.seen) = (picture, Some(frame));
-            return Ok(Seen::Own);
+            (self.decoded.picture, self.shown) = (picture, Some(frame));
+            return Ok(Shown::Own);
         }
         if let Some(packet) = self.collector.packet(0, frame) {
             self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.decoded)?;
-            self.seen = Some(frame);
-            return Ok(Seen::Own);
+            self.shown = Some(frame);
+            return Ok(Shown::Own);
         }
         let Some(pose) = self.pose_between(frame)? else {
-            return Ok(self.seen.map_or(Seen::Nothing, Seen::Held));
+            return Ok(self.shown.map_or(Shown::Nothing, Shown::Held));
         };
         if !self.decoder.draw(&pose, &mut self.decoded.picture)? {
-            return Ok(Seen::Nothing);
+            return Ok(Shown::Nothing);
         }
-        self.seen = Some(frame);
-        Ok(Seen::Between)
+        self.shown = Some(frame);
+        Ok(Shown::Between)
     }
 
     /// The pose of a frame that did not come, between those of frames that did and of which the vehicle is certain.

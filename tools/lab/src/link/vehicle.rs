@@ -13,11 +13,8 @@ use nvsprior::{Encoded, Encoder, EncoderOptions, Engine, Error, Picture, Rate};
 
 use super::{Footage, Setting};
 
-/// A packet that was sent.
 pub struct SentPacket {
-    /// The camera's frame.
     pub frame: usize,
-    /// Its number in the packet.
     pub number: u32,
     /// When the frame was exposed, seconds.
     pub exposed: f64,
@@ -25,11 +22,9 @@ pub struct SentPacket {
     pub render_psnr: f64,
     /// Of the whole packet.
     pub psnr: f64,
-    /// It is an inter frame.
     pub inter: bool,
 }
 
-/// What the bytes of a packet are for.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
 pub struct PacketBytes {
     /// Latent part, and the camera where it is sent.
@@ -100,14 +95,14 @@ impl Vehicle {
         frame: usize,
         exposed: f64,
         picture: &Picture,
-        known: FrameInfo,
+        info: FrameInfo,
     ) -> anyhow::Result<bool> {
         let Some(bytes) = self.sender.plan(exposed)? else { return Ok(false) };
         self.encoder.skip((frame - self.next) as u32);
         self.next = frame + 1;
         // A packet that tells the camera has as many bytes for its difference picture as others.
         let bytes = bytes + self.encoder.extra_bytes();
-        self.encode(picture, known, bytes)?;
+        self.encode(picture, info, bytes)?;
         let packet = &self.encoded.packet;
         let ready = exposed + self.setting.coding;
         let division = self.sender.push(ready, packet, None)?;
@@ -126,12 +121,12 @@ impl Vehicle {
 
     /// Encodes a frame in so many bytes. A packet that also tells the camera may take more: what does not fit its
     /// shares is cut off.
-    fn encode(&mut self, picture: &Picture, known: FrameInfo, bytes: usize) -> Result<(), Error> {
+    fn encode(&mut self, picture: &Picture, info: FrameInfo, bytes: usize) -> Result<(), Error> {
         self.encoder.set_rate(Some(Rate::Bytes(bytes)));
-        match self.encoder.encode_into(picture, known, &mut self.encoded) {
+        match self.encoder.encode_into(picture, info, &mut self.encoded) {
             Err(Error::Budget { needed, .. }) => {
                 self.encoder.set_rate(Some(Rate::Bytes(needed)));
-                self.encoder.encode_into(picture, known, &mut self.encoded)
+                self.encoder.encode_into(picture, info, &mut self.encoded)
             }
             done => done,
         }
@@ -147,7 +142,6 @@ impl Vehicle {
         self.sender.due()
     }
 
-    /// Takes a report.
     pub fn process_report(&mut self, now: f64, report: &Report) -> Result<(), ModemError> {
         for (frame, _) in report.packets().filter(|(_, packet)| packet.state == PacketState::Kept) {
             self.encoder.acknowledge(frame);

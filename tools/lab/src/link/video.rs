@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::Setting;
 use super::channel::Channel;
-use super::report::Outcome;
+use super::report::LinkRun;
 use coder::Coded;
 
 /// Video coders that can be compared with.
@@ -75,20 +75,20 @@ impl Video {
         Ok(Video { coder, coded })
     }
 
-    /// The best that it can do at an outcome's setting, with the same part of its bytes as parity. `None`: no quality
+    /// The best that it can do at a run's setting, with the same part of its bytes as parity. `None`: no quality
     /// is coarse enough for the bit rate.
-    pub fn beside(&self, outcome: &Outcome, frames: &[&Picture]) -> anyhow::Result<Option<Beside>> {
-        let parity = outcome.parity();
+    pub fn beside(&self, run: &LinkRun, frames: &[&Picture]) -> anyhow::Result<Option<Beside>> {
+        let parity = run.parity();
         let mut best: Option<Beside> = None;
         for divisor in DIVISORS {
             let at_rate = self.coded.iter().filter(|coded| coded.divisor == divisor);
             let fits = at_rate.filter(|coded| {
-                let shares = divided(coded, &outcome.setting, parity).skip(1);
+                let shares = divided(coded, &run.setting, parity).skip(1);
                 let bytes: usize = shares.map(Shares::bytes).sum();
-                bytes as f64 * 8.0 <= outcome.setting.bit_rate * outcome.seconds
+                bytes as f64 * 8.0 <= run.setting.bit_rate * run.seconds
             });
             for coded in fits.take(TRIED) {
-                let beside = self.try_on(coded, outcome, parity, frames)?;
+                let beside = self.try_on(coded, run, parity, frames)?;
                 if best.as_ref().is_none_or(|best| beside.shown_psnr > best.shown_psnr) {
                     best = Some(beside);
                 }
@@ -101,12 +101,12 @@ impl Video {
     fn try_on(
         &self,
         coded: &Coded,
-        outcome: &Outcome,
+        run: &LinkRun,
         parity: f64,
         frames: &[&Picture],
     ) -> anyhow::Result<Beside> {
-        let setting = &outcome.setting;
-        let arrived = arrived(coded, setting, outcome.seconds, parity);
+        let setting = &run.setting;
+        let arrived = arrived(coded, setting, run.seconds, parity);
         let shown = coded.decode(&arrived)?;
         let mut pictures = shown.into_iter();
         let (mut seen, mut sum) = (None, 0.0);

@@ -6,7 +6,6 @@ use std::time::Instant;
 use nvsprior::Engine;
 use nvsprior::tracking::Stop;
 
-/// What all cases share.
 pub struct Bench {
     pub engine: Engine,
     pub quick: bool,
@@ -16,7 +15,6 @@ pub struct Bench {
     pub prior: Option<PathBuf>,
 }
 
-/// Cases of one subject.
 pub struct Group {
     pub name: &'static str,
     /// What it is about, for the report.
@@ -32,7 +30,6 @@ pub struct Case {
     pub run: Run,
 }
 
-/// What measures a case.
 type Run = Box<dyn FnOnce(&Bench) -> anyhow::Result<Done>>;
 
 impl Case {
@@ -46,7 +43,6 @@ impl Case {
     }
 }
 
-/// What a case gave.
 #[derive(Default)]
 pub struct Done {
     pub rows: Vec<Row>,
@@ -67,7 +63,6 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-/// A group's rows and tables.
 pub struct Section {
     pub group: &'static Group,
     pub rows: Vec<Row>,
@@ -103,7 +98,6 @@ pub struct PictureError {
     pub rounding: f64,
 }
 
-/// What an optimiser did.
 #[derive(Clone, Copy, Debug)]
 pub struct Descent {
     /// Mean squared error at the start, values in [0, 1].

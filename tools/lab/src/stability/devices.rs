@@ -25,7 +25,6 @@ pub const GROUP: Group = Group {
 const SAME: &str = "equal but for rounding: fewer than one pixel in a hundred differs, the decoded frame \
                     by less than 0.05 dB; the topside is told if a render differs";
 
-/// Poses that are drawn.
 const POSES: usize = 8;
 /// No machine has more devices.
 const MAX_DEVICES: usize = 16;
@@ -135,11 +134,11 @@ fn against(
     pose: &Pose,
 ) -> anyhow::Result<(Row, Vec<String>)> {
     let since = Instant::now();
-    let (mut most, mut sum, mut differ, mut count) = (0_u8, 0_u64, 0_u64, 0_u64);
+    let (mut max, mut sum, mut differ, mut count) = (0_u8, 0_u64, 0_u64, 0_u64);
     for (a, b) in first.pictures.iter().zip(&other.pictures) {
         for (a, b) in a.data.iter().zip(&b.data) {
             let off = a.abs_diff(*b);
-            most = most.max(off);
+            max = max.max(off);
             sum += u64::from(off);
             differ += u64::from(off > 0);
             count += 1;
@@ -152,11 +151,11 @@ fn against(
     let (max_share, max_lost) = if portable { (0.0, 0.0) } else { (0.01, 0.05) };
     row.expect(share <= max_share, || format!("{share:.2e} of the bytes differ"));
     row.expect(lost.abs() <= max_lost, || format!("decoded {lost:.3} dB off"));
-    row.note = format!("{}: by {most} at most", other.engine.device().driver);
+    row.note = format!("{}: by {max} at most", other.engine.device().driver);
     row.milliseconds = since.elapsed().as_secs_f64() * 1e3;
     let line = vec![
         other.engine.device().to_string(),
-        most.to_string(),
+        max.to_string(),
         format!("{:.1e}", sum as f64 / count as f64),
         format!("{share:.1e}"),
         format!("{lost:+.4}"),

@@ -8,7 +8,6 @@ use nvsprior_reference::{Channels, Rendered, Twin};
 /// A result may be off by this many times the effect of rounding its inputs, since several operations round.
 pub const ROUNDINGS: f64 = 16.0;
 
-/// A picture of the twin.
 pub struct Explained {
     pub picture: Rendered,
     /// How far rounding the inputs moves each channel of each pixel.

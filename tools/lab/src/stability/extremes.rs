@@ -25,22 +25,16 @@ fn one_of<T: Copy>(random: &mut Random, all: &[T]) -> T {
     all[below(random, all.len() as u64) as usize]
 }
 
-/// A prior seen by a camera.
 pub struct Extreme {
-    /// The prior.
     pub splats: Splats,
-    /// How it is rendered.
     pub options: RenderOptions,
-    /// The camera.
     pub camera: Camera,
-    /// Where it stands.
     pub pose: Pose,
     /// The step from the pose to the start of a search.
     pub offset: [f64; 6],
 }
 
 impl Extreme {
-    /// The scene of a seed.
     pub fn new(seed: u64) -> Extreme {
         let mut random = Random::new(seed.wrapping_mul(0x2545_f491_4f6c_dd1d));
         let r = &mut random;
@@ -158,16 +152,13 @@ fn offset(r: &mut Random, unit: f32) -> [f64; 6] {
         .map(|k| f64::from(r.within(-1.0, 1.0) * far * if k < 3 { unit } else { 1.0 }))
 }
 
-/// The outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
-    /// Everything held.
+pub enum Checked {
     Drawn,
     /// All splats were invalid, and refused.
     Refused,
 }
 
-/// What did not hold.
 #[derive(Debug)]
 pub struct Fault(pub String);
 
@@ -183,17 +174,16 @@ impl<E: std::error::Error> From<E> for Fault {
     }
 }
 
-/// Fails if something does not hold.
 fn ensure(holds: bool, otherwise: impl FnOnce() -> String) -> Result<(), Fault> {
     if holds { Ok(()) } else { Err(Fault(otherwise())) }
 }
 
 /// Draws the scene of a seed and differentiates it. Searches and sends one scene in four, and compares one in eight
 /// with the twin.
-pub fn check(engine: &Engine, seed: u64) -> Result<Outcome, Fault> {
+pub fn check(engine: &Engine, seed: u64) -> Result<Checked, Fault> {
     let scene = Extreme::new(seed);
     let prior = match Prior::from_splats(scene.splats.clone(), scene.options) {
-        Err(PriorError::AllDropped { .. }) => return Ok(Outcome::Refused),
+        Err(PriorError::AllDropped { .. }) => return Ok(Checked::Refused),
         prior => prior?,
     };
     let drawn = draw(engine, &prior, &scene)?;
@@ -203,7 +193,7 @@ pub fn check(engine: &Engine, seed: u64) -> Result<Outcome, Fault> {
     if seed.is_multiple_of(8) {
         as_twin(&prior, &scene, &drawn)?;
     }
-    Ok(Outcome::Drawn)
+    Ok(Checked::Drawn)
 }
 
 /// The picture and both normal equations: all numbers, within their bounds.

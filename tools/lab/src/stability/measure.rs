@@ -39,7 +39,6 @@ pub struct Scenario {
     pub frame: Option<Picture>,
 }
 
-/// What is expected of a scene.
 #[derive(Clone, Copy)]
 pub struct Limits {
     /// Largest error of a channel beyond what rounding and close decisions explain.
@@ -68,7 +67,6 @@ impl Default for Limits {
 }
 
 impl Scenario {
-    /// A small picture of the prior.
     pub fn new(splats: Splats) -> anyhow::Result<Scenario> {
         Ok(Scenario {
             prior: scenes::prior(splats)?,
@@ -80,7 +78,6 @@ impl Scenario {
         })
     }
 
-    /// Rows of all paths.
     pub fn run(&self, bench: &Bench) -> anyhow::Result<Vec<Row>> {
         let twin = Reference::new(self)?;
         let mut rows = Vec::new();

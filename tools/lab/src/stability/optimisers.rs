@@ -59,7 +59,6 @@ fn cases(bench: &Bench) -> Vec<Case> {
     ]
 }
 
-/// A case of all optimisers.
 fn each(name: &'static str, splats: fn() -> Splats, spoil: Frame, offset: [f64; 6]) -> Case {
     Case::new(name, ENDS, move |bench| {
         let camera = scenes::camera(160, 90);
@@ -101,7 +100,7 @@ fn run(
         let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
         let mut encoder = Encoder::new(&bench.engine, &scene, &camera, options)?;
         let mut row = Row::of("gauss-newton", since);
-        let (mut first, mut most) = (None, [0.0_f64; 2]);
+        let (mut first, mut max) = (None, [0.0_f64; 2]);
         let shown: Vec<Picture> = (0..LAP)
             .map(|t| refined::picture(bench, &prior, &camera, &path(t as f64 / LAP as f64)))
             .collect::<anyhow::Result<_>>()?;
@@ -119,10 +118,10 @@ fn run(
             if t > 0 && t % LAP == 0 {
                 let before: Pose = *first.get_or_insert(encoded.pose);
                 let moved = (encoded.pose.centre() - before.centre()).length() / 4.0;
-                most = [most[0].max(moved), most[1].max(encoded.pose.angle_to(&before))];
+                max = [max[0].max(moved), max[1].max(encoded.pose.angle_to(&before))];
             }
         }
-        let [moved, turned] = most;
+        let [moved, turned] = max;
         row.expect(moved < tolerance && turned < tolerance, || "drifts".into());
         row.note = format!("{frames} frames; off by {moved:.1e} depths, {turned:.1e} rad at most");
         row.milliseconds = since.elapsed().as_secs_f64() * 1e3;

@@ -28,7 +28,6 @@ pub struct PriorView {
     pub pose: Pose,
 }
 
-/// Which scene.
 #[derive(Clone, Copy)]
 pub enum Which {
     Random,
@@ -45,7 +44,6 @@ impl Which {
         }
     }
 
-    /// The scene.
     pub fn seen(self, bench: &Bench) -> anyhow::Result<PriorView> {
         let camera = scenes::camera(160, 90);
         let splats = || -> Splats {

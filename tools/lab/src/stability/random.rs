@@ -5,7 +5,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use super::case::{Bench, Case, Group, Row};
-use super::extremes::{Outcome, check};
+use super::extremes::{Checked, check};
 use nvsprior_inputs::args::progress;
 
 pub const GROUP: Group = Group {
@@ -74,9 +74,9 @@ fn run(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     Ok(vec![Row { path: "all", milliseconds, ..row }])
 }
 
-fn name(outcome: Outcome) -> &'static str {
+fn name(outcome: Checked) -> &'static str {
     match outcome {
-        Outcome::Drawn => "drawn",
-        Outcome::Refused => "refused: no splat was valid",
+        Checked::Drawn => "drawn",
+        Checked::Refused => "refused: no splat was valid",
     }
 }

@@ -9,7 +9,6 @@ use nvsprior_kernels::search::COMPACT;
 
 use super::case::{Bench, Descent, Row};
 
-/// All optimisers.
 pub const OPTIMIZERS: [Optimizer; 4] =
     [Optimizer::GaussNewton, Optimizer::Bfgs, Optimizer::Adam, Optimizer::AdamBfgs];
 

@@ -90,7 +90,6 @@ pub fn pose() -> Pose {
     Pose::exp(&[0.05, -0.08, 0.1, 0.03, -0.02, 0.04])
 }
 
-/// A picture of uniform noise.
 pub fn noise(seed: u64, camera: &Camera) -> Picture {
     let mut random = Random::new(seed);
     let data = (0..camera.pixels() * 3).map(|_| (random.bits() >> 56) as u8).collect();

@@ -185,7 +185,6 @@ fn ties(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     Ok(vec![row])
 }
 
-/// What spoils a splat.
 type Spoil = fn(&mut Splats, usize);
 
 fn invalid() -> Vec<Case> {

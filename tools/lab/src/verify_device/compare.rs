@@ -11,14 +11,6 @@ use nvsprior_kernels::shared::{CULLED, PIXEL};
 
 use super::scenes::code;
 
-/// Outcome of a scene.
-pub enum Comparison {
-    /// Nothing differs.
-    Same { pictures: u64 },
-    /// Something does.
-    Different(Difference),
-}
-
 /// The first thing that differs.
 #[derive(Debug)]
 pub struct Difference {
@@ -66,28 +58,28 @@ impl Compared<'_> {
         Ok(Compared { engine, prior, uploaded, definition })
     }
 
-    /// Draws at a pose, and at that pose as a packet would hold it.
-    pub fn compare(&self, camera: &Camera, pose: &Pose) -> Result<Comparison, Error> {
+    /// Draws at a pose, and at that pose as a packet would hold it. How many pictures are the same, or what differs.
+    pub fn compare(&self, camera: &Camera, pose: &Pose) -> Result<Result<u64, Difference>, Error> {
         let host = self.definition.draw(camera, pose);
         let mut renderer = self.engine.renderer(&self.uploaded, camera, Plan::picture())?;
         let image = renderer.draw(pose)?.to_vec();
         if let Some(at) = first_difference(&host.image, &image) {
             let (probe, room) = (self.engine.probe(), 1 << 22);
             let stages = probe.stages(&self.uploaded, camera, pose, room, SortPrecision::Exact)?;
-            return Ok(Comparison::Different(stage_of(&host, &stages, &image, at)));
+            return Ok(Err(stage_of(&host, &stages, &image, at)));
         }
         let mut picture = Picture::new(camera.width, camera.height);
         renderer.picture(pose, &mut picture)?;
         if let Some(difference) = bytes_differ("quantize_rgb8", &host.rgb8, &picture) {
-            return Ok(Comparison::Different(difference));
+            return Ok(Err(difference));
         }
         let Some(code) = code(self.prior, pose) else {
-            return Ok(Comparison::Same { pictures: 1 });
+            return Ok(Ok(1));
         };
         let host = self.definition.draw_coded(camera, &code);
         renderer.coded_picture(&code, &mut picture)?;
         let coded = bytes_differ("decode_pose", &host.rgb8, &picture);
-        Ok(coded.map_or(Comparison::Same { pictures: 2 }, Comparison::Different))
+        Ok(coded.map_or(Ok(2), Err))
     }
 }
 

@@ -23,7 +23,6 @@ const COARSE: u8 = 4;
 const FAR: u64 = 24;
 const NEAR: u64 = 2;
 
-/// Picks examples.
 pub struct Collector {
     pub examples: Vec<Example>,
     random: Random,

@@ -37,7 +37,6 @@ mod layout {
 }
 use layout::*;
 
-/// Number of weights.
 pub const WEIGHTS: usize = ALL;
 
 const _: () = assert!(WEIGHTS * 2 == size_of::<Networks>());
@@ -290,7 +289,6 @@ fn learn_small<const INPUTS: usize, const WIDTH: usize>(
     f64::from(nats * weight) / std::f64::consts::LN_2
 }
 
-/// The weights of tables, as floats.
 pub fn weights_of(tables: &Tables) -> Weights {
     let mut weights = Vec::with_capacity(WEIGHTS);
     tables.clone().for_each_weight(|weight| {

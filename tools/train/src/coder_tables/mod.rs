@@ -27,7 +27,6 @@ pub struct Pair {
     pub render: Picture,
 }
 
-/// How to train.
 #[derive(Clone, Copy, Debug)]
 pub struct TableOptions {
     /// Rounds of coding all frames and learning from it: each codes with the tables of the one before.
@@ -52,7 +51,6 @@ impl Default for TableOptions {
 /// Quantiser steps to train for: from a few bytes to finer than most links allow.
 const STEPS: std::ops::Range<u8> = 16..54;
 
-/// How far training is.
 #[derive(Clone, Copy, Debug)]
 pub struct TableProgress {
     /// Number of the round that has ended, from 0.

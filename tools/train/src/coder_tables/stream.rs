@@ -5,7 +5,7 @@ use nvsprior::coder_tables::Tables;
 use nvsprior::random::Random;
 use nvsprior::residual::wavelet::training::{Pays, Sampler};
 use nvsprior::residual::wavelet::{Planes, Step};
-use nvsprior::residual::{Vantage, difference, warp};
+use nvsprior::residual::{Viewpoint, difference, warp};
 use rayon::prelude::*;
 
 use super::examples::{Collector, Example};
@@ -19,9 +19,7 @@ pub struct RunFrame {
     pub picture: Picture,
     /// What the prior shows at the pose found.
     pub render: Picture,
-    /// The pose.
-    pub vantage: Vantage,
-    /// Depths of the render.
+    pub viewpoint: Viewpoint,
     pub depths: Vec<f32>,
 }
 
@@ -83,12 +81,12 @@ fn collect(
     let mirrored = random.bits().is_multiple_of(2);
     let light = vary::Light::some(random);
     let mut warped: Planes = std::array::from_fn(|_| vec![0; (width * height) as usize]);
-    let mut before: Option<(Picture, Vantage)> = None;
+    let mut before: Option<(Picture, Viewpoint)> = None;
     for frame in chain.iter().step_by(distance) {
         let mut frame = if mirrored { frame.mirrored() } else { frame.clone() };
         light.apply(&mut frame.picture);
         let reference = before.as_ref().map(|(difference, from)| {
-            warp(difference, from, &frame.vantage, &frame.depths, &mut warped);
+            warp(difference, from, &frame.viewpoint, &frame.depths, &mut warped);
             &warped
         });
         let encoder = sampler.encoder();
@@ -102,7 +100,7 @@ fn collect(
         collector.even_out(first);
         let mut shown = frame.render.clone();
         sampler.encoder().add_to(&mut shown);
-        before = Some((difference(&shown, &frame.render), frame.vantage));
+        before = Some((difference(&shown, &frame.render), frame.viewpoint));
     }
     collector.examples
 }
@@ -115,7 +113,7 @@ impl RunFrame {
         vary::mirror(&mut frame.render);
         let width = frame.picture.width;
         frame.depths.chunks_mut(width as usize).for_each(<[f32]>::reverse);
-        let Vantage { camera, placement } = &mut frame.vantage;
+        let Viewpoint { camera, placement } = &mut frame.viewpoint;
         camera.cx = width as f32 - camera.cx;
         let [w, x, y, z] = placement.rotation;
         placement.rotation = [w, x, -y, -z];
@@ -135,11 +133,11 @@ pub fn measure_stream(
     let mut sampler = Sampler::new(width, height, &Tables::generic()).with_stream(tables);
     let mut bytes = Vec::with_capacity(8 * run[0].picture.data.len() + 64);
     let mut warped: Planes = std::array::from_fn(|_| vec![0; (width * height) as usize]);
-    let mut before: Option<(Picture, Vantage)> = None;
+    let mut before: Option<(Picture, Viewpoint)> = None;
     let (mut sum, mut psnr, mut count) = (0.0, 0.0, 0.0);
     for frame in run.iter().step_by(distance) {
         let reference = before.as_ref().map(|(difference, from)| {
-            warp(difference, from, &frame.vantage, &frame.depths, &mut warped);
+            warp(difference, from, &frame.viewpoint, &frame.depths, &mut warped);
             &warped
         });
         let inter = reference.is_some();
@@ -152,7 +150,7 @@ pub fn measure_stream(
             psnr += shown.psnr(&frame.picture);
             count += 1.0;
         }
-        before = Some((difference(&shown, &frame.render), frame.vantage));
+        before = Some((difference(&shown, &frame.render), frame.viewpoint));
     }
     (sum / f64::max(count, 1.0), psnr / f64::max(count, 1.0))
 }

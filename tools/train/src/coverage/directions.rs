@@ -78,7 +78,6 @@ pub fn bin(direction: DVec3) -> u32 {
     ((2 * axis + u32::from(along < 0.0)) * SIDE + third(u)) * SIDE + third(v)
 }
 
-/// The middle of a bin.
 fn bin_centre(bin: u32) -> DVec3 {
     let (side, u, v) = (bin / (SIDE * SIDE), bin / SIDE % SIDE, bin % SIDE);
     let along = if side.is_multiple_of(2) { 1.0 } else { -1.0 };

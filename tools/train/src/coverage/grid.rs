@@ -37,7 +37,6 @@ pub struct Grid {
 /// Where a ray meets matter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Index of the cell.
     pub cell: usize,
     /// Distance from the ray's origin to the cell, the prior's unit.
     pub distance: f64,
@@ -120,7 +119,6 @@ impl Grid {
         }
     }
 
-    /// How many cells there are.
     pub fn len(&self) -> usize {
         self.occupied.len()
     }
@@ -130,7 +128,6 @@ impl Grid {
         self.size
     }
 
-    /// The cell that holds a place.
     fn cell_at(&self, place: DVec3) -> Option<usize> {
         let at = ((place - self.low) / self.cell).floor();
         let size = DVec3::from(self.size.map(|n| n as f64));
@@ -148,7 +145,6 @@ impl Grid {
         [cell % x, cell / x % y, cell / (x * y)]
     }
 
-    /// The middle of a cell.
     pub fn centre(&self, cell: usize) -> DVec3 {
         self.low + self.cell * (DVec3::from(self.at(cell).map(|v| v as f64)) + 0.5)
     }

@@ -38,22 +38,18 @@ pub(crate) use splats::{from_planes, to_planes};
 pub use start::ColouredPoint;
 use start::start;
 
-/// How to train.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapOptions {
-    /// How the prior will be rendered.
     pub render: RenderOptions,
     /// Most splats.
     pub splats: u32,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
-    /// Rates and their course.
     pub schedule: Schedule,
     /// Fit each picture's light, and train on the pictures without it: see [`Exposure`].
     pub exposure: bool,
     /// Correct the poses: see [`Mapper::poses`].
     pub correct_poses: bool,
-    /// Seed of all that is random.
     pub seed: u64,
     /// Have the device time its stages.
     pub profiled: bool,
@@ -89,51 +85,22 @@ impl MapOptions {
     }
 }
 
-/// Why no prior was made.
 #[derive(Debug, thiserror::Error)]
 pub enum MapError {
-    /// There is nothing to train on.
     #[error("no picture to train on")]
     NoPictures,
-    /// A picture has another size than the first.
     #[error("picture {index}: {width}×{height}, the first one has another size")]
-    Size {
-        /// Which one.
-        index: usize,
-        /// Its width.
-        width: u32,
-        /// Its height.
-        height: u32,
-    },
-    /// A pose is not finite.
+    Size { index: usize, width: u32, height: u32 },
     #[error("picture {index}: its pose is not finite")]
-    Pose {
-        /// Which one.
-        index: usize,
-    },
-    /// An option lies outside its range.
+    Pose { index: usize },
     #[error("option {name} = {value} is out of range: {range}")]
-    Option {
-        /// Which one.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
-    /// A saved state is of another training.
+    Option { name: &'static str, value: f64, range: &'static str },
     #[error("the saved state is of another training: {what}")]
-    State {
-        /// What differs.
-        what: &'static str,
-    },
-    /// The splats are none that can be drawn.
+    State { what: &'static str },
     #[error(transparent)]
     Splats(#[from] PriorError),
-    /// The device has no room for it.
     #[error(transparent)]
     NoRoom(#[from] NoRoom),
-    /// The device failed.
     #[error(transparent)]
     Device(#[from] DeviceError),
 }
@@ -141,15 +108,12 @@ pub enum MapError {
 /// A training as it stands after a step: enough to go on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapState {
-    /// Steps done.
     pub step: u32,
     /// Splats in use, the first ones of the planes.
     pub alive: u32,
     /// Parameters, and what Adam knows of them.
     pub training: TrainingState,
-    /// The light of each picture.
     pub exposures: Vec<Exposure>,
-    /// The pose of each picture.
     pub poses: Vec<Pose>,
 }
 
@@ -158,14 +122,12 @@ const FITTED_ROUNDS: usize = 8;
 /// Poses are not corrected before: the splats are too coarse.
 const POSES_FROM: usize = 16;
 
-/// A training under way.
 pub struct Mapper {
     engine: Engine,
     trainer: Trainer,
     views: Vec<PosedPicture>,
     /// Their poses, as far as they are corrected.
     poses: Vec<Pose>,
-    /// The light of each picture.
     exposures: Vec<Exposure>,
     /// The pictures without it.
     frames: Vec<TrainingFrame>,
@@ -287,7 +249,6 @@ impl Mapper {
         Ok(())
     }
 
-    /// Steps done.
     pub fn steps(&self) -> u32 {
         self.step
     }

@@ -21,7 +21,6 @@ impl Order {
         (step as usize / self.order.len(), step as usize % self.order.len())
     }
 
-    /// The picture at a place of a round.
     pub fn picture(&mut self, round: usize, place: usize) -> usize {
         if self.round != Some(round) {
             self.shuffle(round);

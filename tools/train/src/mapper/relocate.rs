@@ -29,7 +29,7 @@ pub fn relocate(
     let grown = (f64::from(alive) * (1.0 + growth)) as u32;
     let faint = (0..alive as usize).filter(|i| opacities[*i] <= FAINT);
     let free: Vec<usize> = faint.chain(alive as usize..grown.min(n) as usize).collect();
-    let Some(choice) = Choice::new(&opacities) else { return alive };
+    let Some(choice) = ByOpacity::new(&opacities) else { return alive };
     // By the splat that is divided: those that it is divided into.
     let mut shares = vec![Vec::new(); alive as usize];
     for to in free {
@@ -64,14 +64,14 @@ pub fn sort_by_size(state: &mut TrainingState, splats: usize, alive: usize, exte
 }
 
 /// A splat chosen by its opacity.
-struct Choice {
+struct ByOpacity {
     /// Sums of the opacities up to each.
     sums: Vec<f64>,
 }
 
-impl Choice {
+impl ByOpacity {
     /// Among those that are not faint; `None` if all are.
-    fn new(opacities: &[f64]) -> Option<Choice> {
+    fn new(opacities: &[f64]) -> Option<ByOpacity> {
         let mut sum = 0.0;
         let sums: Vec<f64> = opacities
             .iter()
@@ -80,7 +80,7 @@ impl Choice {
                 sum
             })
             .collect();
-        (sum > 0.0).then_some(Choice { sums })
+        (sum > 0.0).then_some(ByOpacity { sums })
     }
 
     fn draw(&self, random: &mut Random) -> usize {

@@ -19,13 +19,10 @@ const PICTURE: usize = 12 + 7;
 /// Why a saved state cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SavedError {
-    /// It is something else.
     #[error("not the state of a training")]
     Foreign,
-    /// It was cut or changed.
     #[error("cut off or changed since it was written")]
     Damaged,
-    /// It is of other pictures, points or options.
     #[error("of another training: other pictures, points or options")]
     Other,
 }

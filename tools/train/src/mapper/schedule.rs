@@ -16,17 +16,13 @@ pub struct Schedule {
     pub others_end: f32,
     /// Share of the training before that part.
     pub others_until: f32,
-    /// Rate of log scales.
     pub log_scale: f32,
-    /// Rate of quaternions.
     pub rotation: f32,
-    /// Rate of opacity logits.
     pub opacity: f32,
     /// Rate of the first coefficient of the spherical harmonics.
     pub sh_first: f32,
     /// Rate of the others.
     pub sh_others: f32,
-    /// Share of SSIM in the loss.
     pub ssim: f32,
     /// Errors below it count by their squares (Huber's loss), of 1; 0 if none does.
     pub knee: f32,
@@ -38,7 +34,6 @@ pub struct Schedule {
     pub noise: f32,
     /// Steps until the next degree of the spherical harmonics is trained.
     pub degree_every: u32,
-    /// Steps between relocations.
     pub relocate_every: u32,
     /// Share of the splats in use that a relocation adds, as long as there is room.
     pub growth: f64,
@@ -74,9 +69,7 @@ impl Default for Schedule {
 /// No relocation before this step: opacities say nothing yet.
 const RELOCATE_FROM: u32 = 500;
 
-/// How far a training is.
 pub struct Progress {
-    /// Steps done.
     pub step: u32,
     /// Share of the training that is done, 0 to 1.
     pub share: f64,

@@ -20,7 +20,6 @@ impl Planes<'_> {
         &mut self.numbers[plane as usize * self.splats + splat]
     }
 
-    /// Copies all numbers of a splat.
     pub fn copy(&mut self, from: usize, to: usize) {
         for plane in self.numbers.chunks_exact_mut(self.splats) {
             plane[to] = plane[from];
@@ -35,7 +34,6 @@ impl Planes<'_> {
     }
 }
 
-/// The planes of splats.
 pub fn to_planes(splats: &Splats, centre: DVec3) -> Vec<f32> {
     let (n, stride) = (splats.len(), splats.sh_stride());
     let mut numbers = vec![0.0; n * planes(splats.sh_degree) as usize];

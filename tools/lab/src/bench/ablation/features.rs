@@ -39,7 +39,6 @@ const RATIO: f64 = 0.85;
 /// A match nearer than this to the best one is the same thing, perhaps at another level, pixels.
 const SAME: f64 = 6.0;
 
-/// A keypoint.
 pub struct Feature {
     /// Pixels of the full picture; pixel centres lie at +0.5.
     pub at: [f64; 2],
@@ -169,11 +168,11 @@ pub fn matches(a: &[Feature], b: &[Feature], max: usize) -> Vec<(usize, usize)> 
 fn best(feature: &Feature, among: &[Feature]) -> Option<(usize, u32)> {
     let difference = |other: &Feature| feature.descriptor.hamming_distance(&other.descriptor);
     let differences: Vec<u32> = among.iter().map(difference).collect();
-    let (first, least) = differences.iter().copied().enumerate().min_by_key(|(_, d)| *d)?;
+    let (first, min) = differences.iter().copied().enumerate().min_by_key(|(_, d)| *d)?;
     let elsewhere = |(i, _): &(usize, &u32)| distance(&among[*i], &among[first]) >= SAME;
     let second = differences.iter().enumerate().filter(elsewhere).map(|(_, d)| *d).min();
-    let clear = second.is_none_or(|second| f64::from(least) < RATIO * f64::from(second));
-    (least <= DIFFERENCE && clear).then_some((first, least))
+    let clear = second.is_none_or(|second| f64::from(min) < RATIO * f64::from(second));
+    (min <= DIFFERENCE && clear).then_some((first, min))
 }
 
 fn distance(a: &Feature, b: &Feature) -> f64 {

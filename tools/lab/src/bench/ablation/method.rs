@@ -58,7 +58,6 @@ pub struct Attempt {
     pub milliseconds: f64,
     /// Of a forward render just before.
     pub forward_ms: f64,
-    /// Why it ended.
     pub stop: String,
 }
 

@@ -27,7 +27,6 @@ impl Kind {
         }
     }
 
-    /// Unit of its perturbations.
     pub fn unit(self) -> &'static str {
         match self {
             Kind::Rotation => "degrees",
@@ -35,7 +34,6 @@ impl Kind {
         }
     }
 
-    /// Seed of its starts.
     fn seed(self) -> u64 {
         match self {
             Kind::Rotation => 11,
@@ -60,7 +58,6 @@ impl Limits {
         }
     }
 
-    /// The bin of a perturbation.
     pub fn bin(&self, perturbation: &Perturbation) -> usize {
         let share = perturbation.value.abs() / self.of(perturbation.kind);
         ((share * BINS as f64) as usize).min(BINS - 1)

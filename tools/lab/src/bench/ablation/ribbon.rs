@@ -9,7 +9,7 @@ use plotters::prelude::*;
 use super::super::statistics::Quartiles;
 use super::method::Method;
 use super::perturbation::{BINS, Kind};
-use super::{Ablation, Outcome};
+use super::{Ablation, Judged};
 
 const SIZE: (u32, u32) = (1440, 700);
 /// Height of the caption and the legend.
@@ -23,7 +23,7 @@ struct Figure {
     log: bool,
     /// Whether more is better.
     gain: bool,
-    of: fn(&Outcome) -> f64,
+    of: fn(&Judged) -> f64,
 }
 
 const FIGURES: [Figure; 4] = [

@@ -7,11 +7,10 @@ use nvsprior::{EncoderOptions, Picture, Pose};
 
 use super::super::context::{Context, Sample};
 use super::super::perturbed::{NEAR, steps};
-use super::Outcome;
+use super::Judged;
 use super::judge::Judge;
 use super::method::{Attempt, Method, Searches};
 
-/// Where starts come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StartSource {
     /// What was found for the frame before.
@@ -35,7 +34,6 @@ impl StartSource {
     }
 }
 
-/// The sources that a context has.
 fn sources(context: &Context) -> Vec<StartSource> {
     let key_frames = !context.prior.key_frames().is_empty();
     let there = |source: &StartSource| *source != StartSource::Relocaliser || key_frames;
@@ -80,10 +78,9 @@ const SEED: u64 = 13;
 /// A frame from one source with one method.
 pub struct StartTrial {
     pub source: StartSource,
-    pub outcome: Outcome,
+    pub outcome: Judged,
 }
 
-/// Number of trials.
 pub fn count(context: &Context) -> usize {
     METHODS.len() * sources(context).len() * (context.shots.len() - 1)
 }
@@ -117,7 +114,7 @@ pub fn measure(
                 let verdict = judge.judge(context, shot, &sample.pose)?;
                 let attempt = Attempt::of(&sample);
                 super::learn(context, shot, &attempt, &verdict);
-                let outcome = Outcome { shot, method, attempt, verdict };
+                let outcome = Judged { shot, method, attempt, verdict };
                 trials.push(StartTrial { source, outcome });
                 done();
             }

@@ -11,23 +11,23 @@ use super::super::statistics::{Quartiles, median};
 use super::method::Method;
 use super::perturbation::{BINS, Kind, Limits};
 use super::start::{METHODS, StartSource};
-use super::{Ablation, Outcome};
+use super::{Ablation, Judged};
 use crate::report::{Table, fixed, write_json};
 
 /// How far a render is below that of the best known pose, dB.
-pub fn short(context: &Context, outcome: &Outcome) -> f64 {
+pub fn short(context: &Context, outcome: &Judged) -> f64 {
     context.best[outcome.shot].psnr - outcome.verdict.psnr()
 }
 
 /// Whether the best known pose is found, or one as good.
-pub fn found(context: &Context, outcome: &Outcome) -> bool {
+pub fn found(context: &Context, outcome: &Judged) -> bool {
     // A figure that is no number has not been reached either.
     short(context, outcome) <= SHORT
 }
 
 impl Ablation {
     /// The outcomes of a method whose perturbation lies in a bin.
-    pub fn bin(&self, method: Method, kind: Kind, bin: usize) -> Vec<&Outcome> {
+    pub fn bin(&self, method: Method, kind: Kind, bin: usize) -> Vec<&Judged> {
         let of_bin = self.trials.iter().filter(|trial| {
             let perturbation = &trial.perturbation;
             perturbation.kind == kind && self.limits.bin(perturbation) == bin
@@ -35,8 +35,7 @@ impl Ablation {
         of_bin.map(|trial| &trial.outcome).filter(|outcome| outcome.method == method).collect()
     }
 
-    /// The outcomes of a method from a source of starts.
-    fn of_source(&self, source: StartSource, method: Method) -> Vec<&Outcome> {
+    fn of_source(&self, source: StartSource, method: Method) -> Vec<&Judged> {
         let of_source = self.starts.iter().filter(|trial| trial.source == source);
         of_source.map(|trial| &trial.outcome).filter(|outcome| outcome.method == method).collect()
     }
@@ -59,8 +58,8 @@ struct Figures {
 }
 
 impl Figures {
-    fn of(context: &Context, outcomes: &[&Outcome]) -> Figures {
-        let of = |figure: &dyn Fn(&Outcome) -> f64| {
+    fn of(context: &Context, outcomes: &[&Judged]) -> Figures {
+        let of = |figure: &dyn Fn(&Judged) -> f64| {
             Quartiles::of(outcomes.iter().map(|outcome| figure(outcome)))
         };
         let found = outcomes.iter().filter(|outcome| found(context, outcome)).count();
@@ -80,7 +79,6 @@ impl Figures {
     }
 }
 
-/// The file.
 #[derive(Serialize)]
 struct Root<'a> {
     #[serde(flatten)]
@@ -138,7 +136,6 @@ fn starts(context: &Context, ablation: &Ablation) -> Vec<Start> {
     starts
 }
 
-/// Writes the summary.
 pub fn write(path: &Path, context: &Context, ablation: &Ablation) -> anyhow::Result<()> {
     let root = Root {
         about: About::of(context),
@@ -150,7 +147,6 @@ pub fn write(path: &Path, context: &Context, ablation: &Ablation) -> anyhow::Res
     write_json(path, &root)
 }
 
-/// Prints the short tables.
 pub fn print(context: &Context, ablation: &Ablation) {
     println!("{}", context.engine.device());
     println!("{} frames, {} splats", context.shots.len(), context.prior.splats().len());

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::super::context::Context;
 use super::start::StartTrial;
-use super::{Outcome, Perturbation, Trial, summary};
+use super::{Judged, Perturbation, Trial, summary};
 use crate::report::{Column, Table, fixed};
 
 /// Writes the trials, a row each.
@@ -47,12 +47,12 @@ fn write<T>(
     context: &Context,
     trials: &[T],
     first: &[Column<T>],
-    outcome: &dyn Fn(&T) -> &Outcome,
+    outcome: &dyn Fn(&T) -> &Judged,
 ) -> anyhow::Result<()> {
-    let best = |o: &Outcome| &context.best[o.shot].pose;
-    let distance = |o: &Outcome| (o.attempt.pose.centre() - best(o).centre()).length();
-    let degrees = |o: &Outcome| o.attempt.pose.angle_to(best(o)).to_degrees();
-    let figures: [Column<Outcome>; 14] = [
+    let best = |o: &Judged| &context.best[o.shot].pose;
+    let distance = |o: &Judged| (o.attempt.pose.centre() - best(o).centre()).length();
+    let degrees = |o: &Judged| o.attempt.pose.angle_to(best(o)).to_degrees();
+    let figures: [Column<Judged>; 14] = [
         ("method", &|o| o.method.name().to_owned()),
         ("loss", &|o| o.method.loss().to_owned()),
         ("render_psnr", &|o| fixed(o.verdict.psnr(), 4)),

@@ -12,7 +12,6 @@ pub const FOUND: &str = "found-affine-webp";
 
 /// Bytes of a warp: six numbers as f32.
 const BYTES: f64 = 24.0;
-/// Unknowns.
 const N: usize = 6;
 /// The coarsest picture of the fit has at least this many pixels on a side.
 const MIN_SIDE: usize = 12;

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use nvsprior::Picture;
 use nvsprior_inputs::frame_file;
 
-use super::{Input, Mode, Outcome, Point, Run, timed};
+use super::{CodedRun, Input, Mode, Point, Run, timed};
 use crate::ffmpeg::{self, FROM_YUV, QUIET, RGB, TO_YUV, run_program};
 
 /// A coder, by its programs.
@@ -38,7 +38,6 @@ struct Ffmpeg {
     low_delay: &'static [&'static str],
 }
 
-/// An elementary stream.
 struct Stream {
     /// Its format's name in ffmpeg.
     format: &'static str,
@@ -56,7 +55,6 @@ const VVC: Stream = Stream { format: "vvc", headers: "12-16|20-24", start_codes:
 
 const BOTH: &[Mode] = &[Mode::Intra, Mode::Stream];
 
-/// All that are known.
 pub fn all() -> Vec<External> {
     vec![jpeg_xl("jpeg-xl"), x264(), x265(), libaom(), svt_av1(), vvenc()]
 }
@@ -160,7 +158,6 @@ impl External {
         }
     }
 
-    /// What it needs.
     pub fn needs(&self) -> String {
         match &self.kind {
             Kind::JpegXl => "cjxl and djxl (Debian: libjxl-tools)".into(),
@@ -188,7 +185,7 @@ impl External {
         input: Input,
         mode: Mode,
         quality: f64,
-    ) -> anyhow::Result<Outcome> {
+    ) -> anyhow::Result<CodedRun> {
         let (folder, pictures) = (tempfile::tempdir()?, run.pictures(input));
         let coded = match &self.kind {
             Kind::JpegXl => code_jpeg_xl(pictures, quality, folder.path()),
@@ -208,7 +205,7 @@ impl Ffmpeg {
         mode: Mode,
         quality: f64,
         folder: &Path,
-    ) -> anyhow::Result<Outcome> {
+    ) -> anyhow::Result<CodedRun> {
         let (width, height) = (pictures[0].width, pictures[0].height);
         let file = |name: &str| folder.join(name).to_string_lossy().into_owned();
         let (raw, coded, bare, shown) =
@@ -223,7 +220,7 @@ impl Ffmpeg {
         let format = ["-pix_fmt", self.pixels, "-f", self.stream.format, &coded];
         let arguments =
             [&from[..], &how, &quality_options, self.options, of_mode, &format].concat();
-        let mut outcome = Outcome::new(quality);
+        let mut outcome = CodedRun::new(quality);
         (_, outcome.encode_ms) = timed(|| ffmpeg::run(&arguments))?;
         let to = ["-f", self.stream.format, "-i", &coded, "-vf", FROM_YUV];
         let arguments = [&QUIET[..], &to, &RGB, &[&shown]].concat();
@@ -249,11 +246,11 @@ impl Stream {
     }
 }
 
-fn code_jpeg_xl(pictures: &[Picture], distance: f64, folder: &Path) -> anyhow::Result<Outcome> {
+fn code_jpeg_xl(pictures: &[Picture], distance: f64, folder: &Path) -> anyhow::Result<CodedRun> {
     let file = |name: &str| folder.join(name);
     let text = |name: &str| file(name).to_string_lossy().into_owned();
     let (raw, coded, shown) = (text("in.png"), text("coded.jxl"), text("out.png"));
-    let mut outcome = Outcome::new(distance);
+    let mut outcome = CodedRun::new(distance);
     let distance = distance.to_string();
     for picture in pictures {
         frame_file::write_png(&file("in.png"), picture)?;

@@ -76,20 +76,19 @@ pub fn measure<'a>(
 
 /// Prints the least gain, and how many there are below zero.
 pub fn print(rows: &[Row]) {
-    let Some(least) = rows.iter().min_by(|a, b| a.gain().total_cmp(&b.gain())) else { return };
+    let Some(min) = rows.iter().min_by(|a, b| a.gain().total_cmp(&b.gain())) else { return };
     let worse = rows.iter().filter(|row| row.gain() < 0.0).count();
     println!(
         "frame by frame, with WebP's bytes: the wavelet coder is worse in {worse} of {} cases; the least gain is \
             {:+.2} dB, \
          {} with {} bytes",
         rows.len(),
-        least.gain(),
-        least.frame,
-        least.webp.bytes
+        min.gain(),
+        min.frame,
+        min.webp.bytes
     );
 }
 
-/// Writes them as CSV.
 pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
     let table = Table::of(
         rows,

@@ -7,9 +7,8 @@ use nvsprior::packet::Residual;
 use nvsprior::render::Scene;
 use nvsprior::residual::{Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
 
-use super::{Input, Mode, Outcome, Point, Run, timed};
+use super::{CodedRun, Input, Mode, Point, Run, timed};
 
-/// A coder of packets.
 pub struct Own {
     name: &'static str,
     coder: ResidualCoder,
@@ -36,7 +35,6 @@ impl Own {
         }
     }
 
-    /// WebP, under a name.
     pub fn webp(name: &'static str) -> Own {
         Own {
             name,
@@ -66,15 +64,14 @@ impl Own {
         self.rates.iter().map(point).collect()
     }
 
-    /// Codes the run at a rate.
-    pub fn code(&self, run: &Run, input: Input, rate: Rate) -> anyhow::Result<Outcome> {
+    pub fn code(&self, run: &Run, input: Input, rate: Rate) -> anyhow::Result<CodedRun> {
         let Own { coder, portable, .. } = *self;
         let (width, height) = (run.frames[0].width, run.frames[0].height);
         let tables = self.tables.clone();
         let setup = ResidualSetup { width, height, coder, tables, portable };
         let mut encoder = ResidualEncoder::new(&setup);
         let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
-        let mut outcome = Outcome::new(setting(rate));
+        let mut outcome = CodedRun::new(setting(rate));
         for (frame, base) in run.frames.iter().zip(run.bases(input)) {
             let (coded, ms) = timed(|| Ok(encoder.encode(frame, base, rate, 0)?))?;
             outcome.encode_ms += ms;

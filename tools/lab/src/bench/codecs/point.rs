@@ -2,18 +2,15 @@
 
 use serde::Serialize;
 
-/// What is coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Input {
-    /// The camera's frame.
     Frame,
     /// The frame less the prior's render.
     Difference,
 }
 
 impl Input {
-    /// Its name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Input::Frame => "frame",
@@ -26,14 +23,12 @@ impl Input {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
-    /// It does not.
     Intra,
     /// It does; nothing waits for pictures to come.
     Stream,
 }
 
 impl Mode {
-    /// Its name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Mode::Intra => "intra",

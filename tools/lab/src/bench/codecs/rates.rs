@@ -53,7 +53,6 @@ pub struct Row<'a> {
     pub bytes: [Option<f64>; LEVELS.len()],
 }
 
-/// A row for each curve.
 pub fn rows<'a>(curves: &'a [Curve<'a>]) -> Vec<Row<'a>> {
     let reference = curves.iter().find(|curve| curve.is_reference());
     let row = |curve: &'a Curve<'a>| {

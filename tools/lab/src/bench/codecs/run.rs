@@ -25,8 +25,7 @@ pub struct Beside {
 }
 
 /// What a coder made of all pictures.
-pub struct Outcome {
-    /// Its quality setting.
+pub struct CodedRun {
     pub setting: f64,
     /// Of all payloads together, without containers.
     pub bytes: usize,
@@ -36,10 +35,10 @@ pub struct Outcome {
     pub shown: Vec<Picture>,
 }
 
-impl Outcome {
+impl CodedRun {
     /// Of no picture yet.
-    pub fn new(setting: f64) -> Outcome {
-        Outcome { setting, bytes: 0, encode_ms: 0.0, decode_ms: 0.0, shown: Vec::new() }
+    pub fn new(setting: f64) -> CodedRun {
+        CodedRun { setting, bytes: 0, encode_ms: 0.0, decode_ms: 0.0, shown: Vec::new() }
     }
 }
 
@@ -55,7 +54,6 @@ impl Run {
         Run { frames, renders, differences, grey, beside }
     }
 
-    /// Number of frames.
     pub fn len(&self) -> f64 {
         self.frames.len() as f64
     }
@@ -90,7 +88,13 @@ impl Run {
     }
 
     /// A point of a coder, from what it made of all pictures.
-    pub fn point(&self, coder: &'static str, input: Input, mode: Mode, outcome: &Outcome) -> Point {
+    pub fn point(
+        &self,
+        coder: &'static str,
+        input: Input,
+        mode: Mode,
+        outcome: &CodedRun,
+    ) -> Point {
         let payload = outcome.bytes as f64 / self.len();
         let (packet, beside) = match input {
             Input::Frame => (0.0, Beside::default()),

@@ -39,7 +39,6 @@ pub struct Row {
     decode: Time,
 }
 
-/// Times over the frames.
 struct Time {
     ms: Spread,
     in_forward_renders: Spread,
@@ -99,7 +98,6 @@ pub fn measure(
     Ok(rows)
 }
 
-/// Prints the times.
 pub fn print(rows: &[Row]) {
     println!("the wavelet coder's time; forward renders are those just before");
     let columns = [
@@ -115,7 +113,6 @@ pub fn print(rows: &[Row]) {
     table(rows).only(&columns).print();
 }
 
-/// Writes them as CSV.
 pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
     table(rows).write_csv(path)
 }

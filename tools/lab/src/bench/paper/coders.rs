@@ -13,7 +13,6 @@ pub trait Method {
     /// Its setting from the coarsest, 0, to the finest, 1.
     fn setting(&self, fine: f64) -> Setting;
 
-    /// Codes all frames.
     fn code(&self, setting: Setting) -> anyhow::Result<Coded>;
 
     /// A setting that brings each frame to a PSNR by itself, if there is one.

@@ -14,7 +14,6 @@ const PROPOSED: usize = 4;
 /// Poses that explain fewer corners may be chance: then each key frame is compared with the frame.
 const FEW: u32 = 13;
 
-/// Poses of all frames.
 pub struct Estimates {
     pub poses: Vec<Pose>,
     /// Time of an estimate, mean, milliseconds.
@@ -45,7 +44,6 @@ pub fn estimates(context: &Context) -> anyhow::Result<Option<Estimates>> {
         estimates.ms += ms / context.shots.len() as f64;
         bar.inc(1);
     }
-    bar.finish_and_clear();
     Ok(Some(estimates))
 }
 
@@ -55,7 +53,6 @@ struct Estimator {
 }
 
 impl Estimator {
-    /// Renders all key frames.
     fn new(context: &Context, camera: &Camera, done: impl Fn()) -> anyhow::Result<Estimator> {
         let plan = Plan { jacobians: vec![Jacobian::Flow], ..Plan::picture() };
         let renderer = context.engine.renderer(&context.scene, camera, plan)?;

@@ -12,7 +12,6 @@ use crate::bench::codecs::run::Run;
 use crate::bench::context::Context;
 use crate::report::write_json;
 
-/// Writes it to a folder.
 pub fn write(folder: &Path, set: &Set, context: &Context, invs: &Run) -> anyhow::Result<()> {
     let kinds = ["frames", "renders", "differences"].map(|kind| folder.join(kind));
     for kind in &kinds {

@@ -26,7 +26,6 @@ fn names() -> String {
 
 /// Why a folder of a learned coder cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Their texts tell.
 pub enum LearnedError {
     #[error("{}: {error}", path.display())]
     Read { path: PathBuf, error: std::io::Error },
@@ -49,7 +48,6 @@ pub enum LearnedError {
 
 const COLUMNS: [&str; 4] = ["name", "bytes", "encode_ms", "decode_ms"];
 
-/// All that was found.
 pub struct Learned {
     pub coders: Vec<LearnedCoder>,
 }

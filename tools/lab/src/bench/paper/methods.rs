@@ -60,7 +60,6 @@ impl<'a> Methods<'a> {
             equal::setting(method.as_ref(), &runs.frames, psnr[1]).map_err(failed)
         });
         methods.settings = [Ok(webp), jpeg_xl];
-        bar.finish_and_clear();
         Ok(methods)
     }
 
@@ -171,7 +170,6 @@ impl<'a> Methods<'a> {
                 reached = yes;
                 Ok(coded)
             });
-            bar.finish_and_clear();
             Ok(match entry? {
                 Entry::Measured(row) => Entry::measured(Row { reached: Some(reached), ..*row }),
                 missing => missing,

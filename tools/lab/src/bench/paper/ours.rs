@@ -9,7 +9,6 @@ use super::row::{Coded, Setting};
 use crate::bench::codecs::timed;
 use crate::bench::context::{Context, Shot};
 
-/// The program's own coder.
 pub struct Ours<'a> {
     pub context: &'a Context,
     pub mode: Mode,
@@ -32,7 +31,6 @@ impl Method for Ours<'_> {
     }
 }
 
-/// Where searches start.
 pub enum Starts<'a> {
     /// At the frames before.
     Track,

@@ -1,6 +1,5 @@
 //! What the paper reports: figures cited from its tables, on its own data and machine. None of them is measured here.
 
-/// A row of a table.
 pub struct Published {
     pub method: &'static str,
     pub bytes: u32,
@@ -10,7 +9,6 @@ pub struct Published {
     pub ms: u32,
 }
 
-/// A table of the paper.
 pub struct Table {
     pub data: &'static str,
     /// Its label in the paper's source.

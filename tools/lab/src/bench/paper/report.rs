@@ -14,7 +14,6 @@ use crate::bench::perturbed::SHORT;
 use crate::bench::plot;
 use crate::report::{self, fixed, write_json};
 
-/// Prints both lists.
 pub fn print(rows: &Rows) {
     println!("means per frame; bytes are all that is sent, pose and header included");
     list(&rows.working);

@@ -12,7 +12,6 @@ use crate::bench::codecs::run::Run;
 pub enum Setting {
     /// The quality of WebP, or of the program's own coder.
     Quality(f64),
-    /// JPEG XL's distance.
     Distance(f64),
     /// Each frame at this PSNR, dB.
     Psnr(f64),
@@ -30,7 +29,6 @@ impl Setting {
         }
     }
 
-    /// In words.
     pub fn text(self) -> String {
         match self {
             Setting::Quality(quality) => format!("quality {quality:.1}"),
@@ -64,7 +62,6 @@ pub struct Row {
     pub ratio: f64,
     pub encode_ms: f64,
     pub decode_ms: f64,
-    /// Number of frames.
     pub frames: usize,
     /// What the topside shows of the frames of [`picture::indices`].
     #[serde(skip)]

@@ -7,7 +7,6 @@ use nvsprior_inputs::frame_file::{FrameFileError, read_known_by};
 
 use crate::bench::context::Shot;
 
-/// Why starts cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StartsError {
     #[error(transparent)]

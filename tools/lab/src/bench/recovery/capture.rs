@@ -79,7 +79,6 @@ pub fn measure(context: &mut Context, trials: usize) -> anyhow::Result<Vec<Run>>
             bar.inc(1);
         }
     }
-    bar.finish_and_clear();
     Ok(runs)
 }
 

@@ -22,7 +22,6 @@ const WRONG: RGBColor = RGBColor(214, 39, 40);
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// Draws all columns.
 pub fn draw(path: &Path, columns: &[Column]) -> anyhow::Result<()> {
     let groups: Vec<&[Column]> = columns.chunk_by(|a, b| a.measurement == b.measurement).collect();
     let rows = columns.len() + 2 * groups.len();

@@ -119,7 +119,6 @@ pub fn measure(
             bar.inc(1);
         }
     }
-    bar.finish_and_clear();
     Ok(runs)
 }
 

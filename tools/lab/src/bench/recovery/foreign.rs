@@ -23,6 +23,5 @@ pub fn measure(context: &mut Context, prior: &Prior) -> anyhow::Result<Vec<Run>>
             bar.inc(1);
         }
     }
-    bar.finish_and_clear();
     Ok(runs)
 }

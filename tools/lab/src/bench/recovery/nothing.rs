@@ -10,7 +10,6 @@ use super::probe::{Frame, Probe, Run, Target, psnr_where};
 use super::roll;
 use nvsprior_inputs::args::progress;
 
-/// A rolled copy of a frame.
 struct Rolled {
     shot: Shot,
     best: Best,
@@ -47,7 +46,6 @@ pub fn measure(
             bar.inc(1);
         }
     }
-    bar.finish_and_clear();
     Ok(runs)
 }
 
@@ -84,6 +82,5 @@ fn rolled(context: &mut Context, trials: usize) -> anyhow::Result<Vec<Rolled>> {
         copies.push(Rolled { shot, best, degrees: angle.to_degrees(), shown });
         bar.inc(1);
     }
-    bar.finish_and_clear();
     Ok(copies)
 }

@@ -6,7 +6,6 @@ use nvsprior::{Camera, Picture};
 
 use super::super::perturbed::even;
 
-/// Specks of marine snow.
 const SPECKS: usize = 60;
 
 /// Every value (0 to 255) by its column and row.

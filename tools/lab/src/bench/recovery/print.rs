@@ -7,7 +7,6 @@ use super::summary::{Column, DropoutFigures, EARLY, Early};
 use super::{Measurement, TRIES};
 use crate::report::{self, Table, fixed};
 
-/// Prints one table per measurement.
 pub fn print(context: &Context, columns: &[Column]) {
     let (shots, prior) = (context.shots.len(), &context.prior);
     let (splats, key_frames) = (prior.splats().len(), prior.key_frames().len());

@@ -23,10 +23,8 @@ pub struct Run {
     pub frames: Vec<Frame>,
 }
 
-/// Part of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Looked for.
     Search,
     /// Good frames before a dropout.
     Good,
@@ -66,7 +64,7 @@ pub struct Answer {
     /// PSNR of the clean frame and the render, dB.
     pub psnr: f64,
     pub certain: bool,
-    pub lost_frames: u32,
+    pub frames_since_certain: u32,
     pub start: &'static str,
     /// Of all levels.
     pub renders: u32,
@@ -190,14 +188,14 @@ impl<'a> Probe<'a> {
         phase: Phase,
         target: Target,
         given: &Picture,
-        known: impl Into<FrameInfo>,
+        info: impl Into<FrameInfo>,
     ) -> anyhow::Result<Frame> {
         let Target { shot, best, foreign, .. } = target;
         let encoding = || format!("encoding {}", shot.file);
         self.encoder.set_camera(&shot.camera).with_context(encoding)?;
         let forward_ms = self.forward.measure(&shot.camera, &best.pose)?;
         let since = Instant::now();
-        let encoded = match self.encoder.encode(given, known) {
+        let encoded = match self.encoder.encode(given, info) {
             Err(Error::NoStart { .. }) => None,
             encoded => Some(encoded.with_context(encoding)?),
         };
@@ -209,7 +207,7 @@ impl<'a> Probe<'a> {
             Answer {
                 psnr: target.psnr(&encoded.render),
                 certain: stats.certain,
-                lost_frames: stats.frames_since_certain,
+                frames_since_certain: stats.frames_since_certain,
                 start: stats.start.name(),
                 renders: stats.renders.iter().sum(),
                 full_renders: stats.full_renders,
@@ -226,14 +224,14 @@ impl<'a> Probe<'a> {
         &mut self,
         target: Target,
         given: &Picture,
-        known: impl Into<FrameInfo>,
+        info: impl Into<FrameInfo>,
         done: fn(&Frame) -> bool,
     ) -> anyhow::Result<Vec<Frame>> {
         self.reset();
-        let known = known.into();
+        let info = info.into();
         let mut frames: Vec<Frame> = Vec::new();
         while frames.len() < TRIES && !frames.last().is_some_and(done) {
-            frames.push(self.frame(Phase::Search, target, given, known)?);
+            frames.push(self.frame(Phase::Search, target, given, info)?);
         }
         Ok(frames)
     }
@@ -248,7 +246,7 @@ pub mod tests {
         let answer = Answer {
             psnr: 30.0 - short,
             certain,
-            lost_frames: 0,
+            frames_since_certain: 0,
             start: "external",
             renders: 4,
             full_renders: 2,

@@ -73,7 +73,6 @@ pub struct Early {
     pub found_early: usize,
 }
 
-/// What only dropouts have.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DropoutFigures {
     /// Runs whose last frame before the dropout was found.
@@ -168,7 +167,6 @@ impl Column {
     }
 }
 
-/// The file.
 #[derive(Serialize)]
 struct Root<'a> {
     #[serde(flatten)]
@@ -183,7 +181,6 @@ struct Root<'a> {
     measurements: BTreeMap<&'static str, Vec<&'a Column>>,
 }
 
-/// Writes the summary.
 pub fn write(path: &Path, context: &Context, columns: &[Column]) -> anyhow::Result<()> {
     let of = |measurement: Measurement| {
         let of = columns.iter().filter(|column| column.measurement == measurement);

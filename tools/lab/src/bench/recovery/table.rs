@@ -31,7 +31,7 @@ pub fn write(path: &Path, runs: &[Run]) -> anyhow::Result<()> {
             ("false_certain", &|(_, (_, f))| f.false_certain().to_string()),
             ("no_start", &|(_, (_, f))| f.no_start().to_string()),
             ("start", &|(_, (_, f))| answer(f, &|a| a.start.to_owned())),
-            ("lost_frames", &|(_, (_, f))| answer(f, &|a| a.lost_frames.to_string())),
+            ("lost_frames", &|(_, (_, f))| answer(f, &|a| a.frames_since_certain.to_string())),
             ("renders", &|(_, (_, f))| answer(f, &|a| a.renders.to_string())),
             ("full_renders", &|(_, (_, f))| answer(f, &|a| a.full_renders.to_string())),
             ("milliseconds", &|(_, (_, f))| fixed(f.milliseconds, 3)),

@@ -38,7 +38,6 @@ pub fn solved(e: &NormalEquations, damping: f64) -> [f64; 6] {
     x
 }
 
-/// A way to sum.
 struct Way {
     name: &'static str,
     sum: fn(&[f32]) -> f64,
