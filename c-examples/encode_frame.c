@@ -39,7 +39,7 @@ static size_t encode(nvsp_encoder *encoder, const ppm *frame, const nvsp_pose *s
     const nvsp_status status = nvsp_encode(encoder, &image, &info, packet, room, &written, &stats);
     if (status != NVSP_OK) {
         char text[512] = "";
-        nvsp_encoder_last_error(encoder, text, sizeof text);
+        nvsp_last_error(encoder, text, sizeof text);
         fprintf(stderr, "encoding: %s: %s\n", nvsp_status_text(status), text);
         return 0;
     }
@@ -87,7 +87,7 @@ int main(int argc, char **argv) {
             done = size > 0 && write_file(argv[5], packet, size);
         } else {
             char text[512] = "";
-            nvsp_engine_last_error(engine, text, sizeof text);
+            nvsp_last_error(engine, text, sizeof text);
             fprintf(stderr, "making an encoder: %s: %s\n", nvsp_status_text(status), text);
         }
     }

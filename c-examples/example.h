@@ -181,7 +181,7 @@ static inline int open_prior(const char *path, nvsp_engine **engine, nvsp_prior 
     status = nvsp_prior_open(*engine, path, NULL, prior);
     if (status != NVSP_OK) {
         char text[512] = "";
-        nvsp_engine_last_error(*engine, text, sizeof text);
+        nvsp_last_error(*engine, text, sizeof text);
         fprintf(stderr, "opening %s: %s: %s\n", path, nvsp_status_text(status), text);
         return 0;
     }

@@ -5,13 +5,13 @@ use std::time::Duration;
 
 use crate::frame_work::{Coder, FrameWork};
 use crate::geometry::Lens;
-use crate::image::{Converter, Mask};
+use crate::image::{Converter, ImageView, Mask};
 use crate::queue::{Queue, QueueError, Worker};
 use crate::{Camera, Encoded, Encoder, Error, FrameInfo};
 
+use super::dmabuf::Readings;
 use super::frame::refused;
-use super::handle::Opaque;
-use super::image::View;
+use super::handle::Handle;
 use super::limits::Limits;
 use super::memory::Grant;
 use super::status::*;
@@ -21,17 +21,10 @@ use super::thread::{ThreadStart, spawner};
 ///
 /// ```c
 /// if (nvsp_encode_begin(encoder, &image, &info) != NVSP_OK) return;
-/// while (nvsp_encode_poll(encoder) == NVSP_PENDING) steer();
+/// while (nvsp_encode_wait(encoder, 0) == NVSP_PENDING) steer();
 /// status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
 /// ```
-#[allow(non_camel_case_types)]
-pub struct nvsp_encoder {
-    _opaque: [u8; 0],
-}
-
-impl Opaque for nvsp_encoder {
-    type Content = Encoding;
-}
+pub type nvsp_encoder = Handle<Encoding>;
 
 /// What the frames of an encoder share.
 pub(super) struct Core {
@@ -47,7 +40,9 @@ pub(super) struct Core {
 
 /// A frame, as a caller hands it over.
 pub(super) struct GivenFrame<'a> {
-    pub view: View<'a>,
+    pub image: ImageView<'a>,
+    /// Keeps the planes readable that lie in DMA-BUFs.
+    pub _readings: Readings,
     pub known: FrameInfo,
 }
 
@@ -172,7 +167,7 @@ impl GivenFrame<'_> {
     /// Converts the image to a slot, and hands over what is known of it.
     fn fill(&self, converter: &Mutex<Converter>, work: &mut FrameWork) -> Result<(), Failure> {
         let mut converter = converter.lock().unwrap_or_else(PoisonError::into_inner);
-        converter.convert(&self.view, &mut work.frame)?;
+        converter.convert(&self.image, &mut work.frame)?;
         work.known = self.known;
         Ok(())
     }

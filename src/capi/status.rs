@@ -13,7 +13,6 @@ use crate::vulkan;
 use super::modifier::Modifier;
 
 /// What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
-#[allow(non_camel_case_types)]
 pub type nvsp_status = i32;
 
 /// Done.

@@ -9,6 +9,7 @@
 #include "heap_hooks.h"
 
 #include <dlfcn.h>
+#include <nvsprior_extra.h>
 #include <pthread.h>
 
 #define LIBRARIES 64

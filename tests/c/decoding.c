@@ -193,7 +193,7 @@ static void begun_and_finished(void) {
     uint8_t *pixels = malloc(dive.size);
     nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
-    EXPECT(NVSP_ERR_STATE, nvsp_decode_poll(decoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_decode_wait(decoder, 0));
     EXPECT(NVSP_ERR_STATE, nvsp_decode_wait(decoder, 1));
     EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(decoder, &place, NULL));
     for (int i = 0; i < dive.frames; i++) {
@@ -205,7 +205,7 @@ static void begun_and_finished(void) {
         free(bytes);  // Not needed any more.
         EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
         EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
-        EXPECT(NVSP_OK, nvsp_decode_poll(decoder));
+        EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 0));
         EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
         EXPECT(NVSP_OK, nvsp_decode_finish(decoder, &place, &info));
         CHECK(memcmp(pixels, shown[i], dive.size) == 0 && info.frame == (uint32_t)i);
@@ -315,9 +315,9 @@ static void messages(void) {
     CHECK(logged[NVSP_LOG_ERROR] == 1);
     char text[512];
     memset(text, 'x', sizeof text);
-    EXPECT(NVSP_OK, nvsp_decoder_last_error(link.decoder, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(link.decoder, text, sizeof text));
     CHECK(strlen(text) > 5);
-    EXPECT(NVSP_OK, nvsp_decoder_last_error(link.decoder, text, 4));
+    EXPECT(NVSP_OK, nvsp_last_error(link.decoder, text, 4));
     CHECK(strlen(text) <= 3);
     rig_close(&link);
 }

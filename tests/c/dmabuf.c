@@ -15,6 +15,7 @@
 #include <fcntl.h>
 #include <linux/dma-buf.h>
 #include <linux/udmabuf.h>
+#include <nvsprior_extra.h>
 #include <stdarg.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
@@ -264,7 +265,7 @@ static void refuse(nvsp_status status, const nvsp_image *image, const char *name
     size_t written = 77;
     char text[600] = "";
     EXPECT(status, nvsp_encode(both.encoder, image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written, NULL));
-    EXPECT(NVSP_OK, nvsp_encoder_last_error(both.encoder, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(both.encoder, text, sizeof text));
     if (!CHECK(written == 77 && strstr(text, named) != NULL)) {
         fprintf(stderr, "%s: %s\n", named, text);
     }
@@ -334,7 +335,7 @@ static void refuse_import(nvsp_status status, int fd, uint64_t modifier, const c
     char text[600] = "";
     const int open_before = descriptors(), mapped_before = mappings();
     EXPECT(status, nvsp_dmabuf_import(both.engine, fd, modifier, &made));
-    EXPECT(NVSP_OK, nvsp_engine_last_error(both.engine, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(both.engine, text, sizeof text));
     if (!CHECK(made == NULL && strstr(text, named) != NULL)) {
         fprintf(stderr, "%s: %s\n", named, text);
     }

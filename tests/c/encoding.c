@@ -29,12 +29,12 @@ static void nothing_yet(void) {
     memset(pixels, 0xa5, dive.size);
     nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     const nvsp_image image = scene_image(&dive, 0);
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(encoder, 0));
     EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(encoder, 1));
     EXPECT(NVSP_ERR_STATE, nvsp_encode_finish(encoder, bytes, sizeof bytes, &written, NULL));
     EXPECT(NVSP_ERR_STATE, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
     EXPECT(NVSP_ERR_NO_START, nvsp_encode(encoder, &image, NULL, bytes, sizeof bytes, &written, NULL));
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(encoder, 0));
     EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, NULL));
     EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 60000));
     EXPECT(NVSP_ERR_NO_START, nvsp_encode_finish(encoder, bytes, sizeof bytes, &written, NULL));
@@ -75,7 +75,7 @@ static void short_buffers(void) {
     }
     CHECK(written == packets[0].size && all_are(bytes, 0xa5, sizeof bytes) && stats.bytes == 0);
     char text[512], needed[32];
-    MUST(nvsp_encoder_last_error(encoder, text, sizeof text));
+    MUST(nvsp_last_error(encoder, text, sizeof text));
     snprintf(needed, sizeof needed, "%zu", packets[0].size);
     CHECK(strstr(text, needed) != NULL);
     EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, packets[0].size, &written, &stats));
@@ -99,7 +99,7 @@ static void busy_with(nvsp_encoder *encoder, const nvsp_image *image) {
     EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
     CHECK(written == 77);
     // The frame may have ended by now: then its packet finds no room, and is kept.
-    const nvsp_status polled = nvsp_encode_poll(encoder), waited = nvsp_encode_wait(encoder, 0);
+    const nvsp_status polled = nvsp_encode_wait(encoder, 0), waited = nvsp_encode_wait(encoder, 0);
     CHECK(polled == NVSP_PENDING || polled == NVSP_OK);
     CHECK(waited == NVSP_OK || (waited == NVSP_PENDING && polled == NVSP_PENDING));
     const nvsp_status finished = nvsp_encode_finish(encoder, bytes, 0, &written, NULL);
@@ -121,7 +121,7 @@ static void begun_and_finished(void) {
         }
         while (nvsp_encode_wait(encoder, 1) == NVSP_PENDING) {
         }
-        EXPECT(NVSP_OK, nvsp_encode_poll(encoder));
+        EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 0));
         size_t size = 0;
         EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, sizeof bytes, &size, NULL));
         CHECK(is_packet(i, bytes, size));
@@ -186,11 +186,11 @@ static void refused(nvsp_encoder *encoder, const nvsp_frame_info *info, const ch
     memset(bytes, 0xa5, sizeof bytes);
     EXPECT(NVSP_ERR_ARGUMENT,
            nvsp_encode(encoder, &image, info, bytes, sizeof bytes, &written, NULL));
-    MUST(nvsp_encoder_last_error(encoder, text, sizeof text));
+    MUST(nvsp_last_error(encoder, text, sizeof text));
     CHECK(strstr(text, field) != NULL);
     CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(encoder, &image, info));
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(encoder, 0));
 }
 
 static void refused_hints(nvsp_encoder *encoder) {
@@ -588,7 +588,7 @@ static void count_lines(void *user, int32_t level, const char *message) {
 static void named(nvsp_status wanted, nvsp_status found, const nvsp_engine *engine, const char *field) {
     char text[512];
     EXPECT(wanted, found);
-    EXPECT(NVSP_OK, nvsp_engine_last_error(engine, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(engine, text, sizeof text));
     if (!CHECK(strstr(text, field) != NULL)) {
         fprintf(stderr, "    %s is not in: %s\n", field, text);
     }
@@ -644,7 +644,7 @@ static void absurd_numbers(void) {
         *numbers[i] = i < 2 ? NAN : i < 5 ? 1e30 : -1e30;
         EXPECT(NVSP_ERR_ARGUMENT,
                nvsp_encode(both.encoder, &image, with_hint(&hint), bytes, sizeof bytes, &written, NULL));
-        EXPECT(NVSP_OK, nvsp_encoder_last_error(both.encoder, text, sizeof text));
+        EXPECT(NVSP_OK, nvsp_last_error(both.encoder, text, sizeof text));
         CHECK(strstr(text, "nvsp_frame_info.hint") != NULL);
         EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(both.encoder, &image, with_hint(&hint)));
     }
@@ -675,7 +675,7 @@ static void another_engine(void) {
     CHECK(encoder == NULL);
     lines = 0;
     for (int i = 0; i < 100000; i++) {
-        CHECK(nvsp_decode_poll(decoder) == NVSP_ERR_STATE);
+        CHECK(nvsp_decode_wait(decoder, 0) == NVSP_ERR_STATE);
     }
     CHECK(lines == 6);  // The first, then its counts: 10, 100 and so on.
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode(decoder, bytes_of_none, 1, 99, NULL, NULL));

@@ -107,14 +107,14 @@ static void polls(void) {
         MUST(nvsp_encode_begin(both.encoder, &image, with_hint(&dive.poses[0])));
         for (nvsp_status status = NVSP_PENDING; status == NVSP_PENDING; pending++) {
             const double began = now(CLOCK_MONOTONIC);
-            status = nvsp_encode_poll(both.encoder);
+            status = nvsp_encode_wait(both.encoder, 0);
             const double took = now(CLOCK_MONOTONIC) - began;
             spent += took;
             longest = took > longest ? took : longest;
         }
         MUST(nvsp_encode_finish(both.encoder, packet, sizeof packet, &size, NULL));
     }
-    printf("nvsp_encode_poll, a frame under way: %.0f ns (%ld polls, at most %.3f ms)\n",
+    printf("nvsp_encode_wait of 0 ms, a frame under way: %.0f ns (%ld polls, at most %.3f ms)\n",
            spent / (double)pending * 1e6, pending, longest);
 }
 
@@ -123,11 +123,11 @@ static void idle_polls(void) {
     const long count = few() ? 100 : 100000, before = allocations;
     const double began = now(CLOCK_MONOTONIC);
     for (long i = 0; i < count; i++) {
-        if (nvsp_encode_poll(both.encoder) != NVSP_ERR_STATE) {
+        if (nvsp_encode_wait(both.encoder, 0) != NVSP_ERR_STATE) {
             CHECK(0);
         }
     }
-    printf("nvsp_encode_poll, nothing begun: %.0f ns, %ld allocations in %ld polls\n",
+    printf("nvsp_encode_wait of 0 ms, nothing begun: %.0f ns, %ld allocations in %ld polls\n",
            (now(CLOCK_MONOTONIC) - began) / (double)count * 1e6, allocations - before, count);
 }
 

@@ -5,6 +5,7 @@
 
 #include "common.h"
 
+#include <nvsprior_extra.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <vulkan/vulkan.h>

@@ -49,7 +49,7 @@ static void ends_in_time(void) {
     double took = now() - began;
     CHECK(took >= WATCHDOG && took < 10 * WATCHDOG && size == 77);
     char text[256];
-    EXPECT(NVSP_OK, nvsp_encoder_last_error(both.encoder, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(both.encoder, text, sizeof text));
     CHECK(strstr(text, "watchdog") != NULL);
     // From here on nothing waits any more.
     began = now();

@@ -175,7 +175,7 @@ static void refuse(nvsp_status status, nvsp_image image) {
     EXPECT(status, nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written,
                                NULL));
     EXPECT(status, nvsp_encode_begin(both.encoder, &image, with_hint(&dive.poses[0])));
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(both.encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(both.encoder, 0));
     CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes));
 }
 

@@ -46,7 +46,7 @@ static nvsp_mask mask_of(const uint8_t *pixels) {
 
 static int says(nvsp_encoder *encoder, const char *what) {
     char text[512];
-    MUST(nvsp_encoder_last_error(encoder, text, sizeof text));
+    MUST(nvsp_last_error(encoder, text, sizeof text));
     if (strstr(text, what) == NULL) {
         fprintf(stderr, "\"%s\" does not say \"%s\"\n", text, what);
         return 0;

@@ -48,7 +48,7 @@ static void all_is_lost(rig *both, int frame) {
     EXPECT(NVSP_ERR_DEVICE_LOST,
            nvsp_encoder_create(both->engine, both->prior, &dive.camera, NULL, &encoder));
     char text[256];
-    EXPECT(NVSP_OK, nvsp_engine_last_error(both->engine, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(both->engine, text, sizeof text));
     CHECK(strstr(text, "lost") != NULL);
     CHECK(size == 77 && prior == NULL && encoder == NULL && all_are(bytes, 0xa5, sizeof bytes));
 }

@@ -49,7 +49,7 @@ static void finish(nvsp_encoder *encoder, const packet *packets, int frame) {
     size_t size = 0;
     nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
     EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 60000));
-    EXPECT(NVSP_OK, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 0));
     EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, sizeof bytes, &size, &stats));
     CHECK(is(&packets[frame], bytes, size) && stats.frame == (uint32_t)frame && stats.bytes == size);
 }
@@ -58,7 +58,7 @@ static void the_same_packets(const packet *packets) {
     nvsp_encoder *encoder = new_encoder(1, 2);
     uint8_t bytes[8192];
     size_t size = 77;
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(encoder, 0));
     EXPECT(NVSP_ERR_STATE, nvsp_encode_finish(encoder, bytes, sizeof bytes, &size, NULL));
     EXPECT(NVSP_OK, begin(encoder, 0));
     for (int i = 1; i < dive.frames; i++) {
@@ -173,7 +173,7 @@ static void cancel(nvsp_encoder *encoder) {
         status = nvsp_encode_cancel(encoder);
     }
     EXPECT(NVSP_OK, status);
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(encoder, 0));
 }
 
 static void cancelled(void) {

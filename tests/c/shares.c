@@ -4,6 +4,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <nvsprior_extra.h>
 #include <unistd.h>
 
 #if defined(__has_feature)
@@ -181,7 +182,7 @@ static void deliver(nvsp_collector *collector, double now, const uint8_t *share,
         // Held back for so long that the packet has gone by.
         char text[256];
         CHECK(held_back && status == NVSP_ERR_MODEM);
-        EXPECT(NVSP_OK, nvsp_collector_last_error(collector, text, sizeof text));
+        EXPECT(NVSP_OK, nvsp_last_error(collector, text, sizeof text));
         CHECK(strstr(text, "newer one took its place") != NULL);
         all->refused++;
         return;
@@ -449,7 +450,7 @@ static void wrong_states(void) {
     EXPECT(NVSP_PENDING, nvsp_sender_next(sender, 0, bytes, sizeof bytes, &size));
     EXPECT(NVSP_PENDING, nvsp_sender_due(sender, &due));
     EXPECT(NVSP_ERR_STATE, nvsp_sender_push(sender, 0, packets[1].bytes, packets[1].size, NULL, 0, NULL));
-    EXPECT(NVSP_OK, nvsp_sender_last_error(sender, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(sender, text, sizeof text));
     CHECK(strstr(text, "planned") != NULL);
     EXPECT(NVSP_OK, nvsp_sender_plan(sender, 0, &budget));
     EXPECT(NVSP_ERR_MODEM, nvsp_sender_push(sender, 0, bytes, 100, NULL, 0, NULL));
@@ -493,7 +494,7 @@ static void wrong_states(void) {
     // A share of the same packet, but without protection.
     EXPECT(NVSP_ERR_MODEM, nvsp_collector_push(collector, 1, packets[1].bytes, packets[1].size, &state));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_push(collector, 1, bytes, SIZE_MAX, &state));
-    EXPECT(NVSP_OK, nvsp_collector_last_error(collector, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(collector, text, sizeof text));
     CHECK(strlen(text) > 3);
     uint32_t count = 77;
     EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_collector_arrived(collector, 0, 1, bytes, 0, &count));

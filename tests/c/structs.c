@@ -5,6 +5,8 @@
 
 #include "common.h"
 
+#include <nvsprior_extra.h>
+
 static scene dive;
 static rig both;
 static packet first;

@@ -59,11 +59,11 @@ static void *intrude(void *unused) {
     const nvsp_image image = NVSP_INITIALIZER(nvsp_image);
     while (!over) {
         const nvsp_status statuses[] = {
-            nvsp_encode_poll(both.encoder),
+            nvsp_encode_wait(both.encoder, 0),
             nvsp_encode_wait(both.encoder, 0),
             nvsp_encode_begin(both.encoder, &image, NULL),
             nvsp_encoder_set_rate(both.encoder, NVSP_RATE_DEFAULT, 0),
-            nvsp_decode_poll(both.decoder),
+            nvsp_decode_wait(both.decoder, 0),
             nvsp_decoder_add_camera(both.decoder, &dive.camera),
             nvsp_decode(both.decoder, packets[0].bytes, 12, 0, NULL, NULL),
         };
@@ -75,7 +75,7 @@ static void *intrude(void *unused) {
                   || statuses[i] == NVSP_OK);
         }
         char text[512];
-        CHECK(nvsp_encoder_last_error(both.encoder, text, sizeof text) == NVSP_OK);
+        CHECK(nvsp_last_error(both.encoder, text, sizeof text) == NVSP_OK);
         usleep(100);
     }
     return NULL;

@@ -2,6 +2,8 @@
 
 #include "common.h"
 
+#include <nvsprior_extra.h>
+
 #define MAX_MODEM_FRAMES 256
 #define MAX_PACKET 4096
 
@@ -200,7 +202,7 @@ static void nothing_to_fetch(void) {
     EXPECT(NVSP_ERR_STATE, nvsp_collector_fetch(collector, 0, 0, bytes, sizeof bytes, &size, NULL));
     EXPECT(NVSP_ERR_MODEM, nvsp_collector_push(collector, 0, bytes, 0, NULL));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_push(collector, 0, bytes, SIZE_MAX, NULL));
-    EXPECT(NVSP_OK, nvsp_collector_last_error(collector, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(collector, text, sizeof text));
     CHECK(strlen(text) > 3);
     push(collector, frames.frames[0], frames.sizes[0]);
     // Nothing is written but the size needed.
