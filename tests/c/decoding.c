@@ -2,9 +2,6 @@
 
 #include "common.h"
 
-static scene dive;
-static rig both;
-static packet packets[MAX_FRAMES];
 static uint8_t *shown[MAX_FRAMES];  // What the encoder says that the topside will show.
 
 // Encodes the dive, and keeps its pictures.
@@ -27,8 +24,7 @@ static void the_encoders_pictures(void) {
     uint8_t *pixels = malloc(dive.size);
     nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     for (int i = 0; i < dive.frames; i++) {
-        nvsp_decoded info;
-        MUST(NVSP_INIT(&info));
+        nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
         memset(pixels, 0, dive.size);
         EXPECT(NVSP_OK,
                nvsp_decode(both.decoder, packets[i].bytes, packets[i].size, 0, &place, &info));
@@ -83,8 +79,7 @@ static void headers(void) {
 // Key frames are read from the file beside a prior.
 static void key_frames(void) {
     nvsp_prior *other;
-    nvsp_prior_info info;
-    MUST(NVSP_INIT(&info));
+    nvsp_prior_info info = NVSP_INITIALIZER(nvsp_prior_info);
     MUST(nvsp_prior_open(both.engine, dive.other_prior, NULL, &other));
     EXPECT(NVSP_OK, nvsp_prior_get_info(other, &info));
     CHECK(info.key_frames == 3);
@@ -93,8 +88,7 @@ static void key_frames(void) {
 
 // The paper's profile: absolute poses, told without the prior.
 static void papers_profile(void) {
-    nvsp_encoder_options options;
-    MUST(NVSP_INIT(&options));
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.profile = NVSP_PROFILE_PAPER;
     options.first_frame = (1 << 24) + 5;
     nvsp_encoder *encoder = NULL;
@@ -199,8 +193,7 @@ static void begun_and_finished(void) {
     for (int i = 0; i < dive.frames; i++) {
         uint8_t *bytes = malloc(packets[i].size);
         memcpy(bytes, packets[i].bytes, packets[i].size);
-        nvsp_decoded info;
-        MUST(NVSP_INIT(&info));
+        nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
         EXPECT(NVSP_OK, nvsp_decode_begin(decoder, bytes, packets[i].size, 0));
         free(bytes);  // Not needed any more.
         EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
@@ -224,8 +217,7 @@ static void begun_and_finished(void) {
 static void unknown_to_the_topside(void) {
     nvsp_prior *other = NULL;
     nvsp_decoder *decoder = NULL;
-    nvsp_decoded info;
-    MUST(NVSP_INIT(&info));
+    nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
     MUST(nvsp_prior_open(both.engine, dive.other_prior, NULL, &other));
     MUST(nvsp_decoder_create(both.engine, other, &decoder));
     EXPECT(NVSP_ERR_OTHER_PRIOR,
@@ -254,8 +246,7 @@ static void starts_of_packets(void) {
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, 19, 0, &render_place, NULL));
     uint32_t rows = 0;
     for (size_t size = 19; size <= one.size; size++) {
-        nvsp_decoded info;
-        MUST(NVSP_INIT(&info));
+        nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
         EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, size, 0, &place, &info));
         CHECK(size == one.size ? info.rows == info.height && info.damage == NVSP_OK
                                : info.rows == 0 && info.damage == NVSP_ERR_RESIDUAL);
@@ -323,13 +314,8 @@ static void messages(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: decoding SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
-    nvsp_encoder_options options;
-    MUST(NVSP_INIT(&options));
+    set_up(argc, argv);
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.threshold = 1e-2f;  // So that the object that the prior does not know makes no frame uncertain.
     rig_add(&both, &dive.camera, &options);
     encode_dive();
@@ -348,10 +334,7 @@ int main(int argc, char **argv) {
     starts_of_packets();
     messages();
     for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
         free(shown[i]);
     }
-    rig_close(&both);
-    scene_free(&dive);
-    return report("decoding");
+    return tear_down();
 }

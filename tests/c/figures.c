@@ -19,9 +19,6 @@ static int heap_refused(const void *caller) {
     return 0;
 }
 
-static scene dive;
-static rig both;
-
 // Milliseconds of the wall clock, or of this thread's own work.
 static double now(clockid_t clock) {
     struct timespec time;
@@ -132,12 +129,8 @@ static void idle_polls(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: figures SCENE");
-    }
     find_library();
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
     struct stat status;
     if (stat(library_path, &status) == 0) {
@@ -154,7 +147,5 @@ int main(int argc, char **argv) {
     calling_thread(640, 3, NVSP_FORMAT_NV12, "NV12");
     polls();
     idle_polls();
-    rig_close(&both);
-    scene_free(&dive);
-    return report("figures");
+    return tear_down();
 }

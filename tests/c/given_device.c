@@ -13,8 +13,6 @@
 #define VULKAN(call) check((call) == VK_SUCCESS, #call, __FILE__, __LINE__)
 #define LAYER "VK_LAYER_KHRONOS_validation"
 
-static scene dive;
-
 // The program's own device.
 static struct {
     VkInstance instance;
@@ -281,7 +279,6 @@ static void on_own_device(const packet *expected, const uint8_t *shown, VkBool32
     }
     nvsp_engine_options options = patient_options();
     options.vulkan = &vulkan;
-    rig both = {0};
     MUST(nvsp_engine_create(&options, &both.engine));
     // The structure and what it points to are the caller's again.
     memset(&vulkan, 0xa5, sizeof vulkan);
@@ -431,28 +428,22 @@ static void what_does_not_fit(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: given_device SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig both;
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
-    packet expected[MAX_FRAMES];
     uint8_t *shown = malloc(dive.size * MAX_FRAMES);
-    encode_all(&both, &dive, expected);
+    encode_all(&both, &dive, packets);
     for (int i = 0; i < dive.frames; i++) {
         nvsp_picture place = place_of(shown + (size_t)i * dive.size, dive.camera.width, dive.camera.height);
-        MUST(nvsp_decode(both.decoder, expected[i].bytes, expected[i].size, 0, &place, NULL));
+        MUST(nvsp_decode(both.decoder, packets[i].bytes, packets[i].size, 0, &place, NULL));
     }
     rig_close(&both);
 
     make_instance();
     choose_device();
     printf("validation layer: %s\n", validated ? "on" : "not installed");
-    on_own_device(expected, shown, VK_TRUE, 1);
+    on_own_device(packets, shown, VK_TRUE, 1);
     // A device whose features are fewer; nobody else uses its queue.
-    on_own_device(expected, shown, VK_FALSE, 0);
+    on_own_device(packets, shown, VK_FALSE, 0);
     what_does_not_fit();
     CHECK(complaints == 0);
     if (validated) {
@@ -461,10 +452,6 @@ int main(int argc, char **argv) {
         destroy(own.instance, own.messenger, NULL);
     }
     vkDestroyInstance(own.instance, NULL);
-    for (int i = 0; i < dive.frames; i++) {
-        free(expected[i].bytes);
-    }
     free(shown);
-    scene_free(&dive);
-    return report("given_device");
+    return tear_down();
 }

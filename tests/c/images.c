@@ -4,9 +4,6 @@
 
 #include <math.h>
 
-static scene dive;
-static rig both;
-
 // Encodes frame 0, given as `image`, with a new encoder; the packet's bytes, in `bytes`.
 static size_t encode(const nvsp_image *image, const nvsp_encoder_options *options, uint8_t *bytes,
                      size_t room, uint8_t *shown) {
@@ -119,8 +116,7 @@ static void planes_of_yuv(void) {
     uint8_t *y = malloc((size_t)width * height), *u = malloc(pairs), *v = malloc(pairs),
             *uv = malloc(2 * pairs), *from_rgb = malloc(dive.size), *shown = malloc(dive.size);
     uint8_t first[8192], second[8192];
-    nvsp_encoder_options options;
-    MUST(NVSP_INIT(&options));
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.rate = NVSP_RATE_QUALITY;
     options.rate_value = 95;
     const nvsp_image rgb = scene_image(&dive, 0);
@@ -233,11 +229,7 @@ static void unsound_sizes_and_codes(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: images SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
 
     channels_and_strides();
@@ -253,7 +245,5 @@ int main(int argc, char **argv) {
     EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), late, sizeof late, &found, NULL));
     CHECK(found == size && memcmp(plain, late, size) == 0);
 
-    rig_close(&both);
-    scene_free(&dive);
-    return report("images");
+    return tear_down();
 }

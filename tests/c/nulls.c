@@ -7,8 +7,6 @@
 
 #include <nvsprior_extra.h>
 
-static scene dive;
-static rig both;
 static packet first;
 
 static void engines_and_priors(void) {
@@ -53,8 +51,7 @@ static void encoders(void) {
     nvsp_picture place = {NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8};
     uint8_t bytes[4096];
     size_t written = 77;
-    nvsp_frame_stats stats;
-    MUST(NVSP_INIT(&stats));
+    nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
     memset(bytes, 0xa5, sizeof bytes);
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_rate(NULL, NVSP_RATE_QUALITY, 5));
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_camera(NULL, camera));
@@ -241,13 +238,8 @@ static void no_handles(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: nulls SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
-    packet packets[MAX_FRAMES];
     encode_all(&both, &dive, packets);
     first = packets[0];
 
@@ -256,10 +248,5 @@ int main(int argc, char **argv) {
     decoders();
     links();
     no_handles();
-    for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
-    }
-    rig_close(&both);
-    scene_free(&dive);
-    return report("nulls");
+    return tear_down();
 }

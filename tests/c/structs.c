@@ -7,8 +7,6 @@
 
 #include <nvsprior_extra.h>
 
-static scene dive;
-static rig both;
 static packet first;
 static nvsp_sender *sender;
 static nvsp_collector *collector;
@@ -536,14 +534,10 @@ static void allocators(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: structs SCENE");
-    }
-    scene_read(&dive, argv[1]);
+    read_dive(argc, argv);
     allocators();
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
-    packet packets[MAX_FRAMES];
     encode_all(&both, &dive, packets);
     first = packets[0];
     make_link();
@@ -562,12 +556,7 @@ int main(int argc, char **argv) {
         }
         newer(structures[i].call, structures[i].size, structures[i].output);
     }
-    for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
-    }
     nvsp_sender_destroy(sender);
     nvsp_collector_destroy(collector);
-    rig_close(&both);
-    scene_free(&dive);
-    return report("structs");
+    return tear_down();
 }
