@@ -32,6 +32,11 @@ describe() { # Folder of headers, folder.
         # The version of a header is no promise.
         gcc -dM -E -x c nvsprior_extra.h | grep '^#define NVSP_' |
             grep -v '^#define NVSP_\([A-Z_]*VERSION[A-Z_]*\) \|(' | LC_ALL=C sort > constants
+        # The fields of each structure, numbered: fields that are appended change no line. abidiff lets any change pass
+        # in a structure that may grow.
+        awk '/^typedef struct .*\{/ { name = $3; number = 0; next }
+            /^}/ { name = "" }
+            name != "" && $1 !~ /^\/\// { $1 = $1; print name, ++number, $0 }' ./*.h | LC_ALL=C sort > fields
     )
 }
 
@@ -51,7 +56,9 @@ compatible() { # Folder of the baseline, folder of the header.
 END
     failed=0
     abidiff --no-added-syms --suppressions "$scratch/growth" "$1/abi.xml" "$2/abi.xml" > "$scratch/report" || failed=1
-    LC_ALL=C comm -23 "$1/constants" "$2/constants" > "$scratch/gone"
+    for list in constants fields; do
+        LC_ALL=C comm -23 "$1/$list" "$2/$list"
+    done > "$scratch/gone"
     [ ! -s "$scratch/gone" ] || failed=1
     return $failed
 }
@@ -88,10 +95,12 @@ selftest() {
     change removed fails 's/^const char \*nvsp_version(void);$//'
     change parameter fails 's/^\(const char \*nvsp_status_text(\)nvsp_status status);$/\1int64_t status);/'
     change field fails '/^typedef struct nvsp_pose {/,/^}/s/double translation/float translation/'
+    change type fails '/^typedef struct nvsp_engine_options {/,/^}/s/uint32_t flags/float flags/'
+    change extra fails 's/uint64_t modifier,$/uint32_t modifier,/'
     change grown fails '/^typedef struct nvsp_pose {/,/^}/s/^}/    float more;\n}/'
     change added passes 's/^const char \*nvsp_version(void);$/&\nint nvsp_new(void);/'
     change tail passes '/^typedef struct nvsp_engine_options {/,/^}/s/^}/    uint64_t more;\n}/'
-    echo "five changes that break programs are found, two that do not pass"
+    echo "seven changes that break programs are found, two that do not pass"
 }
 
 case ${1:-} in
@@ -99,7 +108,7 @@ check | selftest) "$1" ;;
 baseline)
     describe include "$scratch/now"
     mkdir -p "$baseline"
-    cp "$scratch/now/abi.xml" "$scratch/now/constants" "$baseline/"
+    cp "$scratch/now/abi.xml" "$scratch/now/constants" "$scratch/now/fields" "$baseline/"
     echo "$baseline: $(wc -c < "$baseline/abi.xml") bytes, $(wc -l < "$baseline/constants") constants"
     ;;
 *) echo "usage: abi.sh check|baseline|selftest" >&2; exit 2 ;;
