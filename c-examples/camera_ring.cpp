@@ -227,9 +227,9 @@ int main(int argc, char **argv) {
     }
 
     Ring ring(frames[0]);
-    bool sound = false;
-    std::thread encoding([&] { sound = encode(encoder, camera, start, ring); });
+    bool encoded = false;
+    std::thread encoding([&] { encoded = encode(encoder, camera, start, ring); });
     film(ring, frames, rate, seconds);
     encoding.join();
-    return sound ? 0 : 1;
+    return encoded ? 0 : 1;
 }

@@ -49,14 +49,14 @@ static size_t encode(nvsp_encoder *encoder, const ppm *frame, const nvsp_pose *s
 
 static int write_file(const char *path, const uint8_t *bytes, size_t size) {
     FILE *file = fopen(path, "wb");
-    int sound = file != NULL && fwrite(bytes, 1, size, file) == size;
+    int valid = file != NULL && fwrite(bytes, 1, size, file) == size;
     if (file != NULL && fclose(file) != 0) {
-        sound = 0;
+        valid = 0;
     }
-    if (!sound) {
+    if (!valid) {
         fprintf(stderr, "%s: cannot be written\n", path);
     }
-    return sound;
+    return valid;
 }
 
 int main(int argc, char **argv) {

@@ -27,10 +27,10 @@
  * The contract of every function:
  *
  * Status. A call that can fail returns an nvsp_status: NVSP_OK (0), NVSP_PENDING, or an error below zero.
- *   nvsp_status_text gives it in words; nvsp_last_error on the handle gives the details. A call that fails writes
+ *   nvsp_status_text says it in words; nvsp_last_error on the handle tells the details. A call that fails writes
  *   nothing through any pointer and loses nothing that was good. There are two exceptions: NVSP_ERR_BUFFER_TOO_SMALL
  *   tells the size needed, and NVSP_ERR_NEWER the version. You may go on to use the handle, except after
- *   NVSP_ERR_INTERNAL (later calls give NVSP_ERR_POISONED) and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The
+ *   NVSP_ERR_INTERNAL (later calls return NVSP_ERR_POISONED) and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The
  *   firmware build has no NVSP_ERR_INTERNAL: there a fault of the library itself aborts the process, and a watchdog
  *   must start it again.
  * Failures. The comment of a function names the statuses that are its own. Besides, a call may fail with
@@ -39,7 +39,7 @@
  * Ownership. nvsp_..._create and nvsp_prior_open give you a handle; nvsp_..._destroy ends it. You may destroy handles
  *   in any order: a handle keeps alive what it needs of another. All other memory is yours, and is read or written only
  *   during the call. Texts that a call returns are static.
- * Parameters. One line per parameter says what it is, its unit, and whether NULL is allowed. If it is not, NULL gives
+ * Parameters. One line per parameter says what it is, its unit, and whether NULL is allowed. If it is not, NULL yields
  *   NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot check it. A handle has no line: it
  *   must be a live one, and not NULL, except that nvsp_..._destroy takes NULL.
  * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
@@ -244,14 +244,14 @@ typedef struct nvsp_prior nvsp_prior;
 
 // Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
 // trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
-// .compressed.ply. Unsound splats are left out and logged as a warning. The file is not needed afterwards, and no copy
+// .compressed.ply. Invalid splats are left out and logged as a warning. The file is not needed afterwards, and no copy
 // of it stays in host memory. While the call runs, host and device together take at most four times the size of a
 // binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
 // is packed.
 //
 // Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
 // if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
-// them. If PATH.keys is not sound, the call fails with NVSP_ERR_PRIOR.
+// them. If PATH.keys is not valid, the call fails with NVSP_ERR_PRIOR.
 //
 // Scene coder tables are read in the same way, from PATH.tables or the prior's own file. With them difference pictures
 // take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes
@@ -535,7 +535,7 @@ typedef struct nvsp_frame_info {
 #define NVSP_START_PREDICTED 2
 // No start was near, and no pose was given: it started from the best one at hand.
 #define NVSP_START_UNCERTAIN 3
-// The prior's key frames gave the start.
+// The prior's key frames yielded the start.
 #define NVSP_START_KEY_FRAME 4
 
 // The gradient became small enough.
@@ -552,7 +552,7 @@ typedef struct nvsp_frame_info {
 // The pose is not certain. The encoder looks for it again at every frame.
 #define NVSP_STATE_LOST 1
 
-// What encoding a frame took and gave.
+// What encoding a frame took and yielded.
 typedef struct nvsp_frame_stats {
   uint32_t struct_size;
   uint32_t abi_version;
@@ -598,11 +598,11 @@ typedef struct nvsp_frame_stats {
 
 // Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
 // nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device.
-// Uses the hint in `info` if the frame before gives no good start. Without a hint, the prior's key frames find the
+// Uses the hint in `info` if the frame before yields no good start. Without a hint, the prior's key frames find the
 // first frame. Allocates nothing from the second frame on, unless a view of the prior needs more room on the device
 // than any before it.
 //
-// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls give the same packets,
+// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls yield the same packets,
 // byte for byte, on the same device and driver.
 //
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
@@ -693,7 +693,7 @@ typedef struct nvsp_picture {
 // tell the vehicle: nvsp_encoder_acknowledge.
 #define NVSP_DECODED_KEPT 32
 
-// What decoding a packet gave besides the picture.
+// What decoding a packet yielded besides the picture.
 typedef struct nvsp_decoded {
   uint32_t struct_size;
   uint32_t abi_version;
@@ -720,13 +720,13 @@ typedef struct nvsp_decoded {
   uint32_t reserved;
 } nvsp_decoded;
 
-// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
-// a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
-// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and
-// from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with sides
-// rounded up to multiples of 16.
+// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
+// yields a picture or an error. Allocates nothing from the second valid packet of a camera on, unless a view of the
+// prior needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host,
+// and from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with
+// sides rounded up to multiples of 16.
 //
-// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
+// The same packet yields the same picture, byte for byte, as the encoder predicted, on the same
 // device and driver.
 //
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
@@ -738,7 +738,7 @@ typedef struct nvsp_decoded {
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
 // - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         const uint8_t *packet,
@@ -807,7 +807,7 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // A file cannot be read.
 #define NVSP_ERR_FILE -13
 
-// The content of a prior is not sound. The text names the splat or the byte.
+// The content of a prior is not valid. The text names the splat or the byte.
 #define NVSP_ERR_PRIOR -14
 
 // No picture can be rendered with this camera.
@@ -884,7 +884,7 @@ nvsp_status nvsp_last_error(const void *handle,
 // Version of the ABI that this header describes.
 #define NVSP_ABI_VERSION 1
 
-// Version of the library that this header came with; nvsp_version gives that of the library in use. First number.
+// Version of the library that this header came with; nvsp_version tells that of the library in use. First number.
 #define NVSP_VERSION_MAJOR 0
 
 // Second number.
@@ -982,7 +982,7 @@ typedef struct nvsp_prior_info {
   uint32_t id;
   // Splats in use.
   uint32_t splats;
-  // Unsound splats of the file, which were left out.
+  // Invalid splats of the file, which were left out.
   uint32_t dropped;
   // Degree of the spherical harmonics, 0 to 3.
   uint32_t sh_degree;
@@ -1189,7 +1189,7 @@ nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
 NVSP_CHECKED
 nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
-// The largest packet that a camera of this size can give, in either profile and with the camera,
+// The largest packet that a camera of this size can yield, in either profile and with the camera,
 // bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
 // enough too.
 //
@@ -1266,9 +1266,9 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
 // Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
 // NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long
 // as the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with
-// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped
-// counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame starts,
-// and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
+// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then returns NVSP_ERR_STATE. A frame that is
+// dropped counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame
+// starts, and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
 NVSP_CHECKED
 nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
@@ -1346,7 +1346,7 @@ typedef struct nvsp_mask {
 // have the lens's size. The camera may see more than the lens: pixels that the lens does not show count as masked, see
 // nvsp_encoder_set_mask. A pixel is the mean of what its footprint on the image covers: the image is first reduced by
 // area averaging to about the camera's resolution, then sampled with linear interpolation, at most one reduced pixel
-// apart. All of it is integer arithmetic on a map that is made here, so that an image gives the same picture on every
+// apart. All of it is integer arithmetic on a map that is made here, so that an image yields the same picture on every
 // machine. Allocates the map, at most 4 bytes per pixel of the lens and 48 per pixel of the camera; no frame allocates
 // for it. If the call fails, the lens before stays. Example:
 //
@@ -1510,7 +1510,7 @@ nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder,
 //
 // Parameters:
 // - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
                                struct nvsp_picture *picture,

@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use crate::packet::{LONGEST_LATENT, Latent, PacketError, Parsed, PoseProfile, Session};
 use crate::prior::CoordinateFrame;
-use crate::queue::{Queue, QueueError};
+use crate::queue::Queue;
 use crate::{Decoded, Decoder, Error, Picture, Trust, packet_bound};
 
 use super::engine::nvsp_engine;
-use super::handle::{Handle, fence};
+use super::handle::{Handle, fence, locked};
 use super::image::{self, nvsp_camera, nvsp_picture, nvsp_pose};
 use super::limits::Limits;
 use super::prior::{PriorContent, nvsp_prior};
@@ -78,7 +78,7 @@ impl Decoding {
     }
 
     fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
-        Ok(if self.queue.wait(timeout)? { NVSP_OK } else { NVSP_PENDING })
+        Ok(done_or_pending(self.queue.wait(timeout)?))
     }
 
     fn take(
@@ -86,12 +86,8 @@ impl Decoding {
         fetch: impl FnOnce(&Decoded) -> Result<(), Failure>,
     ) -> Result<nvsp_status, Failure> {
         let taken = self.queue.take(|work| fetch(&work.decoded))?;
-        Ok(if taken { NVSP_OK } else { NVSP_PENDING })
+        Ok(done_or_pending(taken))
     }
-}
-
-fn locked(core: &Mutex<Core>) -> Result<MutexGuard<'_, Core>, Failure> {
-    core.lock().map_err(|_| QueueError::Poisoned.into())
 }
 
 /// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_collector_fetch copies it. If the
@@ -112,7 +108,7 @@ pub const NVSP_DECODED_INTER: u32 = 16;
 /// tell the vehicle: nvsp_encoder_acknowledge.
 pub const NVSP_DECODED_KEPT: u32 = 32;
 
-/// What decoding a packet gave besides the picture.
+/// What decoding a packet yielded besides the picture.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_decoded {
@@ -243,13 +239,13 @@ pub extern "C" fn nvsp_decoder_reopen(
     })
 }
 
-/// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
-/// a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
-/// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and
-/// from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with sides
-/// rounded up to multiples of 16.
+/// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
+/// yields a picture or an error. Allocates nothing from the second valid packet of a camera on, unless a view of the
+/// prior needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host,
+/// and from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with
+/// sides rounded up to multiples of 16.
 ///
-/// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
+/// The same packet yields the same picture, byte for byte, as the encoder predicted, on the same
 /// device and driver.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
@@ -261,7 +257,7 @@ pub extern "C" fn nvsp_decoder_reopen(
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
 /// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-/// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+/// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode(
     decoder: Option<&nvsp_decoder>,
@@ -334,7 +330,7 @@ pub extern "C" fn nvsp_decode_wait(
 ///
 /// # Parameters
 /// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-/// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+/// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decode_finish(
     decoder: Option<&nvsp_decoder>,
@@ -351,9 +347,7 @@ pub extern "C" fn nvsp_decode_finish(
 /// NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decode_cancel(decoder: Option<&nvsp_decoder>) -> nvsp_status {
-    nvsp_decoder::call(decoder, |content| {
-        Ok(if content.queue.cancel() { NVSP_OK } else { NVSP_PENDING })
-    })
+    nvsp_decoder::call(decoder, |content| Ok(done_or_pending(content.queue.cancel())))
 }
 
 /// Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a

@@ -155,7 +155,7 @@ pub const NVSP_START_PREVIOUS: u32 = 1;
 pub const NVSP_START_PREDICTED: u32 = 2;
 /// No start was near, and no pose was given: it started from the best one at hand.
 pub const NVSP_START_UNCERTAIN: u32 = 3;
-/// The prior's key frames gave the start.
+/// The prior's key frames yielded the start.
 pub const NVSP_START_KEY_FRAME: u32 = 4;
 
 /// The gradient became small enough.
@@ -172,7 +172,7 @@ pub const NVSP_STATE_CERTAIN: u32 = 0;
 /// The pose is not certain. The encoder looks for it again at every frame.
 pub const NVSP_STATE_LOST: u32 = 1;
 
-/// What encoding a frame took and gave.
+/// What encoding a frame took and yielded.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_frame_stats {
@@ -540,7 +540,7 @@ pub extern "C" fn nvsp_encoder_reset(encoder: Option<&nvsp_encoder>) -> nvsp_sta
     })
 }
 
-/// The largest packet that a camera of this size can give, in either profile and with the camera,
+/// The largest packet that a camera of this size can yield, in either profile and with the camera,
 /// bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
 /// enough too.
 ///
@@ -554,11 +554,11 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 
 /// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
 /// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device.
-/// Uses the hint in `info` if the frame before gives no good start. Without a hint, the prior's key frames find the
+/// Uses the hint in `info` if the frame before yields no good start. Without a hint, the prior's key frames find the
 /// first frame. Allocates nothing from the second frame on, unless a view of the prior needs more room on the device
 /// than any before it.
 ///
-/// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls give the same packets,
+/// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls yield the same packets,
 /// byte for byte, on the same device and driver.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
@@ -687,9 +687,9 @@ pub unsafe extern "C" fn nvsp_encode_finish(
 /// Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
 /// NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long
 /// as the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with
-/// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped
-/// counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame starts,
-/// and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
+/// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then returns NVSP_ERR_STATE. A frame that is
+/// dropped counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame
+/// starts, and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encode_cancel(encoder: Option<&nvsp_encoder>) -> nvsp_status {
     nvsp_encoder::call(encoder, |content| Ok(content.cancel()))

@@ -6,12 +6,12 @@ use std::time::Duration;
 use crate::frame_work::{Coder, FrameWork};
 use crate::geometry::Lens;
 use crate::image::{Converter, ImageView, Mask};
-use crate::queue::{Queue, QueueError, Worker};
+use crate::queue::{Queue, Worker};
 use crate::{Camera, Encoded, Encoder, Error, FrameInfo};
 
 use super::dmabuf::Readings;
 use super::frame::refused;
-use super::handle::Handle;
+use super::handle::{Handle, locked};
 use super::limits::Limits;
 use super::memory::Grant;
 use super::status::*;
@@ -102,7 +102,7 @@ impl Encoding {
             true => self.queue.check_first_worker()?,
             false => self.queue.check_idle()?,
         }
-        self.core.lock().map_err(|_| QueueError::Poisoned.into())
+        locked(&self.core)
     }
 
     /// Reads a frame on this thread. Others then encode it.
@@ -131,7 +131,7 @@ impl Encoding {
 
     /// Tells whether there is a result to take. Waits for it, at most `timeout`.
     pub(super) fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
-        Ok(if self.queue.wait(timeout)? { NVSP_OK } else { NVSP_PENDING })
+        Ok(done_or_pending(self.queue.wait(timeout)?))
     }
 
     /// Takes the first result: the frame's error, or what `fetch` makes of it. If `fetch` fails, the result stays.
@@ -146,12 +146,12 @@ impl Encoding {
             *full = true;
             Ok(())
         })?;
-        Ok(if taken { NVSP_OK } else { NVSP_PENDING })
+        Ok(done_or_pending(taken))
     }
 
     /// Drops what was begun. Tells whether it has ended.
     pub(super) fn cancel(&mut self) -> nvsp_status {
-        if self.queue.cancel() { NVSP_OK } else { NVSP_PENDING }
+        done_or_pending(self.queue.cancel())
     }
 
     /// The frame finished last.
@@ -171,10 +171,6 @@ impl GivenFrame<'_> {
         work.known = self.known;
         Ok(())
     }
-}
-
-fn locked(core: &Mutex<Core>) -> Result<MutexGuard<'_, Core>, Failure> {
-    core.lock().map_err(|_| QueueError::Poisoned.into())
 }
 
 /// The worker that does all of a frame.

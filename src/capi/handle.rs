@@ -3,7 +3,9 @@
 use std::ffi::{c_char, c_void};
 use std::fmt::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Mutex, PoisonError, TryLockError};
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+
+use crate::queue::QueueError;
 
 use super::log::{Log, NVSP_LOG_ERROR};
 use super::status::*;
@@ -215,6 +217,11 @@ pub unsafe extern "C" fn nvsp_last_error(
         *text.add(from.len()) = 0;
     }
     NVSP_OK
+}
+
+/// Locks what calls and the library's threads share. Fails if a thread panicked while it had the lock.
+pub(super) fn locked<T>(content: &Mutex<T>) -> Result<MutexGuard<'_, T>, Failure> {
+    content.lock().map_err(|_| QueueError::Poisoned.into())
 }
 
 /// Runs a call that has no handle to keep a text in.

@@ -71,7 +71,7 @@ versioned!(nvsp_mask, 40);
 /// have the lens's size. The camera may see more than the lens: pixels that the lens does not show count as masked, see
 /// nvsp_encoder_set_mask. A pixel is the mean of what its footprint on the image covers: the image is first reduced by
 /// area averaging to about the camera's resolution, then sampled with linear interpolation, at most one reduced pixel
-/// apart. All of it is integer arithmetic on a map that is made here, so that an image gives the same picture on every
+/// apart. All of it is integer arithmetic on a map that is made here, so that an image yields the same picture on every
 /// machine. Allocates the map, at most 4 bytes per pixel of the lens and 48 per pixel of the camera; no frame allocates
 /// for it. If the call fails, the lens before stays. Example:
 ///

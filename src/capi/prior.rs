@@ -93,7 +93,7 @@ pub struct nvsp_prior_info {
     pub id: u32,
     /// Splats in use.
     pub splats: u32,
-    /// Unsound splats of the file, which were left out.
+    /// Invalid splats of the file, which were left out.
     pub dropped: u32,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
@@ -148,14 +148,14 @@ versioned!(nvsp_memory_estimate, 64);
 
 /// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
 /// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
-/// .compressed.ply. Unsound splats are left out and logged as a warning. The file is not needed afterwards, and no copy
+/// .compressed.ply. Invalid splats are left out and logged as a warning. The file is not needed afterwards, and no copy
 /// of it stays in host memory. While the call runs, host and device together take at most four times the size of a
 /// binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
 /// is packed.
 ///
 /// Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
 /// if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
-/// them. If PATH.keys is not sound, the call fails with NVSP_ERR_PRIOR.
+/// them. If PATH.keys is not valid, the call fails with NVSP_ERR_PRIOR.
 ///
 /// Scene coder tables are read in the same way, from PATH.tables or the prior's own file. With them difference pictures
 /// take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes

@@ -1,7 +1,7 @@
 //! Structures that grow: those that begin with their size and the ABI version.
 //!
 //! Fields are only ever appended, and zero means "default" or "not there". So a structure of an older header is a
-//! prefix of ours. A structure of a newer header is sound if all that we do not know in it is zero.
+//! prefix of ours. A structure of a newer header is valid if all that we do not know in it is zero.
 
 use std::ffi::c_void;
 
@@ -9,7 +9,7 @@ use super::status::*;
 
 /// Version of the ABI that this header describes.
 pub const NVSP_ABI_VERSION: u32 = 1;
-/// Version of the library that this header came with; nvsp_version gives that of the library in use. First number.
+/// Version of the library that this header came with; nvsp_version tells that of the library in use. First number.
 #[allow(dead_code)] // For C alone.
 pub const NVSP_VERSION_MAJOR: u32 = 0;
 /// Second number.

@@ -18,19 +18,19 @@ int dlclose(void *library) {
 static pthread_mutex_t counting = PTHREAD_MUTEX_INITIALIZER;
 static long checks, failures;
 
-static int count(int sound) {
+static int count(int valid) {
     pthread_mutex_lock(&counting);
     checks++;
-    failures += !sound;
+    failures += !valid;
     pthread_mutex_unlock(&counting);
-    return sound;
+    return valid;
 }
 
-int check(int sound, const char *text, const char *file, int line) {
-    if (!sound) {
+int check(int valid, const char *text, const char *file, int line) {
+    if (!valid) {
         fprintf(stderr, "%s:%d: not so: %s\n", file, line, text);
     }
-    return count(sound);
+    return count(valid);
 }
 
 int expect(nvsp_status wanted, nvsp_status found, const char *text, const char *file, int line) {

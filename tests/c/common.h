@@ -15,7 +15,7 @@
 // For a call that the rest of a test needs: ends the program if it does not return NVSP_OK.
 #define MUST(call) must((call), #call, __FILE__, __LINE__)
 
-int check(int sound, const char *text, const char *file, int line);
+int check(int valid, const char *text, const char *file, int line);
 int expect(nvsp_status wanted, nvsp_status found, const char *text, const char *file, int line);
 void must(nvsp_status status, const char *text, const char *file, int line);
 

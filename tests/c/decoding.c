@@ -132,11 +132,11 @@ static void place_with_padding(uint32_t format, size_t padding) {
     free(pixels);
 }
 
-// Unsound places are refused before or after decoding. Nothing is written in either case.
-static void unsound_places(void) {
+// Invalid places are refused before or after decoding. Nothing is written in either case.
+static void invalid_places(void) {
     uint8_t *pixels = malloc(dive.size);
     memset(pixels, 0xa5, dive.size);
-    nvsp_picture sound = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_picture valid = place_of(pixels, dive.camera.width, dive.camera.height);
     const packet one = packets[0];
 #define PLACE(f, r, p, s, n) \
     {NVSP_HEAD(nvsp_picture), .format = f, .reserved = r, .pixels = p, .stride = s, .size = n}
@@ -144,19 +144,19 @@ static void unsound_places(void) {
         nvsp_status status;
         nvsp_picture place;
     } places[] = {
-        {NVSP_ERR_NULL, PLACE(sound.format, 0, NULL, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(0, 0, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_NV12, 0, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_I420, 0, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(99, 0, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(sound.format, 1, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(sound.format, 0, pixels, sound.stride - 1, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_RGBA8, 0, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(sound.format, 0, pixels, sound.stride, SIZE_MAX)},
-        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, sound.stride, sound.size - 1)},
-        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, sound.stride, 0)},
-        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, SIZE_MAX, sound.size)},
-        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, SIZE_MAX / 53, sound.size)},
+        {NVSP_ERR_NULL, PLACE(valid.format, 0, NULL, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(0, 0, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_NV12, 0, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_I420, 0, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(99, 0, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(valid.format, 1, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(valid.format, 0, pixels, valid.stride - 1, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_RGBA8, 0, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(valid.format, 0, pixels, valid.stride, SIZE_MAX)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(valid.format, 0, pixels, valid.stride, valid.size - 1)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(valid.format, 0, pixels, valid.stride, 0)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(valid.format, 0, pixels, SIZE_MAX, valid.size)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(valid.format, 0, pixels, SIZE_MAX / 53, valid.size)},
     };
     for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
         EXPECT(places[i].status,
@@ -176,9 +176,9 @@ static void unsound_places(void) {
     EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &asks));
     CHECK(asks.needed == dive.size);
     // The picture that had no room is still there, once.
-    EXPECT(NVSP_OK, nvsp_decode_finish(both.decoder, &sound, NULL));
+    EXPECT(NVSP_OK, nvsp_decode_finish(both.decoder, &valid, NULL));
     CHECK(memcmp(pixels, shown[0], dive.size) == 0);
-    EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(both.decoder, &sound, NULL));
+    EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(both.decoder, &valid, NULL));
     free(pixels);
 }
 
@@ -328,7 +328,7 @@ int main(int argc, char **argv) {
     for (int i = 0; i < 6; i++) {
         place_with_padding(formats[i % 3], i < 3 ? 0 : 11);
     }
-    unsound_places();
+    invalid_places();
     begun_and_finished();
     unknown_to_the_topside();
     starts_of_packets();

@@ -268,56 +268,56 @@ static void refuse(nvsp_status status, const nvsp_image *image, const char *name
     }
 }
 
-static void unsound_images(void) {
+static void invalid_images(void) {
     const size_t size = frame_size();
     buffer *of = make_buffer(size);
     const nvsp_image image = camera_frame(of->frame);
     nvsp_dmabuf *dmabuf = import(of->fd);
-    const nvsp_image sound = in_dmabuf(&image, dmabuf, 0);
-    nvsp_image wrong = sound;
+    const nvsp_image valid = in_dmabuf(&image, dmabuf, 0);
+    nvsp_image wrong = valid;
     wrong.planes[1] = of->frame;
     refuse(NVSP_ERR_ARGUMENT, &wrong, "planes and dmabufs");
     wrong = image;
     wrong.offsets[1] = 1;
     refuse(NVSP_ERR_ARGUMENT, &wrong, "offsets");
-    wrong = sound;
+    wrong = valid;
     wrong.dmabufs[0] = NULL;
     wrong.dmabufs[1] = dmabuf;
     refuse(NVSP_ERR_NULL, &wrong, "dmabufs");
     const size_t beyond[] = {size + 1, SIZE_MAX, SIZE_MAX / 2};
     for (int i = 0; i < 3; i++) {
-        wrong = sound;
+        wrong = valid;
         wrong.offsets[1] = beyond[i];
         refuse(NVSP_ERR_IMAGE, &wrong, "offsets");
-        wrong = sound;
+        wrong = valid;
         wrong.sizes[0] = beyond[i];
         refuse(NVSP_ERR_IMAGE, &wrong, "sizes");
-        wrong = sound;
+        wrong = valid;
         wrong.strides[1] = beyond[i];
         refuse(NVSP_ERR_IMAGE, &wrong, "UV");
     }
-    wrong = sound;
+    wrong = valid;
     wrong.sizes[1] = 0;
     wrong.offsets[1] = size;  // No bytes are left.
     refuse(NVSP_ERR_IMAGE, &wrong, "UV");
-    wrong = sound;
+    wrong = valid;
     wrong.format = NVSP_FORMAT_I420;  // Its third plane is the buffer's start: of the wrong stride.
     refuse(NVSP_ERR_IMAGE, &wrong, "V");
     of->written = 0;
-    refuse(NVSP_ERR_IMAGE, &sound, "still being written");
+    refuse(NVSP_ERR_IMAGE, &valid, "still being written");
     of->written = 1;
     of->fails = EACCES;
     of->failures = 2;
-    refuse(NVSP_ERR_UNSUPPORTED, &sound, "may not read");
+    refuse(NVSP_ERR_UNSUPPORTED, &valid, "may not read");
     of->fails = EAGAIN;  // For ever: no hang.
     of->failures = 1 << 20;
-    refuse(NVSP_ERR_UNSUPPORTED, &sound, "may not read");
+    refuse(NVSP_ERR_UNSUPPORTED, &valid, "may not read");
     of->failures = 0;
     // None of that was seen.
     uint8_t plain[8192], found[8192];
     size_t written = 0;
     const size_t bytes = encode(&image, plain, sizeof plain, 0);
-    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &sound, with_hint(&dive.poses[0]), found, sizeof found, &written, NULL));
+    EXPECT(NVSP_OK, nvsp_encode(both.encoder, &valid, with_hint(&dive.poses[0]), found, sizeof found, &written, NULL));
     CHECK(written == bytes && memcmp(plain, found, bytes) == 0);
     nvsp_dmabuf_destroy(dmabuf);
     end_buffers();
@@ -331,7 +331,7 @@ static void refuse_import(nvsp_status status, int fd, uint64_t modifier, const c
     CHECK(descriptors() == open_before && mappings() == mapped_before);
 }
 
-static void unsound_buffers(void) {
+static void invalid_buffers(void) {
     buffer *of = make_buffer(frame_size());
     nvsp_dmabuf *made = NULL;
     EXPECT(NVSP_ERR_NULL, nvsp_dmabuf_import(NULL, of->fd, 0, &made));
@@ -415,8 +415,8 @@ int main(int argc, char **argv) {
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
     same_packets();
-    unsound_images();
-    unsound_buffers();
+    invalid_images();
+    invalid_buffers();
     real_buffers();
     return tear_down();
 }

@@ -203,16 +203,16 @@ static void sealed_cameras(void) {
 // Priors that are damaged in their header or in their splats.
 static void damaged_priors(int rounds) {
     size_t size = 0;
-    uint8_t *sound = read_all(dive.prior, &size), *bytes = malloc(size + 8);
-    const uint8_t *end = (const uint8_t *)strstr((const char *)sound, "end_header\n");
-    const size_t header = end == NULL ? 400 : (size_t)(end - sound) + 11;
+    uint8_t *valid = read_all(dive.prior, &size), *bytes = malloc(size + 8);
+    const uint8_t *end = (const uint8_t *)strstr((const char *)valid, "end_header\n");
+    const size_t header = end == NULL ? 400 : (size_t)(end - valid) + 11;
     long opened = 0;
     for (int i = 0; i < rounds; i++) {
-        memcpy(bytes, sound, size);
+        memcpy(bytes, valid, size);
         size_t left = size;
         if (i % 3 == 0) {  // The header, and its length.
             const size_t longer = damaged(bytes, header, header + 4);
-            memcpy(bytes + longer, sound + header, size - header);
+            memcpy(bytes + longer, valid + header, size - header);
             left = longer + size - header;
         } else if (i % 3 == 1) {
             for (uint32_t turn = random_below(&seed, 300); turn > 0; turn--) {
@@ -233,7 +233,7 @@ static void damaged_priors(int rounds) {
     }
     CHECK(opened > 0 && opened < rounds);
     free(bytes);
-    free(sound);
+    free(valid);
 }
 
 // Files that promise more splats than anyone has.

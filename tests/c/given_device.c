@@ -364,10 +364,10 @@ static VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL loader_of_two(VkInstance instanc
 
 static void what_does_not_fit(void) {
     own.device = make_device(VK_TRUE, VK_TRUE);
-    const nvsp_vulkan sound = given();
+    const nvsp_vulkan valid = given();
     nvsp_vulkan wrong;
 #define WITHOUT(field) \
-    wrong = sound; \
+    wrong = valid; \
     wrong.field = NULL; \
     refused(NVSP_ERR_NULL, &wrong, "nvsp_vulkan." #field)
     WITHOUT(get_instance_proc_addr);
@@ -376,41 +376,41 @@ static void what_does_not_fit(void) {
     WITHOUT(device);
     WITHOUT(features);
     WITHOUT(queue);
-    wrong = sound;
+    wrong = valid;
     wrong.lock_queue = NULL;
     refused(NVSP_ERR_ARGUMENT, &wrong, "lock_queue");
-    wrong = sound;
+    wrong = valid;
     wrong.unlock_queue = NULL;
     refused(NVSP_ERR_ARGUMENT, &wrong, "unlock_queue");
-    wrong = sound;
+    wrong = valid;
     wrong.features = &own.vulkan12;
     refused(NVSP_ERR_ARGUMENT, &wrong, "VkPhysicalDeviceFeatures2");
-    wrong = sound;
+    wrong = valid;
     wrong.api_version = VK_API_VERSION_1_1;
     refused(NVSP_ERR_NO_DEVICE, &wrong, "Vulkan 1.1");
     wrong.api_version = 0;
     refused(NVSP_ERR_NO_DEVICE, &wrong, "1.2 is needed");
-    wrong = sound;
+    wrong = valid;
     wrong.get_instance_proc_addr = old_loader;
     refused(NVSP_ERR_NO_DEVICE, &wrong, "vkGetPhysicalDeviceProperties2");
-    wrong = sound;
+    wrong = valid;
     wrong.queue_family = 77;
     refused(NVSP_ERR_NO_DEVICE, &wrong, "queue family 77");
     VkQueueFamilyProperties families[16];
     uint32_t count = 16;
     vkGetPhysicalDeviceQueueFamilyProperties(own.physical, &count, families);
-    wrong = sound;
+    wrong = valid;
     wrong.get_instance_proc_addr = loader_of_two;
     wrong.queue_family = count;
     refused(NVSP_ERR_NO_DEVICE, &wrong, "does not compute");
-    wrong = sound;
+    wrong = valid;
     wrong.struct_size = 8;
     nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
     nvsp_engine *engine = NULL;
     options.vulkan = &wrong;
     EXPECT(NVSP_ERR_STRUCT_SIZE, nvsp_engine_create(&options, &engine));
     // Fields that exclude each other.
-    options.vulkan = &sound;
+    options.vulkan = &valid;
     options.device = "0";
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_engine_create(&options, &engine));
     options.device = NULL;

@@ -1,4 +1,4 @@
-// Camera images of every format, with padding, of other sizes; and images that are not sound.
+// Camera images of every format, with padding, of other sizes; and images that are not valid.
 
 #include "common.h"
 
@@ -175,53 +175,53 @@ static void refuse(nvsp_status status, nvsp_image image) {
     CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes));
 }
 
-static void unsound_planes(void) {
-    const nvsp_image sound = scene_image(&dive, 0);
-    nvsp_image image = sound;
+static void invalid_planes(void) {
+    const nvsp_image valid = scene_image(&dive, 0);
+    nvsp_image image = valid;
     image.planes[0] = NULL;
     refuse(NVSP_ERR_NULL, image);
-    const size_t strides[] = {0, 1, sound.strides[0] - 1, SIZE_MAX, SIZE_MAX / 2, SIZE_MAX / 54};
+    const size_t strides[] = {0, 1, valid.strides[0] - 1, SIZE_MAX, SIZE_MAX / 2, SIZE_MAX / 54};
     for (size_t i = 0; i < sizeof strides / sizeof *strides; i++) {
-        image = sound;
+        image = valid;
         image.strides[0] = strides[i];
         refuse(NVSP_ERR_IMAGE, image);
     }
-    const size_t sizes[] = {0, 1, sound.sizes[0] - 1};
+    const size_t sizes[] = {0, 1, valid.sizes[0] - 1};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        image = sound;
+        image = valid;
         image.sizes[0] = sizes[i];
         refuse(NVSP_ERR_IMAGE, image);
     }
-    image = sound;
+    image = valid;
     image.sizes[0] = SIZE_MAX;
     refuse(NVSP_ERR_ARGUMENT, image);
-    image = sound;
+    image = valid;
     image.format = NVSP_FORMAT_NV12;  // Its second plane is missing.
     refuse(NVSP_ERR_NULL, image);
-    image.planes[1] = sound.planes[0];
+    image.planes[1] = valid.planes[0];
     refuse(NVSP_ERR_IMAGE, image);
     image.format = NVSP_FORMAT_I420;
     refuse(NVSP_ERR_NULL, image);
 }
 
-static void unsound_sizes_and_codes(void) {
-    const nvsp_image sound = scene_image(&dive, 0);
+static void invalid_sizes_and_codes(void) {
+    const nvsp_image valid = scene_image(&dive, 0);
     const uint32_t sizes[][2] = {{0, 0},          {0, 54},        {96, 0},           {65536, 54},
                                  {65536, 36864},  {96, 65536},    {UINT32_MAX, 54},  {96, UINT32_MAX},
                                  {16385, 9216},   {96, 96},       {1, 16384},        {16384, 9216},
                                  {96, 52},        {UINT32_MAX, UINT32_MAX}};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        nvsp_image image = sound;
+        nvsp_image image = valid;
         image.width = sizes[i][0];
         image.height = sizes[i][1];
         refuse(NVSP_ERR_IMAGE, image);
     }
     const uint32_t formats[] = {0, 6, 99, UINT32_MAX};
     for (size_t i = 0; i < sizeof formats / sizeof *formats; i++) {
-        nvsp_image image = sound;
+        nvsp_image image = valid;
         image.format = formats[i];
         refuse(NVSP_ERR_ARGUMENT, image);
-        image = sound;
+        image = valid;
         image.format = NVSP_FORMAT_NV12;
         image.colour = formats[i] == 0 ? 4 : formats[i];
         refuse(NVSP_ERR_ARGUMENT, image);
@@ -235,8 +235,8 @@ int main(int argc, char **argv) {
     channels_and_strides();
     scaled();
     planes_of_yuv();
-    unsound_planes();
-    unsound_sizes_and_codes();
+    invalid_planes();
+    invalid_sizes_and_codes();
     // What was refused was not seen: the next frame is the first.
     uint8_t plain[4096], late[4096];
     const nvsp_image image = scene_image(&dive, 0);

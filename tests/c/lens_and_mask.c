@@ -40,8 +40,8 @@ static void lenses_in_use(void) {
     uint8_t plain[8192], other[8192];
     const nvsp_image image = scene_image(&dive, 0);
     nvsp_encoder *encoder = new_encoder(NULL);
-    nvsp_frame_stats sound = NVSP_INITIALIZER(nvsp_frame_stats);
-    const size_t size = encode(encoder, &image, plain, &sound);
+    nvsp_frame_stats valid = NVSP_INITIALIZER(nvsp_frame_stats);
+    const size_t size = encode(encoder, &image, plain, &valid);
     nvsp_encoder_destroy(encoder);
     nvsp_lens lens = straight();
     encoder = new_encoder(NULL);
@@ -55,12 +55,12 @@ static void lenses_in_use(void) {
     EXPECT(NVSP_OK, nvsp_encoder_set_lens(encoder, &lens));
     nvsp_frame_stats bent = NVSP_INITIALIZER(nvsp_frame_stats);
     encode(encoder, &image, other, &bent);
-    CHECK(bent.render_psnr < sound.render_psnr - 1);
+    CHECK(bent.render_psnr < valid.render_psnr - 1);
     MUST(nvsp_encoder_reset(encoder));
     EXPECT(NVSP_OK, nvsp_encoder_set_lens(encoder, NULL));
     nvsp_frame_stats again = NVSP_INITIALIZER(nvsp_frame_stats);
     encode(encoder, &image, other, &again);
-    CHECK(again.render_psnr > sound.render_psnr - 0.1 && again.render_psnr < sound.render_psnr + 0.1);
+    CHECK(again.render_psnr > valid.render_psnr - 0.1 && again.render_psnr < valid.render_psnr + 0.1);
     // Every format and stride goes the same way.
     nvsp_lens fisheye = straight();
     fisheye.model = NVSP_LENS_FISHEYE;
@@ -73,10 +73,10 @@ static void lenses_in_use(void) {
 
 static void refused_lenses(void) {
     nvsp_encoder *encoder = new_encoder(NULL);
-    const nvsp_lens sound = straight();
-    nvsp_lens lens = sound;
+    const nvsp_lens valid = straight();
+    nvsp_lens lens = valid;
 #define REFUSED(field, value, text)                                          \
-    lens = sound;                                                            \
+    lens = valid;                                                            \
     lens.field = value;                                                      \
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_set_lens(encoder, &lens));        \
     CHECK(says(encoder, text))
@@ -97,19 +97,19 @@ static void refused_lenses(void) {
     REFUSED(coefficients[0], -2, "corner (0, 0) has no ray");
     REFUSED(cx, 1e5, "no pixel of the camera's picture");
 #undef REFUSED
-    lens = sound;
+    lens = valid;
     lens.struct_size = 40;
     EXPECT(NVSP_ERR_STRUCT_SIZE, nvsp_encoder_set_lens(encoder, &lens));
-    lens = sound;
+    lens = valid;
     lens.abi_version = 9;
     EXPECT(NVSP_ERR_ABI_VERSION, nvsp_encoder_set_lens(encoder, &lens));
-    EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_lens(NULL, &sound));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_lens(NULL, &valid));
 
     // Images have the lens's size then.
     uint8_t bytes[8192];
     size_t size = 0;
     nvsp_image image = scene_image(&dive, 0);
-    lens = sound;
+    lens = valid;
     lens.width *= 2;
     lens.height *= 2;
     lens.fx *= 2, lens.fy *= 2, lens.cx *= 2, lens.cy *= 2;

@@ -5,7 +5,7 @@
 
 #include "common.h"
 
-static packet sound[MAX_FRAMES];  // As they would be without losses.
+static packet valid[MAX_FRAMES];  // As they would be without losses.
 
 // Counts the calls of vkQueueSubmit from here on: the one with this number loses the device.
 static void lose(int number) {
@@ -19,7 +19,7 @@ static void lose_none(void) { unsetenv("NVSP_LOSE_SUBMIT"); }
 static void without_losses(void) {
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
-    encode_all(&both, &dive, sound);
+    encode_all(&both, &dive, valid);
     rig_close(&both);
 }
 
@@ -40,7 +40,7 @@ static void all_is_lost(rig *both, int frame) {
         EXPECT(NVSP_ERR_DEVICE_LOST,
                nvsp_encode_finish(both->encoder, bytes, sizeof bytes, &size, NULL));
         EXPECT(NVSP_ERR_DEVICE_LOST,
-               nvsp_decode(both->decoder, sound[0].bytes, sound[0].size, 0, NULL, NULL));
+               nvsp_decode(both->decoder, valid[0].bytes, valid[0].size, 0, NULL, NULL));
     }
     EXPECT(NVSP_ERR_DEVICE_LOST, nvsp_prior_open(both->engine, dive.prior, NULL, &prior));
     EXPECT(NVSP_ERR_DEVICE_LOST,
@@ -69,7 +69,7 @@ static void lost_while_encoding(int frame, int submit) {
             rig_reopen(&both);
         }
         EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, with_hint(hint), bytes, sizeof bytes, &size, NULL));
-        CHECK(size == sound[i].size && memcmp(bytes, sound[i].bytes, size) == 0);
+        CHECK(size == valid[i].size && memcmp(bytes, valid[i].bytes, size) == 0);
         EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, NULL, NULL));
     }
     rig_close(&both);
@@ -78,15 +78,15 @@ static void lost_while_encoding(int frame, int submit) {
 static void lost_while_decoding(void) {
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
-    EXPECT(NVSP_OK, nvsp_decode(both.decoder, sound[0].bytes, sound[0].size, 0, NULL, NULL));
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, valid[0].bytes, valid[0].size, 0, NULL, NULL));
     lose(1);
     nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
     EXPECT(NVSP_ERR_DEVICE_LOST,
-           nvsp_decode(both.decoder, sound[1].bytes, sound[1].size, 0, NULL, &info));
+           nvsp_decode(both.decoder, valid[1].bytes, valid[1].size, 0, NULL, &info));
     lose_none();
     CHECK(info.width == 0);
     rig_reopen(&both);
-    EXPECT(NVSP_OK, nvsp_decode(both.decoder, sound[1].bytes, sound[1].size, 0, NULL, &info));
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, valid[1].bytes, valid[1].size, 0, NULL, &info));
     CHECK(info.frame == 1 && info.rows == info.height);
     rig_close(&both);
 }
@@ -101,6 +101,6 @@ int main(int argc, char **argv) {
     lost_while_encoding(3, 1);
     lost_while_encoding(5, 1);
     lost_while_decoding();
-    free_packets(sound);
+    free_packets(valid);
     return tear_down();
 }

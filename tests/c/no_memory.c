@@ -156,7 +156,7 @@ static nvsp_status try_stream(void) {
     return status;
 }
 
-// A sound packet of 49 bytes that names a picture of 2048 by 2048.
+// A valid packet of 49 bytes that names a picture of 2048 by 2048.
 static uint8_t hostile[49];
 
 // The first packet with another size and camera, without a difference picture: src/packet/mod.rs has the format.
@@ -298,7 +298,7 @@ static void under_limits(const char *program, const char *folder, size_t which) 
             printf("%s with %d KiB: ended with %d\n", attempts[which].name, kibibytes, code);
         }
     }
-    printf("%-14s under limits: %d sound, %d NVSP_ERR_MEMORY, %d another error, %d killed\n", attempts[which].name,
+    printf("%-14s under limits: %d valid, %d NVSP_ERR_MEMORY, %d another error, %d killed\n", attempts[which].name,
            ends[0], ends[1], ends[2], killed);
     CHECK(ends[0] > 0 && ends[2] == 0 && killed == 0);
     CHECK(ends[1] > 0 || !attempts[which].large);

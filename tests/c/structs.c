@@ -329,7 +329,7 @@ static nvsp_status between_poses(void *structure) {
     return status;
 }
 
-// Structures that mean nothing if they are all zero: they are sound ones with another head, or with more after them.
+// Structures that mean nothing if they are all zero: they are valid ones with another head, or with more after them.
 static void others(void) {
     camera = dive.camera;
     pose = dive.poses[0];
@@ -344,7 +344,7 @@ static void others(void) {
     sender_options = (nvsp_sender_options){NVSP_HEAD(nvsp_sender_options), .bit_rate = 5000, .frame_rate = 5};
     MUST(nvsp_decode(both.decoder, first.bytes, first.size, 0, NULL, NULL));
     const struct {
-        const void *sound;
+        const void *valid;
         size_t size;
         caller call;
     } all[] = {
@@ -362,11 +362,11 @@ static void others(void) {
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         const size_t size = all[i].size;
         uint32_t *words = calloc(1, size + 24);
-        memcpy(words, all[i].sound, size);
+        memcpy(words, all[i].valid, size);
         EXPECT(NVSP_OK, all[i].call(words));
         words[0] = (uint32_t)size + 24;
         EXPECT(NVSP_OK, all[i].call(words));
-        memcpy(words, all[i].sound, size);
+        memcpy(words, all[i].valid, size);
         words[0] = (uint32_t)size + 24;
         ((uint8_t *)words)[size + 23] = 1;
         EXPECT(NVSP_ERR_STRUCT_SIZE, all[i].call(words));
