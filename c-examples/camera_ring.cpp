@@ -148,7 +148,7 @@ bool encode(nvsp_encoder *encoder, const nvsp_camera &camera, const nvsp_pose &s
             nvsp_encode(encoder, &image, &info, packet.data(), packet.size(), &size, &stats);
         if (status != NVSP_OK) {
             char text[512] = "";
-            nvsp_encoder_last_error(encoder, text, sizeof text);
+            nvsp_last_error(encoder, text, sizeof text);
             std::fprintf(stderr, "encoding: %s: %s\n", nvsp_status_text(status), text);
             return false;
         }
@@ -221,15 +221,15 @@ int main(int argc, char **argv) {
     const std::unique_ptr<nvsp_encoder, Destroy> encoder_owner(encoder);
     if (status != NVSP_OK) {
         char text[512] = "";
-        nvsp_engine_last_error(engine, text, sizeof text);
+        nvsp_last_error(engine, text, sizeof text);
         std::fprintf(stderr, "making an encoder: %s: %s\n", nvsp_status_text(status), text);
         return 1;
     }
 
     Ring ring(frames[0]);
-    bool sound = false;
-    std::thread encoding([&] { sound = encode(encoder, camera, start, ring); });
+    bool encoded = false;
+    std::thread encoding([&] { encoded = encode(encoder, camera, start, ring); });
     film(ring, frames, rate, seconds);
     encoding.join();
-    return sound ? 0 : 1;
+    return encoded ? 0 : 1;
 }

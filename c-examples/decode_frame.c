@@ -52,7 +52,7 @@ static int decode(nvsp_decoder *decoder, const uint8_t *packet, size_t size, ppm
     const nvsp_status status = nvsp_decode(decoder, packet, size, 0, &place, &info);
     if (status != NVSP_OK) {
         char text[512] = "";
-        nvsp_decoder_last_error(decoder, text, sizeof text);
+        nvsp_last_error(decoder, text, sizeof text);
         fprintf(stderr, "decoding: %s: %s\n", nvsp_status_text(status), text);
         return 0;
     }
@@ -86,7 +86,7 @@ int main(int argc, char **argv) {
             done = decode(decoder, packet, size, &picture) && ppm_write(argv[3], &picture);
         } else {
             char text[512] = "";
-            nvsp_engine_last_error(engine, text, sizeof text);
+            nvsp_last_error(engine, text, sizeof text);
             fprintf(stderr, "making a decoder: %s: %s\n", nvsp_status_text(status), text);
         }
     }

@@ -39,7 +39,7 @@ static size_t encode(nvsp_encoder *encoder, const ppm *frame, const nvsp_pose *s
     const nvsp_status status = nvsp_encode(encoder, &image, &info, packet, room, &written, &stats);
     if (status != NVSP_OK) {
         char text[512] = "";
-        nvsp_encoder_last_error(encoder, text, sizeof text);
+        nvsp_last_error(encoder, text, sizeof text);
         fprintf(stderr, "encoding: %s: %s\n", nvsp_status_text(status), text);
         return 0;
     }
@@ -49,14 +49,14 @@ static size_t encode(nvsp_encoder *encoder, const ppm *frame, const nvsp_pose *s
 
 static int write_file(const char *path, const uint8_t *bytes, size_t size) {
     FILE *file = fopen(path, "wb");
-    int sound = file != NULL && fwrite(bytes, 1, size, file) == size;
+    int valid = file != NULL && fwrite(bytes, 1, size, file) == size;
     if (file != NULL && fclose(file) != 0) {
-        sound = 0;
+        valid = 0;
     }
-    if (!sound) {
+    if (!valid) {
         fprintf(stderr, "%s: cannot be written\n", path);
     }
-    return sound;
+    return valid;
 }
 
 int main(int argc, char **argv) {
@@ -87,7 +87,7 @@ int main(int argc, char **argv) {
             done = size > 0 && write_file(argv[5], packet, size);
         } else {
             char text[512] = "";
-            nvsp_engine_last_error(engine, text, sizeof text);
+            nvsp_last_error(engine, text, sizeof text);
             fprintf(stderr, "making an encoder: %s: %s\n", nvsp_status_text(status), text);
         }
     }

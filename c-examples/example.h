@@ -41,24 +41,24 @@ static inline long ppm_number(FILE *file) {
 static inline int ppm_read(const char *path, ppm *picture) {
     ppm found = {0, 0, NULL};
     FILE *file = fopen(path, "rb");
-    int sound = file != NULL && getc(file) == 'P' && getc(file) == '6';
-    if (sound) {
+    int valid = file != NULL && getc(file) == 'P' && getc(file) == '6';
+    if (valid) {
         const long width = ppm_number(file);
         const long height = ppm_number(file);
         const long peak = ppm_number(file);
-        sound = width > 0 && width <= 16384 && height > 0 && height <= 16384 && peak == 255;
-        if (sound) {
+        valid = width > 0 && width <= 16384 && height > 0 && height <= 16384 && peak == 255;
+        if (valid) {
             found.width = (uint32_t)width;
             found.height = (uint32_t)height;
             found.pixels = (uint8_t *)malloc(ppm_size(&found));
-            sound = found.pixels != NULL
+            valid = found.pixels != NULL
                     && fread(found.pixels, 1, ppm_size(&found), file) == ppm_size(&found);
         }
     }
     if (file != NULL) {
         fclose(file);
     }
-    if (!sound) {
+    if (!valid) {
         fprintf(stderr, "%s: no PPM of the kind P6 with 8 bits per channel\n", path);
         free(found.pixels);
         return 0;
@@ -70,15 +70,15 @@ static inline int ppm_read(const char *path, ppm *picture) {
 // Writes a PPM. If it fails, prints why and returns 0.
 static inline int ppm_write(const char *path, const ppm *picture) {
     FILE *file = fopen(path, "wb");
-    int sound = file != NULL && fprintf(file, "P6\n%u %u\n255\n", picture->width, picture->height) > 0
+    int valid = file != NULL && fprintf(file, "P6\n%u %u\n255\n", picture->width, picture->height) > 0
                 && fwrite(picture->pixels, 1, ppm_size(picture), file) == ppm_size(picture);
     if (file != NULL && fclose(file) != 0) {
-        sound = 0;
+        valid = 0;
     }
-    if (!sound) {
+    if (!valid) {
         fprintf(stderr, "%s: cannot be written\n", path);
     }
-    return sound;
+    return valid;
 }
 
 // Reads a file of at most `room` bytes and returns its size. If it fails, prints why and returns 0.
@@ -181,7 +181,7 @@ static inline int open_prior(const char *path, nvsp_engine **engine, nvsp_prior 
     status = nvsp_prior_open(*engine, path, NULL, prior);
     if (status != NVSP_OK) {
         char text[512] = "";
-        nvsp_engine_last_error(*engine, text, sizeof text);
+        nvsp_last_error(*engine, text, sizeof text);
         fprintf(stderr, "opening %s: %s: %s\n", path, nvsp_status_text(status), text);
         return 0;
     }

@@ -8,6 +8,7 @@
 
 #include <arpa/inet.h>
 #include <getopt.h>
+#include <nvsprior_extra.h>
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <sys/wait.h>
@@ -60,14 +61,12 @@ struct Settings {
 };
 
 // Says what failed, with the words of the handle that it failed on.
-template <class T>
-bool succeeded(nvsp_status status, const char *what, const T *handle,
-           nvsp_status (*last_error)(const T *, char *, size_t)) {
+bool succeeded(nvsp_status status, const char *what, const void *handle) {
     if (status >= NVSP_OK) {
         return true;
     }
     char text[512] = "";
-    last_error(handle, text, sizeof text);
+    nvsp_last_error(handle, text, sizeof text);
     std::fprintf(stderr, "%s: %s: %s\n", what, nvsp_status_text(status), text);
     return false;
 }
@@ -166,7 +165,7 @@ public:
         nvsp_status status =
             nvsp_encoder_create(engine_.get(), prior_.get(), &set_.camera, &options, &encoder);
         encoder_.reset(encoder);
-        if (!succeeded(status, "making an encoder", engine_.get(), nvsp_engine_last_error)) {
+        if (!succeeded(status, "making an encoder", engine_.get())) {
             return false;
         }
         nvsp_sender_options link;
@@ -192,18 +191,18 @@ public:
     bool take(double exposed, const std::string &path, const nvsp_pose *hint) {
         uint32_t budget = 0;
         nvsp_status status = nvsp_sender_plan(sender_.get(), exposed, &budget);
-        if (!succeeded(status, "planning", sender_.get(), nvsp_sender_last_error)) {
+        if (!succeeded(status, "planning", sender_.get())) {
             return false;
         }
         if (budget == 0) {
             std::printf("vehicle: a frame is left out\n");
             status = nvsp_encoder_skip(encoder_.get(), 1);
-            return succeeded(status, "skipping", encoder_.get(), nvsp_encoder_last_error);
+            return succeeded(status, "skipping", encoder_.get());
         }
         // A packet that tells the camera takes more, for once: the sender gives the next ones less.
         uint32_t extra = 0;
         status = nvsp_encoder_extra_bytes(encoder_.get(), &extra);
-        if (!succeeded(status, "extra bytes", encoder_.get(), nvsp_encoder_last_error)) {
+        if (!succeeded(status, "extra bytes", encoder_.get())) {
             return false;
         }
         size_t size = 0;
@@ -214,7 +213,7 @@ public:
             // The bytes do not even hold the pose.
             status = encode(path, hint, NVSP_RATE_NONE, 0, size, stats);
         }
-        if (!succeeded(status, path.c_str(), encoder_.get(), nvsp_encoder_last_error)) {
+        if (!succeeded(status, path.c_str(), encoder_.get())) {
             return false;
         }
         nvsp_division division;
@@ -224,7 +223,7 @@ public:
                     "%2u modem frames, any %2u give a picture, %2u all of it\n",
                     stats.frame, stats.bytes, stats.milliseconds, division.shares, division.picture_shares,
                     division.whole_shares);
-        return succeeded(status, "sharing", sender_.get(), nvsp_sender_last_error);
+        return succeeded(status, "sharing", sender_.get());
     }
 
     // Sends what is due until a time.
@@ -266,7 +265,7 @@ private:
         if (status != NVSP_OK) {
             return status;
         }
-        while (nvsp_encode_poll(encoder_.get()) == NVSP_PENDING) {
+        while (nvsp_encode_wait(encoder_.get(), 0) == NVSP_PENDING) {
             if (!send_next()) {
                 (void)!nvsp_encode_wait(encoder_.get(), 2);
             }
@@ -359,7 +358,7 @@ public:
         if (status == NVSP_OK) {
             status = nvsp_decoder_add_camera(decoder, &set_.camera);
         }
-        if (!succeeded(status, "making a decoder", engine_.get(), nvsp_engine_last_error)) {
+        if (!succeeded(status, "making a decoder", engine_.get())) {
             return false;
         }
         nvsp_collector_options options;
@@ -456,7 +455,7 @@ private:
             nvsp_picture picture = place();
             status = nvsp_decode(decoder_.get(), packet_.data(), size, NVSP_DECODE_START, &picture, &info);
         }
-        if (!succeeded(status, "decoding", decoder_.get(), nvsp_decoder_last_error)) {
+        if (!succeeded(status, "decoding", decoder_.get())) {
             return;
         }
         next_ = state.frame + 1;

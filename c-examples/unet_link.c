@@ -111,7 +111,7 @@ static int show(nvsp_decoder *decoder, nvsp_collector *collector, uint32_t frame
         done = ppm_write(path, &picture);
     } else {
         char text[512] = "";
-        nvsp_decoder_last_error(decoder, text, sizeof text);
+        nvsp_last_error(decoder, text, sizeof text);
         fprintf(stderr, "decoding: %s: %s\n", nvsp_status_text(status), text);
     }
     free(picture.pixels);

@@ -5,20 +5,43 @@
  * prior at the pose and adds the difference. Packets travel in modem frames: a sender makes them, with protection
  * against losses or without, and a collector puts packets together.
  *
+ * The usual case takes these functions, in this order. The first part of this header has them, with all structures that
+ * they take. Leave a field at zero if you do not need it.
+ *
+ *   nvsp_engine_create    opens a Vulkan device. nvsp_engine_options.log receives the text of every failure.
+ *   nvsp_prior_open       reads the scene, and copies it to the device.
+ *   nvsp_encoder_create   on the vehicle: makes an encoder for a camera.
+ *   nvsp_encode           makes a packet of a frame.
+ *   nvsp_encoder_destroy  ends the encoder.
+ *   nvsp_decoder_create   on the topside: makes a decoder.
+ *   nvsp_decode           makes a picture of a packet.
+ *   nvsp_decoder_destroy  ends the decoder.
+ *   nvsp_prior_destroy    on both sides: ends the prior,
+ *   nvsp_engine_destroy   and the engine.
+ *
+ * The next part has a status in words (nvsp_status_text) and the details of a failure (nvsp_last_error). The other
+ * parts are for those who need them: versions, frames that are coded beside your own work, lens and mask, and both ends
+ * of a link (sender, collector). nvsprior_extra.h has what few need: a Vulkan device of yours, DMA-BUFs, an allocator,
+ * a list of devices, counts of the link.
+ *
  * The contract of every function:
  *
  * Status. A call that can fail returns an nvsp_status: NVSP_OK (0), NVSP_PENDING, or an error below zero.
- *   nvsp_status_text gives it in words; nvsp_..._last_error on the handle gives the details. A call that fails writes
+ *   nvsp_status_text says it in words; nvsp_last_error on the handle tells the details. A call that fails writes
  *   nothing through any pointer and loses nothing that was good. There are two exceptions: NVSP_ERR_BUFFER_TOO_SMALL
  *   tells the size needed, and NVSP_ERR_NEWER the version. You may go on to use the handle, except after
- *   NVSP_ERR_INTERNAL (later calls give NVSP_ERR_POISONED) and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The
+ *   NVSP_ERR_INTERNAL (later calls return NVSP_ERR_POISONED) and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The
  *   firmware build has no NVSP_ERR_INTERNAL: there a fault of the library itself aborts the process, and a watchdog
  *   must start it again.
+ * Failures. The comment of a function names the statuses that are its own. Besides, a call may fail with
+ *   NVSP_ERR_NULL (see Parameters), NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION (see Structures), NVSP_ERR_POISONED
+ *   (see Status), and on an encoder, a decoder, a sender or a collector with NVSP_ERR_BUSY (see Threads).
  * Ownership. nvsp_..._create and nvsp_prior_open give you a handle; nvsp_..._destroy ends it. You may destroy handles
  *   in any order: a handle keeps alive what it needs of another. All other memory is yours, and is read or written only
  *   during the call. Texts that a call returns are static.
- * Parameters. One line per parameter says what it is, its unit, and whether NULL is allowed. If it is not, NULL gives
- *   NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot check it.
+ * Parameters. One line per parameter says what it is, its unit, and whether NULL is allowed. If it is not, NULL yields
+ *   NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot check it. A handle has no line: it
+ *   must be a live one, and not NULL, except that nvsp_..._destroy takes NULL.
  * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
  *   decoder, a sender or a collector: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a handle
  *   while it is destroyed, or afterwards.
@@ -31,7 +54,7 @@
  *   the system does not have it, the call fails with NVSP_ERR_MEMORY, and nothing has changed. The library itself never
  *   ends the process for want of memory, wherever that comes from (nvsp_set_allocator). A Vulkan driver may: Mesa's
  *   does, while it compiles.
- * Structures. Every structure begins with struct_size. Set it up with NVSP_INIT(&structure), or as
+ * Structures. Every structure begins with struct_size and abi_version. Set it up with NVSP_INIT(&structure), or as
  *   nvsp_camera camera = NVSP_INITIALIZER(nvsp_camera). This makes every other field zero, its default. Later versions
  *   only append fields. Flags that are unknown, and reserved fields that are not zero, are refused.
  * Compilers. With GCC and Clang a status that is not looked at and a NULL that is not allowed give a warning. Define
@@ -47,6 +70,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
+
 /* Sets a structure up for use: all defaults. Returns an nvsp_status. */
 #define NVSP_INIT(structure) nvsp_struct_init((structure), sizeof *(structure), NVSP_ABI_VERSION)
 
@@ -76,448 +100,25 @@ template <class Structure> inline Structure nvsp_initialized() {
 #define NVSP_NONNULL(...)
 #endif
 
-
-// Version of the ABI that this header describes.
-#define NVSP_ABI_VERSION 1
-
-// Version of the library that this header came with; nvsp_version gives that of the library in use. First number.
-#define NVSP_VERSION_MAJOR 0
-
-// Second number.
-#define NVSP_VERSION_MINOR 1
-
-// Third number.
-#define NVSP_VERSION_PATCH 0
-
-// The three in one number, for comparisons: 1,000,000 major + 1,000 minor + patch.
-#define NVSP_VERSION_NUMBER 1000
-
-// A call failed.
-#define NVSP_LOG_ERROR 1
-
-// Something is not as it should be, but work goes on.
-#define NVSP_LOG_WARNING 2
-
-// What was chosen and loaded.
-#define NVSP_LOG_INFO 3
-
-// A graphics card with memory of its own.
-#define NVSP_DEVICE_DISCRETE_GPU 1
-
-// A GPU that shares the host's memory.
-#define NVSP_DEVICE_INTEGRATED_GPU 2
-
-// A GPU of a virtual machine.
-#define NVSP_DEVICE_VIRTUAL_GPU 3
-
-// A driver that computes on the CPU.
-#define NVSP_DEVICE_CPU 4
-
-// Any other device.
-#define NVSP_DEVICE_OTHER 5
-
-// Run under the Khronos validation layer, which must be installed. Its messages are logged as
-// warnings when the engine is destroyed or reopened. For tests; slow.
-#define NVSP_ENGINE_VALIDATION 1
-
-// For nvsp_engine_options.watchdog_milliseconds: wait as long as the device takes.
-#define NVSP_WATCHDOG_NONE UINT32_MAX
-
-// `near_plane` is given.
-#define NVSP_PRIOR_NEAR 1
-
-// `alpha_max` is given.
-#define NVSP_PRIOR_ALPHA_MAX 2
-
-// `antialiased` is given.
-#define NVSP_PRIOR_ANTIALIASED 4
-
-// `background` is given.
-#define NVSP_PRIOR_BACKGROUND 8
-
-// Colours were left as they were.
-#define NVSP_WHITE_BALANCE_NONE 0
-
-// The means of red, green and blue were brought together, by gains up to 4.
-#define NVSP_WHITE_BALANCE_GRAY_WORLD 1
-
-// Three bytes per pixel: red, green, blue.
-#define NVSP_FORMAT_RGB8 1
-
-// Three bytes per pixel: blue, green, red.
-#define NVSP_FORMAT_BGR8 2
-
-// Four bytes per pixel: red, green, blue, alpha. Alpha is ignored in images and 255 in pictures.
-#define NVSP_FORMAT_RGBA8 3
-
-// Plane 0: Y; plane 1: U and V in turn, one pair per two by two pixels. Images only.
-#define NVSP_FORMAT_NV12 4
-
-// Planes Y, U, V; one U and one V per two by two pixels. Images only.
-#define NVSP_FORMAT_I420 5
-
-// BT.601, limited range: what most cameras and V4L2 deliver.
-#define NVSP_COLOUR_BT601_LIMITED 0
-
-// BT.601, full range: JPEG.
-#define NVSP_COLOUR_BT601_FULL 1
-
-// BT.709, limited range: HDTV, most H.264 decoders.
-#define NVSP_COLOUR_BT709_LIMITED 2
-
-// BT.709, full range.
-#define NVSP_COLOUR_BT709_FULL 3
-
-// For nvsp_frame_info.given: `time` is the frame's.
-#define NVSP_GIVEN_TIME 1
-
-// Quality 10.
-#define NVSP_RATE_DEFAULT 0
-
-// Quality of the difference picture, 0 to 100.
-#define NVSP_RATE_QUALITY 1
-
-// Bytes of the whole packet, never exceeded; 0 to 4,294,967,295.
-#define NVSP_RATE_BYTES 2
-
-// PSNR to reach with as few bytes as possible, dB; above 0, up to 100.
-#define NVSP_RATE_PSNR 3
-
-// No difference picture: the pose alone.
-#define NVSP_RATE_NONE 4
-
-// Gauss-Newton over an image pyramid: the fastest.
-#define NVSP_OPTIMIZER_GAUSS_NEWTON 0
-
-// BFGS at full resolution, the paper's.
-#define NVSP_OPTIMIZER_BFGS 1
-
-// Adam at full resolution.
-#define NVSP_OPTIMIZER_ADAM 2
-
-// Adam, then BFGS.
-#define NVSP_OPTIMIZER_ADAM_BFGS 3
-
-// The pose in 16 bytes.
-#define NVSP_PROFILE_COMPACT 0
-
-// The pose in 28 bytes, as in the paper.
-#define NVSP_PROFILE_PAPER 1
-
-// A packet has the short form, a latent part of 19 bytes, if an earlier packet stated its prior and camera.
-#define NVSP_FORM_SHORT 0
-
-// Every packet names prior and camera in full: a latent part of 31 bytes.
-#define NVSP_FORM_FULL 1
-
-// The wavelet coder codes the difference picture. It knows the prior's render.
-#define NVSP_RESIDUAL_WAVELET 0
-
-// WebP codes the difference picture, as in the paper.
-#define NVSP_RESIDUAL_WEBP 1
-
-// Every frame is intra: a lost packet costs its own frame.
-#define NVSP_MODE_INTRA 0
-
-// The difference pictures of frames are predicted from those of earlier ones, and take fewer bytes. A frame whose
-// reference is missing is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
-#define NVSP_MODE_STREAM 1
-
-// A frame is predicted from the one before. Saves most; a lost packet spoils all frames up to the next key frame.
-#define NVSP_STRUCTURE_CHAIN 0
-
-// Layers: every other frame is the reference of none, and every fourth of more. A lost packet spoils fewer frames.
-#define NVSP_STRUCTURE_LAYERS 1
-
-// A frame is predicted from the last key frame. A lost packet costs its own frame, unless it is the key frame.
-#define NVSP_STRUCTURE_KEYS 2
-
-// A frame is predicted from the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own
-// frame.
-#define NVSP_STRUCTURE_ACKNOWLEDGED 3
-
-// For nvsp_encoder_options.key_every: no key frames after the first.
-#define NVSP_KEY_ONCE UINT32_MAX
-
-// For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
-#define NVSP_CAMERA_ONCE UINT32_MAX
-
-// The picture does not confirm the pose.
-#define NVSP_FRAME_UNCERTAIN 1
-
-// The rate was not kept: the budget holds no difference picture, or the best one does not reach
-// the PSNR.
-#define NVSP_FRAME_RATE_MISSED 4
-
-// The picture does not determine one direction of the pose: see nvsp_frame_stats.pose_deviation.
-#define NVSP_FRAME_UNDETERMINED 8
-
-// A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
-// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
-// it is one of the two.
-#define NVSP_FRAME_NOT_PORTABLE 2
-
-// The frame started from the pose given with it.
-#define NVSP_START_HINT 0
-
-// It started from the pose of the frame before.
-#define NVSP_START_PREVIOUS 1
-
-// It started from the pose that constant velocity predicts.
-#define NVSP_START_PREDICTED 2
-
-// No start was near, and no pose was given: it started from the best one at hand.
-#define NVSP_START_UNCERTAIN 3
-
-// The prior's key frames gave the start.
-#define NVSP_START_KEY_FRAME 4
-
-// The gradient became small enough.
-#define NVSP_STOP_GRADIENT 0
-
-// The steps became small enough.
-#define NVSP_STOP_PROGRESS 1
-
-// No step made the error smaller.
-#define NVSP_STOP_NO_DESCENT 2
-
-// No iterations were left.
-#define NVSP_STOP_ITERATIONS 3
-
-// The picture confirms the pose.
-#define NVSP_STATE_CERTAIN 0
-
-// The pose is not certain. The encoder looks for it again at every frame.
-#define NVSP_STATE_LOST 1
-
-// What the topside will show of the last frame.
-#define NVSP_PICTURE_SHOWN 0
-
-// The prior's render alone.
-#define NVSP_PICTURE_RENDER 1
-
-// Brown-Conrady, OpenCV's usual model. `coefficients` in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6, of which the
-// first 4, the first 5 or all 8 are given.
-#define NVSP_LENS_BROWN_CONRADY 1
-
-// Kannala-Brandt, as in OpenCV's module `fisheye`. `coefficients`: k1, k2, k3, k4.
-#define NVSP_LENS_FISHEYE 2
-
-// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_collector_fetch copies it. If the
-// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
-// picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
-// matches.
-#define NVSP_DECODE_START 1
-
-// The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
-// does not tell.
-#define NVSP_DECODED_SAME_RENDER 4
-
-// The render is not the vehicle's: the vehicle's device, or its driver, rounds differently.
-#define NVSP_DECODED_OTHER_RENDER 8
-
-// The frame is one of a stream, and its difference picture is predicted from that of nvsp_decoded.reference.
-#define NVSP_DECODED_INTER 16
-
-// The frame is one of a stream and came in full: later ones may be predicted from it. If there is a return channel,
-// tell the vehicle: nvsp_encoder_acknowledge.
-#define NVSP_DECODED_KEPT 32
-
-// `pose` is given.
-#define NVSP_HEADER_POSE 4
-
-// The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
-#define NVSP_HEADER_SHORT 8
-
-// nvsp_sender_options.loss: the link loses nothing.
-#define NVSP_LOSS_NONE -1.0
-
-// nvsp_sender_options.flags: the topside sends reports, for nvsp_sender_process_report. The sender then remembers the
-// packets of twice the latency.
-#define NVSP_SENDER_EXPECT_REPORTS 1
-
-// nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
-// missing. Needs an MTU of 31 or more, stream 0 and no user bytes.
-#define NVSP_SENDER_UNPROTECTED 2
-
-// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do, with protection from 16.
-#define NVSP_MTU_31 31
-
-#define NVSP_MTU_64 64
-
-#define NVSP_MTU_256 256
-
-#define NVSP_MTU_1024 1024
-
-// Most frames in a report.
-#define NVSP_REPORT_FRAMES 32
-
-// nvsp_collector_options.flags: the modem hands over no damaged frames. The first share of an unprotected packet then
-// counts as valid to its end.
-#define NVSP_COLLECTOR_MODEM_CHECKS 1
-
-// The packet is complete.
-#define NVSP_EVENT_COMPLETE 1
-
-// The packet has more bytes at its start than before: nvsp_collector_fetch yields a better picture.
-#define NVSP_EVENT_GROWN 2
-
-// The share is kept. It is of use once more come.
-#define NVSP_EVENT_KEPT 3
-
-// The share was there already.
-#define NVSP_EVENT_DUPLICATE 4
-
-// The packet's own checks do not match what its shares hold. They are dropped, and may come again. Of an unprotected
-// packet the first one stays, as far as it is valid.
-#define NVSP_EVENT_DAMAGED 5
-
-// The share's packet was complete before.
-#define NVSP_EVENT_SURPLUS 6
-
-// What VkDevice points to.
-typedef struct VkDevice_T VkDevice_T;
-
-// What VkInstance points to.
-typedef struct VkInstance_T VkInstance_T;
-
-// What VkPhysicalDevice points to.
-typedef struct VkPhysicalDevice_T VkPhysicalDevice_T;
-
-// What VkQueue points to.
-typedef struct VkQueue_T VkQueue_T;
-
-// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. One thread at a time may
-// use it. Example:
-//
-//     nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
-//     if (nvsp_collector_push(collector, now, frame, size, &state) == NVSP_OK && state.bytes > 0)
-//         status = nvsp_collector_fetch(collector, state.stream, state.frame, packet, sizeof packet, &bytes, NULL);
-typedef struct nvsp_collector nvsp_collector;
-
-// Decodes packets, in any order. One thread at a time may use it. Example:
-//
-//     nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
-//     picture.format = NVSP_FORMAT_RGB8;
-//     status = nvsp_decode(decoder, packet, bytes, 0, &picture, NULL); // NVSP_ERR_BUFFER_TOO_SMALL
-//     picture.pixels = malloc(picture.needed);
-//     picture.size = picture.needed;
-//     status = nvsp_decode_finish(decoder, &picture, NULL);
-typedef struct nvsp_decoder nvsp_decoder;
-
-// A DMA-BUF that frames are read from; import each buffer of a camera's ring once. Any number of threads may use it at
-// once. Example, for a frame of V4L2 in NV12, whose buffer VIDIOC_EXPBUF exported:
-//
-//     nvsp_dmabuf *buffer = NULL;
-//     if (nvsp_dmabuf_import(engine, fd, 0, &buffer) != NVSP_OK) return 1;
-//     nvsp_image image = NVSP_INITIALIZER(nvsp_image);
-//     image.format = NVSP_FORMAT_NV12;
-//     image.width = 1920;
-//     image.height = 1080;
-//     image.dmabufs[0] = buffer;
-//     image.offsets[1] = 1080 * stride;
-//     image.strides[0] = image.strides[1] = stride;
-typedef struct nvsp_dmabuf nvsp_dmabuf;
-
-// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
-//
-//     if (nvsp_encode_begin(encoder, &image, &info) != NVSP_OK) return;
-//     while (nvsp_encode_poll(encoder) == NVSP_PENDING) steer();
-//     status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
-typedef struct nvsp_encoder nvsp_encoder;
-
-// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
-//
-//     nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
-//     nvsp_engine *engine = NULL;
-//     options.log = print_to_stderr;
-//     options.watchdog_milliseconds = 5000;
-//     if (nvsp_engine_create(&options, &engine) != NVSP_OK) return 1;
-typedef struct nvsp_engine nvsp_engine;
-
-// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
-//
-//     nvsp_prior *prior = NULL;
-//     if (nvsp_prior_open(engine, "reef.nvsg", NULL, &prior) != NVSP_OK) {
-//         char text[512];
-//         nvsp_engine_last_error(engine, text, sizeof text);
-//         fputs(text, stderr);
-//     }
-typedef struct nvsp_prior nvsp_prior;
-
-// Makes the modem frames of packets, within a bit rate. Such a frame is a share. A few shares of a packet, in any
-// combination, yield a picture; each additional one refines it. Without protection (NVSP_SENDER_UNPROTECTED) shares
-// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. One thread at a
-// time may use it. Example:
-//
-//     // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
-//     status = nvsp_sender_plan(sender, now, &budget);
-//     if (status == NVSP_OK && budget > 0) {
-//         status = nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, (float)budget);
-//         // ... nvsp_encode ...
-//         status = nvsp_sender_push(sender, later, packet, bytes, NULL, 0, NULL);
-//     }
-//     // Whenever the modem is free:
-//     if (nvsp_sender_next(sender, now, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
-//
-// A packet by itself, without a clock:
-//
-//     nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
-//     options.flags = NVSP_SENDER_UNPROTECTED;
-//     status = nvsp_sender_create(64, &options, &sender);
-//     status = nvsp_sender_push(sender, 0, packet, bytes, NULL, 0, NULL);
-//     while (nvsp_sender_next(sender, 0, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
-typedef struct nvsp_sender nvsp_sender;
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* nvsprior_extra.h has them. */
+struct nvsp_dmabuf;
+struct nvsp_vulkan;
+
+// ---- The usual case ----
 
 // What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
 typedef int32_t nvsp_status;
 
-// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on
-// any thread, on several at once. It must not call the library, and must not unwind.
-typedef void *(*nvsp_allocate_callback)(void *user, size_t size, size_t alignment);
-
-// Takes a block back that nvsp_allocate_callback gave, with the size and alignment that it was asked for.
-typedef void (*nvsp_release_callback)(void *user, void *block, size_t size, size_t alignment);
-
-// Where the library takes host memory from.
-typedef struct nvsp_allocator {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
-  nvsp_allocate_callback allocate;
-  // Takes it back.
-  nvsp_release_callback release;
-  // Passed to both as it is. What it points to must stay as long as the library is loaded.
-  void *user;
-} nvsp_allocator;
-
-// A device that a driver offers.
-typedef struct nvsp_device_info {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Its name, ending in NUL; nvsp_engine_options.device takes it, a part of it, or its number as text.
-  char name[256];
-  // Name and version of its driver, ending in NUL.
-  char driver[256];
-  // Why it cannot run an engine, ending in NUL; empty if it can.
-  char unfit[128];
-  // NVSP_DEVICE_*.
-  uint32_t kind;
-  // Vulkan version, first number.
-  uint32_t vulkan_major;
-  // Vulkan version, second number.
-  uint32_t vulkan_minor;
-  // Zero.
-  uint32_t reserved;
-  // Its largest heap of memory, bytes.
-  uint64_t memory;
-  // Its largest buffer, bytes.
-  uint64_t largest_buffer;
-} nvsp_device_info;
+// A call failed.
+#define NVSP_LOG_ERROR 1
+// Something is not as it should be, but work goes on.
+#define NVSP_LOG_WARNING 2
+// What was chosen and loaded.
+#define NVSP_LOG_INFO 3
 
 // Receives messages of an engine and of everything made with it: a level, NVSP_LOG_ERROR, NVSP_LOG_WARNING or
 // NVSP_LOG_INFO, and a text that is valid during the call. It is called on the thread that is inside the library, or
@@ -530,72 +131,16 @@ typedef void (*nvsp_log_callback)(void *user, int32_t level, const char *message
 // must not unwind.
 typedef void (*nvsp_thread_callback)(void *user, const char *name);
 
-// PFN_vkVoidFunction.
-typedef void (*nvsp_vulkan_function)(void);
+// Run under the Khronos validation layer, which must be installed. Its messages are logged as
+// warnings when the engine is destroyed or reopened. For tests; slow.
+#define NVSP_ENGINE_VALIDATION 1
 
-// PFN_vkGetInstanceProcAddr.
-typedef nvsp_vulkan_function (*nvsp_vulkan_loader)(struct VkInstance_T *instance, const char *name);
-
-// Takes or gives back the lock of a queue. Called on any thread that is inside the library, and on the library's own;
-// both on the same one. It must not call the library, and must not unwind.
-typedef void (*nvsp_queue_callback)(void *user);
-
-// A Vulkan device that you have made, for an engine to work on beside your own work. It needs Vulkan 1.2, the feature
-// vulkanMemoryModel, and a queue that computes; no extensions. With the feature shaderInt64 CPU devices are faster.
-// The types are those of Vulkan's own header. What an engine makes on the device is gone when the last handle made
-// with it is destroyed. Until then keep instance and device; the library destroys neither. Example:
-//
-//     nvsp_vulkan vulkan = NVSP_INITIALIZER(nvsp_vulkan);
-//     vulkan.get_instance_proc_addr = vkGetInstanceProcAddr;
-//     vulkan.api_version = VK_API_VERSION_1_2;
-//     vulkan.instance = instance;
-//     vulkan.physical_device = physical_device;
-//     vulkan.device = device;
-//     vulkan.features = &features; // A VkPhysicalDeviceFeatures2, as it was VkDeviceCreateInfo.pNext.
-//     vulkan.queue = queue;
-//     vulkan.queue_family = family;
-//     vulkan.lock_queue = lock;
-//     vulkan.unlock_queue = unlock;
-//     vulkan.queue_user = &mutex;
-//     options.vulkan = &vulkan;
-typedef struct nvsp_vulkan {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // vkGetInstanceProcAddr of your loader. The library finds all other functions through it. Not NULL.
-  nvsp_vulkan_loader get_instance_proc_addr;
-  // A VkInstance. Not NULL.
-  struct VkInstance_T *instance;
-  // A VkPhysicalDevice of it. Not NULL.
-  struct VkPhysicalDevice_T *physical_device;
-  // A VkDevice made of that. Not NULL.
-  struct VkDevice_T *device;
-  // A VkPhysicalDeviceFeatures2 with its chain: what VkDeviceCreateInfo.pNext was when the device was made. The
-  // library reads shaderInt64 of it, and vulkanMemoryModel of a VkPhysicalDeviceVulkan12Features or a
-  // VkPhysicalDeviceVulkanMemoryModelFeatures. Read during the call. Not NULL.
-  const void *features;
-  // A VkQueue of the device. Not NULL.
-  struct VkQueue_T *queue;
-  // The index of the queue's family.
-  uint32_t queue_family;
-  // VkApplicationInfo.apiVersion of the instance, VK_API_VERSION_1_2 or newer.
-  uint32_t api_version;
-  // Called before the library submits work to the queue, as Vulkan lets one thread at a time use a queue. It waits
-  // until no other thread uses it. NULL: nobody else uses the queue until the last handle made with the engine is
-  // destroyed.
-  nvsp_queue_callback lock_queue;
-  // Called after it. NULL if `lock_queue` is.
-  nvsp_queue_callback unlock_queue;
-  // Passed to both as it is. What it points to must outlive every handle made with the engine.
-  void *queue_user;
-} nvsp_vulkan;
+// For nvsp_engine_options.watchdog_milliseconds: wait as long as the device takes.
+#define NVSP_WATCHDOG_NONE UINT32_MAX
 
 // How to open an engine; all zero: the best device, nothing logged.
 typedef struct nvsp_engine_options {
-  // Set by NVSP_INIT.
   uint32_t struct_size;
-  // Set by NVSP_INIT.
   uint32_t abi_version;
   // The device's number as text, or a part of its name or its driver's name. NULL: the best device, first a discrete
   // GPU, then an integrated one, then a CPU.
@@ -638,28 +183,42 @@ typedef struct nvsp_engine_options {
   const struct nvsp_vulkan *vulkan;
 } nvsp_engine_options;
 
-// A device in words, and the memory it gave.
-typedef struct nvsp_engine_info {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Name, kind, driver and Vulkan version of the device, ending in NUL.
-  char device[256];
-  // Bytes of device memory that everything made with the engine uses.
-  uint64_t memory_used;
-  // Bytes of device memory taken from the driver for that.
-  uint64_t memory_reserved;
-  // Vulkan buffers in use.
-  uint64_t buffers;
-} nvsp_engine_info;
+// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
+//
+//     nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
+//     nvsp_engine *engine = NULL;
+//     options.log = print_to_stderr;
+//     options.watchdog_milliseconds = 5000;
+//     if (nvsp_engine_create(&options, &engine) != NVSP_OK) return 1;
+typedef struct nvsp_engine nvsp_engine;
+
+// Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
+// options' `log`, as there is no handle to ask yet.
+//
+// Fails with NVSP_ERR_ARGUMENT (unknown flags, a name that is no UTF-8, or fields that exclude each other),
+// NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
+//
+// Parameters:
+// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
+//   the engine lives. NULL: all defaults.
+// - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
+                               struct nvsp_engine **engine) NVSP_NONNULL(2);
+
+// `near_plane` is given.
+#define NVSP_PRIOR_NEAR 1
+// `alpha_max` is given.
+#define NVSP_PRIOR_ALPHA_MAX 2
+// `antialiased` is given.
+#define NVSP_PRIOR_ANTIALIASED 4
+// `background` is given.
+#define NVSP_PRIOR_BACKGROUND 8
 
 // Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
 // must give the same.
 typedef struct nvsp_prior_options {
-  // Set by NVSP_INIT.
   uint32_t struct_size;
-  // Set by NVSP_INIT.
   uint32_t abi_version;
   // NVSP_PRIOR_* bits: which of the fields below count.
   uint32_t given;
@@ -673,13 +232,53 @@ typedef struct nvsp_prior_options {
   float background[3];
 } nvsp_prior_options;
 
+// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
+//
+//     nvsp_prior *prior = NULL;
+//     if (nvsp_prior_open(engine, "reef.nvsg", NULL, &prior) != NVSP_OK) {
+//         char text[512];
+//         nvsp_last_error(engine, text, sizeof text);
+//         fputs(text, stderr);
+//     }
+typedef struct nvsp_prior nvsp_prior;
+
+// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
+// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
+// .compressed.ply. Invalid splats are left out and logged as a warning. The file is not needed afterwards, and no copy
+// of it stays in host memory. While the call runs, host and device together take at most four times the size of a
+// binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
+// is packed.
+//
+// Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
+// if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
+// them. If PATH.keys is not valid, the call fails with NVSP_ERR_PRIOR.
+//
+// Scene coder tables are read in the same way, from PATH.tables or the prior's own file. With them difference pictures
+// take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes
+// them.
+//
+// A prior may state a preprocessing: how the pictures that it was trained on were treated. Its encoders treat their
+// frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
+// treated picture.
+//
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
+// NVSP_ERR_DEVICE_LOST; the text is the engine's.
+//
+// Parameters:
+// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
+// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
+// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_prior_open(const struct nvsp_engine *engine,
+                            const char *path,
+                            const struct nvsp_prior_options *options,
+                            struct nvsp_prior **prior) NVSP_NONNULL(1, 2, 4);
+
 // A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device
 // refuses sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells
 // the limit. Every device that Vulkan 1.2 allows takes 2048 by 2048.
 typedef struct nvsp_camera {
-  // Set by NVSP_INIT.
   uint32_t struct_size;
-  // Set by NVSP_INIT.
   uint32_t abi_version;
   // Pixels, 1 to 4096.
   uint32_t width;
@@ -695,85 +294,66 @@ typedef struct nvsp_camera {
   float cy;
 } nvsp_camera;
 
-// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than
-// the device memory was made for makes a frame take more.
-typedef struct nvsp_memory_estimate {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Splats that the file claims.
-  uint64_t splats;
-  // Host memory while the prior is opened.
-  uint64_t prior_host;
-  // Device memory of the prior; while it is opened, as much again if the device has a memory of its own.
-  uint64_t prior_device;
-  // Host memory of an encoder; 0 without a camera.
-  uint64_t encoder_host;
-  // Device memory of an encoder; 0 without a camera.
-  uint64_t encoder_device;
-  // Host memory of a decoder; 0 without a camera.
-  uint64_t decoder_host;
-  // Device memory of a decoder; 0 without a camera.
-  uint64_t decoder_device;
-} nvsp_memory_estimate;
+// Quality 10.
+#define NVSP_RATE_DEFAULT 0
+// Quality of the difference picture, 0 to 100.
+#define NVSP_RATE_QUALITY 1
+// Bytes of the whole packet, never exceeded; 0 to 4,294,967,295.
+#define NVSP_RATE_BYTES 2
+// PSNR to reach with as few bytes as possible, dB; above 0, up to 100.
+#define NVSP_RATE_PSNR 3
+// No difference picture: the pose alone.
+#define NVSP_RATE_NONE 4
 
-// What a prior is.
-typedef struct nvsp_prior_info {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Identity of splats, render options and coder tables; packets carry it.
-  uint32_t id;
-  // Splats in use.
-  uint32_t splats;
-  // Unsound splats of the file, which were left out.
-  uint32_t dropped;
-  // Degree of the spherical harmonics, 0 to 3.
-  uint32_t sh_degree;
-  // Near plane in use, the prior's unit.
-  float near_plane;
-  // Clamp of alpha in use, between 0 and 1.
-  float alpha_max;
-  // 1: the anti-aliased mode is in use; else 0.
-  uint32_t antialiased;
-  // Background in use, linear RGB, 0 to 1.
-  float background[3];
-  // Median position of the splats, the prior's unit.
-  float centre[3];
-  // Spread of the positions around it, the prior's unit.
-  float spread;
-  // Key frames: poses at which a lost camera is looked for.
-  uint32_t key_frames;
-  // NVSP_WHITE_BALANCE_*: how the colours of the pictures that it was trained on were balanced. Encoders do the same
-  // with their frames: see nvsp_encoder_options.frames_treated.
-  uint32_t white_balance;
-  // Tiles along a side for CLAHE, by which the contrast of those pictures was equalised, after the white balance; 0:
-  // it was not.
-  uint32_t clahe_tiles;
-  // Its clip limit, 1 to 256; 0: none.
-  float clahe_clip_limit;
-} nvsp_prior_info;
+// Gauss-Newton over an image pyramid: the fastest.
+#define NVSP_OPTIMIZER_GAUSS_NEWTON 0
+// BFGS at full resolution, the paper's.
+#define NVSP_OPTIMIZER_BFGS 1
+// Adam at full resolution.
+#define NVSP_OPTIMIZER_ADAM 2
+// Adam, then BFGS.
+#define NVSP_OPTIMIZER_ADAM_BFGS 3
 
-// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as
-// by NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
-typedef struct nvsp_pose {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Quaternion of R: w, x, y, z. Any length but zero.
-  double rotation[4];
-  // t, in the prior's unit.
-  double translation[3];
-} nvsp_pose;
+// The pose in 16 bytes.
+#define NVSP_PROFILE_COMPACT 0
+// The pose in 28 bytes, as in the paper.
+#define NVSP_PROFILE_PAPER 1
+
+// A packet has the short form, a latent part of 19 bytes, if an earlier packet stated its prior and camera.
+#define NVSP_FORM_SHORT 0
+// Every packet names prior and camera in full: a latent part of 31 bytes.
+#define NVSP_FORM_FULL 1
+
+// The wavelet coder codes the difference picture. It knows the prior's render.
+#define NVSP_RESIDUAL_WAVELET 0
+// WebP codes the difference picture, as in the paper.
+#define NVSP_RESIDUAL_WEBP 1
+
+// Every frame is intra: a lost packet costs its own frame.
+#define NVSP_MODE_INTRA 0
+// The difference pictures of frames are predicted from those of earlier ones, and take fewer bytes. A frame whose
+// reference is missing is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
+#define NVSP_MODE_STREAM 1
+
+// A frame is predicted from the one before. Saves most; a lost packet spoils all frames up to the next key frame.
+#define NVSP_STRUCTURE_CHAIN 0
+// Layers: every other frame is the reference of none, and every fourth of more. A lost packet spoils fewer frames.
+#define NVSP_STRUCTURE_LAYERS 1
+// A frame is predicted from the last key frame. A lost packet costs its own frame, unless it is the key frame.
+#define NVSP_STRUCTURE_KEYS 2
+// A frame is predicted from the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own
+// frame.
+#define NVSP_STRUCTURE_ACKNOWLEDGED 3
+
+// For nvsp_encoder_options.key_every: no key frames after the first.
+#define NVSP_KEY_ONCE UINT32_MAX
+
+// For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
+#define NVSP_CAMERA_ONCE UINT32_MAX
 
 // How to encode; all zero: the defaults.
 typedef struct nvsp_encoder_options {
-  // Set by NVSP_INIT.
   uint32_t struct_size;
-  // Set by NVSP_INIT.
   uint32_t abi_version;
   // NVSP_RATE_*: it sets how fine the difference picture is.
   uint32_t rate;
@@ -825,12 +405,56 @@ typedef struct nvsp_encoder_options {
   uint32_t reserved;
 } nvsp_encoder_options;
 
+// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
+//
+//     if (nvsp_encode_begin(encoder, &image, &info) != NVSP_OK) return;
+//     while (nvsp_encode_wait(encoder, 0) == NVSP_PENDING) steer();
+//     status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
+typedef struct nvsp_encoder nvsp_encoder;
+
+// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
+// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
+// quay. Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
+//
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is
+// the engine's.
+//
+// Parameters:
+// - `prior`: a live prior that was opened with `engine`. Not NULL.
+// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
+// - `encoder`: receives the encoder, which nvsp_encoder_destroy ends. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_create(const struct nvsp_engine *engine,
+                                const struct nvsp_prior *prior,
+                                const struct nvsp_camera *camera,
+                                const struct nvsp_encoder_options *options,
+                                struct nvsp_encoder **encoder) NVSP_NONNULL(1, 2, 3, 5);
+
+// Three bytes per pixel: red, green, blue.
+#define NVSP_FORMAT_RGB8 1
+// Three bytes per pixel: blue, green, red.
+#define NVSP_FORMAT_BGR8 2
+// Four bytes per pixel: red, green, blue, alpha. Alpha is ignored in images and 255 in pictures.
+#define NVSP_FORMAT_RGBA8 3
+// Plane 0: Y; plane 1: U and V in turn, one pair per two by two pixels. Images only.
+#define NVSP_FORMAT_NV12 4
+// Planes Y, U, V; one U and one V per two by two pixels. Images only.
+#define NVSP_FORMAT_I420 5
+
+// BT.601, limited range: what most cameras and V4L2 deliver.
+#define NVSP_COLOUR_BT601_LIMITED 0
+// BT.601, full range: JPEG.
+#define NVSP_COLOUR_BT601_FULL 1
+// BT.709, limited range: HDTV, most H.264 decoders.
+#define NVSP_COLOUR_BT709_LIMITED 2
+// BT.709, full range.
+#define NVSP_COLOUR_BT709_FULL 3
+
 // A camera's image; read during the call only. If its size is not the camera's, it is scaled to
 // it. Its shape must be the camera's (1 % is tolerated). With a lens its size must be the lens's.
 typedef struct nvsp_image {
-  // Set by NVSP_INIT.
   uint32_t struct_size;
-  // Set by NVSP_INIT.
   uint32_t abi_version;
   // NVSP_FORMAT_*.
   uint32_t format;
@@ -853,11 +477,23 @@ typedef struct nvsp_image {
   size_t offsets[3];
 } nvsp_image;
 
+// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as
+// by NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
+typedef struct nvsp_pose {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Quaternion of R: w, x, y, z. Any length but zero.
+  double rotation[4];
+  // t, in the prior's unit.
+  double translation[3];
+} nvsp_pose;
+
+// For nvsp_frame_info.given: `time` is the frame's.
+#define NVSP_GIVEN_TIME 1
+
 // What is known of a frame besides its image; all zero: nothing. Read during the call only.
 typedef struct nvsp_frame_info {
-  // Set by NVSP_INIT.
   uint32_t struct_size;
-  // Set by NVSP_INIT.
   uint32_t abi_version;
   // A pose from sensors or an estimator; NULL: none. It is used if there is no certain pose of the frame before, and
   // if it disagrees with that one by more than a tenth of the scene's depth or 6 degrees; the picture decides. On
@@ -879,11 +515,46 @@ typedef struct nvsp_frame_info {
   uint32_t reserved;
 } nvsp_frame_info;
 
-// What encoding a frame took and gave.
+// The picture does not confirm the pose.
+#define NVSP_FRAME_UNCERTAIN 1
+// The rate was not kept: the budget holds no difference picture, or the best one does not reach
+// the PSNR.
+#define NVSP_FRAME_RATE_MISSED 4
+// The picture does not determine one direction of the pose: see nvsp_frame_stats.pose_deviation.
+#define NVSP_FRAME_UNDETERMINED 8
+// A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
+// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
+// it is one of the two.
+#define NVSP_FRAME_NOT_PORTABLE 2
+
+// The frame started from the pose given with it.
+#define NVSP_START_HINT 0
+// It started from the pose of the frame before.
+#define NVSP_START_PREVIOUS 1
+// It started from the pose that constant velocity predicts.
+#define NVSP_START_PREDICTED 2
+// No start was near, and no pose was given: it started from the best one at hand.
+#define NVSP_START_UNCERTAIN 3
+// The prior's key frames yielded the start.
+#define NVSP_START_KEY_FRAME 4
+
+// The gradient became small enough.
+#define NVSP_STOP_GRADIENT 0
+// The steps became small enough.
+#define NVSP_STOP_PROGRESS 1
+// No step made the error smaller.
+#define NVSP_STOP_NO_DESCENT 2
+// No iterations were left.
+#define NVSP_STOP_ITERATIONS 3
+
+// The picture confirms the pose.
+#define NVSP_STATE_CERTAIN 0
+// The pose is not certain. The encoder looks for it again at every frame.
+#define NVSP_STATE_LOST 1
+
+// What encoding a frame took and yielded.
 typedef struct nvsp_frame_stats {
-  // Set by NVSP_INIT.
   uint32_t struct_size;
-  // Set by NVSP_INIT.
   uint32_t abi_version;
   // Number of the frame.
   uint32_t frame;
@@ -925,12 +596,67 @@ typedef struct nvsp_frame_stats {
   uint32_t reference_distance;
 } nvsp_frame_stats;
 
+// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
+// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device.
+// Uses the hint in `info` if the frame before yields no good start. Without a hint, the prior's key frames find the
+// first frame. Allocates nothing from the second frame on, unless a view of the prior needs more room on the device
+// than any before it.
+//
+// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls yield the same packets,
+// byte for byte, on the same device and driver.
+//
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
+// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: the encoder then acts as if it had not seen the frame.
+// Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the packet is then kept until the next frame is encoded, and
+// nvsp_encode_finish fetches it.
+//
+// Parameters:
+// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
+//   call. NULL: nothing is known.
+// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
+                        const struct nvsp_image *image,
+                        const struct nvsp_frame_info *info,
+                        uint8_t *packet,
+                        size_t size,
+                        size_t *written,
+                        struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
+
+// Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
+void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
+
+// Decodes packets, in any order. One thread at a time may use it. Example:
+//
+//     nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
+//     picture.format = NVSP_FORMAT_RGB8;
+//     status = nvsp_decode(decoder, packet, bytes, 0, &picture, NULL); // NVSP_ERR_BUFFER_TOO_SMALL
+//     picture.pixels = malloc(picture.needed);
+//     picture.size = picture.needed;
+//     status = nvsp_decode_finish(decoder, &picture, NULL);
+typedef struct nvsp_decoder nvsp_decoder;
+
+// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
+// for its pictures.
+//
+// Fails with NVSP_ERR_MEMORY; the text is the engine's.
+//
+// Parameters:
+// - `prior`: a live prior that was opened with `engine`. Not NULL.
+// - `decoder`: receives the decoder, which nvsp_decoder_destroy ends. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_decoder_create(const struct nvsp_engine *engine,
+                                const struct nvsp_prior *prior,
+                                struct nvsp_decoder **decoder) NVSP_NONNULL(1, 2, 3);
+
 // A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if
 // it fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
 typedef struct nvsp_picture {
-  // Set by NVSP_INIT.
   uint32_t struct_size;
-  // Set by NVSP_INIT.
   uint32_t abi_version;
   // NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8 or NVSP_FORMAT_RGBA8.
   uint32_t format;
@@ -950,57 +676,26 @@ typedef struct nvsp_picture {
   size_t needed;
 } nvsp_picture;
 
-// A lens with distortion, as OpenCV's calibration gives it. Pixel (0, 0) covers [0, 1) x [0, 1). OpenCV's own
-// calibration puts pixel centres at integers: add 0.5 to its cx and cy.
-typedef struct nvsp_lens {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // NVSP_LENS_*.
-  uint32_t model;
-  // How many of `coefficients` are given; the others are zero.
-  uint32_t count;
-  // Width of the images, pixels, 1 to 16384.
-  uint32_t width;
-  // Height of the images, pixels, 1 to 16384.
-  uint32_t height;
-  // Focal length along x, pixels of the images.
-  double fx;
-  // Focal length along y, pixels of the images.
-  double fy;
-  // Principal point, x, pixels from the left edge of the images. It must lie on them.
-  double cx;
-  // Principal point, y, pixels from the upper edge of the images. It must lie on them.
-  double cy;
-  // The distortion, without unit; see `model`.
-  double coefficients[8];
-} nvsp_lens;
+// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_collector_fetch copies it. If the
+// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
+// picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
+// matches.
+#define NVSP_DECODE_START 1
 
-// Which pixels of an encoder's images count: one byte per pixel, white counts (128 to 255), black does not (0 to 127).
-// Read during the call only.
-typedef struct nvsp_mask {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Pixels, 1 to 16384. With a lens its width; without one of the camera's shape (1 % is tolerated).
-  uint32_t width;
-  // Pixels, 1 to 16384; as `width`.
-  uint32_t height;
-  // First byte, of the upper left pixel.
-  const uint8_t *pixels;
-  // Bytes from one row to the next.
-  size_t stride;
-  // Bytes in all. Nothing beyond them is read.
-  size_t size;
-} nvsp_mask;
+// The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
+// does not tell.
+#define NVSP_DECODED_SAME_RENDER 4
+// The render is not the vehicle's: the vehicle's device, or its driver, rounds differently.
+#define NVSP_DECODED_OTHER_RENDER 8
+// The frame is one of a stream, and its difference picture is predicted from that of nvsp_decoded.reference.
+#define NVSP_DECODED_INTER 16
+// The frame is one of a stream and came in full: later ones may be predicted from it. If there is a return channel,
+// tell the vehicle: nvsp_encoder_acknowledge.
+#define NVSP_DECODED_KEPT 32
 
-// What decoding a packet gave besides the picture.
+// What decoding a packet yielded besides the picture.
 typedef struct nvsp_decoded {
-  // Set by NVSP_INIT.
   uint32_t struct_size;
-  // Set by NVSP_INIT.
   uint32_t abi_version;
   // Number of the frame, modulo 2^24.
   uint32_t frame;
@@ -1025,235 +720,45 @@ typedef struct nvsp_decoded {
   uint32_t reserved;
 } nvsp_decoded;
 
-// What a packet says first, without rendering.
-typedef struct nvsp_header {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Identity of the prior that the packet is about, see nvsp_prior_info; 0 in the short form.
-  uint32_t prior_id;
-  // Number of the frame, modulo 2^24; in the short form modulo 2^16.
-  uint32_t frame;
-  // Pixels; 0 in the short form, as earlier packets stated the size.
-  uint32_t width;
-  // Pixels; 0 in the short form.
-  uint32_t height;
-  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_HEADER_POSE and NVSP_HEADER_SHORT bits.
-  uint32_t flags;
-  // NVSP_PROFILE_*.
-  uint32_t profile;
-  // Bytes of the latent part, which makes a picture by itself.
-  uint32_t latent_bytes;
-  // In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
-  uint32_t session;
-  // Version of the wire format, as the packet has it. NVSP_ERR_NEWER writes it too, with all else zero.
-  uint32_t wire_version;
-  // Zero.
-  uint32_t reserved;
-  // The pose, if NVSP_HEADER_POSE is set. The compact profile states it relative to the prior.
-  struct nvsp_pose pose;
-} nvsp_header;
+// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
+// yields a picture or an error. Allocates nothing from the second valid packet of a camera on, unless a view of the
+// prior needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host,
+// and from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with
+// sides rounded up to multiples of 16.
+//
+// The same packet yields the same picture, byte for byte, as the encoder predicted, on the same
+// device and driver.
+//
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
+// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until
+// the next packet is decoded, and nvsp_decode_finish fetches it.
+//
+// Parameters:
+// - `packet`: the packet. Read during the call. Not NULL.
+// - `size`: bytes of `packet`.
+// - `flags`: NVSP_DECODE_START, or 0.
+// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
+// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
+                        const uint8_t *packet,
+                        size_t size,
+                        uint32_t flags,
+                        struct nvsp_picture *picture,
+                        struct nvsp_decoded *info) NVSP_NONNULL(1, 2);
 
-// A link, and what its pictures should be.
-typedef struct nvsp_sender_options {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // What the link carries, bit/s, above 0. Without protection 0 means that packets go as they come: no frame is
-  // planned, and no other option than `spread`, `overhead`, `shares` and `flags` counts.
-  double bit_rate;
-  // Most pictures per second, above 0. There is no default. If a camera's frames come at uneven times, give a little
-  // more than its rate: a frame that comes early is else left out.
-  double frame_rate;
-  // Longest time from the exposure of a frame to the end of its packet's last share, seconds. 0: 1.5.
-  double latency;
-  // What of it is no transmission: search, coding, propagation; seconds.
-  double delay;
-  // Time from a packet's first share to its last one, seconds, a part of the latency. Shares of other packets lie
-  // between them, so a burst of losses takes few of each. 0: they follow each other.
-  double spread;
-  // Chance that a modem frame is lost, below 1. 0: 0.1, a fair guess if it is not known. NVSP_LOSS_NONE: none is
-  // lost.
-  double loss;
-  // Mean number of modem frames that are lost in a row, 1 or more. 0: 1.
-  double burst;
-  // What each modem frame costs on the link beside its bytes (preamble, the modem's own header), as bytes.
-  uint32_t overhead;
-  // Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good
-  // picture takes: the frame rate falls first. 0: 40.
-  uint32_t min_bytes;
-  // Most shares of a packet, up to 64; without protection up to 4096. nvsp_collector_options.shares must be as many.
-  // 0: 16; without protection as many as 65536 bytes take.
-  uint32_t shares;
-  // User bytes that travel with each packet, up to 255; with it they come or are lost.
-  uint32_t user_bytes;
-  // The stream that the packets are of, 0 to 3: up to four encoders may share a link, each with a sender.
-  uint32_t stream;
-  // NVSP_SENDER_* flags.
-  uint32_t flags;
-} nvsp_sender_options;
+// Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
+void nvsp_decoder_destroy(struct nvsp_decoder *decoder);
 
-// How a packet was divided.
-typedef struct nvsp_division {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Shares.
-  uint32_t shares;
-  // Bytes of each; the last one of an unprotected packet may have fewer.
-  uint32_t share_bytes;
-  // Any so many shares yield a picture; of an unprotected packet the first so many.
-  uint32_t picture_shares;
-  // Any so many yield all that is sent.
-  uint32_t whole_shares;
-  // Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is longer than planned.
-  uint32_t packet_bytes;
-  // Bytes on the link, the overhead of each share counted.
-  uint32_t link_bytes;
-} nvsp_division;
+// Ends a prior; NULL is allowed. Encoders and decoders made with it go on to work. The last of them frees its device
+// memory.
+void nvsp_prior_destroy(struct nvsp_prior *prior);
 
-// What a report says, and what the sender made of it.
-typedef struct nvsp_processed_report {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Shares that were lost, as a part of those that no report told of before; -1: too few to tell.
-  double loss;
-  // Shares that are sent again.
-  uint32_t resent_shares;
-  // Bytes of them on the link.
-  uint32_t resent_bytes;
-  // The newest frame number of which a share came, modulo 65536.
-  uint32_t newest;
-  // How many packets the report tells of: that of `newest`, and those before it.
-  uint32_t reported;
-  // Place of the topside's user bytes in the report.
-  uint32_t user_offset;
-  // How many they are.
-  uint32_t user_bytes;
-  // Frames that the topside decoded in full: tell each to nvsp_encoder_acknowledge.
-  uint32_t kept_count;
-  // Their numbers modulo 65536, newest first.
-  uint32_t kept[NVSP_REPORT_FRAMES];
-  // Zero.
-  uint32_t reserved;
-} nvsp_processed_report;
+// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
+// the last of them is gone, unless you gave it.
+void nvsp_engine_destroy(struct nvsp_engine *engine);
 
-// Counts since the sender was made.
-typedef struct nvsp_sender_statistics {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Frames left out: nvsp_sender_plan had no bytes for them.
-  uint64_t left_out;
-  // Packets taken.
-  uint64_t packets;
-  // Packets of them whose end was not sent.
-  uint64_t cut;
-  // Shares of them.
-  uint64_t shares;
-  // Bytes of them on the link, the overhead of each share counted.
-  uint64_t bytes;
-  // Shares that wait now.
-  uint64_t waiting;
-  // The loss that packets are protected against now.
-  double loss;
-  // And the mean length of its bursts, modem frames.
-  double burst;
-  // The bit rate now, bit/s.
-  double bit_rate;
-  // Shares that were sent again.
-  uint64_t resent;
-} nvsp_sender_statistics;
-
-// How to collect shares.
-typedef struct nvsp_collector_options {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo
-  // 128: give less time than 64 frames of the camera take. A share that comes later than that looks like one of the
-  // future. 0: 4.
-  double age;
-  // Shares of a packet that there is room for, up to 4096: nvsp_sender_options.shares. An unprotected packet of n
-  // bytes takes 1, and one more for each MTU - 4 bytes beyond the MTU; of a longer one the start is kept. 0: 32.
-  uint32_t shares;
-  // Packets of a stream that are held: that of the newest frame number, and of those before it. Up to 64, and
-  // rounded up to a power of two. 0: 16.
-  uint32_t packets;
-  // Streams that are taken, 0 to this less one; up to 4. 0: 1.
-  uint32_t streams;
-  // NVSP_COLLECTOR_* flags.
-  uint32_t flags;
-} nvsp_collector_options;
-
-// What has come of a packet.
-typedef struct nvsp_collected {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero
-  // unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN.
-  uint32_t event;
-  // Stream of the packet.
-  uint32_t stream;
-  // Frame number of the packet, modulo 2^24.
-  uint32_t frame;
-  // Bytes of its start that are there. Checks vouch for them.
-  uint32_t bytes;
-  // 1: these are the whole packet; else 0.
-  uint32_t complete;
-  // Shares of it that came.
-  uint32_t arrived;
-  // Shares that it was sent in; 0: the length of an unprotected packet has not come.
-  uint32_t sent;
-  // User bytes that came with it.
-  uint32_t user_bytes;
-  // 1: no share brings more, as the packet is complete, or its end was not sent; else 0.
-  uint32_t ended;
-  // Zero.
-  uint32_t reserved;
-} nvsp_collected;
-
-// Counts since the collector was made. A packet has gone by once a newer one took its place, or it is stale.
-typedef struct nvsp_collector_statistics {
-  // Set by NVSP_INIT.
-  uint32_t struct_size;
-  // Set by NVSP_INIT.
-  uint32_t abi_version;
-  // Shares that were not there before.
-  uint64_t accepted;
-  // Shares that were there before.
-  uint64_t duplicates;
-  // Modem frames that were no shares, damaged ones, such of packets long past, and shares of unprotected packets
-  // whose first one did not come.
-  uint64_t rejected;
-  // Shares that packets gone by had.
-  uint64_t arrived;
-  // Shares that they were sent in. 1 - arrived / sent is the loss, for nvsp_sender_set_loss. Packets of which no
-  // share came do not count, as a frame that was left out looks the same; nor unprotected ones whose length did not
-  // come.
-  uint64_t sent;
-  // Packets that became complete.
-  uint64_t completed;
-  // Packets gone by that were complete although shares of them were missing.
-  uint64_t repaired;
-  // Packets gone by that yielded a picture, but not all of it.
-  uint64_t partial;
-  // Packets gone by that yielded no picture, and frame numbers of which nothing came.
-  uint64_t lost;
-  // Packets whose own checks did not match what their shares held.
-  uint64_t damaged;
-  // Shares of unprotected packets that now wait for the first one of their packet.
-  uint64_t waiting;
-} nvsp_collector_statistics;
+// ---- Statuses and the texts of failures ----
 
 // Done.
 #define NVSP_OK 0
@@ -1302,7 +807,7 @@ typedef struct nvsp_collector_statistics {
 // A file cannot be read.
 #define NVSP_ERR_FILE -13
 
-// The content of a prior is not sound. The text names the splat or the byte.
+// The content of a prior is not valid. The text names the splat or the byte.
 #define NVSP_ERR_PRIOR -14
 
 // No picture can be rendered with this camera.
@@ -1354,15 +859,47 @@ typedef struct nvsp_collector_statistics {
 // nvsp_decoded.damage has it.
 #define NVSP_ERR_REFERENCE -29
 
-#ifdef __cplusplus
-extern "C" {
-#endif // __cplusplus
+// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
+//
+// Parameters:
+// - `status`: any number.
+const char *nvsp_status_text(nvsp_status status);
+
+// Copies the text of the last failed call on a handle into `text`. An engine's is also that of the last failure to
+// make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the end. The text is
+// empty if nothing failed.
+//
+// Fails with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
+//
+// Parameters:
+// - `handle`: a live handle of any kind. Not NULL.
+// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `text`, 1 or more.
+nvsp_status nvsp_last_error(const void *handle,
+                            char *text,
+                            size_t size) NVSP_NONNULL(1, 2);
+
+// ---- Structures and versions ----
+
+// Version of the ABI that this header describes.
+#define NVSP_ABI_VERSION 1
+
+// Version of the library that this header came with; nvsp_version tells that of the library in use. First number.
+#define NVSP_VERSION_MAJOR 0
+
+// Second number.
+#define NVSP_VERSION_MINOR 1
+
+// Third number.
+#define NVSP_VERSION_PATCH 0
+
+// The three in one number, for comparisons: 1,000,000 major + 1,000 minor + patch.
+#define NVSP_VERSION_NUMBER 1000
 
 // Zeroes a structure of `size` bytes, then writes its size and the caller's ABI version into it.
 // The structure then means all defaults. The macro NVSP_INIT calls this.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE (size below 8 or above 4096) or
-// NVSP_ERR_ABI_VERSION.
+// Fails with NVSP_ERR_STRUCT_SIZE (size below 8 or above 4096).
 //
 // Parameters:
 // - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
@@ -1380,52 +917,21 @@ uint32_t nvsp_abi_version(void);
 // Returns the library's version as one number, as NVSP_VERSION_NUMBER has it for the header.
 uint32_t nvsp_version_number(void);
 
-// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
-//
-// Parameters:
-// - `status`: any number.
-const char *nvsp_status_text(nvsp_status status);
+// ---- Engines ----
 
-// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles
-// are destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (one callback without the
-// other), or NVSP_ERR_STATE if the library holds memory.
-//
-// Parameters:
-// - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator) NVSP_NONNULL(1);
-
-// Describes a device of the installed drivers, by its number, and tells how many there are. Each call asks the drivers
-// anew, which takes milliseconds, and allocates. Any thread may call it.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN,
-// NVSP_ERR_NO_DEVICE if no driver is installed, or NVSP_ERR_ARGUMENT if no device has this number; `count` is written
-// then, too.
-//
-// Parameters:
-// - `number`: the device's number, from 0.
-// - `info`: receives the description, set up by NVSP_INIT. NULL: not wanted.
-// - `count`: receives how many devices there are. NULL: not wanted.
-NVSP_CHECKED
-nvsp_status nvsp_device_get_info(uint32_t number,
-                                 struct nvsp_device_info *info,
-                                 uint32_t *count);
-
-// Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
-// options' `log`, as there is no handle to ask yet.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown flags, a name that
-// is no UTF-8, or fields that exclude each other), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
-//
-// Parameters:
-// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
-//   the engine lives. NULL: all defaults.
-// - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
-                               struct nvsp_engine **engine) NVSP_NONNULL(2);
+// A device in words, and the memory it gave.
+typedef struct nvsp_engine_info {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Name, kind, driver and Vulkan version of the device, ending in NUL.
+  char device[256];
+  // Bytes of device memory that everything made with the engine uses.
+  uint64_t memory_used;
+  // Bytes of device memory taken from the driver for that.
+  uint64_t memory_reserved;
+  // Vulkan buffers in use.
+  uint64_t buffers;
+} nvsp_engine_info;
 
 // Opens the device again, with the options that the engine was made with. Call it after NVSP_ERR_DEVICE_LOST. What was
 // made with the engine before stays on the lost device: every call on it fails with NVSP_ERR_DEVICE_LOST. So open the
@@ -1435,18 +941,12 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 //
 // Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one,
 // and a new engine with it.
-//
-// Parameters:
-// - `engine`: a live engine. Not NULL.
 NVSP_CHECKED
-nvsp_status nvsp_engine_reopen(struct nvsp_engine *engine) NVSP_NONNULL(1);
+nvsp_status nvsp_engine_reopen(const struct nvsp_engine *engine) NVSP_NONNULL(1);
 
 // Describes the engine's device and its memory. Allocates.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
-//
 // Parameters:
-// - `engine`: a live engine. Not NULL.
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info) NVSP_NONNULL(1, 2);
@@ -1454,10 +954,9 @@ nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_e
 // Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next
 // start. Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+// Fails with NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 //
 // Parameters:
-// - `engine`: a live engine. Not NULL.
 // - `bytes`: receives the data. Yours, of `size` bytes. NULL only if `size` is 0.
 // - `size`: bytes of `bytes`.
 // - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
@@ -1467,58 +966,70 @@ nvsp_status nvsp_engine_get_pipeline_cache(const struct nvsp_engine *engine,
                                            size_t size,
                                            size_t *written) NVSP_NONNULL(1, 4);
 
-// Copies the text of the last failed call on the engine into `text`, or of the last failure to
-// make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the
-// end. The text is empty if nothing failed.
-//
-// Fails with NVSP_ERR_NULL, or with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
-//
-// Parameters:
-// - `engine`: a live engine. Not NULL.
-// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_engine_last_error(const struct nvsp_engine *engine, char *text, size_t size) NVSP_NONNULL(1, 2);
+// ---- Priors ----
 
-// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
-// the last of them is gone, unless you gave it.
-//
-// Parameters:
-// - `engine`: a live engine that no other thread uses. Do not use it afterwards. NULL is allowed.
-void nvsp_engine_destroy(struct nvsp_engine *engine);
+// Colours were left as they were.
+#define NVSP_WHITE_BALANCE_NONE 0
 
-// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
-// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
-// .compressed.ply. Unsound splats are left out and logged as a warning. The file is not needed afterwards, and no copy
-// of it stays in host memory. While the call runs, host and device together take at most four times the size of a
-// binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
-// is packed.
-//
-// Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
-// if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
-// them. If PATH.keys is not sound, the call fails with NVSP_ERR_PRIOR.
-//
-// Scene coder tables are read in the same way, from PATH.tables or the prior's own file. With them difference pictures
-// take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes
-// them.
-//
-// A prior may state a preprocessing: how the pictures that it was trained on were treated. Its encoders treat their
-// frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
-// treated picture.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-// NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
-// is the engine's.
-//
-// Parameters:
-// - `engine`: a live engine. Not NULL.
-// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
-// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
-                            const char *path,
-                            const struct nvsp_prior_options *options,
-                            struct nvsp_prior **prior) NVSP_NONNULL(1, 2, 4);
+// The means of red, green and blue were brought together, by gains up to 4.
+#define NVSP_WHITE_BALANCE_GRAY_WORLD 1
+
+// What a prior is.
+typedef struct nvsp_prior_info {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Identity of splats, render options and coder tables; packets carry it.
+  uint32_t id;
+  // Splats in use.
+  uint32_t splats;
+  // Invalid splats of the file, which were left out.
+  uint32_t dropped;
+  // Degree of the spherical harmonics, 0 to 3.
+  uint32_t sh_degree;
+  // Near plane in use, the prior's unit.
+  float near_plane;
+  // Clamp of alpha in use, between 0 and 1.
+  float alpha_max;
+  // 1: the anti-aliased mode is in use; else 0.
+  uint32_t antialiased;
+  // Background in use, linear RGB, 0 to 1.
+  float background[3];
+  // Median position of the splats, the prior's unit.
+  float centre[3];
+  // Spread of the positions around it, the prior's unit.
+  float spread;
+  // Key frames: poses at which a lost camera is looked for.
+  uint32_t key_frames;
+  // NVSP_WHITE_BALANCE_*: how the colours of the pictures that it was trained on were balanced. Encoders do the same
+  // with their frames: see nvsp_encoder_options.frames_treated.
+  uint32_t white_balance;
+  // Tiles along a side for CLAHE, by which the contrast of those pictures was equalised, after the white balance; 0:
+  // it was not.
+  uint32_t clahe_tiles;
+  // Its clip limit, 1 to 256; 0: none.
+  float clahe_clip_limit;
+} nvsp_prior_info;
+
+// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than
+// the device memory was made for makes a frame take more.
+typedef struct nvsp_memory_estimate {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Splats that the file claims.
+  uint64_t splats;
+  // Host memory while the prior is opened.
+  uint64_t prior_host;
+  // Device memory of the prior; while it is opened, as much again if the device has a memory of its own.
+  uint64_t prior_device;
+  // Host memory of an encoder; 0 without a camera.
+  uint64_t encoder_host;
+  // Device memory of an encoder; 0 without a camera.
+  uint64_t encoder_device;
+  // Host memory of a decoder; 0 without a camera.
+  uint64_t decoder_host;
+  // Device memory of a decoder; 0 without a camera.
+  uint64_t decoder_device;
+} nvsp_memory_estimate;
 
 // As nvsp_prior_open, but from the content of a file in memory, which is not needed afterwards. Key frames and coder
 // tables come from that content.
@@ -1526,13 +1037,12 @@ nvsp_status nvsp_prior_open(struct nvsp_engine *engine,
 // Fails as nvsp_prior_open does, except with NVSP_ERR_FILE.
 //
 // Parameters:
-// - `engine`: a live engine. Not NULL.
 // - `bytes`: the file's content. Read during the call. Not NULL.
 // - `size`: bytes of it.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the content says.
 // - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
 NVSP_CHECKED
-nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
+nvsp_status nvsp_prior_open_memory(const struct nvsp_engine *engine,
                                    const uint8_t *bytes,
                                    size_t size,
                                    const struct nvsp_prior_options *options,
@@ -1542,8 +1052,7 @@ nvsp_status nvsp_prior_open_memory(struct nvsp_engine *engine,
 // nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
 // Opens no device. Allocates; any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_CAMERA, NVSP_ERR_FILE, or
-// NVSP_ERR_PRIOR if the file is no PLY file and no compact prior.
+// Fails with NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is no PLY file and no compact prior.
 //
 // Parameters:
 // - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
@@ -1556,61 +1065,18 @@ nvsp_status nvsp_prior_estimate(const char *path,
 
 // Describes a prior.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
-//
 // Parameters:
-// - `prior`: a live prior. Not NULL.
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info) NVSP_NONNULL(1, 2);
 
-// Copies the text of the last failed call on the prior, as nvsp_engine_last_error does.
-//
-// Parameters:
-// - `prior`: a live prior. Not NULL.
-// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_prior_last_error(const struct nvsp_prior *prior, char *text, size_t size) NVSP_NONNULL(1, 2);
-
-// Ends a prior; NULL is allowed. Encoders and decoders made with it go on to work. The last of them frees its device
-// memory.
-//
-// Parameters:
-// - `prior`: a live prior that no other thread uses. Do not use it afterwards. NULL is allowed.
-void nvsp_prior_destroy(struct nvsp_prior *prior);
-
-// Imports a DMA-BUF, to read frames from it without a copy. The rows of its pixels lie one after the other
-// (DRM_FORMAT_MOD_LINEAR, "pitch linear"). Surfaces in a layout of the hardware's own, such as NVIDIA's block-linear
-// NVMM surfaces, must be converted first: on a Jetson nvvidconv or NvBufSurfTransform does it. The library maps the
-// buffer for reading and keeps a copy of the descriptor. Needs no extension of the Vulkan device. Allocates.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are
-// none), NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY;
-// the text is the engine's.
-//
-// Parameters:
-// - `engine`: a live engine, whose log and last error tell of failures. Not NULL.
-// - `fd`: a file descriptor of the DMA-BUF. You may close it after the call.
-// - `modifier`: the DRM format modifier of its pixels: 0, which is DRM_FORMAT_MOD_LINEAR. V4L2 has no modifiers: its
-//   formats without a name of their own for a layout are linear.
-// - `dmabuf`: receives the buffer, which nvsp_dmabuf_destroy ends. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_dmabuf_import(const struct nvsp_engine *engine,
-                               int32_t fd,
-                               uint64_t modifier,
-                               struct nvsp_dmabuf **dmabuf) NVSP_NONNULL(1, 4);
-
-// Ends a DMA-BUF; NULL is allowed. Its descriptor is closed and its memory unmapped.
-//
-// Parameters:
-// - `dmabuf`: a live DMA-BUF that no call uses. Do not use it afterwards. NULL is allowed.
-void nvsp_dmabuf_destroy(struct nvsp_dmabuf *dmabuf);
+// ---- Images and poses ----
 
 // Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the
 // same motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, or NVSP_ERR_ARGUMENT if a pose is no rigid
-// motion or the part is not finite, or so large that the pose is not.
+// Fails with NVSP_ERR_ARGUMENT if a pose is no rigid motion or the part is not finite, or so large that the pose is
+// not.
 //
 // Parameters:
 // - `from`, `to`: the poses, from world to camera. Read during the call. Not NULL.
@@ -1620,35 +1086,15 @@ NVSP_CHECKED
 nvsp_status nvsp_pose_between(const struct nvsp_pose *from,
                               const struct nvsp_pose *to,
                               double part,
-                              struct nvsp_pose *between) NVSP_NONNULL(4);
+                              struct nvsp_pose *between) NVSP_NONNULL(1, 2, 4);
 
-// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
-// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
-// quay. Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-// NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
-// engine's.
-//
-// Parameters:
-// - `engine`: a live engine. Not NULL.
-// - `prior`: a live prior that was opened with `engine`. Not NULL.
-// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-// - `encoder`: receives the encoder, which nvsp_encoder_destroy ends. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_encoder_create(struct nvsp_engine *engine,
-                                const struct nvsp_prior *prior,
-                                const struct nvsp_camera *camera,
-                                const struct nvsp_encoder_options *options,
-                                struct nvsp_encoder **encoder) NVSP_NONNULL(1, 2, 3, 5);
+// ---- Encoders ----
 
 // Sets the rate of all frames from here on.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+// Fails with NVSP_ERR_ARGUMENT.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `mode`: NVSP_RATE_*.
 // - `value`: the number that the mode takes: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take
 //   none: 0.
@@ -1659,11 +1105,6 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
 
 // Gives the next packet the full form and the camera. In a stream its frame is intra. Call it if a topside asks
 // what the packets are about, or if a packet was not sent.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-//
-// Parameters:
-// - `encoder`: a live encoder. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
@@ -1671,11 +1112,9 @@ nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 // NVSP_STRUCTURE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
 // is unknown or too old: the last 32 can be reference frames.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins)
-// or NVSP_ERR_POISONED.
+// Fails with NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins).
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `frame`: nvsp_decoded.frame.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
@@ -1685,10 +1124,9 @@ nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
 // latent part, tells the camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
 // is as fine as those of other frames. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
+// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `bytes`: receives their number. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_extra_bytes(struct nvsp_encoder *encoder,
@@ -1698,10 +1136,9 @@ nvsp_status nvsp_encoder_extra_bytes(struct nvsp_encoder *encoder,
 // camera, the topside knows which were left out, and can draw them at poses between those that it has
 // (nvsp_decoder_draw).
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
+// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `frames`: their number.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_skip(struct nvsp_encoder *encoder,
@@ -1710,11 +1147,10 @@ nvsp_status nvsp_encoder_skip(struct nvsp_encoder *encoder,
 // Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 // Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+// Fails with NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
+// NVSP_ERR_DEVICE_LOST.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder,
@@ -1725,11 +1161,9 @@ nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder,
 // nvsp_encoder_options.lost_renders allows. After nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered
 // again.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
-// NVSP_ERR_DEVICE_LOST.
+// Fails with NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `most`: key frames to render at most; 0: only count those that are left.
 // - `left`: receives how many are not rendered yet. NULL: not wanted.
 NVSP_CHECKED
@@ -1741,12 +1175,9 @@ nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
 // must have the same identity. Frame numbers and poses carry over. If it fails, nothing changes.
 // See nvsp_engine_reopen.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY, NVSP_ERR_POISONED,
-// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+// Fails with NVSP_ERR_OTHER_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
-// - `engine`: a live engine. Not NULL.
 // - `prior`: a live prior that was opened with `engine`. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
@@ -1755,54 +1186,16 @@ nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
 
 // Forgets all earlier frames: the next one is searched for as the first was, and may have any
 // time. Frame numbers go on. Call it if somebody carried the camera elsewhere, for example.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-//
-// Parameters:
-// - `encoder`: a live encoder. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
-// The largest packet that a camera of this size can give, in either profile and with the camera,
+// The largest packet that a camera of this size can yield, in either profile and with the camera,
 // bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
 // enough too.
 //
 // Parameters:
 // - `width`, `height`: the camera's size, pixels.
 size_t nvsp_packet_bound(uint32_t width, uint32_t height);
-
-// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
-// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device.
-// Uses the hint in `info` if the frame before gives no good start. Without a hint, the prior's key frames find the
-// first frame. Allocates nothing from the second frame on, unless a view of the prior needs more room on the device
-// than any before it.
-//
-// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls give the same packets,
-// byte for byte, on the same device and driver.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-// NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
-// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: the encoder then acts as if it had not
-// seen the frame. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the packet is then kept until the
-// next frame is encoded, and nvsp_encode_finish fetches it.
-//
-// Parameters:
-// - `encoder`: a live encoder. Not NULL.
-// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
-//   call. NULL: nothing is known.
-// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
-NVSP_CHECKED
-nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
-                        const struct nvsp_image *image,
-                        const struct nvsp_frame_info *info,
-                        uint8_t *packet,
-                        size_t size,
-                        size_t *written,
-                        struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
 
 // Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that
 // it was given and reads the image: it converts it to RGB and scales it to the camera's size. The first such call
@@ -1811,16 +1204,15 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
 // yours again.
 //
 // Until nvsp_encode_finish or nvsp_encode_cancel ends the frame, other calls on the encoder fail with
-// NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait and nvsp_encoder_destroy. So no packet is dropped
-// unless you say so. Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next
-// frame.
+// NVSP_ERR_UNFINISHED, except nvsp_encode_wait and nvsp_encoder_destroy. So no packet is dropped unless you say so.
+// Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next frame.
 //
 // With nvsp_encoder_options.pipelined a second frame may be begun at any time while one is under way or not fetched.
 // No packet is dropped then: a third frame fails with NVSP_ERR_UNFINISHED. Frames end in the order in which they were
-// begun; nvsp_encode_poll, nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while
-// no frame is searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished
-// last. If coding a frame fails, it counts as one whose packet was lost on the way. Host memory is taken up to the
-// third frame. Example, which is always one packet behind:
+// begun; nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while no frame is
+// searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished last. If
+// coding a frame fails, it counts as one whose packet was lost on the way. Host memory is taken up to the third frame.
+// Example, which is always one packet behind:
 //
 //     while (next_image(&image)) {
 //         status = nvsp_encode_begin(encoder, &image, NULL); /* the first with a hint in place of NULL */
@@ -1831,12 +1223,10 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
 //         }
 //     }
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE,
-// NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the
-// frame itself fails, nvsp_encode_finish returns its status.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_UNFINISHED or NVSP_ERR_MEMORY (no
+// thread). If the frame itself fails, nvsp_encode_finish returns its status.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `image`: the frame. Its structure and planes are read during the call. Not NULL.
 // - `info`: as for nvsp_encode.
 NVSP_CHECKED
@@ -1844,32 +1234,24 @@ nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
                               const struct nvsp_frame_info *info) NVSP_NONNULL(1, 2);
 
-// Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
-// waits.
+// Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Waits
+// for that at most as long as you say.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if none was begun.
-//
-// Parameters:
-// - `encoder`: a live encoder. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_encode_poll(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
-
-// As nvsp_encode_poll, but waits for the frame's end.
+// Fails with NVSP_ERR_STATE if none was begun.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `milliseconds`: the longest to wait; 0 does not wait.
 NVSP_CHECKED
-nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder, uint32_t milliseconds) NVSP_NONNULL(1);
+nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder,
+                             uint32_t milliseconds) NVSP_NONNULL(1);
 
 // Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
 // if the frame has not ended. Never waits.
 //
-// Fails with NVSP_ERR_STATE if there is none, and as nvsp_encode does. After
-// NVSP_ERR_BUFFER_TOO_SMALL the packet is still there.
+// Fails with NVSP_ERR_STATE if there is none, and as nvsp_encode does. After NVSP_ERR_BUFFER_TOO_SMALL the packet is
+// still there.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
 // - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
@@ -1884,24 +1266,23 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
 // Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
 // NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long
 // as the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with
-// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped
-// counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame starts,
-// and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-//
-// Parameters:
-// - `encoder`: a live encoder. Not NULL.
+// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then returns NVSP_ERR_STATE. A frame that is
+// dropped counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame
+// starts, and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
 NVSP_CHECKED
 nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
+// What the topside will show of the last frame.
+#define NVSP_PICTURE_SHOWN 0
+
+// The prior's render alone.
+#define NVSP_PICTURE_RENDER 1
+
 // Copies a picture of the last frame encoded.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED, or NVSP_ERR_STATE if there is none.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if there is none.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `which`: NVSP_PICTURE_*.
 // - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
 NVSP_CHECKED
@@ -1909,26 +1290,63 @@ nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
                                      uint32_t which,
                                      struct nvsp_picture *picture) NVSP_NONNULL(1, 3);
 
-// Copies the text of the last failed call on the encoder, as nvsp_engine_last_error does.
-//
-// Parameters:
-// - `encoder`: a live encoder. Not NULL.
-// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_encoder_last_error(const struct nvsp_encoder *encoder, char *text, size_t size) NVSP_NONNULL(1, 2);
+// ---- What an encoder's camera sees ----
 
-// Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
-//
-// Parameters:
-// - `encoder`: a live encoder that no other thread uses. Do not use it afterwards. NULL is allowed.
-void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
+// Brown-Conrady, OpenCV's usual model. `coefficients` in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6, of which the
+// first 4, the first 5 or all 8 are given.
+#define NVSP_LENS_BROWN_CONRADY 1
+
+// Kannala-Brandt, as in OpenCV's module `fisheye`. `coefficients`: k1, k2, k3, k4.
+#define NVSP_LENS_FISHEYE 2
+
+// A lens with distortion, as OpenCV's calibration gives it. Pixel (0, 0) covers [0, 1) x [0, 1). OpenCV's own
+// calibration puts pixel centres at integers: add 0.5 to its cx and cy.
+typedef struct nvsp_lens {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // NVSP_LENS_*.
+  uint32_t model;
+  // How many of `coefficients` are given; the others are zero.
+  uint32_t count;
+  // Width of the images, pixels, 1 to 16384.
+  uint32_t width;
+  // Height of the images, pixels, 1 to 16384.
+  uint32_t height;
+  // Focal length along x, pixels of the images.
+  double fx;
+  // Focal length along y, pixels of the images.
+  double fy;
+  // Principal point, x, pixels from the left edge of the images. It must lie on them.
+  double cx;
+  // Principal point, y, pixels from the upper edge of the images. It must lie on them.
+  double cy;
+  // The distortion, without unit; see `model`.
+  double coefficients[8];
+} nvsp_lens;
+
+// Which pixels of an encoder's images count: one byte per pixel, white counts (128 to 255), black does not (0 to 127).
+// Read during the call only.
+typedef struct nvsp_mask {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Pixels, 1 to 16384. With a lens its width; without one of the camera's shape (1 % is tolerated).
+  uint32_t width;
+  // Pixels, 1 to 16384; as `width`.
+  uint32_t height;
+  // First byte, of the upper left pixel.
+  const uint8_t *pixels;
+  // Bytes from one row to the next.
+  size_t stride;
+  // Bytes in all. Nothing beyond them is read.
+  size_t size;
+} nvsp_mask;
 
 // Sets the lens that all images from here on were taken through. Each image is freed of its distortion as it is read,
 // in the pass that scales it: the encoder's camera stays a pinhole, and packets are about that one. Images must then
 // have the lens's size. The camera may see more than the lens: pixels that the lens does not show count as masked, see
 // nvsp_encoder_set_mask. A pixel is the mean of what its footprint on the image covers: the image is first reduced by
 // area averaging to about the camera's resolution, then sampled with linear interpolation, at most one reduced pixel
-// apart. All of it is integer arithmetic on a map that is made here, so that an image gives the same picture on every
+// apart. All of it is integer arithmetic on a map that is made here, so that an image yields the same picture on every
 // machine. Allocates the map, at most 4 bytes per pixel of the lens and 48 per pixel of the camera; no frame allocates
 // for it. If the call fails, the lens before stays. Example:
 //
@@ -1941,13 +1359,11 @@ void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
 //     memcpy(lens.coefficients, calibration, 5 * sizeof(double));
 //     status = nvsp_encoder_set_lens(encoder, &lens);
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
-// NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the image that
-// has no ray, as the distortion folds the image over itself nearer to its middle. It is also given if camera and lens
-// see nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
+// Fails with NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the
+// image that has no ray, as the distortion folds the image over itself nearer to its middle. It is also given if
+// camera and lens see nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `lens`: set up by NVSP_INIT. Read during the call. NULL: no lens from here on, images are of a pinhole camera.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
@@ -1967,12 +1383,10 @@ nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
 //     mask.size = 640 * 360;
 //     status = nvsp_encoder_set_mask(encoder, &mask);
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_IMAGE (size, stride or bytes),
-// NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its size is not the
-// lens's, its shape not the camera's, or no pixel counts.
+// Fails with NVSP_ERR_IMAGE (size, stride or bytes), NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its
+// size is not the lens's, its shape not the camera's, or no pixel counts.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `mask`: set up by NVSP_INIT. The structure and its pixels are read during the call. NULL: all pixels count.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder,
@@ -1988,11 +1402,10 @@ nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder,
 //     uint8_t weights[9] = {1, 1, 1, 1, 8, 1, 1, 1, 1}; /* the middle ninth */
 //     status = nvsp_encoder_set_interest(encoder, 3, 3, weights, sizeof weights);
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or
-// NVSP_ERR_ARGUMENT if a side has no cells or more than 4096, `size` is not columns times rows, or a weight is 0.
+// Fails with NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if a side has no cells or more than 4096,
+// `size` is not columns times rows, or a weight is 0.
 //
 // Parameters:
-// - `encoder`: a live encoder. Not NULL.
 // - `weights`: `size` bytes, read during the call. NULL, with sides and size of 0: all parts count the same.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
@@ -2001,27 +1414,48 @@ nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
                                       const uint8_t *weights,
                                       size_t size) NVSP_NONNULL(1);
 
-// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
-// for its pictures.
-//
-// Fails with NVSP_ERR_NULL or NVSP_ERR_MEMORY; the text is the engine's.
-//
-// Parameters:
-// - `engine`: a live engine. Not NULL.
-// - `prior`: a live prior that was opened with `engine`. Not NULL.
-// - `decoder`: receives the decoder, which nvsp_decoder_destroy ends. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_decoder_create(struct nvsp_engine *engine,
-                                const struct nvsp_prior *prior,
-                                struct nvsp_decoder **decoder) NVSP_NONNULL(1, 2, 3);
+// ---- Decoders ----
+
+// `pose` is given.
+#define NVSP_HEADER_POSE 4
+
+// The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
+#define NVSP_HEADER_SHORT 8
+
+// What a packet says first, without rendering.
+typedef struct nvsp_header {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Identity of the prior that the packet is about, see nvsp_prior_info; 0 in the short form.
+  uint32_t prior_id;
+  // Number of the frame, modulo 2^24; in the short form modulo 2^16.
+  uint32_t frame;
+  // Pixels; 0 in the short form, as earlier packets stated the size.
+  uint32_t width;
+  // Pixels; 0 in the short form.
+  uint32_t height;
+  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_HEADER_POSE and NVSP_HEADER_SHORT bits.
+  uint32_t flags;
+  // NVSP_PROFILE_*.
+  uint32_t profile;
+  // Bytes of the latent part, which makes a picture by itself.
+  uint32_t latent_bytes;
+  // In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
+  uint32_t session;
+  // Version of the wire format, as the packet has it. NVSP_ERR_NEWER writes it too, with all else zero.
+  uint32_t wire_version;
+  // Zero.
+  uint32_t reserved;
+  // The pose, if NVSP_HEADER_POSE is set. The compact profile states it relative to the prior.
+  struct nvsp_pose pose;
+} nvsp_header;
 
 // Tells the decoder about a camera that packets only name. So a topside that joins late need not
 // wait until the camera is sent again. The decoder knows the last 256 cameras.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+// Fails with NVSP_ERR_CAMERA.
 //
 // Parameters:
-// - `decoder`: a live decoder. Not NULL.
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
@@ -2029,59 +1463,25 @@ nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct n
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. The known cameras carry over. See nvsp_engine_reopen.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+// Fails with NVSP_ERR_OTHER_PRIOR.
 //
 // Parameters:
-// - `decoder`: a live decoder. Not NULL.
-// - `engine`: a live engine. Not NULL.
 // - `prior`: a live prior that was opened with `engine`. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
                                 const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior) NVSP_NONNULL(1, 2, 3);
 
-// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
-// a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
-// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and
-// from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with sides
-// rounded up to multiples of 16.
-//
-// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
-// device and driver.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-// NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR,
-// NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also
-// with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until the next packet is decoded, and
-// nvsp_decode_finish fetches it.
-//
-// Parameters:
-// - `decoder`: a live decoder. Not NULL.
-// - `packet`: the packet. Read during the call. Not NULL.
-// - `size`: bytes of `packet`.
-// - `flags`: NVSP_DECODE_START, or 0.
-// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
-NVSP_CHECKED
-nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
-                        const uint8_t *packet,
-                        size_t size,
-                        uint32_t flags,
-                        struct nvsp_picture *picture,
-                        struct nvsp_decoded *info) NVSP_NONNULL(1, 2);
-
 // Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
 // packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_decode_cancel ends
-// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait and
+// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_wait and
 // nvsp_decoder_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next
 // packet.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or
-// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its
-// status.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED or NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the
+// packet itself fails, nvsp_decode_finish returns its status.
 //
 // Parameters:
-// - `decoder`: a live decoder. Not NULL.
 // - `packet`: the packet. Read during the call. Not NULL.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
@@ -2091,34 +1491,26 @@ nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
                               size_t size,
                               uint32_t flags) NVSP_NONNULL(1, 2);
 
-// Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
-// waits.
+// Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Waits
+// for that at most as long as you say.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if none was begun.
-//
-// Parameters:
-// - `decoder`: a live decoder. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_decode_poll(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
-
-// As nvsp_decode_poll, but waits for the end.
+// Fails with NVSP_ERR_STATE if none was begun.
 //
 // Parameters:
-// - `decoder`: a live decoder. Not NULL.
 // - `milliseconds`: the longest to wait; 0 does not wait.
 NVSP_CHECKED
-nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder, uint32_t milliseconds) NVSP_NONNULL(1);
+nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder,
+                             uint32_t milliseconds) NVSP_NONNULL(1);
 
 // Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
 // for. Returns NVSP_PENDING if the packet has not ended. Never waits.
 //
-// Fails with NVSP_ERR_STATE if there is none, and as nvsp_decode does. After
-// NVSP_ERR_BUFFER_TOO_SMALL the picture is still there.
+// Fails with NVSP_ERR_STATE if there is none, and as nvsp_decode does. After NVSP_ERR_BUFFER_TOO_SMALL the picture is
+// still there.
 //
 // Parameters:
-// - `decoder`: a live decoder. Not NULL.
 // - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
                                struct nvsp_picture *picture,
@@ -2126,11 +1518,6 @@ nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
 
 // Drops the packet that was begun, or a picture that was not fetched, as nvsp_encode_cancel does. Never waits: returns
 // NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-//
-// Parameters:
-// - `decoder`: a live decoder. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
 
@@ -2138,12 +1525,10 @@ nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
 // pose between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the
 // device. Memory as for nvsp_decode: nothing from the second call on.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded), NVSP_ERR_BUFFER_TOO_SMALL,
-// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded),
+// NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 //
 // Parameters:
-// - `decoder`: a live decoder. Not NULL.
 // - `pose`: the pose, from world to camera. Read during the call. Not NULL.
 // - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
 NVSP_CHECKED
@@ -2151,26 +1536,11 @@ nvsp_status nvsp_decoder_draw(struct nvsp_decoder *decoder,
                               const struct nvsp_pose *pose,
                               struct nvsp_picture *picture) NVSP_NONNULL(1, 2, 3);
 
-// Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.
-//
-// Parameters:
-// - `decoder`: a live decoder. Not NULL.
-// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_decoder_last_error(const struct nvsp_decoder *decoder, char *text, size_t size) NVSP_NONNULL(1, 2);
-
-// Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
-//
-// Parameters:
-// - `decoder`: a live decoder that no other thread uses. Do not use it afterwards. NULL is allowed.
-void nvsp_decoder_destroy(struct nvsp_decoder *decoder);
-
 // Reads a packet's header without a device. Needs the first 31 bytes of the packet (19 in the short form, 43 in the
 // paper's profile). Gives the pose of a compact packet only if the packet is about `prior`. A short packet does not
 // name its prior: it counts as about `prior`. Allocates nothing; any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, or
-// NVSP_ERR_NEWER, which writes the header's wire_version.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, or NVSP_ERR_NEWER, which writes the header's wire_version.
 //
 // Parameters:
 // - `packet`: the packet, or its start. Read during the call. Not NULL.
@@ -2183,11 +1553,142 @@ nvsp_status nvsp_decode_header(const uint8_t *packet,
                                const struct nvsp_prior *prior,
                                struct nvsp_header *header) NVSP_NONNULL(1, 4);
 
+// ---- The vehicle's end of a link ----
+
+// Makes the modem frames of packets, within a bit rate. Such a frame is a share. A few shares of a packet, in any
+// combination, yield a picture; each additional one refines it. Without protection (NVSP_SENDER_UNPROTECTED) shares
+// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. One thread at a
+// time may use it. Example:
+//
+//     // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
+//     status = nvsp_sender_plan(sender, now, &budget);
+//     if (status == NVSP_OK && budget > 0) {
+//         status = nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, (float)budget);
+//         // ... nvsp_encode ...
+//         status = nvsp_sender_push(sender, later, packet, bytes, NULL, 0, NULL);
+//     }
+//     // Whenever the modem is free:
+//     if (nvsp_sender_next(sender, now, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
+//
+// A packet by itself, without a clock:
+//
+//     nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+//     options.flags = NVSP_SENDER_UNPROTECTED;
+//     status = nvsp_sender_create(64, &options, &sender);
+//     status = nvsp_sender_push(sender, 0, packet, bytes, NULL, 0, NULL);
+//     while (nvsp_sender_next(sender, 0, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
+typedef struct nvsp_sender nvsp_sender;
+
+// nvsp_sender_options.loss: the link loses nothing.
+#define NVSP_LOSS_NONE -1.0
+
+// nvsp_sender_options.flags: the topside sends reports, for nvsp_sender_process_report. The sender then remembers the
+// packets of twice the latency.
+#define NVSP_SENDER_EXPECT_REPORTS 1
+
+// nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
+// missing. Needs an MTU of 31 or more, stream 0 and no user bytes.
+#define NVSP_SENDER_UNPROTECTED 2
+
+// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do, with protection from 16.
+#define NVSP_MTU_31 31
+
+#define NVSP_MTU_64 64
+
+#define NVSP_MTU_256 256
+
+#define NVSP_MTU_1024 1024
+
+// A link, and what its pictures should be.
+typedef struct nvsp_sender_options {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // What the link carries, bit/s, above 0. Without protection 0 means that packets go as they come: no frame is
+  // planned, and no other option than `spread`, `overhead`, `shares` and `flags` counts.
+  double bit_rate;
+  // Most pictures per second, above 0. There is no default. If a camera's frames come at uneven times, give a little
+  // more than its rate: a frame that comes early is else left out.
+  double frame_rate;
+  // Longest time from the exposure of a frame to the end of its packet's last share, seconds. 0: 1.5.
+  double latency;
+  // What of it is no transmission: search, coding, propagation; seconds.
+  double delay;
+  // Time from a packet's first share to its last one, seconds, a part of the latency. Shares of other packets lie
+  // between them, so a burst of losses takes few of each. 0: they follow each other.
+  double spread;
+  // Chance that a modem frame is lost, below 1. 0: 0.1, a fair guess if it is not known. NVSP_LOSS_NONE: none is
+  // lost.
+  double loss;
+  // Mean number of modem frames that are lost in a row, 1 or more. 0: 1.
+  double burst;
+  // What each modem frame costs on the link beside its bytes (preamble, the modem's own header), as bytes.
+  uint32_t overhead;
+  // Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good
+  // picture takes: the frame rate falls first. 0: 40.
+  uint32_t min_bytes;
+  // Most shares of a packet, up to 64; without protection up to 4096. nvsp_collector_options.shares must be as many.
+  // 0: 16; without protection as many as 65536 bytes take.
+  uint32_t shares;
+  // User bytes that travel with each packet, up to 255; with it they come or are lost.
+  uint32_t user_bytes;
+  // The stream that the packets are of, 0 to 3: up to four encoders may share a link, each with a sender.
+  uint32_t stream;
+  // NVSP_SENDER_* flags.
+  uint32_t flags;
+} nvsp_sender_options;
+
+// How a packet was divided.
+typedef struct nvsp_division {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Shares.
+  uint32_t shares;
+  // Bytes of each; the last one of an unprotected packet may have fewer.
+  uint32_t share_bytes;
+  // Any so many shares yield a picture; of an unprotected packet the first so many.
+  uint32_t picture_shares;
+  // Any so many yield all that is sent.
+  uint32_t whole_shares;
+  // Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is longer than planned.
+  uint32_t packet_bytes;
+  // Bytes on the link, the overhead of each share counted.
+  uint32_t link_bytes;
+} nvsp_division;
+
+// Most frames in a report.
+#define NVSP_REPORT_FRAMES 32
+
+// What a report says, and what the sender made of it.
+typedef struct nvsp_processed_report {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Shares that were lost, as a part of those that no report told of before; -1: too few to tell.
+  double loss;
+  // Shares that are sent again.
+  uint32_t resent_shares;
+  // Bytes of them on the link.
+  uint32_t resent_bytes;
+  // The newest frame number of which a share came, modulo 65536.
+  uint32_t newest;
+  // How many packets the report tells of: that of `newest`, and those before it.
+  uint32_t reported;
+  // Place of the topside's user bytes in the report.
+  uint32_t user_offset;
+  // How many they are.
+  uint32_t user_bytes;
+  // Frames that the topside decoded in full: tell each to nvsp_encoder_acknowledge.
+  uint32_t kept_count;
+  // Their numbers modulo 65536, newest first.
+  uint32_t kept[NVSP_REPORT_FRAMES];
+  // Zero.
+  uint32_t reserved;
+} nvsp_processed_report;
+
 // Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come
 // within the latency.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (an option, which the status
-// text does not name), NVSP_ERR_MODEM (the MTU) or NVSP_ERR_MEMORY.
+// Fails with NVSP_ERR_ARGUMENT (an option, which the status text does not name), NVSP_ERR_MODEM (the MTU) or
+// NVSP_ERR_MEMORY.
 //
 // Parameters:
 // - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31. Both sides need the same.
@@ -2204,10 +1705,9 @@ nvsp_status nvsp_sender_create(uint32_t mtu,
 // like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
 // Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+// Fails with NVSP_ERR_ARGUMENT (the time).
 //
 // Parameters:
-// - `sender`: a live sender. Not NULL.
 // - `now`: when the frame was exposed, seconds, on a clock that does not go back. All times of a sender are on it.
 // - `bytes`: receives the bytes. Not NULL.
 NVSP_CHECKED
@@ -2219,14 +1719,13 @@ nvsp_status nvsp_sender_plan(struct nvsp_sender *sender,
 // be longer than planned: it takes more of the link for once. A sender without a bit rate takes any packet whole,
 // without a plan. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time, or not as many
-// user bytes as nvsp_sender_options.user_bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MODEM (the bytes are not
-// exactly one valid packet, or longer than the shares), NVSP_ERR_STATE (no frame was planned, or its packet was
-// taken), NVSP_ERR_BUDGET (all shares together do not hold a picture: the MTU or nvsp_sender_options.shares is too
-// small) or NVSP_ERR_UNFINISHED (too many shares wait: nobody takes them). The plan stays then.
+// Fails with NVSP_ERR_ARGUMENT (the time, or not as many user bytes as nvsp_sender_options.user_bytes), NVSP_ERR_MODEM
+// (the bytes are not exactly one valid packet, or longer than the shares), NVSP_ERR_STATE (no frame was planned, or
+// its packet was taken), NVSP_ERR_BUDGET (all shares together do not hold a picture: the MTU or
+// nvsp_sender_options.shares is too small) or NVSP_ERR_UNFINISHED (too many shares wait: nobody takes them). The plan
+// stays then.
 //
 // Parameters:
-// - `sender`: a live sender. Not NULL.
 // - `now`: when the packet is ready, seconds.
 // - `packet`: the packet. Read during the call. Not NULL.
 // - `size`: bytes of `packet`.
@@ -2246,11 +1745,9 @@ nvsp_status nvsp_sender_push(struct nvsp_sender *sender,
 // writes nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates
 // nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-// NVSP_ERR_BUFFER_TOO_SMALL. The share stays then.
+// Fails with NVSP_ERR_ARGUMENT (the time) or NVSP_ERR_BUFFER_TOO_SMALL. The share stays then.
 //
 // Parameters:
-// - `sender`: a live sender. Not NULL.
 // - `now`: seconds.
 // - `share`: receives the share, which is a modem frame. It may be padded to any length. Yours, of `size` bytes. Not
 //   NULL.
@@ -2261,7 +1758,7 @@ nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
                              double now,
                              uint8_t *share,
                              size_t size,
-                             size_t *written) NVSP_NONNULL(1, 5);
+                             size_t *written) NVSP_NONNULL(1, 3, 5);
 
 // Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells,
 // step by step. Shares that a picture still lacks, without protection all that are missing, are sent again, once, if
@@ -2275,12 +1772,10 @@ nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
 //         }
 //     }
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED, NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE (the sender was made
-// without NVSP_SENDER_EXPECT_REPORTS). Nothing changes then.
+// Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE
+// (the sender was made without NVSP_SENDER_EXPECT_REPORTS). Nothing changes then.
 //
 // Parameters:
-// - `sender`: a live sender. Not NULL.
 // - `now`: when the report came, seconds.
 // - `report`: its bytes. Read during the call. Not NULL.
 // - `size`: bytes of `report`.
@@ -2294,10 +1789,7 @@ nvsp_status nvsp_sender_process_report(struct nvsp_sender *sender,
 
 // Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-//
 // Parameters:
-// - `sender`: a live sender. Not NULL.
 // - `time`: receives the time, seconds. It may have passed. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_sender_due(struct nvsp_sender *sender,
@@ -2305,10 +1797,9 @@ nvsp_status nvsp_sender_due(struct nvsp_sender *sender,
 
 // Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+// Fails with NVSP_ERR_ARGUMENT (the time).
 //
 // Parameters:
-// - `sender`: a live sender. Not NULL.
 // - `now`: seconds.
 // - `bytes`: their number, with what they cost beside themselves.
 NVSP_CHECKED
@@ -2318,11 +1809,10 @@ nvsp_status nvsp_sender_count(struct nvsp_sender *sender,
 
 // Sets what the link carries from `now` on. The next frame's bytes are those of the new rate. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if the sender was
-// made without a bit rate. The rate before stays then.
+// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The rate before stays
+// then.
 //
 // Parameters:
-// - `sender`: a live sender. Not NULL.
 // - `now`: seconds.
 // - `bit_rate`: bit/s, above 0.
 NVSP_CHECKED
@@ -2333,11 +1823,10 @@ nvsp_status nvsp_sender_set_bit_rate(struct nvsp_sender *sender,
 // Sets what the next packets are protected against, for example as the topside has measured it
 // (nvsp_collector_statistics). Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if the sender was
-// made without a bit rate. The loss before stays then.
+// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The loss before stays
+// then.
 //
 // Parameters:
-// - `sender`: a live sender. Not NULL.
 // - `loss`: chance that a modem frame is lost, 0 up to but not 1. Here 0 means that none is.
 // - `burst`: mean number of modem frames that are lost in a row, 1 or more. 0: 1.
 NVSP_CHECKED
@@ -2345,34 +1834,92 @@ nvsp_status nvsp_sender_set_loss(struct nvsp_sender *sender,
                                  double loss,
                                  double burst) NVSP_NONNULL(1);
 
-// Copies the counts.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-//
-// Parameters:
-// - `sender`: a live sender. Not NULL.
-// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_sender_get_statistics(struct nvsp_sender *sender,
-                                       struct nvsp_sender_statistics *statistics) NVSP_NONNULL(1, 2);
-
-// Copies the text of the last failed call on the sender, as nvsp_engine_last_error does.
-//
-// Parameters:
-// - `sender`: a live sender. Not NULL.
-// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_sender_last_error(const struct nvsp_sender *sender, char *text, size_t size) NVSP_NONNULL(1, 2);
-
 // Ends a sender; NULL is allowed. Shares that wait are lost.
-//
-// Parameters:
-// - `sender`: a live sender that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_sender_destroy(struct nvsp_sender *sender);
+
+// ---- The topside's end of a link ----
+
+// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. One thread at a time may
+// use it. Example:
+//
+//     nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
+//     if (nvsp_collector_push(collector, now, frame, size, &state) == NVSP_OK && state.bytes > 0)
+//         status = nvsp_collector_fetch(collector, state.stream, state.frame, packet, sizeof packet, &bytes, NULL);
+typedef struct nvsp_collector nvsp_collector;
+
+// nvsp_collector_options.flags: the modem hands over no damaged frames. The first share of an unprotected packet then
+// counts as valid to its end.
+#define NVSP_COLLECTOR_MODEM_CHECKS 1
+
+// How to collect shares.
+typedef struct nvsp_collector_options {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo
+  // 128: give less time than 64 frames of the camera take. A share that comes later than that looks like one of the
+  // future. 0: 4.
+  double age;
+  // Shares of a packet that there is room for, up to 4096: nvsp_sender_options.shares. An unprotected packet of n
+  // bytes takes 1, and one more for each MTU - 4 bytes beyond the MTU; of a longer one the start is kept. 0: 32.
+  uint32_t shares;
+  // Packets of a stream that are held: that of the newest frame number, and of those before it. Up to 64, and
+  // rounded up to a power of two. 0: 16.
+  uint32_t packets;
+  // Streams that are taken, 0 to this less one; up to 4. 0: 1.
+  uint32_t streams;
+  // NVSP_COLLECTOR_* flags.
+  uint32_t flags;
+} nvsp_collector_options;
+
+// The packet is complete.
+#define NVSP_EVENT_COMPLETE 1
+
+// The packet has more bytes at its start than before: nvsp_collector_fetch yields a better picture.
+#define NVSP_EVENT_GROWN 2
+
+// The share is kept. It is of use once more come.
+#define NVSP_EVENT_KEPT 3
+
+// The share was there already.
+#define NVSP_EVENT_DUPLICATE 4
+
+// The packet's own checks do not match what its shares hold. They are dropped, and may come again. Of an unprotected
+// packet the first one stays, as far as it is valid.
+#define NVSP_EVENT_DAMAGED 5
+
+// The share's packet was complete before.
+#define NVSP_EVENT_SURPLUS 6
+
+// What has come of a packet.
+typedef struct nvsp_collected {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero
+  // unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN.
+  uint32_t event;
+  // Stream of the packet.
+  uint32_t stream;
+  // Frame number of the packet, modulo 2^24.
+  uint32_t frame;
+  // Bytes of its start that are there. Checks vouch for them.
+  uint32_t bytes;
+  // 1: these are the whole packet; else 0.
+  uint32_t complete;
+  // Shares of it that came.
+  uint32_t arrived;
+  // Shares that it was sent in; 0: the length of an unprotected packet has not come.
+  uint32_t sent;
+  // User bytes that came with it.
+  uint32_t user_bytes;
+  // 1: no share brings more, as the packet is complete, or its end was not sent; else 0.
+  uint32_t ended;
+  // Zero.
+  uint32_t reserved;
+} nvsp_collected;
 
 // Tells how much memory a collector takes for its packets. Allocates nothing; any thread may call it.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION or NVSP_ERR_ARGUMENT.
+// Fails with NVSP_ERR_ARGUMENT.
 //
 // Parameters:
 // - `mtu`: most bytes of a modem frame, 1 to 65535.
@@ -2385,7 +1932,7 @@ nvsp_status nvsp_collector_memory(uint32_t mtu,
 
 // Makes a collector. Takes all its memory here: as much as nvsp_collector_memory tells.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
+// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
 //
 // Parameters:
 // - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; unprotected packets need 31. What lies beyond it
@@ -2400,12 +1947,10 @@ nvsp_status nvsp_collector_create(uint32_t mtu,
 // Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames.
 // Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED, or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream that is not taken, or
-// is one of more shares than there is room for. What came before is not lost then.
+// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream
+// that is not taken, or is one of more shares than there is room for. What came before is not lost then.
 //
 // Parameters:
-// - `collector`: a live collector. Not NULL.
 // - `now`: when it came, seconds, on a clock that does not go back. Without a clock, 0 always: then no packet becomes
 //   stale.
 // - `frame`: the modem frame. Read during the call. Not NULL.
@@ -2422,11 +1967,10 @@ nvsp_status nvsp_collector_push(struct nvsp_collector *collector,
 // which makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale.
 // Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a picture.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a
+// picture.
 //
 // Parameters:
-// - `collector`: a live collector. Not NULL.
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, modulo 2^24. Of a short packet only the low 16 bits count.
 // - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
@@ -2444,11 +1988,10 @@ nvsp_status nvsp_collector_fetch(struct nvsp_collector *collector,
 
 // Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or
-// NVSP_ERR_STATE if nothing came of the packet that makes a picture, or it has none.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of the packet that makes
+// a picture, or it has none.
 //
 // Parameters:
-// - `collector`: a live collector. Not NULL.
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as for nvsp_collector_fetch.
 // - `user`: receives the user bytes. Yours, of `size` bytes. Not NULL.
@@ -2464,11 +2007,9 @@ nvsp_status nvsp_collector_fetch_user(struct nvsp_collector *collector,
 
 // Tells what is there of the packet of the greatest frame number of a stream that yields a picture. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED, or NVSP_ERR_STATE if there is none.
+// Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_STATE if there is none.
 //
 // Parameters:
-// - `collector`: a live collector. Not NULL.
 // - `stream`: the stream.
 // - `state`: receives what is there, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
@@ -2479,11 +2020,10 @@ nvsp_status nvsp_collector_newest(struct nvsp_collector *collector,
 // Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
 // yields a picture, its frame number counts modulo 128. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-// NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for each eight.
+// Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for
+// each eight.
 //
 // Parameters:
-// - `collector`: a live collector. Not NULL.
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as for nvsp_collector_fetch.
 // - `bits`: receives the bits; those beyond `known` are zero. Yours, of `size` bytes. Not NULL.
@@ -2502,10 +2042,9 @@ nvsp_status nvsp_collector_arrived(struct nvsp_collector *collector,
 // of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
 // number counts modulo 128. Allocates nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+// Fails with NVSP_ERR_ARGUMENT (the stream).
 //
 // Parameters:
-// - `collector`: a live collector. Not NULL.
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as for nvsp_collector_fetch.
 // - `indices`: receives the first indices, as many as there is room for. Yours, of `room` numbers. NULL only if `room`
@@ -2525,11 +2064,10 @@ nvsp_status nvsp_collector_missing(struct nvsp_collector *collector,
 // of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then. Allocates
 // nothing.
 //
-// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes), NVSP_ERR_BUSY,
-// NVSP_ERR_POISONED or NVSP_ERR_MODEM (`size` is too small for any report).
+// Fails with NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes) or NVSP_ERR_MODEM (`size` is too small for
+// any report).
 //
 // Parameters:
-// - `collector`: a live collector. Not NULL.
 // - `stream`: the stream.
 // - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. Read
 //   during the call. NULL only if `kept_count` is 0.
@@ -2550,35 +2088,11 @@ nvsp_status nvsp_collector_report(struct nvsp_collector *collector,
                                   size_t size,
                                   size_t *written) NVSP_NONNULL(1, 7, 9);
 
-// Copies the counts.
-//
-// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-//
-// Parameters:
-// - `collector`: a live collector. Not NULL.
-// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_collector_get_statistics(struct nvsp_collector *collector,
-                                          struct nvsp_collector_statistics *statistics) NVSP_NONNULL(1, 2);
-
-// Copies the text of the last failed call on the collector, as nvsp_engine_last_error does.
-//
-// Parameters:
-// - `collector`: a live collector. Not NULL.
-// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_collector_last_error(const struct nvsp_collector *collector,
-                                      char *text,
-                                      size_t size) NVSP_NONNULL(1, 2);
-
 // Ends a collector; NULL is allowed.
-//
-// Parameters:
-// - `collector`: a live collector that no other thread uses. Do not use it afterwards. NULL is allowed.
 void nvsp_collector_destroy(struct nvsp_collector *collector);
 
 #ifdef __cplusplus
-}  // extern "C"
-#endif  // __cplusplus
+} /* extern "C" */
+#endif
 
-#endif  /* NVSPRIOR_H */
+#endif /* NVSPRIOR_H */

@@ -33,18 +33,22 @@ library() {
     echo "installed: $(stat -Lc %s "$prefix/lib/libnvsprior.so") bytes shared"
 }
 
-# The header alone, in every language that it is for. It must be what the sources give.
+# Each header alone, in every language that it is for. They must be what the sources give.
 header() {
-    for compiler in gcc clang; do
-        for language in c99 c11 c++17; do
-            case $language in c++*) x=c++ ;; *) x=c ;; esac
-            $compiler -x $x -std=$language -Wall -Wextra -Wpedantic -Werror -fsyntax-only \
-                include/nvsprior.h
+    for header in include/*.h; do
+        for compiler in gcc clang; do
+            for language in c99 c11 c++17; do
+                case $language in c++*) x=c++ ;; *) x=c ;; esac
+                $compiler -x $x -std=$language -Wall -Wextra -Wpedantic -Werror -fsyntax-only "$header"
+            done
         done
     done
-    scripts/header.sh | diff -u include/nvsprior.h -
-    diff -u include/nvsprior.h "$prefix/include/nvsprior.h"
-    echo "gcc and clang, C99, C11 and C++17; as the sources have it"
+    rm -rf "$work/headers"
+    mkdir "$work/headers"
+    scripts/header.py "$work/headers"
+    diff -ru include "$work/headers"
+    diff -ru include "$prefix/include"
+    echo "$(ls include | xargs): gcc and clang, C99, C11 and C++17; as the sources have them"
 }
 
 # The library's exports: no less and no more.

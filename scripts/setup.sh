@@ -72,6 +72,7 @@ look() {
             header libvulkan-dev vulkan/vulkan.h
             program abidiff abigail-tools
             crate cbindgen@0.29.4 cbindgen
+            python
             ;;
         cross) # Building it for 64-bit ARM, and running it.
             program aarch64-linux-gnu-gcc gcc-aarch64-linux-gnu

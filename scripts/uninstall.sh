@@ -9,7 +9,8 @@ includedir=${DESTDIR:-}${INCLUDEDIR:-$prefix/include}
 removed=0
 for file in "$libdir"/libnvsprior.so "$libdir"/libnvsprior.so.[0-9]* "$libdir/libnvsprior.a" \
     "$libdir/pkgconfig/nvsprior.pc" "$libdir"/cmake/nvsprior/nvspriorConfig.cmake \
-    "$libdir"/cmake/nvsprior/nvspriorConfigVersion.cmake "$includedir/nvsprior.h"; do
+    "$libdir"/cmake/nvsprior/nvspriorConfigVersion.cmake "$includedir/nvsprior.h" \
+    "$includedir/nvsprior_extra.h"; do
     if [ -e "$file" ] || [ -L "$file" ]; then
         rm "$file"
         echo "removed $file"

@@ -6,24 +6,19 @@ use super::structs::versioned;
 
 /// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on
 /// any thread, on several at once. It must not call the library, and must not unwind.
-#[allow(non_camel_case_types)]
 pub type nvsp_allocate_callback =
     Option<unsafe extern "C" fn(user: *mut c_void, size: usize, alignment: usize) -> *mut c_void>;
 
 /// Takes a block back that nvsp_allocate_callback gave, with the size and alignment that it was asked for.
-#[allow(non_camel_case_types)]
 pub type nvsp_release_callback = Option<
     unsafe extern "C" fn(user: *mut c_void, block: *mut c_void, size: usize, alignment: usize),
 >;
 
 /// Where the library takes host memory from.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_allocator {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
     pub allocate: nvsp_allocate_callback,

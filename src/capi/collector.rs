@@ -1,17 +1,16 @@
 //! The topside's end of a link.
 
-use std::ffi::c_char;
 use std::ptr::null_mut;
 
 use crate::modem::{Collected, CollectedPacket, Collector, CollectorOptions};
 
-use super::handle::{Handle, Opaque, fence};
+use super::handle::{Handle, fence};
 use super::limits::SMALL;
 use super::log::Log;
 use super::memory::Grant;
-use super::slices::{slice, slice_mut};
+use super::slices::{Room, optional_slice, slice, slice_mut};
 use super::status::*;
-use super::structs::{Out, number, read, versioned};
+use super::structs::{In, Out, Place, number, versioned, zeroed};
 
 /// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. One thread at a time may
 /// use it. Example:
@@ -21,27 +20,17 @@ use super::structs::{Out, number, read, versioned};
 /// if (nvsp_collector_push(collector, now, frame, size, &state) == NVSP_OK && state.bytes > 0)
 ///     status = nvsp_collector_fetch(collector, state.stream, state.frame, packet, sizeof packet, &bytes, NULL);
 /// ```
-#[allow(non_camel_case_types)]
-pub struct nvsp_collector {
-    _opaque: [u8; 0],
-}
-
-impl Opaque for nvsp_collector {
-    type Content = Collector;
-}
+pub type nvsp_collector = Handle<Collector>;
 
 /// nvsp_collector_options.flags: the modem hands over no damaged frames. The first share of an unprotected packet then
 /// counts as valid to its end.
 pub const NVSP_COLLECTOR_MODEM_CHECKS: u32 = 1;
 
 /// How to collect shares.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_collector_options {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo
     /// 128: give less time than 64 frames of the camera take. A share that comes later than that looks like one of the
@@ -75,13 +64,10 @@ pub const NVSP_EVENT_DAMAGED: u32 = 5;
 pub const NVSP_EVENT_SURPLUS: u32 = 6;
 
 /// What has come of a packet.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_collected {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero
     /// unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN.
@@ -107,43 +93,6 @@ pub struct nvsp_collected {
 }
 versioned!(nvsp_collected, 48);
 
-/// Counts since the collector was made. A packet has gone by once a newer one took its place, or it is stale.
-#[allow(non_camel_case_types)]
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct nvsp_collector_statistics {
-    /// Set by NVSP_INIT.
-    pub struct_size: u32,
-    /// Set by NVSP_INIT.
-    pub abi_version: u32,
-    /// Shares that were not there before.
-    pub accepted: u64,
-    /// Shares that were there before.
-    pub duplicates: u64,
-    /// Modem frames that were no shares, damaged ones, such of packets long past, and shares of unprotected packets
-    /// whose first one did not come.
-    pub rejected: u64,
-    /// Shares that packets gone by had.
-    pub arrived: u64,
-    /// Shares that they were sent in. 1 - arrived / sent is the loss, for nvsp_sender_set_loss. Packets of which no
-    /// share came do not count, as a frame that was left out looks the same; nor unprotected ones whose length did not
-    /// come.
-    pub sent: u64,
-    /// Packets that became complete.
-    pub completed: u64,
-    /// Packets gone by that were complete although shares of them were missing.
-    pub repaired: u64,
-    /// Packets gone by that yielded a picture, but not all of it.
-    pub partial: u64,
-    /// Packets gone by that yielded no picture, and frame numbers of which nothing came.
-    pub lost: u64,
-    /// Packets whose own checks did not match what their shares held.
-    pub damaged: u64,
-    /// Shares of unprotected packets that now wait for the first one of their packet.
-    pub waiting: u64,
-}
-versioned!(nvsp_collector_statistics, 96);
-
 fn options_of(mtu: u32, given: &nvsp_collector_options) -> Result<CollectorOptions, Failure> {
     if given.flags & !NVSP_COLLECTOR_MODEM_CHECKS != 0 {
         return Err(Failure::argument("nvsp_collector_options.flags: unknown"));
@@ -162,56 +111,46 @@ fn options_of(mtu: u32, given: &nvsp_collector_options) -> Result<CollectorOptio
 
 /// Tells how much memory a collector takes for its packets. Allocates nothing; any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION or NVSP_ERR_ARGUMENT.
+/// Fails with NVSP_ERR_ARGUMENT.
 ///
-/// # Safety
+/// # Parameters
 /// - `mtu`: most bytes of a modem frame, 1 to 65535.
 /// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 /// - `bytes`: receives the bytes. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_collector_memory(
+pub extern "C" fn nvsp_collector_memory(
     mtu: u32,
-    options: *const nvsp_collector_options,
-    bytes: *mut u64,
+    options: In<nvsp_collector_options>,
+    bytes: Place<u64>,
 ) -> nvsp_status {
     fence(|| {
-        if bytes.is_null() {
-            return Err(Failure::null("bytes"));
-        }
-        // SAFETY: as the caller promises.
-        let options = options_of(mtu, &unsafe { read(options)? })?;
-        let memory = options.memory()?;
-        // SAFETY: not null, and valid as the caller promises.
-        unsafe { *bytes = memory as u64 };
+        let bytes = bytes.required("bytes")?;
+        let options = options_of(mtu, &options.read()?)?;
+        bytes.write(options.memory()? as u64);
         Ok(NVSP_OK)
     })
 }
 
 /// Makes a collector. Takes all its memory here: as much as nvsp_collector_memory tells.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
+/// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
 ///
-/// # Safety
+/// # Parameters
 /// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; unprotected packets need 31. What lies beyond it
 ///   is padding.
 /// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 /// - `collector`: receives the collector, which nvsp_collector_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_collector_create(
+pub extern "C" fn nvsp_collector_create(
     mtu: u32,
-    options: *const nvsp_collector_options,
-    collector: *mut *mut nvsp_collector,
+    options: In<nvsp_collector_options>,
+    collector: Place<Box<nvsp_collector>>,
 ) -> nvsp_status {
     fence(|| {
-        if collector.is_null() {
-            return Err(Failure::null("collector"));
-        }
-        // SAFETY: as the caller promises.
-        let options = options_of(mtu, &unsafe { read(options)? })?;
+        let collector = collector.required("collector")?;
+        let options = options_of(mtu, &options.read()?)?;
         let _memory = Grant::take("a collector", options.memory()? as u64 + SMALL, u64::MAX)?;
-        let made = Handle::boxed(Collector::new(options)?, Log::new(None, null_mut()));
-        // SAFETY: not null, and valid as the caller promises.
-        unsafe { *collector = nvsp_collector::address(made) };
+        collector.write(Handle::boxed(Collector::new(options)?, Log::new(None, null_mut())));
         Ok(NVSP_OK)
     })
 }
@@ -219,12 +158,10 @@ pub unsafe extern "C" fn nvsp_collector_create(
 /// Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames.
 /// Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY,
-/// NVSP_ERR_POISONED, or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream that is not taken, or
-/// is one of more shares than there is room for. What came before is not lost then.
+/// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream
+/// that is not taken, or is one of more shares than there is room for. What came before is not lost then.
 ///
 /// # Safety
-/// - `collector`: a live collector. Not NULL.
 /// - `now`: when it came, seconds, on a clock that does not go back. Without a clock, 0 always: then no packet becomes
 ///   stale.
 /// - `frame`: the modem frame. Read during the call. Not NULL.
@@ -232,49 +169,44 @@ pub unsafe extern "C" fn nvsp_collector_create(
 /// - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_push(
-    collector: *mut nvsp_collector,
+    collector: Option<&nvsp_collector>,
     now: f64,
     frame: *const u8,
     size: usize,
-    state: *mut nvsp_collected,
+    state: Out<nvsp_collected>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_collector::handle(collector), |content| {
-            let out = Out::new(state)?;
-            if frame.is_null() {
-                return Err(Failure::null("frame"));
-            }
-            let of = |event| nvsp_collected { event, ..NOTHING };
-            let state = match content.push(now, slice(frame, size, "frame")?)? {
-                Collected::Complete(stream, frame) => nvsp_collected {
-                    event: NVSP_EVENT_COMPLETE,
-                    ..state_of(stream, content.packet(stream, frame))
-                },
-                Collected::Grown(stream, frame) => nvsp_collected {
-                    event: NVSP_EVENT_GROWN,
-                    ..state_of(stream, content.packet(stream, frame))
-                },
-                Collected::Kept => of(NVSP_EVENT_KEPT),
-                Collected::Duplicate => of(NVSP_EVENT_DUPLICATE),
-                Collected::Surplus => of(NVSP_EVENT_SURPLUS),
-                Collected::Damaged(..) => of(NVSP_EVENT_DAMAGED),
-            };
-            out.write(&state);
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_collector::call(collector, |content| {
+        let out = state.optional()?;
+        let of = |event| nvsp_collected { event, ..zeroed() };
+        // SAFETY: `size` bytes stand at `frame`, see `# Safety`.
+        let frame = unsafe { slice(frame, size, "frame")? };
+        let state = match content.push(now, frame)? {
+            Collected::Complete(stream, frame) => nvsp_collected {
+                event: NVSP_EVENT_COMPLETE,
+                ..state_of(stream, content.packet(stream, frame))
+            },
+            Collected::Grown(stream, frame) => nvsp_collected {
+                event: NVSP_EVENT_GROWN,
+                ..state_of(stream, content.packet(stream, frame))
+            },
+            Collected::Kept => of(NVSP_EVENT_KEPT),
+            Collected::Duplicate => of(NVSP_EVENT_DUPLICATE),
+            Collected::Surplus => of(NVSP_EVENT_SURPLUS),
+            Collected::Damaged(..) => of(NVSP_EVENT_DAMAGED),
+        };
+        out.write(&state);
+        Ok(NVSP_OK)
+    })
 }
 
 /// Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START,
 /// which makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale.
 /// Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
-/// NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a picture.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a
+/// picture.
 ///
 /// # Safety
-/// - `collector`: a live collector. Not NULL.
 /// - `stream`: the packet's stream.
 /// - `frame`: its frame number, modulo 2^24. Of a short packet only the low 16 bits count.
 /// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
@@ -283,33 +215,31 @@ pub unsafe extern "C" fn nvsp_collector_push(
 /// - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_fetch(
-    collector: *mut nvsp_collector,
+    collector: Option<&nvsp_collector>,
     stream: u32,
     frame: u32,
     packet: *mut u8,
     size: usize,
-    written: *mut usize,
-    state: *mut nvsp_collected,
+    written: Place<usize>,
+    state: Out<nvsp_collected>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_collector::handle(collector), |content| {
-            let out = Out::new(state)?;
-            let found = held(content, stream, frame)?;
-            copy(found.bytes, (packet, size, "packet"), written)?;
-            out.write(&state_of(stream as u8, Some(found)));
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_collector::call(collector, |content| {
+        let out = state.optional()?;
+        // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
+        let mut room = unsafe { Room::new(packet, size, written, "packet")? };
+        let found = held(content, stream, frame)?;
+        room.write(found.bytes)?;
+        out.write(&state_of(stream as u8, Some(found)));
+        Ok(NVSP_OK)
+    })
 }
 
 /// Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_BUFFER_TOO_SMALL, or
-/// NVSP_ERR_STATE if nothing came of the packet that makes a picture, or it has none.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of the packet that makes
+/// a picture, or it has none.
 ///
 /// # Safety
-/// - `collector`: a live collector. Not NULL.
 /// - `stream`: the packet's stream.
 /// - `frame`: its frame number, as for nvsp_collector_fetch.
 /// - `user`: receives the user bytes. Yours, of `size` bytes. Not NULL.
@@ -317,60 +247,52 @@ pub unsafe extern "C" fn nvsp_collector_fetch(
 /// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_fetch_user(
-    collector: *mut nvsp_collector,
+    collector: Option<&nvsp_collector>,
     stream: u32,
     frame: u32,
     user: *mut u8,
     size: usize,
-    written: *mut usize,
+    written: Place<usize>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_collector::handle(collector), |content| {
-            let none = Failure::at(NVSP_ERR_STATE, "the packet has no user bytes");
-            let bytes = held(content, stream, frame)?.user.ok_or(none)?;
-            copy(bytes, (user, size, "user"), written)?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_collector::call(collector, |content| {
+        // SAFETY: `size` bytes stand at `user`, see `# Safety`.
+        let mut room = unsafe { Room::new(user, size, written, "user")? };
+        let none = Failure::at(NVSP_ERR_STATE, "the packet has no user bytes");
+        room.write(held(content, stream, frame)?.user.ok_or(none)?)?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Tells what is there of the packet of the greatest frame number of a stream that yields a picture. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY,
-/// NVSP_ERR_POISONED, or NVSP_ERR_STATE if there is none.
+/// Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_STATE if there is none.
 ///
-/// # Safety
-/// - `collector`: a live collector. Not NULL.
+/// # Parameters
 /// - `stream`: the stream.
 /// - `state`: receives what is there, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_collector_newest(
-    collector: *mut nvsp_collector,
+pub extern "C" fn nvsp_collector_newest(
+    collector: Option<&nvsp_collector>,
     stream: u32,
-    state: *mut nvsp_collected,
+    state: Out<nvsp_collected>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_collector::handle(collector), |content| {
-            let out = Out::required(state)?;
-            let stream = stream_of(content, stream)?;
-            let newest = content.newest(stream);
-            let newest = newest.ok_or(Failure::at(NVSP_ERR_STATE, "no packet yields a picture"))?;
-            out.write(&state_of(stream, Some(newest)));
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_collector::call(collector, |content| {
+        let out = state.required()?;
+        let stream = stream_of(content, stream)?;
+        let newest = content.newest(stream);
+        let newest = newest.ok_or(Failure::at(NVSP_ERR_STATE, "no packet yields a picture"))?;
+        out.write(&state_of(stream, Some(newest)));
+        Ok(NVSP_OK)
+    })
 }
 
 /// Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
 /// yields a picture, its frame number counts modulo 128. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-/// NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for each eight.
+/// Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for
+/// each eight.
 ///
 /// # Safety
-/// - `collector`: a live collector. Not NULL.
 /// - `stream`: the packet's stream.
 /// - `frame`: its frame number, as for nvsp_collector_fetch.
 /// - `bits`: receives the bits; those beyond `known` are zero. Yours, of `size` bytes. Not NULL.
@@ -379,44 +301,39 @@ pub unsafe extern "C" fn nvsp_collector_newest(
 ///   length has not come those up to the first missing one; 0: none has come. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_arrived(
-    collector: *mut nvsp_collector,
+    collector: Option<&nvsp_collector>,
     stream: u32,
     frame: u32,
     bits: *mut u8,
     size: usize,
-    known: *mut u32,
+    known: Place<u32>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_collector::handle(collector), |content| {
-            if bits.is_null() || known.is_null() {
-                return Err(Failure::null("bits or known"));
-            }
-            let stream = stream_of(content, stream)?;
-            let into = slice_mut(bits, size, "bits")?;
-            let count = content.known(stream, frame);
-            let needed = count.div_ceil(8);
-            *known = number(count);
-            if size < needed {
-                return Err(Failure::Room { needed, found: size });
-            }
-            into.fill(0);
-            for index in content.arrived(stream, frame) {
-                into[index / 8] |= 1 << (index % 8);
-            }
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_collector::call(collector, |content| {
+        let known = known.required("known")?;
+        // SAFETY: `size` bytes stand at `bits`, see `# Safety`.
+        let into = unsafe { slice_mut(bits, size, "bits")? };
+        let stream = stream_of(content, stream)?;
+        let count = content.known(stream, frame);
+        let needed = count.div_ceil(8);
+        known.write(number(count));
+        if size < needed {
+            return Err(Failure::Room { needed, found: size });
+        }
+        into.fill(0);
+        for index in content.arrived(stream, frame) {
+            into[index / 8] |= 1 << (index % 8);
+        }
+        Ok(NVSP_OK)
+    })
 }
 
 /// Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the length
 /// of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
 /// number counts modulo 128. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+/// Fails with NVSP_ERR_ARGUMENT (the stream).
 ///
 /// # Safety
-/// - `collector`: a live collector. Not NULL.
 /// - `stream`: the packet's stream.
 /// - `frame`: its frame number, as for nvsp_collector_fetch.
 /// - `indices`: receives the first indices, as many as there is room for. Yours, of `room` numbers. NULL only if `room`
@@ -425,31 +342,30 @@ pub unsafe extern "C" fn nvsp_collector_arrived(
 /// - `count`: receives how many are missing in all, which may be more than `room`. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_missing(
-    collector: *mut nvsp_collector,
+    collector: Option<&nvsp_collector>,
     stream: u32,
     frame: u32,
     indices: *mut u32,
     room: u32,
-    count: *mut u32,
+    count: Place<u32>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_collector::handle(collector), |content| {
-            if (indices.is_null() && room > 0) || count.is_null() {
-                return Err(Failure::null("indices or count"));
+    nvsp_collector::call(collector, |content| {
+        let count = count.required("count")?;
+        if indices.is_null() && room > 0 {
+            return Err(Failure::null("indices"));
+        }
+        let stream = stream_of(content, stream)?;
+        let mut missing = 0;
+        for index in content.missing(stream, frame) {
+            if missing < room as usize {
+                // SAFETY: `room` numbers stand at `indices`, see `# Safety`.
+                unsafe { *indices.add(missing) = number(index) };
             }
-            let stream = stream_of(content, stream)?;
-            let mut missing = 0;
-            for index in content.missing(stream, frame) {
-                if missing < room as usize {
-                    *indices.add(missing) = number(index);
-                }
-                missing += 1;
-            }
-            *count = number(missing);
-            Ok(NVSP_OK)
-        })
-    }
+            missing += 1;
+        }
+        count.write(number(missing));
+        Ok(NVSP_OK)
+    })
 }
 
 /// Writes what has come of a stream's newest packets, for the vehicle: a modem frame for the return channel, which
@@ -457,11 +373,10 @@ pub unsafe extern "C" fn nvsp_collector_missing(
 /// of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then. Allocates
 /// nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes), NVSP_ERR_BUSY,
-/// NVSP_ERR_POISONED or NVSP_ERR_MODEM (`size` is too small for any report).
+/// Fails with NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes) or NVSP_ERR_MODEM (`size` is too small for
+/// any report).
 ///
 /// # Safety
-/// - `collector`: a live collector. Not NULL.
 /// - `stream`: the stream.
 /// - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. Read
 ///   during the call. NULL only if `kept_count` is 0.
@@ -473,7 +388,7 @@ pub unsafe extern "C" fn nvsp_collector_missing(
 /// - `written`: receives the report's length, bytes. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_report(
-    collector: *mut nvsp_collector,
+    collector: Option<&nvsp_collector>,
     stream: u32,
     kept: *const u32,
     kept_count: u32,
@@ -481,90 +396,34 @@ pub unsafe extern "C" fn nvsp_collector_report(
     user_size: usize,
     report: *mut u8,
     size: usize,
-    written: *mut usize,
+    written: Place<usize>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_collector::handle(collector), |content| {
-            if report.is_null() || written.is_null() || (kept.is_null() && kept_count > 0) {
-                return Err(Failure::null("kept, report or written"));
-            }
-            let stream = stream_of(content, stream)?;
-            let into = slice_mut(report, size, "report")?;
-            let user = match user.is_null() {
-                true if user_size > 0 => return Err(Failure::null("user")),
-                true => None,
-                false => Some(slice(user, user_size, "user")?),
-            };
-            let is_kept =
-                |frame: u32| (0..kept_count as usize).any(|k| *kept.add(k) as u16 == frame as u16);
-            let Some(found) = content.report(stream, is_kept)? else { return Ok(NVSP_PENDING) };
-            *written = found.write(user, into)?;
-            Ok(NVSP_OK)
-        })
-    }
-}
-
-/// Copies the counts.
-///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-///
-/// # Safety
-/// - `collector`: a live collector. Not NULL.
-/// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_collector_get_statistics(
-    collector: *mut nvsp_collector,
-    statistics: *mut nvsp_collector_statistics,
-) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_collector::handle(collector), |content| {
-            let counts = content.statistics();
-            Out::required(statistics)?.write(&nvsp_collector_statistics {
-                struct_size: 0,
-                abi_version: 0,
-                accepted: counts.accepted,
-                duplicates: counts.duplicates,
-                rejected: counts.rejected,
-                arrived: counts.arrived,
-                sent: counts.sent,
-                completed: counts.completed,
-                repaired: counts.repaired,
-                partial: counts.partial,
-                lost: counts.lost,
-                damaged: counts.damaged,
-                waiting: counts.waiting,
-            });
-            Ok(NVSP_OK)
-        })
-    }
-}
-
-/// Copies the text of the last failed call on the collector, as nvsp_engine_last_error does.
-///
-/// # Safety
-/// - `collector`: a live collector. Not NULL.
-/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `text`, 1 or more.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_collector_last_error(
-    collector: *const nvsp_collector,
-    text: *mut c_char,
-    size: usize,
-) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::last_error(nvsp_collector::handle(collector), text, size) }
+    nvsp_collector::call(collector, |content| {
+        let written = written.required("written")?;
+        if kept.is_null() && kept_count > 0 {
+            return Err(Failure::null("kept"));
+        }
+        if report.is_null() {
+            return Err(Failure::null("report"));
+        }
+        // SAFETY: `size` bytes stand at `report`, and `user_size` at `user`, see `# Safety`.
+        let (into, user) = unsafe {
+            (slice_mut(report, size, "report")?, optional_slice(user, user_size, "user")?)
+        };
+        let stream = stream_of(content, stream)?;
+        // SAFETY: `kept_count` numbers stand at `kept`, see `# Safety`.
+        let number_of = |k: u32| unsafe { *kept.add(k as usize) };
+        let is_kept = |frame: u32| (0..kept_count).any(|k| number_of(k) as u16 == frame as u16);
+        let Some(found) = content.report(stream, is_kept)? else { return Ok(NVSP_PENDING) };
+        written.write(found.write(user, into)?);
+        Ok(NVSP_OK)
+    })
 }
 
 /// Ends a collector; NULL is allowed.
-///
-/// # Safety
-/// - `collector`: a live collector that no other thread uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_collector_destroy(collector: *mut nvsp_collector) {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::destroy(nvsp_collector::handle(collector).cast_mut()) }
+pub extern "C" fn nvsp_collector_destroy(collector: Option<Box<nvsp_collector>>) {
+    nvsp_collector::destroy(collector)
 }
 
 fn stream_of(collector: &Collector, stream: u32) -> Result<u8, Failure> {
@@ -577,45 +436,8 @@ fn held(collector: &Collector, stream: u32, frame: u32) -> Result<CollectedPacke
     found.ok_or(Failure::at(NVSP_ERR_STATE, "nothing of this packet makes a picture"))
 }
 
-/// Copies all bytes, or only tells how many are needed.
-///
-/// # Safety
-/// `place` is null or has as many bytes as given; `written` is null or valid.
-unsafe fn copy(
-    bytes: &[u8],
-    (place, size, name): (*mut u8, usize, &'static str),
-    written: *mut usize,
-) -> Result<(), Failure> {
-    if place.is_null() || written.is_null() {
-        return Err(Failure::null(name));
-    }
-    // SAFETY: as the caller promises.
-    let place = unsafe { slice_mut(place, size, name)? };
-    let needed = bytes.len();
-    // SAFETY: not null, and valid as the caller promises.
-    unsafe { *written = needed };
-    let place = place.get_mut(..needed).ok_or(Failure::Room { needed, found: size })?;
-    place.copy_from_slice(bytes);
-    Ok(())
-}
-
-const NOTHING: nvsp_collected = nvsp_collected {
-    struct_size: 0,
-    abi_version: 0,
-    event: 0,
-    stream: 0,
-    frame: 0,
-    bytes: 0,
-    complete: 0,
-    arrived: 0,
-    sent: 0,
-    user_bytes: 0,
-    ended: 0,
-    reserved: 0,
-};
-
 fn state_of(stream: u8, packet: Option<CollectedPacket>) -> nvsp_collected {
-    let Some(packet) = packet else { return NOTHING };
+    let Some(packet) = packet else { return zeroed() };
     nvsp_collected {
         stream: stream.into(),
         frame: packet.frame,
@@ -625,6 +447,6 @@ fn state_of(stream: u8, packet: Option<CollectedPacket>) -> nvsp_collected {
         sent: packet.sent.map_or(0, number),
         user_bytes: packet.user.map_or(0, |user| number(user.len())),
         ended: packet.ended.into(),
-        ..NOTHING
+        ..zeroed()
     }
 }

@@ -1,22 +1,21 @@
 //! The decoder's handle, and packet headers.
 
-use std::ffi::c_char;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use crate::packet::{LONGEST_LATENT, Latent, PacketError, Parsed, PoseProfile, Session};
 use crate::prior::CoordinateFrame;
-use crate::queue::{Lost, Queue, QueueError};
+use crate::queue::{Lost, Queue};
 use crate::{Decoded, Decoder, Error, Picture, Trust, packet_bound};
 
 use super::engine::nvsp_engine;
-use super::handle::{Handle, Opaque};
+use super::handle::{Handle, fence, locked};
 use super::image::{self, nvsp_camera, nvsp_picture, nvsp_pose};
 use super::limits::Limits;
 use super::prior::{PriorContent, nvsp_prior};
-use super::slices;
+use super::slices::slice;
 use super::status::*;
-use super::structs::{Out, versioned};
+use super::structs::{Checked, In, Out, Place, versioned, zeroed};
 use super::thread::{ThreadStart, spawner};
 
 /// Decodes packets, in any order. One thread at a time may use it. Example:
@@ -29,14 +28,7 @@ use super::thread::{ThreadStart, spawner};
 /// picture.size = picture.needed;
 /// status = nvsp_decode_finish(decoder, &picture, NULL);
 /// ```
-#[allow(non_camel_case_types)]
-pub struct nvsp_decoder {
-    _opaque: [u8; 0],
-}
-
-impl Opaque for nvsp_decoder {
-    type Content = Decoding;
-}
+pub type nvsp_decoder = Handle<Decoding>;
 
 /// A decoder with the packet under way.
 pub(super) struct Decoding {
@@ -86,7 +78,7 @@ impl Decoding {
     }
 
     fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
-        Ok(if self.queue.wait(timeout)? { NVSP_OK } else { NVSP_PENDING })
+        Ok(done_or_pending(self.queue.wait(timeout)?))
     }
 
     fn take(
@@ -94,12 +86,8 @@ impl Decoding {
         fetch: impl FnOnce(&Decoded) -> Result<(), Failure>,
     ) -> Result<nvsp_status, Failure> {
         let taken = self.queue.take(|work| fetch(&work.decoded))?;
-        Ok(if taken { NVSP_OK } else { NVSP_PENDING })
+        Ok(done_or_pending(taken))
     }
-}
-
-fn locked(core: &Mutex<Core>) -> Result<MutexGuard<'_, Core>, Failure> {
-    core.lock().map_err(|_| QueueError::Poisoned.into())
 }
 
 /// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_collector_fetch copies it. If the
@@ -120,14 +108,11 @@ pub const NVSP_DECODED_INTER: u32 = 16;
 /// tell the vehicle: nvsp_encoder_acknowledge.
 pub const NVSP_DECODED_KEPT: u32 = 32;
 
-/// What decoding a packet gave besides the picture.
-#[allow(non_camel_case_types)]
+/// What decoding a packet yielded besides the picture.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_decoded {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Number of the frame, modulo 2^24.
     pub frame: u32,
@@ -159,13 +144,10 @@ pub const NVSP_HEADER_POSE: u32 = 4;
 pub const NVSP_HEADER_SHORT: u32 = 8;
 
 /// What a packet says first, without rendering.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_header {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Identity of the prior that the packet is about, see nvsp_prior_info; 0 in the short form.
     pub prior_id: u32,
@@ -195,303 +177,224 @@ versioned!(nvsp_header, 112);
 /// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 /// for its pictures.
 ///
-/// Fails with NVSP_ERR_NULL or NVSP_ERR_MEMORY; the text is the engine's.
+/// Fails with NVSP_ERR_MEMORY; the text is the engine's.
 ///
-/// # Safety
-/// - `engine`: a live engine. Not NULL.
+/// # Parameters
 /// - `prior`: a live prior that was opened with `engine`. Not NULL.
 /// - `decoder`: receives the decoder, which nvsp_decoder_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_decoder_create(
-    engine: *mut nvsp_engine,
-    prior: *const nvsp_prior,
-    decoder: *mut *mut nvsp_decoder,
+pub extern "C" fn nvsp_decoder_create(
+    engine: Option<&nvsp_engine>,
+    prior: Option<&nvsp_prior>,
+    decoder: Place<Box<nvsp_decoder>>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::share(nvsp_engine::handle(engine), |handle, engine| {
-            if decoder.is_null() {
-                return Err(Failure::null("decoder"));
-            }
-            let prior = nvsp_prior::handle(prior).as_ref();
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
-            let mut decoder_made = Decoder::new(&engine.engine, &scene);
-            decoder_made.set_pixel_limit(engine.how.limits.frame_pixels);
-            let decoding = Decoding::new(decoder_made, engine.how.limits, engine.how.threads);
-            *decoder = nvsp_decoder::address(Handle::boxed(decoding, handle.log()));
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_engine::share(engine, |handle, engine| {
+        let decoder = decoder.required("decoder")?;
+        let scene = nvsp_prior::of(prior, "prior")?.scene_of(&engine)?;
+        let mut decoder_made = Decoder::new(&engine.engine, &scene);
+        decoder_made.set_pixel_limit(engine.how.limits.frame_pixels);
+        let decoding = Decoding::new(decoder_made, engine.how.limits, engine.how.threads);
+        decoder.write(Handle::boxed(decoding, handle.log()));
+        Ok(NVSP_OK)
+    })
 }
 
 /// Tells the decoder about a camera that packets only name. So a topside that joins late need not
 /// wait until the camera is sent again. The decoder knows the last 256 cameras.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+/// Fails with NVSP_ERR_CAMERA.
 ///
-/// # Safety
-/// - `decoder`: a live decoder. Not NULL.
+/// # Parameters
 /// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_decoder_add_camera(
-    decoder: *mut nvsp_decoder,
-    camera: *const nvsp_camera,
+pub extern "C" fn nvsp_decoder_add_camera(
+    decoder: Option<&nvsp_decoder>,
+    camera: In<nvsp_camera>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_decoder::handle(decoder), |content| {
-            let camera = image::camera(camera)?;
-            content.core()?.decoder.add_camera(&camera)?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_decoder::call(decoder, |content| {
+        let camera = image::camera(camera)?;
+        content.core()?.decoder.add_camera(&camera)?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 /// must have the same identity. The known cameras carry over. See nvsp_engine_reopen.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+/// Fails with NVSP_ERR_OTHER_PRIOR.
 ///
-/// # Safety
-/// - `decoder`: a live decoder. Not NULL.
-/// - `engine`: a live engine. Not NULL.
+/// # Parameters
 /// - `prior`: a live prior that was opened with `engine`. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_decoder_reopen(
-    decoder: *mut nvsp_decoder,
-    engine: *const nvsp_engine,
-    prior: *const nvsp_prior,
+pub extern "C" fn nvsp_decoder_reopen(
+    decoder: Option<&nvsp_decoder>,
+    engine: Option<&nvsp_engine>,
+    prior: Option<&nvsp_prior>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_decoder::handle(decoder), |content| {
-            let engine = nvsp_engine::handle(engine).as_ref();
-            let prior = nvsp_prior::handle(prior).as_ref();
-            let engine = engine.ok_or(Failure::null("engine"))?.get();
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
-            content.core()?.decoder.move_to(&engine.engine, &scene)?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_decoder::call(decoder, |content| {
+        let engine = nvsp_engine::of(engine, "engine")?;
+        let scene = nvsp_prior::of(prior, "prior")?.scene_of(&engine)?;
+        content.core()?.decoder.move_to(&engine.engine, &scene)?;
+        Ok(NVSP_OK)
+    })
 }
 
-/// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call gives
-/// a picture or an error. Allocates nothing from the second sound packet of a camera on, unless a view of the prior
-/// needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host, and
-/// from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with sides
-/// rounded up to multiples of 16.
+/// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
+/// yields a picture or an error. Allocates nothing from the second valid packet of a camera on, unless a view of the
+/// prior needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host,
+/// and from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with
+/// sides rounded up to multiples of 16.
 ///
-/// The same packet gives the same picture, byte for byte, as the encoder predicted, on the same
+/// The same packet yields the same picture, byte for byte, as the encoder predicted, on the same
 /// device and driver.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-/// NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR,
-/// NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also
-/// with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until the next packet is decoded, and
-/// nvsp_decode_finish fetches it.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
+/// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until
+/// the next packet is decoded, and nvsp_decode_finish fetches it.
 ///
 /// # Safety
-/// - `decoder`: a live decoder. Not NULL.
 /// - `packet`: the packet. Read during the call. Not NULL.
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
 /// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-/// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+/// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode(
-    decoder: *mut nvsp_decoder,
+    decoder: Option<&nvsp_decoder>,
     packet: *const u8,
     size: usize,
     flags: u32,
-    picture: *mut nvsp_picture,
-    info: *mut nvsp_decoded,
+    picture: Out<nvsp_picture>,
+    info: Out<nvsp_decoded>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_decoder::handle(decoder), |content| {
-            let out = Out::new(info)?;
-            let Decoding { core, queue } = &mut *content;
-            queue.run(|work| fill(&*locked(core)?, work, packet, size, flags))?;
-            content.take(|decoded| fetch(decoded, picture, &out))
-        })
-    }
+    nvsp_decoder::call(decoder, |content| {
+        let out = info.optional()?;
+        // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
+        let packet = unsafe { slice(packet, size, "packet")? };
+        let Decoding { core, queue } = &mut *content;
+        queue.run(|work| fill(&*locked(core)?, work, packet, flags))?;
+        content.take(|decoded| fetch(decoded, picture, &out))
+    })
 }
 
 /// Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
 /// packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_decode_cancel ends
-/// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_poll, nvsp_decode_wait and
+/// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_wait and
 /// nvsp_decoder_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next
 /// packet.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or
-/// NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the packet itself fails, nvsp_decode_finish returns its
-/// status.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED or NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the
+/// packet itself fails, nvsp_decode_finish returns its status.
 ///
 /// # Safety
-/// - `decoder`: a live decoder. Not NULL.
 /// - `packet`: the packet. Read during the call. Not NULL.
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_begin(
-    decoder: *mut nvsp_decoder,
+    decoder: Option<&nvsp_decoder>,
     packet: *const u8,
     size: usize,
     flags: u32,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_decoder::handle(decoder), |content| {
-            let Decoding { core, queue } = &mut *content;
-            queue.begin(|work| fill(&*locked(core)?, work, packet, size, flags))?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_decoder::call(decoder, |content| {
+        // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
+        let packet = unsafe { slice(packet, size, "packet")? };
+        let Decoding { core, queue } = &mut *content;
+        queue.begin(|work| fill(&*locked(core)?, work, packet, flags))?;
+        Ok(NVSP_OK)
+    })
 }
 
-/// Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
-/// waits.
+/// Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Waits
+/// for that at most as long as you say.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if none was begun.
+/// Fails with NVSP_ERR_STATE if none was begun.
 ///
-/// # Safety
-/// - `decoder`: a live decoder. Not NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_decode_poll(decoder: *mut nvsp_decoder) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::call(nvsp_decoder::handle(decoder), |content| content.wait(Duration::ZERO)) }
-}
-
-/// As nvsp_decode_poll, but waits for the end.
-///
-/// # Safety
-/// - `decoder`: a live decoder. Not NULL.
+/// # Parameters
 /// - `milliseconds`: the longest to wait; 0 does not wait.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_decode_wait(
-    decoder: *mut nvsp_decoder,
+pub extern "C" fn nvsp_decode_wait(
+    decoder: Option<&nvsp_decoder>,
     milliseconds: u32,
 ) -> nvsp_status {
     let timeout = Duration::from_millis(milliseconds.into());
-    // SAFETY: as the caller promises.
-    unsafe { Handle::call(nvsp_decoder::handle(decoder), |content| content.wait(timeout)) }
+    nvsp_decoder::call(decoder, |content| content.wait(timeout))
 }
 
 /// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
 /// for. Returns NVSP_PENDING if the packet has not ended. Never waits.
 ///
-/// Fails with NVSP_ERR_STATE if there is none, and as nvsp_decode does. After
-/// NVSP_ERR_BUFFER_TOO_SMALL the picture is still there.
+/// Fails with NVSP_ERR_STATE if there is none, and as nvsp_decode does. After NVSP_ERR_BUFFER_TOO_SMALL the picture is
+/// still there.
 ///
-/// # Safety
-/// - `decoder`: a live decoder. Not NULL.
+/// # Parameters
 /// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-/// - `info`: receives what the packet gave, set up by NVSP_INIT. NULL: not wanted.
+/// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_decode_finish(
-    decoder: *mut nvsp_decoder,
-    picture: *mut nvsp_picture,
-    info: *mut nvsp_decoded,
+pub extern "C" fn nvsp_decode_finish(
+    decoder: Option<&nvsp_decoder>,
+    picture: Out<nvsp_picture>,
+    info: Out<nvsp_decoded>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_decoder::handle(decoder), |content| {
-            let out = Out::new(info)?;
-            content.take(|decoded| fetch(decoded, picture, &out))
-        })
-    }
+    nvsp_decoder::call(decoder, |content| {
+        let out = info.optional()?;
+        content.take(|decoded| fetch(decoded, picture, &out))
+    })
 }
 
 /// Drops the packet that was begun, or a picture that was not fetched, as nvsp_encode_cancel does. Never waits: returns
 /// NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
-///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-///
-/// # Safety
-/// - `decoder`: a live decoder. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_decode_cancel(decoder: *mut nvsp_decoder) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_decoder::handle(decoder), |content| {
-            Ok(if content.queue.cancel() { NVSP_OK } else { NVSP_PENDING })
-        })
-    }
+pub extern "C" fn nvsp_decode_cancel(decoder: Option<&nvsp_decoder>) -> nvsp_status {
+    nvsp_decoder::call(decoder, |content| Ok(done_or_pending(content.queue.cancel())))
 }
 
 /// Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a
 /// pose between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the
 /// device. Memory as for nvsp_decode: nothing from the second call on.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY,
-/// NVSP_ERR_POISONED, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded), NVSP_ERR_BUFFER_TOO_SMALL,
-/// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded),
+/// NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
-/// # Safety
-/// - `decoder`: a live decoder. Not NULL.
+/// # Parameters
 /// - `pose`: the pose, from world to camera. Read during the call. Not NULL.
 /// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_decoder_draw(
-    decoder: *mut nvsp_decoder,
-    pose: *const nvsp_pose,
-    picture: *mut nvsp_picture,
+pub extern "C" fn nvsp_decoder_draw(
+    decoder: Option<&nvsp_decoder>,
+    pose: In<nvsp_pose>,
+    picture: Out<nvsp_picture>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_decoder::handle(decoder), |content| {
-            if picture.is_null() {
-                return Err(Failure::null("picture"));
-            }
-            let pose = image::pose(pose)?.ok_or(Failure::null("pose"))?;
-            let mut core = content.core()?;
-            let none = Failure::at(NVSP_ERR_STATE, "no packet was decoded");
-            let camera = *core.decoder.camera().ok_or(none)?;
-            let same = (core.drawn.width, core.drawn.height) == (camera.width, camera.height);
-            let size = (camera.width, camera.height);
-            let _memory = (!same).then(|| core.limits.decoder(size)).transpose()?;
-            core.drawn.resize(camera.width, camera.height);
-            image::check_place(&core.drawn, picture)?;
-            let Core { decoder, drawn, .. } = &mut *core;
-            decoder.draw(&pose, drawn)?;
-            image::write(drawn, picture)?;
-            Ok(NVSP_OK)
-        })
-    }
-}
-
-/// Copies the text of the last failed call on the decoder, as nvsp_engine_last_error does.
-///
-/// # Safety
-/// - `decoder`: a live decoder. Not NULL.
-/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `text`, 1 or more.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_decoder_last_error(
-    decoder: *const nvsp_decoder,
-    text: *mut c_char,
-    size: usize,
-) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::last_error(nvsp_decoder::handle(decoder), text, size) }
+    nvsp_decoder::call(decoder, |content| {
+        picture.required()?;
+        let pose = image::pose(pose)?.ok_or(Failure::null("pose"))?;
+        let mut core = content.core()?;
+        let none = Failure::at(NVSP_ERR_STATE, "no packet was decoded");
+        let camera = *core.decoder.camera().ok_or(none)?;
+        let same = (core.drawn.width, core.drawn.height) == (camera.width, camera.height);
+        let size = (camera.width, camera.height);
+        let _memory = (!same).then(|| core.limits.decoder(size)).transpose()?;
+        core.drawn.resize(camera.width, camera.height);
+        image::check_place(&core.drawn, picture)?;
+        let Core { decoder, drawn, .. } = &mut *core;
+        decoder.draw(&pose, drawn)?;
+        image::write(drawn, picture)?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
-///
-/// # Safety
-/// - `decoder`: a live decoder that no other thread uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_decoder_destroy(decoder: *mut nvsp_decoder) {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::destroy(nvsp_decoder::handle(decoder).cast_mut()) }
+pub extern "C" fn nvsp_decoder_destroy(decoder: Option<Box<nvsp_decoder>>) {
+    nvsp_decoder::destroy(decoder)
 }
 
 /// Reads a packet's header without a device. Needs the first 31 bytes of the packet (19 in the short form, 43 in the
 /// paper's profile). Gives the pose of a compact packet only if the packet is about `prior`. A short packet does not
 /// name its prior: it counts as about `prior`. Allocates nothing; any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, or
-/// NVSP_ERR_NEWER, which writes the header's wire_version.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, or NVSP_ERR_NEWER, which writes the header's wire_version.
 ///
 /// # Safety
 /// - `packet`: the packet, or its start. Read during the call. Not NULL.
@@ -502,27 +405,22 @@ pub unsafe extern "C" fn nvsp_decoder_destroy(decoder: *mut nvsp_decoder) {
 pub unsafe extern "C" fn nvsp_decode_header(
     packet: *const u8,
     size: usize,
-    prior: *const nvsp_prior,
-    header: *mut nvsp_header,
+    prior: Option<&nvsp_prior>,
+    header: Out<nvsp_header>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    let read = || unsafe {
-        let out = Out::required(header)?;
-        let latent = match Latent::decode(slices::slice(packet, size, "packet")?) {
+    fence(|| {
+        let out = header.required()?;
+        // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
+        let latent = match Latent::decode(unsafe { slice(packet, size, "packet")? }) {
             Err(PacketError::Version(version)) => {
-                let wire_version = version.into();
-                out.write(&nvsp_header { wire_version, ..std::mem::zeroed() });
+                out.write(&nvsp_header { wire_version: version.into(), ..zeroed() });
                 return Ok(NVSP_ERR_NEWER);
             }
             latent => latent.map_err(|error| Failure::Library(error.into()))?,
         };
-        let prior = nvsp_prior::handle(prior).as_ref().map(Handle::get);
-        out.write(&header_of(&latent, prior));
+        out.write(&header_of(&latent, prior.map(Handle::get)));
         Ok(NVSP_OK)
-    };
-    let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
-    caught
-        .map_or(NVSP_ERR_INTERNAL, |read| read.unwrap_or_else(|failure: Failure| failure.status()))
+    })
 }
 
 /// What poses of the paper's profile are relative to: they are absolute.
@@ -542,8 +440,6 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
     };
     let flag = |set: bool, bit: u32| if set { bit } else { 0 };
     nvsp_header {
-        struct_size: 0,
-        abi_version: 0,
         prior_id,
         frame: latent.frame,
         width,
@@ -559,11 +455,8 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
         latent_bytes: latent.encoded_len() as u32,
         session,
         wire_version: latent.version().into(),
-        reserved: 0,
-        pose: match pose {
-            Some(pose) => image::pose_out(&pose),
-            None => image::NO_POSE,
-        },
+        pose: pose.map_or(image::NO_POSE, |pose| image::pose_out(&pose)),
+        ..zeroed()
     }
 }
 
@@ -579,26 +472,12 @@ fn decode(core: &mut Core, work: &mut PacketWork) -> Result<(), Failure> {
 }
 
 /// Reads a packet and copies it to its slot.
-///
-/// # Safety
-/// `packet` is null or has `size` bytes.
-unsafe fn fill(
-    core: &Core,
-    work: &mut PacketWork,
-    packet: *const u8,
-    size: usize,
-    flags: u32,
-) -> Result<(), Failure> {
+fn fill(core: &Core, work: &mut PacketWork, packet: &[u8], flags: u32) -> Result<(), Failure> {
     work.trust = match flags {
         0 => Trust::Whole,
         NVSP_DECODE_START => Trust::Start,
         _ => return Err(Failure::argument("flags")),
     };
-    if packet.is_null() {
-        return Err(Failure::null("packet"));
-    }
-    // SAFETY: as the caller promises; the slice ends with this call.
-    let packet = unsafe { slices::slice(packet, size, "packet")? };
     // No packet of its size is longer than this; what follows it is padding.
     work.parsed = Parsed::of(packet);
     let latent = work.parsed.as_ref().ok().map(|parsed| &parsed.parts().latent);
@@ -616,13 +495,10 @@ unsafe fn fill(
 }
 
 /// Writes all of it, or nothing.
-///
-/// # Safety
-/// `picture` is null or as for [`nvsp_decode`].
-unsafe fn fetch(
+fn fetch(
     decoded: &Decoded,
-    picture: *mut nvsp_picture,
-    out: &Out<nvsp_decoded>,
+    picture: Out<nvsp_picture>,
+    out: &Checked<nvsp_decoded>,
 ) -> Result<(), Failure> {
     let render = match decoded.same_render {
         Some(true) => NVSP_DECODED_SAME_RENDER,
@@ -630,12 +506,9 @@ unsafe fn fetch(
         None => 0,
     };
     if !picture.is_null() {
-        // SAFETY: as the caller promises.
-        unsafe { image::write(&decoded.picture, picture)? };
+        image::write(&decoded.picture, picture)?;
     }
     out.write(&nvsp_decoded {
-        struct_size: 0,
-        abi_version: 0,
         frame: decoded.frame,
         width: decoded.picture.width,
         height: decoded.picture.height,
@@ -648,7 +521,7 @@ unsafe fn fetch(
         damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),
         pose: image::pose_out(&decoded.pose),
         reference: decoded.reference.unwrap_or(0),
-        reserved: 0,
+        ..zeroed()
     });
     Ok(())
 }

@@ -9,7 +9,7 @@ use super::handle::fence;
 use super::limits::engine_bytes;
 use super::memory::Grant;
 use super::status::*;
-use super::structs::{Out, versioned};
+use super::structs::{Out, Place, versioned, zeroed};
 
 /// A graphics card with memory of its own.
 pub const NVSP_DEVICE_DISCRETE_GPU: u32 = 1;
@@ -23,13 +23,10 @@ pub const NVSP_DEVICE_CPU: u32 = 4;
 pub const NVSP_DEVICE_OTHER: u32 = 5;
 
 /// A device that a driver offers.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_device_info {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Its name, ending in NUL; nvsp_engine_options.device takes it, a part of it, or its number as text.
     pub name: [c_char; 256],
@@ -55,38 +52,28 @@ versioned!(nvsp_device_info, 680);
 /// Describes a device of the installed drivers, by its number, and tells how many there are. Each call asks the drivers
 /// anew, which takes milliseconds, and allocates. Any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN,
-/// NVSP_ERR_NO_DEVICE if no driver is installed, or NVSP_ERR_ARGUMENT if no device has this number; `count` is written
-/// then, too.
+/// Fails with NVSP_ERR_MEMORY, NVSP_ERR_VULKAN, NVSP_ERR_NO_DEVICE if no driver is installed, or NVSP_ERR_ARGUMENT if
+/// no device has this number; `count` is written then, too.
 ///
-/// # Safety
+/// # Parameters
 /// - `number`: the device's number, from 0.
 /// - `info`: receives the description, set up by NVSP_INIT. NULL: not wanted.
 /// - `count`: receives how many devices there are. NULL: not wanted.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_device_get_info(
+pub extern "C" fn nvsp_device_get_info(
     number: u32,
-    info: *mut nvsp_device_info,
-    count: *mut u32,
+    info: Out<nvsp_device_info>,
+    count: Place<u32>,
 ) -> nvsp_status {
     fence(|| {
-        // SAFETY: as the caller promises.
-        let out = unsafe { Out::new(info)? };
+        let out = info.optional()?;
         let _memory = Grant::take("a list of devices", engine_bytes(), u64::MAX)?;
         let all = devices()?;
-        // SAFETY: as the caller promises; `count` is written if it is not NULL.
-        if let Some(count) = unsafe { count.as_mut() } {
-            *count = all.len() as u32;
-        }
+        count.write(all.len() as u32);
         let Some(device) = all.get(number as usize) else {
             return Err(Failure::argument("number"));
         };
         let mut found = nvsp_device_info {
-            struct_size: 0,
-            abi_version: 0,
-            name: [0; 256],
-            driver: [0; 256],
-            unfit: [0; 128],
             kind: match device.info.kind {
                 DeviceKind::DiscreteGpu => NVSP_DEVICE_DISCRETE_GPU,
                 DeviceKind::IntegratedGpu => NVSP_DEVICE_INTEGRATED_GPU,
@@ -96,9 +83,9 @@ pub unsafe extern "C" fn nvsp_device_get_info(
             },
             vulkan_major: device.info.api.0,
             vulkan_minor: device.info.api.1,
-            reserved: 0,
             memory: device.memory,
             largest_buffer: device.info.storage_range,
+            ..zeroed()
         };
         write_text(&device.info.name, &mut found.name);
         write_text(&device.info.driver, &mut found.driver);

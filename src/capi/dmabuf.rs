@@ -9,9 +9,10 @@ use std::ptr::null_mut;
 use std::sync::Arc;
 
 use super::engine::nvsp_engine;
-use super::handle::{Handle, Opaque};
+use super::handle::Handle;
 use super::modifier::Modifier;
 use super::status::*;
+use super::structs::Place;
 
 /// A DMA-BUF that frames are read from; import each buffer of a camera's ring once. Any number of threads may use it at
 /// once. Example, for a frame of V4L2 in NV12, whose buffer VIDIOC_EXPBUF exported:
@@ -27,14 +28,7 @@ use super::status::*;
 /// image.offsets[1] = 1080 * stride;
 /// image.strides[0] = image.strides[1] = stride;
 /// ```
-#[allow(non_camel_case_types)]
-pub struct nvsp_dmabuf {
-    _opaque: [u8; 0],
-}
-
-impl Opaque for nvsp_dmabuf {
-    type Content = Arc<Mapping>;
-}
+pub type nvsp_dmabuf = Handle<Arc<Mapping>>;
 
 /// A buffer in this process.
 pub(super) struct Mapping {
@@ -45,7 +39,7 @@ pub(super) struct Mapping {
 
 // SAFETY: only read, by any thread.
 unsafe impl Send for Mapping {}
-// SAFETY: as above.
+// SAFETY: only read, by any thread.
 unsafe impl Sync for Mapping {}
 
 impl Drop for Mapping {
@@ -160,36 +154,34 @@ impl Drop for Reading {
     }
 }
 
-/// What an image's planes lie in, as C says it.
-pub(super) struct Places {
-    pub dmabufs: [*const nvsp_dmabuf; 3],
-    pub offsets: [usize; 3],
-    pub sizes: [usize; 3],
-}
-
+/// What keeps planes readable.
+pub(super) type Readings = [Option<Reading>; 3];
 /// The planes' bytes, and what keeps them readable.
-pub(super) type Planes<'a> = ([&'a [u8]; 3], [Option<Reading>; 3]);
+pub(super) type Planes<'a> = ([&'a [u8]; 3], Readings);
 
 /// Begins to read the first `count` planes of an image.
 ///
 /// # Safety
 /// The handles are NULL or live. The bytes are not used after the second result is dropped, and nobody writes the
 /// buffers before.
-pub(super) unsafe fn planes<'a>(places: &Places, count: usize) -> Result<Planes<'a>, Failure> {
-    let Places { dmabufs, offsets, sizes } = places;
+pub(super) unsafe fn planes<'a>(
+    dmabufs: [*const nvsp_dmabuf; 3],
+    offsets: [usize; 3],
+    sizes: [usize; 3],
+    count: usize,
+) -> Result<Planes<'a>, Failure> {
     let (mut planes, mut readings): Planes = ([&[]; 3], [None, None, None]);
     for i in 0..count {
         // Planes without a buffer of their own lie in the first one's.
         let of = |i: usize| if dmabufs[i].is_null() { dmabufs[0] } else { dmabufs[i] };
         let first = (0..i).find(|&earlier| of(earlier) == of(i)).unwrap_or(i);
         if first == i {
-            // SAFETY: as the caller promises.
-            let handle = unsafe { nvsp_dmabuf::handle(of(i)).as_ref() };
-            let handle = handle.ok_or(Failure::null("nvsp_image.dmabufs"))?;
-            readings[i] = Some(Reading::new(handle.get())?);
+            // SAFETY: NULL or live, see `# Safety`.
+            let buffer = nvsp_dmabuf::of(unsafe { of(i).as_ref() }, "nvsp_image.dmabufs")?;
+            readings[i] = Some(Reading::new(buffer)?);
         }
         if let Some(reading) = &readings[first] {
-            // SAFETY: as the caller promises.
+            // SAFETY: the reading comes along, and nobody writes the buffer, see `# Safety`.
             planes[i] = unsafe { reading.bytes(offsets[i], sizes[i])? };
         }
     }
@@ -201,45 +193,36 @@ pub(super) unsafe fn planes<'a>(places: &Places, count: usize) -> Result<Planes<
 /// NVMM surfaces, must be converted first: on a Jetson nvvidconv or NvBufSurfTransform does it. The library maps the
 /// buffer for reading and keeps a copy of the descriptor. Needs no extension of the Vulkan device. Allocates.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are
-/// none), NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY;
-/// the text is the engine's.
+/// Fails with NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are none),
+/// NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY; the text
+/// is the engine's.
 ///
-/// # Safety
+/// # Parameters
 /// - `engine`: a live engine, whose log and last error tell of failures. Not NULL.
 /// - `fd`: a file descriptor of the DMA-BUF. You may close it after the call.
 /// - `modifier`: the DRM format modifier of its pixels: 0, which is DRM_FORMAT_MOD_LINEAR. V4L2 has no modifiers: its
 ///   formats without a name of their own for a layout are linear.
 /// - `dmabuf`: receives the buffer, which nvsp_dmabuf_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_dmabuf_import(
-    engine: *const nvsp_engine,
+pub extern "C" fn nvsp_dmabuf_import(
+    engine: Option<&nvsp_engine>,
     fd: i32,
     modifier: u64,
-    dmabuf: *mut *mut nvsp_dmabuf,
+    dmabuf: Place<Box<nvsp_dmabuf>>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::share(nvsp_engine::handle(engine), |handle, _| {
-            if dmabuf.is_null() {
-                return Err(Failure::null("dmabuf"));
-            }
-            if modifier != 0 {
-                return Err(Failure::Modifier(Modifier(modifier)));
-            }
-            let content = Arc::new(Mapping::new(fd)?);
-            *dmabuf = nvsp_dmabuf::address(Handle::boxed(content, handle.log()));
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_engine::share(engine, |handle, _| {
+        let dmabuf = dmabuf.required("dmabuf")?;
+        if modifier != 0 {
+            return Err(Failure::Modifier(Modifier(modifier)));
+        }
+        let content = Arc::new(Mapping::new(fd)?);
+        dmabuf.write(Handle::boxed(content, handle.log()));
+        Ok(NVSP_OK)
+    })
 }
 
 /// Ends a DMA-BUF; NULL is allowed. Its descriptor is closed and its memory unmapped.
-///
-/// # Safety
-/// - `dmabuf`: a live DMA-BUF that no call uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_dmabuf_destroy(dmabuf: *mut nvsp_dmabuf) {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::destroy(nvsp_dmabuf::handle(dmabuf).cast_mut()) }
+pub extern "C" fn nvsp_dmabuf_destroy(dmabuf: Option<Box<nvsp_dmabuf>>) {
+    nvsp_dmabuf::destroy(dmabuf)
 }

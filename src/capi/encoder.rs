@@ -1,6 +1,5 @@
 //! The encoder's handle.
 
-use std::ffi::c_char;
 use std::time::Duration;
 
 use crate::image::Converter;
@@ -12,12 +11,13 @@ use crate::{Encoded, Encoder, EncoderOptions, Mode, Rate, Structure, packet_boun
 use super::encoding::{Encoding, GivenFrame, nvsp_encoder};
 use super::engine::nvsp_engine;
 use super::frame::{self, nvsp_frame_info};
-use super::handle::{Handle, Opaque};
+use super::handle::Handle;
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
 use super::limits::Limits;
 use super::prior::nvsp_prior;
+use super::slices::Room;
 use super::status::*;
-use super::structs::{Out, number, read, versioned};
+use super::structs::{Checked, In, Out, Place, number, versioned, zeroed};
 
 /// Quality 10.
 pub const NVSP_RATE_DEFAULT: u32 = 0;
@@ -77,13 +77,10 @@ pub const NVSP_KEY_ONCE: u32 = u32::MAX;
 pub const NVSP_CAMERA_ONCE: u32 = u32::MAX;
 
 /// How to encode; all zero: the defaults.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_encoder_options {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// NVSP_RATE_*: it sets how fine the difference picture is.
     pub rate: u32,
@@ -158,7 +155,7 @@ pub const NVSP_START_PREVIOUS: u32 = 1;
 pub const NVSP_START_PREDICTED: u32 = 2;
 /// No start was near, and no pose was given: it started from the best one at hand.
 pub const NVSP_START_UNCERTAIN: u32 = 3;
-/// The prior's key frames gave the start.
+/// The prior's key frames yielded the start.
 pub const NVSP_START_KEY_FRAME: u32 = 4;
 
 /// The gradient became small enough.
@@ -175,14 +172,11 @@ pub const NVSP_STATE_CERTAIN: u32 = 0;
 /// The pose is not certain. The encoder looks for it again at every frame.
 pub const NVSP_STATE_LOST: u32 = 1;
 
-/// What encoding a frame took and gave.
-#[allow(non_camel_case_types)]
+/// What encoding a frame took and yielded.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_frame_stats {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Number of the frame.
     pub frame: u32,
@@ -229,47 +223,39 @@ versioned!(nvsp_frame_stats, 192);
 /// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
 /// quay. Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-/// NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the
-/// engine's.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is
+/// the engine's.
 ///
-/// # Safety
-/// - `engine`: a live engine. Not NULL.
+/// # Parameters
 /// - `prior`: a live prior that was opened with `engine`. Not NULL.
 /// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 /// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 /// - `encoder`: receives the encoder, which nvsp_encoder_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_create(
-    engine: *mut nvsp_engine,
-    prior: *const nvsp_prior,
-    camera: *const nvsp_camera,
-    options: *const nvsp_encoder_options,
-    encoder: *mut *mut nvsp_encoder,
+pub extern "C" fn nvsp_encoder_create(
+    engine: Option<&nvsp_engine>,
+    prior: Option<&nvsp_prior>,
+    camera: In<nvsp_camera>,
+    options: In<nvsp_encoder_options>,
+    encoder: Place<Box<nvsp_encoder>>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::share(nvsp_engine::handle(engine), |handle, engine| {
-            if encoder.is_null() {
-                return Err(Failure::null("encoder"));
-            }
-            let prior = nvsp_prior::handle(prior).as_ref();
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
-            let camera = image::camera(camera)?;
-            let options = read(options)?;
-            let pipelined = options.pipelined != 0;
-            let options = encoder_options(&options)?;
-            let stream = options.mode != Mode::Intra;
-            let limits = Limits { stream, ..engine.how.limits };
-            let _memory =
-                if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
-            let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
-            let converter = Converter::new(camera.width, camera.height)?;
-            let encoding = Encoding::new(made, converter, limits, pipelined, engine.how.threads);
-            *encoder = nvsp_encoder::address(Handle::boxed(encoding, handle.log()));
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_engine::share(engine, |handle, engine| {
+        let encoder = encoder.required("encoder")?;
+        let scene = nvsp_prior::of(prior, "prior")?.scene_of(&engine)?;
+        let camera = image::camera(camera)?;
+        let options = options.read()?;
+        let pipelined = options.pipelined != 0;
+        let options = encoder_options(&options)?;
+        let stream = options.mode != Mode::Intra;
+        let limits = Limits { stream, ..engine.how.limits };
+        let _memory =
+            if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
+        let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
+        let converter = Converter::new(camera.width, camera.height)?;
+        let encoding = Encoding::new(made, converter, limits, pipelined, engine.how.threads);
+        encoder.write(Handle::boxed(encoding, handle.log()));
+        Ok(NVSP_OK)
+    })
 }
 
 fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Failure> {
@@ -388,141 +374,110 @@ const RATE: [&str; 2] = [
 
 /// Sets the rate of all frames from here on.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+/// Fails with NVSP_ERR_ARGUMENT.
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// # Parameters
 /// - `mode`: NVSP_RATE_*.
 /// - `value`: the number that the mode takes: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take
 ///   none: 0.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_set_rate(
-    encoder: *mut nvsp_encoder,
+pub extern "C" fn nvsp_encoder_set_rate(
+    encoder: Option<&nvsp_encoder>,
     mode: u32,
     value: f32,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let rate = rate(mode, value, ["mode", "value: out of the range of `mode`, or not 0"])?;
-            content.core()?.encoder.set_rate(rate);
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        let rate = rate(mode, value, ["mode", "value: out of the range of `mode`, or not 0"])?;
+        content.core()?.encoder.set_rate(rate);
+        Ok(NVSP_OK)
+    })
 }
 
 /// Gives the next packet the full form and the camera. In a stream its frame is intra. Call it if a topside asks
 /// what the packets are about, or if a packet was not sent.
-///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_announce(encoder: *mut nvsp_encoder) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            content.core()?.encoder.announce();
-            Ok(NVSP_OK)
-        })
-    }
+pub extern "C" fn nvsp_encoder_announce(encoder: Option<&nvsp_encoder>) -> nvsp_status {
+    nvsp_encoder::call(encoder, |content| {
+        content.core()?.encoder.announce();
+        Ok(NVSP_OK)
+    })
 }
 
 /// Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
 /// NVSP_STRUCTURE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
 /// is unknown or too old: the last 32 can be reference frames.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins)
-/// or NVSP_ERR_POISONED.
+/// Fails with NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins).
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// # Parameters
 /// - `frame`: nvsp_decoded.frame.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_acknowledge(
-    encoder: *mut nvsp_encoder,
+pub extern "C" fn nvsp_encoder_acknowledge(
+    encoder: Option<&nvsp_encoder>,
     frame: u32,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            content.core()?.encoder.acknowledge(frame);
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        content.core()?.encoder.acknowledge(frame);
+        Ok(NVSP_OK)
+    })
 }
 
 /// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it has the full
 /// latent part, tells the camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
 /// is as fine as those of other frames. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
+/// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// # Parameters
 /// - `bytes`: receives their number. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_extra_bytes(
-    encoder: *mut nvsp_encoder,
-    bytes: *mut u32,
+pub extern "C" fn nvsp_encoder_extra_bytes(
+    encoder: Option<&nvsp_encoder>,
+    bytes: Place<u32>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            if bytes.is_null() {
-                return Err(Failure::null("bytes"));
-            }
-            *bytes = content.core()?.encoder.extra_bytes() as u32;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        let bytes = bytes.required("bytes")?;
+        bytes.write(content.core()?.encoder.extra_bytes() as u32);
+        Ok(NVSP_OK)
+    })
 }
 
 /// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the
 /// camera, the topside knows which were left out, and can draw them at poses between those that it has
 /// (nvsp_decoder_draw).
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_POISONED.
+/// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// # Parameters
 /// - `frames`: their number.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_skip(encoder: *mut nvsp_encoder, frames: u32) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            content.core()?.encoder.skip(frames);
-            Ok(NVSP_OK)
-        })
-    }
+pub extern "C" fn nvsp_encoder_skip(encoder: Option<&nvsp_encoder>, frames: u32) -> nvsp_status {
+    nvsp_encoder::call(encoder, |content| {
+        content.core()?.encoder.skip(frames);
+        Ok(NVSP_OK)
+    })
 }
 
 /// Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 /// Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_BUSY,
-/// NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+/// Fails with NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
+/// NVSP_ERR_DEVICE_LOST.
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// # Parameters
 /// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_set_camera(
-    encoder: *mut nvsp_encoder,
-    camera: *const nvsp_camera,
+pub extern "C" fn nvsp_encoder_set_camera(
+    encoder: Option<&nvsp_encoder>,
+    camera: In<nvsp_camera>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let camera = image::camera(camera)?;
-            let mut core = content.core()?;
-            let seen = core.seen.clone();
-            core.look(seen, camera)?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        let camera = image::camera(camera)?;
+        let mut core = content.core()?;
+        let seen = core.seen.clone();
+        core.look(seen, camera)?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. With them the encoder
@@ -530,85 +485,62 @@ pub unsafe extern "C" fn nvsp_encoder_set_camera(
 /// nvsp_encoder_options.lost_renders allows. After nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered
 /// again.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
-/// NVSP_ERR_DEVICE_LOST.
+/// Fails with NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// # Parameters
 /// - `most`: key frames to render at most; 0: only count those that are left.
 /// - `left`: receives how many are not rendered yet. NULL: not wanted.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_prepare(
-    encoder: *mut nvsp_encoder,
+pub extern "C" fn nvsp_encoder_prepare(
+    encoder: Option<&nvsp_encoder>,
     most: u32,
-    left: *mut u32,
+    left: Place<u32>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises; `left` is written if it is not NULL.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let mut core = content.core()?;
-            let _memory = core.memory()?;
-            let remaining = core.encoder.prepare(most as usize)?;
-            if let Some(left) = left.as_mut() {
-                *left = number(remaining);
-            }
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        let mut core = content.core()?;
+        let _memory = core.memory()?;
+        let remaining = core.encoder.prepare(most as usize)?;
+        left.write(number(remaining));
+        Ok(NVSP_OK)
+    })
 }
 
 /// Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 /// must have the same identity. Frame numbers and poses carry over. If it fails, nothing changes.
 /// See nvsp_engine_reopen.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_BUSY, NVSP_ERR_POISONED,
-/// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+/// Fails with NVSP_ERR_OTHER_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
-/// - `engine`: a live engine. Not NULL.
+/// # Parameters
 /// - `prior`: a live prior that was opened with `engine`. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_reopen(
-    encoder: *mut nvsp_encoder,
-    engine: *const nvsp_engine,
-    prior: *const nvsp_prior,
+pub extern "C" fn nvsp_encoder_reopen(
+    encoder: Option<&nvsp_encoder>,
+    engine: Option<&nvsp_engine>,
+    prior: Option<&nvsp_prior>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let engine = nvsp_engine::handle(engine).as_ref();
-            let prior = nvsp_prior::handle(prior).as_ref();
-            let engine = engine.ok_or(Failure::null("engine"))?.get();
-            let scene = prior.ok_or(Failure::null("prior"))?.get().scene_of(&engine)?;
-            let mut core = content.core()?;
-            core.chill();
-            let _memory = core.memory()?;
-            core.encoder.move_to(&engine.engine, &scene)?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        let engine = nvsp_engine::of(engine, "engine")?;
+        let scene = nvsp_prior::of(prior, "prior")?.scene_of(&engine)?;
+        let mut core = content.core()?;
+        core.chill();
+        let _memory = core.memory()?;
+        core.encoder.move_to(&engine.engine, &scene)?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Forgets all earlier frames: the next one is searched for as the first was, and may have any
 /// time. Frame numbers go on. Call it if somebody carried the camera elsewhere, for example.
-///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_reset(encoder: *mut nvsp_encoder) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            content.core()?.encoder.reset();
-            Ok(NVSP_OK)
-        })
-    }
+pub extern "C" fn nvsp_encoder_reset(encoder: Option<&nvsp_encoder>) -> nvsp_status {
+    nvsp_encoder::call(encoder, |content| {
+        content.core()?.encoder.reset();
+        Ok(NVSP_OK)
+    })
 }
 
-/// The largest packet that a camera of this size can give, in either profile and with the camera,
+/// The largest packet that a camera of this size can yield, in either profile and with the camera,
 /// bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
 /// enough too.
 ///
@@ -622,21 +554,19 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 
 /// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
 /// nvsp_encoder_options.frames_treated says that it is. Waits for a lock of the device's queue, and for the device.
-/// Uses the hint in `info` if the frame before gives no good start. Without a hint, the prior's key frames find the
+/// Uses the hint in `info` if the frame before yields no good start. Without a hint, the prior's key frames find the
 /// first frame. Allocates nothing from the second frame on, unless a view of the prior needs more room on the device
 /// than any before it.
 ///
-/// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls give the same packets,
+/// The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls yield the same packets,
 /// byte for byte, on the same device and driver.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-/// NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
-/// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: the encoder then acts as if it had not
-/// seen the frame. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the packet is then kept until the
-/// next frame is encoded, and nvsp_encode_finish fetches it.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
+/// NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: the encoder then acts as if it had not seen the frame.
+/// Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the packet is then kept until the next frame is encoded, and
+/// nvsp_encode_finish fetches it.
 ///
 /// # Safety
-/// - `encoder`: a live encoder. Not NULL.
 /// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
 /// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
 ///   call. NULL: nothing is known.
@@ -646,22 +576,22 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 /// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode(
-    encoder: *mut nvsp_encoder,
-    image: *const nvsp_image,
-    info: *const nvsp_frame_info,
+    encoder: Option<&nvsp_encoder>,
+    image: In<nvsp_image>,
+    info: In<nvsp_frame_info>,
     packet: *mut u8,
     size: usize,
-    written: *mut usize,
-    stats: *mut nvsp_frame_stats,
+    written: Place<usize>,
+    stats: Out<nvsp_frame_stats>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let place = Place::new(packet, size, written, stats)?;
-            content.run(&given(image, info)?)?;
-            content.take(|encoded| place.write(encoded))
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
+        let room = unsafe { Room::new(packet, size, written, "packet")? };
+        let stats = stats.optional()?;
+        // SAFETY: the planes are the image's during this call, see `# Safety`.
+        content.run(&unsafe { given(image, info)? })?;
+        content.take(|encoded| write(encoded, room, &stats))
+    })
 }
 
 /// Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that
@@ -671,16 +601,15 @@ pub unsafe extern "C" fn nvsp_encode(
 /// yours again.
 ///
 /// Until nvsp_encode_finish or nvsp_encode_cancel ends the frame, other calls on the encoder fail with
-/// NVSP_ERR_UNFINISHED, except nvsp_encode_poll, nvsp_encode_wait and nvsp_encoder_destroy. So no packet is dropped
-/// unless you say so. Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next
-/// frame.
+/// NVSP_ERR_UNFINISHED, except nvsp_encode_wait and nvsp_encoder_destroy. So no packet is dropped unless you say so.
+/// Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next frame.
 ///
 /// With nvsp_encoder_options.pipelined a second frame may be begun at any time while one is under way or not fetched.
 /// No packet is dropped then: a third frame fails with NVSP_ERR_UNFINISHED. Frames end in the order in which they were
-/// begun; nvsp_encode_poll, nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while
-/// no frame is searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished
-/// last. If coding a frame fails, it counts as one whose packet was lost on the way. Host memory is taken up to the
-/// third frame. Example, which is always one packet behind:
+/// begun; nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while no frame is
+/// searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished last. If
+/// coding a frame fails, it counts as one whose packet was lost on the way. Host memory is taken up to the third frame.
+/// Example, which is always one packet behind:
 ///
 /// ```c
 /// while (next_image(&image)) {
@@ -693,101 +622,77 @@ pub unsafe extern "C" fn nvsp_encode(
 /// }
 /// ```
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE,
-/// NVSP_ERR_UNSUPPORTED, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED or NVSP_ERR_MEMORY (no thread). If the
-/// frame itself fails, nvsp_encode_finish returns its status.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_UNFINISHED or NVSP_ERR_MEMORY (no
+/// thread). If the frame itself fails, nvsp_encode_finish returns its status.
 ///
 /// # Safety
-/// - `encoder`: a live encoder. Not NULL.
 /// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
 /// - `info`: as for nvsp_encode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_begin(
-    encoder: *mut nvsp_encoder,
-    image: *const nvsp_image,
-    info: *const nvsp_frame_info,
+    encoder: Option<&nvsp_encoder>,
+    image: In<nvsp_image>,
+    info: In<nvsp_frame_info>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            content.begin(&given(image, info)?)?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        // SAFETY: the planes are the image's during this call, see `# Safety`.
+        content.begin(&unsafe { given(image, info)? })?;
+        Ok(NVSP_OK)
+    })
 }
 
-/// Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Never
-/// waits.
+/// Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Waits
+/// for that at most as long as you say.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if none was begun.
+/// Fails with NVSP_ERR_STATE if none was begun.
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encode_poll(encoder: *mut nvsp_encoder) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| content.wait(Duration::ZERO)) }
-}
-
-/// As nvsp_encode_poll, but waits for the frame's end.
-///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// # Parameters
 /// - `milliseconds`: the longest to wait; 0 does not wait.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encode_wait(
-    encoder: *mut nvsp_encoder,
+pub extern "C" fn nvsp_encode_wait(
+    encoder: Option<&nvsp_encoder>,
     milliseconds: u32,
 ) -> nvsp_status {
     let timeout = Duration::from_millis(milliseconds.into());
-    // SAFETY: as the caller promises.
-    unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| content.wait(timeout)) }
+    nvsp_encoder::call(encoder, |content| content.wait(timeout))
 }
 
 /// Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
 /// if the frame has not ended. Never waits.
 ///
-/// Fails with NVSP_ERR_STATE if there is none, and as nvsp_encode does. After
-/// NVSP_ERR_BUFFER_TOO_SMALL the packet is still there.
+/// Fails with NVSP_ERR_STATE if there is none, and as nvsp_encode does. After NVSP_ERR_BUFFER_TOO_SMALL the packet is
+/// still there.
 ///
 /// # Safety
-/// - `encoder`: a live encoder. Not NULL.
 /// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
 /// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 /// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_finish(
-    encoder: *mut nvsp_encoder,
+    encoder: Option<&nvsp_encoder>,
     packet: *mut u8,
     size: usize,
-    written: *mut usize,
-    stats: *mut nvsp_frame_stats,
+    written: Place<usize>,
+    stats: Out<nvsp_frame_stats>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let place = Place::new(packet, size, written, stats)?;
-            content.take(|encoded| place.write(encoded))
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
+        let room = unsafe { Room::new(packet, size, written, "packet")? };
+        let stats = stats.optional()?;
+        content.take(|encoded| write(encoded, room, &stats))
+    })
 }
 
 /// Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
 /// NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long
 /// as the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with
-/// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then gives NVSP_ERR_STATE. A frame that is dropped
-/// counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame starts,
-/// and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
-///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then returns NVSP_ERR_STATE. A frame that is
+/// dropped counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame
+/// starts, and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encode_cancel(encoder: *mut nvsp_encoder) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::call(nvsp_encoder::handle(encoder), |content| Ok(content.cancel())) }
+pub extern "C" fn nvsp_encode_cancel(encoder: Option<&nvsp_encoder>) -> nvsp_status {
+    nvsp_encoder::call(encoder, |content| Ok(content.cancel()))
 }
 
 /// What the topside will show of the last frame.
@@ -797,149 +702,92 @@ pub const NVSP_PICTURE_RENDER: u32 = 1;
 
 /// Copies a picture of the last frame encoded.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_BUSY,
-/// NVSP_ERR_POISONED, or NVSP_ERR_STATE if there is none.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if there is none.
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// # Parameters
 /// - `which`: NVSP_PICTURE_*.
 /// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_get_picture(
-    encoder: *mut nvsp_encoder,
+pub extern "C" fn nvsp_encoder_get_picture(
+    encoder: Option<&nvsp_encoder>,
     which: u32,
-    picture: *mut nvsp_picture,
+    picture: Out<nvsp_picture>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let encoded = content.last()?;
-            let from = match which {
-                NVSP_PICTURE_SHOWN => &encoded.picture,
-                NVSP_PICTURE_RENDER => &encoded.render,
-                _ => return Err(Failure::argument("which picture")),
-            };
-            image::write(from, picture)?;
-            Ok(NVSP_OK)
-        })
-    }
-}
-
-/// Copies the text of the last failed call on the encoder, as nvsp_engine_last_error does.
-///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
-/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `text`, 1 or more.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_last_error(
-    encoder: *const nvsp_encoder,
-    text: *mut c_char,
-    size: usize,
-) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::last_error(nvsp_encoder::handle(encoder), text, size) }
+    nvsp_encoder::call(encoder, |content| {
+        let encoded = content.last()?;
+        let from = match which {
+            NVSP_PICTURE_SHOWN => &encoded.picture,
+            NVSP_PICTURE_RENDER => &encoded.render,
+            _ => return Err(Failure::argument("which picture")),
+        };
+        image::write(from, picture)?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_encoder_destroy(encoder: Option<Box<nvsp_encoder>>) {
+    nvsp_encoder::destroy(encoder)
+}
+
+/// Reads what a caller hands over of a frame.
 ///
 /// # Safety
-/// - `encoder`: a live encoder that no other thread uses. Do not use it afterwards. NULL is allowed.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_destroy(encoder: *mut nvsp_encoder) {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::destroy(nvsp_encoder::handle(encoder).cast_mut()) }
-}
-
-/// # Safety
-/// `image` and `info` are null or valid, and so are the pointers in them.
+/// As for [`image::view`].
 unsafe fn given<'a>(
-    image: *const nvsp_image,
-    info: *const nvsp_frame_info,
+    image: In<nvsp_image>,
+    info: In<nvsp_frame_info>,
 ) -> Result<GivenFrame<'a>, Failure> {
-    // SAFETY: null or valid, as the caller of this promises.
-    unsafe { Ok(GivenFrame { view: image::view(image)?, known: frame::known(info)? }) }
+    // SAFETY: the planes are as the image says, see `# Safety`.
+    let (image, _readings) = unsafe { image::view(image)? };
+    Ok(GivenFrame { image, _readings, known: frame::known(info)? })
 }
 
-/// Checked places for a packet and its figures.
-struct Place {
-    packet: *mut u8,
-    size: usize,
-    written: *mut usize,
-    stats: Out<nvsp_frame_stats>,
-}
-
-impl Place {
-    /// # Safety
-    /// As for [`nvsp_encode`], through [`Place::write`].
-    unsafe fn new(
-        packet: *mut u8,
-        size: usize,
-        written: *mut usize,
-        stats: *mut nvsp_frame_stats,
-    ) -> Result<Place, Failure> {
-        if packet.is_null() {
-            return Err(Failure::null("packet"));
-        }
-        if written.is_null() {
-            return Err(Failure::null("written"));
-        }
-        // SAFETY: as the caller promises.
-        let stats = unsafe { Out::new(stats)? };
-        Ok(Place { packet, size, written, stats })
-    }
-
-    /// Writes all of it, or nothing.
-    fn write(&self, encoded: &Encoded) -> Result<(), Failure> {
-        let Encoded { packet, stats, pose, .. } = encoded;
-        if packet.len() > self.size {
-            // SAFETY: not null, and valid as the maker of this promised.
-            unsafe { *self.written = packet.len() };
-            return Err(Failure::Room { needed: packet.len(), found: self.size });
-        }
-        // SAFETY: the place has `size` bytes, as the maker of this promised.
-        unsafe {
-            self.packet.copy_from_nonoverlapping(packet.as_ptr(), packet.len());
-            *self.written = packet.len();
-        }
-        let loose = stats.observability.undetermined().next().is_some();
-        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
-        self.stats.write(&nvsp_frame_stats {
-            struct_size: 0,
-            abi_version: 0,
-            frame: stats.frame,
-            bytes: stats.bytes as u32,
-            latent_bytes: stats.latent_bytes as u32,
-            full_renders: stats.full_renders,
-            start: match stats.start {
-                StartKind::External => NVSP_START_HINT,
-                StartKind::Previous => NVSP_START_PREVIOUS,
-                StartKind::Predicted => NVSP_START_PREDICTED,
-                StartKind::BestOfBad => NVSP_START_UNCERTAIN,
-                StartKind::KeyFrame => NVSP_START_KEY_FRAME,
-            },
-            stop: match stats.stop {
-                Stop::Gradient => NVSP_STOP_GRADIENT,
-                Stop::Progress => NVSP_STOP_PROGRESS,
-                Stop::NoDescent => NVSP_STOP_NO_DESCENT,
-                Stop::Iterations => NVSP_STOP_ITERATIONS,
-            },
-            flags: flag(!stats.certain, NVSP_FRAME_UNCERTAIN)
-                | flag(!stats.rate_kept, NVSP_FRAME_RATE_MISSED)
-                | flag(loose, NVSP_FRAME_UNDETERMINED)
-                | flag(!stats.portable, NVSP_FRAME_NOT_PORTABLE),
-            state: if stats.certain { NVSP_STATE_CERTAIN } else { NVSP_STATE_LOST },
-            render_psnr: stats.render_psnr,
-            psnr: stats.psnr,
-            milliseconds: stats.milliseconds,
-            pose: image::pose_out(pose),
-            pose_deviation: stats.observability.pose_deviation(),
-            pose_condition: stats.observability.condition,
-            frames_since_certain: stats.frames_since_certain,
-            reference_distance: stats
-                .reference
-                .map_or(0, |reference| stats.frame.wrapping_sub(reference)),
-        });
-        Ok(())
-    }
+/// Writes all of a packet and its figures, or nothing.
+fn write(
+    encoded: &Encoded,
+    mut room: Room,
+    place: &Checked<nvsp_frame_stats>,
+) -> Result<(), Failure> {
+    let Encoded { packet, stats, pose, .. } = encoded;
+    room.write(packet)?;
+    let loose = stats.observability.undetermined().next().is_some();
+    let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+    place.write(&nvsp_frame_stats {
+        frame: stats.frame,
+        bytes: stats.bytes as u32,
+        latent_bytes: stats.latent_bytes as u32,
+        full_renders: stats.full_renders,
+        start: match stats.start {
+            StartKind::External => NVSP_START_HINT,
+            StartKind::Previous => NVSP_START_PREVIOUS,
+            StartKind::Predicted => NVSP_START_PREDICTED,
+            StartKind::BestOfBad => NVSP_START_UNCERTAIN,
+            StartKind::KeyFrame => NVSP_START_KEY_FRAME,
+        },
+        stop: match stats.stop {
+            Stop::Gradient => NVSP_STOP_GRADIENT,
+            Stop::Progress => NVSP_STOP_PROGRESS,
+            Stop::NoDescent => NVSP_STOP_NO_DESCENT,
+            Stop::Iterations => NVSP_STOP_ITERATIONS,
+        },
+        flags: flag(!stats.certain, NVSP_FRAME_UNCERTAIN)
+            | flag(!stats.rate_kept, NVSP_FRAME_RATE_MISSED)
+            | flag(loose, NVSP_FRAME_UNDETERMINED)
+            | flag(!stats.portable, NVSP_FRAME_NOT_PORTABLE),
+        state: if stats.certain { NVSP_STATE_CERTAIN } else { NVSP_STATE_LOST },
+        render_psnr: stats.render_psnr,
+        psnr: stats.psnr,
+        milliseconds: stats.milliseconds,
+        pose: image::pose_out(pose),
+        pose_deviation: stats.observability.pose_deviation(),
+        pose_condition: stats.observability.condition,
+        frames_since_certain: stats.frames_since_certain,
+        reference_distance: stats
+            .reference
+            .map_or(0, |reference| stats.frame.wrapping_sub(reference)),
+        ..zeroed()
+    });
+    Ok(())
 }

@@ -5,13 +5,13 @@ use std::time::Duration;
 
 use crate::frame_work::{Coder, FrameWork};
 use crate::geometry::Lens;
-use crate::image::{Converter, Mask};
-use crate::queue::{Lost, Queue, QueueError, Worker};
+use crate::image::{Converter, ImageView, Mask};
+use crate::queue::{Lost, Queue, Worker};
 use crate::{Camera, Encoded, Encoder, Error, FrameInfo};
 
+use super::dmabuf::Readings;
 use super::frame::refused;
-use super::handle::Opaque;
-use super::image::View;
+use super::handle::{Handle, locked};
 use super::limits::Limits;
 use super::memory::Grant;
 use super::status::*;
@@ -21,17 +21,10 @@ use super::thread::{ThreadStart, spawner};
 ///
 /// ```c
 /// if (nvsp_encode_begin(encoder, &image, &info) != NVSP_OK) return;
-/// while (nvsp_encode_poll(encoder) == NVSP_PENDING) steer();
+/// while (nvsp_encode_wait(encoder, 0) == NVSP_PENDING) steer();
 /// status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
 /// ```
-#[allow(non_camel_case_types)]
-pub struct nvsp_encoder {
-    _opaque: [u8; 0],
-}
-
-impl Opaque for nvsp_encoder {
-    type Content = Encoding;
-}
+pub type nvsp_encoder = Handle<Encoding>;
 
 /// What the frames of an encoder share.
 pub(super) struct Core {
@@ -47,7 +40,9 @@ pub(super) struct Core {
 
 /// A frame, as a caller hands it over.
 pub(super) struct GivenFrame<'a> {
-    pub view: View<'a>,
+    pub image: ImageView<'a>,
+    /// Keeps the planes readable that lie in DMA-BUFs.
+    pub _readings: Readings,
     pub known: FrameInfo,
 }
 
@@ -143,7 +138,7 @@ impl Encoding {
 
     /// Tells whether there is a result to take. Waits for it, at most `timeout`.
     pub(super) fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
-        Ok(if self.queue.wait(timeout)? { NVSP_OK } else { NVSP_PENDING })
+        Ok(done_or_pending(self.queue.wait(timeout)?))
     }
 
     /// Takes the first result: the frame's error, or what `fetch` makes of it. If `fetch` fails, the result stays.
@@ -158,12 +153,12 @@ impl Encoding {
             *full = true;
             Ok(())
         })?;
-        Ok(if taken { NVSP_OK } else { NVSP_PENDING })
+        Ok(done_or_pending(taken))
     }
 
     /// Drops what was begun. Tells whether it has ended.
     pub(super) fn cancel(&mut self) -> nvsp_status {
-        if self.queue.cancel() { NVSP_OK } else { NVSP_PENDING }
+        done_or_pending(self.queue.cancel())
     }
 
     /// The frame finished last.
@@ -179,14 +174,10 @@ impl GivenFrame<'_> {
     /// Converts the image to a slot, and hands over what is known of it.
     fn fill(&self, converter: &Mutex<Converter>, work: &mut FrameWork) -> Result<(), Failure> {
         let mut converter = converter.lock().unwrap_or_else(PoisonError::into_inner);
-        converter.convert(&self.view, &mut work.frame)?;
+        converter.convert(&self.image, &mut work.frame)?;
         work.info = self.known;
         Ok(())
     }
-}
-
-fn locked(core: &Mutex<Core>) -> Result<MutexGuard<'_, Core>, Failure> {
-    core.lock().map_err(|_| QueueError::Poisoned.into())
 }
 
 /// The worker that does all of a frame.

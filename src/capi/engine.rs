@@ -1,17 +1,18 @@
 //! The engine's handle.
 
-use std::ffi::{CStr, c_char, c_void};
+use std::ffi::{c_char, c_void};
 use std::time::Duration;
 
 use crate::Engine;
 use crate::vulkan::DeviceOptions;
 
-use super::handle::{Handle, Opaque};
+use super::handle::Handle;
 use super::limits::{Limits, engine_bytes};
 use super::log::{Log, NVSP_LOG_INFO, NVSP_LOG_WARNING, nvsp_log_callback};
 use super::memory::Grant;
+use super::slices::{Room, optional_slice, text};
 use super::status::*;
-use super::structs::{Out, read, versioned};
+use super::structs::{In, Out, Place, User, versioned, zeroed};
 use super::thread::{ThreadStart, nvsp_thread_callback};
 use super::vulkan::{given, nvsp_vulkan};
 
@@ -24,14 +25,7 @@ use super::vulkan::{given, nvsp_vulkan};
 /// options.watchdog_milliseconds = 5000;
 /// if (nvsp_engine_create(&options, &engine) != NVSP_OK) return 1;
 /// ```
-#[allow(non_camel_case_types)]
-pub struct nvsp_engine {
-    _opaque: [u8; 0],
-}
-
-impl Opaque for nvsp_engine {
-    type Content = EngineContent;
-}
+pub type nvsp_engine = Handle<EngineContent>;
 
 /// What an engine's handle holds.
 #[derive(Clone)]
@@ -67,13 +61,10 @@ pub const NVSP_WATCHDOG_NONE: u32 = u32::MAX;
 const WATCHDOG: u64 = 60_000;
 
 /// How to open an engine; all zero: the best device, nothing logged.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_engine_options {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// The device's number as text, or a part of its name or its driver's name. NULL: the best device, first a discrete
     /// GPU, then an integrated one, then a CPU.
@@ -113,18 +104,15 @@ pub struct nvsp_engine_options {
     pub pipeline_cache_size: usize,
     /// A Vulkan device of yours to work on. Read during nvsp_engine_create. `device` is then NULL, and
     /// NVSP_ENGINE_VALIDATION not set: validation is your instance's. NULL: the library opens a device of its own.
-    pub vulkan: *const nvsp_vulkan,
+    pub vulkan: In<nvsp_vulkan>,
 }
 versioned!(nvsp_engine_options, 104);
 
 /// A device in words, and the memory it gave.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_engine_info {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Name, kind, driver and Vulkan version of the device, ending in NUL.
     pub device: [c_char; 256],
@@ -140,59 +128,43 @@ versioned!(nvsp_engine_info, 288);
 /// Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
 /// options' `log`, as there is no handle to ask yet.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (unknown flags, a name that
-/// is no UTF-8, or fields that exclude each other), NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
+/// Fails with NVSP_ERR_ARGUMENT (unknown flags, a name that is no UTF-8, or fields that exclude each other),
+/// NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 ///
-/// # Safety
+/// # Parameters
 /// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
 ///   the engine lives. NULL: all defaults.
 /// - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_engine_create(
-    options: *const nvsp_engine_options,
-    engine: *mut *mut nvsp_engine,
+pub extern "C" fn nvsp_engine_create(
+    options: In<nvsp_engine_options>,
+    engine: Place<Box<nvsp_engine>>,
 ) -> nvsp_status {
-    if engine.is_null() {
-        return NVSP_ERR_NULL;
-    }
-    // SAFETY: as the caller promises.
-    let options = match unsafe { read(options) } {
-        Ok(options) => options,
-        Err(failure) => return failure.status(),
+    let (options, engine) = match (options.read(), engine.required("engine")) {
+        (Ok(options), Ok(engine)) => (options, engine),
+        (Err(failure), _) | (_, Err(failure)) => return failure.status(),
     };
     let log = Log::new(options.log, options.log_user);
     // A handle without content: a failure goes through the same fence as that of every other call.
-    let fence = Handle::boxed((), log);
-    // SAFETY: the handle was just made, and is destroyed at once.
-    unsafe {
-        let status = Handle::call(fence, |()| {
-            let made = open_options(&options)?;
-            let _memory = Grant::take("an engine", engine_bytes(), u64::MAX)?;
-            let content = made.open()?;
-            log.write(NVSP_LOG_INFO, &content.engine.device().to_string());
-            *engine = nvsp_engine::address(Handle::boxed(content, log));
-            Ok(NVSP_OK)
-        });
-        Handle::destroy(fence);
-        status
-    }
+    Handle::call(Some(&Handle::boxed((), log)), |()| {
+        let made = open_options(&options)?;
+        let _memory = Grant::take("an engine", engine_bytes(), u64::MAX)?;
+        let content = made.open()?;
+        log.write(NVSP_LOG_INFO, &content.engine.device().to_string());
+        engine.write(Handle::boxed(content, log));
+        Ok(NVSP_OK)
+    })
 }
 
 /// Reads the options.
-///
-/// # Safety
-/// As for [`nvsp_engine_create`].
-unsafe fn open_options(options: &nvsp_engine_options) -> Result<OpenOptions, Failure> {
-    // SAFETY: as the caller promises; a name that is not NULL ends in NUL.
-    let device = unsafe { (!options.device.is_null()).then(|| CStr::from_ptr(options.device)) };
+fn open_options(options: &nvsp_engine_options) -> Result<OpenOptions, Failure> {
     if options.flags & !NVSP_ENGINE_VALIDATION != 0 {
         return Err(Failure::argument("nvsp_engine_options.flags: unknown bits"));
     }
-    let name = |name: &CStr| name.to_str().map(str::to_owned);
-    let device = device
-        .map(name)
-        .transpose()
-        .map_err(|_| Failure::argument("nvsp_engine_options.device is no UTF-8"))?;
+    // SAFETY: a text, as the header asks of this field.
+    let device = unsafe { text(options.device) };
+    let device = device.map(|name| name.to_str().map(str::to_owned)).transpose();
+    let device = device.map_err(|_| Failure::argument("nvsp_engine_options.device is no UTF-8"))?;
     let or_none = |limit: u64| if limit == 0 { u64::MAX } else { limit };
     let limits = Limits {
         frame_pixels: match options.frame_size_limit {
@@ -204,7 +176,8 @@ unsafe fn open_options(options: &nvsp_engine_options) -> Result<OpenOptions, Fai
     };
     let validation = options.flags & NVSP_ENGINE_VALIDATION != 0;
     let memory_limit = options.device_memory_limit;
-    let threads = ThreadStart { callback: options.thread_start, user: options.thread_start_user };
+    let threads =
+        ThreadStart { callback: options.thread_start, user: User(options.thread_start_user) };
     let watchdog = match options.watchdog_milliseconds {
         0 => Some(Duration::from_millis(WATCHDOG)),
         NVSP_WATCHDOG_NONE => None,
@@ -214,14 +187,14 @@ unsafe fn open_options(options: &nvsp_engine_options) -> Result<OpenOptions, Fai
         return Err(Failure::argument("nvsp_engine_options.reserved: not zero"));
     }
     let (cache, size) = (options.pipeline_cache, options.pipeline_cache_size);
-    // SAFETY: as the caller promises.
-    let cache = unsafe { super::slices::slice(cache, size, "nvsp_engine_options.pipeline_cache")? };
+    // SAFETY: so many bytes stand there, as the header asks of these fields.
+    let cache = unsafe { optional_slice(cache, size, "nvsp_engine_options.pipeline_cache")? };
+    let cache = cache.unwrap_or_default();
     let mut pipeline_cache = Vec::new();
     let refused = |_| Failure::at(NVSP_ERR_MEMORY, "a copy of the pipeline cache");
     pipeline_cache.try_reserve_exact(cache.len()).map_err(refused)?;
     pipeline_cache.extend_from_slice(cache);
-    // SAFETY: as the caller promises.
-    let given = unsafe { given(options.vulkan)? };
+    let given = given(options.vulkan)?;
     if given.is_some() && (validation || device.is_some()) {
         return Err(Failure::argument(
             "nvsp_engine_options.vulkan with device or NVSP_ENGINE_VALIDATION",
@@ -240,135 +213,86 @@ unsafe fn open_options(options: &nvsp_engine_options) -> Result<OpenOptions, Fai
 ///
 /// Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one,
 /// and a new engine with it.
-///
-/// # Safety
-/// - `engine`: a live engine. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_engine_reopen(engine: *mut nvsp_engine) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::share(nvsp_engine::handle(engine), |handle, content| {
-            if content.how.options.given.is_some() {
-                return Err(Failure::at(
-                    NVSP_ERR_UNSUPPORTED,
-                    "the device is yours: make a new one, and an engine with it",
-                ));
-            }
-            log_validation(handle, &content.engine);
-            let _memory = Grant::take("an engine", engine_bytes(), u64::MAX)?;
-            let opened = content.how.open()?;
-            handle.log().write(NVSP_LOG_INFO, &opened.engine.device().to_string());
-            handle.replace(opened);
-            Ok(NVSP_OK)
-        })
-    }
+pub extern "C" fn nvsp_engine_reopen(engine: Option<&nvsp_engine>) -> nvsp_status {
+    nvsp_engine::share(engine, |handle, content| {
+        if content.how.options.given.is_some() {
+            return Err(Failure::at(
+                NVSP_ERR_UNSUPPORTED,
+                "the device is yours: make a new one, and an engine with it",
+            ));
+        }
+        log_validation(handle, &content.engine);
+        let _memory = Grant::take("an engine", engine_bytes(), u64::MAX)?;
+        let opened = content.how.open()?;
+        handle.log().write(NVSP_LOG_INFO, &opened.engine.device().to_string());
+        handle.replace(opened);
+        Ok(NVSP_OK)
+    })
 }
 
 /// Describes the engine's device and its memory. Allocates.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
-///
-/// # Safety
-/// - `engine`: a live engine. Not NULL.
+/// # Parameters
 /// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_engine_get_info(
-    engine: *const nvsp_engine,
-    info: *mut nvsp_engine_info,
+pub extern "C" fn nvsp_engine_get_info(
+    engine: Option<&nvsp_engine>,
+    info: Out<nvsp_engine_info>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::share(nvsp_engine::handle(engine), |_, content| {
-            let out = Out::required(info)?;
-            let memory = content.engine.memory();
-            let mut device = [0; 256];
-            write_text(&content.engine.device().to_string(), &mut device);
-            out.write(&nvsp_engine_info {
-                struct_size: 0,
-                abi_version: 0,
-                device,
-                memory_used: memory.used,
-                memory_reserved: memory.reserved,
-                buffers: memory.buffers,
-            });
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_engine::share(engine, |_, content| {
+        let out = info.required()?;
+        let memory = content.engine.memory();
+        let mut device = [0; 256];
+        write_text(&content.engine.device().to_string(), &mut device);
+        out.write(&nvsp_engine_info {
+            device,
+            memory_used: memory.used,
+            memory_reserved: memory.reserved,
+            buffers: memory.buffers,
+            ..zeroed()
+        });
+        Ok(NVSP_OK)
+    })
 }
 
 /// Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next
 /// start. Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+/// Fails with NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Safety
-/// - `engine`: a live engine. Not NULL.
 /// - `bytes`: receives the data. Yours, of `size` bytes. NULL only if `size` is 0.
 /// - `size`: bytes of `bytes`.
 /// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_engine_get_pipeline_cache(
-    engine: *const nvsp_engine,
+    engine: Option<&nvsp_engine>,
     bytes: *mut u8,
     size: usize,
-    written: *mut usize,
+    written: Place<usize>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::share(nvsp_engine::handle(engine), |_, content| {
-            if written.is_null() || (bytes.is_null() && size > 0) {
-                return Err(Failure::null("bytes or written"));
-            }
-            let _memory = Grant::take("the pipeline cache", CACHE, content.how.limits.host_bytes)?;
-            let data = content.engine.vulkan().pipeline_cache()?;
-            *written = data.len();
-            if data.len() > size {
-                return Err(Failure::Room { needed: data.len(), found: size });
-            }
-            bytes.copy_from_nonoverlapping(data.as_ptr(), data.len());
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_engine::share(engine, |_, content| {
+        // SAFETY: `size` bytes stand at `bytes`, see `# Safety`.
+        let mut room = unsafe { Room::or_none(bytes, size, written, "bytes")? };
+        let _memory = Grant::take("the pipeline cache", CACHE, content.how.limits.host_bytes)?;
+        room.write(&content.engine.vulkan().pipeline_cache()?)?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Bytes that a copy of the pipeline cache may take.
 const CACHE: u64 = 32 << 20;
 
-/// Copies the text of the last failed call on the engine into `text`, or of the last failure to
-/// make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the
-/// end. The text is empty if nothing failed.
-///
-/// Fails with NVSP_ERR_NULL, or with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
-///
-/// # Safety
-/// - `engine`: a live engine. Not NULL.
-/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `text`, 1 or more.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_engine_last_error(
-    engine: *const nvsp_engine,
-    text: *mut c_char,
-    size: usize,
-) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::last_error(nvsp_engine::handle(engine), text, size) }
-}
-
 /// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
 /// the last of them is gone, unless you gave it.
-///
-/// # Safety
-/// - `engine`: a live engine that no other thread uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_engine_destroy(engine: *mut nvsp_engine) {
-    // SAFETY: as the caller promises.
-    unsafe {
-        let _ = Handle::share(nvsp_engine::handle(engine), |handle, content| {
-            log_validation(handle, &content.engine);
-            Ok(NVSP_OK)
-        });
-        Handle::destroy(nvsp_engine::handle(engine).cast_mut());
-    }
+pub extern "C" fn nvsp_engine_destroy(engine: Option<Box<nvsp_engine>>) {
+    let _ = nvsp_engine::share(engine.as_deref(), |handle, content| {
+        log_validation(handle, &content.engine);
+        Ok(NVSP_OK)
+    });
+    nvsp_engine::destroy(engine);
 }
 
 fn log_validation(handle: &Handle<EngineContent>, engine: &Engine) {

@@ -4,25 +4,22 @@ use crate::{Error, FrameInfo, Hint};
 
 use super::image::{self, nvsp_pose};
 use super::status::*;
-use super::structs::{read, versioned};
+use super::structs::{In, versioned};
 
 /// For nvsp_frame_info.given: `time` is the frame's.
 pub const NVSP_GIVEN_TIME: u32 = 1;
 
 /// What is known of a frame besides its image; all zero: nothing. Read during the call only.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_frame_info {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// A pose from sensors or an estimator; NULL: none. It is used if there is no certain pose of the frame before, and
     /// if it disagrees with that one by more than a tenth of the scene's depth or 6 degrees; the picture decides. On
     /// the scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104 starts each all were found. What
     /// is farther off costs time, not certainty. Beyond a million spreads of the prior it is refused.
-    pub hint: *const nvsp_pose,
+    pub hint: In<nvsp_pose>,
     /// How sure the hint is: the covariance of the small motion from the hint to the true pose. 36 values, row by row:
     /// translation along the camera's axes (the prior's unit), then turns about them (radians). Finite, symmetric and
     /// positive semidefinite. NULL: not stated.
@@ -40,15 +37,9 @@ pub struct nvsp_frame_info {
 versioned!(nvsp_frame_info, 48);
 
 /// Reads what a caller states of a frame. Checks its fields as far as that needs no encoder.
-///
-/// # Safety
-/// `info` is null or valid, and so are the pointers in it.
-pub(super) unsafe fn known(info: *const nvsp_frame_info) -> Result<FrameInfo, Failure> {
-    // SAFETY: as the caller promises.
-    let (info, hint) = unsafe {
-        let info = read(info)?;
-        (info, hint(&info)?)
-    };
+pub(super) fn known(info: In<nvsp_frame_info>) -> Result<FrameInfo, Failure> {
+    let info = info.read()?;
+    let hint = hint(&info)?;
     if info.given & !NVSP_GIVEN_TIME != 0 {
         return Err(Failure::argument("nvsp_frame_info.given: unknown bits"));
     }
@@ -65,14 +56,11 @@ pub(super) unsafe fn known(info: *const nvsp_frame_info) -> Result<FrameInfo, Fa
 
 const NO_POSE: &str = "nvsp_frame_info.hint: no rigid motion";
 
-/// # Safety
-/// As for [`known`].
-unsafe fn hint(info: &nvsp_frame_info) -> Result<Option<Hint>, Failure> {
-    // SAFETY: as the caller promises; C's array of 36 numbers has the layout of six by six.
-    let (pose, covariance) = unsafe {
-        let covariance = info.hint_covariance.cast::<[[f64; 6]; 6]>();
-        (image::pose(info.hint), (!covariance.is_null()).then(|| covariance.read_unaligned()))
-    };
+fn hint(info: &nvsp_frame_info) -> Result<Option<Hint>, Failure> {
+    let covariance = info.hint_covariance.cast::<[[f64; 6]; 6]>();
+    // SAFETY: 36 numbers stand there if it is not NULL, as the structure's field says; they lie as six by six do.
+    let covariance = (!covariance.is_null()).then(|| unsafe { covariance.read_unaligned() });
+    let pose = image::pose(info.hint);
     let pose = pose.map_err(|failure| match failure.status() {
         NVSP_ERR_ARGUMENT => Failure::argument(NO_POSE),
         _ => failure,

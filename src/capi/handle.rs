@@ -1,18 +1,28 @@
 //! The fence between C and the library.
 
-use std::ffi::c_char;
+use std::ffi::{c_char, c_void};
 use std::fmt::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Mutex, PoisonError, TryLockError};
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+
+use crate::queue::QueueError;
 
 use super::log::{Log, NVSP_LOG_ERROR};
 use super::status::*;
 
-/// What an opaque handle points to: its content for one thread at a time, and the text of its last
-/// failure.
-pub(super) struct Handle<T> {
+/// What an opaque handle points to: its content for one thread at a time, and its failures. The types of the header are
+/// names of it. C has handles from [`Handle::boxed`] alone, so that a function that takes a reference need not check
+/// more than NULL.
+#[repr(C)]
+pub struct Handle<T> {
+    /// First, where [`nvsp_last_error`] finds them whatever the content is.
+    failures: Failures,
     content: Mutex<T>,
-    failure: Mutex<LastFailure>,
+}
+
+/// The last failure on a handle, and where failures are logged.
+pub(super) struct Failures {
+    last: Mutex<LastFailure>,
     log: Log,
 }
 
@@ -20,23 +30,6 @@ pub(super) struct Handle<T> {
 struct LastFailure {
     text: Text,
     times: u64,
-}
-
-/// A type of the header that C knows by address alone. It is tied to what its handle holds, so that a cast to another
-/// handle does not compile.
-pub(super) trait Opaque: Sized {
-    /// What the handle holds.
-    type Content;
-
-    /// The handle at an address that C holds.
-    fn handle(address: *const Self) -> *const Handle<Self::Content> {
-        address.cast()
-    }
-
-    /// The address of a handle, for C to hold.
-    fn address(handle: *mut Handle<Self::Content>) -> *mut Self {
-        handle.cast()
-    }
 }
 
 /// Bytes of a failure's text that are kept.
@@ -60,6 +53,15 @@ impl Write for Text {
 }
 
 impl Text {
+    const EMPTY: Text = Text { bytes: [0; TEXT], len: 0 };
+
+    fn of(text: fmt::Arguments) -> Text {
+        let mut made = Text::EMPTY;
+        // Writing to a Text never fails.
+        let _ = made.write_fmt(text);
+        made
+    }
+
     fn as_str(&self) -> &str {
         std::str::from_utf8(&self.bytes[..self.len]).unwrap_or_default()
     }
@@ -67,28 +69,23 @@ impl Text {
 
 impl<T> Handle<T> {
     /// Makes a handle for C to hold; [`Handle::destroy`] takes it back.
-    pub(super) fn boxed(content: T, log: Log) -> *mut Handle<T> {
-        let text = Text { bytes: [0; TEXT], len: 0 };
-        let failure = Mutex::new(LastFailure { text, times: 0 });
-        Box::into_raw(Box::new(Handle { content: Mutex::new(content), failure, log }))
+    pub(super) fn boxed(content: T, log: Log) -> Box<Handle<T>> {
+        let last = Mutex::new(LastFailure { text: Text::EMPTY, times: 0 });
+        Box::new(Handle { failures: Failures { last, log }, content: Mutex::new(content) })
     }
 
     pub(super) fn log(&self) -> Log {
-        self.log
+        self.failures.log
     }
 
     /// Runs a call that needs the handle for itself. Fails with `NVSP_ERR_BUSY` if another thread
     /// is inside such a call. After a panic, every later call fails with `NVSP_ERR_POISONED`.
-    ///
-    /// # Safety
-    /// `handle` is null or came from [`Handle::boxed`] and was not destroyed.
-    pub(super) unsafe fn call(
-        handle: *const Handle<T>,
+    pub(super) fn call(
+        handle: Option<&Handle<T>>,
         body: impl FnOnce(&mut T) -> Result<nvsp_status, Failure>,
     ) -> nvsp_status {
-        // SAFETY: as the caller promises.
-        let Some(handle) = (unsafe { handle.as_ref() }) else { return NVSP_ERR_NULL };
-        handle.fence(|| match handle.content.try_lock() {
+        let Some(handle) = handle else { return NVSP_ERR_NULL };
+        handle.failures.fence(|| match handle.content.try_lock() {
             Ok(mut content) => body(&mut content),
             Err(TryLockError::WouldBlock) => {
                 Err(Failure::at(NVSP_ERR_BUSY, "another thread is inside a call on it"))
@@ -100,19 +97,23 @@ impl<T> Handle<T> {
     }
 
     /// Runs a call that several threads may make at once: `body` gets the content as it stands.
-    ///
-    /// # Safety
-    /// As for [`Handle::call`].
-    pub(super) unsafe fn share(
-        handle: *const Handle<T>,
+    pub(super) fn share(
+        handle: Option<&Handle<T>>,
         body: impl FnOnce(&Handle<T>, T) -> Result<nvsp_status, Failure>,
     ) -> nvsp_status
     where
         T: Clone,
     {
-        // SAFETY: as the caller promises.
-        let Some(handle) = (unsafe { handle.as_ref() }) else { return NVSP_ERR_NULL };
-        handle.fence(|| body(handle, handle.get()))
+        let Some(handle) = handle else { return NVSP_ERR_NULL };
+        handle.failures.fence(|| body(handle, handle.get()))
+    }
+
+    /// The content as it stands of a handle that another call needs besides its own.
+    pub(super) fn of(handle: Option<&Handle<T>>, name: &'static str) -> Result<T, Failure>
+    where
+        T: Clone,
+    {
+        handle.map(Handle::get).ok_or(Failure::null(name))
     }
 
     /// Clones the content. The lock is held for the clone alone, so that nothing can panic under it.
@@ -131,6 +132,14 @@ impl<T> Handle<T> {
         drop(place);
     }
 
+    /// Ends a handle; NULL is none.
+    pub(super) fn destroy(handle: Option<Box<Handle<T>>>) {
+        // There is nobody left to report a panic while dropping.
+        let _ = catch_unwind(AssertUnwindSafe(|| drop(handle)));
+    }
+}
+
+impl Failures {
     /// Turns failures and panics into statuses with a text.
     fn fence(&self, body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp_status {
         let failure = match catch_unwind(AssertUnwindSafe(body)) {
@@ -144,11 +153,9 @@ impl<T> Handle<T> {
 
     /// Keeps a failure's text and logs it. If it is the same as the last one, it is only counted: the log gets a line
     /// when the count reaches 10, 100 and so on, and a last one before another text.
-    pub(super) fn note(&self, failure: &Failure) {
-        let mut text = Text { bytes: [0; TEXT], len: 0 };
-        // Writing to a Text never fails.
-        let _ = write!(text, "{failure}");
-        let mut last = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+    fn note(&self, failure: &Failure) {
+        let text = Text::of(format_args!("{failure}"));
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if last.times > 0 && last.text.as_str() == text.as_str() {
             last.times += 1;
             let times = last.times;
@@ -160,8 +167,7 @@ impl<T> Handle<T> {
         }
         let LastFailure { text: before, times } =
             std::mem::replace(&mut *last, LastFailure { text, times: 1 });
-        let mut text = Text { bytes: [0; TEXT], len: 0 };
-        let _ = write!(text, "{}", last.text.as_str());
+        let text = Text::of(format_args!("{}", last.text.as_str()));
         drop(last);
         if times > 1 && 10_u64.pow(times.ilog10()) != times {
             self.log_count(before.as_str(), times);
@@ -172,54 +178,50 @@ impl<T> Handle<T> {
     /// Logs how often a failure came in a row.
     fn log_count(&self, text: &str, times: u64) {
         // Not on the heap: a link may damage a frame at any time.
-        let mut line = Text { bytes: [0; TEXT], len: 0 };
-        let _ = write!(line, "{times} times in a row: {text}");
+        let line = Text::of(format_args!("{times} times in a row: {text}"));
         self.log.write(NVSP_LOG_ERROR, line.as_str());
     }
+}
 
-    /// Copies the text of the last failure, ending in NUL, and cut if it is too long.
-    ///
-    /// # Safety
-    /// `handle` as for [`Handle::call`]; `text` is null or has room for `size` bytes.
-    pub(super) unsafe fn last_error(
-        handle: *const Handle<T>,
-        text: *mut c_char,
-        size: usize,
-    ) -> nvsp_status {
-        // SAFETY: as the caller promises.
-        let Some(handle) = (unsafe { handle.as_ref() }) else { return NVSP_ERR_NULL };
-        if text.is_null() {
-            return NVSP_ERR_NULL;
-        }
-        if size == 0 {
-            return NVSP_ERR_BUFFER_TOO_SMALL;
-        }
-        let failure = handle.failure.lock().unwrap_or_else(PoisonError::into_inner);
-        let failure = &failure.text;
-        let mut end = failure.len.min(size - 1);
-        while !failure.as_str().is_char_boundary(end) {
-            end -= 1;
-        }
-        // SAFETY: `end` bytes and the NUL fit into `size`, which the caller promises.
-        unsafe {
-            text.copy_from_nonoverlapping(failure.bytes.as_ptr().cast(), end);
-            *text.add(end) = 0;
-        }
-        NVSP_OK
+/// Copies the text of the last failed call on a handle into `text`. An engine's is also that of the last failure to
+/// make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the end. The text is
+/// empty if nothing failed.
+///
+/// Fails with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
+///
+/// # Safety
+/// - `handle`: a live handle of any kind. Not NULL.
+/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `text`, 1 or more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_last_error(
+    handle: *const c_void,
+    text: *mut c_char,
+    size: usize,
+) -> nvsp_status {
+    // SAFETY: a live handle of any kind begins with its failures.
+    let Some(failures) = (unsafe { handle.cast::<Failures>().as_ref() }) else {
+        return NVSP_ERR_NULL;
+    };
+    if text.is_null() {
+        return NVSP_ERR_NULL;
     }
+    if size == 0 {
+        return NVSP_ERR_BUFFER_TOO_SMALL;
+    }
+    let last = failures.last.lock().unwrap_or_else(PoisonError::into_inner);
+    let from = &last.text.as_str()[..last.text.as_str().floor_char_boundary(size - 1)];
+    // SAFETY: `size` bytes stand at `text`, see `# Safety`; the bytes copied and the NUL are at most as many.
+    unsafe {
+        text.copy_from_nonoverlapping(from.as_ptr().cast(), from.len());
+        *text.add(from.len()) = 0;
+    }
+    NVSP_OK
+}
 
-    /// Ends a handle; null is none.
-    ///
-    /// # Safety
-    /// `handle` is null, or came from [`Handle::boxed`], was not destroyed, and no call is on it.
-    pub(super) unsafe fn destroy(handle: *mut Handle<T>) {
-        if !handle.is_null() {
-            // SAFETY: as the caller promises.
-            let handle = unsafe { Box::from_raw(handle) };
-            // There is nobody left to report a panic while dropping.
-            let _ = catch_unwind(AssertUnwindSafe(|| drop(handle)));
-        }
-    }
+/// Locks what calls and the library's threads share. Fails if a thread panicked while it had the lock.
+pub(super) fn locked<T>(content: &Mutex<T>) -> Result<MutexGuard<'_, T>, Failure> {
+    content.lock().map_err(|_| QueueError::Poisoned.into())
 }
 
 /// Runs a call that has no handle to keep a text in.
@@ -234,78 +236,69 @@ mod tests {
 
     use super::*;
 
-    fn handle() -> *mut Handle<u32> {
+    fn handle() -> Box<Handle<u32>> {
         Handle::boxed(5, Log::new(None, null_mut()))
     }
 
-    fn last_error(handle: *const Handle<u32>) -> String {
-        let mut text = [1u8; 600];
+    /// [`nvsp_last_error`] into a buffer, all of whose bytes were 1.
+    fn last_error<const SIZE: usize>(handle: &Handle<u32>) -> (nvsp_status, [u8; SIZE]) {
+        let mut text = [1u8; SIZE];
         // SAFETY: a live handle, and the buffer's own size.
-        let status = unsafe { Handle::last_error(handle, text.as_mut_ptr().cast(), 600) };
-        assert_eq!(status, NVSP_OK);
-        let end = text.iter().position(|b| *b == 0).unwrap();
-        String::from_utf8(text[..end].to_vec()).unwrap()
+        let status =
+            unsafe { nvsp_last_error((&raw const *handle).cast(), text.as_mut_ptr().cast(), SIZE) };
+        (status, text)
     }
 
     #[test]
     fn a_panic_poisons_the_handle_and_nothing_else() {
         let (one, other) = (handle(), handle());
-        // SAFETY: both handles live until destroyed.
-        unsafe {
-            assert_eq!(Handle::call(one, |_| panic!("on purpose")), NVSP_ERR_INTERNAL);
-            assert!(last_error(one).contains("report"));
-            assert_eq!(Handle::call(one, |_| Ok(NVSP_OK)), NVSP_ERR_POISONED);
-            assert_eq!(Handle::call(other, |v| Ok(*v as i32)), 5);
-            Handle::destroy(one);
-            Handle::destroy(other);
-            Handle::<u32>::destroy(null_mut());
-            assert_eq!(Handle::<u32>::call(null(), |_| Ok(NVSP_OK)), NVSP_ERR_NULL);
-        }
+        assert_eq!(Handle::call(Some(&one), |_| panic!("on purpose")), NVSP_ERR_INTERNAL);
+        let (status, text) = last_error::<600>(&one);
+        let end = text.iter().position(|b| *b == 0).unwrap();
+        assert!(status == NVSP_OK && str::from_utf8(&text[..end]).unwrap().contains("report"));
+        assert_eq!(Handle::call(Some(&one), |_| Ok(NVSP_OK)), NVSP_ERR_POISONED);
+        assert_eq!(Handle::call(Some(&other), |v| Ok(*v as i32)), 5);
+        Handle::destroy(Some(one));
+        Handle::<u32>::destroy(None);
+        assert_eq!(Handle::<u32>::call(None, |_| Ok(NVSP_OK)), NVSP_ERR_NULL);
     }
 
     #[test]
     fn two_threads_do_not_enter_at_once() {
-        let shared = handle() as usize;
+        let shared = handle();
         let (entered, wait) = std::sync::mpsc::channel();
         let (go_on, released) = std::sync::mpsc::channel();
-        let inside = std::thread::spawn(move || {
-            // SAFETY: destroyed after this thread has ended.
-            unsafe {
-                Handle::call(shared as *mut Handle<u32>, |_| {
+        std::thread::scope(|scope| {
+            let shared = &shared;
+            let inside = scope.spawn(move || {
+                Handle::call(Some(shared), |_| {
                     entered.send(()).unwrap();
                     released.recv().unwrap();
                     Ok(NVSP_OK)
                 })
-            }
-        });
-        wait.recv().unwrap();
-        // SAFETY: a live handle.
-        unsafe {
-            assert_eq!(Handle::call(shared as *mut Handle<u32>, |_| Ok(NVSP_OK)), NVSP_ERR_BUSY);
+            });
+            wait.recv().unwrap();
+            assert_eq!(Handle::call(Some(shared), |_| Ok(NVSP_OK)), NVSP_ERR_BUSY);
             go_on.send(()).unwrap();
             assert_eq!(inside.join().unwrap(), NVSP_OK);
-            assert_eq!(Handle::call(shared as *mut Handle<u32>, |_| Ok(NVSP_OK)), NVSP_OK);
-            Handle::destroy(shared as *mut Handle<u32>);
-        }
+            assert_eq!(Handle::call(Some(shared), |_| Ok(NVSP_OK)), NVSP_OK);
+        });
     }
 
     #[test]
     fn texts_are_cut_at_whole_characters() {
-        let mut text = Text { bytes: [0; TEXT], len: 0 };
-        write!(text, "{}é{}", "a".repeat(TEXT - 1), "b".repeat(9)).unwrap();
+        let text = Text::of(format_args!("{}é{}", "a".repeat(TEXT - 1), "b".repeat(9)));
         assert_eq!(text.len, TEXT);
         assert!(text.as_str().ends_with("ab"), "the é did not fit, what came after did");
         let handle = handle();
-        // SAFETY: a live handle and buffers of the sizes given.
+        Handle::call(Some(&handle), |_| Err(Failure::argument("é")));
+        assert_eq!(last_error(&handle), (NVSP_OK, *b"an \0"));
+        assert_eq!(last_error(&handle), (NVSP_ERR_BUFFER_TOO_SMALL, []));
+        // SAFETY: a live handle or none, and no text.
         unsafe {
-            Handle::call(handle, |_| Err(Failure::argument("é")));
-            let mut short = [9u8; 4];
-            assert_eq!(Handle::last_error(handle, short.as_mut_ptr().cast(), 4), NVSP_OK);
-            assert_eq!(&short, b"an \0");
-            let none = short.as_mut_ptr().cast();
-            assert_eq!(Handle::last_error(handle, none, 0), NVSP_ERR_BUFFER_TOO_SMALL);
-            assert_eq!(Handle::last_error(handle, null_mut(), 9), NVSP_ERR_NULL);
-            Handle::destroy(handle);
+            let this = (&raw const *handle).cast();
+            assert_eq!(nvsp_last_error(this, null_mut(), 9), NVSP_ERR_NULL);
+            assert_eq!(nvsp_last_error(null(), null_mut(), 9), NVSP_ERR_NULL);
         }
     }
 }

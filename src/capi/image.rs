@@ -1,15 +1,13 @@
 //! Images, pictures, cameras and poses as C hands them over.
 
-use std::ops::Deref;
-
 use crate::image::{Colour, ImageView, PixelFormat, write_picture};
 use crate::{Camera, Picture, Pose};
 
-use super::dmabuf::{self, Places, Reading, nvsp_dmabuf};
+use super::dmabuf::{self, Readings, nvsp_dmabuf};
 use super::handle::fence;
 use super::slices::{slice, slice_mut};
 use super::status::*;
-use super::structs::{NVSP_ABI_VERSION, Out, read, versioned};
+use super::structs::{Checked, In, NVSP_ABI_VERSION, Out, versioned};
 
 /// Three bytes per pixel: red, green, blue.
 pub const NVSP_FORMAT_RGB8: u32 = 1;
@@ -33,13 +31,10 @@ pub const NVSP_COLOUR_BT709_FULL: u32 = 3;
 
 /// A camera's image; read during the call only. If its size is not the camera's, it is scaled to
 /// it. Its shape must be the camera's (1 % is tolerated). With a lens its size must be the lens's.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_image {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// NVSP_FORMAT_*.
     pub format: u32,
@@ -65,13 +60,10 @@ versioned!(nvsp_image, 144);
 
 /// A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if
 /// it fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_picture {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8 or NVSP_FORMAT_RGBA8.
     pub format: u32,
@@ -95,13 +87,10 @@ versioned!(nvsp_picture, 56);
 /// A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device
 /// refuses sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells
 /// the limit. Every device that Vulkan 1.2 allows takes 2048 by 2048.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_camera {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Pixels, 1 to 4096.
     pub width: u32,
@@ -120,13 +109,10 @@ versioned!(nvsp_camera, 32);
 
 /// Where a camera stands: x_camera = R x_world + t. Within another structure it always has the fields below, set up as
 /// by NVSP_INIT; what a pose gains in a later version is appended to the outer structure.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_pose {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Quaternion of R: w, x, y, z. Any length but zero.
     pub rotation: [f64; 4],
@@ -146,14 +132,6 @@ fn format(code: u32, field: &'static str) -> Result<PixelFormat, Failure> {
     }
 }
 
-fn plane_count(format: PixelFormat) -> usize {
-    match format {
-        PixelFormat::Rgb8 | PixelFormat::Bgr8 | PixelFormat::Rgba8 => 1,
-        PixelFormat::Nv12 => 2,
-        PixelFormat::I420 => 3,
-    }
-}
-
 fn colour(code: u32) -> Result<Colour, Failure> {
     match code {
         NVSP_COLOUR_BT601_LIMITED => Ok(Colour::Bt601Limited),
@@ -164,40 +142,19 @@ fn colour(code: u32) -> Result<Colour, Failure> {
     }
 }
 
-/// An image as the converter takes it.
-pub(super) struct View<'a> {
-    image: ImageView<'a>,
-    /// Keeps the planes readable that lie in DMA-BUFs.
-    _readings: [Option<Reading>; 3],
-}
-
-impl<'a> Deref for View<'a> {
-    type Target = ImageView<'a>;
-
-    fn deref(&self) -> &ImageView<'a> {
-        &self.image
-    }
-}
-
-/// Reads an image.
+/// Reads an image, as the converter takes it, and what keeps the planes readable that lie in DMA-BUFs.
 ///
 /// # Safety
-/// `image` is null or valid, and its planes have as many bytes as it says, which nobody changes for
-/// as long as the view is in use.
-pub(super) unsafe fn view<'a>(image: *const nvsp_image) -> Result<View<'a>, Failure> {
-    if image.is_null() {
-        return Err(Failure::null("image"));
-    }
-    // SAFETY: as the caller promises.
-    let image = unsafe { read(image)? };
+/// The planes have as many bytes as the image says, which nobody changes for as long as the result is in use.
+pub(super) unsafe fn view<'a>(image: In<nvsp_image>) -> Result<(ImageView<'a>, Readings), Failure> {
+    let image = image.required()?;
     let format = format(image.format, "nvsp_image.format")?;
-    let count = plane_count(format);
+    let count = format.planes().len();
     let colour = if count > 1 { colour(image.colour)? } else { Colour::default() };
-    // SAFETY: as the caller promises.
-    let (planes, _readings) = unsafe { planes(&image, count)? };
+    // SAFETY: the planes are as the image says, see `# Safety`.
+    let (planes, readings) = unsafe { planes(&image, count)? };
     let nvsp_image { width, height, strides, .. } = image;
-    let image = ImageView { width, height, format, colour, planes, strides };
-    Ok(View { image, _readings })
+    Ok((ImageView { width, height, format, colour, planes, strides }, readings))
 }
 
 /// The bytes of an image's planes.
@@ -210,31 +167,25 @@ unsafe fn planes<'a>(image: &nvsp_image, count: usize) -> Result<dmabuf::Planes<
         if image.planes.iter().any(|plane| !plane.is_null()) {
             return Err(Failure::argument("nvsp_image: planes and dmabufs"));
         }
-        // SAFETY: as the caller promises.
-        return unsafe { dmabuf::planes(&Places { dmabufs, offsets, sizes }, count) };
+        // SAFETY: NULL or live handles, as the header asks of this field. Nobody writes the buffers, see `# Safety`,
+        // and each reading comes along.
+        return unsafe { dmabuf::planes(dmabufs, offsets, sizes, count) };
     }
     if offsets != [0; 3] {
         return Err(Failure::argument("nvsp_image.offsets: without dmabufs"));
     }
     let mut planes: [&[u8]; 3] = [&[]; 3];
     for (i, plane) in planes.iter_mut().enumerate().take(count) {
-        if image.planes[i].is_null() {
-            return Err(Failure::null("nvsp_image.planes"));
-        }
-        // SAFETY: as the caller promises.
-        *plane = unsafe { slice(image.planes[i], sizes[i], "nvsp_image.sizes")? };
+        // SAFETY: so many bytes stand there, see `# Safety`.
+        *plane = unsafe { slice(image.planes[i], sizes[i], "nvsp_image.planes")? };
     }
     Ok((planes, [None, None, None]))
 }
 
 /// Writes a picture to the caller's place, and how large it is.
-///
-/// # Safety
-/// `place` is valid, and has as many bytes as it says, which nobody else uses.
-pub(super) unsafe fn write(picture: &Picture, place: *mut nvsp_picture) -> Result<(), Failure> {
-    // SAFETY: as the caller promises.
-    let Fitting { out, place, format, stride } = unsafe { check_place(picture, place)? };
-    // SAFETY: as the caller promises.
+pub(super) fn write(picture: &Picture, place: Out<nvsp_picture>) -> Result<(), Failure> {
+    let Fitting { out, place, format, stride } = check_place(picture, place)?;
+    // SAFETY: so many bytes stand there, as the header asks of these fields.
     let into = unsafe { slice_mut(place.pixels, place.size, "nvsp_picture.pixels")? };
     write_picture(picture, format, stride, into)?;
     out.write(&place);
@@ -243,34 +194,23 @@ pub(super) unsafe fn write(picture: &Picture, place: *mut nvsp_picture) -> Resul
 
 /// A place that a picture fits.
 pub(super) struct Fitting {
-    out: Out<nvsp_picture>,
+    out: Checked<nvsp_picture>,
     place: nvsp_picture,
     format: PixelFormat,
     stride: usize,
 }
 
 /// Checks the caller's place for a picture of this size. If it is too small, writes how large it must be.
-///
-/// # Safety
-/// As for [`write`].
-pub(super) unsafe fn check_place(
-    picture: &Picture,
-    place: *mut nvsp_picture,
-) -> Result<Fitting, Failure> {
-    // SAFETY: as the caller promises.
-    let (out, mut place) = unsafe { (Out::required(place)?, read(place)?) };
+pub(super) fn check_place(picture: &Picture, place: Out<nvsp_picture>) -> Result<Fitting, Failure> {
+    let (out, mut place) = (place.required()?, place.given().read()?);
     let format = format(place.format, "nvsp_picture.format")?;
     if place.reserved != 0 {
         return Err(Failure::argument("nvsp_picture.reserved: not zero"));
     }
-    let bytes = match format {
-        PixelFormat::Rgb8 | PixelFormat::Bgr8 => 3,
-        PixelFormat::Rgba8 => 4,
-        PixelFormat::Nv12 | PixelFormat::I420 => {
-            return Err(Failure::argument("nvsp_picture.format"));
-        }
+    let [plane] = format.planes() else {
+        return Err(Failure::argument("nvsp_picture.format"));
     };
-    let row = picture.width as usize * bytes;
+    let row = picture.width as usize * plane.step;
     let stride = if place.stride == 0 { row } else { place.stride };
     if stride < row {
         return Err(Failure::argument("nvsp_picture.stride: below a row of pixels"));
@@ -284,44 +224,30 @@ pub(super) unsafe fn check_place(
     Ok(Fitting { out, place, format, stride })
 }
 
-/// # Safety
-/// `camera` is null or valid.
-pub(super) unsafe fn camera(camera: *const nvsp_camera) -> Result<Camera, Failure> {
-    if camera.is_null() {
-        return Err(Failure::null("camera"));
-    }
-    // SAFETY: as the caller promises.
-    let nvsp_camera { width, height, fx, fy, cx, cy, .. } = unsafe { read(camera)? };
+pub(super) fn camera(camera: In<nvsp_camera>) -> Result<Camera, Failure> {
+    let nvsp_camera { width, height, fx, fy, cx, cy, .. } = camera.required()?;
     let camera = Camera { width, height, fx, fy, cx, cy };
     camera.check().map_err(crate::Error::from)?;
     let (focal, centre) = (0.01..=FAR, -FAR..=FAR);
-    let field = if !focal.contains(&fx) {
-        "nvsp_camera.fx"
-    } else if !focal.contains(&fy) {
-        "nvsp_camera.fy"
-    } else if !centre.contains(&cx) {
-        "nvsp_camera.cx"
-    } else if !centre.contains(&cy) {
-        "nvsp_camera.cy"
-    } else {
-        return Ok(camera);
-    };
-    Err(Failure::at(NVSP_ERR_CAMERA, field))
+    for (fits, field) in [
+        (focal.contains(&fx), "nvsp_camera.fx"),
+        (focal.contains(&fy), "nvsp_camera.fy"),
+        (centre.contains(&cx), "nvsp_camera.cx"),
+        (centre.contains(&cy), "nvsp_camera.cy"),
+    ] {
+        if !fits {
+            return Err(Failure::at(NVSP_ERR_CAMERA, field));
+        }
+    }
+    Ok(camera)
 }
 
 /// What no camera's intrinsics reach, pixels.
 const FAR: f32 = 1e6;
 
 /// A pose from outside, if there is one.
-///
-/// # Safety
-/// `pose` is null or valid.
-pub(super) unsafe fn pose(pose: *const nvsp_pose) -> Result<Option<Pose>, Failure> {
-    if pose.is_null() {
-        return Ok(None);
-    }
-    // SAFETY: as the caller promises.
-    let pose = unsafe { read(pose)? };
+pub(super) fn pose(pose: In<nvsp_pose>) -> Result<Option<Pose>, Failure> {
+    let Some(pose) = pose.optional()? else { return Ok(None) };
     let pose = Pose::from_wxyz(pose.rotation, pose.translation);
     pose.map(Some).ok_or(Failure::argument("a pose that is no rigid motion"))
 }
@@ -329,23 +255,22 @@ pub(super) unsafe fn pose(pose: *const nvsp_pose) -> Result<Option<Pose>, Failur
 /// Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the
 /// same motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, or NVSP_ERR_ARGUMENT if a pose is no rigid
-/// motion or the part is not finite, or so large that the pose is not.
+/// Fails with NVSP_ERR_ARGUMENT if a pose is no rigid motion or the part is not finite, or so large that the pose is
+/// not.
 ///
-/// # Safety
+/// # Parameters
 /// - `from`, `to`: the poses, from world to camera. Read during the call. Not NULL.
 /// - `part`: the part of the way: of a frame number between two others, (number - first) / (second - first).
 /// - `between`: receives the pose, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_pose_between(
-    from: *const nvsp_pose,
-    to: *const nvsp_pose,
+pub extern "C" fn nvsp_pose_between(
+    from: In<nvsp_pose>,
+    to: In<nvsp_pose>,
     part: f64,
-    between: *mut nvsp_pose,
+    between: Out<nvsp_pose>,
 ) -> nvsp_status {
     fence(|| {
-        // SAFETY: as the caller promises.
-        let (out, from, to) = unsafe { (Out::required(between)?, pose(from)?, pose(to)?) };
+        let (out, from, to) = (between.required()?, pose(from)?, pose(to)?);
         let (Some(from), Some(to)) = (from, to) else { return Err(Failure::null("from or to")) };
         let found = pose_out(&from.between(&to, part));
         let numbers = found.rotation.iter().chain(&found.translation);

@@ -8,10 +8,9 @@ use crate::image::Mask;
 use crate::residual::Interest;
 
 use super::encoding::nvsp_encoder;
-use super::handle::{Handle, Opaque};
 use super::slices::slice;
 use super::status::*;
-use super::structs::{read, versioned};
+use super::structs::{In, versioned};
 
 /// Brown-Conrady, OpenCV's usual model. `coefficients` in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6, of which the
 /// first 4, the first 5 or all 8 are given.
@@ -21,13 +20,10 @@ pub const NVSP_LENS_FISHEYE: u32 = 2;
 
 /// A lens with distortion, as OpenCV's calibration gives it. Pixel (0, 0) covers [0, 1) x [0, 1). OpenCV's own
 /// calibration puts pixel centres at integers: add 0.5 to its cx and cy.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_lens {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// NVSP_LENS_*.
     pub model: u32,
@@ -52,13 +48,10 @@ versioned!(nvsp_lens, 120);
 
 /// Which pixels of an encoder's images count: one byte per pixel, white counts (128 to 255), black does not (0 to 127).
 /// Read during the call only.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_mask {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Pixels, 1 to 16384. With a lens its width; without one of the camera's shape (1 % is tolerated).
     pub width: u32,
@@ -78,7 +71,7 @@ versioned!(nvsp_mask, 40);
 /// have the lens's size. The camera may see more than the lens: pixels that the lens does not show count as masked, see
 /// nvsp_encoder_set_mask. A pixel is the mean of what its footprint on the image covers: the image is first reduced by
 /// area averaging to about the camera's resolution, then sampled with linear interpolation, at most one reduced pixel
-/// apart. All of it is integer arithmetic on a map that is made here, so that an image gives the same picture on every
+/// apart. All of it is integer arithmetic on a map that is made here, so that an image yields the same picture on every
 /// machine. Allocates the map, at most 4 bytes per pixel of the lens and 48 per pixel of the camera; no frame allocates
 /// for it. If the call fails, the lens before stays. Example:
 ///
@@ -93,28 +86,23 @@ versioned!(nvsp_mask, 40);
 /// status = nvsp_encoder_set_lens(encoder, &lens);
 /// ```
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED,
-/// NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the image that
-/// has no ray, as the distortion folds the image over itself nearer to its middle. It is also given if camera and lens
-/// see nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
+/// Fails with NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the
+/// image that has no ray, as the distortion folds the image over itself nearer to its middle. It is also given if
+/// camera and lens see nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// # Parameters
 /// - `lens`: set up by NVSP_INIT. Read during the call. NULL: no lens from here on, images are of a pinhole camera.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_set_lens(
-    encoder: *mut nvsp_encoder,
-    lens: *const nvsp_lens,
+pub extern "C" fn nvsp_encoder_set_lens(
+    encoder: Option<&nvsp_encoder>,
+    lens: In<nvsp_lens>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let lens = if lens.is_null() { None } else { Some(checked(&read(lens)?)?) };
-            let mut core = content.core()?;
-            core.see(|seen| seen.lens = lens)?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        let lens = lens.optional()?.map(|lens| checked(&lens)).transpose()?;
+        let mut core = content.core()?;
+        core.see(|seen| seen.lens = lens)?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Sets which pixels of all images from here on count. Mask what shows the vehicle itself: its arm, its frame, a lamp.
@@ -133,36 +121,32 @@ pub unsafe extern "C" fn nvsp_encoder_set_lens(
 /// status = nvsp_encoder_set_mask(encoder, &mask);
 /// ```
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_IMAGE (size, stride or bytes),
-/// NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its size is not the
-/// lens's, its shape not the camera's, or no pixel counts.
+/// Fails with NVSP_ERR_IMAGE (size, stride or bytes), NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its
+/// size is not the lens's, its shape not the camera's, or no pixel counts.
 ///
-/// # Safety
-/// - `encoder`: a live encoder. Not NULL.
+/// # Parameters
 /// - `mask`: set up by NVSP_INIT. The structure and its pixels are read during the call. NULL: all pixels count.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_encoder_set_mask(
-    encoder: *mut nvsp_encoder,
-    mask: *const nvsp_mask,
+pub extern "C" fn nvsp_encoder_set_mask(
+    encoder: Option<&nvsp_encoder>,
+    mask: In<nvsp_mask>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let mut core = content.core()?;
-            if mask.is_null() {
-                core.see(|seen| seen.mask = None)?;
-                return Ok(NVSP_OK);
-            }
-            let nvsp_mask { width, height, pixels, stride, size, .. } = read(mask)?;
-            let bytes = slice(pixels, size, "nvsp_mask.pixels")?;
-            let mask = {
-                let _memory = core.limits.mask(width, height)?;
-                Mask::from_gray(width, height, bytes, stride)?
-            };
-            core.see(|seen| seen.mask = Some(Arc::new(mask)))?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        let mut core = content.core()?;
+        let Some(mask) = mask.optional()? else {
+            core.see(|seen| seen.mask = None)?;
+            return Ok(NVSP_OK);
+        };
+        let nvsp_mask { width, height, pixels, stride, size, .. } = mask;
+        // SAFETY: so many bytes stand there, as the header asks of these fields.
+        let bytes = unsafe { slice(pixels, size, "nvsp_mask.pixels")? };
+        let mask = {
+            let _memory = core.limits.mask(width, height)?;
+            Mask::from_gray(width, height, bytes, stride)?
+        };
+        core.see(|seen| seen.mask = Some(Arc::new(mask)))?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Sets which parts of the picture get more of the bytes from here on: what the pilot looks at. `weights` has `columns`
@@ -177,41 +161,39 @@ pub unsafe extern "C" fn nvsp_encoder_set_mask(
 /// status = nvsp_encoder_set_interest(encoder, 3, 3, weights, sizeof weights);
 /// ```
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY, NVSP_ERR_UNFINISHED, NVSP_ERR_POISONED, NVSP_ERR_MEMORY, or
-/// NVSP_ERR_ARGUMENT if a side has no cells or more than 4096, `size` is not columns times rows, or a weight is 0.
+/// Fails with NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if a side has no cells or more than 4096,
+/// `size` is not columns times rows, or a weight is 0.
 ///
 /// # Safety
-/// - `encoder`: a live encoder. Not NULL.
 /// - `weights`: `size` bytes, read during the call. NULL, with sides and size of 0: all parts count the same.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_set_interest(
-    encoder: *mut nvsp_encoder,
+    encoder: Option<&nvsp_encoder>,
     columns: u32,
     rows: u32,
     weights: *const u8,
     size: usize,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_encoder::handle(encoder), |content| {
-            let mut core = content.core()?;
-            if weights.is_null() && (columns, rows, size) == (0, 0, 0) {
-                core.encoder.set_interest(None);
-                return Ok(NVSP_OK);
-            }
-            let bytes = slice(weights, size, "weights")?;
-            let interest = {
-                let _memory = core.limits.mask(columns, rows)?;
-                Interest::map(columns, rows, bytes)
-            };
-            let wrong = |_| {
-                let what = "weights: columns and rows of 1 to 4096, as many weights as cells, none of them 0";
-                Failure::argument(what)
-            };
-            core.encoder.set_interest(Some(interest.map_err(wrong)?));
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_encoder::call(encoder, |content| {
+        let mut core = content.core()?;
+        if weights.is_null() && (columns, rows, size) == (0, 0, 0) {
+            core.encoder.set_interest(None);
+            return Ok(NVSP_OK);
+        }
+        // SAFETY: `size` bytes stand at `weights`, see `# Safety`.
+        let bytes = unsafe { slice(weights, size, "weights")? };
+        let interest = {
+            let _memory = core.limits.mask(columns, rows)?;
+            Interest::map(columns, rows, bytes)
+        };
+        let wrong = |_| {
+            let what =
+                "weights: columns and rows of 1 to 4096, as many weights as cells, none of them 0";
+            Failure::argument(what)
+        };
+        core.encoder.set_interest(Some(interest.map_err(wrong)?));
+        Ok(NVSP_OK)
+    })
 }
 
 /// The lens that a caller states.

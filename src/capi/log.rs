@@ -2,6 +2,8 @@
 
 use std::ffi::{CString, c_char, c_void};
 
+use super::structs::User;
+
 /// A call failed.
 pub const NVSP_LOG_ERROR: i32 = 1;
 /// Something is not as it should be, but work goes on.
@@ -21,18 +23,12 @@ pub type nvsp_log_callback =
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Log {
     callback: nvsp_log_callback,
-    user: *mut c_void,
+    user: User,
 }
-
-// SAFETY: the header asks for a callback that may be called, with its pointer, on any thread and on
-// several at once.
-unsafe impl Send for Log {}
-// SAFETY: as above.
-unsafe impl Sync for Log {}
 
 impl Log {
     pub(super) fn new(callback: nvsp_log_callback, user: *mut c_void) -> Log {
-        Log { callback, user }
+        Log { callback, user: User(user) }
     }
 
     /// Passes a message on.
@@ -40,6 +36,6 @@ impl Log {
         let Some(callback) = self.callback else { return };
         let text = CString::new(message.replace('\0', "?")).unwrap_or_default();
         // SAFETY: the header asks for a callback that takes any text, with the pointer it came with.
-        unsafe { callback(self.user, level, text.as_ptr()) }
+        unsafe { callback(self.user.0, level, text.as_ptr()) }
     }
 }

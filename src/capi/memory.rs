@@ -12,24 +12,19 @@
 use super::allocator::nvsp_allocator;
 use super::handle::fence;
 use super::status::*;
-use super::structs::read;
+use super::structs::In;
 
 /// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles
 /// are destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (one callback without the
-/// other), or NVSP_ERR_STATE if the library holds memory.
+/// Fails with NVSP_ERR_ARGUMENT (one callback without the other), or NVSP_ERR_STATE if the library holds memory.
 ///
-/// # Safety
+/// # Parameters
 /// - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_set_allocator(allocator: *const nvsp_allocator) -> nvsp_status {
+pub extern "C" fn nvsp_set_allocator(allocator: In<nvsp_allocator>) -> nvsp_status {
     fence(|| {
-        if allocator.is_null() {
-            return Err(Failure::null("allocator"));
-        }
-        // SAFETY: as the caller promises.
-        let allocator = unsafe { read(allocator)? };
+        let allocator = allocator.required()?;
         if allocator.allocate.is_some() != allocator.release.is_some() {
             return Err(Failure::argument("nvsp_allocator: one callback without the other"));
         }
@@ -138,7 +133,7 @@ mod arena {
         /// # Safety
         /// The bytes are nobody else's until [`Arena::close`].
         unsafe fn open(&self, state: &mut State, start: *mut u8, size: usize) {
-            // SAFETY: as the caller promises; the heap was empty.
+            // SAFETY: `size` bytes at `start` are nobody else's, see `# Safety`; the heap was empty.
             unsafe { state.heap.init(start, size) };
             state.size = size;
             self.start.store(start as usize, Ordering::Release);
@@ -232,13 +227,13 @@ mod arena {
     // Nothing here allocates or unwinds: the heaps panic on no request.
     unsafe impl GlobalAlloc for Allocator {
         unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-            // SAFETY: as the caller promises.
+            // SAFETY: the layout has a size, as `GlobalAlloc::alloc` asks.
             let block = unsafe { Source.alloc(layout) };
             if block.is_null() { rescue(layout) } else { block }
         }
 
         unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-            // SAFETY: as the caller promises.
+            // SAFETY: the layout has a size, as `GlobalAlloc::alloc` asks.
             let block = unsafe { Source.alloc_zeroed(layout) };
             if !block.is_null() {
                 return block;
@@ -261,29 +256,21 @@ mod arena {
                         arena.close_if_unused(&mut state);
                     }
                 }
-                // SAFETY: as the caller promises; it is the system's.
+                // SAFETY: the block is of no heap, so it is the source's, of this layout.
                 _ => unsafe { Source.dealloc(block, layout) },
             }
         }
 
         unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
             if arena_of(block).is_none() {
-                // SAFETY: as the caller promises; it is the system's.
+                // SAFETY: the block is of no heap, so it is the source's, of this layout.
                 let moved = unsafe { Source.realloc(block, layout, size) };
                 if !moved.is_null() {
                     return moved;
                 }
             }
-            // SAFETY: the caller promises a size that is no more than a layout takes. Both blocks have the bytes that
-            // are copied. The old one goes back only if there is a new one.
-            unsafe {
-                let moved = self.alloc(Layout::from_size_align_unchecked(size, layout.align()));
-                if !moved.is_null() {
-                    moved.copy_from_nonoverlapping(block, layout.size().min(size));
-                    self.dealloc(block, layout);
-                }
-                moved
-            }
+            // SAFETY: the block is this allocator's, of this layout, as `GlobalAlloc::realloc` asks.
+            unsafe { source::move_block(self, block, layout, size) }
         }
     }
 
@@ -323,7 +310,7 @@ mod arena {
             assert!(other.join().unwrap());
             let block = rescue(layout);
             assert!(TABLE[index].holds(block));
-            // SAFETY: as above; realloc gives the old one back.
+            // SAFETY: a block of 1000 bytes; realloc gives it back.
             unsafe {
                 block.write_bytes(7, 1000);
                 let moved = Allocator.realloc(block, layout, 50_000);

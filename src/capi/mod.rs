@@ -1,8 +1,10 @@
-//! The C library that vendors link. Its contract is `include/nvsprior.h`. `scripts/header.sh` names the files in the
-//! header's order.
+//! The C library that vendors link. Its contract are the headers in `include/`. `scripts/header.py` names the files in
+//! their order.
 //!
 //! Every exported function checks its arguments, then does its work on safe types behind a fence: errors become
 //! status codes with a text, panics are caught, and nothing is written unless all of it succeeded.
+
+#![allow(non_camel_case_types)] // C's names.
 
 mod allocator;
 mod collector;
@@ -23,6 +25,7 @@ mod modifier;
 mod prior;
 mod sender;
 mod slices;
+mod statistics;
 mod status;
 mod structs;
 mod thread;

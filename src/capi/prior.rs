@@ -1,6 +1,6 @@
 //! The prior's handle.
 
-use std::ffi::{CStr, OsStr, c_char};
+use std::ffi::{OsStr, c_char};
 use std::io::Read;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
@@ -12,13 +12,14 @@ use crate::render::Scene;
 use crate::{Camera, Prior, RenderOverrides};
 
 use super::engine::{EngineContent, nvsp_engine};
-use super::handle::{Handle, Opaque};
+use super::handle::Handle;
 use super::image::nvsp_camera;
 use super::limits::{self, Limits};
 use super::log::{NVSP_LOG_INFO, NVSP_LOG_WARNING};
 use super::memory::Grant;
+use super::slices::{slice, text};
 use super::status::*;
-use super::structs::{Out, number, read, versioned};
+use super::structs::{In, Out, Place, number, versioned, zeroed};
 
 /// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
 ///
@@ -26,18 +27,11 @@ use super::structs::{Out, number, read, versioned};
 /// nvsp_prior *prior = NULL;
 /// if (nvsp_prior_open(engine, "reef.nvsg", NULL, &prior) != NVSP_OK) {
 ///     char text[512];
-///     nvsp_engine_last_error(engine, text, sizeof text);
+///     nvsp_last_error(engine, text, sizeof text);
 ///     fputs(text, stderr);
 /// }
 /// ```
-#[allow(non_camel_case_types)]
-pub struct nvsp_prior {
-    _opaque: [u8; 0],
-}
-
-impl Opaque for nvsp_prior {
-    type Content = PriorContent;
-}
+pub type nvsp_prior = Handle<PriorContent>;
 
 /// What a prior's handle holds.
 #[derive(Clone)]
@@ -66,13 +60,10 @@ impl PriorContent {
 
 /// Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
 /// must give the same.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_prior_options {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// NVSP_PRIOR_* bits: which of the fields below count.
     pub given: u32,
@@ -93,19 +84,16 @@ pub const NVSP_WHITE_BALANCE_NONE: u32 = 0;
 pub const NVSP_WHITE_BALANCE_GRAY_WORLD: u32 = 1;
 
 /// What a prior is.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_prior_info {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Identity of splats, render options and coder tables; packets carry it.
     pub id: u32,
     /// Splats in use.
     pub splats: u32,
-    /// Unsound splats of the file, which were left out.
+    /// Invalid splats of the file, which were left out.
     pub dropped: u32,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
@@ -136,13 +124,10 @@ versioned!(nvsp_prior_info, 80);
 
 /// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than
 /// the device memory was made for makes a frame take more.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_memory_estimate {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Splats that the file claims.
     pub splats: u64,
@@ -163,14 +148,14 @@ versioned!(nvsp_memory_estimate, 64);
 
 /// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
 /// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
-/// .compressed.ply. Unsound splats are left out and logged as a warning. The file is not needed afterwards, and no copy
+/// .compressed.ply. Invalid splats are left out and logged as a warning. The file is not needed afterwards, and no copy
 /// of it stays in host memory. While the call runs, host and device together take at most four times the size of a
 /// binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
 /// is packed.
 ///
 /// Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
 /// if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
-/// them. If PATH.keys is not sound, the call fails with NVSP_ERR_PRIOR.
+/// them. If PATH.keys is not valid, the call fails with NVSP_ERR_PRIOR.
 ///
 /// Scene coder tables are read in the same way, from PATH.tables or the prior's own file. With them difference pictures
 /// take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes
@@ -180,32 +165,32 @@ versioned!(nvsp_memory_estimate, 64);
 /// frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
 /// treated picture.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT,
-/// NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text
-/// is the engine's.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
+/// NVSP_ERR_DEVICE_LOST; the text is the engine's.
 ///
 /// # Safety
-/// - `engine`: a live engine. Not NULL.
 /// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
 /// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
 /// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_open(
-    engine: *mut nvsp_engine,
+    engine: Option<&nvsp_engine>,
     path: *const c_char,
-    options: *const nvsp_prior_options,
-    prior: *mut *mut nvsp_prior,
+    options: In<nvsp_prior_options>,
+    prior: Place<Box<nvsp_prior>>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        open(engine, options, prior, || {
-            if path.is_null() {
-                return Err(Failure::null("path"));
-            }
-            let path = Path::new(OsStr::from_bytes(CStr::from_ptr(path).to_bytes()));
-            Ok(Source::File(path))
-        })
-    }
+    // SAFETY: a text stands at `path`, see `# Safety`.
+    open(engine, options, prior, || Ok(Source::File(unsafe { path_of(path)? })))
+}
+
+/// The path that a text is.
+///
+/// # Safety
+/// As for [`text`].
+unsafe fn path_of<'a>(path: *const c_char) -> Result<&'a Path, Failure> {
+    // SAFETY: as for `text`.
+    let path = unsafe { text(path) }.ok_or(Failure::null("path"))?;
+    Ok(Path::new(OsStr::from_bytes(path.to_bytes())))
 }
 
 /// As nvsp_prior_open, but from the content of a file in memory, which is not needed afterwards. Key frames and coder
@@ -214,25 +199,20 @@ pub unsafe extern "C" fn nvsp_prior_open(
 /// Fails as nvsp_prior_open does, except with NVSP_ERR_FILE.
 ///
 /// # Safety
-/// - `engine`: a live engine. Not NULL.
 /// - `bytes`: the file's content. Read during the call. Not NULL.
 /// - `size`: bytes of it.
 /// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the content says.
 /// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_open_memory(
-    engine: *mut nvsp_engine,
+    engine: Option<&nvsp_engine>,
     bytes: *const u8,
     size: usize,
-    options: *const nvsp_prior_options,
-    prior: *mut *mut nvsp_prior,
+    options: In<nvsp_prior_options>,
+    prior: Place<Box<nvsp_prior>>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        open(engine, options, prior, || {
-            Ok(Source::Memory(super::slices::slice(bytes, size, "bytes")?))
-        })
-    }
+    // SAFETY: `size` bytes stand at `bytes`, see `# Safety`.
+    open(engine, options, prior, || Ok(Source::Memory(unsafe { slice(bytes, size, "bytes")? })))
 }
 
 /// Where a prior's content is.
@@ -267,30 +247,22 @@ impl Source<'_> {
 }
 
 /// Reads a prior by what `source` gives. Calls it after the other arguments were checked.
-///
-/// # Safety
-/// As for [`nvsp_prior_open`].
-unsafe fn open<'a>(
-    engine: *mut nvsp_engine,
-    options: *const nvsp_prior_options,
-    prior: *mut *mut nvsp_prior,
+fn open<'a>(
+    engine: Option<&nvsp_engine>,
+    options: In<nvsp_prior_options>,
+    prior: Place<Box<nvsp_prior>>,
     source: impl FnOnce() -> Result<Source<'a>, Failure>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises; the place for the handle is checked before it is written.
-    unsafe {
-        Handle::share(nvsp_engine::handle(engine), |handle, content| {
-            if prior.is_null() {
-                return Err(Failure::null("prior"));
-            }
-            let overrides = overrides(&read(options)?)?;
-            let (loaded, _memory) = source()?.read(&overrides, &content.how.limits)?;
-            log_load(handle, &loaded);
-            let scene = content.engine.upload(&loaded)?;
-            let content = PriorContent { scene, info: info_of(&loaded) };
-            *prior = nvsp_prior::address(Handle::boxed(content, handle.log()));
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_engine::share(engine, |handle, content| {
+        let prior = prior.required("prior")?;
+        let overrides = overrides(&options.read()?)?;
+        let (loaded, _memory) = source()?.read(&overrides, &content.how.limits)?;
+        log_load(handle, &loaded);
+        let scene = content.engine.upload(&loaded)?;
+        let content = PriorContent { scene, info: info_of(&loaded) };
+        prior.write(Handle::boxed(content, handle.log()));
+        Ok(NVSP_OK)
+    })
 }
 
 fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
@@ -348,8 +320,6 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
     let (options, frame, report) = (prior.options(), prior.coordinate_frame(), prior.report());
     let Preprocessing { white_balance, clahe } = *prior.preprocessing();
     nvsp_prior_info {
-        struct_size: 0,
-        abi_version: 0,
         id: prior.id().0,
         splats: prior.len() as u32,
         dropped: number(report.read - report.kept),
@@ -367,6 +337,7 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
         },
         clahe_tiles: clahe.map_or(0, |clahe| clahe.tiles().into()),
         clahe_clip_limit: clahe.map_or(0.0, |clahe| clahe.clip_limit()),
+        ..zeroed()
     }
 }
 
@@ -374,8 +345,7 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
 /// nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
 /// Opens no device. Allocates; any thread may call it.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_CAMERA, NVSP_ERR_FILE, or
-/// NVSP_ERR_PRIOR if the file is no PLY file and no compact prior.
+/// Fails with NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is no PLY file and no compact prior.
 ///
 /// # Safety
 /// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
@@ -384,19 +354,14 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_estimate(
     path: *const c_char,
-    camera: *const nvsp_camera,
-    estimate: *mut nvsp_memory_estimate,
+    camera: In<nvsp_camera>,
+    estimate: Out<nvsp_memory_estimate>,
 ) -> nvsp_status {
     super::handle::fence(|| {
-        if path.is_null() {
-            return Err(Failure::null("path"));
-        }
-        // SAFETY: as the caller promises.
-        let (out, camera, path) = unsafe {
-            let out = Out::required(estimate)?;
-            let camera = (!camera.is_null()).then(|| super::image::camera(camera)).transpose()?;
-            (out, camera, Path::new(OsStr::from_bytes(CStr::from_ptr(path).to_bytes())))
-        };
+        let out = estimate.required()?;
+        let camera = (!camera.is_null()).then(|| super::image::camera(camera)).transpose()?;
+        // SAFETY: a text stands at `path`, see `# Safety`.
+        let path = unsafe { path_of(path)? };
         let unread = |error| crate::Error::from(crate::prior::PriorError::Read(error));
         let mut start = [0; 1 << 16];
         let mut file = std::fs::File::open(path).map_err(unread)?;
@@ -419,8 +384,6 @@ fn estimate_of(claims: &PriorClaims, camera: Option<Camera>) -> nvsp_memory_esti
     let of = |bytes: fn(u32, u32) -> u64| camera.map_or(0, |c| bytes(c.width, c.height));
     let splats = camera.map_or(0, |_| claims.splats * limits::WORKSPACE);
     nvsp_memory_estimate {
-        struct_size: 0,
-        abi_version: 0,
         splats: claims.splats,
         prior_host: limits::prior(claims) + claims.bytes,
         prior_device: claims.device_bytes(),
@@ -428,53 +391,28 @@ fn estimate_of(claims: &PriorClaims, camera: Option<Camera>) -> nvsp_memory_esti
         encoder_device: of(limits::encoder_device) + splats,
         decoder_host: of(limits::decoder),
         decoder_device: of(limits::decoder_device) + splats,
+        ..zeroed()
     }
 }
 
 /// Describes a prior.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION.
-///
-/// # Safety
-/// - `prior`: a live prior. Not NULL.
+/// # Parameters
 /// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_prior_get_info(
-    prior: *const nvsp_prior,
-    info: *mut nvsp_prior_info,
+pub extern "C" fn nvsp_prior_get_info(
+    prior: Option<&nvsp_prior>,
+    info: Out<nvsp_prior_info>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::share(nvsp_prior::handle(prior), |_, content| {
-            Out::required(info)?.write(&content.info);
-            Ok(NVSP_OK)
-        })
-    }
-}
-
-/// Copies the text of the last failed call on the prior, as nvsp_engine_last_error does.
-///
-/// # Safety
-/// - `prior`: a live prior. Not NULL.
-/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `text`, 1 or more.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_prior_last_error(
-    prior: *const nvsp_prior,
-    text: *mut c_char,
-    size: usize,
-) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::last_error(nvsp_prior::handle(prior), text, size) }
+    nvsp_prior::share(prior, |_, content| {
+        info.required()?.write(&content.info);
+        Ok(NVSP_OK)
+    })
 }
 
 /// Ends a prior; NULL is allowed. Encoders and decoders made with it go on to work. The last of them frees its device
 /// memory.
-///
-/// # Safety
-/// - `prior`: a live prior that no other thread uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_prior_destroy(prior: *mut nvsp_prior) {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::destroy(nvsp_prior::handle(prior).cast_mut()) }
+pub extern "C" fn nvsp_prior_destroy(prior: Option<Box<nvsp_prior>>) {
+    nvsp_prior::destroy(prior)
 }

@@ -1,6 +1,5 @@
 //! The vehicle's end of a link.
 
-use std::ffi::c_char;
 use std::ptr::null_mut;
 
 use crate::modem::{
@@ -8,13 +7,13 @@ use crate::modem::{
     Report, Sender, SenderOptions, share_count,
 };
 
-use super::handle::{Handle, Opaque};
+use super::handle::Handle;
 use super::limits::SMALL;
 use super::log::Log;
 use super::memory::Grant;
-use super::slices::{slice, slice_mut};
+use super::slices::{Room, optional_slice, slice};
 use super::status::*;
-use super::structs::{Out, number, read, versioned};
+use super::structs::{In, Out, Place, number, versioned, zeroed};
 
 /// Makes the modem frames of packets, within a bit rate. Such a frame is a share. A few shares of a packet, in any
 /// combination, yield a picture; each additional one refines it. Without protection (NVSP_SENDER_UNPROTECTED) shares
@@ -42,14 +41,7 @@ use super::structs::{Out, number, read, versioned};
 /// status = nvsp_sender_push(sender, 0, packet, bytes, NULL, 0, NULL);
 /// while (nvsp_sender_next(sender, 0, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
 /// ```
-#[allow(non_camel_case_types)]
-pub struct nvsp_sender {
-    _opaque: [u8; 0],
-}
-
-impl Opaque for nvsp_sender {
-    type Content = Sender;
-}
+pub type nvsp_sender = Handle<Sender>;
 
 /// nvsp_sender_options.loss: the link loses nothing.
 pub const NVSP_LOSS_NONE: f64 = -1.0;
@@ -72,13 +64,10 @@ pub const NVSP_MTU_256: u32 = 256;
 pub const NVSP_MTU_1024: u32 = 1024;
 
 /// A link, and what its pictures should be.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_sender_options {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// What the link carries, bit/s, above 0. Without protection 0 means that packets go as they come: no frame is
     /// planned, and no other option than `spread`, `overhead`, `shares` and `flags` counts.
@@ -116,13 +105,10 @@ pub struct nvsp_sender_options {
 versioned!(nvsp_sender_options, 88);
 
 /// How a packet was divided.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_division {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Shares.
     pub shares: u32,
@@ -139,49 +125,14 @@ pub struct nvsp_division {
 }
 versioned!(nvsp_division, 32);
 
-/// Counts since the sender was made.
-#[allow(non_camel_case_types)]
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct nvsp_sender_statistics {
-    /// Set by NVSP_INIT.
-    pub struct_size: u32,
-    /// Set by NVSP_INIT.
-    pub abi_version: u32,
-    /// Frames left out: nvsp_sender_plan had no bytes for them.
-    pub left_out: u64,
-    /// Packets taken.
-    pub packets: u64,
-    /// Packets of them whose end was not sent.
-    pub cut: u64,
-    /// Shares of them.
-    pub shares: u64,
-    /// Bytes of them on the link, the overhead of each share counted.
-    pub bytes: u64,
-    /// Shares that wait now.
-    pub waiting: u64,
-    /// The loss that packets are protected against now.
-    pub loss: f64,
-    /// And the mean length of its bursts, modem frames.
-    pub burst: f64,
-    /// The bit rate now, bit/s.
-    pub bit_rate: f64,
-    /// Shares that were sent again.
-    pub resent: u64,
-}
-versioned!(nvsp_sender_statistics, 88);
-
 /// Most frames in a report.
 pub const NVSP_REPORT_FRAMES: usize = 32;
 
 /// What a report says, and what the sender made of it.
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_processed_report {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// Shares that were lost, as a part of those that no report told of before; -1: too few to tell.
     pub loss: f64,
@@ -259,29 +210,24 @@ fn loss_of(chance: f64, burst: f64) -> Loss {
 /// Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come
 /// within the latency.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (an option, which the status
-/// text does not name), NVSP_ERR_MODEM (the MTU) or NVSP_ERR_MEMORY.
+/// Fails with NVSP_ERR_ARGUMENT (an option, which the status text does not name), NVSP_ERR_MODEM (the MTU) or
+/// NVSP_ERR_MEMORY.
 ///
-/// # Safety
+/// # Parameters
 /// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31. Both sides need the same.
 /// - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
 /// - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_sender_create(
+pub extern "C" fn nvsp_sender_create(
     mtu: u32,
-    options: *const nvsp_sender_options,
-    sender: *mut *mut nvsp_sender,
+    options: In<nvsp_sender_options>,
+    sender: Place<Box<nvsp_sender>>,
 ) -> nvsp_status {
     super::handle::fence(|| {
-        if sender.is_null() || options.is_null() {
-            return Err(Failure::null("options or sender"));
-        }
-        // SAFETY: as the caller promises.
-        let options = options_of(mtu, &unsafe { read(options)? })?;
+        let sender = sender.required("sender")?;
+        let options = options_of(mtu, &options.required()?)?;
         let _memory = Grant::take("a sender", options.memory()? as u64 + SMALL, u64::MAX)?;
-        let made = Handle::boxed(Sender::new(options)?, Log::new(None, null_mut()));
-        // SAFETY: not null, and valid as the caller promises.
-        unsafe { *sender = nvsp_sender::address(made) };
+        sender.write(Handle::boxed(Sender::new(options)?, Log::new(None, null_mut())));
         Ok(NVSP_OK)
     })
 }
@@ -292,43 +238,36 @@ pub unsafe extern "C" fn nvsp_sender_create(
 /// like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
 /// Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+/// Fails with NVSP_ERR_ARGUMENT (the time).
 ///
-/// # Safety
-/// - `sender`: a live sender. Not NULL.
+/// # Parameters
 /// - `now`: when the frame was exposed, seconds, on a clock that does not go back. All times of a sender are on it.
 /// - `bytes`: receives the bytes. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_sender_plan(
-    sender: *mut nvsp_sender,
+pub extern "C" fn nvsp_sender_plan(
+    sender: Option<&nvsp_sender>,
     now: f64,
-    bytes: *mut u32,
+    bytes: Place<u32>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_sender::handle(sender), |content| {
-            if bytes.is_null() {
-                return Err(Failure::null("bytes"));
-            }
-            let planned = content.plan(now)?;
-            *bytes = planned.map_or(0, number);
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_sender::call(sender, |content| {
+        let bytes = bytes.required("bytes")?;
+        let planned = content.plan(now)?;
+        bytes.write(planned.map_or(0, number));
+        Ok(NVSP_OK)
+    })
 }
 
 /// Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may
 /// be longer than planned: it takes more of the link for once. A sender without a bit rate takes any packet whole,
 /// without a plan. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time, or not as many
-/// user bytes as nvsp_sender_options.user_bytes), NVSP_ERR_BUSY, NVSP_ERR_POISONED, NVSP_ERR_MODEM (the bytes are not
-/// exactly one valid packet, or longer than the shares), NVSP_ERR_STATE (no frame was planned, or its packet was
-/// taken), NVSP_ERR_BUDGET (all shares together do not hold a picture: the MTU or nvsp_sender_options.shares is too
-/// small) or NVSP_ERR_UNFINISHED (too many shares wait: nobody takes them). The plan stays then.
+/// Fails with NVSP_ERR_ARGUMENT (the time, or not as many user bytes as nvsp_sender_options.user_bytes), NVSP_ERR_MODEM
+/// (the bytes are not exactly one valid packet, or longer than the shares), NVSP_ERR_STATE (no frame was planned, or
+/// its packet was taken), NVSP_ERR_BUDGET (all shares together do not hold a picture: the MTU or
+/// nvsp_sender_options.shares is too small) or NVSP_ERR_UNFINISHED (too many shares wait: nobody takes them). The plan
+/// stays then.
 ///
 /// # Safety
-/// - `sender`: a live sender. Not NULL.
 /// - `now`: when the packet is ready, seconds.
 /// - `packet`: the packet. Read during the call. Not NULL.
 /// - `size`: bytes of `packet`.
@@ -337,42 +276,33 @@ pub unsafe extern "C" fn nvsp_sender_plan(
 /// - `division`: receives how the packet was divided, set up by NVSP_INIT. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_sender_push(
-    sender: *mut nvsp_sender,
+    sender: Option<&nvsp_sender>,
     now: f64,
     packet: *const u8,
     size: usize,
     user: *const u8,
     user_size: usize,
-    division: *mut nvsp_division,
+    division: Out<nvsp_division>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_sender::handle(sender), |content| {
-            let out = Out::new(division)?;
-            if packet.is_null() || (user.is_null() && user_size > 0) {
-                return Err(Failure::null("packet or user"));
-            }
-            let packet = slice(packet, size, "packet")?;
-            let user = match user_size {
-                0 => None,
-                _ => Some(slice(user, user_size, "user")?),
-            };
-            let division = content.push(now, packet, user)?;
-            out.write(&division_of(&division));
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_sender::call(sender, |content| {
+        let out = division.optional()?;
+        // SAFETY: `size` bytes stand at `packet`, and `user_size` at `user`, see `# Safety`.
+        let (packet, user) =
+            unsafe { (slice(packet, size, "packet")?, optional_slice(user, user_size, "user")?) };
+        let user = user.filter(|user| !user.is_empty());
+        let division = content.push(now, packet, user)?;
+        out.write(&division_of(&division));
+        Ok(NVSP_OK)
+    })
 }
 
 /// Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and
 /// writes nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates
 /// nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY, NVSP_ERR_POISONED or
-/// NVSP_ERR_BUFFER_TOO_SMALL. The share stays then.
+/// Fails with NVSP_ERR_ARGUMENT (the time) or NVSP_ERR_BUFFER_TOO_SMALL. The share stays then.
 ///
 /// # Safety
-/// - `sender`: a live sender. Not NULL.
 /// - `now`: seconds.
 /// - `share`: receives the share, which is a modem frame. It may be padded to any length. Yours, of `size` bytes. Not
 ///   NULL.
@@ -380,33 +310,24 @@ pub unsafe extern "C" fn nvsp_sender_push(
 /// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_sender_next(
-    sender: *mut nvsp_sender,
+    sender: Option<&nvsp_sender>,
     now: f64,
     share: *mut u8,
     size: usize,
-    written: *mut usize,
+    written: Place<usize>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_sender::handle(sender), |content| {
-            if share.is_null() || written.is_null() {
-                return Err(Failure::null("share or written"));
-            }
-            if !now.is_finite() {
-                return Err(Failure::argument("now: not finite"));
-            }
-            let into = slice_mut(share, size, "share")?;
-            let Some(needed) = content.next_len(now) else { return Ok(NVSP_PENDING) };
-            let Some(into) = into.get_mut(..needed) else {
-                *written = needed;
-                return Err(Failure::Room { needed, found: size });
-            };
-            let Some((_, bytes)) = content.next(now) else { return Ok(NVSP_PENDING) };
-            into.copy_from_slice(bytes);
-            *written = needed;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_sender::call(sender, |content| {
+        // SAFETY: `size` bytes stand at `share`, see `# Safety`.
+        let mut room = unsafe { Room::new(share, size, written, "share")? };
+        if !now.is_finite() {
+            return Err(Failure::argument("now: not finite"));
+        }
+        let Some(needed) = content.next_len(now) else { return Ok(NVSP_PENDING) };
+        // A share leaves the list only if there is room for it.
+        room.check(needed)?;
+        content.next(now).map_or(Ok(()), |(_, share)| room.write(share))?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells,
@@ -423,193 +344,111 @@ pub unsafe extern "C" fn nvsp_sender_next(
 /// }
 /// ```
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY,
-/// NVSP_ERR_POISONED, NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE (the sender was made
-/// without NVSP_SENDER_EXPECT_REPORTS). Nothing changes then.
+/// Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE
+/// (the sender was made without NVSP_SENDER_EXPECT_REPORTS). Nothing changes then.
 ///
 /// # Safety
-/// - `sender`: a live sender. Not NULL.
 /// - `now`: when the report came, seconds.
 /// - `report`: its bytes. Read during the call. Not NULL.
 /// - `size`: bytes of `report`.
 /// - `processed`: receives what it says, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_sender_process_report(
-    sender: *mut nvsp_sender,
+    sender: Option<&nvsp_sender>,
     now: f64,
     report: *const u8,
     size: usize,
-    processed: *mut nvsp_processed_report,
+    processed: Out<nvsp_processed_report>,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_sender::handle(sender), |content| {
-            let out = Out::required(processed)?;
-            if report.is_null() {
-                return Err(Failure::null("report"));
-            }
-            let bytes = slice(report, size, "report")?;
-            let (report, user) = Report::read(bytes)?;
-            let processed = content.process_report(now, &report)?;
-            out.write(&processed_of(&report, &processed, bytes, user));
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_sender::call(sender, |content| {
+        let out = processed.required()?;
+        // SAFETY: `size` bytes stand at `report`, see `# Safety`.
+        let bytes = unsafe { slice(report, size, "report")? };
+        let (report, user) = Report::read(bytes)?;
+        let processed = content.process_report(now, &report)?;
+        out.write(&processed_of(&report, &processed, bytes, user));
+        Ok(NVSP_OK)
+    })
 }
 
 /// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-///
-/// # Safety
-/// - `sender`: a live sender. Not NULL.
+/// # Parameters
 /// - `time`: receives the time, seconds. It may have passed. Not NULL.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_sender_due(sender: *mut nvsp_sender, time: *mut f64) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_sender::handle(sender), |content| {
-            if time.is_null() {
-                return Err(Failure::null("time"));
-            }
-            let Some(due) = content.due() else { return Ok(NVSP_PENDING) };
-            *time = due;
-            Ok(NVSP_OK)
-        })
-    }
+pub extern "C" fn nvsp_sender_due(sender: Option<&nvsp_sender>, time: Place<f64>) -> nvsp_status {
+    nvsp_sender::call(sender, |content| {
+        let time = time.required("time")?;
+        let Some(due) = content.due() else { return Ok(NVSP_PENDING) };
+        time.write(due);
+        Ok(NVSP_OK)
+    })
 }
 
 /// Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT (the time), NVSP_ERR_BUSY or NVSP_ERR_POISONED.
+/// Fails with NVSP_ERR_ARGUMENT (the time).
 ///
-/// # Safety
-/// - `sender`: a live sender. Not NULL.
+/// # Parameters
 /// - `now`: seconds.
 /// - `bytes`: their number, with what they cost beside themselves.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_sender_count(
-    sender: *mut nvsp_sender,
+pub extern "C" fn nvsp_sender_count(
+    sender: Option<&nvsp_sender>,
     now: f64,
     bytes: u32,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_sender::handle(sender), |content| {
-            content.count(now, bytes as usize)?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_sender::call(sender, |content| {
+        content.count(now, bytes as usize)?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate. Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if the sender was
-/// made without a bit rate. The rate before stays then.
+/// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The rate before stays
+/// then.
 ///
-/// # Safety
-/// - `sender`: a live sender. Not NULL.
+/// # Parameters
 /// - `now`: seconds.
 /// - `bit_rate`: bit/s, above 0.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_sender_set_bit_rate(
-    sender: *mut nvsp_sender,
+pub extern "C" fn nvsp_sender_set_bit_rate(
+    sender: Option<&nvsp_sender>,
     now: f64,
     bit_rate: f64,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_sender::handle(sender), |content| {
-            content.set_bit_rate(now, bit_rate)?;
-            Ok(NVSP_OK)
-        })
-    }
+    nvsp_sender::call(sender, |content| {
+        content.set_bit_rate(now, bit_rate)?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Sets what the next packets are protected against, for example as the topside has measured it
 /// (nvsp_collector_statistics). Allocates nothing.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_ARGUMENT, NVSP_ERR_BUSY, NVSP_ERR_POISONED, or NVSP_ERR_STATE if the sender was
-/// made without a bit rate. The loss before stays then.
+/// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The loss before stays
+/// then.
 ///
-/// # Safety
-/// - `sender`: a live sender. Not NULL.
+/// # Parameters
 /// - `loss`: chance that a modem frame is lost, 0 up to but not 1. Here 0 means that none is.
 /// - `burst`: mean number of modem frames that are lost in a row, 1 or more. 0: 1.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_sender_set_loss(
-    sender: *mut nvsp_sender,
+pub extern "C" fn nvsp_sender_set_loss(
+    sender: Option<&nvsp_sender>,
     loss: f64,
     burst: f64,
 ) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_sender::handle(sender), |content| {
-            content.set_loss(loss_of(loss, burst))?;
-            Ok(NVSP_OK)
-        })
-    }
-}
-
-/// Copies the counts.
-///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE, NVSP_ERR_ABI_VERSION, NVSP_ERR_BUSY or NVSP_ERR_POISONED.
-///
-/// # Safety
-/// - `sender`: a live sender. Not NULL.
-/// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_sender_get_statistics(
-    sender: *mut nvsp_sender,
-    statistics: *mut nvsp_sender_statistics,
-) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe {
-        Handle::call(nvsp_sender::handle(sender), |content| {
-            let (counts, control) = (content.statistics(), content.options());
-            Out::required(statistics)?.write(&nvsp_sender_statistics {
-                struct_size: 0,
-                abi_version: 0,
-                left_out: counts.left_out,
-                packets: counts.packets,
-                cut: counts.cut,
-                shares: counts.shares,
-                bytes: counts.bytes,
-                waiting: content.waiting() as u64,
-                loss: control.loss.chance,
-                burst: control.loss.burst,
-                bit_rate: control.bit_rate,
-                resent: counts.resent,
-            });
-            Ok(NVSP_OK)
-        })
-    }
-}
-
-/// Copies the text of the last failed call on the sender, as nvsp_engine_last_error does.
-///
-/// # Safety
-/// - `sender`: a live sender. Not NULL.
-/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `text`, 1 or more.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_sender_last_error(
-    sender: *const nvsp_sender,
-    text: *mut c_char,
-    size: usize,
-) -> nvsp_status {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::last_error(nvsp_sender::handle(sender), text, size) }
+    nvsp_sender::call(sender, |content| {
+        content.set_loss(loss_of(loss, burst))?;
+        Ok(NVSP_OK)
+    })
 }
 
 /// Ends a sender; NULL is allowed. Shares that wait are lost.
-///
-/// # Safety
-/// - `sender`: a live sender that no other thread uses. Do not use it afterwards. NULL is allowed.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_sender_destroy(sender: *mut nvsp_sender) {
-    // SAFETY: as the caller promises.
-    unsafe { Handle::destroy(nvsp_sender::handle(sender).cast_mut()) }
+pub extern "C" fn nvsp_sender_destroy(sender: Option<Box<nvsp_sender>>) {
+    nvsp_sender::destroy(sender)
 }
 
 fn processed_of(
@@ -623,8 +462,6 @@ fn processed_of(
     let kept_count = kept.iter_mut().zip(frames).map(|(to, (frame, _))| *to = frame).count();
     let offset = |user: &[u8]| user.as_ptr().addr() - bytes.as_ptr().addr();
     nvsp_processed_report {
-        struct_size: 0,
-        abi_version: 0,
         loss: processed.loss.unwrap_or(-1.0),
         resent_shares: number(processed.shares),
         resent_bytes: number(processed.bytes),
@@ -634,19 +471,18 @@ fn processed_of(
         user_bytes: number(user.map_or(0, <[u8]>::len)),
         kept_count: number(kept_count),
         kept,
-        reserved: 0,
+        ..zeroed()
     }
 }
 
 fn division_of(division: &Division) -> nvsp_division {
     nvsp_division {
-        struct_size: 0,
-        abi_version: 0,
         shares: number(division.shares),
         share_bytes: number(division.share_bytes),
         picture_shares: number(division.picture_shares),
         whole_shares: number(division.whole_shares),
         packet_bytes: number(division.packet_bytes),
         link_bytes: number(division.link_bytes),
+        ..zeroed()
     }
 }

@@ -13,7 +13,6 @@ use crate::vulkan;
 use super::modifier::Modifier;
 
 /// What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
-#[allow(non_camel_case_types)]
 pub type nvsp_status = i32;
 
 /// Done.
@@ -48,7 +47,7 @@ pub const NVSP_ERR_MEMORY: nvsp_status = -11;
 pub const NVSP_ERR_VULKAN: nvsp_status = -12;
 /// A file cannot be read.
 pub const NVSP_ERR_FILE: nvsp_status = -13;
-/// The content of a prior is not sound. The text names the splat or the byte.
+/// The content of a prior is not valid. The text names the splat or the byte.
 pub const NVSP_ERR_PRIOR: nvsp_status = -14;
 /// No picture can be rendered with this camera.
 pub const NVSP_ERR_CAMERA: nvsp_status = -15;
@@ -111,7 +110,7 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_MEMORY => c"out of memory",
         NVSP_ERR_VULKAN => c"a Vulkan call failed",
         NVSP_ERR_FILE => c"a file cannot be read",
-        NVSP_ERR_PRIOR => c"the prior is not sound",
+        NVSP_ERR_PRIOR => c"the prior is not valid",
         NVSP_ERR_CAMERA => c"no picture can be rendered with this camera",
         NVSP_ERR_IMAGE => c"the image does not fit",
         NVSP_ERR_NO_START => c"no pose to start from",
@@ -129,6 +128,11 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_REFERENCE => c"the reference frame of a difference picture is missing",
         _ => c"no status of this library",
     }
+}
+
+/// `NVSP_OK` if the work is done, else `NVSP_PENDING`.
+pub(super) fn done_or_pending(done: bool) -> nvsp_status {
+    if done { NVSP_OK } else { NVSP_PENDING }
 }
 
 /// Why a call fails.

@@ -1,7 +1,7 @@
 //! Structures that grow: those that begin with their size and the ABI version.
 //!
 //! Fields are only ever appended, and zero means "default" or "not there". So a structure of an older header is a
-//! prefix of ours. A structure of a newer header is sound if all that we do not know in it is zero.
+//! prefix of ours. A structure of a newer header is valid if all that we do not know in it is zero.
 
 use std::ffi::c_void;
 
@@ -9,7 +9,7 @@ use super::status::*;
 
 /// Version of the ABI that this header describes.
 pub const NVSP_ABI_VERSION: u32 = 1;
-/// Version of the library that this header came with; nvsp_version gives that of the library in use. First number.
+/// Version of the library that this header came with; nvsp_version tells that of the library in use. First number.
 #[allow(dead_code)] // For C alone.
 pub const NVSP_VERSION_MAJOR: u32 = 0;
 /// Second number.
@@ -39,6 +39,16 @@ pub(super) unsafe trait Versioned: Copy {
     const NAME: &'static str;
 }
 
+/// What a caller's callbacks are called with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct User(pub *mut c_void);
+
+// SAFETY: passed on as it is. The header asks for callbacks that may be called, with their pointer, on any thread and
+// on several at once.
+unsafe impl Send for User {}
+// SAFETY: as for `Send`.
+unsafe impl Sync for User {}
+
 /// A count for C, which has 32 bits for it.
 pub(super) fn number(value: usize) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)
@@ -47,8 +57,7 @@ pub(super) fn number(value: usize) -> u32 {
 /// Zeroes a structure of `size` bytes, then writes its size and the caller's ABI version into it.
 /// The structure then means all defaults. The macro NVSP_INIT calls this.
 ///
-/// Fails with NVSP_ERR_NULL, NVSP_ERR_STRUCT_SIZE (size below 8 or above 4096) or
-/// NVSP_ERR_ABI_VERSION.
+/// Fails with NVSP_ERR_STRUCT_SIZE (size below 8 or above 4096).
 ///
 /// # Safety
 /// - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
@@ -69,8 +78,7 @@ pub unsafe extern "C" fn nvsp_struct_init(
     if abi_version != NVSP_ABI_VERSION {
         return NVSP_ERR_ABI_VERSION;
     }
-    // SAFETY: the caller promises `size` bytes, of which there are at least eight; unaligned writes
-    // need no alignment.
+    // SAFETY: `size` bytes stand at `structure`, see `# Safety`: eight or more. Unaligned writes need no alignment.
     unsafe {
         structure.cast::<u8>().write_bytes(0, size);
         structure.cast::<u32>().write_unaligned(size as u32);
@@ -79,90 +87,137 @@ pub unsafe extern "C" fn nvsp_struct_init(
     NVSP_OK
 }
 
-/// Checks a structure's head; its size.
-///
-/// # Safety
-/// `structure` is null, or as large as its first field says.
-unsafe fn check_head<T: Versioned>(structure: *const T) -> Result<usize, Failure> {
-    // SAFETY: a structure has at least its head.
-    let [size, abi_version] = unsafe { structure.cast::<[u32; 2]>().read_unaligned() };
-    let size = size as usize;
-    if !(T::FIRST_SIZE..=MAX_SIZE).contains(&size) {
-        return Err(Failure::at(NVSP_ERR_STRUCT_SIZE, T::NAME));
-    }
-    if abi_version != NVSP_ABI_VERSION {
-        return Err(Failure::at(NVSP_ERR_ABI_VERSION, T::NAME));
-    }
-    Ok(size)
+/// All defaults.
+pub(super) fn zeroed<T: Versioned>() -> T {
+    // SAFETY: zero is a value of every field, as `Versioned` says.
+    unsafe { std::mem::zeroed() }
 }
 
-/// Reads a structure of any version; NULL gives all defaults.
-///
-/// # Safety
-/// As for [`check_head`].
-pub(super) unsafe fn read<T: Versioned>(structure: *const T) -> Result<T, Failure> {
-    // SAFETY: zero is a value of every field.
-    let mut value: T = unsafe { std::mem::zeroed() };
-    if structure.is_null() {
-        return Ok(value);
+/// A structure to read: NULL, or as large as its first field says, which the header asks of every caller. Only C makes
+/// one.
+#[repr(transparent)]
+#[derive(Clone, Copy)]
+pub struct In<T>(*const T);
+
+impl<T: Versioned> In<T> {
+    pub(super) fn is_null(self) -> bool {
+        self.0.is_null()
     }
-    // SAFETY: the caller promises `size` bytes. The known ones fit into `value`, whose fields take
-    // any bytes.
-    let unknown = unsafe {
-        let size = check_head(structure)?;
-        let known = size.min(size_of::<T>());
-        let bytes = structure.cast::<u8>();
-        (&raw mut value).cast::<u8>().copy_from_nonoverlapping(bytes, known);
-        std::slice::from_raw_parts(bytes.add(known), size - known)
-    };
-    if unknown.iter().any(|b| *b != 0) {
-        // The caller set a field that this version does not know. It must not be ignored.
-        return Err(Failure::at(NVSP_ERR_STRUCT_SIZE, T::NAME));
+
+    /// Checks the structure's head; its size.
+    fn check_head(self) -> Result<usize, Failure> {
+        // SAFETY: not null, as `optional` and `Out::optional` check; a structure has at least its head.
+        let [size, abi_version] = unsafe { self.0.cast::<[u32; 2]>().read_unaligned() };
+        let size = size as usize;
+        if !(T::FIRST_SIZE..=MAX_SIZE).contains(&size) {
+            return Err(Failure::at(NVSP_ERR_STRUCT_SIZE, T::NAME));
+        }
+        if abi_version != NVSP_ABI_VERSION {
+            return Err(Failure::at(NVSP_ERR_ABI_VERSION, T::NAME));
+        }
+        Ok(size)
     }
-    Ok(value)
+
+    /// Reads a structure of any version; NULL gives all defaults.
+    pub(super) fn read(self) -> Result<T, Failure> {
+        Ok(self.optional()?.unwrap_or_else(zeroed))
+    }
+
+    /// As [`In::read`], refusing NULL.
+    pub(super) fn required(self) -> Result<T, Failure> {
+        self.optional()?.ok_or(Failure::null(T::NAME))
+    }
+
+    /// As [`In::read`]; NULL gives nothing.
+    pub(super) fn optional(self) -> Result<Option<T>, Failure> {
+        if self.is_null() {
+            return Ok(None);
+        }
+        let (size, mut value) = (self.check_head()?, zeroed::<T>());
+        // SAFETY: the structure has `size` bytes. The known ones fit into `value`, whose fields take any bytes.
+        let unknown = unsafe {
+            let known = size.min(size_of::<T>());
+            let bytes = self.0.cast::<u8>();
+            (&raw mut value).cast::<u8>().copy_from_nonoverlapping(bytes, known);
+            std::slice::from_raw_parts(bytes.add(known), size - known)
+        };
+        if unknown.iter().any(|b| *b != 0) {
+            // The caller set a field that this version does not know. It must not be ignored.
+            return Err(Failure::at(NVSP_ERR_STRUCT_SIZE, T::NAME));
+        }
+        Ok(Some(value))
+    }
 }
 
-/// A checked place for a result.
-pub(super) struct Out<T> {
+/// A structure to write, as [`In`] is one to read.
+#[repr(transparent)]
+#[derive(Clone, Copy)]
+pub struct Out<T>(*mut T);
+
+impl<T: Versioned> Out<T> {
+    pub(super) fn is_null(self) -> bool {
+        self.0.is_null()
+    }
+
+    /// What the caller has set in it.
+    pub(super) fn given(self) -> In<T> {
+        In(self.0)
+    }
+
+    /// Checks the structure before any work is done for it. NULL: the caller wants no result.
+    pub(super) fn optional(self) -> Result<Checked<T>, Failure> {
+        let size = if self.is_null() { 0 } else { self.given().check_head()? };
+        Ok(Checked { place: self.0, size })
+    }
+
+    /// As [`Out::optional`], refusing NULL.
+    pub(super) fn required(self) -> Result<Checked<T>, Failure> {
+        if self.is_null() {
+            return Err(Failure::null(T::NAME));
+        }
+        self.optional()
+    }
+}
+
+/// A checked structure for a result.
+pub(super) struct Checked<T> {
     /// Null if the caller wants no result.
     place: *mut T,
     size: usize,
 }
 
-impl<T: Versioned> Out<T> {
-    /// Checks a structure to write, before any work is done for it.
-    ///
-    /// # Safety
-    /// As for [`check_head`], through the last use of the place.
-    pub(super) unsafe fn new(place: *mut T) -> Result<Out<T>, Failure> {
-        // SAFETY: as the caller promises.
-        let size = if place.is_null() { 0 } else { unsafe { check_head(place)? } };
-        Ok(Out { place, size })
-    }
-
-    /// As [`Out::new`], refusing NULL.
-    ///
-    /// # Safety
-    /// As for [`Out::new`].
-    pub(super) unsafe fn required(place: *mut T) -> Result<Out<T>, Failure> {
-        if place.is_null() {
-            return Err(Failure::null(T::NAME));
-        }
-        // SAFETY: as the caller promises.
-        unsafe { Out::new(place) }
-    }
-
+impl<T: Versioned> Checked<T> {
     /// Writes the fields that the caller's version has. Fields that only the caller's version knows become zero.
     pub(super) fn write(&self, value: &T) {
         if self.place.is_null() {
             return;
         }
         let known = self.size.min(size_of::<T>());
-        // SAFETY: `place` has `size` bytes, as the maker of this promised; the head stays.
+        // SAFETY: `place` has `size` bytes, as `Out` says; the head stays.
         unsafe {
             let (from, to) = ((&raw const *value).cast::<u8>(), self.place.cast::<u8>());
             to.add(HEAD).copy_from_nonoverlapping(from.add(HEAD), known - HEAD);
             to.add(known).write_bytes(0, self.size - known);
+        }
+    }
+}
+
+/// A place for a number or a handle: NULL, or room for one, which the header asks of every caller. Only C makes one.
+#[repr(transparent)]
+#[derive(Clone, Copy)]
+pub struct Place<T>(*mut T);
+
+impl<T> Place<T> {
+    /// Refuses NULL.
+    pub(super) fn required(self, name: &'static str) -> Result<Place<T>, Failure> {
+        if self.0.is_null() { Err(Failure::null(name)) } else { Ok(self) }
+    }
+
+    /// Writes the value, unless the place is NULL.
+    pub(super) fn write(self, value: T) {
+        if !self.0.is_null() {
+            // SAFETY: not null, so there is room, as the type says. What the place held is no value of ours.
+            unsafe { self.0.write(value) };
         }
     }
 }
@@ -213,22 +268,20 @@ mod tests {
 
     #[test]
     fn older_and_newer_headers_are_understood() {
-        // SAFETY: every array is as large as its first word says.
-        unsafe {
-            let read = |words: *const u32| read(words.cast::<Sample>());
-            assert_eq!(read(std::ptr::null()).unwrap().first, 0);
-            let older = read(words([0, 0, 7]).as_ptr()).unwrap();
-            assert_eq!((older.first, older.later), (7, 0));
-            let newer = read(words([0, 0, 7, 8, 0]).as_ptr()).unwrap();
-            assert_eq!((newer.first, newer.later), (7, 8));
-            let unknown = read(words([0, 0, 7, 8, 1]).as_ptr());
-            assert_eq!(status(unknown), Some(NVSP_ERR_STRUCT_SIZE));
-            assert_eq!(status(read(words([0, 0]).as_ptr())), Some(NVSP_ERR_STRUCT_SIZE));
-            let absurd = [u32::MAX, NVSP_ABI_VERSION];
-            assert_eq!(status(read(absurd.as_ptr())), Some(NVSP_ERR_STRUCT_SIZE));
-            let foreign = [16, NVSP_ABI_VERSION + 1, 7, 8];
-            assert_eq!(status(read(foreign.as_ptr())), Some(NVSP_ERR_ABI_VERSION));
-        }
+        let read = |words: *const u32| In(words.cast::<Sample>()).read();
+        assert_eq!(read(std::ptr::null()).unwrap().first, 0);
+        let older = read(words([0, 0, 7]).as_ptr()).unwrap();
+        assert_eq!((older.first, older.later), (7, 0));
+        let newer = read(words([0, 0, 7, 8, 0]).as_ptr()).unwrap();
+        assert_eq!((newer.first, newer.later), (7, 8));
+        let unknown = read(words([0, 0, 7, 8, 1]).as_ptr());
+        assert_eq!(status(unknown), Some(NVSP_ERR_STRUCT_SIZE));
+        assert_eq!(status(read(words([0, 0]).as_ptr())), Some(NVSP_ERR_STRUCT_SIZE));
+        let absurd = [u32::MAX, NVSP_ABI_VERSION];
+        assert_eq!(status(read(absurd.as_ptr())), Some(NVSP_ERR_STRUCT_SIZE));
+        let foreign = [16, NVSP_ABI_VERSION + 1, 7, 8];
+        assert_eq!(status(read(foreign.as_ptr())), Some(NVSP_ERR_ABI_VERSION));
+        assert_eq!(status(In::<Sample>(std::ptr::null()).required()), Some(NVSP_ERR_NULL));
     }
 
     #[test]
@@ -237,14 +290,11 @@ mod tests {
         let mut older = words([0, 0, 1]).to_vec();
         older.push(77);
         let mut newer = words([0, 0, 1, 2, 3, 4]);
-        // SAFETY: both arrays are at least as large as their first word says.
-        unsafe {
-            Out::new(older.as_mut_ptr().cast::<Sample>()).unwrap().write(&value);
-            Out::required(newer.as_mut_ptr().cast::<Sample>()).unwrap().write(&value);
-            Out::<Sample>::new(std::ptr::null_mut()).unwrap().write(&value);
-            let none = Out::<Sample>::required(std::ptr::null_mut());
-            assert_eq!(status(none), Some(NVSP_ERR_NULL));
-        }
+        Out(older.as_mut_ptr().cast::<Sample>()).optional().unwrap().write(&value);
+        Out(newer.as_mut_ptr().cast::<Sample>()).required().unwrap().write(&value);
+        let none = Out::<Sample>(std::ptr::null_mut());
+        none.optional().unwrap().write(&value);
+        assert_eq!(status(none.required()), Some(NVSP_ERR_NULL));
         assert_eq!(older, [12, NVSP_ABI_VERSION, 5, 77]);
         assert_eq!(newer, [24, NVSP_ABI_VERSION, 5, 6, 0, 0]);
     }

@@ -7,6 +7,7 @@ use std::mem::MaybeUninit;
 use std::ptr::null_mut;
 
 use super::status::*;
+use super::structs::User;
 use crate::queue::Spawn;
 
 /// Called once on each thread that the library starts, before it does any work: set its scheduling, its affinity or
@@ -20,13 +21,8 @@ pub type nvsp_thread_callback =
 #[derive(Clone, Copy)]
 pub(super) struct ThreadStart {
     pub callback: nvsp_thread_callback,
-    pub user: *mut c_void,
+    pub user: User,
 }
-
-// SAFETY: the header asks for a callback that may be called, with its pointer, on any thread and on several at once.
-unsafe impl Send for ThreadStart {}
-// SAFETY: as above.
-unsafe impl Sync for ThreadStart {}
 
 /// A thread that was started. Waits for its end when dropped.
 pub(super) struct Thread(libc::pthread_t);
@@ -122,7 +118,7 @@ extern "C" fn run(start: *mut c_void) -> *mut c_void {
     unsafe { libc::pthread_setname_np(libc::pthread_self(), name.as_ptr()) };
     if let Some(function) = callback.callback {
         // SAFETY: the header asks for a callback that takes any text, with the pointer it came with.
-        unsafe { function(callback.user, name.as_ptr()) };
+        unsafe { function(callback.user.0, name.as_ptr()) };
     }
     body();
     null_mut()

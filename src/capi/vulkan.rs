@@ -8,45 +8,38 @@ use ash::vk::{self, Handle as _};
 use crate::vulkan::{DeviceHandles, EnabledFeatures, GivenDevice, QueueLock};
 
 use super::status::*;
-use super::structs::{read, versioned};
+use super::structs::{In, User, versioned};
 
 /// What VkInstance points to.
-#[allow(non_camel_case_types)]
 pub struct VkInstance_T {
     _opaque: [u8; 0],
 }
 
 /// What VkPhysicalDevice points to.
-#[allow(non_camel_case_types)]
 pub struct VkPhysicalDevice_T {
     _opaque: [u8; 0],
 }
 
 /// What VkDevice points to.
-#[allow(non_camel_case_types)]
 pub struct VkDevice_T {
     _opaque: [u8; 0],
 }
 
 /// What VkQueue points to.
-#[allow(non_camel_case_types)]
 pub struct VkQueue_T {
     _opaque: [u8; 0],
 }
 
 /// PFN_vkVoidFunction.
-#[allow(non_camel_case_types)]
 pub type nvsp_vulkan_function = Option<unsafe extern "C" fn()>;
 
 /// PFN_vkGetInstanceProcAddr.
-#[allow(non_camel_case_types)]
 pub type nvsp_vulkan_loader = Option<
     unsafe extern "C" fn(instance: *mut VkInstance_T, name: *const c_char) -> nvsp_vulkan_function,
 >;
 
 /// Takes or gives back the lock of a queue. Called on any thread that is inside the library, and on the library's own;
 /// both on the same one. It must not call the library, and must not unwind.
-#[allow(non_camel_case_types)]
 pub type nvsp_queue_callback = Option<unsafe extern "C" fn(user: *mut c_void)>;
 
 /// A Vulkan device that you have made, for an engine to work on beside your own work. It needs Vulkan 1.2, the feature
@@ -69,13 +62,10 @@ pub type nvsp_queue_callback = Option<unsafe extern "C" fn(user: *mut c_void)>;
 /// vulkan.queue_user = &mutex;
 /// options.vulkan = &vulkan;
 /// ```
-#[allow(non_camel_case_types)]
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_vulkan {
-    /// Set by NVSP_INIT.
     pub struct_size: u32,
-    /// Set by NVSP_INIT.
     pub abi_version: u32,
     /// vkGetInstanceProcAddr of your loader. The library finds all other functions through it. Not NULL.
     pub get_instance_proc_addr: nvsp_vulkan_loader,
@@ -113,36 +103,24 @@ type Loader = unsafe extern "C" fn(*mut VkInstance_T, *const c_char) -> nvsp_vul
 struct Callbacks {
     lock: unsafe extern "C" fn(*mut c_void),
     unlock: unsafe extern "C" fn(*mut c_void),
-    user: *mut c_void,
+    user: User,
 }
-
-// SAFETY: the header asks for callbacks that may be called, with their pointer, on any thread.
-unsafe impl Send for Callbacks {}
-// SAFETY: as above.
-unsafe impl Sync for Callbacks {}
 
 impl QueueLock for Callbacks {
     fn lock(&self) {
         // SAFETY: the header asks for a callback that takes the pointer it came with.
-        unsafe { (self.lock)(self.user) }
+        unsafe { (self.lock)(self.user.0) }
     }
 
     fn unlock(&self) {
-        // SAFETY: as above.
-        unsafe { (self.unlock)(self.user) }
+        // SAFETY: as for `lock`.
+        unsafe { (self.unlock)(self.user.0) }
     }
 }
 
 /// Reads a device of the caller's; NULL is none.
-///
-/// # Safety
-/// As the header asks for in [`nvsp_vulkan`].
-pub(super) unsafe fn given(vulkan: *const nvsp_vulkan) -> Result<Option<GivenDevice>, Failure> {
-    if vulkan.is_null() {
-        return Ok(None);
-    }
-    // SAFETY: as the caller promises.
-    let vulkan = unsafe { read(vulkan)? };
+pub(super) fn given(vulkan: In<nvsp_vulkan>) -> Result<Option<GivenDevice>, Failure> {
+    let Some(vulkan) = vulkan.optional()? else { return Ok(None) };
     let Some(loader) = vulkan.get_instance_proc_addr else {
         return Err(Failure::null("nvsp_vulkan.get_instance_proc_addr"));
     };
@@ -159,7 +137,7 @@ pub(super) unsafe fn given(vulkan: *const nvsp_vulkan) -> Result<Option<GivenDev
     }
     let lock: Option<Arc<dyn QueueLock>> = match (vulkan.lock_queue, vulkan.unlock_queue) {
         (Some(lock), Some(unlock)) => {
-            Some(Arc::new(Callbacks { lock, unlock, user: vulkan.queue_user }))
+            Some(Arc::new(Callbacks { lock, unlock, user: User(vulkan.queue_user) }))
         }
         (None, None) => None,
         _ => {
@@ -169,7 +147,7 @@ pub(super) unsafe fn given(vulkan: *const nvsp_vulkan) -> Result<Option<GivenDev
         }
     };
     let features = vulkan.features.cast::<vk::PhysicalDeviceFeatures2>();
-    // SAFETY: every structure of Vulkan begins with its type, and the caller promises that this is one.
+    // SAFETY: every structure of Vulkan begins with its type, and the header asks for one in this field.
     if unsafe { (*features).s_type } != vk::StructureType::PHYSICAL_DEVICE_FEATURES_2 {
         return Err(Failure::argument("nvsp_vulkan.features: no VkPhysicalDeviceFeatures2"));
     }

@@ -20,7 +20,7 @@ pub enum Colour {
 }
 
 /// A plane of a format.
-pub(super) struct Plane {
+pub(crate) struct Plane {
     pub name: &'static str,
     /// Bytes from a sample to the next.
     pub step: usize,
@@ -44,7 +44,8 @@ const I420: [Plane; 3] = [
 ];
 
 impl PixelFormat {
-    pub(super) fn planes(self) -> &'static [Plane] {
+    /// Its planes, first to last.
+    pub(crate) fn planes(self) -> &'static [Plane] {
         match self {
             PixelFormat::Rgb8 => &RGB,
             PixelFormat::Bgr8 => &BGR,

@@ -9,6 +9,7 @@
 #include "heap_hooks.h"
 
 #include <dlfcn.h>
+#include <nvsprior_extra.h>
 #include <pthread.h>
 
 #define LIBRARIES 64
@@ -95,8 +96,6 @@ static long stop_counting(const char *what) {
     return own;
 }
 
-static scene dive;
-static rig both;
 static nvsp_sender *sender, *unprotected;
 static nvsp_collector *collector, *clean;
 static uint8_t sent[8192], arrived[8192];
@@ -215,16 +214,12 @@ static void two_at_once(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: allocations SCENE");
-    }
-    scene_read(&dive, argv[1]);
+    read_dive(argc, argv);
     pixels = malloc(dive.size);
     rig_open(&both, &dive);
 
     // The counter counts: this call says that it allocates.
-    nvsp_engine_info info;
-    MUST(NVSP_INIT(&info));
+    nvsp_engine_info info = NVSP_INITIALIZER(nvsp_engine_info);
     start_counting();
     MUST(nvsp_engine_get_info(both.engine, &info));
     CHECK(stop_counting("nvsp_engine_get_info") > 0);
@@ -233,8 +228,7 @@ int main(int argc, char **argv) {
     const float values[] = {30, 400, 36, 30};
     const int frames[] = {10, 50, 10, 40};
     for (int i = 0; i < 4; i++) {
-        nvsp_encoder_options options;
-        MUST(NVSP_INIT(&options));
+        nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
         options.rate = rates[i];
         options.rate_value = values[i];
         options.camera_interval = 10;
@@ -278,7 +272,5 @@ int main(int argc, char **argv) {
     two_at_once();
     CHECK(uncounted > 0);
     free(pixels);
-    rig_close(&both);
-    scene_free(&dive);
-    return report("allocations");
+    return tear_down();
 }

@@ -18,19 +18,19 @@ int dlclose(void *library) {
 static pthread_mutex_t counting = PTHREAD_MUTEX_INITIALIZER;
 static long checks, failures;
 
-static int count(int sound) {
+static int count(int valid) {
     pthread_mutex_lock(&counting);
     checks++;
-    failures += !sound;
+    failures += !valid;
     pthread_mutex_unlock(&counting);
-    return sound;
+    return valid;
 }
 
-int check(int sound, const char *text, const char *file, int line) {
-    if (!sound) {
+int check(int valid, const char *text, const char *file, int line) {
+    if (!valid) {
         fprintf(stderr, "%s:%d: not so: %s\n", file, line, text);
     }
-    return count(sound);
+    return count(valid);
 }
 
 int expect(nvsp_status wanted, nvsp_status found, const char *text, const char *file, int line) {
@@ -49,11 +49,6 @@ void must(nvsp_status status, const char *text, const char *file, int line) {
         fflush(stdout);
         _exit(1);
     }
-}
-
-int report(const char *name) {
-    printf("%s: %ld checks, %ld failed\n", name, checks, failures);
-    return checks > 0 && failures == 0 ? 0 : 1;
 }
 
 void give_up(const char *what) {
@@ -118,6 +113,7 @@ void scene_free(scene *scene) {
         free(scene->pixels[i]);
     }
     free(scene->treated);
+    memset(scene, 0, sizeof *scene);
 }
 
 nvsp_image scene_image(const scene *scene, int frame) {
@@ -169,6 +165,59 @@ void rig_close(rig *rig) {
     memset(rig, 0, sizeof *rig);
 }
 
+scene dive;
+rig both;
+packet packets[MAX_FRAMES];
+static const char *program;
+
+void read_dive(int argc, char **argv) {
+    const char *slash = strrchr(argv[0], '/');
+    program = slash == NULL ? argv[0] : slash + 1;
+    if (argc < 2) {
+        give_up("give it the scene's folder");
+    }
+    scene_read(&dive, argv[1]);
+}
+
+void set_up(int argc, char **argv) {
+    read_dive(argc, argv);
+    rig_open(&both, &dive);
+}
+
+void rig_reopen(rig *rig) {
+    nvsp_prior *anew = NULL;
+    EXPECT(NVSP_OK, nvsp_engine_reopen(rig->engine));
+    MUST(nvsp_prior_open(rig->engine, dive.prior, NULL, &anew));
+    EXPECT(NVSP_OK, nvsp_encoder_reopen(rig->encoder, rig->engine, anew));
+    EXPECT(NVSP_OK, nvsp_decoder_reopen(rig->decoder, rig->engine, anew));
+    nvsp_prior_destroy(rig->prior);
+    rig->prior = anew;
+}
+
+nvsp_encoder *new_encoder(const nvsp_encoder_options *options) {
+    nvsp_encoder *encoder = NULL;
+    MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, options, &encoder));
+    return encoder;
+}
+
+int says(const void *handle, const char *words) {
+    char text[600];
+    MUST(nvsp_last_error(handle, text, sizeof text));
+    if (strstr(text, words) == NULL) {
+        fprintf(stderr, "\"%s\" is not in: %s\n", words, text);
+        return 0;
+    }
+    return 1;
+}
+
+int tear_down(void) {
+    free_packets(packets);
+    rig_close(&both);
+    scene_free(&dive);
+    printf("%s: %ld checks, %ld failed\n", program, checks, failures);
+    return checks > 0 && failures == 0 ? 0 : 1;
+}
+
 nvsp_picture place_of(uint8_t *pixels, uint32_t width, uint32_t height) {
     const size_t row = (size_t)width * 3;
     return (nvsp_picture){NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8, .pixels = pixels, .stride = row,
@@ -195,6 +244,12 @@ void encode_all(rig *rig, const scene *scene, packet *packets) {
         if (packets[i].bytes == NULL) {
             give_up("out of memory");
         }
+    }
+}
+
+void free_packets(packet *packets) {
+    for (int i = 0; i < dive.frames; i++) {
+        free(packets[i].bytes);
     }
 }
 
@@ -232,6 +287,27 @@ double psnr(const uint8_t *a, const uint8_t *b, size_t size) {
         sum += difference * difference;
     }
     return sum == 0 ? 99 : 10 * log10(255.0 * 255.0 * (double)size / sum);
+}
+
+uint16_t crc16(uint16_t crc, const uint8_t *bytes, size_t size) {
+    for (size_t i = 0; i < size; i++) {
+        crc ^= (uint16_t)(bytes[i] << 8);
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (uint16_t)(crc & 0x8000 ? crc << 1 ^ 0x1021 : crc << 1);
+        }
+    }
+    return crc;
+}
+
+uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size) {
+    crc = ~crc;
+    for (size_t i = 0; i < size; i++) {
+        crc ^= bytes[i];
+        for (int bit = 0; bit < 8; bit++) {
+            crc = crc & 1 ? crc >> 1 ^ 0xedb88320u : crc >> 1;
+        }
+    }
+    return ~crc;
 }
 
 int all_are(const void *bytes, uint8_t value, size_t size) {

@@ -15,12 +15,9 @@
 // For a call that the rest of a test needs: ends the program if it does not return NVSP_OK.
 #define MUST(call) must((call), #call, __FILE__, __LINE__)
 
-int check(int sound, const char *text, const char *file, int line);
+int check(int valid, const char *text, const char *file, int line);
 int expect(nvsp_status wanted, nvsp_status found, const char *text, const char *file, int line);
 void must(nvsp_status status, const char *text, const char *file, int line);
-
-// Prints a summary; the program's exit code.
-int report(const char *name);
 
 // Ends the program: the test cannot be run.
 void give_up(const char *what);
@@ -58,6 +55,24 @@ typedef struct rig {
     nvsp_decoder *decoder;
 } rig;
 
+// A packet in memory of its own.
+typedef struct packet {
+    uint8_t *bytes;
+    size_t size;
+} packet;
+
+// What the programs work with: the scene, both ends of a link, the scene's packets.
+extern scene dive;
+extern rig both;
+extern packet packets[MAX_FRAMES];
+
+// Reads the scene that the program's first argument names.
+void read_dive(int argc, char **argv);
+// The same, and opens engine and prior.
+void set_up(int argc, char **argv);
+// Ends all of them, whatever is there, and prints a summary; the program's exit code.
+int tear_down(void);
+
 // Defaults; without a watchdog if NVSP_TEST_FEW is set.
 nvsp_engine_options patient_options(void);
 
@@ -65,18 +80,21 @@ nvsp_engine_options patient_options(void);
 void rig_open(rig *rig, const scene *scene);
 void rig_add(rig *rig, const nvsp_camera *camera, const nvsp_encoder_options *options);
 void rig_close(rig *rig);
+// The way back after a lost device, as the header says: engine, prior, encoder and decoder.
+void rig_reopen(rig *rig);
+
+// Another encoder on the link's prior, for the scene's camera.
+nvsp_encoder *new_encoder(const nvsp_encoder_options *options);
+
+// Whether the text of a handle's last failure has these words; prints it if not.
+int says(const void *handle, const char *words);
 
 // A place for a picture, RGB without padding.
 nvsp_picture place_of(uint8_t *pixels, uint32_t width, uint32_t height);
 
-// A packet in memory of its own.
-typedef struct packet {
-    uint8_t *bytes;
-    size_t size;
-} packet;
-
 // Encodes the scene's frames with the rig's encoder, the first from its pose.
 void encode_all(rig *rig, const scene *scene, packet *packets);
+void free_packets(packet *packets);
 
 // What is known of a frame: a pose, until the thread's next call. NULL: nothing is known.
 const nvsp_frame_info *with_hint(const nvsp_pose *hint);
@@ -90,6 +108,11 @@ uint32_t random_below(uint64_t *state, uint32_t limit);
 
 // PSNR of two pictures, dB; 99 if they are equal.
 double psnr(const uint8_t *a, const uint8_t *b, size_t size);
+
+// The checks of packets and modem frames, going on from `crc`: CRC-16/IBM-3740, which begins with 0xffff, and CRC-32 of
+// IEEE 802.3.
+uint16_t crc16(uint16_t crc, const uint8_t *bytes, size_t size);
+uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size);
 
 // Whether all bytes are `value`.
 int all_are(const void *bytes, uint8_t value, size_t size);

@@ -2,9 +2,6 @@
 
 #include "common.h"
 
-static scene dive;
-static rig both;
-static packet packets[MAX_FRAMES];
 static uint8_t *shown[MAX_FRAMES];  // What the encoder says that the topside will show.
 
 // Encodes the dive, and keeps its pictures.
@@ -27,8 +24,7 @@ static void the_encoders_pictures(void) {
     uint8_t *pixels = malloc(dive.size);
     nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     for (int i = 0; i < dive.frames; i++) {
-        nvsp_decoded info;
-        MUST(NVSP_INIT(&info));
+        nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
         memset(pixels, 0, dive.size);
         EXPECT(NVSP_OK,
                nvsp_decode(both.decoder, packets[i].bytes, packets[i].size, 0, &place, &info));
@@ -83,8 +79,7 @@ static void headers(void) {
 // Key frames are read from the file beside a prior.
 static void key_frames(void) {
     nvsp_prior *other;
-    nvsp_prior_info info;
-    MUST(NVSP_INIT(&info));
+    nvsp_prior_info info = NVSP_INITIALIZER(nvsp_prior_info);
     MUST(nvsp_prior_open(both.engine, dive.other_prior, NULL, &other));
     EXPECT(NVSP_OK, nvsp_prior_get_info(other, &info));
     CHECK(info.key_frames == 3);
@@ -93,8 +88,7 @@ static void key_frames(void) {
 
 // The paper's profile: absolute poses, told without the prior.
 static void papers_profile(void) {
-    nvsp_encoder_options options;
-    MUST(NVSP_INIT(&options));
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.profile = NVSP_PROFILE_PAPER;
     options.first_frame = (1 << 24) + 5;
     nvsp_encoder *encoder = NULL;
@@ -138,11 +132,11 @@ static void place_with_padding(uint32_t format, size_t padding) {
     free(pixels);
 }
 
-// Unsound places are refused before or after decoding. Nothing is written in either case.
-static void unsound_places(void) {
+// Invalid places are refused before or after decoding. Nothing is written in either case.
+static void invalid_places(void) {
     uint8_t *pixels = malloc(dive.size);
     memset(pixels, 0xa5, dive.size);
-    nvsp_picture sound = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_picture valid = place_of(pixels, dive.camera.width, dive.camera.height);
     const packet one = packets[0];
 #define PLACE(f, r, p, s, n) \
     {NVSP_HEAD(nvsp_picture), .format = f, .reserved = r, .pixels = p, .stride = s, .size = n}
@@ -150,19 +144,19 @@ static void unsound_places(void) {
         nvsp_status status;
         nvsp_picture place;
     } places[] = {
-        {NVSP_ERR_NULL, PLACE(sound.format, 0, NULL, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(0, 0, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_NV12, 0, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_I420, 0, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(99, 0, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(sound.format, 1, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(sound.format, 0, pixels, sound.stride - 1, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_RGBA8, 0, pixels, sound.stride, sound.size)},
-        {NVSP_ERR_ARGUMENT, PLACE(sound.format, 0, pixels, sound.stride, SIZE_MAX)},
-        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, sound.stride, sound.size - 1)},
-        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, sound.stride, 0)},
-        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, SIZE_MAX, sound.size)},
-        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(sound.format, 0, pixels, SIZE_MAX / 53, sound.size)},
+        {NVSP_ERR_NULL, PLACE(valid.format, 0, NULL, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(0, 0, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_NV12, 0, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_I420, 0, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(99, 0, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(valid.format, 1, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(valid.format, 0, pixels, valid.stride - 1, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_RGBA8, 0, pixels, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(valid.format, 0, pixels, valid.stride, SIZE_MAX)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(valid.format, 0, pixels, valid.stride, valid.size - 1)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(valid.format, 0, pixels, valid.stride, 0)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(valid.format, 0, pixels, SIZE_MAX, valid.size)},
+        {NVSP_ERR_BUFFER_TOO_SMALL, PLACE(valid.format, 0, pixels, SIZE_MAX / 53, valid.size)},
     };
     for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
         EXPECT(places[i].status,
@@ -182,9 +176,9 @@ static void unsound_places(void) {
     EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &asks));
     CHECK(asks.needed == dive.size);
     // The picture that had no room is still there, once.
-    EXPECT(NVSP_OK, nvsp_decode_finish(both.decoder, &sound, NULL));
+    EXPECT(NVSP_OK, nvsp_decode_finish(both.decoder, &valid, NULL));
     CHECK(memcmp(pixels, shown[0], dive.size) == 0);
-    EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(both.decoder, &sound, NULL));
+    EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(both.decoder, &valid, NULL));
     free(pixels);
 }
 
@@ -193,19 +187,18 @@ static void begun_and_finished(void) {
     uint8_t *pixels = malloc(dive.size);
     nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
-    EXPECT(NVSP_ERR_STATE, nvsp_decode_poll(decoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_decode_wait(decoder, 0));
     EXPECT(NVSP_ERR_STATE, nvsp_decode_wait(decoder, 1));
     EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(decoder, &place, NULL));
     for (int i = 0; i < dive.frames; i++) {
         uint8_t *bytes = malloc(packets[i].size);
         memcpy(bytes, packets[i].bytes, packets[i].size);
-        nvsp_decoded info;
-        MUST(NVSP_INIT(&info));
+        nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
         EXPECT(NVSP_OK, nvsp_decode_begin(decoder, bytes, packets[i].size, 0));
         free(bytes);  // Not needed any more.
         EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
         EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
-        EXPECT(NVSP_OK, nvsp_decode_poll(decoder));
+        EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 0));
         EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
         EXPECT(NVSP_OK, nvsp_decode_finish(decoder, &place, &info));
         CHECK(memcmp(pixels, shown[i], dive.size) == 0 && info.frame == (uint32_t)i);
@@ -224,8 +217,7 @@ static void begun_and_finished(void) {
 static void unknown_to_the_topside(void) {
     nvsp_prior *other = NULL;
     nvsp_decoder *decoder = NULL;
-    nvsp_decoded info;
-    MUST(NVSP_INIT(&info));
+    nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
     MUST(nvsp_prior_open(both.engine, dive.other_prior, NULL, &other));
     MUST(nvsp_decoder_create(both.engine, other, &decoder));
     EXPECT(NVSP_ERR_OTHER_PRIOR,
@@ -254,8 +246,7 @@ static void starts_of_packets(void) {
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, 19, 0, &render_place, NULL));
     uint32_t rows = 0;
     for (size_t size = 19; size <= one.size; size++) {
-        nvsp_decoded info;
-        MUST(NVSP_INIT(&info));
+        nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
         EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, size, 0, &place, &info));
         CHECK(size == one.size ? info.rows == info.height && info.damage == NVSP_OK
                                : info.rows == 0 && info.damage == NVSP_ERR_RESIDUAL);
@@ -315,21 +306,16 @@ static void messages(void) {
     CHECK(logged[NVSP_LOG_ERROR] == 1);
     char text[512];
     memset(text, 'x', sizeof text);
-    EXPECT(NVSP_OK, nvsp_decoder_last_error(link.decoder, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(link.decoder, text, sizeof text));
     CHECK(strlen(text) > 5);
-    EXPECT(NVSP_OK, nvsp_decoder_last_error(link.decoder, text, 4));
+    EXPECT(NVSP_OK, nvsp_last_error(link.decoder, text, 4));
     CHECK(strlen(text) <= 3);
     rig_close(&link);
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: decoding SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
-    nvsp_encoder_options options;
-    MUST(NVSP_INIT(&options));
+    set_up(argc, argv);
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.threshold = 1e-2f;  // So that the object that the prior does not know makes no frame uncertain.
     rig_add(&both, &dive.camera, &options);
     encode_dive();
@@ -342,16 +328,13 @@ int main(int argc, char **argv) {
     for (int i = 0; i < 6; i++) {
         place_with_padding(formats[i % 3], i < 3 ? 0 : 11);
     }
-    unsound_places();
+    invalid_places();
     begun_and_finished();
     unknown_to_the_topside();
     starts_of_packets();
     messages();
     for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
         free(shown[i]);
     }
-    rig_close(&both);
-    scene_free(&dive);
-    return report("decoding");
+    return tear_down();
 }

@@ -19,9 +19,6 @@ static int heap_refused(const void *caller) {
     return 0;
 }
 
-static scene dive;
-static rig both;
-
 // Milliseconds of the wall clock, or of this thread's own work.
 static double now(clockid_t clock) {
     struct timespec time;
@@ -107,14 +104,14 @@ static void polls(void) {
         MUST(nvsp_encode_begin(both.encoder, &image, with_hint(&dive.poses[0])));
         for (nvsp_status status = NVSP_PENDING; status == NVSP_PENDING; pending++) {
             const double began = now(CLOCK_MONOTONIC);
-            status = nvsp_encode_poll(both.encoder);
+            status = nvsp_encode_wait(both.encoder, 0);
             const double took = now(CLOCK_MONOTONIC) - began;
             spent += took;
             longest = took > longest ? took : longest;
         }
         MUST(nvsp_encode_finish(both.encoder, packet, sizeof packet, &size, NULL));
     }
-    printf("nvsp_encode_poll, a frame under way: %.0f ns (%ld polls, at most %.3f ms)\n",
+    printf("nvsp_encode_wait of 0 ms, a frame under way: %.0f ns (%ld polls, at most %.3f ms)\n",
            spent / (double)pending * 1e6, pending, longest);
 }
 
@@ -123,21 +120,17 @@ static void idle_polls(void) {
     const long count = few() ? 100 : 100000, before = allocations;
     const double began = now(CLOCK_MONOTONIC);
     for (long i = 0; i < count; i++) {
-        if (nvsp_encode_poll(both.encoder) != NVSP_ERR_STATE) {
+        if (nvsp_encode_wait(both.encoder, 0) != NVSP_ERR_STATE) {
             CHECK(0);
         }
     }
-    printf("nvsp_encode_poll, nothing begun: %.0f ns, %ld allocations in %ld polls\n",
+    printf("nvsp_encode_wait of 0 ms, nothing begun: %.0f ns, %ld allocations in %ld polls\n",
            (now(CLOCK_MONOTONIC) - began) / (double)count * 1e6, allocations - before, count);
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: figures SCENE");
-    }
     find_library();
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
     struct stat status;
     if (stat(library_path, &status) == 0) {
@@ -154,7 +147,5 @@ int main(int argc, char **argv) {
     calling_thread(640, 3, NVSP_FORMAT_NV12, "NV12");
     polls();
     idle_polls();
-    rig_close(&both);
-    scene_free(&dive);
-    return report("figures");
+    return tear_down();
 }

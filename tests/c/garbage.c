@@ -4,9 +4,6 @@
 
 #include "common.h"
 
-static scene dive;
-static rig both;
-static packet packets[MAX_FRAMES];
 static nvsp_collector *collector;
 static nvsp_sender *sender, *unprotected;
 static uint64_t seed = 7;
@@ -101,29 +98,6 @@ static void damaged_packets(void) {
     offer(bytes, damaged(bytes, one.size, sizeof bytes));
 }
 
-// The packet's checks, as src/packet/mod.rs has them: CRC-16/IBM-3740, and CRC-32 of IEEE 802.3.
-static uint16_t crc16(const uint8_t *bytes, size_t size) {
-    uint16_t crc = 0xffff;
-    for (size_t i = 0; i < size; i++) {
-        crc ^= (uint16_t)(bytes[i] << 8);
-        for (int bit = 0; bit < 8; bit++) {
-            crc = (uint16_t)(crc & 0x8000 ? crc << 1 ^ 0x1021 : crc << 1);
-        }
-    }
-    return crc;
-}
-
-static uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size) {
-    crc = ~crc;
-    for (size_t i = 0; i < size; i++) {
-        crc ^= bytes[i];
-        for (int bit = 0; bit < 8; bit++) {
-            crc = crc & 1 ? crc >> 1 ^ 0xedb88320u : crc >> 1;
-        }
-    }
-    return ~crc;
-}
-
 // A packet of a later version: its check tells it from garbage.
 static void newer_packets(void) {
     const size_t latents[] = {31, 19};
@@ -135,7 +109,7 @@ static void newer_packets(void) {
         memcpy(bytes, packets[i].bytes, sizeof bytes);
         bytes[0] = 0xb9;
         EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(bytes, sizeof bytes, NULL, &header));
-        const uint16_t sum = crc16(bytes, latent - 2);
+        const uint16_t sum = crc16(0xffff, bytes, latent - 2);
         memcpy(bytes + latent - 2, &sum, 2);
         EXPECT(NVSP_ERR_NEWER, nvsp_decode_header(bytes, sizeof bytes, NULL, &header));
         CHECK(header.wire_version == 9 && header.frame == 0 && header.flags == 0);
@@ -174,7 +148,7 @@ static void sealed_residuals(void) {
         covered[i] = (uint8_t)(latent_crc >> 8 * i);
     }
     memcpy(covered + 4, bytes + latent, 2 + size);
-    const uint16_t crc = crc16(covered, 4 + 2 + size);
+    const uint16_t crc = crc16(0xffff, covered, 4 + 2 + size);
     bytes[head + size] = (uint8_t)crc;
     bytes[head + size + 1] = (uint8_t)(crc >> 8);
     offer(bytes, head + size + 2);
@@ -194,7 +168,7 @@ static void sealed_latents(void) {
             bytes[at] = (uint8_t)random_bits(&seed);
         }
     }
-    const uint16_t crc = crc16(bytes, covered);
+    const uint16_t crc = crc16(0xffff, bytes, covered);
     bytes[covered] = (uint8_t)crc;
     bytes[covered + 1] = (uint8_t)(crc >> 8);
     offer(bytes, one.size);
@@ -216,11 +190,11 @@ static void sealed_cameras(void) {
     uint8_t covered[19];
     memcpy(covered, bytes + 9, 3);
     memcpy(covered + 3, bytes + 31, 16);
-    const uint16_t camera = crc16(covered, sizeof covered);
+    const uint16_t camera = crc16(0xffff, covered, sizeof covered);
     bytes[47] = (uint8_t)camera;
     bytes[48] = (uint8_t)(camera >> 8);
     bytes[28] = (uint8_t)camera;
-    const uint16_t crc = crc16(bytes, 29);
+    const uint16_t crc = crc16(0xffff, bytes, 29);
     bytes[29] = (uint8_t)crc;
     bytes[30] = (uint8_t)(crc >> 8);
     offer(bytes, sizeof bytes);
@@ -229,16 +203,16 @@ static void sealed_cameras(void) {
 // Priors that are damaged in their header or in their splats.
 static void damaged_priors(int rounds) {
     size_t size = 0;
-    uint8_t *sound = read_all(dive.prior, &size), *bytes = malloc(size + 8);
-    const uint8_t *end = (const uint8_t *)strstr((const char *)sound, "end_header\n");
-    const size_t header = end == NULL ? 400 : (size_t)(end - sound) + 11;
+    uint8_t *valid = read_all(dive.prior, &size), *bytes = malloc(size + 8);
+    const uint8_t *end = (const uint8_t *)strstr((const char *)valid, "end_header\n");
+    const size_t header = end == NULL ? 400 : (size_t)(end - valid) + 11;
     long opened = 0;
     for (int i = 0; i < rounds; i++) {
-        memcpy(bytes, sound, size);
+        memcpy(bytes, valid, size);
         size_t left = size;
         if (i % 3 == 0) {  // The header, and its length.
             const size_t longer = damaged(bytes, header, header + 4);
-            memcpy(bytes + longer, sound + header, size - header);
+            memcpy(bytes + longer, valid + header, size - header);
             left = longer + size - header;
         } else if (i % 3 == 1) {
             for (uint32_t turn = random_below(&seed, 300); turn > 0; turn--) {
@@ -259,7 +233,7 @@ static void damaged_priors(int rounds) {
     }
     CHECK(opened > 0 && opened < rounds);
     free(bytes);
-    free(sound);
+    free(valid);
 }
 
 // Files that promise more splats than anyone has.
@@ -281,14 +255,9 @@ static void absurd_priors(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: garbage SCENE");
-    }
     const int rounds = few() ? 15 : 400;
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
-    nvsp_encoder_options options;
-    MUST(NVSP_INIT(&options));
+    set_up(argc, argv);
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.rate = NVSP_RATE_BYTES;
     options.rate_value = 900;
     rig_add(&both, &dive.camera, &options);
@@ -325,11 +294,6 @@ int main(int argc, char **argv) {
     nvsp_collector_destroy(collector);
     nvsp_sender_destroy(sender);
     nvsp_sender_destroy(unprotected);
-    for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
-    }
-    rig_close(&both);
-    scene_free(&dive);
     printf("garbage: %ld shown, %ld refused\n", shown, refused);
-    return report("garbage");
+    return tear_down();
 }

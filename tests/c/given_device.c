@@ -5,14 +5,13 @@
 
 #include "common.h"
 
+#include <nvsprior_extra.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <vulkan/vulkan.h>
 
 #define VULKAN(call) check((call) == VK_SUCCESS, #call, __FILE__, __LINE__)
 #define LAYER "VK_LAYER_KHRONOS_validation"
-
-static scene dive;
 
 // The program's own device.
 static struct {
@@ -280,7 +279,6 @@ static void on_own_device(const packet *expected, const uint8_t *shown, VkBool32
     }
     nvsp_engine_options options = patient_options();
     options.vulkan = &vulkan;
-    rig both = {0};
     MUST(nvsp_engine_create(&options, &both.engine));
     // The structure and what it points to are the caller's again.
     memset(&vulkan, 0xa5, sizeof vulkan);
@@ -366,10 +364,10 @@ static VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL loader_of_two(VkInstance instanc
 
 static void what_does_not_fit(void) {
     own.device = make_device(VK_TRUE, VK_TRUE);
-    const nvsp_vulkan sound = given();
+    const nvsp_vulkan valid = given();
     nvsp_vulkan wrong;
 #define WITHOUT(field) \
-    wrong = sound; \
+    wrong = valid; \
     wrong.field = NULL; \
     refused(NVSP_ERR_NULL, &wrong, "nvsp_vulkan." #field)
     WITHOUT(get_instance_proc_addr);
@@ -378,41 +376,41 @@ static void what_does_not_fit(void) {
     WITHOUT(device);
     WITHOUT(features);
     WITHOUT(queue);
-    wrong = sound;
+    wrong = valid;
     wrong.lock_queue = NULL;
     refused(NVSP_ERR_ARGUMENT, &wrong, "lock_queue");
-    wrong = sound;
+    wrong = valid;
     wrong.unlock_queue = NULL;
     refused(NVSP_ERR_ARGUMENT, &wrong, "unlock_queue");
-    wrong = sound;
+    wrong = valid;
     wrong.features = &own.vulkan12;
     refused(NVSP_ERR_ARGUMENT, &wrong, "VkPhysicalDeviceFeatures2");
-    wrong = sound;
+    wrong = valid;
     wrong.api_version = VK_API_VERSION_1_1;
     refused(NVSP_ERR_NO_DEVICE, &wrong, "Vulkan 1.1");
     wrong.api_version = 0;
     refused(NVSP_ERR_NO_DEVICE, &wrong, "1.2 is needed");
-    wrong = sound;
+    wrong = valid;
     wrong.get_instance_proc_addr = old_loader;
     refused(NVSP_ERR_NO_DEVICE, &wrong, "vkGetPhysicalDeviceProperties2");
-    wrong = sound;
+    wrong = valid;
     wrong.queue_family = 77;
     refused(NVSP_ERR_NO_DEVICE, &wrong, "queue family 77");
     VkQueueFamilyProperties families[16];
     uint32_t count = 16;
     vkGetPhysicalDeviceQueueFamilyProperties(own.physical, &count, families);
-    wrong = sound;
+    wrong = valid;
     wrong.get_instance_proc_addr = loader_of_two;
     wrong.queue_family = count;
     refused(NVSP_ERR_NO_DEVICE, &wrong, "does not compute");
-    wrong = sound;
+    wrong = valid;
     wrong.struct_size = 8;
     nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
     nvsp_engine *engine = NULL;
     options.vulkan = &wrong;
     EXPECT(NVSP_ERR_STRUCT_SIZE, nvsp_engine_create(&options, &engine));
     // Fields that exclude each other.
-    options.vulkan = &sound;
+    options.vulkan = &valid;
     options.device = "0";
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_engine_create(&options, &engine));
     options.device = NULL;
@@ -430,28 +428,22 @@ static void what_does_not_fit(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: given_device SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig both;
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
-    packet expected[MAX_FRAMES];
     uint8_t *shown = malloc(dive.size * MAX_FRAMES);
-    encode_all(&both, &dive, expected);
+    encode_all(&both, &dive, packets);
     for (int i = 0; i < dive.frames; i++) {
         nvsp_picture place = place_of(shown + (size_t)i * dive.size, dive.camera.width, dive.camera.height);
-        MUST(nvsp_decode(both.decoder, expected[i].bytes, expected[i].size, 0, &place, NULL));
+        MUST(nvsp_decode(both.decoder, packets[i].bytes, packets[i].size, 0, &place, NULL));
     }
     rig_close(&both);
 
     make_instance();
     choose_device();
     printf("validation layer: %s\n", validated ? "on" : "not installed");
-    on_own_device(expected, shown, VK_TRUE, 1);
+    on_own_device(packets, shown, VK_TRUE, 1);
     // A device whose features are fewer; nobody else uses its queue.
-    on_own_device(expected, shown, VK_FALSE, 0);
+    on_own_device(packets, shown, VK_FALSE, 0);
     what_does_not_fit();
     CHECK(complaints == 0);
     if (validated) {
@@ -460,10 +452,6 @@ int main(int argc, char **argv) {
         destroy(own.instance, own.messenger, NULL);
     }
     vkDestroyInstance(own.instance, NULL);
-    for (int i = 0; i < dive.frames; i++) {
-        free(expected[i].bytes);
-    }
     free(shown);
-    scene_free(&dive);
-    return report("given_device");
+    return tear_down();
 }

@@ -9,8 +9,6 @@
 
 #define WATCHDOG 2000  // Milliseconds: more than a slow driver takes to compile what a frame needs.
 
-static scene dive;
-
 // From here on no fence is signalled.
 static void hang(void) { setenv("NVSP_HANG_WAITS", "1", 1); }
 
@@ -23,8 +21,7 @@ static double now(void) {
 }
 
 static void open_rig(rig *both) {
-    nvsp_engine_options options;
-    MUST(NVSP_INIT(&options));
+    nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
     options.watchdog_milliseconds = WATCHDOG;
     memset(both, 0, sizeof *both);
     hang_no_more();
@@ -39,7 +36,6 @@ static nvsp_status encode(rig *both, int frame, uint8_t *bytes, size_t *size) {
 }
 
 static void ends_in_time(void) {
-    rig both;
     open_rig(&both);
     uint8_t bytes[4096];
     size_t size = 77;
@@ -48,9 +44,7 @@ static void ends_in_time(void) {
     EXPECT(NVSP_ERR_DEVICE_LOST, encode(&both, 0, bytes, &size));
     double took = now() - began;
     CHECK(took >= WATCHDOG && took < 10 * WATCHDOG && size == 77);
-    char text[256];
-    EXPECT(NVSP_OK, nvsp_encoder_last_error(both.encoder, text, sizeof text));
-    CHECK(strstr(text, "watchdog") != NULL);
+    CHECK(says(both.encoder, "watchdog"));
     // From here on nothing waits any more.
     began = now();
     EXPECT(NVSP_ERR_DEVICE_LOST, encode(&both, 0, bytes, &size));
@@ -62,7 +56,6 @@ static void ends_in_time(void) {
 }
 
 static void cancelled(void) {
-    rig both;
     open_rig(&both);
     const nvsp_image image = scene_image(&dive, 0);
     uint8_t bytes[4096];
@@ -78,20 +71,13 @@ static void cancelled(void) {
     EXPECT(NVSP_ERR_DEVICE_LOST, encode(&both, 0, bytes, &size));
     // The way back is that of a lost device.
     hang_no_more();
-    EXPECT(NVSP_OK, nvsp_engine_reopen(both.engine));
-    nvsp_prior *anew = NULL;
-    MUST(nvsp_prior_open(both.engine, dive.prior, NULL, &anew));
-    EXPECT(NVSP_OK, nvsp_encoder_reopen(both.encoder, both.engine, anew));
-    EXPECT(NVSP_OK, nvsp_decoder_reopen(both.decoder, both.engine, anew));
-    nvsp_prior_destroy(both.prior);
-    both.prior = anew;
+    rig_reopen(&both);
     EXPECT(NVSP_OK, encode(&both, 0, bytes, &size));
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, NULL, NULL));
     rig_close(&both);
 }
 
 static void destroyed(void) {
-    rig both;
     open_rig(&both);
     const nvsp_image image = scene_image(&dive, 0);
     uint8_t bytes[4096];
@@ -107,7 +93,6 @@ static void destroyed(void) {
 }
 
 static void decoding(void) {
-    rig both;
     open_rig(&both);
     uint8_t bytes[4096];
     size_t size = 0;
@@ -118,8 +103,7 @@ static void decoding(void) {
     EXPECT(NVSP_OK, nvsp_encode_wait(both.encoder, 60000));
     EXPECT(NVSP_OK, nvsp_encode_cancel(both.encoder));
     MUST(encode(&both, 2, bytes, &size));
-    nvsp_header header;
-    MUST(NVSP_INIT(&header));
+    nvsp_header header = NVSP_INITIALIZER(nvsp_header);
     MUST(nvsp_decode_header(bytes, size, NULL, &header));
     CHECK(header.frame == 2 && (header.flags & NVSP_HEADER_SHORT) == 0);
     hang();
@@ -130,14 +114,10 @@ static void decoding(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: hung_device SCENE");
-    }
-    scene_read(&dive, argv[1]);
+    read_dive(argc, argv);
     ends_in_time();
     cancelled();
     destroyed();
     decoding();
-    scene_free(&dive);
-    return report("hung_device");
+    return tear_down();
 }

@@ -1,11 +1,8 @@
-// Camera images of every format, with padding, of other sizes; and images that are not sound.
+// Camera images of every format, with padding, of other sizes; and images that are not valid.
 
 #include "common.h"
 
 #include <math.h>
-
-static scene dive;
-static rig both;
 
 // Encodes frame 0, given as `image`, with a new encoder; the packet's bytes, in `bytes`.
 static size_t encode(const nvsp_image *image, const nvsp_encoder_options *options, uint8_t *bytes,
@@ -119,8 +116,7 @@ static void planes_of_yuv(void) {
     uint8_t *y = malloc((size_t)width * height), *u = malloc(pairs), *v = malloc(pairs),
             *uv = malloc(2 * pairs), *from_rgb = malloc(dive.size), *shown = malloc(dive.size);
     uint8_t first[8192], second[8192];
-    nvsp_encoder_options options;
-    MUST(NVSP_INIT(&options));
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.rate = NVSP_RATE_QUALITY;
     options.rate_value = 95;
     const nvsp_image rgb = scene_image(&dive, 0);
@@ -175,57 +171,57 @@ static void refuse(nvsp_status status, nvsp_image image) {
     EXPECT(status, nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written,
                                NULL));
     EXPECT(status, nvsp_encode_begin(both.encoder, &image, with_hint(&dive.poses[0])));
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(both.encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(both.encoder, 0));
     CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes));
 }
 
-static void unsound_planes(void) {
-    const nvsp_image sound = scene_image(&dive, 0);
-    nvsp_image image = sound;
+static void invalid_planes(void) {
+    const nvsp_image valid = scene_image(&dive, 0);
+    nvsp_image image = valid;
     image.planes[0] = NULL;
     refuse(NVSP_ERR_NULL, image);
-    const size_t strides[] = {0, 1, sound.strides[0] - 1, SIZE_MAX, SIZE_MAX / 2, SIZE_MAX / 54};
+    const size_t strides[] = {0, 1, valid.strides[0] - 1, SIZE_MAX, SIZE_MAX / 2, SIZE_MAX / 54};
     for (size_t i = 0; i < sizeof strides / sizeof *strides; i++) {
-        image = sound;
+        image = valid;
         image.strides[0] = strides[i];
         refuse(NVSP_ERR_IMAGE, image);
     }
-    const size_t sizes[] = {0, 1, sound.sizes[0] - 1};
+    const size_t sizes[] = {0, 1, valid.sizes[0] - 1};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        image = sound;
+        image = valid;
         image.sizes[0] = sizes[i];
         refuse(NVSP_ERR_IMAGE, image);
     }
-    image = sound;
+    image = valid;
     image.sizes[0] = SIZE_MAX;
     refuse(NVSP_ERR_ARGUMENT, image);
-    image = sound;
+    image = valid;
     image.format = NVSP_FORMAT_NV12;  // Its second plane is missing.
     refuse(NVSP_ERR_NULL, image);
-    image.planes[1] = sound.planes[0];
+    image.planes[1] = valid.planes[0];
     refuse(NVSP_ERR_IMAGE, image);
     image.format = NVSP_FORMAT_I420;
     refuse(NVSP_ERR_NULL, image);
 }
 
-static void unsound_sizes_and_codes(void) {
-    const nvsp_image sound = scene_image(&dive, 0);
+static void invalid_sizes_and_codes(void) {
+    const nvsp_image valid = scene_image(&dive, 0);
     const uint32_t sizes[][2] = {{0, 0},          {0, 54},        {96, 0},           {65536, 54},
                                  {65536, 36864},  {96, 65536},    {UINT32_MAX, 54},  {96, UINT32_MAX},
                                  {16385, 9216},   {96, 96},       {1, 16384},        {16384, 9216},
                                  {96, 52},        {UINT32_MAX, UINT32_MAX}};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        nvsp_image image = sound;
+        nvsp_image image = valid;
         image.width = sizes[i][0];
         image.height = sizes[i][1];
         refuse(NVSP_ERR_IMAGE, image);
     }
     const uint32_t formats[] = {0, 6, 99, UINT32_MAX};
     for (size_t i = 0; i < sizeof formats / sizeof *formats; i++) {
-        nvsp_image image = sound;
+        nvsp_image image = valid;
         image.format = formats[i];
         refuse(NVSP_ERR_ARGUMENT, image);
-        image = sound;
+        image = valid;
         image.format = NVSP_FORMAT_NV12;
         image.colour = formats[i] == 0 ? 4 : formats[i];
         refuse(NVSP_ERR_ARGUMENT, image);
@@ -233,18 +229,14 @@ static void unsound_sizes_and_codes(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: images SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
 
     channels_and_strides();
     scaled();
     planes_of_yuv();
-    unsound_planes();
-    unsound_sizes_and_codes();
+    invalid_planes();
+    invalid_sizes_and_codes();
     // What was refused was not seen: the next frame is the first.
     uint8_t plain[4096], late[4096];
     const nvsp_image image = scene_image(&dive, 0);
@@ -253,7 +245,5 @@ int main(int argc, char **argv) {
     EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), late, sizeof late, &found, NULL));
     CHECK(found == size && memcmp(plain, late, size) == 0);
 
-    rig_close(&both);
-    scene_free(&dive);
-    return report("images");
+    return tear_down();
 }

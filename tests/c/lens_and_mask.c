@@ -4,15 +4,6 @@
 
 #include "common.h"
 
-static scene dive;
-static rig both;
-
-static nvsp_encoder *new_encoder(void) {
-    nvsp_encoder *encoder = NULL;
-    MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, NULL, &encoder));
-    return encoder;
-}
-
 // Encodes frame 0 from its pose as an encoder's next one; the packet's size.
 static size_t encode(nvsp_encoder *encoder, const nvsp_image *image, uint8_t *bytes, nvsp_frame_stats *stats) {
     size_t size = 0;
@@ -44,42 +35,32 @@ static nvsp_mask mask_of(const uint8_t *pixels) {
     return mask;
 }
 
-static int says(nvsp_encoder *encoder, const char *what) {
-    char text[512];
-    MUST(nvsp_encoder_last_error(encoder, text, sizeof text));
-    if (strstr(text, what) == NULL) {
-        fprintf(stderr, "\"%s\" does not say \"%s\"\n", text, what);
-        return 0;
-    }
-    return 1;
-}
-
 // A lens without distortion changes no byte; one with distortion does, and set away it leaves nothing.
 static void lenses_in_use(void) {
     uint8_t plain[8192], other[8192];
     const nvsp_image image = scene_image(&dive, 0);
-    nvsp_encoder *encoder = new_encoder();
-    nvsp_frame_stats sound = NVSP_INITIALIZER(nvsp_frame_stats);
-    const size_t size = encode(encoder, &image, plain, &sound);
+    nvsp_encoder *encoder = new_encoder(NULL);
+    nvsp_frame_stats valid = NVSP_INITIALIZER(nvsp_frame_stats);
+    const size_t size = encode(encoder, &image, plain, &valid);
     nvsp_encoder_destroy(encoder);
     nvsp_lens lens = straight();
-    encoder = new_encoder();
+    encoder = new_encoder(NULL);
     EXPECT(NVSP_OK, nvsp_encoder_set_lens(encoder, &lens));
     CHECK(encode(encoder, &image, other, NULL) == size && memcmp(plain, other, size) == 0);
     nvsp_encoder_destroy(encoder);
 
-    encoder = new_encoder();
+    encoder = new_encoder(NULL);
     lens.coefficients[0] = -0.25;
     lens.coefficients[1] = 0.06;
     EXPECT(NVSP_OK, nvsp_encoder_set_lens(encoder, &lens));
     nvsp_frame_stats bent = NVSP_INITIALIZER(nvsp_frame_stats);
     encode(encoder, &image, other, &bent);
-    CHECK(bent.render_psnr < sound.render_psnr - 1);
+    CHECK(bent.render_psnr < valid.render_psnr - 1);
     MUST(nvsp_encoder_reset(encoder));
     EXPECT(NVSP_OK, nvsp_encoder_set_lens(encoder, NULL));
     nvsp_frame_stats again = NVSP_INITIALIZER(nvsp_frame_stats);
     encode(encoder, &image, other, &again);
-    CHECK(again.render_psnr > sound.render_psnr - 0.1 && again.render_psnr < sound.render_psnr + 0.1);
+    CHECK(again.render_psnr > valid.render_psnr - 0.1 && again.render_psnr < valid.render_psnr + 0.1);
     // Every format and stride goes the same way.
     nvsp_lens fisheye = straight();
     fisheye.model = NVSP_LENS_FISHEYE;
@@ -91,11 +72,11 @@ static void lenses_in_use(void) {
 }
 
 static void refused_lenses(void) {
-    nvsp_encoder *encoder = new_encoder();
-    const nvsp_lens sound = straight();
-    nvsp_lens lens = sound;
+    nvsp_encoder *encoder = new_encoder(NULL);
+    const nvsp_lens valid = straight();
+    nvsp_lens lens = valid;
 #define REFUSED(field, value, text)                                          \
-    lens = sound;                                                            \
+    lens = valid;                                                            \
     lens.field = value;                                                      \
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_set_lens(encoder, &lens));        \
     CHECK(says(encoder, text))
@@ -116,19 +97,19 @@ static void refused_lenses(void) {
     REFUSED(coefficients[0], -2, "corner (0, 0) has no ray");
     REFUSED(cx, 1e5, "no pixel of the camera's picture");
 #undef REFUSED
-    lens = sound;
+    lens = valid;
     lens.struct_size = 40;
     EXPECT(NVSP_ERR_STRUCT_SIZE, nvsp_encoder_set_lens(encoder, &lens));
-    lens = sound;
+    lens = valid;
     lens.abi_version = 9;
     EXPECT(NVSP_ERR_ABI_VERSION, nvsp_encoder_set_lens(encoder, &lens));
-    EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_lens(NULL, &sound));
+    EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_lens(NULL, &valid));
 
     // Images have the lens's size then.
     uint8_t bytes[8192];
     size_t size = 0;
     nvsp_image image = scene_image(&dive, 0);
-    lens = sound;
+    lens = valid;
     lens.width *= 2;
     lens.height *= 2;
     lens.fx *= 2, lens.fy *= 2, lens.cx *= 2, lens.cy *= 2;
@@ -162,15 +143,15 @@ static void masks_in_use(void) {
     nvsp_image with_arm = image;
     with_arm.planes[0] = arm;
     nvsp_mask mask = mask_of(pixels);
-    nvsp_encoder *encoder = new_encoder();
+    nvsp_encoder *encoder = new_encoder(NULL);
     nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
     const size_t size = encode(encoder, &image, plain, NULL);
     nvsp_encoder_destroy(encoder);
-    encoder = new_encoder();
+    encoder = new_encoder(NULL);
     const size_t full = encode(encoder, &with_arm, naked, NULL);
     CHECK(full > size);
     nvsp_encoder_destroy(encoder);
-    encoder = new_encoder();
+    encoder = new_encoder(NULL);
     EXPECT(NVSP_OK, nvsp_encoder_set_mask(encoder, &mask));
     const size_t less = encode(encoder, &with_arm, masked, &stats);
     // The poses found differ in their last digits, so a byte or two are chance.
@@ -178,12 +159,12 @@ static void masks_in_use(void) {
     nvsp_decoded decoded = NVSP_INITIALIZER(nvsp_decoded);
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, masked, less, 0, NULL, &decoded));
     nvsp_encoder_destroy(encoder);
-    encoder = new_encoder();
+    encoder = new_encoder(NULL);
     EXPECT(NVSP_OK, nvsp_encoder_set_mask(encoder, &mask));
     CHECK(encode(encoder, &image, other, NULL) == less && memcmp(masked, other, less) == 0);
     // With a lens the mask is about the lens's images. The straight one leaves it as it is.
     nvsp_encoder_destroy(encoder);
-    encoder = new_encoder();
+    encoder = new_encoder(NULL);
     const nvsp_lens lens = straight();
     EXPECT(NVSP_OK, nvsp_encoder_set_lens(encoder, &lens));
     EXPECT(NVSP_OK, nvsp_encoder_set_mask(encoder, &mask));
@@ -214,7 +195,7 @@ static void interest(void) {
     const uint8_t weights[6] = {1, 1, 200, 1, 1, 1}, even[1] = {9};
     nvsp_encoder *encoder = NULL;
     for (int i = 0; i < 3; i++) {
-        encoder = new_encoder();
+        encoder = new_encoder(NULL);
         if (i == 1) {
             EXPECT(NVSP_OK, nvsp_encoder_set_interest(encoder, 3, 2, weights, sizeof weights));
         } else if (i == 2) {
@@ -247,7 +228,7 @@ static void interest(void) {
 static void refused_masks(void) {
     const size_t count = (size_t)dive.camera.width * dive.camera.height;
     uint8_t *pixels = calloc(count, 1);
-    nvsp_encoder *encoder = new_encoder();
+    nvsp_encoder *encoder = new_encoder(NULL);
     nvsp_mask mask = mask_of(pixels);
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_set_mask(encoder, &mask));
     CHECK(says(encoder, "no pixel counts"));
@@ -286,18 +267,12 @@ static void refused_masks(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: lens_and_mask SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
     lenses_in_use();
     refused_lenses();
     masks_in_use();
     interest();
     refused_masks();
-    rig_close(&both);
-    scene_free(&dive);
-    return report("lens_and_mask");
+    return tear_down();
 }

@@ -5,8 +5,7 @@
 
 #include "common.h"
 
-static scene dive;
-static packet sound[MAX_FRAMES];  // As they would be without losses.
+static packet valid[MAX_FRAMES];  // As they would be without losses.
 
 // Counts the calls of vkQueueSubmit from here on: the one with this number loses the device.
 static void lose(int number) {
@@ -18,10 +17,9 @@ static void lose(int number) {
 static void lose_none(void) { unsetenv("NVSP_LOSE_SUBMIT"); }
 
 static void without_losses(void) {
-    rig both;
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
-    encode_all(&both, &dive, sound);
+    encode_all(&both, &dive, valid);
     rig_close(&both);
 }
 
@@ -42,32 +40,18 @@ static void all_is_lost(rig *both, int frame) {
         EXPECT(NVSP_ERR_DEVICE_LOST,
                nvsp_encode_finish(both->encoder, bytes, sizeof bytes, &size, NULL));
         EXPECT(NVSP_ERR_DEVICE_LOST,
-               nvsp_decode(both->decoder, sound[0].bytes, sound[0].size, 0, NULL, NULL));
+               nvsp_decode(both->decoder, valid[0].bytes, valid[0].size, 0, NULL, NULL));
     }
     EXPECT(NVSP_ERR_DEVICE_LOST, nvsp_prior_open(both->engine, dive.prior, NULL, &prior));
     EXPECT(NVSP_ERR_DEVICE_LOST,
            nvsp_encoder_create(both->engine, both->prior, &dive.camera, NULL, &encoder));
-    char text[256];
-    EXPECT(NVSP_OK, nvsp_engine_last_error(both->engine, text, sizeof text));
-    CHECK(strstr(text, "lost") != NULL);
+    CHECK(says(both->engine, "lost"));
     CHECK(size == 77 && prior == NULL && encoder == NULL && all_are(bytes, 0xa5, sizeof bytes));
-}
-
-// As the header says: reopens engine, prior, encoder and decoder, then destroys the old prior.
-static void reopen(rig *both) {
-    nvsp_prior *anew = NULL;
-    EXPECT(NVSP_OK, nvsp_engine_reopen(both->engine));
-    MUST(nvsp_prior_open(both->engine, dive.prior, NULL, &anew));
-    EXPECT(NVSP_OK, nvsp_encoder_reopen(both->encoder, both->engine, anew));
-    EXPECT(NVSP_OK, nvsp_decoder_reopen(both->decoder, both->engine, anew));
-    nvsp_prior_destroy(both->prior);
-    both->prior = anew;
 }
 
 // Loses the device at a frame, and goes on from that frame. The packets are those without losses: frame
 // numbers go on, and the decoder still knows the camera, which only the first packet carries.
 static void lost_while_encoding(int frame, int submit) {
-    rig both;
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
     uint8_t bytes[4096];
@@ -82,38 +66,33 @@ static void lost_while_encoding(int frame, int submit) {
             lose_none();
             CHECK(size == 77);
             all_is_lost(&both, i);
-            reopen(&both);
+            rig_reopen(&both);
         }
         EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, with_hint(hint), bytes, sizeof bytes, &size, NULL));
-        CHECK(size == sound[i].size && memcmp(bytes, sound[i].bytes, size) == 0);
+        CHECK(size == valid[i].size && memcmp(bytes, valid[i].bytes, size) == 0);
         EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, NULL, NULL));
     }
     rig_close(&both);
 }
 
 static void lost_while_decoding(void) {
-    rig both;
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
-    EXPECT(NVSP_OK, nvsp_decode(both.decoder, sound[0].bytes, sound[0].size, 0, NULL, NULL));
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, valid[0].bytes, valid[0].size, 0, NULL, NULL));
     lose(1);
-    nvsp_decoded info;
-    MUST(NVSP_INIT(&info));
+    nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
     EXPECT(NVSP_ERR_DEVICE_LOST,
-           nvsp_decode(both.decoder, sound[1].bytes, sound[1].size, 0, NULL, &info));
+           nvsp_decode(both.decoder, valid[1].bytes, valid[1].size, 0, NULL, &info));
     lose_none();
     CHECK(info.width == 0);
-    reopen(&both);
-    EXPECT(NVSP_OK, nvsp_decode(both.decoder, sound[1].bytes, sound[1].size, 0, NULL, &info));
+    rig_reopen(&both);
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, valid[1].bytes, valid[1].size, 0, NULL, &info));
     CHECK(info.frame == 1 && info.rows == info.height);
     rig_close(&both);
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: lost_device SCENE");
-    }
-    scene_read(&dive, argv[1]);
+    read_dive(argc, argv);
     lose_none();
     without_losses();
     // The first frame takes one submission for its start and one for its search. Each later frame takes one.
@@ -122,9 +101,6 @@ int main(int argc, char **argv) {
     lost_while_encoding(3, 1);
     lost_while_encoding(5, 1);
     lost_while_decoding();
-    for (int i = 0; i < dive.frames; i++) {
-        free(sound[i].bytes);
-    }
-    scene_free(&dive);
-    return report("lost_device");
+    free_packets(valid);
+    return tear_down();
 }

@@ -39,15 +39,10 @@ static int heap_refused(const void *caller) {
     return call == atomic_load(&fail_at) || (from != 0 && call >= from);
 }
 
-static scene dive;
-static rig both;
-static packet packets[MAX_FRAMES];
-
 // What is tried: each makes something, and undoes it.
 static nvsp_status try_sender(void) {
     nvsp_sender *made = NULL;
-    nvsp_sender_options options;
-    MUST(NVSP_INIT(&options));
+    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
     options.bit_rate = 100000;
     options.frame_rate = 10;
     options.spread = 0.5;
@@ -64,8 +59,7 @@ static nvsp_status try_sender(void) {
 
 static nvsp_status try_collector(void) {
     nvsp_collector *made = NULL;
-    nvsp_collector_options options;
-    MUST(NVSP_INIT(&options));
+    nvsp_collector_options options = NVSP_INITIALIZER(nvsp_collector_options);
     options.packets = 64;
     options.shares = 256;
     const nvsp_status status = nvsp_collector_create(4096, &options, &made);
@@ -138,8 +132,7 @@ static nvsp_status try_decoder(void) {
 
 // Two frames of a stream, on both sides: the first takes memory for reference frames.
 static nvsp_status try_stream(void) {
-    nvsp_encoder_options options;
-    MUST(NVSP_INIT(&options));
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.mode = NVSP_MODE_STREAM;
     nvsp_encoder *encoder = NULL;
     nvsp_decoder *decoder = NULL;
@@ -153,8 +146,7 @@ static nvsp_status try_stream(void) {
         size_t written = 0;
         status = nvsp_encode(encoder, &image, with_hint(&dive.poses[frame]), bytes, sizeof bytes, &written, NULL);
         if (status == NVSP_OK) {
-            nvsp_decoded decoded;
-            MUST(NVSP_INIT(&decoded));
+            nvsp_decoded decoded = NVSP_INITIALIZER(nvsp_decoded);
             status = nvsp_decode(decoder, bytes, written, 0, NULL, &decoded);
             CHECK(status != NVSP_OK || (decoded.flags & NVSP_DECODED_KEPT));
         }
@@ -164,18 +156,8 @@ static nvsp_status try_stream(void) {
     return status;
 }
 
-// A sound packet of 49 bytes that names a picture of 2048 by 2048.
+// A valid packet of 49 bytes that names a picture of 2048 by 2048.
 static uint8_t hostile[49];
-
-static uint16_t crc16(uint16_t crc, const uint8_t *bytes, size_t size) {
-    for (size_t i = 0; i < size; i++) {
-        crc ^= (uint16_t)(bytes[i] << 8);
-        for (int bit = 0; bit < 8; bit++) {
-            crc = (uint16_t)(crc & 0x8000 ? crc << 1 ^ 0x1021 : crc << 1);
-        }
-    }
-    return crc;
-}
 
 // The first packet with another size and camera, without a difference picture: src/packet/mod.rs has the format.
 static void make_hostile(void) {
@@ -265,21 +247,12 @@ static void every_call_fails(const struct attempt *attempt) {
     CHECK((few_places || ended[0] > 0) && ended[1] > 0);
 }
 
-static void open_all(const char *folder) {
-    scene_read(&dive, folder);
-    rig_open(&both, &dive);
+static void open_all(int argc, char **argv) {
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
     encode_all(&both, &dive, packets);
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, packets[0].bytes, packets[0].size, 0, NULL, NULL));
     make_hostile();
-}
-
-static void close_all(void) {
-    for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
-    }
-    rig_close(&both);
-    scene_free(&dive);
 }
 
 // The bytes of address space that the process has now.
@@ -294,12 +267,12 @@ static size_t address_space(void) {
 }
 
 // In a process of its own: what an attempt comes to if only so much more address space is left.
-static int limited(const char *folder, const char *which, const char *kibibytes) {
-    const struct attempt *attempt = &attempts[atoi(which)];
-    open_all(folder);
+static int limited(int argc, char **argv) {
+    const struct attempt *attempt = &attempts[atoi(argv[2])];
+    open_all(argc, argv);
     MUST(attempt->call());
     malloc_trim(0);
-    const size_t limit = address_space() + ((size_t)atol(kibibytes) << 10);
+    const size_t limit = address_space() + ((size_t)atol(argv[3]) << 10);
     const struct rlimit space = {limit, limit};
     if (setrlimit(RLIMIT_AS, &space) != 0) {
         give_up("setrlimit");
@@ -325,7 +298,7 @@ static void under_limits(const char *program, const char *folder, size_t which) 
             printf("%s with %d KiB: ended with %d\n", attempts[which].name, kibibytes, code);
         }
     }
-    printf("%-14s under limits: %d sound, %d NVSP_ERR_MEMORY, %d another error, %d killed\n", attempts[which].name,
+    printf("%-14s under limits: %d valid, %d NVSP_ERR_MEMORY, %d another error, %d killed\n", attempts[which].name,
            ends[0], ends[1], ends[2], killed);
     CHECK(ends[0] > 0 && ends[2] == 0 && killed == 0);
     CHECK(ends[1] > 0 || !attempts[which].large);
@@ -333,20 +306,16 @@ static void under_limits(const char *program, const char *folder, size_t which) 
 
 int main(int argc, char **argv) {
     if (argc == 4) {
-        return limited(argv[1], argv[2], argv[3]);
-    }
-    if (argc != 2) {
-        give_up("usage: no_memory SCENE");
+        return limited(argc, argv);
     }
     find_library();
     CHECK(code_end > code_start);
-    open_all(argv[1]);
+    open_all(argc, argv);
     for (size_t i = 0; i < ATTEMPTS; i++) {
         every_call_fails(&attempts[i]);
     }
-    close_all();
     for (size_t i = 0; i < 8; i++) {
         under_limits(argv[0], argv[1], i);
     }
-    return report("no_memory");
+    return tear_down();
 }

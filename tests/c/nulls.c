@@ -5,8 +5,8 @@
 
 #include "common.h"
 
-static scene dive;
-static rig both;
+#include <nvsprior_extra.h>
+
 static packet first;
 
 static void engines_and_priors(void) {
@@ -20,9 +20,9 @@ static void engines_and_priors(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_engine_reopen(NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_engine_get_info(NULL, &info));
     EXPECT(NVSP_ERR_NULL, nvsp_engine_get_info(both.engine, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_engine_last_error(NULL, text, sizeof text));
-    EXPECT(NVSP_ERR_NULL, nvsp_engine_last_error(both.engine, NULL, 5));
-    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_engine_last_error(both.engine, text, 0));
+    EXPECT(NVSP_ERR_NULL, nvsp_last_error(NULL, text, sizeof text));
+    EXPECT(NVSP_ERR_NULL, nvsp_last_error(both.engine, NULL, 5));
+    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_last_error(both.engine, text, 0));
 
     EXPECT(NVSP_ERR_NULL, nvsp_prior_open(NULL, dive.prior, NULL, &prior));
     EXPECT(NVSP_ERR_NULL, nvsp_prior_open(both.engine, NULL, NULL, &prior));
@@ -30,14 +30,11 @@ static void engines_and_priors(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_prior_open_memory(NULL, first.bytes, 9, NULL, &prior));
     EXPECT(NVSP_ERR_NULL, nvsp_prior_open_memory(both.engine, NULL, 9, NULL, &prior));
     EXPECT(NVSP_ERR_NULL, nvsp_prior_open_memory(both.engine, first.bytes, 9, NULL, NULL));
-    EXPECT(NVSP_ERR_PRIOR, nvsp_prior_open_memory(both.engine, NULL, 0, NULL, &prior));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_open_memory(both.engine, NULL, 0, NULL, &prior));
     EXPECT(NVSP_ERR_FILE, nvsp_prior_open(both.engine, "no/such/file.ply", NULL, &prior));
     CHECK(prior == NULL);
     EXPECT(NVSP_ERR_NULL, nvsp_prior_get_info(NULL, &prior_info));
     EXPECT(NVSP_ERR_NULL, nvsp_prior_get_info(both.prior, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_prior_last_error(NULL, text, sizeof text));
-    EXPECT(NVSP_ERR_NULL, nvsp_prior_last_error(both.prior, NULL, 5));
-    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_prior_last_error(both.prior, text, 0));
 }
 
 static void encoders(void) {
@@ -53,10 +50,8 @@ static void encoders(void) {
     const nvsp_image image = scene_image(&dive, 0);
     nvsp_picture place = {NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8};
     uint8_t bytes[4096];
-    char text[64];
     size_t written = 77;
-    nvsp_frame_stats stats;
-    MUST(NVSP_INIT(&stats));
+    nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
     memset(bytes, 0xa5, sizeof bytes);
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_rate(NULL, NVSP_RATE_QUALITY, 5));
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_set_camera(NULL, camera));
@@ -93,15 +88,12 @@ static void encoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(encoder, NULL, with_hint(pose)));
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_reset(NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_prepare(NULL, 1, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_encode_poll(NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_wait(NULL, 1));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_finish(NULL, bytes, size, &written, &stats));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_finish(encoder, NULL, size, &written, &stats));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_finish(encoder, bytes, size, NULL, &stats));
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_get_picture(NULL, NVSP_PICTURE_SHOWN, &place));
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_encoder_last_error(NULL, text, sizeof text));
-    EXPECT(NVSP_ERR_NULL, nvsp_encoder_last_error(encoder, NULL, 5));
     CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes) && stats.bytes == 0);
 }
 
@@ -114,7 +106,6 @@ static void decoders(void) {
 
     nvsp_decoder *decoder = both.decoder;
     nvsp_picture place = place_of(NULL, dive.camera.width, dive.camera.height);
-    char text[64];
     nvsp_decoded info;
     nvsp_header header;
     MUST(NVSP_INIT(&info));
@@ -133,11 +124,8 @@ static void decoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_decode_cancel(NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_begin(NULL, first.bytes, first.size, 0));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_begin(decoder, NULL, first.size, 0));
-    EXPECT(NVSP_ERR_NULL, nvsp_decode_poll(NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_wait(NULL, 1));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_finish(NULL, NULL, &info));
-    EXPECT(NVSP_ERR_NULL, nvsp_decoder_last_error(NULL, text, sizeof text));
-    EXPECT(NVSP_ERR_NULL, nvsp_decoder_last_error(decoder, NULL, 5));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_header(NULL, first.size, both.prior, &header));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_header(first.bytes, first.size, both.prior, NULL));
     CHECK(header.width == 0);
@@ -159,7 +147,6 @@ static void links(void) {
     MUST(nvsp_collector_create(64, NULL, &collector));
 
     uint8_t bytes[256];
-    char text[64];
     size_t written = 77;
     uint32_t count = 77;
     double due = 77;
@@ -184,8 +171,6 @@ static void links(void) {
     nvsp_sender_statistics sent = NVSP_INITIALIZER(nvsp_sender_statistics);
     EXPECT(NVSP_ERR_NULL, nvsp_sender_get_statistics(NULL, &sent));
     EXPECT(NVSP_ERR_NULL, nvsp_sender_get_statistics(sender, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_sender_last_error(NULL, text, sizeof text));
-    EXPECT(NVSP_ERR_NULL, nvsp_sender_last_error(sender, NULL, 5));
 
     // So that there is something to fetch.
     uint32_t budget = 0;
@@ -220,8 +205,6 @@ static void links(void) {
     nvsp_collector_statistics came = NVSP_INITIALIZER(nvsp_collector_statistics);
     EXPECT(NVSP_ERR_NULL, nvsp_collector_get_statistics(NULL, &came));
     EXPECT(NVSP_ERR_NULL, nvsp_collector_get_statistics(collector, NULL));
-    EXPECT(NVSP_ERR_NULL, nvsp_collector_last_error(NULL, text, sizeof text));
-    EXPECT(NVSP_ERR_NULL, nvsp_collector_last_error(collector, NULL, 5));
     CHECK(state.bytes == 0 && sent.packets == 0 && came.accepted == 0 && due == 77);
     CHECK(written == 77 && count == 77 && all_are(bytes, 0xa5, sizeof bytes));
     nvsp_sender_destroy(sender);
@@ -255,13 +238,8 @@ static void no_handles(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: nulls SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
-    packet packets[MAX_FRAMES];
     encode_all(&both, &dive, packets);
     first = packets[0];
 
@@ -270,10 +248,5 @@ int main(int argc, char **argv) {
     decoders();
     links();
     no_handles();
-    for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
-    }
-    rig_close(&both);
-    scene_free(&dive);
-    return report("nulls");
+    return tear_down();
 }

@@ -4,17 +4,12 @@
 
 #include "common.h"
 
-static scene dive;
-static rig both;
-
-static nvsp_encoder *new_encoder(uint32_t pipelined, uint32_t check_interval) {
+static nvsp_encoder *encoder_of(uint32_t pipelined, uint32_t check_interval) {
     nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.pipelined = pipelined;
     options.check_interval = check_interval;
     options.camera_interval = 3;
-    nvsp_encoder *encoder = NULL;
-    MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, &options, &encoder));
-    return encoder;
+    return new_encoder(&options);
 }
 
 static const nvsp_pose *hint_of(int frame) { return frame == 0 ? &dive.poses[0] : NULL; }
@@ -33,12 +28,6 @@ static void encode_each(nvsp_encoder *encoder, packet *packets) {
     }
 }
 
-static void free_packets(packet *packets) {
-    for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
-    }
-}
-
 static int is(const packet *packet, const uint8_t *bytes, size_t size) {
     return size == packet->size && memcmp(bytes, packet->bytes, size) == 0;
 }
@@ -49,16 +38,16 @@ static void finish(nvsp_encoder *encoder, const packet *packets, int frame) {
     size_t size = 0;
     nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
     EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 60000));
-    EXPECT(NVSP_OK, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 0));
     EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, sizeof bytes, &size, &stats));
     CHECK(is(&packets[frame], bytes, size) && stats.frame == (uint32_t)frame && stats.bytes == size);
 }
 
 static void the_same_packets(const packet *packets) {
-    nvsp_encoder *encoder = new_encoder(1, 2);
+    nvsp_encoder *encoder = encoder_of(1, 2);
     uint8_t bytes[8192];
     size_t size = 77;
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(encoder, 0));
     EXPECT(NVSP_ERR_STATE, nvsp_encode_finish(encoder, bytes, sizeof bytes, &size, NULL));
     EXPECT(NVSP_OK, begin(encoder, 0));
     for (int i = 1; i < dive.frames; i++) {
@@ -73,7 +62,7 @@ static void the_same_packets(const packet *packets) {
     nvsp_encoder_destroy(encoder);
 
     // Frame by frame, too.
-    encoder = new_encoder(7, 2);
+    encoder = encoder_of(7, 2);
     packet own[MAX_FRAMES] = {{0}};
     encode_each(encoder, own);
     for (int i = 0; i < dive.frames; i++) {
@@ -85,7 +74,7 @@ static void the_same_packets(const packet *packets) {
 
 // Images are read before the call returns, and a packet that does not fit stays in its place.
 static void images_and_short_buffers(const packet *packets) {
-    nvsp_encoder *encoder = new_encoder(1, 2);
+    nvsp_encoder *encoder = encoder_of(1, 2);
     uint8_t *pixels = malloc(dive.size), bytes[8192];
     nvsp_image image = scene_image(&dive, 0);
     image.planes[0] = pixels;
@@ -117,7 +106,7 @@ static void images_and_short_buffers(const packet *packets) {
 
 // Fails to begin what cannot be encoded; the frames under way go on.
 static void refusals(const packet *packets) {
-    nvsp_encoder *encoder = new_encoder(1, 2);
+    nvsp_encoder *encoder = encoder_of(1, 2);
     EXPECT(NVSP_OK, begin(encoder, 0));
     nvsp_image image = scene_image(&dive, 1);
     image.sizes[0]--;
@@ -138,7 +127,7 @@ static void refusals(const packet *packets) {
     nvsp_encoder_destroy(encoder);
 
     // A frame that fails in its search is no frame: the next one gets its number and its packet.
-    encoder = new_encoder(1, 2);
+    encoder = encoder_of(1, 2);
     image = scene_image(&dive, 0);
     EXPECT(NVSP_OK, nvsp_encode_begin(encoder, &image, NULL));
     EXPECT(NVSP_OK, begin(encoder, 0));
@@ -148,7 +137,7 @@ static void refusals(const packet *packets) {
     nvsp_encoder_destroy(encoder);
 
     // A frame that cannot be coded is lost, and with it the camera; the next tells it again.
-    encoder = new_encoder(1, 2);
+    encoder = encoder_of(1, 2);
     MUST(nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, 10));
     EXPECT(NVSP_OK, begin(encoder, 0));
     EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 60000));
@@ -173,11 +162,11 @@ static void cancel(nvsp_encoder *encoder) {
         status = nvsp_encode_cancel(encoder);
     }
     EXPECT(NVSP_OK, status);
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_poll(encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(encoder, 0));
 }
 
 static void cancelled(void) {
-    nvsp_encoder *encoder = new_encoder(1, 2);
+    nvsp_encoder *encoder = encoder_of(1, 2);
     uint8_t bytes[8192];
     size_t size = 0;
     const int rounds = few() ? 2 : 6;
@@ -206,7 +195,7 @@ static void cancelled(void) {
 static void destroyed(void) {
     for (int frames = 0; frames <= 2; frames++) {
         for (int later = 0; later < 2; later++) {
-            nvsp_encoder *encoder = new_encoder(1, 0);
+            nvsp_encoder *encoder = encoder_of(1, 0);
             for (int i = 0; i < frames; i++) {
                 EXPECT(NVSP_OK, begin(encoder, i));
             }
@@ -216,7 +205,7 @@ static void destroyed(void) {
             nvsp_encoder_destroy(encoder);
         }
     }
-    nvsp_encoder *encoder = new_encoder(1, 0);
+    nvsp_encoder *encoder = encoder_of(1, 0);
     EXPECT(NVSP_OK, begin(encoder, 0));
     EXPECT(NVSP_OK, begin(encoder, 1));
     (void)nvsp_encode_cancel(encoder);
@@ -225,7 +214,7 @@ static void destroyed(void) {
 
 // Another size, a mask and a lens between frames; the frame that is coded meanwhile keeps its own.
 static void changes(void) {
-    nvsp_encoder *encoder = new_encoder(1, 0);
+    nvsp_encoder *encoder = encoder_of(1, 0);
     const nvsp_camera half = scaled_camera(&dive, dive.camera.width / 2);
     uint8_t bytes[8192];
     size_t size = 0;
@@ -246,14 +235,9 @@ static void changes(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: pipelined SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
-    packet packets[MAX_FRAMES] = {{0}};
-    nvsp_encoder *plain = new_encoder(0, 2);
+    nvsp_encoder *plain = encoder_of(0, 2);
     encode_each(plain, packets);
     nvsp_encoder_destroy(plain);
 
@@ -263,8 +247,5 @@ int main(int argc, char **argv) {
     cancelled();
     destroyed();
     changes();
-    free_packets(packets);
-    rig_close(&both);
-    scene_free(&dive);
-    return report("pipelined");
+    return tear_down();
 }

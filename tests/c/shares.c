@@ -4,6 +4,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <nvsprior_extra.h>
 #include <unistd.h>
 
 #if defined(__has_feature)
@@ -20,9 +21,6 @@
 #define RATE 20000.0
 #define FRAMES_A_SECOND 15.0
 
-static scene dive;
-static rig both;
-static packet packets[MAX_FRAMES];
 static uint64_t seed = 1;
 
 static nvsp_sender_options link_options(void) {
@@ -49,26 +47,6 @@ static nvsp_collector *new_collector(uint32_t streams) {
     return made;
 }
 
-static uint16_t crc16(uint16_t crc, const uint8_t *bytes, size_t size) {
-    for (size_t i = 0; i < size; i++) {
-        crc ^= (uint16_t)(bytes[i] << 8);
-        for (int bit = 0; bit < 8; bit++) {
-            crc = (uint16_t)(crc & 0x8000 ? crc << 1 ^ 0x1021 : crc << 1);
-        }
-    }
-    return crc;
-}
-
-static uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size) {
-    for (size_t i = 0; i < size; i++) {
-        crc ^= bytes[i];
-        for (int bit = 0; bit < 8; bit++) {
-            crc = crc & 1 ? crc >> 1 ^ 0xedb88320u : crc >> 1;
-        }
-    }
-    return crc;
-}
-
 // A short packet like one that was encoded, with another frame number and another payload of at most `budget` bytes in
 // all; src/packet/mod.rs has the format.
 static size_t numbered(uint8_t *bytes, uint32_t frame, size_t budget) {
@@ -92,7 +70,7 @@ static size_t numbered(uint8_t *bytes, uint32_t frame, size_t budget) {
     for (size_t i = 0; i < payload; i++) {
         bytes[size++] = (uint8_t)random_bits(&seed);
     }
-    const uint32_t latent_check = ~crc32(~0u, bytes, latent);
+    const uint32_t latent_check = crc32(0, bytes, latent);
     const uint8_t start[4] = {(uint8_t)latent_check, (uint8_t)(latent_check >> 8), (uint8_t)(latent_check >> 16),
                               (uint8_t)(latent_check >> 24)};
     const uint16_t residual = crc16(crc16(0xffff, start, 4), bytes + latent, size - latent);
@@ -179,10 +157,8 @@ static void deliver(nvsp_collector *collector, double now, const uint8_t *share,
     const nvsp_status status = nvsp_collector_push(collector, now, padded, length, &state);
     if (status != NVSP_OK) {
         // Held back for so long that the packet has gone by.
-        char text[256];
         CHECK(held_back && status == NVSP_ERR_MODEM);
-        EXPECT(NVSP_OK, nvsp_collector_last_error(collector, text, sizeof text));
-        CHECK(strstr(text, "newer one took its place") != NULL);
+        CHECK(says(collector, "newer one took its place"));
         all->refused++;
         return;
     }
@@ -449,8 +425,7 @@ static void wrong_states(void) {
     EXPECT(NVSP_PENDING, nvsp_sender_next(sender, 0, bytes, sizeof bytes, &size));
     EXPECT(NVSP_PENDING, nvsp_sender_due(sender, &due));
     EXPECT(NVSP_ERR_STATE, nvsp_sender_push(sender, 0, packets[1].bytes, packets[1].size, NULL, 0, NULL));
-    EXPECT(NVSP_OK, nvsp_sender_last_error(sender, text, sizeof text));
-    CHECK(strstr(text, "planned") != NULL);
+    CHECK(says(sender, "planned"));
     EXPECT(NVSP_OK, nvsp_sender_plan(sender, 0, &budget));
     EXPECT(NVSP_ERR_MODEM, nvsp_sender_push(sender, 0, bytes, 100, NULL, 0, NULL));
     EXPECT(NVSP_ERR_MODEM, nvsp_sender_push(sender, 0, packets[1].bytes, packets[1].size - 1, NULL, 0, NULL));
@@ -493,7 +468,7 @@ static void wrong_states(void) {
     // A share of the same packet, but without protection.
     EXPECT(NVSP_ERR_MODEM, nvsp_collector_push(collector, 1, packets[1].bytes, packets[1].size, &state));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_push(collector, 1, bytes, SIZE_MAX, &state));
-    EXPECT(NVSP_OK, nvsp_collector_last_error(collector, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(collector, text, sizeof text));
     CHECK(strlen(text) > 3);
     uint32_t count = 77;
     EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_collector_arrived(collector, 0, 1, bytes, 0, &count));
@@ -705,13 +680,8 @@ static void garbage(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: shares SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
-    nvsp_encoder_options options;
-    MUST(NVSP_INIT(&options));
+    set_up(argc, argv);
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.rate = NVSP_RATE_BYTES;
     options.rate_value = 400;
     rig_add(&both, &dive.camera, &options);
@@ -726,10 +696,5 @@ int main(int argc, char **argv) {
     reports();
     out_of_range();
     garbage();
-    for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
-    }
-    rig_close(&both);
-    scene_free(&dive);
-    return report("shares");
+    return tear_down();
 }

@@ -7,9 +7,6 @@
 #include <malloc.h>
 #include <unistd.h>
 
-static scene dive;
-static rig both;
-
 // What the process and its device hold.
 typedef struct held {
     long rss;  // KiB.
@@ -53,15 +50,11 @@ static void whole_way(int number) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 3) {
-        give_up("usage: soak SCENE FRAMES");
-    }
-    const int frames = atoi(argv[2]), warm = 50;
+    const int frames = argc > 2 ? atoi(argv[2]) : 2000, warm = 50;
     // What is freed goes back to the system at once, so that RSS shows what is held.
     mallopt(M_TRIM_THRESHOLD, 0);
-    scene_read(&dive, argv[1]);
+    set_up(argc, argv);
     const nvsp_camera camera = scaled_camera(&dive, 64);
-    rig_open(&both, &dive);
     rig_add(&both, &camera, NULL);
     held start = {0};
     for (int i = 0; i < frames; i++) {
@@ -82,7 +75,5 @@ int main(int argc, char **argv) {
     CHECK(end.device.memory_used == start.device.memory_used);
     CHECK(end.device.memory_reserved == start.device.memory_reserved);
     CHECK(end.device.buffers == start.device.buffers);
-    rig_close(&both);
-    scene_free(&dive);
-    return report("soak");
+    return tear_down();
 }

@@ -4,9 +4,6 @@
 
 #include "common.h"
 
-static scene dive;
-static rig both;
-
 static nvsp_encoder_options stream_options(uint32_t structure, uint32_t key_every) {
     nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.mode = NVSP_MODE_STREAM;
@@ -15,12 +12,6 @@ static nvsp_encoder_options stream_options(uint32_t structure, uint32_t key_ever
     options.rate = NVSP_RATE_QUALITY;
     options.rate_value = 30;
     return options;
-}
-
-static nvsp_encoder *new_encoder(const nvsp_encoder_options *options) {
-    nvsp_encoder *encoder = NULL;
-    MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, options, &encoder));
-    return encoder;
 }
 
 // The packets of all frames, the pictures that the topside is to show, and how far back each one's reference lies.
@@ -162,17 +153,11 @@ static void refusals(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc < 2) {
-        give_up("usage: stream FOLDER");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
+    set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
     a_chain_and_a_loss();
     acknowledged_frames_are_reference_frames();
     pipelined();
     refusals();
-    rig_close(&both);
-    scene_free(&dive);
-    return report("stream");
+    return tear_down();
 }

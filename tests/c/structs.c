@@ -5,8 +5,8 @@
 
 #include "common.h"
 
-static scene dive;
-static rig both;
+#include <nvsprior_extra.h>
+
 static packet first;
 static nvsp_sender *sender;
 static nvsp_collector *collector;
@@ -329,7 +329,7 @@ static nvsp_status between_poses(void *structure) {
     return status;
 }
 
-// Structures that mean nothing if they are all zero: they are sound ones with another head, or with more after them.
+// Structures that mean nothing if they are all zero: they are valid ones with another head, or with more after them.
 static void others(void) {
     camera = dive.camera;
     pose = dive.poses[0];
@@ -344,7 +344,7 @@ static void others(void) {
     sender_options = (nvsp_sender_options){NVSP_HEAD(nvsp_sender_options), .bit_rate = 5000, .frame_rate = 5};
     MUST(nvsp_decode(both.decoder, first.bytes, first.size, 0, NULL, NULL));
     const struct {
-        const void *sound;
+        const void *valid;
         size_t size;
         caller call;
     } all[] = {
@@ -362,11 +362,11 @@ static void others(void) {
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         const size_t size = all[i].size;
         uint32_t *words = calloc(1, size + 24);
-        memcpy(words, all[i].sound, size);
+        memcpy(words, all[i].valid, size);
         EXPECT(NVSP_OK, all[i].call(words));
         words[0] = (uint32_t)size + 24;
         EXPECT(NVSP_OK, all[i].call(words));
-        memcpy(words, all[i].sound, size);
+        memcpy(words, all[i].valid, size);
         words[0] = (uint32_t)size + 24;
         ((uint8_t *)words)[size + 23] = 1;
         EXPECT(NVSP_ERR_STRUCT_SIZE, all[i].call(words));
@@ -534,14 +534,10 @@ static void allocators(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: structs SCENE");
-    }
-    scene_read(&dive, argv[1]);
+    read_dive(argc, argv);
     allocators();
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
-    packet packets[MAX_FRAMES];
     encode_all(&both, &dive, packets);
     first = packets[0];
     make_link();
@@ -560,12 +556,7 @@ int main(int argc, char **argv) {
         }
         newer(structures[i].call, structures[i].size, structures[i].output);
     }
-    for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
-    }
     nvsp_sender_destroy(sender);
     nvsp_collector_destroy(collector);
-    rig_close(&both);
-    scene_free(&dive);
-    return report("structs");
+    return tear_down();
 }

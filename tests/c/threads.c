@@ -10,10 +10,6 @@
 #include <stdatomic.h>
 #include <unistd.h>
 
-static scene dive;
-static rig both;
-static packet packets[MAX_FRAMES];
-
 // Encodes and decodes the dive on its own handles, while other threads do the same.
 static void *alone(void *unused) {
     (void)unused;
@@ -26,8 +22,7 @@ static void *alone(void *unused) {
               && memcmp(found[i].bytes, packets[i].bytes, found[i].size) == 0);
         EXPECT(NVSP_OK, nvsp_decode(own.decoder, found[i].bytes, found[i].size, 0, NULL, NULL));
         free(found[i].bytes);
-        nvsp_engine_info info;
-        MUST(NVSP_INIT(&info));
+        nvsp_engine_info info = NVSP_INITIALIZER(nvsp_engine_info);
         EXPECT(NVSP_OK, nvsp_engine_get_info(both.engine, &info));
     }
     nvsp_decoder_destroy(own.decoder);
@@ -59,11 +54,11 @@ static void *intrude(void *unused) {
     const nvsp_image image = NVSP_INITIALIZER(nvsp_image);
     while (!over) {
         const nvsp_status statuses[] = {
-            nvsp_encode_poll(both.encoder),
+            nvsp_encode_wait(both.encoder, 0),
             nvsp_encode_wait(both.encoder, 0),
             nvsp_encode_begin(both.encoder, &image, NULL),
             nvsp_encoder_set_rate(both.encoder, NVSP_RATE_DEFAULT, 0),
-            nvsp_decode_poll(both.decoder),
+            nvsp_decode_wait(both.decoder, 0),
             nvsp_decoder_add_camera(both.decoder, &dive.camera),
             nvsp_decode(both.decoder, packets[0].bytes, 12, 0, NULL, NULL),
         };
@@ -75,7 +70,7 @@ static void *intrude(void *unused) {
                   || statuses[i] == NVSP_OK);
         }
         char text[512];
-        CHECK(nvsp_encoder_last_error(both.encoder, text, sizeof text) == NVSP_OK);
+        CHECK(nvsp_last_error(both.encoder, text, sizeof text) == NVSP_OK);
         usleep(100);
     }
     return NULL;
@@ -130,8 +125,7 @@ static void on_start(void *user, const char *name) {
 // Each thread calls the callback once, before its first work. The caller's own signals stay as they were.
 static void threads_that_start(void) {
     pthread_t self = pthread_self();
-    nvsp_engine_options options;
-    MUST(NVSP_INIT(&options));
+    nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
     options.thread_start = on_start;
     options.thread_start_user = &self;
     rig own = {0};
@@ -158,10 +152,7 @@ static void threads_that_start(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: threads SCENE");
-    }
-    scene_read(&dive, argv[1]);
+    read_dive(argc, argv);
     threads_that_start();
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
@@ -172,10 +163,5 @@ int main(int argc, char **argv) {
 
     side_by_side();
     intruded_upon();
-    for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
-    }
-    rig_close(&both);
-    scene_free(&dive);
-    return report("threads");
+    return tear_down();
 }

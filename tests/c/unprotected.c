@@ -2,12 +2,11 @@
 
 #include "common.h"
 
+#include <nvsprior_extra.h>
+
 #define MAX_MODEM_FRAMES 256
 #define MAX_PACKET 4096
 
-static scene dive;
-static rig both;
-static packet packets[MAX_FRAMES];
 static uint64_t seed = 1;
 
 // A packet as its modem frames.
@@ -200,7 +199,7 @@ static void nothing_to_fetch(void) {
     EXPECT(NVSP_ERR_STATE, nvsp_collector_fetch(collector, 0, 0, bytes, sizeof bytes, &size, NULL));
     EXPECT(NVSP_ERR_MODEM, nvsp_collector_push(collector, 0, bytes, 0, NULL));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_push(collector, 0, bytes, SIZE_MAX, NULL));
-    EXPECT(NVSP_OK, nvsp_collector_last_error(collector, text, sizeof text));
+    EXPECT(NVSP_OK, nvsp_last_error(collector, text, sizeof text));
     CHECK(strlen(text) > 3);
     push(collector, frames.frames[0], frames.sizes[0]);
     // Nothing is written but the size needed.
@@ -304,13 +303,8 @@ static void out_of_range(void) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) {
-        give_up("usage: unprotected SCENE");
-    }
-    scene_read(&dive, argv[1]);
-    rig_open(&both, &dive);
-    nvsp_encoder_options options;
-    MUST(NVSP_INIT(&options));
+    set_up(argc, argv);
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.rate = NVSP_RATE_BYTES;
     options.rate_value = 900;
     rig_add(&both, &dive.camera, &options);
@@ -328,10 +322,5 @@ int main(int argc, char **argv) {
     nothing_to_fetch();
     paced();
     out_of_range();
-    for (int i = 0; i < dive.frames; i++) {
-        free(packets[i].bytes);
-    }
-    rig_close(&both);
-    scene_free(&dive);
-    return report("unprotected");
+    return tear_down();
 }

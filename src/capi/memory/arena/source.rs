@@ -30,6 +30,27 @@ pub(in crate::capi::memory) fn set(allocator: &nvsp_allocator) -> bool {
     true
 }
 
+/// Gives a block's content a block of another size. The old one goes back only if there is a new one.
+///
+/// # Safety
+/// As for [`GlobalAlloc::realloc`] of this allocator.
+pub(super) unsafe fn move_block(
+    allocator: &impl GlobalAlloc,
+    block: *mut u8,
+    layout: Layout,
+    size: usize,
+) -> *mut u8 {
+    // SAFETY: a size that is no more than a layout takes, see `# Safety`. Both blocks have the bytes that are copied.
+    unsafe {
+        let moved = allocator.alloc(Layout::from_size_align_unchecked(size, layout.align()));
+        if !moved.is_null() {
+            moved.copy_from_nonoverlapping(block, layout.size().min(size));
+            allocator.dealloc(block, layout);
+        }
+        moved
+    }
+}
+
 pub(super) struct Source;
 
 // SAFETY: the system's allocator, or functions that the header asks to be one. Nothing here allocates or unwinds.
@@ -37,7 +58,7 @@ unsafe impl GlobalAlloc for Source {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let function = ALLOCATE.load(Ordering::Acquire);
         let block = if function.is_null() {
-            // SAFETY: as the caller promises.
+            // SAFETY: the layout has a size, as `GlobalAlloc::alloc` asks.
             unsafe { System.alloc(layout) }
         } else {
             // SAFETY: `set` stored a function of this type.
@@ -54,14 +75,14 @@ unsafe impl GlobalAlloc for Source {
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         if ALLOCATE.load(Ordering::Acquire).is_null() {
-            // SAFETY: as the caller promises.
+            // SAFETY: the layout has a size, as `GlobalAlloc::alloc` asks.
             let block = unsafe { System.alloc_zeroed(layout) };
             if !block.is_null() {
                 BLOCKS.fetch_add(1, Ordering::Relaxed);
             }
             return block;
         }
-        // SAFETY: as the caller promises; the block has the layout's size.
+        // SAFETY: the layout has a size, which is the block's, too.
         unsafe {
             let block = self.alloc(layout);
             if !block.is_null() {
@@ -74,7 +95,7 @@ unsafe impl GlobalAlloc for Source {
     unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
         let function = RELEASE.load(Ordering::Acquire);
         if function.is_null() {
-            // SAFETY: as the caller promises.
+            // SAFETY: the block is the system's, of this layout: `set` changes nothing while blocks are out.
             unsafe { System.dealloc(block, layout) };
         } else {
             // SAFETY: `set` stored a function of this type, and gave the block by its counterpart.
@@ -88,18 +109,10 @@ unsafe impl GlobalAlloc for Source {
 
     unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         if ALLOCATE.load(Ordering::Acquire).is_null() {
-            // SAFETY: as the caller promises.
+            // SAFETY: the block is the system's, of this layout: `set` changes nothing while blocks are out.
             return unsafe { System.realloc(block, layout, size) };
         }
-        // SAFETY: the caller promises a size that is no more than a layout takes. Both blocks have the bytes that are
-        // copied. The old one goes back only if there is a new one.
-        unsafe {
-            let moved = self.alloc(Layout::from_size_align_unchecked(size, layout.align()));
-            if !moved.is_null() {
-                moved.copy_from_nonoverlapping(block, layout.size().min(size));
-                self.dealloc(block, layout);
-            }
-            moved
-        }
+        // SAFETY: the block is this allocator's, of this layout, as `GlobalAlloc::realloc` asks.
+        unsafe { move_block(self, block, layout, size) }
     }
 }

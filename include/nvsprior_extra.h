@@ -1,0 +1,293 @@
+/* nvsprior: what few programs need. A Vulkan device of yours, frames in DMA-BUFs, memory of yours, a list of devices,
+ * counts of a link. The contract of nvsprior.h holds here, too.
+ */
+
+#ifndef NVSPRIOR_EXTRA_H
+#define NVSPRIOR_EXTRA_H
+
+#include "nvsprior.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+// ---- A Vulkan device of yours ----
+
+// What VkInstance points to.
+typedef struct VkInstance_T VkInstance_T;
+
+// What VkPhysicalDevice points to.
+typedef struct VkPhysicalDevice_T VkPhysicalDevice_T;
+
+// What VkDevice points to.
+typedef struct VkDevice_T VkDevice_T;
+
+// What VkQueue points to.
+typedef struct VkQueue_T VkQueue_T;
+
+// PFN_vkVoidFunction.
+typedef void (*nvsp_vulkan_function)(void);
+
+// PFN_vkGetInstanceProcAddr.
+typedef nvsp_vulkan_function (*nvsp_vulkan_loader)(struct VkInstance_T *instance, const char *name);
+
+// Takes or gives back the lock of a queue. Called on any thread that is inside the library, and on the library's own;
+// both on the same one. It must not call the library, and must not unwind.
+typedef void (*nvsp_queue_callback)(void *user);
+
+// A Vulkan device that you have made, for an engine to work on beside your own work. It needs Vulkan 1.2, the feature
+// vulkanMemoryModel, and a queue that computes; no extensions. With the feature shaderInt64 CPU devices are faster.
+// The types are those of Vulkan's own header. What an engine makes on the device is gone when the last handle made
+// with it is destroyed. Until then keep instance and device; the library destroys neither. Example:
+//
+//     nvsp_vulkan vulkan = NVSP_INITIALIZER(nvsp_vulkan);
+//     vulkan.get_instance_proc_addr = vkGetInstanceProcAddr;
+//     vulkan.api_version = VK_API_VERSION_1_2;
+//     vulkan.instance = instance;
+//     vulkan.physical_device = physical_device;
+//     vulkan.device = device;
+//     vulkan.features = &features; // A VkPhysicalDeviceFeatures2, as it was VkDeviceCreateInfo.pNext.
+//     vulkan.queue = queue;
+//     vulkan.queue_family = family;
+//     vulkan.lock_queue = lock;
+//     vulkan.unlock_queue = unlock;
+//     vulkan.queue_user = &mutex;
+//     options.vulkan = &vulkan;
+typedef struct nvsp_vulkan {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // vkGetInstanceProcAddr of your loader. The library finds all other functions through it. Not NULL.
+  nvsp_vulkan_loader get_instance_proc_addr;
+  // A VkInstance. Not NULL.
+  struct VkInstance_T *instance;
+  // A VkPhysicalDevice of it. Not NULL.
+  struct VkPhysicalDevice_T *physical_device;
+  // A VkDevice made of that. Not NULL.
+  struct VkDevice_T *device;
+  // A VkPhysicalDeviceFeatures2 with its chain: what VkDeviceCreateInfo.pNext was when the device was made. The
+  // library reads shaderInt64 of it, and vulkanMemoryModel of a VkPhysicalDeviceVulkan12Features or a
+  // VkPhysicalDeviceVulkanMemoryModelFeatures. Read during the call. Not NULL.
+  const void *features;
+  // A VkQueue of the device. Not NULL.
+  struct VkQueue_T *queue;
+  // The index of the queue's family.
+  uint32_t queue_family;
+  // VkApplicationInfo.apiVersion of the instance, VK_API_VERSION_1_2 or newer.
+  uint32_t api_version;
+  // Called before the library submits work to the queue, as Vulkan lets one thread at a time use a queue. It waits
+  // until no other thread uses it. NULL: nobody else uses the queue until the last handle made with the engine is
+  // destroyed.
+  nvsp_queue_callback lock_queue;
+  // Called after it. NULL if `lock_queue` is.
+  nvsp_queue_callback unlock_queue;
+  // Passed to both as it is. What it points to must outlive every handle made with the engine.
+  void *queue_user;
+} nvsp_vulkan;
+
+// ---- Frames in DMA-BUFs ----
+
+// A DMA-BUF that frames are read from; import each buffer of a camera's ring once. Any number of threads may use it at
+// once. Example, for a frame of V4L2 in NV12, whose buffer VIDIOC_EXPBUF exported:
+//
+//     nvsp_dmabuf *buffer = NULL;
+//     if (nvsp_dmabuf_import(engine, fd, 0, &buffer) != NVSP_OK) return 1;
+//     nvsp_image image = NVSP_INITIALIZER(nvsp_image);
+//     image.format = NVSP_FORMAT_NV12;
+//     image.width = 1920;
+//     image.height = 1080;
+//     image.dmabufs[0] = buffer;
+//     image.offsets[1] = 1080 * stride;
+//     image.strides[0] = image.strides[1] = stride;
+typedef struct nvsp_dmabuf nvsp_dmabuf;
+
+// Imports a DMA-BUF, to read frames from it without a copy. The rows of its pixels lie one after the other
+// (DRM_FORMAT_MOD_LINEAR, "pitch linear"). Surfaces in a layout of the hardware's own, such as NVIDIA's block-linear
+// NVMM surfaces, must be converted first: on a Jetson nvvidconv or NvBufSurfTransform does it. The library maps the
+// buffer for reading and keeps a copy of the descriptor. Needs no extension of the Vulkan device. Allocates.
+//
+// Fails with NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are none),
+// NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY; the text
+// is the engine's.
+//
+// Parameters:
+// - `engine`: a live engine, whose log and last error tell of failures. Not NULL.
+// - `fd`: a file descriptor of the DMA-BUF. You may close it after the call.
+// - `modifier`: the DRM format modifier of its pixels: 0, which is DRM_FORMAT_MOD_LINEAR. V4L2 has no modifiers: its
+//   formats without a name of their own for a layout are linear.
+// - `dmabuf`: receives the buffer, which nvsp_dmabuf_destroy ends. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_dmabuf_import(const struct nvsp_engine *engine,
+                               int32_t fd,
+                               uint64_t modifier,
+                               struct nvsp_dmabuf **dmabuf) NVSP_NONNULL(1, 4);
+
+// Ends a DMA-BUF; NULL is allowed. Its descriptor is closed and its memory unmapped.
+void nvsp_dmabuf_destroy(struct nvsp_dmabuf *dmabuf);
+
+// ---- Memory of yours ----
+
+// Gives `size` bytes at an address that is a multiple of `alignment`, a power of two; NULL: there are none. Called on
+// any thread, on several at once. It must not call the library, and must not unwind.
+typedef void *(*nvsp_allocate_callback)(void *user, size_t size, size_t alignment);
+
+// Takes a block back that nvsp_allocate_callback gave, with the size and alignment that it was asked for.
+typedef void (*nvsp_release_callback)(void *user, void *block, size_t size, size_t alignment);
+
+// Where the library takes host memory from.
+typedef struct nvsp_allocator {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
+  nvsp_allocate_callback allocate;
+  // Takes it back.
+  nvsp_release_callback release;
+  // Passed to both as it is. What it points to must stay as long as the library is loaded.
+  void *user;
+} nvsp_allocator;
+
+// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles
+// are destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
+//
+// Fails with NVSP_ERR_ARGUMENT (one callback without the other), or NVSP_ERR_STATE if the library holds memory.
+//
+// Parameters:
+// - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator) NVSP_NONNULL(1);
+
+// ---- The devices there are ----
+
+// A graphics card with memory of its own.
+#define NVSP_DEVICE_DISCRETE_GPU 1
+
+// A GPU that shares the host's memory.
+#define NVSP_DEVICE_INTEGRATED_GPU 2
+
+// A GPU of a virtual machine.
+#define NVSP_DEVICE_VIRTUAL_GPU 3
+
+// A driver that computes on the CPU.
+#define NVSP_DEVICE_CPU 4
+
+// Any other device.
+#define NVSP_DEVICE_OTHER 5
+
+// A device that a driver offers.
+typedef struct nvsp_device_info {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Its name, ending in NUL; nvsp_engine_options.device takes it, a part of it, or its number as text.
+  char name[256];
+  // Name and version of its driver, ending in NUL.
+  char driver[256];
+  // Why it cannot run an engine, ending in NUL; empty if it can.
+  char unfit[128];
+  // NVSP_DEVICE_*.
+  uint32_t kind;
+  // Vulkan version, first number.
+  uint32_t vulkan_major;
+  // Vulkan version, second number.
+  uint32_t vulkan_minor;
+  // Zero.
+  uint32_t reserved;
+  // Its largest heap of memory, bytes.
+  uint64_t memory;
+  // Its largest buffer, bytes.
+  uint64_t largest_buffer;
+} nvsp_device_info;
+
+// Describes a device of the installed drivers, by its number, and tells how many there are. Each call asks the drivers
+// anew, which takes milliseconds, and allocates. Any thread may call it.
+//
+// Fails with NVSP_ERR_MEMORY, NVSP_ERR_VULKAN, NVSP_ERR_NO_DEVICE if no driver is installed, or NVSP_ERR_ARGUMENT if
+// no device has this number; `count` is written then, too.
+//
+// Parameters:
+// - `number`: the device's number, from 0.
+// - `info`: receives the description, set up by NVSP_INIT. NULL: not wanted.
+// - `count`: receives how many devices there are. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_device_get_info(uint32_t number,
+                                 struct nvsp_device_info *info,
+                                 uint32_t *count);
+
+// ---- Counts of both ends of a link ----
+
+// Counts since the sender was made.
+typedef struct nvsp_sender_statistics {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Frames left out: nvsp_sender_plan had no bytes for them.
+  uint64_t left_out;
+  // Packets taken.
+  uint64_t packets;
+  // Packets of them whose end was not sent.
+  uint64_t cut;
+  // Shares of them.
+  uint64_t shares;
+  // Bytes of them on the link, the overhead of each share counted.
+  uint64_t bytes;
+  // Shares that wait now.
+  uint64_t waiting;
+  // The loss that packets are protected against now.
+  double loss;
+  // And the mean length of its bursts, modem frames.
+  double burst;
+  // The bit rate now, bit/s.
+  double bit_rate;
+  // Shares that were sent again.
+  uint64_t resent;
+} nvsp_sender_statistics;
+
+// Copies the counts of a sender.
+//
+// Parameters:
+// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_sender_get_statistics(struct nvsp_sender *sender,
+                                       struct nvsp_sender_statistics *statistics) NVSP_NONNULL(1, 2);
+
+// Counts since the collector was made. A packet has gone by once a newer one took its place, or it is stale.
+typedef struct nvsp_collector_statistics {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Shares that were not there before.
+  uint64_t accepted;
+  // Shares that were there before.
+  uint64_t duplicates;
+  // Modem frames that were no shares, damaged ones, such of packets long past, and shares of unprotected packets
+  // whose first one did not come.
+  uint64_t rejected;
+  // Shares that packets gone by had.
+  uint64_t arrived;
+  // Shares that they were sent in. 1 - arrived / sent is the loss, for nvsp_sender_set_loss. Packets of which no
+  // share came do not count, as a frame that was left out looks the same; nor unprotected ones whose length did not
+  // come.
+  uint64_t sent;
+  // Packets that became complete.
+  uint64_t completed;
+  // Packets gone by that were complete although shares of them were missing.
+  uint64_t repaired;
+  // Packets gone by that yielded a picture, but not all of it.
+  uint64_t partial;
+  // Packets gone by that yielded no picture, and frame numbers of which nothing came.
+  uint64_t lost;
+  // Packets whose own checks did not match what their shares held.
+  uint64_t damaged;
+  // Shares of unprotected packets that now wait for the first one of their packet.
+  uint64_t waiting;
+} nvsp_collector_statistics;
+
+// Copies the counts of a collector.
+//
+// Parameters:
+// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_collector_get_statistics(struct nvsp_collector *collector,
+                                          struct nvsp_collector_statistics *statistics) NVSP_NONNULL(1, 2);
+
+#ifdef __cplusplus
+} /* extern "C" */
+#endif
+
+#endif /* NVSPRIOR_EXTRA_H */

@@ -1,0 +1,149 @@
+#!/usr/bin/env python3
+"""Writes include/nvsprior.h and include/nvsprior_extra.h as src/capi has them. Usage: header.py [FOLDER]
+
+cbindgen translates all of src/capi at once. This script puts its output in order: into the templates src/capi/*.h.in
+go first the functions that the template's own list names, then all others by subject. Before a function stand the types
+that it takes, and before a type the constants that stand above it in the source.
+"""
+
+import itertools
+import re
+import subprocess
+import sys
+import tempfile
+
+# The headers, with their parts: a title, and the files of src/capi.
+HEADERS = {
+    "nvsprior": {
+        "Statuses and the texts of failures": "status handle",
+        "Structures and versions": "structs version",
+        "Engines": "log thread engine",
+        "Priors": "prior",
+        "Images and poses": "image frame",
+        "Encoders": "encoding encoder",
+        "What an encoder's camera sees": "lens",
+        "Decoders": "decoder",
+        "The vehicle's end of a link": "sender",
+        "The topside's end of a link": "collector",
+    },
+    "nvsprior_extra": {
+        "A Vulkan device of yours": "vulkan",
+        "Frames in DMA-BUFs": "dmabuf",
+        "Memory of yours": "allocator memory",
+        "The devices there are": "device",
+        "Counts of both ends of a link": "statistics",
+    },
+}
+# Handles: many threads may use one of the first kind at once, one thread at a time one of the second.
+SHARED, OWN = "nvsp_(?:engine|prior|dmabuf)", "nvsp_(?:encoder|decoder|sender|collector)"
+ITEM = re.compile(r'^pub (?:unsafe )?(?:extern "C" )?(const|type|struct|fn) (\w+)', re.M)
+
+
+def source(file):
+    """A file of src/capi with the pointers of C in place of the types that stand for them."""
+    with open(f"src/capi/{file}.rs", encoding="utf-8") as text:
+        text = re.sub(r"^//!.*\n", "", text.read(), flags=re.M)
+    text = re.sub(r"pub type (nvsp_\w+) = Handle<.*>;", r"pub struct \1 { _opaque: [u8; 0] }", text)
+    text = re.sub(rf"\bOption<&({SHARED})>", r"*const \1", text)
+    text = re.sub(r"\bOption<(?:&|Box<)(nvsp_\w+)>>?", r"*mut \1", text)
+    text = re.sub(r"\bPlace<Box<(\w+)>>", r"*mut *mut \1", text)
+    text = re.sub(r"\b(?:Out|Place)<([a-z]\w+)>", r"*mut \1", text)
+    return re.sub(r"\bIn<([a-z]\w+)>", r"*const \1", text)
+
+
+def code(block):
+    """A block without its comments."""
+    return "\n".join(line for line in block.split("\n") if not line.lstrip().startswith("//"))
+
+
+def translate(sources):
+    """What cbindgen makes of the sources: for each name its comment and declaration."""
+    with tempfile.NamedTemporaryFile("w", suffix=".rs", encoding="utf-8") as file:
+        file.write("\n".join(sources))
+        file.flush()
+        command = ["cbindgen", "--quiet", "--config", "cbindgen.toml", file.name]
+        output = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+    items = {}
+    for block in output.strip().split("\n\n"):
+        declared = re.search(r"#define (\w+)|\(\*(\w+)\)\(|(\w+)\(|(\w+);\s*$", code(block))
+        items[next(filter(None, declared.groups()))] = block
+    return items
+
+
+def function(block):
+    """A function's block with its attributes: the status must be looked at, these parameters must not be NULL."""
+    block = re.sub(r"^// # (Safety|Parameters)$", "// Parameters:", block, flags=re.M)
+    documented = {}
+    for names, text in re.findall(r"^// - (`.*?`): ((?:.|\n//   )*)", block, flags=re.M):
+        needed = "Not NULL" in text.replace("\n//  ", "")
+        documented.update(dict.fromkeys(re.findall(r"`(\w+)`", names), needed))
+    comment, declaration = re.match(r"((?://.*\n)*)((?:.|\n)*)", block).groups()
+    name, parameters = re.search(r"(\w+)\(((?:.|\n)*)\)", declaration).groups()
+    required = []
+    for place, parameter in enumerate(parameters.split(","), 1):
+        # A handle needs no line of its own: it must be there.
+        handle = re.match(rf"\s*(?:const )?struct (?:{SHARED}|{OWN}) \*\w+$", parameter)
+        if documented.get(re.search(r"\w*$", parameter)[0], bool(handle) and not name.endswith("_destroy")):
+            required.append(str(place))
+    if required:
+        declaration = re.sub(r"\);$", f") NVSP_NONNULL({', '.join(required)});", declaration)
+    # A call that cannot fail if it is used as it should be may be left unchecked.
+    checked = declaration.startswith("nvsp_status ") and name not in ("nvsp_last_error", "nvsp_struct_init")
+    return comment + ("NVSP_CHECKED\n" if checked else "") + declaration
+
+
+class Writer:
+    """Puts items in order."""
+
+    def __init__(self, items, sources):
+        self.items, self.left, self.text = items, set(items), []
+        # The constants that stand above a name.
+        self.above, constants = {}, []
+        for kind, name in ITEM.findall("\n".join(sources)):
+            if kind != "const":
+                self.above[name], constants = constants, []
+            elif name in items:
+                constants.append(name)
+
+    def put(self, name):
+        """Writes an item, unless it is written, after all that it needs."""
+        if name not in self.left:
+            return
+        self.left.remove(name)
+        block = self.items[name]
+        for word in re.findall(r"\w+", code(block)):
+            self.put(word)
+        # Constants of one kind form a paragraph.
+        for _, kind in itertools.groupby(self.above.get(name, []), lambda constant: constant.split("_")[1]):
+            paragraph = [self.items[constant] for constant in kind if constant in self.left]
+            self.text += ["\n".join(paragraph)] if paragraph else []
+        self.left -= set(self.above.get(name, []))
+        # Examples are indented.
+        lines = r"^// ```c$\n((?:.|\n)*?)^// ```$\n"
+        block = re.sub(lines, lambda example: re.sub("^// ", "//     ", example[1], flags=re.M), block, flags=re.M)
+        self.text.append(function(block) if re.search(rf"\b{name}\(", code(block)) else block)
+
+
+def main():
+    folder = sys.argv[1] if len(sys.argv) > 1 else "include"
+    files = {file: source(file) for parts in HEADERS.values() for names in parts.values() for file in names.split()}
+    items = translate(files.values())
+    for header, parts in HEADERS.items():
+        own = [files[file] for names in parts.values() for file in names.split()]
+        names = {name for _, name in ITEM.findall("\n".join(own))}
+        writer = Writer({name: block for name, block in items.items() if name in names}, own)
+        with open(f"src/capi/{header}.h.in", encoding="utf-8") as file:
+            template = file.read()
+        for name in re.findall(r"^ \*   (nvsp_\w+)  ", template, flags=re.M):
+            if name not in names:
+                sys.exit(f"header: src/capi/{header}.h.in lists {name}, which is no function of it")
+            writer.put(name)
+        for title, part in parts.items():
+            writer.text.append(f"// ---- {title} ----")
+            for _, name in ITEM.findall("\n".join(files[file] for file in part.split())):
+                writer.put(name)
+        with open(f"{folder}/{header}.h", "w", encoding="utf-8") as file:
+            file.write(template.replace("@ITEMS@", "\n\n".join(writer.text)))
+
+
+main()
