@@ -19,7 +19,8 @@ pub(crate) fn log_blocks(device: &DeviceInfo, splats: u32) -> u32 {
 /// ([`DeviceInfo::wave`](crate::vulkan::DeviceInfo::wave)), and a specialisation constant of its own.
 macro_rules! kernels {
     ($(#[$doc:meta])* $set:ident: $($name:ident = $entry:ident($bindings:literal, $push:literal)
-        $(, in lockstep: $lockstep:ident)? $(, in waves: $w16:ident $w32:ident $w64:ident)? $(, with $constant:ident = $value:literal)?;)*) => {
+        $(, in lockstep: $lockstep:ident)? $(, in waves: $w16:ident $w32:ident $w64:ident)?
+        $(, with $constant:ident = $value:literal)?;)*) => {
         $(#[$doc])*
         pub struct $set {
             $(pub(crate) $name: Kernel,)*

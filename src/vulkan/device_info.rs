@@ -55,8 +55,8 @@ pub struct DeviceInfo {
     pub subgroup: u32,
     /// Whether compute shaders can shuffle within a subgroup.
     pub shuffles: bool,
-    /// Invocations of a subgroup that stages with a form for waves are built for: 16, 32 or 64. `None`: the device lacks
-    /// operations that these forms need, cannot promise full subgroups, or runs in lockstep.
+    /// Invocations of a subgroup that stages with a form for waves are built for: 16, 32 or 64. `None`: the device
+    /// lacks operations that these forms need, cannot promise full subgroups, or has other sizes.
     pub wave: Option<u32>,
     /// Whether shaders may use 64-bit integers.
     pub int64: bool,

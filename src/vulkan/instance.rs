@@ -123,8 +123,8 @@ impl Opened {
     }
 }
 
-/// The subgroup size that the forms for waves are built for: [`DeviceInfo::wave`]. It is 32, if the device can, as fewer
-/// invocations wait for the longest loop than with 64; else the device's own.
+/// The subgroup size that the forms for waves are built for: [`DeviceInfo::wave`]. It is 32 if the device can: at 64 an
+/// invocation has one row of pixels, and more instructions for each. Else it is the device's own.
 fn wave(
     subgroup: u32,
     [least, most]: [u32; 2],
@@ -374,8 +374,8 @@ impl Instance {
             info = info.push_next(&mut executables);
         }
         info = info.enabled_extension_names(&extensions);
-        // SAFETY: `physical` has the family and the feature (`queue_family` checked both), and the first extension if it
-        // is asked for. If it lacks the second one, the call fails.
+        // SAFETY: `physical` has the family and the feature (`queue_family` checked both), and the first extension if
+        // it is asked for. If it lacks the second one, the call fails.
         unsafe { self.instance.create_device(physical, &info, None) }
             .map_err(Error::of("vkCreateDevice"))
     }

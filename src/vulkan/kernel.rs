@@ -146,8 +146,8 @@ impl Pipeline {
                     | vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR,
             );
         }
-        // SAFETY: layout and module are valid; the module may go once the pipeline is made. A size of subgroups is asked
-        // for if the device was made with the feature: `DeviceInfo::wave`.
+        // SAFETY: layout and module are valid; the module may go once the pipeline is made. A size of subgroups is
+        // asked for if the device was made with the feature: `DeviceInfo::wave`.
         let made = unsafe {
             let made = device.create_compute_pipelines(self.device.pipeline_cache, &[info], None);
             device.destroy_shader_module(module, None);

@@ -225,14 +225,27 @@ fn source_hash(root: &Path) -> Result<String, Box<dyn Error>> {
     Ok(format!("{:016x}", fnv1a64(&all)))
 }
 
+/// A file and its entry points, in lines that are not too long.
+fn row(file: &str, names: &[&str]) -> String {
+    const WIDTH: usize = 100;
+    let mut lines = vec![format!("    {file}:")];
+    for name in names {
+        let last = lines.len() - 1;
+        match lines[last].len() + name.len() < WIDTH {
+            true => lines[last] += &format!(" {name}"),
+            false => lines.push(format!("        {name}")),
+        }
+    }
+    lines.join("\n") + ";\n"
+}
+
 /// What `kernels/src/modules.rs` includes.
 fn listing(modules: &Modules) -> String {
     let mut files: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for (name, (source, _)) in modules {
         files.entry(source).or_default().push(name);
     }
-    let rows: String =
-        files.iter().map(|(file, names)| format!("    {file}: {};\n", names.join(" "))).collect();
+    let rows: String = files.iter().map(|(file, names)| row(file, names)).collect();
     let head = "// The entry points by the file of the stages that has them. `make shaders` writes this.\n";
     format!("{head}modules! {{\n{rows}}}\n")
 }

@@ -1,6 +1,6 @@
-//! Division, roots, logarithm and power of 2, made of additions, multiplications and bit operations. Vulkan rounds those
-//! correctly on every device, and leaves the others open. So every device and the host compute the same bits here, if
-//! products and sums are not contracted (the builder decorates them) and are rounded to nearest even.
+//! Division, roots, logarithm and power of 2, made of additions, multiplications and bit operations. Vulkan rounds
+//! those correctly on every device, and leaves the others open. So every device and the host compute the same bits
+//! here, if products and sums are not contracted (the builder decorates them) and are rounded to nearest even.
 //!
 //! Arguments must be normal numbers within the stated range: devices may flush denormals.
 
@@ -60,8 +60,9 @@ pub const POWER_SHIFT: f32 = 0.722_032_7;
 /// What [`power`] adds to the square of its argument.
 pub const POWER_SUM: f32 = 0.478_666_73;
 
-/// Alpha from `POWER_SHIFT + POWER_SCALE log₂ alpha`, which is `(s² + POWER_SUM)³²`, within 6·10⁻⁵ for alphas from 2⁻⁸ to 1. That is 1/65 of a step of
-/// 8 bits, in seven operations. Below 2⁻⁸ it is any number. The constants have the least error of this form.
+/// Alpha from `s = POWER_SHIFT + POWER_SCALE log₂ alpha`, as `(s² + POWER_SUM)³²`: seven operations. For alphas from
+/// 2⁻⁸ to 1 the error is at most 6·10⁻⁵, 1/65 of a step of 8 bits. Below 2⁻⁸ it is any number. The constants have the
+/// least error of this form.
 pub fn power(s: f32) -> f32 {
     let p = s * s + POWER_SUM;
     let p = p * p;

@@ -202,7 +202,8 @@ impl<const COUNT: u32> Lanes for Wave<COUNT> {
     }
 }
 
-/// The invocations of full subgroups of `SUBGROUP`, [`WIDE`] in all. Invocation `lane` is in subgroup `lane / SUBGROUP`.
+/// The invocations of full subgroups of `SUBGROUP`, [`WIDE`] in all. Invocation `lane` is in subgroup
+/// `lane / SUBGROUP`.
 pub struct Waves<const SUBGROUP: u32>;
 
 impl<const SUBGROUP: u32> Waves<SUBGROUP> {

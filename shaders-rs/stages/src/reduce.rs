@@ -20,8 +20,8 @@ fn product<R: Rows>(of: &Channels<R>, i: usize, j: usize) -> f32 {
     (of[0][i] * of[0][j] + of[1][i] * of[1][j] + of[2][i] * of[2][j]).sum()
 }
 
-/// Calls a macro with each sum's index and its two columns, in the order of `partials`: the upper triangle of JᵀJ row by
-/// row, Jᵀr, r².
+/// Calls a macro with each sum's index and its two columns, in the order of `partials`: the upper triangle of JᵀJ row
+/// by row, Jᵀr, r².
 macro_rules! for_each_sum {
     ($call:ident) => {
         $call!(0, 0, 0);

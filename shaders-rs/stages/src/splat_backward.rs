@@ -1,9 +1,10 @@
 //! Stage `splat_backward`: what each splat's colour, place and shape in the picture do to the loss, summed over each
 //! tile.
 //!
-//! It blends as stage `splat` does, front to back, with the same power, but products and sums may be fused. With `g` the loss's gradient by a pixel, `q = c · g` and
-//! `total = C · g` (`C` the render's colour), the gradient by alpha is `T q − (total − Σ w q) / (1 − α)`: the sum runs
-//! over all splats up to this one, so what lies behind need not be known (Kerbl et al. 2023 go back to front).
+//! It blends as stage `splat` does, front to back, with the same power, but products and sums may be fused. With `g`
+//! the loss's gradient by a pixel, `q = c · g` and `total = C · g` (`C` the render's colour), the gradient by alpha is
+//! `T q − (total − Σ w q) / (1 − α)`: the sum runs over all splats up to this one, so what lies behind need not be
+//! known (Kerbl et al. 2023 go back to front).
 
 use crate::blend::{Clamp, Hits, behind, middle, range};
 use crate::list::{LANES, List, Portable, Splat, largest};

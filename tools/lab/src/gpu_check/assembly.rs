@@ -562,7 +562,8 @@ BB13:
         // Four that need nothing, four in a chain, and a pair of which one half is needed.
         let free = "v_mov_b32_e32 v1, 1.0\nv_mov_b32_e32 v2, 1.0\nv_mov_b32_e32 v3, 1.0\nv_mov_b32_e32 v4, v0\n";
         assert_eq!(alone(free), 4.0);
-        let chain = "v_add_f32_e32 v1, v0, v0\nv_mul_f32_e64 v2, -|v1|, v0\nv_add_f32_e32 v3, 1.0, v2\nv_mov_b32_e32 v4, v3\n";
+        let chain = "v_add_f32_e32 v1, v0, v0\nv_mul_f32_e64 v2, -|v1|, v0\nv_add_f32_e32 v3, 1.0, v2\n\
+            v_mov_b32_e32 v4, v3\n";
         assert_eq!(alone(chain), 13.0);
         let pair = "v_lshrrev_b64 v[6:7], 0, 0\nv_mov_b32_e32 v1, v7\ns_waitcnt vmcnt(0)\nv_mov_b32_e32 v2, v0\n";
         assert_eq!(alone(pair), 6.0);
@@ -573,6 +574,13 @@ BB13:
             alone("v_cmp_lt_u32_e32 vcc_lo, s1, v1\nv_cndmask_b32_e32 v1, 0, v2, vcc_lo\n"),
             5.0
         );
+    }
+
+    #[test]
+    fn what_the_compiler_does_not_print_again_counts() {
+        let text = "BB0:\nv_mul_f32_e32 v1, v1, v1\n(then repeated 4 times)\ns_endpgm\n";
+        let all = Assembly::of(text).instructions();
+        assert_eq!((all.vector, all.scalar), (5.0, 1.0));
     }
 
     #[test]
