@@ -88,6 +88,9 @@ struct Rounds {
     chain: f64,
 }
 
+/// A scan goes through its counters twice.
+const SCANS: f64 = 2.0;
+
 /// Rounds over some items: each round of the loop around has a part of a round more, half of one on average.
 fn rounded_up(items: f64, outer: f64) -> f64 {
     items + outer / 2.0
@@ -134,18 +137,23 @@ impl Rounds {
             }
             "radix_scan" => {
                 let around = vec![passes * c.digits];
-                Rounds { dispatches: passes, work: table / 4.0, around, ..one }
+                Rounds { dispatches: passes, work: table / 4.0, around, waits: SCANS, ..one }
             }
-            "bin_scan" => Rounds { work: blocks * c.tiles / 4.0, around: vec![c.tiles], ..one },
+            "bin_scan" => {
+                let (work, around) = (blocks * c.tiles / 4.0, vec![c.tiles]);
+                Rounds { work, around, waits: SCANS, ..one }
+            }
             "bin_count" | "bin_emit" => {
                 let splats = c.bands * c.visible;
                 let rows = rounded_up(c.rows, splats);
                 let (work, around) = (rounded_up(c.pairs, rows), vec![splats, rows]);
                 let beside = Some(blocks * c.tiles);
-                Rounds { workgroups: blocks * c.bands, work, around, beside, waits: 0.0, ..one }
+                // The places of the splats, then their records.
+                let waits = 2.0 * splats / work;
+                Rounds { workgroups: blocks * c.bands, work, around, beside, waits, ..one }
             }
-            "splat" | "splat_colour" => blend(c.blended[0]),
-            "splat_flow" => blend(c.blended[1]),
+            // A GPU's subgroups stop when all pixels of a tile are finished.
+            "splat" | "splat_colour" | "splat_flow" => blend(c.blended[0]),
             "quantize_rgb8" | "difference" => Rounds { workgroups: c.pixels / lanes, ..one },
             // Eight rows of invocations add up the tiles' sums.
             "solve" => Rounds { chain: c.tiles / 8.0, ..one },

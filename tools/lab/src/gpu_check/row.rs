@@ -111,6 +111,11 @@ impl Row {
         anyhow::ensure!(occupancy <= 1.0, "more subgroups per SIMD than {SUBGROUPS_PER_SIMD}");
         let text = compiled.assembly.as_deref().context("the driver yields no assembly")?;
         let assembly = Assembly::of(text);
+        let (count, instructions) = (assembly.count(), whole("Instructions")?);
+        anyhow::ensure!(
+            count == instructions as usize,
+            "{count} instructions were read, the driver tells {instructions}"
+        );
         let loops = assembly.loops();
         let unit = unit(module);
         let work = unit.zip(work_loop(&loops));
@@ -130,7 +135,7 @@ impl Row {
             scratch_bytes: whole("Scratch size")?,
             shared_bytes: whole("LDS size")?,
             occupancy,
-            instructions: whole("Instructions")?,
+            instructions,
             by_kind: assembly.instructions(),
             loop_unit: work.map_or(String::new(), |(unit, _)| unit.name.into()),
             loop_instructions: per_unit.map(|per_unit| per_unit.vector),

@@ -27,7 +27,7 @@ const fn pixels(per_round: u32) -> Unit {
     Unit { name: "pair of splat and pixel", per_round }
 }
 
-/// Splats that the forms for waves blend in a round.
+/// Splats that the forms for waves blend in a round: `LOOK` of `shaders-rs/stages/src/blend.rs`.
 pub const SPLATS_PER_ROUND: u32 = 4;
 
 /// A module's name without its form, and the subgroup size if it is a form for waves.
@@ -95,3 +95,20 @@ pub const IDLE: &[Idle] = &[
     idle("ssim_back", &[32, 64], SSIM),
     idle("ssim_gradient", &[32, 64], SSIM),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_those_of_the_sources() {
+        let blend = include_str!("../../../../shaders-rs/stages/src/blend.rs");
+        assert!(blend.contains(&format!("const LOOK: u32 = {SPLATS_PER_ROUND};")));
+        let pixels = |module| unit(module).map(|unit| unit.per_round);
+        assert_eq!(pixels("splat"), Some(4));
+        assert_eq!(pixels("splat_flow_wave32"), Some(8));
+        assert_eq!(pixels("splat_wave64"), Some(4));
+        assert_eq!(unit("radix_scan_wave16"), unit("radix_scan"));
+        assert_eq!(unit("solve"), None);
+    }
+}
