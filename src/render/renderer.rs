@@ -16,7 +16,7 @@ use super::jacobian::Jacobian;
 use super::levels::{LevelBuffers, NormalEquations, Pass, anchor};
 use super::light::{Correction, FlatField};
 use super::radix::SortPrecision;
-use super::stages::{Channels, EVALUATIONS_PER_SUBMISSION, SearchStages, Stages};
+use super::stages::{Channels, SearchStages, Stages, TIMED_EVALUATIONS};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -117,7 +117,7 @@ fn room_for(pairs: u32, storage_range: u64) -> u32 {
 const LEAST_SHOWN: f32 = 1e-3;
 
 /// Submissions after which a search is given up. The search's own limits let none need as many.
-const MOST_SUBMISSIONS: u32 = 64;
+const MOST_SUBMISSIONS: u32 = 80;
 
 impl Renderer {
     /// Allocates and records everything of `plan`. Levels that would have no pixel are left out.
@@ -140,7 +140,7 @@ impl Renderer {
             bytes: Bytes::new(device, &levels)?,
             frame: framed.then(|| FrameBuffers::new(device, &levels)).transpose()?,
             renders: vec![0; levels.sizes.len()],
-            times: Vec::with_capacity(EVALUATIONS_PER_SUBMISSION * 8),
+            times: Vec::with_capacity(TIMED_EVALUATIONS),
             recorded: Vec::new(),
             levels,
             plan,

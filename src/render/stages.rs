@@ -13,9 +13,13 @@ use super::radix::{Sort, SortPrecision};
 use super::scene::SplatBuffers;
 use super::workspace::Workspace;
 
-/// Evaluations that one submission has room for. A frame that follows another takes six to eight. A search that needs
-/// more goes on in a second submission. Unused evaluations cost their empty dispatches.
-pub(crate) const EVALUATIONS_PER_SUBMISSION: usize = 10;
+/// Evaluations that a frame's first submission has room for. A frame that follows another takes one or two. Unused ones
+/// cost their empty dispatches, thirteen each.
+const EVALUATIONS: usize = 4;
+/// Evaluations that each further submission of a longer search has room for.
+const FURTHER_EVALUATIONS: usize = 8;
+/// Evaluations whose times are kept.
+pub(crate) const TIMED_EVALUATIONS: usize = EVALUATIONS + 10 * FURTHER_EVALUATIONS;
 
 /// Which parts of a picture are drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -54,12 +58,16 @@ impl SearchStages<'_> {
         r.copy(&self.frame.search_asked, &self.frame.search)?;
         r.copy(&self.stages.bytes.coded_asked, &self.stages.bytes.coded)?;
         self.solve(r, true)?;
-        self.record_more(r)
+        self.record_evaluations(r, EVALUATIONS)
     }
 
     /// Records further evaluations of a search under way, and its final pictures.
     pub fn record_more(&self, r: &mut Recorder) -> Result<(), Error> {
-        for _ in 0..EVALUATIONS_PER_SUBMISSION {
+        self.record_evaluations(r, FURTHER_EVALUATIONS)
+    }
+
+    fn record_evaluations(&self, r: &mut Recorder, count: usize) -> Result<(), Error> {
+        for _ in 0..count {
             self.stages.equations(r, self.jacobian, self.sort_precision)?;
             self.solve(r, false)?;
             r.mark("evaluation");
