@@ -240,7 +240,6 @@ impl Seen {
 struct Pixel {
     rgb: [f32; 3],
     depth: f32,
-    /// 0 once the pixel is finished.
     transmittance: f32,
 }
 
@@ -252,13 +251,15 @@ impl Default for Pixel {
 
 impl Pixel {
     fn blend(&mut self, s: &Seen, alpha: f32) {
+        if self.transmittance <= TRANSMITTANCE_STOP {
+            return;
+        }
         let weight = alpha * self.transmittance;
-        let next = self.transmittance - weight;
         for (value, colour) in self.rgb.iter_mut().zip(s.rgb) {
             *value += weight * colour;
         }
         self.depth += weight * s.depth;
-        self.transmittance = if next > TRANSMITTANCE_STOP { next } else { 0.0 };
+        self.transmittance -= weight;
     }
 
     fn over(&self, background: [f32; 3]) -> [f32; PIXEL as usize] {

@@ -72,7 +72,7 @@ pub const LOG_ALPHA_MIN: f32 = -7.994_353_4;
 pub const POWER_MIN: f32 = portable::POWER_SHIFT + portable::POWER_SCALE * LOG_ALPHA_MIN;
 /// log₂ of the opacity of a splat that shows nowhere.
 pub const NOWHERE: f32 = -1000.0;
-/// A splat that brings a pixel's transmittance to this or below makes it 0: the pixel is finished.
+/// A pixel whose transmittance is this or below is finished: no further splat counts.
 pub const TRANSMITTANCE_STOP: f32 = 1e-4;
 /// Largest extent of a splat, standard deviations.
 pub const EXTENT_MAX: f32 = 3.33;

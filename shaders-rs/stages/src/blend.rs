@@ -57,16 +57,19 @@ fn least(a: f32, b: f32) -> f32 {
 pub struct Hits<R> {
     /// Before the clamp.
     full: R,
-    /// 0 below the cut.
+    /// 0 below the cut, and in finished pixels.
     pub alphas: R,
 }
 
 impl<R: Rows> Hits<R> {
-    pub fn new<P: Power>(arguments: R, clamp: Clamp) -> Hits<R> {
+    /// `transmittances`: in front of the splat.
+    pub fn new<P: Power>(arguments: R, transmittances: R, clamp: Clamp) -> Hits<R> {
         let full = arguments.each(P::alpha);
         let held = full.each(|full| clamp.of(full));
-        let alphas =
+        let above =
             arguments.both(held, |argument, alpha| if argument >= P::MIN { alpha } else { 0.0 });
+        let alphas =
+            transmittances.both(above, |t, alpha| if t > TRANSMITTANCE_STOP { alpha } else { 0.0 });
         Hits { full, alphas }
     }
 
@@ -77,11 +80,6 @@ impl<R: Rows> Hits<R> {
         }
         self.full.both(values, |full, value| if clamp.holds(full) { 0.0 } else { value })
     }
-}
-
-/// The transmittances behind a splat of these weights; 0 once a pixel is finished.
-pub fn behind<R: Rows>(transmittances: R, weights: R) -> R {
-    (transmittances - weights).each(|next| if next > TRANSMITTANCE_STOP { next } else { 0.0 })
 }
 
 /// How to blend, by specialisation constants.
@@ -107,7 +105,7 @@ pub trait Blend: Copy {
     /// Blends a splat into the pixels of column `x` at rows `y`, from the list's centre.
     fn blend(self, s: &Splat, x: f32, y: Self::Rows, how: How) -> Self;
 
-    /// The largest transmittance; 0 if all pixels are finished.
+    /// The largest transmittance. If it is at most [`TRANSMITTANCE_STOP`], all pixels are finished.
     fn left(&self) -> f32;
 }
 
@@ -132,11 +130,11 @@ pub fn plain<B: Blend>(
         last = s.rgb;
         pixels = pixels.blend(&Splat { rgb, ..s }, x, y, how);
         at += 1;
-        if pixels.left() == 0.0 {
+        if pixels.left() <= TRANSMITTANCE_STOP {
             break;
         }
     }
-    if (at < list.end) & (pixels.left() != 0.0) {
+    if (at < list.end) & (pixels.left() > TRANSMITTANCE_STOP) {
         tell_cut(counters);
     }
     (pixels, last)
@@ -182,11 +180,11 @@ pub fn lockstep<B: Blend>(
         pixels = pixels.blend(&own.of(6), x, y, how);
         pixels = pixels.blend(&own.of(7), x, y, how);
         at += LANES;
-        if largest(pixels.left(), lane) == 0.0 {
+        if largest(pixels.left(), lane) <= TRANSMITTANCE_STOP {
             break;
         }
     }
-    if (at < list.end) & (largest(pixels.left(), lane) != 0.0) {
+    if (at < list.end) & (largest(pixels.left(), lane) > TRANSMITTANCE_STOP) {
         tell_cut(counters);
     }
     (pixels, last)
@@ -225,7 +223,7 @@ pub fn wave<B: Blend, const SUBGROUP: u32>(
             pixels = pixels.blend(&Splat::get(shared, slot + j + 2), x, y, how);
             pixels = pixels.blend(&Splat::get(shared, slot + j + 3), x, y, how);
             j += LOOK;
-            open = subgroup_any(pixels.left() != 0.0);
+            open = subgroup_any(pixels.left() > TRANSMITTANCE_STOP);
         }
         last = last_of::<B>(&own, j - 1);
         sync_subgroup();

@@ -1,7 +1,8 @@
-//! Stage `splat`: front-to-back blending (Kerbl et al. 2023, eq. 3). A splat that finishes a pixel still counts there.
+//! Stage `splat`: front-to-back blending (Kerbl et al. 2023, eq. 3). A pixel is finished once its
+//! transmittance is at most [`TRANSMITTANCE_STOP`](shared::TRANSMITTANCE_STOP): no further splat counts.
 
 use crate::blend::{
-    Blend, Clamp, Hits, How, Place, Wave, behind, lockstep, middle, plain, range, wave,
+    Blend, Clamp, Hits, How, Place, Wave, lockstep, middle, plain, range, wave,
 };
 use crate::list::{List, Portable, Splat};
 use crate::rows::Rows;
@@ -14,7 +15,6 @@ use spirv_std::spirv;
 struct Pixels<R> {
     rgb: [R; 3],
     depth: R,
-    /// 0 once a pixel is finished.
     transmittance: R,
 }
 
@@ -42,7 +42,7 @@ impl<R: Rows> Blend for Pixels<R> {
     const STEPS: bool = false;
 
     fn blend(self, s: &Splat, x: f32, y: R, how: How) -> Pixels<R> {
-        let hits = Hits::new::<Portable>(s.along(x).arguments(y), how.clamp);
+        let hits = Hits::new::<Portable>(s.along(x).arguments(y), self.transmittance, how.clamp);
         let weights = hits.alphas * self.transmittance;
         Pixels {
             rgb: [
@@ -51,7 +51,7 @@ impl<R: Rows> Blend for Pixels<R> {
                 self.rgb[2] + weights * R::all(s.rgb[2]),
             ],
             depth: if how.depth { self.depth + weights * R::all(s.depth) } else { self.depth },
-            transmittance: behind(self.transmittance, weights),
+            transmittance: self.transmittance - weights,
         }
     }
 

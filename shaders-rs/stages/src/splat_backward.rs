@@ -6,12 +6,12 @@
 //! `T q − (total − Σ w q) / (1 − α)`: the sum runs over all splats up to this one, so what lies behind need not be
 //! known (Kerbl et al. 2023 go back to front).
 
-use crate::blend::{Clamp, Hits, behind, middle, range};
+use crate::blend::{Clamp, Hits, middle, range};
 use crate::list::{LANES, List, Portable, Splat, largest};
 use crate::memory::{at, at_mut};
 use crate::portable::power_slope;
 use crate::rows::Rows;
-use crate::shared::{Outline, Params, ROWS, SPLAT_THREADS, TILE, max};
+use crate::shared::{Outline, Params, ROWS, SPLAT_THREADS, TILE, TRANSMITTANCE_STOP, max};
 use crate::train_slots;
 use crate::training::{GRADIENT_PIXEL, NO_PAIR, PAIR_SUMS, slot_box};
 use spirv_std::arch::{subgroup_shuffle, workgroup_memory_barrier_with_group_sync as barrier};
@@ -25,7 +25,6 @@ struct Four {
     g: [Vec4; 3],
     /// `total` less what splats up to here show.
     behind: Vec4,
-    /// 0 once a pixel is finished.
     transmittance: Vec4,
 }
 
@@ -72,9 +71,9 @@ impl Four {
     fn blend(self, s: &Splat, x: f32, y: f32, clamp: Clamp) -> (Four, Sums) {
         let rows = Vec4::down(y);
         let arguments: Vec4 = s.along(x).arguments(rows);
-        let hits = Hits::new::<Portable>(arguments, clamp);
+        let hits = Hits::new::<Portable>(arguments, self.transmittance, clamp);
         let weights = hits.alphas * self.transmittance;
-        let transmittance = behind(self.transmittance, weights);
+        let transmittance = self.transmittance - weights;
         let q = self.g[0] * s.rgb[0] + self.g[1] * s.rgb[1] + self.g[2] * s.rgb[2];
         let shown = weights * q;
         let rest = self.behind - shown;
@@ -95,7 +94,7 @@ impl Four {
         (Four { behind: rest, transmittance, ..self }, sums)
     }
 
-    /// The largest transmittance; 0 if all are finished.
+    /// The largest transmittance.
     fn left(&self) -> f32 {
         self.transmittance.largest()
     }
@@ -236,7 +235,7 @@ pub fn splat_backward_lockstep(
         }
         first += LANES;
         let left = max(pixels.0.left(), pixels.1.left());
-        if largest(left, lane) == 0.0 {
+        if largest(left, lane) <= TRANSMITTANCE_STOP {
             break;
         }
     }
@@ -277,7 +276,7 @@ pub fn splat_backward(
             k += 1;
         }
         scratch[(PAIR_SUMS * SPLAT_THREADS + lane) as usize] =
-            if pixels.left() == 0.0 { 0.0 } else { 1.0 };
+            if pixels.left() > TRANSMITTANCE_STOP { 1.0 } else { 0.0 };
         barrier();
         let mut all = [0.0; PAIR_SUMS as usize];
         let (mut left, mut other) = (0.0, 0);

@@ -104,7 +104,6 @@ impl Derivatives {
 struct Pixel {
     rgb: Vec3,
     transmittance: f32,
-    live: f32,
     d_r: Twist,
     d_g: Twist,
     d_b: Twist,
@@ -114,18 +113,22 @@ struct Pixel {
 const EMPTY: Pixel = Pixel {
     rgb: Vec3::ZERO,
     transmittance: 1.0,
-    live: 1.0,
     d_r: Twist::ZERO,
     d_g: Twist::ZERO,
     d_b: Twist::ZERO,
     d_transmittance: Twist::ZERO,
 };
 
+impl Pixel {
+    /// Whether further splats count.
+    fn is_open(&self) -> bool {
+        self.transmittance > TRANSMITTANCE_STOP
+    }
+}
+
 fn blend(p: Pixel, s: &Record, d: &Derivatives, clamp: Clamp, dx: f32, dy: f32) -> Pixel {
     let hit = Hit::at(s, clamp, dx, dy);
-    let alpha = hit.alpha * p.live;
-    let next = p.transmittance * (1.0 - alpha);
-    let live = if next > TRANSMITTANCE_STOP { 1.0 } else { 0.0 };
+    let alpha = if p.is_open() { hit.alpha } else { 0.0 };
     let weight = alpha * p.transmittance;
     let slope = if hit.clamped { 0.0 } else { alpha };
     let v0 = s.conic[0] * hit.u;
@@ -144,8 +147,7 @@ fn blend(p: Pixel, s: &Record, d: &Derivatives, clamp: Clamp, dx: f32, dy: f32) 
     };
     Pixel {
         rgb: p.rgb + Vec3::from_array(s.rgb) * weight,
-        transmittance: (p.transmittance - weight) * live,
-        live,
+        transmittance: p.transmittance - weight,
         d_r: channel(p.d_r, s.rgb[0], d.red),
         d_g: channel(p.d_g, s.rgb[1], d.green),
         d_b: channel(p.d_b, s.rgb[2], d.blue),
@@ -213,11 +215,11 @@ pub fn splat_exact(
         p2 = blend(p2, &s, &d, clamp, dx, dy - 2.0);
         p3 = blend(p3, &s, &d, clamp, dx, dy - 3.0);
         at += 1;
-        if p0.live + p1.live + p2.live + p3.live == 0.0 {
+        if !(p0.is_open() | p1.is_open() | p2.is_open() | p3.is_open()) {
             break;
         }
     }
-    if (at < range.y) & !(p0.live + p1.live + p2.live + p3.live == 0.0) {
+    if (at < range.y) & (p0.is_open() | p1.is_open() | p2.is_open() | p3.is_open()) {
         tell_cut(counters);
     }
     let all = [

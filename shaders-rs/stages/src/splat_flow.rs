@@ -7,7 +7,7 @@
 //! before each splat, `C = Σ Tᵢ (cᵢ − cᵢ₋₁)`, and the derivatives likewise: a splat's own weight need not be derived.
 
 use crate::blend::{
-    Blend, Clamp, Hits, How, Place, Wave, behind, lockstep, middle, plain, range, wave,
+    Blend, Clamp, Hits, How, Place, Wave, lockstep, middle, plain, range, wave,
 };
 use crate::list::{LANES, List, Native, PRODUCT, Splat};
 use crate::reduce::{Channels, Scratch, store, store_of_subgroup};
@@ -20,7 +20,6 @@ use spirv_std::spirv;
 #[derive(Clone, Copy)]
 struct Pixels<R> {
     rgb: [R; 3],
-    /// 0 once a pixel is finished.
     transmittance: R,
     /// Derivatives along four motions, u, v, u/z, v/z; to be multiplied by [`PRODUCT`].
     d_r: [R; 4],
@@ -47,7 +46,7 @@ impl<R: Rows> Blend for Pixels<R> {
 
     fn blend(self, s: &Splat, x: f32, y: R, how: How) -> Pixels<R> {
         let column = s.along(x);
-        let hits = Hits::new::<Native>(column.arguments(y), how.clamp);
+        let hits = Hits::new::<Native>(column.arguments(y), self.transmittance, how.clamp);
         let weights = hits.alphas * self.transmittance;
         // dα = −α v·dμ, v = Q d; nothing moves a clamped alpha. dT ← (1 − α) dT − T dα.
         let moved = hits.where_free(weights, how.clamp);
@@ -62,7 +61,7 @@ impl<R: Rows> Blend for Pixels<R> {
                 self.rgb[1] + t * R::all(s.rgb[1]),
                 self.rgb[2] + t * R::all(s.rgb[2]),
             ],
-            transmittance: behind(t, weights),
+            transmittance: t - weights,
             d_r: plus(self.d_r, d, s.rgb[0]),
             d_g: plus(self.d_g, d, s.rgb[1]),
             d_b: plus(self.d_b, d, s.rgb[2]),

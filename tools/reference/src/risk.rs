@@ -113,11 +113,12 @@ impl Close {
                 alpha * ((rest - alpha * t * payload) / (1.0 - alpha) - t * payload)
             }
             Decision::Cut { kept: false } => alpha * (rest - t * payload),
-            // What is behind the splat, or nothing. What that is is not known. Its weight is 1e-4, and it is assumed to
-            // look like the splat, or the background.
+            // Splats behind this one, or the background. What the splats look like is not known. Their weight is 1e-4,
+            // and they are assumed to look like this one.
             Decision::Stop => {
-                let rest = rest - alpha * t * payload;
-                rest.abs() + t * (1.0 - alpha) * payload.abs().max(background.abs())
+                let behind = t * (1.0 - alpha);
+                (rest - alpha * t * payload - behind * background).abs()
+                    + behind * (payload - background).abs()
             }
             Decision::Order { payload: other, alpha: its } => {
                 t * alpha * its * (payload - other[k])

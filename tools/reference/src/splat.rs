@@ -60,7 +60,7 @@ pub struct Pixel {
     /// `Σ wᵢ payloadᵢ` so far.
     pub sum: Channels,
     pub transmittance: f64,
-    /// Whether a splat met the transmittance stop, so that the transmittance became 0.
+    /// Whether a splat met the transmittance stop, so that no further one counts.
     pub stopped: bool,
 }
 
@@ -82,7 +82,7 @@ impl Pixel {
         for (sum, payload) in self.sum.iter_mut().zip(s.payload()) {
             *sum += weight * payload;
         }
-        self.transmittance = if self.stopped { 0.0 } else { next };
+        self.transmittance = next;
         true
     }
 
