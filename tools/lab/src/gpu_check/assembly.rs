@@ -139,6 +139,10 @@ struct Code<'a> {
     operands: Vec<&'a str>,
 }
 
+/// What stands for the first word of an instruction that the disassembler does not know; the second word follows, as if
+/// it were an instruction.
+const UNREADABLE: &str = "(invalid instruction)";
+
 /// How often the instruction before stands once more, if the line says so: `(then repeated 4 times)`.
 fn repeated(line: &str) -> Option<usize> {
     line.strip_prefix("(then repeated ")?.strip_suffix(" times)")?.parse().ok()
@@ -154,7 +158,7 @@ impl<'a> Assembly<'a> {
                 lines.push(Line::Label(label));
             } else if let Some(times) = repeated(line) {
                 lines.extend(lines.last().cloned().into_iter().cycle().take(times));
-            } else if !line.is_empty() {
+            } else if !line.is_empty() && line != UNREADABLE {
                 let (name, rest) = line.split_once(' ').unwrap_or((line, ""));
                 let operands = rest.split(',').map(str::trim).collect();
                 lines.push(Line::Code(Code { name, operands }));
@@ -563,7 +567,8 @@ BB13:
 
     #[test]
     fn repeated_instructions_count_as_often_as_they_stand() {
-        let text = "BB0:\nv_mul_f32_e32 v1, v1, v1\n        (then repeated 4 times)\ns_endpgm\n\n\
+        let text = "BB0:\n(invalid instruction)\nv_mul_f32_e32 v1, v1, v1\n        (then repeated 4 times)\n\
+            s_endpgm\n\n\
             /* constant data */\n00000000\n";
         let assembly = Assembly::of(text);
         assert_eq!((assembly.count(), assembly.instructions().vector), (6, 5.0));
