@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use nvsprior::render::probe::{SortPrecision, Stages};
 use nvsprior::vulkan::Error as DeviceError;
 use nvsprior::{Camera, Engine, Pose, Prior, RenderOptions};
+use nvsprior_kernels::portable::{POWER_SCALE, POWER_SHIFT, power};
 use nvsprior_kernels::shared::{LOG_ALPHA_MIN, TILE, TRANSMITTANCE_STOP};
 
 /// What leaving one splat out would do to pictures.
@@ -129,13 +130,12 @@ impl View<'_> {
             let (a, b) = (l11 * d.x + l21 * d.y, l22 * d.y);
             let exponent = log_opacity - 0.5 * std::f32::consts::LOG2_E * (a * a + b * b);
             if exponent >= LOG_ALPHA_MIN {
-                let alpha = exponent.exp2().min(self.options.alpha_max);
-                let behind = transmittance * (1.0 - alpha);
-                if behind <= TRANSMITTANCE_STOP {
+                let alpha = power(POWER_SHIFT + POWER_SCALE * exponent).min(self.options.alpha_max);
+                blended.push(Blended { place, alpha, weight: alpha * transmittance });
+                transmittance *= 1.0 - alpha;
+                if transmittance <= TRANSMITTANCE_STOP {
                     break;
                 }
-                blended.push(Blended { place, alpha, weight: alpha * transmittance });
-                transmittance = behind;
             }
         }
         transmittance
