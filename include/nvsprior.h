@@ -1266,9 +1266,9 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
 // Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
 // NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long
 // as the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with
-// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then returns NVSP_ERR_STATE. A frame that is
-// dropped counts as one whose packet was lost on the way: its number is used up, its pose may be where the next frame
-// starts, and the next packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
+// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then returns NVSP_ERR_STATE. A dropped
+// frame counts as one whose packet was lost. Its number is used up. The next search may start at its pose. The next
+// packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
 NVSP_CHECKED
 nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 

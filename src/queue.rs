@@ -191,7 +191,7 @@ impl<S, E: From<QueueError>> Shared<S, E> {
 }
 
 impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
-    /// A queue of these workers and slots. `lost`: where it notes that frames were dropped.
+    /// Makes a queue of these workers and slots. It notes dropped frames in `lost`.
     pub(crate) fn new(
         workers: Vec<Worker<S, E>>,
         slots: Vec<S>,

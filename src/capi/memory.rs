@@ -14,8 +14,9 @@ use super::handle::fence;
 use super::status::*;
 use super::structs::In;
 
-/// Sets where the library takes host memory from, for the whole process. Call it before all others, or when all handles
-/// are destroyed. The Vulkan loader and driver take theirs as they do, and threads their stacks.
+/// Sets the functions that the library takes host memory from, for the whole process. Call it before all other
+/// functions. You may call it again once all handles are destroyed. The Vulkan loader and driver take theirs as they
+/// do, and threads their stacks.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (one callback without the other), or NVSP_ERR_STATE if the library holds memory.
 ///

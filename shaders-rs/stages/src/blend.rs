@@ -191,7 +191,7 @@ pub fn lockstep<B: Blend>(
 }
 
 /// Shared memory of a wave workgroup: a splat per invocation.
-pub type Wave = [Vec4; (WAVE_THREADS * SPLAT) as usize];
+pub type WaveSplats = [Vec4; (WAVE_THREADS * SPLAT) as usize];
 
 /// Splats between two looks at whether all pixels are finished.
 const LOOK: u32 = 4;
@@ -205,7 +205,7 @@ pub fn wave<B: Blend, const SUBGROUP: u32>(
     [x, y]: [f32; 2],
     how: How,
     (lane, slot): (u32, u32),
-    shared: &mut Wave,
+    shared: &mut WaveSplats,
     counters: &mut Counters,
 ) -> (B, [f32; 3]) {
     let y = B::Rows::down(y);

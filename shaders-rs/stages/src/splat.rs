@@ -2,7 +2,7 @@
 //! transmittance is at most [`TRANSMITTANCE_STOP`](shared::TRANSMITTANCE_STOP): no further splat counts.
 
 use crate::blend::{
-    Blend, Clamp, Hits, How, Place, Wave, lockstep, middle, plain, range, wave,
+    Blend, Clamp, Hits, How, Place, WaveSplats, lockstep, middle, plain, range, wave,
 };
 use crate::list::{List, Portable, Splat};
 use crate::rows::Rows;
@@ -148,7 +148,7 @@ macro_rules! wave_form {
             #[spirv(workgroup_id)] group: UVec3,
             #[spirv(subgroup_id)] subgroup: u32,
             #[spirv(subgroup_local_invocation_id)] lane: u32,
-            #[spirv(workgroup)] splats: &mut Wave,
+            #[spirv(workgroup)] splats: &mut WaveSplats,
             #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,
             #[spirv(spec_constant(id = 2, default = 1))] depth: u32,
             #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,

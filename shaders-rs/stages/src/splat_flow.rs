@@ -7,7 +7,7 @@
 //! before each splat, `C = Σ Tᵢ (cᵢ − cᵢ₋₁)`, and the derivatives likewise: a splat's own weight need not be derived.
 
 use crate::blend::{
-    Blend, Clamp, Hits, How, Place, Wave, lockstep, middle, plain, range, wave,
+    Blend, Clamp, Hits, How, Place, WaveSplats, lockstep, middle, plain, range, wave,
 };
 use crate::list::{LANES, List, Native, PRODUCT, Splat};
 use crate::reduce::{Channels, Scratch, store, store_of_subgroup};
@@ -219,7 +219,7 @@ macro_rules! wave_form {
             #[spirv(workgroup_id)] group: UVec3,
             #[spirv(subgroup_id)] subgroup: u32,
             #[spirv(subgroup_local_invocation_id)] lane: u32,
-            #[spirv(workgroup)] splats: &mut Wave,
+            #[spirv(workgroup)] splats: &mut WaveSplats,
             #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,
             #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
             #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],

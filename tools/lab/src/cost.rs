@@ -3,8 +3,8 @@
 //!
 //! Bytes are those of the algorithm. Each word that an invocation asks for counts, whether a cache has it or not; words
 //! that a workgroup shares count once. Operations are sums, products, divisions, roots, minima, comparisons that choose
-//! a value, and such integer work; a power of 2 counts as 14. All is counted by hand from the sources. These are
-//! estimates, best for the blending.
+//! a value, and such integer work; a device's own power of 2 counts as 14. All is counted by hand from the sources.
+//! These are estimates, best for the blending.
 
 mod counts;
 mod gpu;
@@ -20,18 +20,19 @@ pub const PICTURE_PASSES: u32 = DIGITS;
 /// See [`PICTURE_PASSES`].
 pub const SEARCH_PASSES: u32 = DIGITS - 1;
 
-/// Operations per splat and pixel of a picture: 4 for the exponent, 14 for the power of 2 (the multiply-adds and the
-/// scaling of a polynomial of degree 5), 2 for alpha, 4 for the weights, 8 for colour and depth.
-pub const PICTURE_FLOPS: f64 = 4.0 + 14.0 + 2.0 + 4.0 + 8.0;
-/// As [`PICTURE_FLOPS`], for an evaluation with the flow Jacobian: without depth, plus 4 for the pull, 6 for the
-/// slopes, 1 for the end of a pixel, 8 for the step of the weights, 24 for the twelve sums, 4 for those of the
-/// transmittance.
-pub const FLOW_FLOPS: f64 = PICTURE_FLOPS - 2.0 + 4.0 + 6.0 + 1.0 + 8.0 + 24.0 + 4.0;
-/// As [`PICTURE_FLOPS`], with the exact Jacobian: without depth, plus 5 for `v`, 72 for dα (six derivatives with six
-/// terms each), 18 for weights, 54 for three colours with their own derivatives, 18 for the transmittance.
-const EXACT_FLOPS: f64 = PICTURE_FLOPS - 2.0 + 5.0 + 72.0 + 18.0 + 54.0 + 18.0;
-/// Operations per splat that an invocation has loaded, before its column of pixels.
-const COLUMN: f64 = 24.0;
+/// Operations per splat and pixel of a picture: 4 for the argument, 7 for the power, 3 for alpha's clamp, cut and stop,
+/// 2 for weight and transmittance, 8 for colour and depth.
+pub const PICTURE_FLOPS: f64 = 4.0 + 7.0 + 3.0 + 2.0 + 8.0;
+/// The same for an evaluation, with the device's own power of 2, and without depth.
+const EVALUATION_FLOPS: f64 = PICTURE_FLOPS + 7.0 - 2.0;
+/// As [`EVALUATION_FLOPS`], with the flow Jacobian: 4 for the pull, 5 for what the clamp leaves and the four motions, 9
+/// for the derivatives of the transmittance, 24 for the twelve sums.
+pub const FLOW_FLOPS: f64 = EVALUATION_FLOPS + 4.0 + 5.0 + 9.0 + 24.0;
+/// As [`EVALUATION_FLOPS`], with the exact Jacobian: 5 for `v`, 72 for dα (six derivatives with six terms each), 18 for
+/// weights, 54 for three colours with their own derivatives, 18 for the transmittance.
+const EXACT_FLOPS: f64 = EVALUATION_FLOPS + 5.0 + 72.0 + 18.0 + 54.0 + 18.0;
+/// Operations per splat that an invocation has loaded, before its column of pixels: 21 for the splat, 7 for the column.
+const COLUMN: f64 = 28.0;
 /// Operations of a pixel's share of the normal equations: three channels.
 const SHARE: f64 = 3.0 * 90.0;
 /// Bytes of a splat's place and record.

@@ -5,6 +5,7 @@ struct Params {
     float centre[3];
     float focal[2];
     float principal[2];
+    float frustum[4];
     float background[3];
     float near;
     float alpha_max;
@@ -19,4 +20,5 @@ struct Params {
     uint frame_offset;
     uint sort_blocks;
     uint bin_blocks;
+    uint tiles_per_group;
 };

@@ -13,8 +13,13 @@ layout(std430, binding = 2) readonly buffer B2 { uint pair_splats[]; };
 layout(std430, binding = 3) readonly buffer B3 { vec4 records[]; };
 layout(std430, binding = 4) writeonly buffer B4 { float picture[]; };
 
-const float FACTOR = 0.8493218; // sqrt(0.5 log2 e)
-const float CUT = -7.9943534; // log2(1/255)
+// As in shaders-rs/kernels/src/portable.rs and shared.rs.
+const float POWER_SCALE = 0.01499177;
+const float POWER_SHIFT = 0.7220327;
+const float POWER_SUM = 0.47866673;
+const float FACTOR = 0.10399171; // sqrt(0.5 log2 e POWER_SCALE)
+const float CUT = POWER_SHIFT + POWER_SCALE * -7.9943534; // log2(1/255)
+const float STOP = 1e-4;
 
 // Four rows of a column.
 struct Four {
@@ -22,14 +27,18 @@ struct Four {
 };
 
 void blend(inout Four p, vec4 y, float level, float curve, float slope, vec4 colour) {
-    vec4 exponent = vec4(level) - y * y * curve + y * 2.0 * slope;
-    vec4 alpha = min(exp2(exponent), vec4(params.alpha_max));
-    alpha = mix(vec4(0.0), alpha, greaterThanEqual(exponent, vec4(CUT)));
+    vec4 argument = vec4(level) + y * (slope - y * curve);
+    vec4 alpha = argument * argument + POWER_SUM;
+    alpha *= alpha;
+    alpha *= alpha;
+    alpha *= alpha;
+    alpha *= alpha;
+    alpha *= alpha;
+    alpha = min(alpha, vec4(params.alpha_max));
+    alpha = mix(vec4(0.0), alpha, greaterThanEqual(argument, vec4(CUT)));
+    alpha = mix(vec4(0.0), alpha, greaterThan(p.t, vec4(STOP)));
     vec4 weight = alpha * p.t;
-    vec4 next = p.t - weight;
-    bvec4 go = greaterThan(next, vec4(1e-4));
-    weight = mix(vec4(0.0), weight, go);
-    p.t = mix(-abs(p.t), next, go);
+    p.t -= weight;
     p.r += weight * colour.r;
     p.g += weight * colour.g;
     p.b += weight * colour.b;
@@ -43,7 +52,6 @@ float largest(vec4 v) {
 void store(uvec2 pixel, float r, float g, float b, float depth, float t) {
     if (pixel.x < params.width && pixel.y < params.height) {
         uint at = (pixel.y * params.width + pixel.x) * 5;
-        t = abs(t);
         picture[at] = r + t * params.background[0];
         picture[at + 1] = g + t * params.background[1];
         picture[at + 2] = b + t * params.background[2];
@@ -77,13 +85,14 @@ void main() {
         vec3 l = vec3(a.zw, b.x) * FACTOR;
         float u = l.x * d.x + l.y * d.y;
         float w = l.z * d.y;
-        float level = (at + lane < range.y ? log2(b.y) : -1000.0) - w * w;
-        float down = l.z * w;
+        float level = POWER_SHIFT + POWER_SCALE * (at + lane < range.y ? b.y : -1000.0) - w * w;
+        float down = (l.z + l.z) * w;
+        float tilt = l.y + l.y;
         float curve = l.y * l.y + l.z * l.z;
         [[unroll]] for (uint j = 0; j < 8; j++) {
             float u_j = subgroupShuffle(u, j) - subgroupShuffle(l.x, j) * x;
             float level_j = subgroupShuffle(level, j) - u_j * u_j;
-            float slope_j = subgroupShuffle(l.y, j) * u_j + subgroupShuffle(down, j);
+            float slope_j = subgroupShuffle(tilt, j) * u_j + subgroupShuffle(down, j);
             float curve_j = subgroupShuffle(curve, j);
             vec4 colour_j = vec4(subgroupShuffle(colour.r, j), subgroupShuffle(colour.g, j),
                                  subgroupShuffle(colour.b, j), subgroupShuffle(colour.a, j));
@@ -94,7 +103,7 @@ void main() {
         left = max(left, subgroupShuffle(left, lane ^ 1));
         left = max(left, subgroupShuffle(left, lane ^ 2));
         left = max(left, subgroupShuffle(left, lane ^ 4));
-        if (left < 0.0)
+        if (left <= STOP)
             break;
     }
     uvec2 pixel = tile * 8u + uvec2(lane, 0);

@@ -265,8 +265,8 @@ impl<'a> Assembly<'a> {
         found.and_then(|(at, code)| Some((at, Test::of(code, names)?)))
     }
 
-    /// The register that a step counts in: the one that it reads, if nothing else in the loop writes it, but for a copy
-    /// of what the step makes.
+    /// The register that a step counts in. It is the one that the step reads, unless something else in the loop writes
+    /// it. A copy of the step's own result is allowed.
     fn counter(&self, range: &RangeInclusive<usize>, made: &str, read: &'a str) -> Option<&'a str> {
         let writes =
             |(at, code): &(usize, &Code)| code.writes(read).is_some() && !self.leaves(range, *at);
