@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 
 use crate::search::{Anchor, LEVELS, Placement};
-use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, WAVE_THREADS, frustum, low_pass};
+use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, frustum, low_pass, tiles_per_group};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose, RenderOptions};
 
@@ -129,8 +129,7 @@ impl LevelBuffers {
         for Level { params, .. } in &mut levels {
             params.sort_blocks = 1 << log_sort_blocks;
             params.bin_blocks = 1 << log_bin_blocks;
-            params.tiles_per_group =
-                device.info().wave.map_or(1, |subgroup| WAVE_THREADS / subgroup);
+            params.tiles_per_group = device.info().wave.map_or(1, tiles_per_group);
         }
         let image = pixels * PIXEL as usize;
         // The image is a picture's largest buffer, except for the frame's levels.

@@ -10,8 +10,11 @@ pub const TILE: u32 = 8;
 pub const SPLAT_THREADS: u32 = TILE * TILE / ROWS;
 /// Pixels of one column that one invocation blends: a splat's record is loaded once for all of them.
 pub const ROWS: u32 = 4;
-/// Invocations of a workgroup whose subgroups draw one tile each.
-pub const WAVE_THREADS: u32 = 128;
+/// Tiles that a workgroup of subgroups of this size draws, one per subgroup. It is one at 16: if a workgroup has
+/// several subgroups, Mesa 25's llvmpipe takes a barrier of one of them for a barrier of all, and draws other pictures.
+pub const fn tiles_per_group(subgroup: u32) -> u32 {
+    if subgroup == 16 { 1 } else { 128 / subgroup }
+}
 /// Invocations of a workgroup with one splat or one pair per invocation.
 pub const GROUP: u32 = 256;
 /// Digits of a depth key. The sort takes one pass per digit.

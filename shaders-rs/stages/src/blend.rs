@@ -3,7 +3,7 @@
 use crate::lanes::sync_subgroup;
 use crate::list::{LANES, List, Power, SPLAT, Splat, largest, rgb_of, tell_cut};
 use crate::rows::Rows;
-use crate::shared::{Counters, Params, TILE, TRANSMITTANCE_STOP, WAVE_THREADS};
+use crate::shared::{Counters, Params, TILE, TRANSMITTANCE_STOP, tiles_per_group};
 use core::arch::asm;
 use spirv_std::arch::{IndexUnchecked, subgroup_any};
 use spirv_std::glam::{UVec2, UVec3, Vec4};
@@ -190,22 +190,24 @@ pub fn lockstep<B: Blend>(
     (pixels, last)
 }
 
-/// Shared memory of a wave workgroup: a splat per invocation.
-pub type WaveSplats = [Vec4; (WAVE_THREADS * SPLAT) as usize];
+/// `Vec4`s of shared memory of a workgroup of the form for waves of `SUBGROUP`: a splat per invocation.
+pub const fn wave_memory(subgroup: u32) -> usize {
+    (tiles_per_group(subgroup) * subgroup * SPLAT) as usize
+}
 
 /// Splats between two looks at whether all pixels are finished.
 const LOOK: u32 = 4;
 
 /// Wave: for subgroups of `SUBGROUP`, a tile each, with no barrier between them. `slot` is the invocation's place in
 /// shared memory.
-pub fn wave<B: Blend, const SUBGROUP: u32>(
+pub fn wave<B: Blend, const SUBGROUP: u32, const MEMORY: usize>(
     list: List,
     first: u32,
     pixels: B,
     [x, y]: [f32; 2],
     how: How,
     (lane, slot): (u32, u32),
-    shared: &mut WaveSplats,
+    shared: &mut [Vec4; MEMORY],
     counters: &mut Counters,
 ) -> (B, [f32; 3]) {
     let y = B::Rows::down(y);
@@ -264,8 +266,7 @@ impl Place {
 
     /// One tile per subgroup.
     pub fn of_subgroup<const SUBGROUP: u32>(group: UVec3, subgroup: u32, lane: u32) -> Place {
-        let tiles = WAVE_THREADS / SUBGROUP;
-        let tile = [group.x * tiles + subgroup, group.y];
+        let tile = [group.x * tiles_per_group(SUBGROUP) + subgroup, group.y];
         Place { tile, column: lane % TILE, row: lane / TILE * (TILE * TILE / SUBGROUP) }
     }
 

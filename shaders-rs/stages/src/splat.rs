@@ -2,11 +2,11 @@
 //! transmittance is at most [`TRANSMITTANCE_STOP`](shared::TRANSMITTANCE_STOP): no further splat counts.
 
 use crate::blend::{
-    Blend, Clamp, Hits, How, Place, WaveSplats, lockstep, middle, plain, range, wave,
+    Blend, Clamp, Hits, How, Place, lockstep, middle, plain, range, wave, wave_memory,
 };
 use crate::list::{List, Portable, Splat};
 use crate::rows::Rows;
-use crate::shared::{self, Counters, Params, ROWS, TILE, WAVE_THREADS, max};
+use crate::shared::{self, Counters, Params, ROWS, TILE, max, tiles_per_group};
 use spirv_std::glam::{UVec2, UVec3, Vec2, Vec4};
 use spirv_std::spirv;
 
@@ -139,16 +139,18 @@ pub fn splat_lockstep(
     pixels.1.store(params, out, [x, y + ROWS], ROWS);
 }
 
-/// Makes a wave form: one tile per subgroup of so many invocations, which blend rows of this type.
+/// Makes a wave form: one tile per subgroup of so many invocations, workgroups of so many, and rows of this type.
 macro_rules! wave_form {
-    ($name:ident, $subgroup:literal, $rows:ty) => {
+    ($name:ident, $subgroup:literal, $threads:tt, $rows:ty) => {
+        const _: () = assert!(tiles_per_group($subgroup) * $subgroup == $threads);
+
         /// Wave: one tile per subgroup.
-        #[spirv(compute(threads(128)))]
+        #[spirv(compute(threads($threads)))]
         pub fn $name(
             #[spirv(workgroup_id)] group: UVec3,
             #[spirv(subgroup_id)] subgroup: u32,
             #[spirv(subgroup_local_invocation_id)] lane: u32,
-            #[spirv(workgroup)] splats: &mut WaveSplats,
+            #[spirv(workgroup)] splats: &mut [Vec4; wave_memory($subgroup)],
             #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,
             #[spirv(spec_constant(id = 2, default = 1))] depth: u32,
             #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
@@ -167,7 +169,7 @@ macro_rules! wave_form {
             let how = How { clamp: Clamp::new(params, clamp), depth: depth != 0 };
             let pixels = Pixels::<$rows>::empty();
             let lanes = (lane, subgroup * $subgroup + lane);
-            let (pixels, _) = wave::<_, $subgroup>(
+            let (pixels, _) = wave::<_, $subgroup, { wave_memory($subgroup) }>(
                 list,
                 range.x,
                 pixels,
@@ -182,7 +184,6 @@ macro_rules! wave_form {
     };
 }
 
-const _: () = assert!(WAVE_THREADS == 128);
-wave_form!(splat_wave16, 16, Vec4);
-wave_form!(splat_wave32, 32, Vec2);
-wave_form!(splat_wave64, 64, f32);
+wave_form!(splat_wave16, 16, 16, Vec4);
+wave_form!(splat_wave32, 32, 128, Vec2);
+wave_form!(splat_wave64, 64, 128, f32);

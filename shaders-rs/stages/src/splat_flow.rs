@@ -7,12 +7,12 @@
 //! before each splat, `C = Σ Tᵢ (cᵢ − cᵢ₋₁)`, and the derivatives likewise: a splat's own weight need not be derived.
 
 use crate::blend::{
-    Blend, Clamp, Hits, How, Place, WaveSplats, lockstep, middle, plain, range, wave,
+    Blend, Clamp, Hits, How, Place, lockstep, middle, plain, range, wave, wave_memory,
 };
 use crate::list::{LANES, List, Native, PRODUCT, Splat};
 use crate::reduce::{Channels, Scratch, store, store_of_subgroup};
 use crate::rows::Rows;
-use crate::shared::{Counters, MASKED, Params, ROWS, WAVE_THREADS};
+use crate::shared::{Counters, MASKED, Params, ROWS, tiles_per_group};
 use spirv_std::glam::{UVec2, UVec3, Vec2, Vec4};
 use spirv_std::spirv;
 
@@ -210,16 +210,18 @@ pub fn splat_flow_lockstep(
     store(&channels, half * LANES + lane, group.y * params.tiles_x + group.x, scratch, partials);
 }
 
-/// Makes a wave form: one tile per subgroup of so many invocations, which blend rows of this type.
+/// Makes a wave form: one tile per subgroup of so many invocations, workgroups of so many, and rows of this type.
 macro_rules! wave_form {
-    ($name:ident, $subgroup:literal, $rows:ty) => {
+    ($name:ident, $subgroup:literal, $threads:tt, $rows:ty) => {
+        const _: () = assert!(tiles_per_group($subgroup) * $subgroup == $threads);
+
         /// Wave: one tile per subgroup.
-        #[spirv(compute(threads(128)))]
+        #[spirv(compute(threads($threads)))]
         pub fn $name(
             #[spirv(workgroup_id)] group: UVec3,
             #[spirv(subgroup_id)] subgroup: u32,
             #[spirv(subgroup_local_invocation_id)] lane: u32,
-            #[spirv(workgroup)] splats: &mut WaveSplats,
+            #[spirv(workgroup)] splats: &mut [Vec4; wave_memory($subgroup)],
             #[spirv(spec_constant(id = 1, default = 1))] clamp: u32,
             #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
             #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] ranges: &[UVec2],
@@ -238,7 +240,7 @@ macro_rules! wave_form {
             let how = How { clamp: Clamp::new(params, clamp), depth: true };
             let pixels = Pixels::<$rows>::empty();
             let lanes = (lane, subgroup * $subgroup + lane);
-            let (pixels, last) = wave::<_, $subgroup>(
+            let (pixels, last) = wave::<_, $subgroup, { wave_memory($subgroup) }>(
                 list,
                 range.x,
                 pixels,
@@ -255,7 +257,6 @@ macro_rules! wave_form {
     };
 }
 
-const _: () = assert!(WAVE_THREADS == 128);
-wave_form!(splat_flow_wave16, 16, Vec4);
-wave_form!(splat_flow_wave32, 32, Vec2);
-wave_form!(splat_flow_wave64, 64, f32);
+wave_form!(splat_flow_wave16, 16, 16, Vec4);
+wave_form!(splat_flow_wave32, 32, 128, Vec2);
+wave_form!(splat_flow_wave64, 64, 128, f32);
