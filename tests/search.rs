@@ -191,6 +191,7 @@ fn program(starts: &[Pose]) -> Program {
         first_level: 3,
         follow_level: 2,
         levels: 0b1111,
+        sparse: 0,
         follow_renders: 4,
         coarse_renders: 4,
         renders: 4,

@@ -6,7 +6,7 @@ use bytemuck::Zeroable;
 
 use crate::image::Mask;
 use crate::search::{self, Placement, PoseCode, Program, Search};
-use crate::shared::{self, CELL, Counters, PIXEL};
+use crate::shared::{self, CELL, Counters, PIXEL, TILE};
 use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
@@ -408,15 +408,19 @@ impl Renderer {
         };
         assert!(mask.is_none_or(fits), "a mask of level 0's size");
         for level in &mut self.levels.sizes {
-            let counted = mask.map(|mask| mask.reduced(level.factor).count());
-            level.counted = counted.unwrap_or(level.camera.pixels());
+            level.count(mask.map(|mask| mask.reduced(level.factor)).as_ref());
         }
         self.frame.as_mut().expect("only planned frames are masked").set_mask(mask);
     }
 
-    /// Pixels of a level that count.
-    pub fn counted(&self, level: usize) -> usize {
+    /// Pixels of a level that count: all, and those of the rows of tiles that a sparse evaluation draws.
+    pub fn counted(&self, level: usize) -> [usize; 2] {
         self.levels.sizes[level].counted
+    }
+
+    /// Whether a sparse evaluation draws a level's row of pixels.
+    pub fn draws_sparsely(&self, level: usize, row: u32) -> bool {
+        self.levels.sizes[level].sparse.draws(row / TILE)
     }
 
     /// Reduces the camera's picture to all levels, for evaluations that the host asks for.

@@ -19,6 +19,9 @@ pub struct Schedule {
     pub follow_level: usize,
     /// Levels to visit, one bit per level; level 0 is always visited.
     pub levels: u32,
+    /// Levels of which an evaluation draws only some rows of tiles, one bit per level: see docs/decisions.md, 38. Final
+    /// pictures are always whole.
+    pub sparse: u32,
     /// Most renders of one start at one level while starts are compared; 1: starts are only scored.
     pub follow_renders: u32,
     /// Most renders of a coarse level.
@@ -65,6 +68,7 @@ impl Schedule {
             first_level: first_level as u32,
             follow_level: self.follow_level.min(first_level) as u32,
             levels: self.levels,
+            sparse: self.sparse,
             follow_renders: self.follow_renders,
             coarse_renders: self.coarse_renders,
             renders: self.renders,
@@ -98,6 +102,7 @@ impl Default for GaussNewtonOptions {
                 first_level: 0,
                 follow_level: 0,
                 levels: 0b0111,
+                sparse: 0b0001,
                 follow_renders: 1,
                 coarse_renders: 8,
                 renders: 6,
@@ -112,6 +117,7 @@ impl Default for GaussNewtonOptions {
                 first_level: 2,
                 follow_level: 2,
                 levels: 0b0111,
+                sparse: 0,
                 follow_renders: 1,
                 coarse_renders: 12,
                 renders: 8,
@@ -144,12 +150,15 @@ pub(super) fn search(
     let renderer = objective.renderer();
     let placements = starts.iter().map(|pose| placement(renderer.scene(), pose));
     let program = schedule.program(renderer.levels(), placements, damping, profile);
+    let program = Program { sparse: objective.sparse_levels(program.sparse), ..program };
     let (first, path) = run(objective, &start, &program)?;
-    if path.kept_promise(first.outcome.mse) {
+    // Some rows of tiles may leave a motion undetermined that the whole picture determines.
+    let determined = program.sparse == 0 || first.observability.undetermined().next().is_none();
+    if path.kept_promise() && determined {
         return Ok(first);
     }
-    let better = if first.outcome.mse < path.seen_mse { path.found } else { path.seen };
-    let mut again = program;
+    let better = if path.drawn_mse < path.seen_mse { path.found } else { path.seen };
+    let mut again = Program { sparse: 0, ..program };
     (again.starts[0], again.count) = (better, 1);
     again.first_level = program.first_level.max(program.far_level);
     (again.follow_level, again.far_level) = (again.first_level, 0);
@@ -171,15 +180,17 @@ struct Path {
     seen: Placement,
     /// Mean squared error there.
     seen_mse: f64,
+    /// Mean squared error of the same pixels in the picture that was drawn at the end.
+    drawn_mse: f64,
 }
 
 impl Path {
     /// Whether the drawn picture's error is what the last step promised. It must not be worse than before the step; and
     /// if the step promised much, it must be better by a good part of that. Near the optimum Gauss–Newton keeps its
     /// promises. If it does not, the search has not arrived.
-    fn kept_promise(&self, drawn_mse: f64) -> bool {
+    fn kept_promise(&self) -> bool {
         let max = if self.promised > 0.03 { 1.0 - 0.8 * self.promised } else { 1.02 };
-        self.promised == 0.0 || drawn_mse - ROUNDING <= max * self.seen_mse
+        self.promised == 0.0 || self.drawn_mse - ROUNDING <= max * self.seen_mse
     }
 }
 
@@ -190,7 +201,7 @@ fn run(
     program: &Program,
 ) -> Result<(PoseEstimate, Path), Error> {
     let begun = objective.milliseconds();
-    let levels: [f64; LEVELS] = objective.residuals();
+    let levels: [f64; LEVELS] = objective.residuals(program.sparse);
     let (renderer, trace) = objective.parts();
     let scene = renderer.scene().clone();
     let searched = renderer.search(program)?;
@@ -201,14 +212,21 @@ fn run(
         let mse = f64::from(*square) / levels[*level as usize];
         trace.note(Evaluation { level: *level as usize, mse, milliseconds: begun + time });
     }
+    let search = *search;
+    let [mse, sparse_mse] = objective.errors();
+    let drawn_mse = if program.sparse & 1 == 1 { sparse_mse } else { mse };
     let path = Path {
         found: search.found,
         promised: f64::from(search.promised),
         seen: search.place,
         seen_mse: f64::from(search.place_sums[SUMS as usize - 1]) / levels[0],
+        drawn_mse,
     };
-    let stop = stop(search);
+    let stop = stop(&search);
     let first_mse = f64::from(search.trace[0]) / levels[search.trace_level[0] as usize];
+    // Of all pixels, like the error at the end.
+    let sparse_start = program.sparse >> search.trace_level[0] & 1 == 1 && sparse_mse > 0.0;
+    let first_mse = first_mse * if sparse_start { mse / sparse_mse } else { 1.0 };
     let sums = search.place_sums.map(f64::from);
     let observability = Observability::of(&NormalEquations::from_sums(&sums, levels[0] as usize));
     let pose = pose_of(&scene, &path.found);
@@ -217,7 +235,7 @@ fn run(
         submissions,
         first_mse,
         observability,
-        ..PoseEstimate::from_start(start, Outcome { pose, mse: objective.error(), stop })
+        ..PoseEstimate::from_start(start, Outcome { pose, mse, stop })
     };
     Ok((found, path))
 }

@@ -6,6 +6,8 @@ use std::time::Instant;
 use crate::image::Mask;
 use crate::render::{Correction, FlatField, Jacobian, NormalEquations, Renderer};
 use crate::search::LEVELS;
+#[cfg(doc)]
+use crate::search::Program;
 use crate::vulkan::Error;
 use crate::{Camera, Picture, Pose};
 
@@ -127,27 +129,45 @@ impl Objective {
         &self.field
     }
 
-    /// Mean squared error of the 8-bit picture drawn last, values in [0, 1]. The frame's light is corrected, and masked
-    /// pixels add nothing.
-    pub(super) fn error(&self) -> f64 {
-        let mask = self.mask.as_deref();
-        if self.correction == Correction::NONE && !self.field.is_on() && mask.is_none() {
-            return mse(self.renderer.difference());
+    /// Mean squared error of the 8-bit picture drawn last, values in [0, 1]: of all pixels, and of those that a sparse
+    /// evaluation draws. The frame's light is corrected, and masked pixels add nothing.
+    pub(super) fn errors(&self) -> [f64; 2] {
+        let rows = self.picture.height;
+        let mut sums = [0.0; 2];
+        for (y, sum) in (0..rows).map(|y| (y, self.square_of_row(y))) {
+            sums[0] += sum;
+            sums[1] += if self.renderer.draws_sparsely(0, y) { sum } else { 0.0 };
         }
+        let counted = self.renderer.counted(0).map(|count| (count.max(1) * 3) as f64);
+        [sums[0] / counted[0], sums[1] / counted[1]]
+    }
+
+    /// Mean squared error of all pixels: see [`errors`](Self::errors).
+    pub(super) fn error(&self) -> f64 {
+        self.errors()[0]
+    }
+
+    /// Sum of squares of a row of pixels.
+    fn square_of_row(&self, y: u32) -> f64 {
+        let mask = self.mask.as_deref();
         let width = self.picture.width as usize;
-        let pixels =
-            self.picture.data.chunks_exact(3).zip(self.renderer.rendered().chunks_exact(3));
-        let square = |(i, (frame, render)): (usize, (&[u8], &[u8]))| -> f64 {
-            if mask.is_some_and(|mask| !mask.data[i]) {
+        let bytes = y as usize * width * 3..(y as usize + 1) * width * 3;
+        if self.correction == Correction::NONE && !self.field.is_on() && mask.is_none() {
+            return square(&self.renderer.difference()[bytes]);
+        }
+        let frame = self.picture.data[bytes.clone()].chunks_exact(3);
+        let pixels = frame.zip(self.renderer.rendered()[bytes].chunks_exact(3));
+        let square = |(x, (frame, render)): (usize, (&[u8], &[u8]))| -> f64 {
+            if mask.is_some_and(|mask| !mask.data[y as usize * width + x]) {
                 return 0.0;
             }
             let lit = |c: usize| self.correction.of(c, f32::from(frame[c]) / 255.0);
-            let (x, y) = ((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+            let (x, y) = (x as f32 + 0.5, y as f32 + 0.5);
             let Some(rgb) = self.field.of([lit(0), lit(1), lit(2)], x, y) else { return 0.0 };
             let off = |c: usize| f64::from(rgb[c] - f32::from(render[c]) / 255.0);
             (0..3).map(|c| off(c).powi(2)).sum()
         };
-        pixels.enumerate().map(square).sum::<f64>() / self.residuals()[0]
+        pixels.enumerate().map(square).sum()
     }
 
     /// The normal equations at a pose. If the pose is not finite, or the device returns a value
@@ -185,9 +205,20 @@ impl Objective {
         self.since.elapsed().as_secs_f64() * 1e3
     }
 
-    /// Number of residuals of each level.
-    pub(super) fn residuals(&self) -> [f64; LEVELS] {
-        let count = |level| (self.renderer.counted(level).max(1) * 3) as f64;
+    /// Those of some levels whose sparse evaluations draw enough of the pixels that count.
+    pub(super) fn sparse_levels(&self, levels: u32) -> u32 {
+        let enough = |level: &usize| {
+            let [all, drawn] = self.renderer.counted(*level);
+            8 * drawn >= all
+        };
+        let enough = (0..self.levels()).filter(enough);
+        levels & enough.map(|level| 1 << level).sum::<u32>()
+    }
+
+    /// Number of residuals of an evaluation of each level. `sparse`: see [`Program::sparse`].
+    pub(super) fn residuals(&self, sparse: u32) -> [f64; LEVELS] {
+        let of = |level: usize| (sparse >> level & 1) as usize;
+        let count = |level| (self.renderer.counted(level)[of(level)].max(1) * 3) as f64;
         std::array::from_fn(|level| if level < self.levels() { count(level) } else { 1.0 })
     }
 
@@ -233,9 +264,8 @@ impl Objective {
     }
 }
 
-/// Mean squared error, values in [0, 1], of a difference picture.
-fn mse(difference: &[u8]) -> f64 {
+/// Sum of squares, values in [0, 1], of a part of a difference picture.
+fn square(difference: &[u8]) -> f64 {
     let square = |v: &u8| u64::from(v.abs_diff(128)).pow(2);
-    let sum: u64 = difference.iter().map(square).sum();
-    sum as f64 / (difference.len() as f64 * 255.0 * 255.0)
+    difference.iter().map(square).sum::<u64>() as f64 / (255.0 * 255.0)
 }

@@ -63,6 +63,8 @@ pub struct Program {
     pub follow_level: u32,
     /// Levels to visit, one bit per level; level 0 is always visited.
     pub levels: u32,
+    /// Levels of which an evaluation draws only some rows of tiles ([`Params::with_rows`]), one bit per level.
+    pub sparse: u32,
     /// Most evaluations of one start at one level while starts are compared.
     pub follow_renders: u32,
     /// Most evaluations of a level above 0.
@@ -147,6 +149,12 @@ pub struct Search {
 
 /// Index of Σ r² in the sums.
 pub const SQUARE: usize = SUMS as usize - 1;
+
+/// Index of a level's parameters among the prototypes, of which each level has two: all rows of tiles, and some.
+/// `sparse`: see [`Program::sparse`].
+pub fn prototype(level: u32, sparse: u32) -> usize {
+    (2 * level + ((sparse >> (level & 31)) & 1)) as usize
+}
 
 /// Goes to the first evaluation.
 pub fn begin(s: &mut Search) {

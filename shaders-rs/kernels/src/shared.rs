@@ -115,7 +115,7 @@ pub struct Params {
     pub height: u32,
     /// Tiles across.
     pub tiles_x: u32,
-    /// Tiles down.
+    /// Rows of tiles that are drawn.
     pub tiles_y: u32,
     /// Number of splats.
     pub splats: u32,
@@ -129,6 +129,42 @@ pub struct Params {
     pub bin_blocks: u32,
     /// Tiles that a workgroup draws.
     pub tiles_per_group: u32,
+    /// Of each 2^`row_shift` rows of tiles of the picture one is drawn: see [`Params::tile_row`].
+    pub row_shift: u32,
+    /// The first of them.
+    pub row_first: u32,
+}
+
+impl Params {
+    /// Rows of tiles of the whole picture.
+    pub fn picture_rows(&self) -> u32 {
+        self.height.div_ceil(TILE)
+    }
+
+    /// The picture's row of tiles that row `drawn` of those drawn is.
+    pub fn tile_row(&self, drawn: u32) -> u32 {
+        (drawn << (self.row_shift & 31)) + self.row_first
+    }
+
+    /// Number of drawn rows of tiles before the picture's row `row`.
+    pub fn drawn_before(&self, row: u32) -> u32 {
+        let step = 1 << (self.row_shift & 31);
+        (row + step - 1 - self.row_first) >> (self.row_shift & 31)
+    }
+
+    /// Whether the picture's row `row` of tiles is drawn.
+    pub fn draws(&self, row: u32) -> bool {
+        let step = 1 << (self.row_shift & 31);
+        row % step == self.row_first
+    }
+
+    /// These parameters, with one of each 2^`shift` rows of tiles drawn. Those drawn lie around the picture's middle.
+    pub fn with_rows(self, shift: u32) -> Params {
+        let (rows, step) = (self.picture_rows(), 1 << (shift & 31));
+        let row_first = (rows - 1) % step / 2;
+        let params = Params { row_shift: shift, row_first, ..self };
+        Params { tiles_y: params.drawn_before(rows), ..params }
+    }
 }
 
 /// Indirect dispatches of the stages at one level; zeros if nothing is to run.
@@ -410,21 +446,21 @@ fn cut(log_opacity: f32) -> f32 {
     2.0 * core::f32::consts::LN_2 * (log_opacity - LOG_ALPHA_MIN)
 }
 
-/// Tiles `[x0, y0, x1, y1)` that the splat's bounding box touches; empty if it misses the picture.
+/// Drawn tiles `[x0, y0, x1, y1)` that the splat's bounding box touches; empty if it misses all of them.
 /// Every limit is applied in floating point, before the conversion to integers.
 pub fn tile_box(params: &Params, s: &Projected) -> [u32; 4] {
     // Rounding may not leave a tile out that has a pixel in it.
     let k = portable::sqrt(cut(s.log_opacity)) * 1.000_01;
-    let tiles = [params.tiles_x as f32, params.tiles_y as f32];
+    let tiles = [params.tiles_x as f32, params.picture_rows() as f32];
     const SCALE: f32 = 1.0 / TILE as f32;
     // A pixel's index lies half a pixel before its centre, and a far mean is rounded.
     let ex = k * s.sigma[0] + 0.51 + 1e-6 * s.mean[0].abs();
     let ey = k * s.sigma[1] + 0.51 + 1e-6 * s.mean[1].abs();
     [
         clamp(((s.mean[0] - ex) * SCALE).floor(), 0.0, tiles[0]) as u32,
-        clamp(((s.mean[1] - ey) * SCALE).floor(), 0.0, tiles[1]) as u32,
+        params.drawn_before(clamp(((s.mean[1] - ey) * SCALE).floor(), 0.0, tiles[1]) as u32),
         clamp(((s.mean[0] + ex) * SCALE).floor() + 1.0, 0.0, tiles[0]) as u32,
-        clamp(((s.mean[1] + ey) * SCALE).floor() + 1.0, 0.0, tiles[1]) as u32,
+        params.drawn_before(clamp(((s.mean[1] + ey) * SCALE).floor() + 1.0, 0.0, tiles[1]) as u32),
     ]
 }
 
@@ -452,7 +488,7 @@ impl Outline {
         let [l11, l21, l22] = s.conic;
         // The factor's two components are sums of products of this size.
         let across = s.mean[0].abs() + (params.tiles_x * TILE) as f32;
-        let down = s.mean[1].abs() + (params.tiles_y * TILE) as f32;
+        let down = s.mean[1].abs() + (params.picture_rows() * TILE) as f32;
         let slack = 5e-7 * (l11 * across + (l21.abs() + l22) * down);
         let cut = cut(s.log_opacity) * 1.001 + 1e-2 + slack * (8.0 + slack);
         let slope = -l21 / l11;
@@ -462,14 +498,16 @@ impl Outline {
         Outline { mean: s.mean, slope, rise: l22, width, cut, tip: slope * yy * (cut / xx).sqrt() }
     }
 
-    /// Rows of tiles `[first, end)` of `count` that have a pixel centre at the ellipse's height.
-    pub fn rows(&self, count: u32) -> [u32; 2] {
+    /// Drawn rows of tiles `[first, end)` that have a pixel centre at the ellipse's height.
+    pub fn rows(&self, params: &Params) -> [u32; 2] {
         let height = self.cut.sqrt() / self.rise;
         let slack = 1e-6 * self.mean[1].abs();
-        tiles_between(self.mean[1] - height - slack, self.mean[1] + height + slack, count)
+        let (low, high) = (self.mean[1] - height - slack, self.mean[1] + height + slack);
+        let [first, end] = tiles_between(low, high, params.picture_rows());
+        [params.drawn_before(first), params.drawn_before(end)]
     }
 
-    /// Tiles `[first, end)` of `count` in a row that have a point of the ellipse between their outermost pixel centres.
+    /// Tiles `[first, end)` of `count` in the picture's row `row` that have a point of the ellipse between their outermost pixel centres.
     pub fn columns(&self, row: u32, count: u32) -> [u32; 2] {
         let low = (row * TILE) as i32 as f32 + 0.5 - self.mean[1];
         let high = low + (TILE - 1) as f32;

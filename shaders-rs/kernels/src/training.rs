@@ -97,7 +97,7 @@ pub struct SlotCounters {
 
 /// Tiles `[x0, y0, x1, y1)` of which a splat may have pairs: all those that stage `bin_emit` lists it for.
 pub fn slot_box(params: &Params, outline: &Outline) -> [u32; 4] {
-    let [top, bottom] = outline.rows(params.tiles_y);
+    let [top, bottom] = outline.rows(params);
     let (high, slope) = (1.0 / outline.rise, outline.slope);
     let reach =
         (outline.cut * (outline.width * outline.width + slope * slope * high * high)).sqrt();

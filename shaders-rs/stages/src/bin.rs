@@ -132,7 +132,7 @@ impl Chunk {
             splat = at(order, place);
         }
         let outline = Outline::new(params, &load(records, splat));
-        let [top, bottom] = outline.rows(params.tiles_y);
+        let [top, bottom] = outline.rows(params);
         let (top, bottom) = (top.max(share.top), bottom.min(share.bottom));
         let count = if (place < share.end) & (top < bottom) { bottom - top } else { 0 };
         let rows = Sequence::new::<L>(count, lane, scratch);
@@ -180,7 +180,7 @@ impl Chunk {
         let splat = L::get(self.splat, SPLAT, owner, scratch);
         let start = L::get(self.rows.start, ROWS_START, owner, scratch);
         let y = L::get(self.top, TOP, owner, scratch) + place - start;
-        let [left, right] = outline.columns(y, params.tiles_x);
+        let [left, right] = outline.columns(params.tile_row(y), params.tiles_x);
         let count = if place < self.rows.total { right - left } else { 0 };
         let tiles = Sequence::new::<L>(count, lane, scratch);
         let first_tile = y * params.tiles_x + left - first_tile;

@@ -270,6 +270,11 @@ impl Place {
         Place { tile, column: lane % TILE, row: lane / TILE * (TILE * TILE / SUBGROUP) }
     }
 
+    /// The same, in the picture, of which only some rows of tiles are drawn.
+    pub fn in_picture(self, params: &Params) -> Place {
+        Place { tile: [self.tile[0], params.tile_row(self.tile[1])], ..self }
+    }
+
     /// The first pixel, in the picture.
     pub fn pixel(self) -> [u32; 2] {
         [self.tile[0] * TILE + self.column, self.tile[1] * TILE + self.row]

@@ -61,7 +61,7 @@ pub fn solve(
         groups[0] = Groups::NONE;
         groups[1] = Groups::of(&levels[0]);
     } else {
-        let mut next = levels[s.level as usize];
+        let mut next = levels[search::prototype(s.level, s.program.sparse)];
         search::set_pose(&mut next, &s.trial);
         *params = next;
         groups[0] = Groups::of(&next);

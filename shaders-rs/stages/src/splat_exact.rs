@@ -198,7 +198,7 @@ pub fn splat_exact(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] derivatives: &[Vec4],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] counters: &mut Counters,
 ) {
-    let [x, y] = Place::of_group(group, lane, ROWS).pixel();
+    let [x, y] = Place::of_group(group, lane, ROWS).in_picture(params).pixel();
     let tile = group.y * params.tiles_x + group.x;
     let range = ranges[tile as usize];
     let clamp = Clamp::new(params, clamp);

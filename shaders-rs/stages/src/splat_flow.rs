@@ -171,6 +171,7 @@ pub fn splat_flow(
 ) {
     let place = Place::of_group(group, lane, ROWS);
     let range = range(params, ranges, place.tile);
+    let place = place.in_picture(params);
     let list = List { records, pair_splats, end: range.y, centre: middle(place.tile) };
     let how = How { clamp: Clamp::new(params, clamp), depth: true };
     let pixels = Pixels::<Vec4>::empty();
@@ -198,6 +199,7 @@ pub fn splat_flow_lockstep(
 ) {
     let place = Place::of_group(group, half * LANES + lane, ROWS);
     let range = range(params, ranges, place.tile);
+    let place = place.in_picture(params);
     // Seen from the middle of the half's upper row, so that few terms remain.
     let [x, y] = middle(place.tile);
     let centre = [x, y - 3.5 + (half * ROWS) as f32];
@@ -235,7 +237,8 @@ macro_rules! wave_form {
             if place.tile[0] >= params.tiles_x {
                 return;
             }
-            let range = range(params, ranges, place.tile);
+            let (range, drawn) = (range(params, ranges, place.tile), place.tile);
+            let place = place.in_picture(params);
             let list = List { records, pair_splats, end: range.y, centre: middle(place.tile) };
             let how = How { clamp: Clamp::new(params, clamp), depth: true };
             let pixels = Pixels::<$rows>::empty();
@@ -251,7 +254,7 @@ macro_rules! wave_form {
                 counters,
             );
             let channels = pixels.channels(params, frame, place.pixel(), last);
-            let tile = place.tile[1] * params.tiles_x + place.tile[0];
+            let tile = drawn[1] * params.tiles_x + drawn[0];
             store_of_subgroup::<_, $subgroup>(&channels, lane, tile, partials);
         }
     };

@@ -13,6 +13,7 @@ const CAREFUL: Schedule = Schedule {
     first_level: 2,
     follow_level: 2,
     levels: 0b0111,
+    sparse: 0,
     follow_renders: 16,
     coarse_renders: 32,
     renders: 48,

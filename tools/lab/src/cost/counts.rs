@@ -80,12 +80,13 @@ impl Tiles<'_> {
     /// Splats times the rows of tiles that they touch.
     fn rows(&self) -> f64 {
         let [tiles_x, tiles_y] = self.tiles;
-        let params = Params { tiles_x, tiles_y, ..Params::default() };
+        let height = self.camera.height;
+        let params = Params { tiles_x, tiles_y, height, ..Params::default() };
         let rows = |splat: &u32| {
             let r = &self.stages.records[*splat as usize];
             let (mean, conic) = ([r[0], r[1]], [r[2], r[3], r[4]]);
             let splat = Projected { mean, conic, log_opacity: r[5], ..Projected::CULLED };
-            let [top, bottom] = Outline::new(&params, &splat).rows(tiles_y);
+            let [top, bottom] = Outline::new(&params, &splat).rows(&params);
             f64::from(bottom - top)
         };
         self.stages.order.iter().map(rows).sum()

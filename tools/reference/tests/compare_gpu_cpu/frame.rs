@@ -124,7 +124,7 @@ fn the_mask_of_the_pyramid_is_the_host_s() {
         let pixels = host.chunks_exact_mut(3).zip(&reduced.data);
         pixels.filter(|(_, counts)| !**counts).for_each(|(rgb, _)| rgb.fill(MASKED));
         renderer.set_mask(Some(&mask));
-        assert_eq!(renderer.counted(level), reduced.count());
+        assert_eq!(renderer.counted(level)[0], reduced.count());
         renderer.set_picture(&frame);
         renderer.reduce_picture().unwrap();
         let masked = renderer.normal_equations(level, Jacobian::Flow, &pose).unwrap();
@@ -195,6 +195,7 @@ fn the_search_is_the_host_s() {
         first_level: 2,
         follow_level: 2,
         levels: cold.levels,
+        sparse: 0,
         follow_renders: cold.follow_renders,
         coarse_renders: cold.coarse_renders,
         renders: cold.renders,

@@ -10,5 +10,6 @@ mod guards;
 mod jacobian;
 mod pictures;
 mod sorting;
+mod sparse;
 mod stages;
 mod subgroups;
