@@ -3,21 +3,21 @@
 mod ablation;
 mod codecs;
 mod configurations;
-mod context;
-mod forward;
+pub(crate) mod context;
+pub(crate) mod forward;
 mod optimum;
 mod paper;
-mod perturbed;
+pub(crate) mod perturbed;
 mod plot;
 mod print;
 mod recovery;
-mod report;
+pub(crate) mod report;
 mod scaling;
-mod stages;
-mod statistics;
-mod steady;
+pub(crate) mod stages;
+pub(crate) mod statistics;
+pub(crate) mod steady;
 mod tables;
-mod trials;
+pub(crate) mod trials;
 
 use std::path::PathBuf;
 
