@@ -8,7 +8,7 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 
 .PHONY: help demo demo-prior quick test gst gst-test c-test c-test-memory lint lib install uninstall package \
 	portability package-test firmware cross-aarch64 licences deb deb-test dist dist-test subproject-test abi-check \
-	abi-baseline shaders shaders-check shader-toolchain gpu-check clean paper-test setup-test
+	abi-baseline shaders shaders-check shader-toolchain gpu-check device-report clean paper-test setup-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -40,6 +40,8 @@ help:
 	@echo "make setup-test     runs targets in a bare Debian, as a new user would: TARGETS=\"demo test lib deb\""
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
+	@echo "make device-report  measure this machine's Vulkan device, at most 8 minutes once built: docs/devices.md;"
+	@echo "                    report and page in target/device-report/; DEVICE=NAME chooses another device"
 	@echo "make gpu-check      ask a GPU's compiler about them, without a GPU: docs/gpu.md; RENEW=1 renews its table"
 
 demo:
@@ -175,6 +177,10 @@ shaders-check: shader-toolchain
 gpu-check:
 	@scripts/setup.sh gpu-check
 	cargo run -p nvsprior-lab --bin gpu-check -- $(if $(RENEW),--renew)
+
+device-report:
+	@scripts/setup.sh run
+	cargo run --release --bin nvsprior -- device-report --out target/device-report $(if $(DEVICE),--device "$(DEVICE)")
 
 clean:
 	rm -rf target demo-out bench-out

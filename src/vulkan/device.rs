@@ -265,6 +265,11 @@ impl Device {
         &self.inner.info
     }
 
+    /// Whether the device tells how long its stages take. If it does not, no recording has times of stages or marks.
+    pub fn timestamps(&self) -> bool {
+        self.inner.timestamps
+    }
+
     /// Device memory in use.
     pub fn memory(&self) -> MemoryUse {
         let allocator = self.inner.allocator.lock().unwrap_or_else(|e| e.into_inner());

@@ -164,7 +164,7 @@ pub fn mapping_run(site: Site, conditions: Conditions) -> impl ExactSizeIterator
     };
     site.mapping_poses().into_iter().enumerate().map(move |(index, pose)| {
         // The mapping run takes its time: a picture every 4 seconds.
-        draw(&scene, &conditions, pose, index, 4.0 * index as f64, tag)
+        draw(&scene, &CAMERA, &conditions, pose, index, 4.0 * index as f64, tag)
     })
 }
 
@@ -174,11 +174,21 @@ pub fn inspection_run(
     frames: usize,
     conditions: Conditions,
 ) -> impl ExactSizeIterator<Item = DemoFrame> {
+    inspection_run_by(CAMERA, run, frames, conditions)
+}
+
+/// As [`inspection_run`], with another camera than [`CAMERA`].
+pub fn inspection_run_by(
+    camera: Camera,
+    run: Run,
+    frames: usize,
+    conditions: Conditions,
+) -> impl ExactSizeIterator<Item = DemoFrame> {
     let scene = run.scene();
     (0..frames).map(move |index| {
         let time = index as f64 / FRAME_RATE;
         let pose = run.pose(time);
-        let draw = |scene: &Scene| draw(scene, &conditions, pose, index, time, run.tag());
+        let draw = |scene: &Scene| draw(scene, &camera, &conditions, pose, index, time, run.tag());
         match run {
             Run::T2 => draw(&scene.clone().with(safety_line::solids(&pose, time))),
             Run::T1 | Run::T3 => draw(&scene),
@@ -196,16 +206,16 @@ pub fn random_views(
     let mut random = Random::new(VIEWS_SEED);
     let even = std::iter::repeat_with(|| random.even());
     let poses: Vec<Pose> = trajectory::basin::random_poses(even).take(count).collect();
-    poses
-        .into_iter()
-        .enumerate()
-        .map(move |(index, pose)| draw(&scene, &conditions, pose, index, 4.0 * index as f64, 3))
+    poses.into_iter().enumerate().map(move |(index, pose)| {
+        draw(&scene, &CAMERA, &conditions, pose, index, 4.0 * index as f64, 3)
+    })
 }
 
 const VIEWS_SEED: u64 = 11;
 
 fn draw(
     scene: &Scene,
+    camera: &Camera,
     conditions: &Conditions,
     pose: Pose,
     index: usize,
@@ -215,10 +225,10 @@ fn draw(
     // Runs are hours apart: the water's surface is at another moment of its motion.
     let light =
         Light { time: time as f32 + 1000.0 * run_tag as f32, caustics: conditions.caustics };
-    let radiance = trace::draw(scene, &CAMERA, &pose, &light);
+    let radiance = trace::draw(scene, camera, &pose, &light);
     let disturbance = Disturbance { snow: conditions.snow, noise: conditions.noise };
     let seed = (run_tag << 24) | index as u32;
-    let picture = sensor::expose(radiance, CAMERA.width, CAMERA.height, &disturbance, seed);
+    let picture = sensor::expose(radiance, camera.width, camera.height, &disturbance, seed);
     DemoFrame { name: format!("{:04}.png", index + 1), picture, pose, time }
 }
 
@@ -251,9 +261,23 @@ mod tests {
     }
 
     #[test]
+    fn a_camera_of_twice_the_size_sees_the_same() {
+        let large = CAMERA.resized(640, 360);
+        let [a, b] = [CAMERA, large]
+            .map(|camera| inspection_run_by(camera, Run::T2, 1, STILL).next().unwrap().picture);
+        let mut halved = a.clone();
+        for (i, value) in halved.data.iter_mut().enumerate() {
+            let (x, y, channel) = (i / 3 % 320, i / 3 / 320, i % 3);
+            let at = |dx, dy| u32::from(b.data[((2 * y + dy) * 640 + 2 * x + dx) * 3 + channel]);
+            *value = ((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4) as u8;
+        }
+        assert!(a.psnr(&halved) > 30.0, "{} dB", a.psnr(&halved));
+    }
+
+    #[test]
     fn the_line_and_the_object_show_in_t2() {
         let frame = inspection_run(Run::T2, 1, STILL).next().unwrap();
-        let empty = draw(&basin::mapped(), &STILL, frame.pose, 0, frame.time, 2);
+        let empty = draw(&basin::mapped(), &CAMERA, &STILL, frame.pose, 0, frame.time, 2);
         let changed = changed(&frame.picture, &empty.picture);
         assert!((1000..15_000).contains(&changed), "{changed} pixels");
     }
@@ -265,7 +289,7 @@ mod tests {
         let changed: Vec<usize> = inspection_run(Run::T3, 12, STILL)
             .enumerate()
             .map(|(i, frame)| {
-                let empty = draw(&scene, &STILL, frame.pose, i, frame.time, Run::T3.tag());
+                let empty = draw(&scene, &CAMERA, &STILL, frame.pose, i, frame.time, Run::T3.tag());
                 changed(&frame.picture, &empty.picture)
             })
             .collect();

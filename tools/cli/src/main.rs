@@ -3,6 +3,7 @@
 mod container;
 mod decode;
 mod demo;
+mod device_report;
 mod devices;
 mod encode;
 mod inspect;
@@ -62,6 +63,7 @@ enum Command {
     Devices(devices::Args),
     Stability(stability::Args),
     VerifyDevice(verify_device::Args),
+    DeviceReport(device_report::Args),
 }
 
 fn main() -> ExitCode {
@@ -84,6 +86,7 @@ fn main() -> ExitCode {
         Command::Devices(args) => devices::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::VerifyDevice(args) => return report(verify_device::run(&args)),
+        Command::DeviceReport(args) => return report(device_report::run(&args)),
     };
     report(result.map(|()| ExitCode::SUCCESS))
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::Context;
 use clap::ValueEnum;
@@ -63,8 +64,13 @@ pub struct DeviceArgs {
 impl DeviceArgs {
     /// Opens the engine and names the device in one line.
     pub fn open(&self) -> anyhow::Result<Engine> {
+        self.open_watched(None)
+    }
+
+    /// As [`DeviceArgs::open`], with a bound on each submission's time.
+    pub fn open_watched(&self, watchdog: Option<Duration>) -> anyhow::Result<Engine> {
         let (device, validation) = (self.device.clone(), self.validate);
-        let options = DeviceOptions { device, validation, ..DeviceOptions::default() };
+        let options = DeviceOptions { device, validation, watchdog, ..DeviceOptions::default() };
         let engine = Engine::new(&options)?;
         eprintln!("device: {}", engine.device());
         Ok(engine)

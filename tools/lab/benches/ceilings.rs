@@ -9,8 +9,6 @@ mod scene;
 
 use std::sync::Arc;
 
-use anyhow::Context as _;
-
 use nvsprior::render::probe::{SortPrecision, Stages};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer, Scene};
 use nvsprior::vulkan::{
@@ -20,11 +18,11 @@ use nvsprior::vulkan::{
 use nvsprior::{Camera, Engine, Pose, Prior};
 use nvsprior_kernels::modules::{self, Module};
 use nvsprior_kernels::shared::{CULLED, Counters, DIGITS, PIXEL, Params, SUMS, TABLE, TILE};
-use nvsprior_lab::ceilings::{self, Ceilings};
+use nvsprior_lab::ceilings::{self, Ceilings, Clock};
 
 use nvsprior_lab::cost::{
-    Cost, Counts, FLOW_FLOPS, Gpu, Machine, PICTURE_FLOPS, PICTURE_PASSES, SEARCH_PASSES, Sharing,
-    Work,
+    Cost, Counts, FLOW_FLOPS, Machine, ORIN_NX, PICTURE_FLOPS, PICTURE_PASSES, SEARCH_PASSES,
+    Sharing, Work,
 };
 use nvsprior_lab::gpu_check::Row;
 
@@ -315,49 +313,8 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
     Ok(())
 }
 
-/// Seconds of a dispatch that does nothing.
-fn dispatch_seconds(device: &Device) -> Result<f64, Error> {
-    let params = Buffer::from_slice(device, "parameters", &[Params::default()])?;
-    let none = Buffer::new::<f32>(device, "nothing", 1, Memory::Device)?;
-    let kernel = Source::ours(modules::quantize_rgb8).kernel(device, 3, 0)?;
-    let mut best = f64::INFINITY;
-    for _ in 0..RUNS {
-        let mut recorder = Recorder::new(device, Timing::Stages)?;
-        for _ in 0..2 {
-            recorder.dispatch(&kernel, &[&params, &none, &none], &[], [1, 1, 1])?;
-        }
-        let mut commands = recorder.finish()?;
-        commands.run()?;
-        best = best.min(commands.stage_times()?[1].milliseconds * 1e-3);
-    }
-    Ok(best)
-}
-
-/// Jetson Orin NX 16GB: docs/latency.md.
-const ORIN: Machine = Machine {
-    name: "Orin NX",
-    flops: 0.9 * 1.88e12,
-    bytes: 0.65 * 102.4e9,
-    latency: 300.0 / 918e6,
-    dispatch: 5e-6,
-    sharing: Sharing::GPU,
-};
-
-/// The same, as the model sees it that knows what a compiler makes of the stages. Published (CUDA C++ Programming
-/// Guide, compute capability 8.7): what a multiprocessor holds, and 16 transcendental operations per cycle. Assumed:
-/// cycles until a result or a load is there.
-const ORIN_GPU: Gpu = Gpu {
-    multiprocessors: 8.0,
-    schedulers: 4.0,
-    clock: 918e6,
-    subgroups: 48.0,
-    workgroups: 16.0,
-    registers: 65_536.0,
-    shared_bytes: 164.0 * 1024.0,
-    load: 300.0,
-    shared_load: 30.0,
-    transcendental: 8.0,
-};
+/// By operations.
+const ORIN: Machine = ORIN_NX.machine;
 
 /// The report of `make gpu-check`, from the project's folder.
 const GPU_CHECK: &str = "../../target/gpu-check/report.json";
@@ -395,11 +352,7 @@ fn predict(c: &Counts, evaluation: bool, rows: &[Row]) -> anyhow::Result<()> {
             println!("    {part}: {old:.0}");
             (part_before, total[0]) = (part, total[0] + old);
         }
-        // Of the variants the one with the most work.
-        let own = rows.iter().filter(|row| row.stage == *stage && row.subgroup == 32);
-        let row = own.max_by(|a, b| a.instructions.cmp(&b.instructions));
-        let row = row.with_context(|| format!("{GPU_CHECK} has no stage {stage}"))?;
-        let Some(times) = ORIN_GPU.times(row, &cost, ORIN.bytes, ORIN.dispatch)? else { continue };
+        let Some(times) = ORIN_NX.times(rows, stage, &cost)? else { continue };
         let new = times.seconds() * 1e6;
         let [issue, memory, latency, dispatches] =
             [times.issue, times.memory, times.latency, times.dispatches].map(|s| s * 1e6);
@@ -517,7 +470,7 @@ fn predicting(
         flops: best.ceilings.flops,
         bytes: best.ceilings.bytes,
         latency: 0.0,
-        dispatch: dispatch_seconds(device)?,
+        dispatch: ceilings::dispatch_seconds(device, Clock::Device)?,
         sharing: Sharing::of(engine, &seen.prior),
     };
     println!("{}: {:.0} us per dispatch", here.name, here.dispatch * 1e6);

@@ -3,21 +3,21 @@
 mod ablation;
 mod codecs;
 mod configurations;
-mod context;
-mod forward;
+pub(crate) mod context;
+pub(crate) mod forward;
 mod optimum;
 mod paper;
-mod perturbed;
+pub(crate) mod perturbed;
 mod plot;
 mod print;
 mod recovery;
-mod report;
+pub(crate) mod report;
 mod scaling;
-mod stages;
-mod statistics;
-mod steady;
+pub(crate) mod stages;
+pub(crate) mod statistics;
+pub(crate) mod steady;
 mod tables;
-mod trials;
+pub(crate) mod trials;
 
 use std::path::PathBuf;
 
@@ -136,14 +136,14 @@ fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
     let frames = context.shots.len();
     optimum::find(context)?;
     let samples = with_progress(frames, "steady run", |done| {
-        steady::measure(context, context.options(), frames, done)
+        steady::measure(context, context.options(), frames, || always(done))
     })?;
     let rates = steady::rates(context)?;
     let host_bytes_steady = host_bytes();
     let mut runs = vec![OptimizerRun { optimizer: Optimizer::GaussNewton, samples }];
     let mut off = |what, magnitude| {
         with_progress(args.trials, what, |done| {
-            trials::measure(context, magnitude, args.trials, done)
+            trials::measure(context, magnitude, args.trials, || always(done))
         })
     };
     let near = off("starts put off a little", perturbed::NEAR)?;
@@ -161,6 +161,12 @@ fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
         scaling = with_progress(scaling::COUNT, "sizes", |done| scaling::measure(context, done));
     }
     Ok(Report { runs, rates, near, far, stages, configurations, scaling, host_bytes_steady })
+}
+
+/// Goes on after each part.
+fn always(done: &dyn Fn()) -> bool {
+    done();
+    true
 }
 
 fn gradient(args: &Args, context: &mut Context) -> anyhow::Result<Vec<OptimizerRun>> {

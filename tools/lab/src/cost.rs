@@ -8,12 +8,14 @@
 
 mod counts;
 mod gpu;
+mod known;
 
 use nvsprior::{Engine, Prior};
 use nvsprior_kernels::shared::{DIGITS, SUMS};
 
 pub use counts::Counts;
-pub use gpu::{Gpu, Times};
+pub use gpu::{Gpu, Times, is_modelled};
+pub use known::{KnownGpu, ORIN_NX, SUBGROUP, compiled_rows};
 
 /// Passes of a picture's sort, and of that of an evaluation nobody sees.
 pub const PICTURE_PASSES: u32 = DIGITS;

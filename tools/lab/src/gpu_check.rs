@@ -2,6 +2,7 @@
 //! GPU that is not in the machine, at subgroups of 32 and of 64. Nothing is submitted to that device: `docs/gpu.md`.
 
 mod assembly;
+mod compiled;
 mod row;
 mod table;
 mod units;
@@ -26,12 +27,15 @@ pub use units::{SPLATS_PER_ROUND, form, workers};
 /// exception, or if the figures are not those of docs/gpu.md.
 #[derive(clap::Parser)]
 pub struct Args {
-    /// Writes the table of docs/gpu.md anew
+    /// Writes the table of docs/gpu.md anew, and the stages that the program predicts GPUs by
     #[arg(long)]
     renew: bool,
     /// The document with the table
     #[arg(long, value_name = "FILE", default_value = "docs/gpu.md")]
     document: PathBuf,
+    /// The file of the stages that the program predicts GPUs by
+    #[arg(long, value_name = "FILE", default_value = "tools/lab/src/cost/compiled.json")]
+    compiled: PathBuf,
     /// The folder that report.json is written to
     #[arg(long, value_name = "DIR", default_value = "target/gpu-check")]
     report: PathBuf,
@@ -71,6 +75,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         ),
         comparison => {
             faults.extend(stale(&rows, IDLE));
+            faults.extend(compiled::check(&args.compiled, &rows, args.renew)?);
             faults.extend(fault_of(comparison, args));
         }
     }

@@ -95,6 +95,16 @@ impl Table {
         line(&self.header) + &rule + &self.rows.iter().map(|row| line(row)).collect::<String>()
     }
 
+    /// As HTML.
+    pub fn html(&self) -> String {
+        let line = |cells: &[String], tag: &str| {
+            let cell = |text: &String| format!("<{tag}>{}</{tag}>", escaped(text));
+            format!("<tr>{}</tr>\n", cells.iter().map(cell).collect::<String>())
+        };
+        let rows: String = self.rows.iter().map(|row| line(row, "td")).collect();
+        format!("<table>\n{}{rows}</table>\n", line(&self.header, "th"))
+    }
+
     fn cells(&self, column: usize) -> impl Iterator<Item = &str> {
         self.rows.iter().filter_map(move |row| row.get(column)).map(String::as_str)
     }
@@ -112,6 +122,18 @@ impl Table {
         };
         column > 0 && self.cells(column).all(number)
     }
+}
+
+/// A text as HTML shows it.
+pub fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// The part of a document from one mark to another, both included.
+pub fn between<'a>(document: &'a str, begin: &str, end: &str) -> Option<&'a str> {
+    let start = document.find(begin)?;
+    let stop = start + document[start..].find(end)? + end.len();
+    Some(&document[start..stop])
 }
 
 #[cfg(test)]
@@ -148,6 +170,21 @@ mod tests {
     fn markdown_has_a_rule_below_the_header() {
         let markdown = table().markdown();
         assert!(markdown.starts_with("| name | ms | note |\n|---|---|---|\n| near | 1.5 |"));
+    }
+
+    #[test]
+    fn html_escapes_what_is_no_markup() {
+        let html = Table::of(&["a < b & c"], &[("name", &|row| row.to_string())]).html();
+        assert_eq!(
+            html,
+            "<table>\n<tr><th>name</th></tr>\n<tr><td>a &lt; b &amp; c</td></tr>\n</table>\n"
+        );
+    }
+
+    #[test]
+    fn a_part_of_a_document_is_found_by_its_marks() {
+        assert_eq!(between("a [b] c", "[", "]"), Some("[b]"));
+        assert_eq!(between("a [b c", "[", "]"), None);
     }
 
     #[test]

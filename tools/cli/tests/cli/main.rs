@@ -7,6 +7,7 @@ mod codecs;
 mod common;
 mod decode;
 mod demo_prior;
+mod device_report;
 mod dive;
 mod encode;
 mod inputs;

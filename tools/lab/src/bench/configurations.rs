@@ -130,7 +130,7 @@ pub fn measure(
         if let Some(part) = &part {
             context.scene = context.engine.upload(part)?;
         }
-        let samples = steady::measure(context, options, frames + 1, || ());
+        let samples = steady::measure(context, options, frames + 1, || true);
         context.scene = whole.clone();
         if part.is_some() {
             context.best = best;

@@ -27,32 +27,44 @@ impl Forward {
         Forward { engine, scene, renderer: None, picture: Picture::default(), times: Vec::new() }
     }
 
-    /// The render at a pose.
+    /// The render at a pose; not timed.
     pub fn picture(&mut self, camera: &Camera, pose: &Pose) -> anyhow::Result<&Picture> {
-        self.measure(camera, pose)?;
-        Ok(&self.picture)
+        let (renderer, picture) = self.ready(camera, pose)?;
+        renderer.picture(pose, picture)?;
+        Ok(picture)
     }
 
     /// Milliseconds of a render now.
     pub fn measure(&mut self, camera: &Camera, pose: &Pose) -> anyhow::Result<f64> {
-        let renderer = match &mut self.renderer {
-            Some((kept, renderer)) if kept == camera => renderer,
-            slot => {
-                let mut renderer = self.engine.renderer(&self.scene, camera, Plan::picture())?;
-                self.picture.resize(camera.width, camera.height);
-                // Not counted: drivers finish their work at first use.
-                renderer.picture(pose, &mut self.picture)?;
-                &mut slot.insert((*camera, renderer)).1
-            }
-        };
+        let (renderer, picture) = self.ready(camera, pose)?;
         let mut times = [0.0; RENDERS];
         for time in &mut times {
             let since = Instant::now();
-            renderer.picture(pose, &mut self.picture)?;
+            renderer.picture(pose, picture)?;
             *time = since.elapsed().as_secs_f64() * 1e3;
         }
         let time = median(times);
         self.times.push(time);
         Ok(time)
+    }
+
+    /// The renderer of a camera, and a picture of its size.
+    fn ready(
+        &mut self,
+        camera: &Camera,
+        pose: &Pose,
+    ) -> anyhow::Result<(&mut Renderer, &mut Picture)> {
+        let picture = &mut self.picture;
+        let ready = match self.renderer.take().filter(|(kept, _)| kept == camera) {
+            Some(kept) => kept,
+            None => {
+                let mut renderer = self.engine.renderer(&self.scene, camera, Plan::picture())?;
+                picture.resize(camera.width, camera.height);
+                // Not counted: drivers finish their work at first use.
+                renderer.picture(pose, picture)?;
+                (*camera, renderer)
+            }
+        };
+        Ok((&mut self.renderer.insert(ready).1, picture))
     }
 }

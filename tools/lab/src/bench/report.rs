@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::configurations::{Row, recommended};
 use super::context::{Best, Context, OptimizerRun, Sample, Shot, host_bytes};
@@ -40,7 +40,7 @@ impl Report {
     }
 }
 
-#[derive(Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Figures {
     pub frame_ms: f64,
     pub frame_ms_p95: f64,

@@ -1,9 +1,14 @@
 //! The device's time by stage, with the bytes and operations that a model counts, and the best
 //! rates of the device.
 
+use std::time::Instant;
+
+use nvsprior::packet::QuantisedPose;
 use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
-use nvsprior::tracking::{FrameInfo, Objective, PoseEstimate, RefineOptions, Tracker};
+use nvsprior::tracking::{
+    FrameInfo, GaussNewtonOptions, Objective, PoseEstimate, RefineOptions, Schedule, Tracker,
+};
 use nvsprior::vulkan::StageTime;
 use nvsprior::{Camera, EncoderOptions, Pose};
 use serde::Serialize;
@@ -12,8 +17,34 @@ use super::context::{Best, Context, Shot};
 use crate::ceilings::{self, Ceilings};
 use crate::cost::{Cost, Counts, PICTURE_PASSES, SEARCH_PASSES, Sharing, Work};
 
-/// Runs of each job whose stage times are averaged.
-const RUNS: u32 = 10;
+/// How often a job runs, and which times count.
+#[derive(Clone, Copy)]
+pub struct Runs {
+    /// Runs that count.
+    pub most: u32,
+    /// None begins after this moment, but the first.
+    pub end: Option<Instant>,
+    /// Of each stage its fastest time counts, else the mean.
+    pub fastest: bool,
+}
+
+impl Runs {
+    /// As `nvsprior bench` has it.
+    pub const BENCH: Runs = Runs { most: 10, end: None, fastest: false };
+
+    fn goes_on(&self, done: u32) -> bool {
+        done < self.most && (done == 0 || self.end.is_none_or(|end| Instant::now() < end))
+    }
+}
+
+/// Jobs that the host asks for, by the names of reports.
+pub const PICTURE: (&str, Job) = ("picture", Job::Picture);
+/// See [`PICTURE`].
+pub const FLOW: (&str, Job) = ("sums, flow", Job::Sums(Jacobian::Flow));
+const EXACT: (&str, Job) = ("sums, exact", Job::Sums(Jacobian::Exact));
+/// The job of a whole search.
+pub const SEARCH: &str = "search";
+
 /// If a stage reaches this share of a ceiling, the ceiling bounds it.
 const BOUND: f64 = 0.35;
 
@@ -31,6 +62,21 @@ pub struct Stage {
     pub bound: &'static str,
 }
 
+impl Stage {
+    fn of(job: &'static str, time: &StageTime, work: Work, ceilings: &Ceilings) -> Stage {
+        let StageTime { name, milliseconds: ms } = *time;
+        // If the clock saw nothing pass, no rate is made up.
+        let share = |amount: f64, best: f64| match ms > 0.0 {
+            true => amount / (ms * 1e-3) / best,
+            false => 0.0,
+        };
+        let share_of_copy = share(work.bytes, ceilings.bytes);
+        let share_of_fma = share(work.flops, ceilings.flops);
+        let bound = bound(share_of_copy, share_of_fma);
+        Stage { job, name, ms, work, share_of_copy, share_of_fma, bound }
+    }
+}
+
 /// What bounds a stage of these shares: `copy`, `arithmetic`, or `neither` if it stays below a third of both. Then it
 /// waits for other invocations, single words, divisions, or its own dispatch.
 fn bound(share_of_copy: f64, share_of_fma: f64) -> &'static str {
@@ -45,54 +91,91 @@ pub struct Stages {
     pub ceilings: Ceilings,
     /// Of the picture that is measured at.
     pub counts: Counts,
+    /// Of the search's levels, each with the evaluations there.
+    levels: Vec<(Counts, f64)>,
     pub stages: Vec<Stage>,
+}
+
+/// A part of what a stage does in a job: pictures of the same counts.
+pub struct Part<'a> {
+    pub counts: &'a Counts,
+    /// Passes of their sort.
+    pub passes: u32,
+    /// How many there are.
+    pub times: f64,
+}
+
+impl Stages {
+    /// Of a picture and a search that were not timed.
+    #[cfg(test)]
+    pub fn unmeasured(ceilings: Ceilings, counts: Counts, evaluations: f64) -> Stages {
+        Stages { ceilings, counts, levels: vec![(counts, evaluations)], stages: Vec::new() }
+    }
+
+    /// What a stage of a job is made of.
+    pub fn parts(&self, job: &str, stage: &str) -> Vec<Part<'_>> {
+        parts(&self.counts, &self.levels, job, stage)
+    }
+}
+
+fn parts<'a>(
+    counts: &'a Counts,
+    levels: &'a [(Counts, f64)],
+    job: &str,
+    stage: &str,
+) -> Vec<Part<'a>> {
+    let picture = Part { counts, passes: PICTURE_PASSES, times: 1.0 };
+    if job != SEARCH {
+        return vec![picture];
+    }
+    let mut parts = match stage {
+        "splat" | "quantize_rgb8" | "difference" | "decode_pose" => return vec![picture],
+        "pyramid" | "splat_flow" | "splat_exact" | "pose_jacobian" | "reduce" | "solve" => vec![],
+        _ => vec![picture],
+    };
+    parts.extend(levels.iter().map(|(counts, evaluations)| {
+        let times = if stage == "pyramid" { 1.0 } else { *evaluations };
+        Part { counts, passes: SEARCH_PASSES, times }
+    }));
+    parts
 }
 
 /// Measures a picture, both sums and a whole search of a frame that follows another.
 pub fn measure(context: &Context) -> anyhow::Result<Stages> {
     let ceilings = ceilings::measure(context.engine.vulkan())?;
+    measure_jobs(context, ceilings, &[PICTURE, FLOW, EXACT], search, Runs::BENCH)
+}
+
+/// Measures some jobs and a search. Without timestamps there are no stages.
+pub fn measure_jobs(
+    context: &Context,
+    ceilings: Ceilings,
+    jobs: &[(&'static str, Job)],
+    search: fn(&Context, Runs) -> anyhow::Result<Search>,
+    runs: Runs,
+) -> anyhow::Result<Stages> {
     let (camera, pose) = (context.shots[0].camera, context.best[0].pose);
     let counts = counts(context, &camera, &camera, &pose)?;
-    let rated = |job, times: Vec<StageTime>, count: &dyn Fn(&str) -> Work| {
-        let stage = |StageTime { name, milliseconds: ms }| {
-            let (work, seconds) = (count(name), ms * 1e-3);
-            // If the clock saw nothing pass, no rate is made up.
-            let share = |amount: f64, best: f64| match seconds > 0.0 {
-                true => amount / seconds / best,
-                false => 0.0,
-            };
-            let share_of_copy = share(work.bytes, ceilings.bytes);
-            let share_of_fma = share(work.flops, ceilings.flops);
-            let bound = bound(share_of_copy, share_of_fma);
-            Stage { job, name, ms, work, share_of_copy, share_of_fma, bound }
-        };
-        times.into_iter().map(stage).collect::<Vec<_>>()
-    };
-    let sharing = &Sharing::of(&context.engine, &context.prior);
-    let picture = |name: &str| Cost { counts: &counts, sharing, passes: PICTURE_PASSES }.of(name);
-    let mut stages = Vec::new();
-    let jobs = [
-        ("picture", Job::Picture),
-        ("sums, flow", Job::Sums(Jacobian::Flow)),
-        ("sums, exact", Job::Sums(Jacobian::Exact)),
-    ];
+    let mut times = Vec::new();
     for (name, job) in jobs {
-        stages.extend(rated(name, alone(context, job)?, &picture));
+        times.push((*name, alone(context, *job, runs)?));
     }
-    let search = search(context)?;
-    stages.extend(rated("search", search.times, &|name| {
-        let mut sum = match name {
-            "splat" | "quantize_rgb8" | "difference" => return picture(name),
-            "pyramid" | "splat_flow" | "reduce" | "solve" => Work::default(),
-            _ => picture(name),
-        };
-        for (counts, evaluations) in &search.levels {
-            let times = if name == "pyramid" { 1.0 } else { *evaluations };
-            sum += Cost { counts, sharing, passes: SEARCH_PASSES }.of(name) * times;
+    let Search { times: searched, levels } = search(context, runs)?;
+    times.push((SEARCH, searched));
+    let sharing = Sharing::of(&context.engine, &context.prior);
+    let work = |job: &str, stage: &str| {
+        let mut sum = Work::default();
+        for Part { counts, passes, times } in parts(&counts, &levels, job, stage) {
+            sum += Cost { counts, sharing: &sharing, passes }.of(stage) * times;
         }
         sum
-    }));
-    Ok(Stages { ceilings, counts, stages })
+    };
+    let rate = |(job, times): (&'static str, Vec<StageTime>)| {
+        let stage = |time: StageTime| Stage::of(job, &time, work(job, time.name), &ceilings);
+        times.into_iter().map(stage).collect::<Vec<_>>()
+    };
+    let stages = times.into_iter().flat_map(rate).collect();
+    Ok(Stages { ceilings, counts, levels, stages })
 }
 
 /// What a picture is made of there.
@@ -109,17 +192,20 @@ fn counts(
     Ok(Counts::of(&context.prior, camera, frame, &probe(needed)?))
 }
 
-/// Mean times of a job of the renderer.
-fn alone(context: &Context, job: Job) -> anyhow::Result<Vec<StageTime>> {
+/// Times of a job of the renderer.
+fn alone(context: &Context, job: Job, runs: Runs) -> anyhow::Result<Vec<StageTime>> {
     let Shot { camera, picture, .. } = &context.shots[0];
     let pose = context.best[0].pose;
-    let jacobians = vec![Jacobian::Flow, Jacobian::Exact];
+    let jacobians = match job {
+        Job::Sums(jacobian) => vec![jacobian],
+        _ => vec![Jacobian::Flow],
+    };
     let plan = Plan { jacobians, profiled: true, ..Plan::picture() };
     let mut renderer = context.engine.renderer(&context.scene, camera, plan)?;
     renderer.set_picture(picture);
     renderer.reduce_picture()?;
     let mut render = picture.clone();
-    mean(|| {
+    times(runs, || {
         match job {
             Job::Sums(jacobian) => renderer.normal_equations(0, jacobian, &pose).map(|_| ())?,
             _ => renderer.picture(&pose, &mut render)?,
@@ -129,13 +215,13 @@ fn alone(context: &Context, job: Job) -> anyhow::Result<Vec<StageTime>> {
 }
 
 /// A search, and the evaluations that it took at each level.
-struct Search {
+pub struct Search {
     times: Vec<StageTime>,
     levels: Vec<(Counts, f64)>,
 }
 
 /// The search of a frame after two earlier frames, or one; always the same.
-fn search(context: &Context) -> anyhow::Result<Search> {
+fn search(context: &Context, runs: Runs) -> anyhow::Result<Search> {
     let EncoderOptions { refine, factors, threshold, .. } = context.options();
     let (refine, profile): (RefineOptions, _) = (refine, nvsprior_kernels::search::COMPACT);
     let search = Some(refine.jacobian());
@@ -145,7 +231,7 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     let renderer = context.engine.renderer(&context.scene, &shot.camera, plan)?;
     let mut tracker = Tracker::new(Objective::new(renderer), refine, threshold, profile);
     let mut renders = Vec::new();
-    let times = mean(|| {
+    let times = times(runs, || {
         tracker.reset();
         for Best { pose, psnr } in &context.best[..last] {
             tracker.keep(&PoseEstimate::known(*pose, 10f64.powf(-0.1 * psnr)));
@@ -168,17 +254,53 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     Ok(Search { times, levels })
 }
 
-/// Mean times over runs. The first run does not count: drivers finish their work at first use.
-fn mean(mut run: impl FnMut() -> anyhow::Result<Vec<StageTime>>) -> anyhow::Result<Vec<StageTime>> {
-    let mut sums: Vec<StageTime> = Vec::new();
+/// Evaluations of [`search_nearby`].
+const NEARBY: u32 = 2;
+
+/// A search of few evaluations at full size from the best known pose: one submission, whatever the frame.
+pub fn search_nearby(context: &Context, runs: Runs) -> anyhow::Result<Search> {
+    let EncoderOptions { refine, factors, profile, .. } = context.options();
+    let (shot, pose) = (&context.shots[0], &context.best[0].pose);
+    let search = Some(refine.jacobian());
+    let plan = Plan { factors, search, profiled: true, ..Plan::picture() };
+    let mut renderer = context.engine.renderer(&context.scene, &shot.camera, plan)?;
+    renderer.set_picture(&shot.picture);
+    let code = QuantisedPose::quantise(pose, &context.prior.coordinate_frame(), profile)?.words();
+    let GaussNewtonOptions { warm, damping, .. } = refine.gauss_newton;
+    let schedule = Schedule { first_level: 0, follow_level: 0, levels: 1, renders: NEARBY, ..warm };
+    let starts = [renderer.placed(&code)];
+    let program = schedule.program(renderer.levels(), starts, damping, profile.word());
+    let mut evaluations = 0;
+    let times = times(runs, || {
+        evaluations = renderer.search(&program)?.search.by_level[0];
+        Ok(renderer.stage_times(Job::Search)?)
+    })?;
+    let counts = counts(context, &shot.camera, &shot.camera, pose)?;
+    Ok(Search { times, levels: vec![(counts, f64::from(evaluations))] })
+}
+
+/// Times over runs. The first run does not count: drivers finish their work at first use.
+fn times(
+    runs: Runs,
+    mut run: impl FnMut() -> anyhow::Result<Vec<StageTime>>,
+) -> anyhow::Result<Vec<StageTime>> {
     run()?;
-    for _ in 0..RUNS {
+    let mut all: Vec<Vec<StageTime>> = Vec::new();
+    while runs.goes_on(all.len() as u32) {
+        let mut sums = Vec::new();
         add_by_name(&mut sums, run()?);
+        all.push(sums);
     }
-    for stage in &mut sums {
-        stage.milliseconds /= f64::from(RUNS);
-    }
-    Ok(sums)
+    let of = |at: usize| all.iter().map(move |times| times[at].milliseconds);
+    let names = all.first().into_iter().flatten().enumerate();
+    let stage = |(at, time): (usize, &StageTime)| {
+        let milliseconds = match runs.fastest {
+            true => of(at).fold(f64::INFINITY, f64::min),
+            false => of(at).sum::<f64>() / all.len() as f64,
+        };
+        StageTime { name: time.name, milliseconds }
+    };
+    Ok(names.map(stage).collect())
 }
 
 /// Adds times to those of the same name: a sort's passes count as one stage.

@@ -8,12 +8,12 @@ use nvsprior::{Encoded, EncoderOptions, Pipeline};
 use super::context::{Context, OptimizerRun, Sample, Shot};
 
 /// Encodes the first `frames` frames with one encoder. The first one, which is searched afresh,
-/// does not count.
+/// does not count. `done` is told of each frame, and says whether to go on; one frame counts in any case.
 pub fn measure(
     context: &mut Context,
     options: EncoderOptions,
     frames: usize,
-    done: impl Fn(),
+    done: impl Fn() -> bool,
 ) -> anyhow::Result<Vec<Sample>> {
     let mut encoder = context.encoder(options)?;
     let mut samples = Vec::new();
@@ -24,7 +24,9 @@ pub fn measure(
         let sample = context.sample(&mut encoder, shot, start)?;
         context.learn(&sample);
         samples.push(sample);
-        done();
+        if !done() && shot > 0 {
+            break;
+        }
     }
     samples.remove(0);
     Ok(samples)
@@ -38,6 +40,10 @@ pub fn descend(
 ) -> anyhow::Result<OptimizerRun> {
     let mut options = context.options();
     options.refine.optimizer = optimizer;
+    let done = || {
+        done();
+        true
+    };
     Ok(OptimizerRun { optimizer, samples: measure(context, options, frames, done)? })
 }
 

@@ -7,12 +7,13 @@ use super::perturbed::{Magnitude, steps};
 
 const SEED: u64 = 1;
 
-/// Encodes frames from `trials` starts, spread over the frames in turn.
+/// Encodes frames from `trials` starts, spread over the frames in turn. `done` is told of each start, and says whether
+/// to go on.
 pub fn measure(
     context: &mut Context,
     magnitude: Magnitude,
     trials: usize,
-    done: impl Fn(),
+    done: impl Fn() -> bool,
 ) -> anyhow::Result<Vec<Sample>> {
     let mut encoder = context.encoder(EncoderOptions { rate: None, ..context.options() })?;
     // All steps refer to the poses known now: better poses found on the way move none.
@@ -26,7 +27,9 @@ pub fn measure(
         let sample = context.sample(&mut encoder, shot, Some(poses[shot].stepped(&step)))?;
         context.learn(&sample);
         samples.push(sample);
-        done();
+        if !done() {
+            break;
+        }
     }
     Ok(samples)
 }

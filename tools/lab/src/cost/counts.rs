@@ -10,7 +10,7 @@ use nvsprior_kernels::shared::{
 };
 
 /// The amounts of a render at one pose.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
     /// Splats of the prior, N.
     pub splats: f64,

@@ -5,7 +5,7 @@
 use anyhow::Context as _;
 use nvsprior_kernels::shared::ROWS;
 
-use super::{Cost, TILE_PIXELS};
+use super::{Cost, Counts, Sharing, TILE_PIXELS};
 use crate::gpu_check::{Instructions, Loop, Row, SPLATS_PER_ROUND, form, work_loop, workers};
 
 /// A GPU of NVIDIA's kind: multiprocessors whose schedulers issue one instruction of a subgroup of 32 per cycle,
@@ -203,6 +203,12 @@ impl Rounds {
     }
 }
 
+/// Whether the model knows how often a pipeline's loops run.
+pub fn is_modelled(row: &Row) -> bool {
+    let any = Cost { counts: &Counts::default(), sharing: &Sharing::GPU, passes: 1 };
+    Rounds::of(row, &any).is_some()
+}
+
 /// Subgroups that are on the device at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Resident {
@@ -260,7 +266,6 @@ impl Gpu {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cost::{Counts, Sharing};
 
     const GPU: Gpu = Gpu {
         multiprocessors: 8.0,

@@ -1,7 +1,7 @@
 //! The report as the table of `docs/gpu.md`, and the comparison of the two.
 
 use super::row::Row;
-use crate::report::{Table, fixed, fixed_or_empty};
+use crate::report::{Table, between, fixed, fixed_or_empty};
 
 const BEGIN: &str = "<!-- gpu-check: written by `make gpu-check RENEW=1` -->\n";
 const END: &str = "<!-- gpu-check: end -->\n";
@@ -75,15 +75,8 @@ pub fn section(rows: &[Row]) -> String {
 
 /// The document with another section in the place of its own; `None` if it has none.
 pub fn renewed(document: &str, section: &str) -> Option<String> {
-    let old = section_of(document)?;
+    let old = between(document, BEGIN, END)?;
     Some(document.replacen(old, section, 1))
-}
-
-/// A document's written part.
-fn section_of(document: &str) -> Option<&str> {
-    let start = document.find(BEGIN)?;
-    let end = start + document[start..].find(END)? + END.len();
-    Some(&document[start..end])
 }
 
 /// How a document's figures differ from the measured ones.
@@ -103,7 +96,7 @@ pub enum Comparison {
 
 /// Compares a document with a section.
 pub fn compare(document: &str, section: &str) -> Comparison {
-    let Some(before) = section_of(document) else { return Comparison::None };
+    let Some(before) = between(document, BEGIN, END) else { return Comparison::None };
     if before == section {
         return Comparison::Same;
     }

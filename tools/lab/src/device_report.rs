@@ -1,0 +1,222 @@
+//! `nvsprior device-report`: all that is measured of a device in some minutes, in one report: `docs/devices.md`.
+
+mod coding;
+pub mod devices;
+mod host;
+mod model;
+mod pace;
+mod page;
+mod plots;
+mod print;
+pub mod schema;
+mod sizes;
+mod stages;
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use nvsprior::{Camera, Engine, Picture, Pose, Prior};
+use nvsprior_inputs::args::DeviceArgs;
+use nvsprior_kernels::modules;
+use serde::{Deserialize, Serialize};
+
+use crate::ceilings::{self, Ceilings, Clock};
+use crate::verify_device::verify;
+use host::Host;
+use model::Predictor;
+use pace::Pace;
+use schema::{Best, DeviceFacts, Missing, Model, Report, VERSION};
+
+/// The most that each part of a report does. A part also ends when its share of the seconds is over.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
+pub struct Bounds {
+    /// Built-in scenes that are compared with the host's pictures
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    pub scenes: u64,
+    /// Runs of each job whose stage times are averaged
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub runs: u32,
+    /// Frames of each size that are searched for and coded, after a first one
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub frames: u32,
+    /// Starts moved off by up to 3°, for each size
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub trials: u32,
+    /// About how long all of it may take, once the program is built
+    #[arg(long, value_name = "SECONDS", default_value_t = 360.0, value_parser = nvsprior_inputs::values::positive)]
+    pub seconds: f64,
+}
+
+/// A frame of the run that is measured on.
+pub struct Frame {
+    pub name: String,
+    pub picture: Picture,
+    /// Where the camera truly was.
+    pub pose: Pose,
+    /// Seconds.
+    pub time: f64,
+}
+
+/// What a device is measured on.
+pub struct Subject<'a> {
+    pub prior: &'a Prior,
+    pub cameras: &'a [Camera],
+    /// Draws a run by a camera, a frame at a time.
+    pub frames: &'a dyn Fn(Camera) -> Box<dyn Iterator<Item = Frame> + 'a>,
+    /// Packets are coded for so many bytes.
+    pub budgets: &'a [usize],
+}
+
+/// A report under way.
+struct Measuring {
+    report: Report,
+    since: Instant,
+}
+
+/// What a part may take of all seconds; the rest is for the ceilings, and for making pipelines.
+const VERIFYING: f64 = 0.06;
+const SIZES: f64 = 0.85;
+/// A device that takes longer for one submission is given up.
+const HUNG: Duration = Duration::from_secs(60);
+/// Measurements of the ceilings; the best counts.
+const CEILINGS: usize = 5;
+
+/// Measures a device. What fails is named in the report.
+pub fn measure(args: &DeviceArgs, subject: &Subject, bounds: Bounds) -> Report {
+    let mut all = Measuring::new(bounds);
+    if let Some(engine) = all.part("device", || args.open_watched(Some(HUNG))) {
+        all.device(&engine, subject);
+        all.part("validation layer", || args.check(&engine));
+    }
+    all.report.seconds = all.since.elapsed().as_secs_f64();
+    all.report
+}
+
+impl Measuring {
+    fn new(bounds: Bounds) -> Measuring {
+        let report = Report {
+            version: VERSION,
+            nvsprior: env!("CARGO_PKG_VERSION").into(),
+            shaders: shaders(),
+            device: None,
+            host: Host::here(),
+            bounds,
+            verify: None,
+            ceilings: None,
+            model: Model::default(),
+            sizes: Vec::new(),
+            not_measured: Vec::new(),
+            failures: Vec::new(),
+            seconds: 0.0,
+        };
+        Measuring { report, since: Instant::now() }
+    }
+
+    /// Does a part, naming it; if it fails, notes why.
+    fn part<T>(&mut self, what: &str, work: impl FnOnce() -> anyhow::Result<T>) -> Option<T> {
+        eprintln!("{:4.0} s: {what}", self.since.elapsed().as_secs_f64());
+        match work() {
+            Ok(value) => Some(value),
+            Err(error) => {
+                let why = format!("{error:#}");
+                eprintln!("        failed: {why}");
+                self.report.failures.push(Missing { what: what.into(), why });
+                None
+            }
+        }
+    }
+
+    /// So many seconds, or what is left of all.
+    fn pace(&self, seconds: f64) -> Pace {
+        let left = self.report.bounds.seconds - self.since.elapsed().as_secs_f64();
+        Pace::of(seconds.min(left))
+    }
+
+    /// Notes what cannot be measured here.
+    fn missing(&mut self, what: impl Into<String>, why: impl Into<String>) {
+        let missing = Missing { what: what.into(), why: why.into() };
+        if !self.report.not_measured.contains(&missing) {
+            self.report.not_measured.push(missing);
+        }
+    }
+
+    fn device(&mut self, engine: &Engine, subject: &Subject) {
+        self.report.device = Some(DeviceFacts::of(engine));
+        let bounds = self.report.bounds;
+        let pace = self.pace(bounds.seconds * VERIFYING);
+        self.report.verify = self.part("the same bytes as every other device", || {
+            verify(engine, bounds.scenes, || pace.goes_on())
+        });
+        let clock = Clock::of(engine.vulkan());
+        if clock == Clock::Host {
+            let why = "the device has no timestamps; ceilings are timed by the host's clock";
+            self.missing("times of stages", why);
+        }
+        self.report.ceilings = self.part("ceilings", || Best::measure(engine, clock));
+        let best = self.report.ceilings;
+        let model = Predictor::of(engine, subject.prior, &self.report.host, best.as_ref());
+        let predictor = model.unwrap_or_else(|why| {
+            self.missing("prediction of stages", why);
+            Predictor::None
+        });
+        self.report.model = predictor.about();
+        // Larger pictures take longer, but not everything does.
+        let widths = || subject.cameras.iter().map(|camera| f64::from(camera.width));
+        for (camera, width) in subject.cameras.iter().zip(widths()) {
+            let seconds = bounds.seconds * SIZES * width / widths().sum::<f64>();
+            self.size(engine, subject, camera, &predictor, seconds);
+        }
+    }
+}
+
+impl Best {
+    fn measure(engine: &Engine, clock: Clock) -> anyhow::Result<Best> {
+        let device = engine.vulkan();
+        let mut rates = Ceilings { flops: 0.0, bytes: 0.0 };
+        for _ in 0..CEILINGS {
+            let Ceilings { flops, bytes } = ceilings::measure_by(device, clock)?;
+            rates = Ceilings { flops: rates.flops.max(flops), bytes: rates.bytes.max(bytes) };
+        }
+        Ok(Best { clock, rates, dispatch_seconds: ceilings::dispatch_seconds(device, clock)? })
+    }
+}
+
+impl DeviceFacts {
+    fn of(engine: &Engine) -> DeviceFacts {
+        let info = engine.device();
+        DeviceFacts {
+            name: info.name.clone(),
+            kind: info.kind.name().into(),
+            driver: info.driver.clone(),
+            vulkan: format!("{}.{}", info.api.0, info.api.1),
+            subgroup: info.subgroup,
+            form: match info.wave {
+                Some(wave) => format!("waves of {wave}"),
+                None if info.in_lockstep() => "lockstep".into(),
+                None => "plain".into(),
+            },
+            timestamps: engine.vulkan().timestamps(),
+            portable: info.portable,
+            memory_bytes: info.heap,
+        }
+    }
+}
+
+/// Check sum of all shaders.
+fn shaders() -> String {
+    let mut check = crc32fast::Hasher::new();
+    modules::ALL.iter().for_each(|module| check.update(module.spirv));
+    format!("{:08x}", check.finalize())
+}
+
+/// Writes `report.json` and `index.html` to a folder, and prints what they say.
+pub fn write(report: &Report, folder: &Path) -> anyhow::Result<()> {
+    let (json, page) = (folder.join("report.json"), folder.join("index.html"));
+    report.write(&json)?;
+    let text = page::text(report)?;
+    std::fs::write(&page, text).with_context(|| format!("writing {}", page.display()))?;
+    print::print(report);
+    println!("\n{} and {} have all of it", json.display(), page.display());
+    Ok(())
+}
