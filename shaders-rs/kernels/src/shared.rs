@@ -507,7 +507,8 @@ impl Outline {
         [params.drawn_before(first), params.drawn_before(end)]
     }
 
-    /// Tiles `[first, end)` of `count` in the picture's row `row` that have a point of the ellipse between their outermost pixel centres.
+    /// Tiles `[first, end)` of `count` in the picture's row `row` that have a point of the ellipse between their
+    /// outermost pixel centres.
     pub fn columns(&self, row: u32, count: u32) -> [u32; 2] {
         let low = (row * TILE) as i32 as f32 + 0.5 - self.mean[1];
         let high = low + (TILE - 1) as f32;
