@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use crate::image::Mask;
 use crate::search::{self, Placement, PoseCode, Program, Search};
 use crate::shared::{self, CELL, Counters, PIXEL};
-use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
+use crate::vulkan::{CommandCounts, Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
 use super::binning::{self, Binning};
@@ -75,6 +75,17 @@ pub enum Job {
     Search,
     /// More evaluations of a search.
     More,
+}
+
+/// What a frame's first submission has the device do.
+#[derive(Clone, Copy, Debug)]
+pub struct SearchCommands {
+    /// All that is recorded.
+    pub all: CommandCounts,
+    /// What is recorded for one evaluation.
+    pub slot: CommandCounts,
+    /// Evaluations that there is room for. What is recorded for those that a search does not need still costs time.
+    pub slots: u32,
 }
 
 /// What a search found.
@@ -506,6 +517,15 @@ impl Renderer {
     /// Renders so far, by level.
     pub fn renders(&self) -> &[u32] {
         &self.renders
+    }
+
+    /// What is recorded for a search; `None` if the plan has none.
+    pub fn search_commands(&self) -> Option<SearchCommands> {
+        let (_, commands) = self.recorded.iter().find(|(job, _)| *job == Job::Search)?;
+        let mut evaluations = commands.counts_at("evaluation");
+        let (first, second) = (evaluations.next()?, evaluations.next()?);
+        let slots = 2 + evaluations.count() as u32;
+        Some(SearchCommands { all: commands.counts(), slot: second.since(first), slots })
     }
 
     /// Device times of the stages of a job's last run; empty if the plan is not profiled.

@@ -2,6 +2,7 @@
 
 mod ablation;
 mod codecs;
+mod commands;
 mod configurations;
 mod context;
 mod forward;

@@ -1,6 +1,7 @@
 //! The device's time by stage, with the bytes and operations that a model counts, and the best
 //! rates of the device.
 
+use anyhow::Context as _;
 use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
 use nvsprior::tracking::{FrameInfo, Objective, PoseEstimate, RefineOptions, Tracker};
@@ -8,6 +9,7 @@ use nvsprior::vulkan::StageTime;
 use nvsprior::{Camera, EncoderOptions, Pose};
 use serde::Serialize;
 
+use super::commands::FrameCommands;
 use super::context::{Best, Context, Shot};
 use crate::ceilings::{self, Ceilings};
 use crate::cost::{Cost, Counts, PICTURE_PASSES, SEARCH_PASSES, Sharing, Work};
@@ -46,6 +48,8 @@ pub struct Stages {
     /// Of the picture that is measured at.
     pub counts: Counts,
     pub stages: Vec<Stage>,
+    /// Of a frame that takes one evaluation.
+    pub commands: FrameCommands,
 }
 
 /// Measures a picture, both sums and a whole search of a frame that follows another.
@@ -92,7 +96,7 @@ pub fn measure(context: &Context) -> anyhow::Result<Stages> {
         }
         sum
     }));
-    Ok(Stages { ceilings, counts, stages })
+    Ok(Stages { ceilings, counts, stages, commands: search.commands })
 }
 
 /// What a picture is made of there.
@@ -132,6 +136,7 @@ fn alone(context: &Context, job: Job) -> anyhow::Result<Vec<StageTime>> {
 struct Search {
     times: Vec<StageTime>,
     levels: Vec<(Counts, f64)>,
+    commands: FrameCommands,
 }
 
 /// The search of a frame after two earlier frames, or one; always the same.
@@ -159,13 +164,15 @@ fn search(context: &Context) -> anyhow::Result<Search> {
     // The final picture is no evaluation.
     renders[0] = renders[0].saturating_sub(1);
     let renderer: &mut Renderer = tracker.objective().renderer();
+    let commands = renderer.search_commands().context("a search is planned")?;
+    let commands = FrameCommands::of(&commands);
     let cameras: Vec<Camera> = (0..renderer.levels()).map(|l| *renderer.camera(l)).collect();
     let pose = context.best[last].pose;
     let level = |(camera, evaluations): (&Camera, u32)| {
         Ok((counts(context, camera, &shot.camera, &pose)?, f64::from(evaluations)))
     };
     let levels = cameras.iter().zip(renders).map(level).collect::<anyhow::Result<_>>()?;
-    Ok(Search { times, levels })
+    Ok(Search { times, levels, commands })
 }
 
 /// Mean times over runs. The first run does not count: drivers finish their work at first use.
