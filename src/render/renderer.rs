@@ -16,7 +16,7 @@ use super::jacobian::Jacobian;
 use super::levels::{LevelBuffers, NormalEquations, Pass, anchor};
 use super::light::{Correction, FlatField};
 use super::radix::SortPrecision;
-use super::stages::{Channels, SearchStages, Stages, TIMED_EVALUATIONS};
+use super::stages::{Channels, PictureEnds, Place, SearchStages, Stages, TIMED_EVALUATIONS};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -203,29 +203,28 @@ impl Renderer {
     /// What the host asks for at one pose.
     fn record_asked(&self, r: &mut Recorder, stages: &Stages, job: Job) -> Result<(), Error> {
         let (levels, work, pass) = (&self.levels, stages.work, Pass::Evaluation);
-        r.copy(&levels.params_asked, &levels.params)?;
-        r.copy(&levels.groups_asked, &levels.groups)?;
+        stages.clear_sums(r);
+        r.copy_beside(&self.bytes.coded_asked, &self.bytes.coded);
+        r.copy_beside(&levels.params_asked, &levels.params);
+        r.copy(&levels.groups_asked, &levels.groups);
         match job {
             Job::Draw => {
-                stages.picture(r, Channels::All, pass)?;
-                r.copy(&levels.image, &levels.image_read)?;
+                stages.picture(r, Channels::All, Place::Asked, pass)?;
+                r.copy_beside(&levels.image, &levels.image_read);
             }
             Job::Sums(jacobian) => {
                 stages.equations(r, jacobian, SortPrecision::Exact)?;
                 stages.reduce(r)?;
             }
             _ => {
-                if job != Job::Picture {
-                    r.copy(&self.bytes.coded_asked, &self.bytes.coded)?;
-                    stages.decode_pose(r, pass)?;
-                }
-                stages.final_picture(r, job == Job::CodedDeep, pass)?;
-                if let Some(frame) = &self.frame {
-                    stages.difference(r, frame, pass)?;
-                }
+                let place = if job == Job::Picture { Place::Asked } else { Place::Coded };
+                let ends =
+                    PictureEnds { depths: job == Job::CodedDeep, frame: self.frame.as_ref() };
+                stages.final_picture(r, &ends, place, pass)?;
             }
         }
-        r.copy(&work.counters, &work.counters_read)
+        r.copy(&work.counters, &work.counters_read);
+        Ok(())
     }
 
     fn submit(&mut self, job: Job) -> Result<(), Error> {
@@ -455,7 +454,9 @@ impl Renderer {
     pub fn search(&mut self, program: &Program) -> Result<Searched<'_>, Error> {
         let mut submissions = 0;
         loop {
-            self.frame.as_mut().expect("only planned searches are asked for").ask(program);
+            let frame = self.frame.as_mut().expect("only planned searches are asked for");
+            let begun = frame.ask(program);
+            self.levels.ask_first(&begun, self.work.pair_capacity);
             let coded = Coded { anchor: anchor(&self.scene), code: PoseCode::zeroed() };
             self.bytes.coded_asked.write(&[coded]);
             self.times.clear();

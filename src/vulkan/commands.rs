@@ -211,8 +211,31 @@ impl Recorder {
         self.barrier("fill");
     }
 
+    /// Sets the first words of a buffer to zero, beside what is recorded next: the barrier after that is for both.
+    ///
+    /// # Panics
+    /// If the buffer has fewer.
+    pub fn clear_beside(&mut self, buffer: &Buffer, words: u32) {
+        let bytes = u64::from(words) * 4;
+        assert!(bytes <= buffer.bytes(), "words out of bounds");
+        let raw = buffer.shared.raw;
+        // SAFETY: recording is open; the words lie inside the buffer, which the recording keeps.
+        unsafe {
+            let device = &self.commands.device.device;
+            device.cmd_fill_buffer(self.commands.buffer, raw, 0, bytes, 0);
+        }
+        self.commands.buffers.push(buffer.shared.clone());
+        self.commands.counts.fills += 1;
+    }
+
     /// Copies as much of `from` as `to` holds.
-    pub fn copy(&mut self, from: &Buffer, to: &Buffer) -> Result<(), Error> {
+    pub fn copy(&mut self, from: &Buffer, to: &Buffer) {
+        self.copy_beside(from, to);
+        self.barrier("copy");
+    }
+
+    /// As [`copy`](Self::copy), beside what is recorded next: the barrier after that is for both.
+    pub fn copy_beside(&mut self, from: &Buffer, to: &Buffer) {
         let region = [vk::BufferCopy::default().size(from.bytes().min(to.bytes()))];
         // SAFETY: as above; the region lies inside both.
         unsafe {
@@ -225,8 +248,6 @@ impl Recorder {
         }
         self.commands.buffers.extend([from.shared.clone(), to.shared.clone()]);
         self.commands.counts.copies += 1;
-        self.barrier("copy");
-        Ok(())
     }
 
     /// Ends the recording.
@@ -240,7 +261,7 @@ impl Recorder {
     }
 
     /// Makes all that was written visible to what follows, host included, and notes the time.
-    fn barrier(&mut self, name: &'static str) {
+    pub fn barrier(&mut self, name: &'static str) {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
         let device = &self.commands.device.device;
         let commands = self.commands.buffer;

@@ -86,7 +86,7 @@ pub fn measure(context: &Context) -> anyhow::Result<Stages> {
     let search = search(context)?;
     stages.extend(rated("search", search.times, &|name| {
         let mut sum = match name {
-            "splat" | "quantize_rgb8" | "difference" => return picture(name),
+            "splat" | "quantize_rgb8" => return picture(name),
             "pyramid" | "splat_flow" | "reduce" | "solve" => Work::default(),
             _ => picture(name),
         };

@@ -5,8 +5,8 @@ use std::ops::Range;
 use nvsprior::render::probe::Stages;
 use nvsprior::{Camera, Prior};
 use nvsprior_kernels::shared::{
-    ALPHA_MIN, CULLED, Outline, Params, Projected, TILE, TRANSMITTANCE_STOP, band_rows, digit_bits,
-    sh_coefficients, sh_planes,
+    ALPHA_MIN, Outline, Params, Projected, TILE, TRANSMITTANCE_STOP, band_rows, sh_coefficients,
+    sh_planes,
 };
 
 /// The amounts of a render at one pose.
@@ -44,7 +44,6 @@ impl Counts {
         let view = Tiles::of(prior, camera, stages);
         let [across, down] = view.tiles;
         let degree = prior.splats().sh_degree;
-        let largest = stages.keys.iter().copied().filter(|key| *key != CULLED).max();
         Counts {
             splats: prior.splats().len() as f64,
             visible: stages.order.len() as f64,
@@ -57,7 +56,7 @@ impl Counts {
             bands: f64::from(down.div_ceil(band_rows(across))),
             pixels: camera.pixels() as f64,
             frame_pixels: frame.pixels() as f64,
-            digits: f64::from(1 << digit_bits(largest.unwrap_or(0))),
+            digits: f64::from(1 << stages.digit_bits),
         }
     }
 }
