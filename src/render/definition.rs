@@ -1,5 +1,6 @@
-//! The definition of the final picture: on the host, the operations of stages `project`, `splat` and `quantize_rgb8` in plain scalar f32, in their order. A device is portable if it draws the same bytes.
-//! docs/portability.md lists the operations, and what Vulkan promises of each.
+//! The definition of the final picture: on the host, the operations of stages `project`, `splat` and `quantize_rgb8` in
+//! plain scalar f32, in their order. A device is portable if it draws the same bytes. docs/portability.md lists the
+//! operations, and what Vulkan promises of each.
 //!
 //! Every tile blends every splat that is seen. So a device may list more splats per tile than it draws, but never
 //! fewer.

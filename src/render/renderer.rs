@@ -115,6 +115,8 @@ pub struct Renderer {
     recorded: Vec<(Job, Commands)>,
     renders: Vec<u32>,
     times: Vec<f64>,
+    /// Of the last search, over its submissions, if the plan is profiled.
+    search_stages: Vec<StageTime>,
 }
 
 /// How much room to make for `pairs` pairs: some to spare, but no more than storage buffers of `storage_range` bytes
@@ -152,6 +154,7 @@ impl Renderer {
             frame: framed.then(|| FrameBuffers::new(device, &levels)).transpose()?,
             renders: vec![0; levels.sizes.len()],
             times: Vec::with_capacity(TIMED_EVALUATIONS),
+            search_stages: Vec::new(),
             recorded: Vec::new(),
             levels,
             plan,
@@ -460,6 +463,7 @@ impl Renderer {
             let coded = Coded { anchor: anchor(&self.scene), code: PoseCode::zeroed() };
             self.bytes.coded_asked.write(&[coded]);
             self.times.clear();
+            self.search_stages.clear();
             let mut job = Job::Search;
             let most = submissions + MOST_SUBMISSIONS;
             loop {
@@ -497,6 +501,9 @@ impl Renderer {
         let Some((_, commands)) = commands else { return Ok(()) };
         let room = self.times.capacity() - self.times.len();
         let evaluations = commands.marks("evaluation")?;
+        if self.plan.profiled {
+            self.search_stages.extend(commands.stage_times()?);
+        }
         self.times.extend(evaluations.take(room).map(|time| before + time));
         Ok(())
     }
@@ -529,8 +536,12 @@ impl Renderer {
         Some(SearchCommands { all: commands.counts(), slot: second.since(first), slots })
     }
 
-    /// Device times of the stages of a job's last run; empty if the plan is not profiled.
+    /// Device times of the stages of a job's last run, of a search over all its submissions; empty if the plan is not
+    /// profiled.
     pub fn stage_times(&self, job: Job) -> Result<Vec<StageTime>, Error> {
+        if job == Job::Search {
+            return Ok(self.search_stages.clone());
+        }
         let commands = self.recorded.iter().find(|(recorded, _)| *recorded == job);
         commands.map_or(Ok(Vec::new()), |(_, commands)| commands.stage_times())
     }

@@ -685,8 +685,8 @@ pub fn quantised(at: &Placement, anchor: &Anchor, profile: u32) -> PoseCode {
     }
 }
 
-/// The placement of a code. On a device only stage `project` calls this, for the encoder and the decoder: so both render
-/// at the same bits.
+/// The placement of a code. On a device only stage `project` calls this, for the encoder and the decoder: so both
+/// render at the same bits.
 pub fn placed(code: &PoseCode, anchor: &Anchor) -> Placement {
     let w = &code.words;
     if code.profile == COMPACT {

@@ -534,7 +534,7 @@ pub fn tiles_between(low: f32, high: f32, count: u32) -> [u32; 2] {
     [first as i32 as u32, end as i32 as u32]
 }
 
-/// The sort's keys come to blocks by multiples of this: of the invocations of every workgroup that goes through a block.
+/// The sort's keys come to blocks by multiples of this: of the invocations of every workgroup that goes through one.
 pub const SORT_STEP: u32 = 128;
 
 /// Items `[first, end)` of workgroup `block`. 2^`log_blocks` workgroups share `count` items evenly, in multiples of

@@ -1,6 +1,6 @@
-//! Stage `project`: each splat's mean, conic, colour and depth as the camera sees it, and its key for the sort by depth.
-//! It also counts the keys by the digit that is sorted by first. If the picture's pose is coded, it places the camera:
-//! encoder and decoder both do so here, and so draw at the same pose, bit for bit.
+//! Stage `project`: each splat's mean, conic, colour and depth as the camera sees it, and its key for the sort by
+//! depth. It also counts the keys by the digit that is sorted by first. If the picture's pose is coded, it places the
+//! camera: encoder and decoder both do so here, and so draw at the same pose, bit for bit.
 
 use crate::counters;
 use crate::lanes::{Lanes, Lockstep, Scratch, Shared, Table};

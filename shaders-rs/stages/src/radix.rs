@@ -1,5 +1,5 @@
-//! Stages `radix_count`, `radix_scatter`: one stable pass of a least-significant-digit radix sort of the depth keys. The
-//! keys are split evenly over a fixed number of blocks, so the host need not know how many keys there are. Each block
+//! Stages `radix_count`, `radix_scatter`: one stable pass of a least-significant-digit radix sort of the depth keys.
+//! The keys are split evenly over a fixed number of blocks, so the host need not know how many there are. Each block
 //! counts its keys by digit, and then finds from the counts of all where its own go. Stage `project` has counted the
 //! first digit. Digits are as narrow as possible: [`shared::DIGITS`] of them just hold the largest key that may be. The
 //! first pass leaves out culled splats.
@@ -167,8 +167,8 @@ macro_rules! form {
             count::<$lanes>(group.x, lane, bins, scratch, pass, &counters, keys, histogram);
         }
 
-        /// Counts the visible splats in the first pass. Moves each key and value to its place: after those placed before, by its rank among the invocations with an
-        /// equal digit.
+        /// Moves each key and value to its place: after those placed before, by its rank among the invocations with an
+        /// equal digit. The first pass also counts the visible splats.
         #[spirv(compute(threads($threads)))]
         pub fn $scatter(
             #[spirv(workgroup_id)] group: UVec3,

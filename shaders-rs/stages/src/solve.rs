@@ -15,7 +15,8 @@ pub struct Coded {
     pub code: PoseCode,
 }
 
-/// The host takes the first step, to the first evaluation. `groups[0]`: stages of an evaluation; `groups[1]`: those of the final picture.
+/// The host takes the first step, to the first evaluation. `groups[0]`: stages of an evaluation; `groups[1]`: those of
+/// the final picture.
 #[spirv(compute(threads(256)))]
 pub fn solve(
     #[spirv(local_invocation_index)] lane: u32,

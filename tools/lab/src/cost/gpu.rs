@@ -141,12 +141,13 @@ impl Rounds {
                 Rounds { workgroups: blocks, dispatches: later, work, beside, ..one }
             }
             "radix_scatter" => {
-                let work = c.splats + (passes - 1.0) * c.visible;
+                let keys = c.splats + (passes - 1.0) * c.visible;
+                // The work's loop adds up the counts of a digit. Beside it is the loop over the keys.
+                let work = passes * table;
                 let [_, waits] = cost.sharing.digit();
-                // Besides the keys: the counts of a digit.
-                let (beside, waits) = (passes * table, 1.0 + passes * table * waits / work);
-                let beside = Some(beside);
-                Rounds { workgroups: blocks, dispatches: passes, work, beside, waits, ..one }
+                let (around, beside, waits) = (vec![work], Some(keys), waits + keys / work);
+                let dispatches = passes;
+                Rounds { workgroups: blocks, dispatches, work, around, beside, waits, ..one }
             }
             "bin_scan" => {
                 let (work, around) = (bins * c.tiles / 4.0, vec![c.tiles]);

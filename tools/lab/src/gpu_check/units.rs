@@ -14,6 +14,8 @@ pub struct Unit {
 const PIXELS: Unit = pixels(ROWS);
 const KEY: Unit = Unit { name: "key", per_round: 1 };
 const PAIR: Unit = Unit { name: "pair of splat and tile", per_round: 1 };
+/// Eight blocks' counts of a digit are added up at a time.
+const COUNT: Unit = Unit { name: "count of a digit", per_round: 8 };
 /// The scan loads four counters at a time.
 const COUNTER: Unit = Unit { name: "counter", per_round: 4 };
 /// Two coefficients of the harmonics are added at a time.
@@ -47,7 +49,8 @@ pub fn unit(module: &str) -> Option<Unit> {
         }
         "project" => COEFFICIENT,
         "splat" | "splat_flow" | "splat_exact" | "splat_backward" => PIXELS,
-        "radix_count" | "radix_scatter" => KEY,
+        "radix_count" => KEY,
+        "radix_scatter" => COUNT,
         "bin_scan" => COUNTER,
         "bin_count" | "bin_emit" => PAIR,
         "reduce" => SUM,
