@@ -132,12 +132,12 @@ fn most_splats(device: &Device, sh_degree: u32) -> u64 {
     by_bytes.min(u64::from(info.workgroups) * u64::from(GROUP) - 1)
 }
 
-/// Refuses more splats than stage `project` has invocations for.
+/// Refuses more splats than a stage with an invocation per splat can have.
 fn check_workgroups(device: &Device, splats: usize) -> Result<(), Error> {
     let (count, limit) = (splats as u64 / u64::from(GROUP) + 1, device.info().workgroups.into());
     if count > limit {
         let advice = String::new();
-        return Err(Error::TooManyWorkgroups { kernel: "project", count, limit, advice });
+        return Err(Error::TooManyWorkgroups { kernel: "pose_jacobian", count, limit, advice });
     }
     Ok(())
 }
