@@ -56,7 +56,7 @@ mod queue;
 
 #[cfg(feature = "training")]
 use nvsprior_kernels::training;
-use nvsprior_kernels::{portable, search, shared};
+use nvsprior_kernels::{block_table, portable, search, shared};
 
 pub use decoder::{Decoded, Decoder, Trust};
 pub use encoded::{Encoded, FrameStats, packet_bound};

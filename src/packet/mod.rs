@@ -66,7 +66,7 @@
 //! A *reference* is a frame of the stream that both sides hold: what the topside shows of it, less its render. The tag
 //! tells it from a frame of the same number that is of another stream, or came in part. It is the CRC-32 (IEEE) of
 //! these bytes, high half and low half combined by exclusive or: fx, fy, cx, cy and the placement (unit quaternion w,
-//! x, y, z, then translation, as the stage `decode_pose` has them), each as f32; then the difference picture, row by
+//! x, y, z, then translation, as the stage `project` has them), each as f32; then the difference picture, row by
 //! row, as `clamp(shown − render, −128, 127) + 128`. Only packets whose residual is of a stream can be reference
 //! frames, and only if all of the residual arrived. Frame numbers of references are told apart modulo 2¹⁶. Both sides
 //! hold the last 32 frames of a stream.

@@ -1,6 +1,6 @@
-//! The definition of the final picture: on the host, the operations of stages `decode_pose`, `project`, `splat` and
-//! `quantize_rgb8` in plain scalar f32, in their order. A device is portable if it draws the same bytes.
-//! docs/portability.md lists the operations, and what Vulkan promises of each.
+//! The definition of the final picture: on the host, the operations of stages `project`, `splat` and `quantize_rgb8` in
+//! plain scalar f32, in their order. A device is portable if it draws the same bytes. docs/portability.md lists the
+//! operations, and what Vulkan promises of each.
 //!
 //! Every tile blends every splat that is seen. So a device may list more splats per tile than it draws, but never
 //! fewer.
@@ -47,7 +47,7 @@ pub struct Record {
 
 /// A picture, and what each stage left.
 pub struct Drawn {
-    /// Stage `decode_pose`: the camera that was drawn with.
+    /// The camera that was drawn with.
     pub params: Params,
     /// Stage `project`; `None` if the splat is culled.
     pub records: Vec<Option<Record>>,
@@ -88,7 +88,7 @@ impl Definition {
     }
 
     fn prototype(&self, camera: &Camera) -> Params {
-        prototype(&self.options, self.splats, camera, 1, 0)
+        prototype(&self.options, self.splats, self.planes.radius, camera, 1, 0)
     }
 
     fn draw_with(&self, params: &Params) -> Drawn {

@@ -4,13 +4,13 @@ use bytemuck::Zeroable;
 
 use crate::Picture;
 use crate::image::Mask;
-use crate::search::{Anchor, PoseCode, Program, Search};
+use crate::search::{self, Anchor, PoseCode, Program, Search};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
 use super::levels::{Level, LevelBuffers};
 use super::light::{Correction, FlatField};
 
-/// A pose's code, and the frame that it is relative to. Stages `solve` and `decode_pose` share it.
+/// A pose's code, and the frame that it is relative to. Stage `solve` writes it, stage `project` reads it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct Coded {
@@ -99,9 +99,12 @@ impl FrameBuffers {
         self.mask.write(&words);
     }
 
-    /// Asks for a search.
-    pub fn ask(&mut self, program: &Program) {
-        self.search_asked.write(&[Search { program: *program, ..Search::zeroed() }]);
+    /// Asks for a search. Returns it as it begins.
+    pub fn ask(&mut self, program: &Program) -> Search {
+        let mut search = Search { program: *program, ..Search::zeroed() };
+        search::begin(&mut search);
+        self.search_asked.write(&[search]);
+        search
     }
 
     /// Takes the camera's picture, of the size of level 0.

@@ -5,12 +5,22 @@ use nvsprior_kernels::modules;
 
 use crate::vulkan::{Code, Device, DeviceInfo, DeviceKind, Error, Kernel};
 
-/// Logarithm, base 2, of the number of workgroups that share a pass over `splats` splats; at least 2. A CPU needs a few
-/// workgroups per core; each further one costs a row of counters. A GPU needs many. No workgroup should have more than
-/// some thousand splats: llvmpipe ends loops after 65,535 rounds.
-pub(crate) fn log_blocks(device: &DeviceInfo, splats: u32) -> u32 {
+/// Logarithm, base 2, of the number of workgroups that share the sort of `splats` splats. A CPU needs a few workgroups
+/// per core, a GPU needs many. But each further one costs a row of counters, and each reads those of all others.
+pub(crate) fn log_sort_blocks(device: &DeviceInfo, splats: u32) -> u32 {
+    let least = if device.kind == DeviceKind::Cpu { 3 } else { 5 };
+    by_splats(splats).clamp(least, 7)
+}
+
+/// The same for binning, whose workgroups have more to do for each splat; at least 2.
+pub(crate) fn log_bin_blocks(device: &DeviceInfo, splats: u32) -> u32 {
     let least = if device.kind == DeviceKind::Cpu { 4 } else { 7 };
-    (splats / 4096).max(1).ilog2().clamp(least, 8)
+    by_splats(splats).clamp(least, 8)
+}
+
+/// No workgroup should have more than some thousand splats: llvmpipe ends loops after 65,535 rounds.
+fn by_splats(splats: u32) -> u32 {
+    (splats / 4096).max(1).ilog2()
 }
 
 /// Defines a set of pipelines, one field per pipeline: its entry point, its number of storage buffers
@@ -70,8 +80,6 @@ kernels! {
     Kernels:
     radix_count = radix_count(3, 4), in lockstep: radix_count_lockstep,
         in waves: radix_count_wave16 radix_count_wave32 radix_count_wave64;
-    radix_scan = radix_scan(2, 4), in lockstep: radix_scan_lockstep,
-        in waves: radix_scan_wave16 radix_scan_wave32 radix_scan_wave64;
     radix_scatter = radix_scatter(6, 4), in lockstep: radix_scatter_lockstep,
         in waves: radix_scatter_wave16 radix_scatter_wave32 radix_scatter_wave64;
     bin_count = bin_count(5, 1), in lockstep: bin_count_lockstep,
@@ -81,11 +89,9 @@ kernels! {
     bin_emit = bin_emit(8, 1), in lockstep: bin_emit_lockstep,
         in waves: bin_emit_wave16 bin_emit_wave32 bin_emit_wave64;
     reduce = reduce(3, 0);
-    pyramid = pyramid(4, 6);
-    solve = solve(7, 1);
-    decode_pose = decode_pose(3, 0);
-    quantize_rgb8 = quantize_rgb8(3, 0);
-    difference = difference(4, 0);
+    pyramid = pyramid(4, 26);
+    solve = solve(7, 0);
+    quantize_rgb8 = quantize_rgb8(5, 1);
 }
 
 impl Kernels {
@@ -114,7 +120,7 @@ const DEPTH: u32 = 2;
 kernels! {
     /// Pipelines made for one kind of prior.
     SceneKernels:
-    project = project(6, 0), in lockstep: project_lockstep;
+    project = project(8, 3), in lockstep: project_lockstep;
     splat = splat(6, 0), in lockstep: splat_lockstep, in waves: splat_wave16 splat_wave32 splat_wave64;
     splat_colour = splat(6, 0), in lockstep: splat_lockstep, in waves: splat_wave16 splat_wave32 splat_wave64,
         with DEPTH = 0;

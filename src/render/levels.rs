@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 
 use crate::image::Mask;
-use crate::search::{Anchor, LEVELS, Placement};
+use crate::search::{Anchor, LEVELS, Placement, Search, set_pose};
 use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, frustum, low_pass, tiles_per_group};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose, RenderOptions};
@@ -147,7 +147,8 @@ impl LevelBuffers {
         for &factor in factors.iter().take(LEVELS) {
             let camera = camera.reduced(factor);
             if camera.width > 0 && camera.height > 0 {
-                let params = prototype(&splats.options, splats.count, &camera, factor, floats);
+                let SplatBuffers { options, count, radius, .. } = splats;
+                let params = prototype(options, *count, *radius, &camera, factor, floats);
                 floats += 3 * camera.pixels() as u32;
                 let sparse = params.with_rows(sparse_shift(&camera));
                 levels.push(Level { camera, factor, params, sparse, counted: [0; 2] });
@@ -156,8 +157,9 @@ impl LevelBuffers {
         let most = |count: fn(&Level) -> usize| levels.iter().map(count).max().unwrap_or(0);
         let pixels = most(|level| level.camera.pixels());
         let tiles = most(|level| (level.params.tiles_x * level.params.tiles_y) as usize);
-        let log_sort_blocks = kernels::log_blocks(device.info(), splats.count);
-        let log_bin_blocks = binning::log_blocks(log_sort_blocks, tiles as u32);
+        let log_sort_blocks = kernels::log_sort_blocks(device.info(), splats.count);
+        let log_bin_blocks = kernels::log_bin_blocks(device.info(), splats.count);
+        let log_bin_blocks = binning::log_blocks(log_bin_blocks, tiles as u32);
         for level in &mut levels {
             for params in [&mut level.params, &mut level.sparse] {
                 params.sort_blocks = 1 << log_sort_blocks;
@@ -214,6 +216,17 @@ impl LevelBuffers {
         self.groups_asked.write(&[[Groups::of(&params); 2]]);
     }
 
+    /// Asks for a search's first evaluation, with room for `pair_capacity` pairs.
+    pub fn ask_first(&mut self, search: &Search, pair_capacity: u32) {
+        let level = &self.sizes[search.level as usize];
+        let sparse = search.program.sparse >> search.level & 1 == 1;
+        let mut params = if sparse { level.sparse } else { level.params };
+        params.pair_capacity = pair_capacity;
+        set_pose(&mut params, &search.trial);
+        self.params_asked.write(&[params]);
+        self.groups_asked.write(&[[Groups::of(&params), Groups::NONE]]);
+    }
+
     /// Tells stages that choose between levels how many pairs there is room for.
     pub fn set_room(&mut self, pair_capacity: u32) {
         let mut prototypes = [Params::zeroed(); 2 * LEVELS];
@@ -234,10 +247,11 @@ impl LevelBuffers {
     }
 }
 
-/// The stages' parameters of a level, except the pose and the room for pairs.
+/// The stages' parameters of a level, except the pose and the room for pairs. `radius`: see [`Params::radius`].
 pub(super) fn prototype(
     options: &RenderOptions,
     splats: u32,
+    radius: f32,
     camera: &Camera,
     factor: u32,
     frame_offset: u32,
@@ -251,6 +265,7 @@ pub(super) fn prototype(
         frustum: [x[0], x[1], y[0], y[1]],
         background: options.background,
         near: options.near,
+        radius,
         alpha_max: options.alpha_max,
         dilation,
         dilation_kept,

@@ -26,5 +26,5 @@ pub use kernels::{Kernels, PipelineKey, SceneKernels};
 pub use levels::NormalEquations;
 pub use light::{Cell, Correction, FlatField, counts};
 pub use radix::SortPrecision;
-pub use renderer::{Job, Plan, Renderer, Searched};
+pub use renderer::{Job, Plan, Renderer, SearchCommands, Searched};
 pub use scene::Scene;

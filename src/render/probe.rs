@@ -1,6 +1,6 @@
 //! Runs single stages and reads what they leave on the device: for tests and measurements.
 
-use crate::shared::{CULLED, Counters, DERIVATIVES, Groups, Params, RECORD, TABLE};
+use crate::shared::{CULLED, Counters, DERIVATIVES, Groups, Params, RECORD, digit_bits};
 use crate::vulkan::{Buffer, Device, Error, Memory, Recorder, Timing};
 use crate::{Camera, Pose};
 
@@ -9,7 +9,7 @@ pub use super::radix::SortPrecision;
 use super::frame::Bytes;
 use super::levels::{LevelBuffers, Pass};
 use super::radix::Sort;
-use super::stages;
+use super::stages::{self, Place};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -40,6 +40,8 @@ pub struct Stages {
     pub derivatives: Vec<[f32; 4 * DERIVATIVES as usize]>,
     /// Visible splats in the order of their keys.
     pub order: Vec<u32>,
+    /// Bits of a digit of the sort.
+    pub digit_bits: u32,
     /// Pairs that the picture needs.
     pub pairs_needed: u32,
     /// Stage `bin_emit`: the splats of all tiles.
@@ -52,30 +54,43 @@ impl Probe<'_> {
     /// The places of the keys in the order of their values, equal keys in the order of their places. [`CULLED`] keys
     /// are left out.
     pub fn sort(&self, keys: &[u32], sort_precision: SortPrecision) -> Result<Vec<u32>, Error> {
+        self.sort_in_blocks(keys, sort_precision, self.log_sort_blocks(keys.len() as u32))
+    }
+
+    /// As [`sort`](Self::sort), shared by 2^`log_blocks` workgroups.
+    pub fn sort_in_blocks(
+        &self,
+        keys: &[u32],
+        sort_precision: SortPrecision,
+        log_blocks: u32,
+    ) -> Result<Vec<u32>, Error> {
         let Probe { device, kernels } = *self;
         let count = keys.len() as u32;
         let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
         let between = || Ok::<_, Error>([own("keys", keys.len())?, own("values", keys.len())?]);
         let largest = keys.iter().copied().filter(|key| *key != CULLED).max();
-        let counters = Counters { largest_key: largest.unwrap_or(0), ..Counters::default() };
+        let digit_bits = digit_bits(largest.unwrap_or(0));
+        let counters = Counters { digit_bits, ..Counters::default() };
         let counters = Buffer::from_slice(device, "counters", &[counters])?;
         let order = own("order", keys.len())?;
-        let log_blocks = super::kernels::log_blocks(device.info(), count);
-        let groups =
-            Groups { sort_blocks: [1 << log_blocks, 1, 1], one: [1, 1, 1], ..Groups::NONE };
+        let groups = Groups { sort_blocks: [1 << log_blocks, 1, 1], ..Groups::NONE };
+        let table = super::radix::histogram(log_blocks);
+        let histogram = own("digit histogram", table.words() as usize)?;
         let sort = Sort {
             sort_precision,
             count,
+            counted: false,
             log_blocks,
             pass: Pass::Evaluation,
             groups: &Buffer::from_slice(device, "workgroups", &[groups])?,
             counters: &counters,
-            histogram: &own("digit histogram", (TABLE << log_blocks) as usize)?,
+            histogram: &histogram,
             keys: &Buffer::from_slice(device, "keys", keys)?,
             between: &[between()?, between()?],
             order: &order,
         };
         let mut recorder = Recorder::new(device, Timing::None)?;
+        recorder.fill(&histogram, 0);
         sort.record(&mut recorder, kernels)?;
         recorder.finish()?.run()?;
         let sorted = counters.fetch::<Counters>(device, 1)?[0].visible;
@@ -83,8 +98,13 @@ impl Probe<'_> {
     }
 
     /// Logarithm, base 2, of the number of workgroups that share a sort of `keys` keys.
-    pub fn log_blocks(&self, keys: u32) -> u32 {
-        super::kernels::log_blocks(self.device.info(), keys)
+    pub fn log_sort_blocks(&self, keys: u32) -> u32 {
+        super::kernels::log_sort_blocks(self.device.info(), keys)
+    }
+
+    /// The same of a binning of `splats` splats, if their picture is not too large.
+    pub fn log_bin_blocks(&self, splats: u32) -> u32 {
+        super::kernels::log_bin_blocks(self.device.info(), splats)
     }
 
     /// Stage `bin_scan` alone, on blocks × tiles counts of one band.
@@ -140,12 +160,13 @@ impl Probe<'_> {
         levels.ask(scene, 0, pair_capacity, pose);
 
         let mut recorder = Recorder::new(device, Timing::None)?;
-        recorder.copy(&levels.params_asked, &levels.params)?;
-        recorder.copy(&levels.groups_asked, &levels.groups)?;
         let bytes = &Bytes::new(device, &levels)?;
         let stages =
             stages::Stages { kernels, splats: &scene.splats, levels: &levels, work: &work, bytes };
-        stages.tile_lists(&mut recorder, sort_precision, Pass::Evaluation)?;
+        stages.clear_sums(&mut recorder);
+        recorder.copy_beside(&levels.params_asked, &levels.params);
+        recorder.copy(&levels.groups_asked, &levels.groups);
+        stages.tile_lists(&mut recorder, sort_precision, Place::Asked, Pass::Evaluation)?;
         stages.pose_jacobian(&mut recorder, Pass::Evaluation)?;
         recorder.finish()?.run()?;
         let counters = work.counters.fetch::<Counters>(device, 1)?[0];
@@ -159,6 +180,7 @@ impl Probe<'_> {
             keys: work.keys.fetch(device, splats)?,
             derivatives: derivatives.transpose()?.unwrap_or_default(),
             order: work.order.fetch(device, counters.visible as usize)?,
+            digit_bits: counters.digit_bits,
             pairs_needed: counters.pairs_needed,
             pair_splats: work.pair_splats.fetch(device, pairs)?,
             ranges: levels.ranges.fetch(device, tiles as usize)?,

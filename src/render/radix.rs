@@ -1,9 +1,9 @@
-//! Stages `radix_count`, `radix_scan`, `radix_scatter`: a stable radix sort of depth keys with their
-//! splats.
+//! Stages `radix_count`, `radix_scatter`: a stable radix sort of depth keys with their splats.
 
 use std::mem::offset_of;
 
-use crate::shared::{DIGITS, Groups};
+use crate::block_table::BlockTable;
+use crate::shared::{DIGITS, Groups, TABLE};
 use crate::vulkan::{Buffer, Error, Recorder};
 
 use super::Kernels;
@@ -20,10 +20,27 @@ pub enum SortPrecision {
     Coarse,
 }
 
+impl SortPrecision {
+    /// The digit that is sorted by first: the coarse order leaves out the lowest.
+    pub(crate) fn first_digit(self) -> u32 {
+        match self {
+            SortPrecision::Exact => 0,
+            SortPrecision::Coarse => 1,
+        }
+    }
+}
+
+/// Where the counts of each block's keys by digit lie in their buffer, if digits are as wide as they may be.
+pub(crate) fn histogram(log_blocks: u32) -> BlockTable {
+    BlockTable::new(TABLE, log_blocks, 0, DIGITS)
+}
+
 /// A sort of `count` keys. Culled keys are left out of the order.
 pub(crate) struct Sort<'a> {
     pub sort_precision: SortPrecision,
     pub count: u32,
+    /// Whether the keys' first digits are counted already, by stage `project`.
+    pub counted: bool,
     /// Logarithm of the number of workgroups that share them.
     pub log_blocks: u32,
     /// Which of `groups` say whether it is run.
@@ -39,24 +56,22 @@ pub(crate) struct Sort<'a> {
 }
 
 impl Sort<'_> {
-    /// Records the sort. The counters must hold the largest key. The sort leaves the number of sorted keys in them.
+    /// Records the sort. The counters must hold the bits of a digit. The sort leaves the number of sorted keys in them.
     pub fn record(&self, r: &mut Recorder, kernels: &Kernels) -> Result<(), Error> {
         let Sort { sort_precision, count, log_blocks, counters, histogram, order, .. } = *self;
         let (groups, keys, between) = (self.groups, self.keys, self.between);
         let blocks = self.pass.at(offset_of!(Groups, sort_blocks));
-        let one = self.pass.at(offset_of!(Groups, one));
-        // The coarse order leaves out the lowest digit.
-        let first = if sort_precision == SortPrecision::Exact { 0 } else { 1 };
+        let first = sort_precision.first_digit();
         // In the first pass the place of a key is its value.
         let (mut keys, mut values) = (keys, &between[1][1]);
         for digit in first..DIGITS {
             let [keys_out, values_out] = &between[digit as usize % 2];
             let values_out = if digit + 1 < DIGITS { values_out } else { order };
             let constants = [digit, (digit == first).into(), log_blocks, count];
-            let buffers = [counters, keys, histogram];
-            r.dispatch_indirect(&kernels.radix_count, &buffers, &constants, groups, blocks)?;
-            let buffers = [counters, histogram];
-            r.dispatch_indirect(&kernels.radix_scan, &buffers, &constants, groups, one)?;
+            if digit > first || !self.counted {
+                let buffers = [counters, keys, histogram];
+                r.dispatch_indirect(&kernels.radix_count, &buffers, &constants, groups, blocks)?;
+            }
             let buffers = [counters, histogram, keys, values, keys_out, values_out];
             r.dispatch_indirect(&kernels.radix_scatter, &buffers, &constants, groups, blocks)?;
             (keys, values) = (keys_out, values_out);

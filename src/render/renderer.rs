@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use crate::image::Mask;
 use crate::search::{self, Placement, PoseCode, Program, Search};
 use crate::shared::{self, CELL, Counters, PIXEL, TILE};
-use crate::vulkan::{Commands, Device, Error, Recorder, StageTime, Timing};
+use crate::vulkan::{CommandCounts, Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
 use super::binning::{self, Binning};
@@ -16,7 +16,7 @@ use super::jacobian::Jacobian;
 use super::levels::{LevelBuffers, NormalEquations, Pass, anchor};
 use super::light::{Correction, FlatField};
 use super::radix::SortPrecision;
-use super::stages::{Channels, SearchStages, Stages, TIMED_EVALUATIONS};
+use super::stages::{Channels, PictureEnds, Place, SearchStages, Stages, TIMED_EVALUATIONS};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -77,6 +77,17 @@ pub enum Job {
     More,
 }
 
+/// What a frame's first submission has the device do.
+#[derive(Clone, Copy, Debug)]
+pub struct SearchCommands {
+    /// All that is recorded.
+    pub all: CommandCounts,
+    /// What is recorded for one evaluation.
+    pub slot: CommandCounts,
+    /// Evaluations that there is room for. What is recorded for those that a search does not need still costs time.
+    pub slots: u32,
+}
+
 /// What a search found.
 pub struct Searched<'a> {
     /// Its record.
@@ -104,6 +115,8 @@ pub struct Renderer {
     recorded: Vec<(Job, Commands)>,
     renders: Vec<u32>,
     times: Vec<f64>,
+    /// Of the last search, over its submissions, if the plan is profiled.
+    search_stages: Vec<StageTime>,
 }
 
 /// How much room to make for `pairs` pairs: some to spare, but no more than storage buffers of `storage_range` bytes
@@ -141,6 +154,7 @@ impl Renderer {
             frame: framed.then(|| FrameBuffers::new(device, &levels)).transpose()?,
             renders: vec![0; levels.sizes.len()],
             times: Vec::with_capacity(TIMED_EVALUATIONS),
+            search_stages: Vec::new(),
             recorded: Vec::new(),
             levels,
             plan,
@@ -192,29 +206,28 @@ impl Renderer {
     /// What the host asks for at one pose.
     fn record_asked(&self, r: &mut Recorder, stages: &Stages, job: Job) -> Result<(), Error> {
         let (levels, work, pass) = (&self.levels, stages.work, Pass::Evaluation);
-        r.copy(&levels.params_asked, &levels.params)?;
-        r.copy(&levels.groups_asked, &levels.groups)?;
+        stages.clear_sums(r);
+        r.copy_beside(&self.bytes.coded_asked, &self.bytes.coded);
+        r.copy_beside(&levels.params_asked, &levels.params);
+        r.copy(&levels.groups_asked, &levels.groups);
         match job {
             Job::Draw => {
-                stages.picture(r, Channels::All, pass)?;
-                r.copy(&levels.image, &levels.image_read)?;
+                stages.picture(r, Channels::All, Place::Asked, pass)?;
+                r.copy_beside(&levels.image, &levels.image_read);
             }
             Job::Sums(jacobian) => {
                 stages.equations(r, jacobian, SortPrecision::Exact)?;
                 stages.reduce(r)?;
             }
             _ => {
-                if job != Job::Picture {
-                    r.copy(&self.bytes.coded_asked, &self.bytes.coded)?;
-                    stages.decode_pose(r, pass)?;
-                }
-                stages.final_picture(r, job == Job::CodedDeep, pass)?;
-                if let Some(frame) = &self.frame {
-                    stages.difference(r, frame, pass)?;
-                }
+                let place = if job == Job::Picture { Place::Asked } else { Place::Coded };
+                let ends =
+                    PictureEnds { depths: job == Job::CodedDeep, frame: self.frame.as_ref() };
+                stages.final_picture(r, &ends, place, pass)?;
             }
         }
-        r.copy(&work.counters, &work.counters_read)
+        r.copy(&work.counters, &work.counters_read);
+        Ok(())
     }
 
     fn submit(&mut self, job: Job) -> Result<(), Error> {
@@ -418,6 +431,11 @@ impl Renderer {
         self.levels.sizes[level].counted
     }
 
+    /// Of how many rows of tiles a sparse evaluation of a level draws one, as a power of 2.
+    pub fn sparse_shift(&self, level: usize) -> u32 {
+        self.levels.sizes[level].sparse.row_shift
+    }
+
     /// Whether a sparse evaluation draws a level's row of pixels.
     pub fn draws_sparsely(&self, level: usize, row: u32) -> bool {
         self.levels.sizes[level].sparse.draws(row / TILE)
@@ -448,10 +466,13 @@ impl Renderer {
     pub fn search(&mut self, program: &Program) -> Result<Searched<'_>, Error> {
         let mut submissions = 0;
         loop {
-            self.frame.as_mut().expect("only planned searches are asked for").ask(program);
+            let frame = self.frame.as_mut().expect("only planned searches are asked for");
+            let begun = frame.ask(program);
+            self.levels.ask_first(&begun, self.work.pair_capacity);
             let coded = Coded { anchor: anchor(&self.scene), code: PoseCode::zeroed() };
             self.bytes.coded_asked.write(&[coded]);
             self.times.clear();
+            self.search_stages.clear();
             let mut job = Job::Search;
             let most = submissions + MOST_SUBMISSIONS;
             loop {
@@ -489,6 +510,9 @@ impl Renderer {
         let Some((_, commands)) = commands else { return Ok(()) };
         let room = self.times.capacity() - self.times.len();
         let evaluations = commands.marks("evaluation")?;
+        if self.plan.profiled {
+            self.search_stages.extend(commands.stage_times()?);
+        }
         self.times.extend(evaluations.take(room).map(|time| before + time));
         Ok(())
     }
@@ -512,8 +536,21 @@ impl Renderer {
         &self.renders
     }
 
-    /// Device times of the stages of a job's last run; empty if the plan is not profiled.
+    /// What is recorded for a search; `None` if the plan has none.
+    pub fn search_commands(&self) -> Option<SearchCommands> {
+        let (_, commands) = self.recorded.iter().find(|(job, _)| *job == Job::Search)?;
+        let mut evaluations = commands.counts_at("evaluation");
+        let (first, second) = (evaluations.next()?, evaluations.next()?);
+        let slots = 2 + evaluations.count() as u32;
+        Some(SearchCommands { all: commands.counts(), slot: second.since(first), slots })
+    }
+
+    /// Device times of the stages of a job's last run, of a search over all its submissions; empty if the plan is not
+    /// profiled.
     pub fn stage_times(&self, job: Job) -> Result<Vec<StageTime>, Error> {
+        if job == Job::Search {
+            return Ok(self.search_stages.clone());
+        }
         let commands = self.recorded.iter().find(|(recorded, _)| *recorded == job);
         commands.map_or(Ok(Vec::new()), |(_, commands)| commands.stage_times())
     }

@@ -20,6 +20,8 @@ pub(crate) struct SplatBuffers {
     pub geometry: Buffer,
     pub sh: Buffer,
     pub count: u32,
+    /// See [`Params::radius`](crate::shared::Params::radius).
+    pub radius: f32,
     pub options: RenderOptions,
 }
 
@@ -47,12 +49,13 @@ impl Scene {
         let room = Error::with_room_for(most_splats(device, analysis.sh_degree), &named);
         check_workgroups(device, count).map_err(&room)?;
         let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
-        let Planes { geometry, sh } = Planes::of(prior, &analysis);
+        let Planes { geometry, sh, radius } = Planes::of(prior, &analysis);
         let splats = SplatBuffers {
             kernels,
             geometry: upload("geometry", &geometry)?,
             sh: upload("spherical harmonics", &sh)?,
             count: count as u32,
+            radius,
             options: *prior.options(),
         };
         Ok(Scene {
@@ -129,12 +132,12 @@ fn most_splats(device: &Device, sh_degree: u32) -> u64 {
     by_bytes.min(u64::from(info.workgroups) * u64::from(GROUP) - 1)
 }
 
-/// Refuses more splats than stage `project` has invocations for.
+/// Refuses more splats than a stage with an invocation per splat can have.
 fn check_workgroups(device: &Device, splats: usize) -> Result<(), Error> {
     let (count, limit) = (splats as u64 / u64::from(GROUP) + 1, device.info().workgroups.into());
     if count > limit {
         let advice = String::new();
-        return Err(Error::TooManyWorkgroups { kernel: "project", count, limit, advice });
+        return Err(Error::TooManyWorkgroups { kernel: "pose_jacobian", count, limit, advice });
     }
     Ok(())
 }
@@ -158,6 +161,8 @@ pub(super) struct Planes {
     pub geometry: Vec<f32>,
     /// See [`shared::sh_planes`].
     pub sh: Vec<f32>,
+    /// See [`Params::radius`](crate::shared::Params::radius).
+    pub radius: f32,
 }
 
 impl Planes {
@@ -166,6 +171,7 @@ impl Planes {
         Planes {
             geometry: geometry(splats, &analysis.splats, centre(prior)),
             sh: sh_planes(splats, analysis),
+            radius: radius(splats, &analysis.splats, centre(prior)),
         }
     }
 }
@@ -173,6 +179,14 @@ impl Planes {
 /// What the device's positions are relative to.
 pub(super) fn centre(prior: &Prior) -> DVec3 {
     DVec3::from(prior.coordinate_frame().centre.map(f64::from))
+}
+
+/// The distance from `centre` that no middle of the splats that `which` names exceeds, as the device holds it.
+fn radius(splats: &Splats, which: &[u32], centre: DVec3) -> f32 {
+    let middle = |i: &u32| DVec3::from(splats.positions[*i as usize].map(f64::from));
+    let farthest = which.iter().map(|i| middle(i).distance(centre)).fold(0.0, f64::max);
+    // Both roundings to f32 are far below this.
+    (farthest * (1.0 + 1e-6)) as f32
 }
 
 /// Planes of position (relative to `centre`), opacity and axes of the splats that `which` names,

@@ -2,7 +2,7 @@
 
 use std::mem::offset_of;
 
-use crate::shared::{GROUP, Groups};
+use crate::shared::{GROUP, Groups, PyramidLevel, PyramidLevels};
 use crate::vulkan::{Error, Recorder};
 
 use super::Kernels;
@@ -14,8 +14,8 @@ use super::scene::SplatBuffers;
 use super::workspace::Workspace;
 
 /// Evaluations that a frame's first submission has room for. A frame that follows another takes one or two. Unused ones
-/// cost their empty dispatches, thirteen each.
-const EVALUATIONS: usize = 4;
+/// cost their empty dispatches, nine each.
+const EVALUATIONS: usize = 2;
 /// Evaluations that each further submission of a longer search has room for.
 const FURTHER_EVALUATIONS: usize = 8;
 /// Evaluations whose times are kept.
@@ -28,6 +28,23 @@ pub(crate) enum Channels {
     All,
     /// Depth is not.
     Colour,
+}
+
+/// Where the camera is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// At the pose of the parameters.
+    Asked,
+    /// At the coded pose.
+    Coded,
+}
+
+/// What a final picture comes with.
+pub(crate) struct PictureEnds<'a> {
+    /// Depths, for the host to read.
+    pub depths: bool,
+    /// The difference from this frame.
+    pub frame: Option<&'a FrameBuffers>,
 }
 
 /// What all stages are recorded with. A [`Pass`] says which workgroup counts a dispatch uses.
@@ -54,43 +71,47 @@ pub(crate) struct SearchStages<'a> {
 impl SearchStages<'_> {
     /// A frame from its bytes on: pyramid, evaluations, pictures.
     pub fn record(&self, r: &mut Recorder) -> Result<(), Error> {
+        let Stages { levels, bytes, .. } = self.stages;
+        self.stages.clear_sums(r);
+        r.copy_beside(&self.frame.search_asked, &self.frame.search);
+        r.copy_beside(&bytes.coded_asked, &bytes.coded);
+        r.copy_beside(&levels.params_asked, &levels.params);
+        r.copy_beside(&levels.groups_asked, &levels.groups);
         self.stages.pyramid(r, self.frame)?;
-        r.copy(&self.frame.search_asked, &self.frame.search)?;
-        r.copy(&self.stages.bytes.coded_asked, &self.stages.bytes.coded)?;
-        self.solve(r, true)?;
         self.record_evaluations(r, EVALUATIONS)
     }
 
     /// Records further evaluations of a search under way, and its final pictures.
     pub fn record_more(&self, r: &mut Recorder) -> Result<(), Error> {
+        // What follows needs them at once, so no stage can be beside.
+        self.stages.clear_sums(r);
+        r.barrier("clear");
         self.record_evaluations(r, FURTHER_EVALUATIONS)
     }
 
     fn record_evaluations(&self, r: &mut Recorder, count: usize) -> Result<(), Error> {
         for _ in 0..count {
             self.stages.equations(r, self.jacobian, self.sort_precision)?;
-            self.solve(r, false)?;
+            self.solve(r)?;
             r.mark("evaluation");
         }
         self.record_pictures(r)?;
         let (stages, frame) = (&self.stages, self.frame);
-        r.copy(&frame.search, &frame.search_read)?;
-        r.copy(&stages.bytes.coded, &frame.coded_read)?;
-        r.copy(&stages.work.counters, &stages.work.counters_read)?;
+        r.copy_beside(&frame.search, &frame.search_read);
+        r.copy_beside(&stages.bytes.coded, &frame.coded_read);
+        r.copy(&stages.work.counters, &stages.work.counters_read);
         r.mark("pictures");
         Ok(())
     }
 
     /// Records the picture at the pose as its packet holds it, and the difference from the frame.
     fn record_pictures(&self, r: &mut Recorder) -> Result<(), Error> {
-        let (stages, pass) = (&self.stages, Pass::Picture);
-        stages.decode_pose(r, pass)?;
-        stages.final_picture(r, self.depths, pass)?;
-        stages.difference(r, self.frame, pass)
+        let ends = PictureEnds { depths: self.depths, frame: Some(self.frame) };
+        self.stages.final_picture(r, &ends, Place::Coded, Pass::Picture)
     }
 
-    /// Records the search's next step. It reduces the sums of the tiles itself. `first`: there are no sums yet.
-    fn solve(&self, r: &mut Recorder, first: bool) -> Result<(), Error> {
+    /// Records the search's next step. It reduces the sums of the tiles itself.
+    fn solve(&self, r: &mut Recorder) -> Result<(), Error> {
         let Stages { kernels, levels, work, bytes, .. } = self.stages;
         let buffers = [
             &levels.prototypes,
@@ -101,57 +122,65 @@ impl SearchStages<'_> {
             &work.counters,
             &bytes.coded,
         ];
-        let (kernel, push) = (&kernels.solve, [first.into()]);
-        if first {
-            return r.dispatch(kernel, &buffers, &push, [1, 1, 1]);
-        }
         let one = Pass::Evaluation.at(offset_of!(Groups, one));
-        r.dispatch_indirect(kernel, &buffers, &push, &levels.groups, one)
+        r.dispatch_indirect(&kernels.solve, &buffers, &[], &levels.groups, one)
     }
 }
 
 impl Stages<'_> {
     /// The camera's frame at every level.
     pub fn pyramid(&self, r: &mut Recorder, frame: &FrameBuffers) -> Result<(), Error> {
-        let frame_width = self.levels.sizes[0].camera.width;
-        for Level { camera, factor, params, .. } in &self.levels.sizes {
-            let pixels = camera.pixels() as u32;
-            let scale = 1.0 / (255.0 * (factor * factor) as f32);
-            let push =
-                [frame_width, *factor, camera.width, pixels, params.frame_offset, scale.to_bits()];
-            let buffers = [&frame.bytes, &self.levels.frame, &frame.light, &frame.mask];
-            // Uses the second axis too: 4096×4096 pixels take more workgroups than some devices allow along one axis.
-            let groups = pixels.div_ceil(GROUP);
-            let down = groups.div_ceil(GROUP);
-            let groups = [groups.div_ceil(down), down, 1];
-            r.dispatch(&self.kernels.pyramid, &buffers, &push, groups)?;
+        let sizes = &self.levels.sizes;
+        let mut levels = PyramidLevels {
+            frame_width: sizes[0].camera.width,
+            count: sizes.len() as u32,
+            ..PyramidLevels::default()
+        };
+        for (to, Level { camera, factor, .. }) in levels.levels.iter_mut().zip(sizes) {
+            *to = PyramidLevel { width: camera.width, height: camera.height, factor: *factor };
         }
-        Ok(())
+        let buffers = [&frame.bytes, &self.levels.frame, &frame.light, &frame.mask];
+        // Uses the second axis too: 4096×4096 pixels take more workgroups than some devices allow along one axis.
+        let groups: u32 = levels.levels.iter().map(|level| level.pixels().div_ceil(GROUP)).sum();
+        let down = groups.div_ceil(GROUP);
+        let groups = [groups.div_ceil(down), down, 1];
+        r.dispatch(&self.kernels.pyramid, &buffers, bytemuck::cast_slice(&[levels]), groups)
     }
 
-    /// Sets the camera to the coded pose.
-    pub fn decode_pose(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
-        let levels = self.levels;
-        let buffers = [&levels.prototypes, &self.bytes.coded, &levels.params];
-        let one = pass.at(offset_of!(Groups, one));
-        r.dispatch_indirect(&self.kernels.decode_pose, &buffers, &[], &levels.groups, one)
+    /// Clears the sums that the stages after the next add to, beside what is recorded next.
+    pub fn clear_sums(&self, r: &mut Recorder) {
+        let words = self.work.sum_words;
+        if words > 0 {
+            r.clear_beside(&self.work.histogram, words);
+        }
     }
 
     /// The picture, from the splats on.
-    pub fn picture(&self, r: &mut Recorder, channels: Channels, pass: Pass) -> Result<(), Error> {
-        self.tile_lists(r, SortPrecision::Exact, pass)?;
+    pub fn picture(
+        &self,
+        r: &mut Recorder,
+        channels: Channels,
+        place: Place,
+        pass: Pass,
+    ) -> Result<(), Error> {
+        self.tile_lists(r, SortPrecision::Exact, place, pass)?;
         self.splat(r, channels, pass)
     }
 
-    /// The picture in 8 bits, from the splats on; and, if they are wanted, its depths, for the host to read.
-    pub fn final_picture(&self, r: &mut Recorder, depths: bool, pass: Pass) -> Result<(), Error> {
-        let channels = if depths { Channels::All } else { Channels::Colour };
-        self.picture(r, channels, pass)?;
-        self.quantize_rgb8(r, pass)?;
-        if depths {
-            r.copy(&self.levels.image, &self.levels.image_read)?;
+    /// The picture in 8 bits, from the splats on.
+    pub fn final_picture(
+        &self,
+        r: &mut Recorder,
+        ends: &PictureEnds,
+        place: Place,
+        pass: Pass,
+    ) -> Result<(), Error> {
+        let channels = if ends.depths { Channels::All } else { Channels::Colour };
+        self.picture(r, channels, place, pass)?;
+        if ends.depths {
+            r.copy_beside(&self.levels.image, &self.levels.image_read);
         }
-        Ok(())
+        self.quantize_rgb8(r, ends.frame, pass)
     }
 
     /// Each tile's share of the normal equations, from the splats on.
@@ -162,7 +191,7 @@ impl Stages<'_> {
         sort_precision: SortPrecision,
     ) -> Result<(), Error> {
         let pass = Pass::Evaluation;
-        self.tile_lists(r, sort_precision, pass)?;
+        self.tile_lists(r, sort_precision, Place::Asked, pass)?;
         match jacobian {
             Jacobian::Flow => self.splat_flow(r, pass),
             Jacobian::Exact => {
@@ -177,21 +206,33 @@ impl Stages<'_> {
         &self,
         r: &mut Recorder,
         sort_precision: SortPrecision,
+        place: Place,
         pass: Pass,
     ) -> Result<(), Error> {
-        r.fill(&self.work.counters, 0);
-        self.project(r, pass)?;
+        self.project(r, sort_precision, place, pass)?;
         self.sort(r, sort_precision, pass)?;
-        self.bin(r, pass)
+        self.bin(r, pass)?;
+        self.clear_sums(r);
+        Ok(())
     }
 
-    /// Mean, conic, colour and depth key of every splat.
-    fn project(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
+    /// Mean, conic, colour and depth key of every splat, and the counts of the keys' first digits.
+    fn project(
+        &self,
+        r: &mut Recorder,
+        sort_precision: SortPrecision,
+        place: Place,
+        pass: Pass,
+    ) -> Result<(), Error> {
         let Stages { splats, levels, work, .. } = *self;
         let (geometry, sh) = (&splats.geometry, &splats.sh);
-        let buffers = [&levels.params, geometry, sh, &work.records, &work.keys, &work.counters];
-        let groups = pass.at(offset_of!(Groups, splats));
-        r.dispatch_indirect(&splats.kernels.project, &buffers, &[], &levels.groups, groups)
+        let (records, keys, counters) = (&work.records, &work.keys, &work.counters);
+        let (histogram, coded) = (&work.histogram, &self.bytes.coded);
+        let buffers = [&levels.params, geometry, sh, records, keys, counters, histogram, coded];
+        let is_coded = (place == Place::Coded).into();
+        let push = [is_coded, sort_precision.first_digit(), levels.log_sort_blocks];
+        let blocks = pass.at(offset_of!(Groups, sort_blocks));
+        r.dispatch_indirect(&splats.kernels.project, &buffers, &push, &levels.groups, blocks)
     }
 
     /// The splats in the order of their depths.
@@ -205,6 +246,7 @@ impl Stages<'_> {
         let sort = Sort {
             sort_precision,
             count: splats.count,
+            counted: true,
             log_blocks: levels.log_sort_blocks,
             pass,
             groups: &levels.groups,
@@ -292,24 +334,19 @@ impl Stages<'_> {
         r.dispatch_indirect(&self.kernels.reduce, &buffers, &[], &levels.groups, one)
     }
 
-    /// The picture in 8 bits.
-    pub fn quantize_rgb8(&self, r: &mut Recorder, pass: Pass) -> Result<(), Error> {
-        let levels = self.levels;
-        let buffers = [&levels.params, &levels.image, &self.bytes.render];
-        let quads = pass.at(offset_of!(Groups, quads));
-        r.dispatch_indirect(&self.kernels.quantize_rgb8, &buffers, &[], &levels.groups, quads)
-    }
-
-    /// The frame less the 8-bit picture.
-    pub fn difference(
+    /// The picture in 8 bits and, if there is a frame, the frame less it.
+    pub fn quantize_rgb8(
         &self,
         r: &mut Recorder,
-        frame: &FrameBuffers,
+        frame: Option<&FrameBuffers>,
         pass: Pass,
     ) -> Result<(), Error> {
-        let levels = self.levels;
-        let buffers = [&levels.params, &frame.bytes, &self.bytes.render, &frame.difference];
+        let (levels, render) = (self.levels, &self.bytes.render);
+        // Without a frame anything is bound in its place.
+        let [from, to] = frame.map_or([render; 2], |frame| [&frame.bytes, &frame.difference]);
+        let buffers = [&levels.params, &levels.image, render, from, to];
         let quads = pass.at(offset_of!(Groups, quads));
-        r.dispatch_indirect(&self.kernels.difference, &buffers, &[], &levels.groups, quads)
+        let push = [frame.is_some().into()];
+        r.dispatch_indirect(&self.kernels.quantize_rgb8, &buffers, &push, &levels.groups, quads)
     }
 }

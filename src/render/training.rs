@@ -23,7 +23,7 @@ use super::frame::Bytes;
 use super::kernels::{SceneKernels, TrainingKernels};
 use super::levels::{LevelBuffers, Pass, posed, prototype};
 use super::scene::SplatBuffers;
-use super::stages::{Channels, Stages};
+use super::stages::{Channels, Place, Stages};
 use super::workspace::Workspace;
 
 pub use crate::training::{FADING, Training};
@@ -243,6 +243,7 @@ impl Trainer {
             Buffer::new::<f32>(device, name, count * 2 * planes as usize, Memory::Device)
         };
         let splats = SplatBuffers {
+            radius: f32::INFINITY,
             kernels: scene_kernels,
             geometry: own("geometry", GEOMETRY_PLANES)?,
             sh: own("spherical harmonics", sh_planes(plan.sh_degree))?,
@@ -280,7 +281,7 @@ impl Trainer {
             assert_eq!(from.len(), numbers, "planes of the plan");
             let upload = Buffer::from_slice(&self.device, "state", from)?;
             let mut recorder = Recorder::new(&self.device, Timing::None)?;
-            recorder.copy(&upload, to)?;
+            recorder.copy(&upload, to);
             recorder.finish()?.run()?;
         }
         Ok(())
@@ -381,7 +382,8 @@ impl Trainer {
     }
 
     fn ask(&mut self, camera: &Camera, pose: &Pose) {
-        let own = prototype(&self.plan.options, self.plan.splats, camera, 1, 0);
+        // Training moves the splats.
+        let own = prototype(&self.plan.options, self.plan.splats, f32::INFINITY, camera, 1, 0);
         let Params { sort_blocks, bin_blocks, tiles_per_group, .. } = self.levels.sizes[0].params;
         let pair_capacity = self.grown.work.pair_capacity;
         let own = Params { sort_blocks, bin_blocks, tiles_per_group, pair_capacity, ..own };
@@ -420,13 +422,14 @@ impl Trainer {
         let r = &mut recorder;
         let Trainer { kernels, splats, levels, bytes, fixed, grown, .. } = self;
         let stages = Stages { kernels, splats, levels, work: &grown.work, bytes };
-        r.copy(&levels.params_asked, &levels.params)?;
-        r.copy(&levels.groups_asked, &levels.groups)?;
+        stages.clear_sums(r);
+        r.copy_beside(&levels.params_asked, &levels.params);
+        r.copy_beside(&levels.groups_asked, &levels.groups);
         r.fill(&fixed.slot_counters, 0);
         self.activate(r)?;
-        stages.picture(r, Channels::Colour, Pass::Evaluation)?;
+        stages.picture(r, Channels::Colour, Place::Asked, Pass::Evaluation)?;
         if let Job::Picture = job {
-            stages.quantize_rgb8(r, Pass::Evaluation)?;
+            stages.quantize_rgb8(r, None, Pass::Evaluation)?;
         } else {
             self.slots(r)?;
             self.loss(r)?;
@@ -437,8 +440,8 @@ impl Trainer {
             Job::Gradients(into) => self.gradient(r, into)?,
             Job::Step => self.take_step(r)?,
         }
-        r.copy(&fixed.slot_counters, &fixed.slot_counters_read)?;
-        r.copy(&grown.work.counters, &grown.work.counters_read)?;
+        r.copy_beside(&fixed.slot_counters, &fixed.slot_counters_read);
+        r.copy(&grown.work.counters, &grown.work.counters_read);
         recorder.finish()
     }
 

@@ -1,10 +1,10 @@
 //! Buffers that all views of a renderer use in turn.
 
-use crate::shared::{Counters, DERIVATIVES, RECORD, TABLE};
+use crate::shared::{Counters, DERIVATIVES, RECORD};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
-use super::kernels;
 use super::scene::SplatBuffers;
+use super::{kernels, radix};
 
 /// Splat-sized and pair-sized buffers.
 pub(crate) struct Workspace {
@@ -17,6 +17,8 @@ pub(crate) struct Workspace {
     /// The visible splats in depth order.
     pub order: Buffer,
     pub histogram: Buffer,
+    /// First words of the histogram, which must be zero before blocks add to them.
+    pub sum_words: u32,
     /// Each tile's splats in depth order, at the tile's range.
     pub pair_splats: Buffer,
     pub counters: Buffer,
@@ -39,7 +41,7 @@ impl Workspace {
         let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
         let limit = device.info().storage_range;
         let room_for = |of, each: u64| Error::with_room_for(limit / each - 1, of);
-        let log_blocks = kernels::log_blocks(device.info(), count);
+        let histogram = radix::histogram(kernels::log_sort_blocks(device.info(), count));
         let between = || {
             let keys = own("keys half sorted", splats)?;
             Ok::<_, Error>([keys, own("splats half sorted", splats)?])
@@ -55,7 +57,8 @@ impl Workspace {
             keys: own("depth keys", splats)?,
             between: [between()?, between()?],
             order: own("depth order", splats)?,
-            histogram: own("digit histogram", (TABLE << log_blocks) as usize)?,
+            histogram: own("digit histogram", histogram.words() as usize)?,
+            sum_words: histogram.rows,
             pair_splats: own("pair splats", pairs).map_err(room_for("pairs", 4))?,
             counters: Buffer::new::<Counters>(device, "counters", 1, Memory::Device)?,
             counters_read,

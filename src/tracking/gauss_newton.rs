@@ -19,7 +19,7 @@ pub struct Schedule {
     pub follow_level: usize,
     /// Levels to visit, one bit per level; level 0 is always visited.
     pub levels: u32,
-    /// Levels of which an evaluation draws only some rows of tiles, one bit per level: see docs/decisions.md, 38. Final
+    /// Levels of which an evaluation draws only some rows of tiles, one bit per level: see docs/decisions.md, 40. Final
     /// pictures are always whole.
     pub sparse: u32,
     /// Most renders of one start at one level while starts are compared; 1: starts are only scored.

@@ -29,6 +29,31 @@ pub enum Timing {
     Stages,
 }
 
+/// How many commands of each kind a recording has. Each costs time, whatever it does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CommandCounts {
+    /// Dispatches, empty indirect ones included.
+    pub dispatches: u32,
+    /// Fills of a buffer.
+    pub fills: u32,
+    /// Copies from buffer to buffer.
+    pub copies: u32,
+    /// Barriers.
+    pub barriers: u32,
+}
+
+impl CommandCounts {
+    /// Those of this recording that an earlier state of it had not.
+    pub fn since(self, earlier: CommandCounts) -> CommandCounts {
+        CommandCounts {
+            dispatches: self.dispatches - earlier.dispatches,
+            fills: self.fills - earlier.fills,
+            copies: self.copies - earlier.copies,
+            barriers: self.barriers - earlier.barriers,
+        }
+    }
+}
+
 /// Descriptor sets that one pool of a recording holds. A longer recording takes more pools.
 const SETS_PER_POOL: u32 = 64;
 /// Most storage buffers of one kernel.
@@ -53,6 +78,9 @@ pub struct Commands {
     timed: Vec<(&'static str, bool)>,
     /// What the queries held after the last run.
     ticks: Mutex<Vec<u64>>,
+    counts: CommandCounts,
+    /// What was recorded up to each mark, with the mark's name.
+    marked: Vec<(&'static str, CommandCounts)>,
     buffers: Vec<Arc<Shared>>,
     pipelines: Vec<Arc<Pipeline>>,
 }
@@ -91,6 +119,8 @@ impl Recorder {
             queries: vk::QueryPool::null(),
             timed: Vec::new(),
             ticks: Mutex::default(),
+            counts: CommandCounts::default(),
+            marked: Vec::new(),
             buffers: Vec::new(),
             pipelines: Vec::new(),
         };
@@ -162,6 +192,7 @@ impl Recorder {
             }
         }
         dispatch(device, commands);
+        self.commands.counts.dispatches += 1;
         self.barrier(pipeline.name);
         self.commands.pipelines.push(pipeline);
         Ok(())
@@ -176,11 +207,35 @@ impl Recorder {
             device.cmd_fill_buffer(self.commands.buffer, raw, 0, vk::WHOLE_SIZE, word);
         }
         self.commands.buffers.push(buffer.shared.clone());
+        self.commands.counts.fills += 1;
         self.barrier("fill");
     }
 
+    /// Sets the first words of a buffer to zero, beside what is recorded next: the barrier after that is for both.
+    ///
+    /// # Panics
+    /// If the buffer has fewer.
+    pub fn clear_beside(&mut self, buffer: &Buffer, words: u32) {
+        let bytes = u64::from(words) * 4;
+        assert!(bytes <= buffer.bytes(), "words out of bounds");
+        let raw = buffer.shared.raw;
+        // SAFETY: recording is open; the words lie inside the buffer, which the recording keeps.
+        unsafe {
+            let device = &self.commands.device.device;
+            device.cmd_fill_buffer(self.commands.buffer, raw, 0, bytes, 0);
+        }
+        self.commands.buffers.push(buffer.shared.clone());
+        self.commands.counts.fills += 1;
+    }
+
     /// Copies as much of `from` as `to` holds.
-    pub fn copy(&mut self, from: &Buffer, to: &Buffer) -> Result<(), Error> {
+    pub fn copy(&mut self, from: &Buffer, to: &Buffer) {
+        self.copy_beside(from, to);
+        self.barrier("copy");
+    }
+
+    /// As [`copy`](Self::copy), beside what is recorded next: the barrier after that is for both.
+    pub fn copy_beside(&mut self, from: &Buffer, to: &Buffer) {
         let region = [vk::BufferCopy::default().size(from.bytes().min(to.bytes()))];
         // SAFETY: as above; the region lies inside both.
         unsafe {
@@ -192,8 +247,7 @@ impl Recorder {
             );
         }
         self.commands.buffers.extend([from.shared.clone(), to.shared.clone()]);
-        self.barrier("copy");
-        Ok(())
+        self.commands.counts.copies += 1;
     }
 
     /// Ends the recording.
@@ -207,7 +261,7 @@ impl Recorder {
     }
 
     /// Makes all that was written visible to what follows, host included, and notes the time.
-    fn barrier(&mut self, name: &'static str) {
+    pub fn barrier(&mut self, name: &'static str) {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
         let device = &self.commands.device.device;
         let commands = self.commands.buffer;
@@ -226,13 +280,15 @@ impl Recorder {
         let flags = vk::DependencyFlags::empty();
         // SAFETY: recording is open.
         unsafe { device.cmd_pipeline_barrier(commands, from, to, flags, &memory, &[], &[]) };
+        self.commands.counts.barriers += 1;
         if self.timing == Timing::Stages {
             self.stamp(name, true);
         }
     }
 
-    /// Names the end of what was recorded so far, for [`Commands::marks`].
+    /// Names the end of what was recorded so far, for [`Commands::marks`] and [`Commands::counts_at`].
     pub fn mark(&mut self, name: &'static str) {
+        self.commands.marked.push((name, self.commands.counts));
         if self.timing != Timing::None {
             self.stamp(name, false);
         }
@@ -366,6 +422,16 @@ impl Commands {
             })?;
             device.reset_fences(&fences).map_err(Error::of("vkResetFences"))
         }
+    }
+
+    /// What was recorded.
+    pub fn counts(&self) -> CommandCounts {
+        self.counts
+    }
+
+    /// What was recorded up to each mark of a name.
+    pub fn counts_at(&self, name: &'static str) -> impl Iterator<Item = CommandCounts> {
+        self.marked.iter().filter(move |(marked, _)| *marked == name).map(|(_, counts)| *counts)
     }
 
     /// Device times of the last run's stages, in order; empty if the recording does not time them.

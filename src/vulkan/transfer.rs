@@ -19,7 +19,7 @@ impl Buffer {
         }
         let buffer = Buffer::new::<T>(device, name, data.len(), Memory::Device)?;
         let mut recorder = Recorder::new(device, Timing::None)?;
-        recorder.copy(&upload, &buffer)?;
+        recorder.copy(&upload, &buffer);
         recorder.finish()?.run()?;
         Ok(buffer)
     }
@@ -28,7 +28,7 @@ impl Buffer {
     pub fn fetch<T: AnyBitPattern>(&self, device: &Device, count: usize) -> Result<Vec<T>, Error> {
         let to = Buffer::new::<T>(device, "read back", count, Memory::Readback)?;
         let mut recorder = Recorder::new(device, Timing::None)?;
-        recorder.copy(self, &to)?;
+        recorder.copy(self, &to);
         recorder.finish()?.run()?;
         Ok(to.read(count).to_vec())
     }

@@ -13,9 +13,8 @@ const TOOLCHAIN: &str = "nightly-2026-08-15";
 const TARGET: &str = "spirv-unknown-vulkan1.2";
 /// The modules of the final picture, whose bits are the same on every device: docs/portability.md. The manifest has
 /// this list for the tests.
-const PORTABLE: [&str; 10] = [
+const PORTABLE: [&str; 9] = [
     "arithmetic",
-    "decode_pose",
     "project",
     "project_lockstep",
     "quantize_rgb8",

@@ -5,14 +5,11 @@ modules! {
         bin_emit_lockstep bin_emit_wave16 bin_emit_wave32 bin_emit_wave64 bin_scan bin_scan_lockstep
         bin_scan_wave16 bin_scan_wave32 bin_scan_wave64;
     ceilings: ceiling_arithmetic ceiling_copy;
-    decode_pose: decode_pose;
-    difference: difference;
     pose_jacobian: pose_jacobian;
     project: project project_lockstep;
     pyramid: pyramid;
     quantize_rgb8: quantize_rgb8;
     radix: radix_count radix_count_lockstep radix_count_wave16 radix_count_wave32 radix_count_wave64
-        radix_scan radix_scan_lockstep radix_scan_wave16 radix_scan_wave32 radix_scan_wave64
         radix_scatter radix_scatter_lockstep radix_scatter_wave16 radix_scatter_wave32
         radix_scatter_wave64;
     reduce: reduce;

@@ -1,6 +1,6 @@
 //! What the GPU stages of nvsprior share with the host: constants, buffer layouts and maths ([`shared`]), arithmetic
 //! with the same bits on every device ([`portable`]), the search for a pose ([`search`]), layouts of training
-//! ([`training`]), and the built SPIR-V ([`modules`]).
+//! ([`training`]), tables of counters ([`block_table`]), and the built SPIR-V ([`modules`]).
 //!
 //! The stages use this crate on the device, the library `nvsprior` uses it on the host. So both agree on every layout,
 //! and the library needs no shader compiler.
@@ -11,6 +11,7 @@
 #[cfg(not(target_arch = "spirv"))]
 extern crate std;
 
+pub mod block_table;
 #[cfg(not(target_arch = "spirv"))]
 pub mod modules;
 pub mod portable;

@@ -6,6 +6,7 @@
 //! from its origin.
 
 use crate::portable;
+pub use crate::shared::LEVELS;
 use crate::shared::{Params, SUMS, dot};
 
 #[cfg(target_arch = "spirv")]
@@ -13,8 +14,6 @@ use spirv_std::num_traits::Float;
 
 /// Most starts of one search.
 pub const STARTS: usize = 8;
-/// Most levels of the pyramid.
-pub const LEVELS: usize = 8;
 /// Evaluations that a search keeps a note of.
 pub const TRACE: usize = 128;
 /// Largest rotation of one step, radians: the series of [`stepped`] hold up to this.
@@ -694,7 +693,7 @@ pub fn quantised(at: &Placement, anchor: &Anchor, profile: u32) -> PoseCode {
     }
 }
 
-/// The placement of a code. On a device only stage `decode_pose` calls this, for the encoder and the decoder: so both
+/// The placement of a code. On a device only stage `project` calls this, for the encoder and the decoder: so both
 /// render at the same bits.
 pub fn placed(code: &PoseCode, anchor: &Anchor) -> Placement {
     let w = &code.words;

@@ -38,6 +38,8 @@ pub const LIGHT: u32 = 8;
 pub const MASKED: f32 = -1e9;
 /// Floats of a rendered pixel: linear R, G, B, depth Σ wᵢ zᵢ, transmittance.
 pub const PIXEL: u32 = 5;
+/// Most levels of the pyramid.
+pub const LEVELS: usize = 8;
 /// Depth key of a splat that touches no tile; it is not sorted.
 pub const CULLED: u32 = u32::MAX;
 
@@ -103,6 +105,8 @@ pub struct Params {
     pub background: [f32; 3],
     /// Near plane.
     pub near: f32,
+    /// No splat's middle is further than this from the point that positions are relative to.
+    pub radius: f32,
     /// Clamp of alpha.
     pub alpha_max: f32,
     /// Low-pass added to the diagonal of the 2D covariance, pixels²: see [`low_pass`].
@@ -167,6 +171,39 @@ impl Params {
     }
 }
 
+/// A level of the pyramid.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(not(target_arch = "spirv"), derive(bytemuck::Pod, bytemuck::Zeroable))]
+pub struct PyramidLevel {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// Side of the block of pixels of the frame that becomes one.
+    pub factor: u32,
+}
+
+impl PyramidLevel {
+    /// Pixels of the level.
+    pub fn pixels(&self) -> u32 {
+        self.width * self.height
+    }
+}
+
+/// What stage `pyramid` makes. The levels' floats lie one after the other.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(not(target_arch = "spirv"), derive(bytemuck::Pod, bytemuck::Zeroable))]
+pub struct PyramidLevels {
+    /// Width of the frame, pixels.
+    pub frame_width: u32,
+    /// Number of levels.
+    pub count: u32,
+    /// The levels.
+    pub levels: [PyramidLevel; LEVELS],
+}
+
 /// Indirect dispatches of the stages at one level; zeros if nothing is to run.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -221,7 +258,7 @@ impl Groups {
     }
 }
 
-/// Numbers that the stages give each other and, after the render, the host. Cleared before each render.
+/// Numbers that the stages give each other and, after the render, the host.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(not(target_arch = "spirv"), derive(bytemuck::Pod, bytemuck::Zeroable))]
@@ -230,8 +267,8 @@ pub struct Counters {
     pub pairs_needed: u32,
     /// Splats whose bounding box touches a tile.
     pub visible: u32,
-    /// The largest depth key of a visible splat.
-    pub largest_key: u32,
+    /// Bits of a digit of the depth keys.
+    pub digit_bits: u32,
 }
 
 /// A splat as seen from the camera, before anything of the picture is known.
@@ -536,13 +573,27 @@ pub fn tiles_between(low: f32, high: f32, count: u32) -> [u32; 2] {
     [first as i32 as u32, end as i32 as u32]
 }
 
-/// Items `[first, end)` of workgroup `block`. 2^`log_blocks` workgroups share `count` items evenly,
-/// in multiples of `lanes`.
-pub fn block(count: u32, log_blocks: u32, block: u32, lanes: u32) -> [u32; 2] {
-    let each = ((count >> (log_blocks & 31)) / lanes + 1) * lanes;
+/// The sort's keys come to blocks by multiples of this: of the invocations of every workgroup that goes through one.
+pub const SORT_STEP: u32 = 128;
+
+/// Items `[first, end)` of workgroup `block`. 2^`log_blocks` workgroups share `count` items evenly, in multiples of
+/// `step`.
+pub fn block(count: u32, log_blocks: u32, block: u32, step: u32) -> [u32; 2] {
+    let each = ((count >> (log_blocks & 31)) / step + 1) * step;
     let first = block * each;
     let end = first + each;
     [if first < count { first } else { count }, if end < count { end } else { count }]
+}
+
+/// The depth key that no splat exceeds, from the camera's place and the prior's radius.
+pub fn largest_key(params: &Params) -> u32 {
+    let [x, y, z] = params.translation;
+    let (radius, [_, farthest]) = (params.radius, DEPTHS);
+    // The last term is far more than the rounding of a depth.
+    let far = z + radius + 1e-5 * (x.abs() + y.abs() + z.abs() + radius);
+    // One that is not a number gives the farthest.
+    let far = if far < farthest { far } else { farthest };
+    if far > params.near { far.to_bits() - params.near.to_bits() } else { 0 }
 }
 
 /// Bits of a digit, so that [`DIGITS`] digits hold a key; at least 5, so that the digits fill every

@@ -3,14 +3,13 @@
 #![no_std]
 #![cfg_attr(target_arch = "spirv", feature(asm_experimental_arch))]
 
-pub use nvsprior_kernels::{portable, search, shared, training};
+pub use nvsprior_kernels::{block_table, portable, search, shared, training};
 
 pub mod arithmetic;
 pub mod bin;
 pub mod blend;
 pub mod ceilings;
-pub mod decode_pose;
-pub mod difference;
+pub mod counters;
 pub mod lanes;
 pub mod list;
 pub mod memory;

@@ -1,12 +1,28 @@
-//! Stage `project`: each splat's mean, conic, colour and depth as the camera sees it, and its key for
-//! the sort by depth.
+//! Stage `project`: each splat's mean, conic, colour and depth as the camera sees it, and its key for the sort by
+//! depth. It also counts the keys by the digit that is sorted by first. If the picture's pose is coded, it places the
+//! camera: encoder and decoder both do so here, and so draw at the same pose, bit for bit.
 
+use crate::counters;
+use crate::lanes::{Lanes, Lockstep, Scratch, Shared, Table};
 use crate::memory::{Pairs, at_mut};
-use crate::shared::{self, Counters, Params};
-use spirv_std::arch::{atomic_load, atomic_u_max};
+use crate::radix::{digit_of, table};
+use crate::search::{placed, set_pose};
+use crate::shared::{self, CULLED, Counters, Params, SORT_STEP};
+use crate::solve::Coded;
 use spirv_std::glam::{UVec3, Vec4};
-use spirv_std::memory::{Scope, Semantics};
 use spirv_std::spirv;
+
+/// How to project.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct View {
+    /// 1: the camera is at the coded pose; 0: at that of the parameters.
+    pub coded: u32,
+    /// The digit that is sorted by first.
+    pub digit: u32,
+    /// Logarithm, base 2, of the number of blocks that share the splats.
+    pub log_blocks: u32,
+}
 
 /// Position, opacity and the scaled axes turned into camera coordinates.
 pub struct Splat {
@@ -80,82 +96,110 @@ fn colour<B: Pairs + ?Sized>(
     [shared::shown(rgb[0]), shared::shown(rgb[1]), shared::shown(rgb[2])]
 }
 
-/// Takes note of a key. Most keys are not the largest so far and cost only a read.
-fn note(largest: &mut u32, key: u32) {
-    // SAFETY: atomics on a word of a storage buffer; the largest of integers is the same in any
-    // order.
-    unsafe {
-        const SCOPE: u32 = Scope::QueueFamily as u32;
-        const RELAXED: u32 = Semantics::NONE.bits();
-        if atomic_load::<u32, SCOPE, RELAXED>(largest) < key {
-            atomic_u_max::<u32, SCOPE, RELAXED>(largest, key);
-        }
-    }
-}
-
-fn run<B: Pairs + ?Sized>(
-    id: u32,
+/// Projects splat `i` and writes its record, if it is seen, and its key. Returns the key.
+fn one<B: Pairs + ?Sized>(
+    i: u32,
     params: &Params,
     sh_degree: u32,
     geometry: &B,
     sh: &B,
     records: &mut [Vec4],
     keys: &mut [u32],
-    counters: &mut Counters,
-) {
-    // Beyond the last splat, a copy of it is projected and not written.
-    let i = id.min(params.splats - 1);
+) -> u32 {
     let splat = load(params, geometry, i);
     let s = shared::project(params, splat.camera, &splat.axes, splat.opacity);
     let [x0, y0, x1, y1] = shared::tile_box(params, &s);
     let seen = (s.log_opacity > shared::NOWHERE) & (x0 < x1) & (y0 < y1);
     // In front of the near plane: bits of positive floats are in the order of their values.
-    let key = if seen { s.depth.to_bits() - params.near.to_bits() } else { shared::CULLED };
+    let key = if seen { s.depth.to_bits() - params.near.to_bits() } else { CULLED };
     let record = i * shared::RECORD;
     if seen {
         let [r, g, b] = colour(params, sh_degree, sh, i, splat.world);
         *at_mut(records, record) = Vec4::new(s.mean[0], s.mean[1], s.conic[0], s.conic[1]);
         *at_mut(records, record + 1) = Vec4::new(s.conic[2], s.log_opacity, s.sigma[0], s.sigma[1]);
         *at_mut(records, record + 2) = Vec4::new(r, g, b, s.depth);
-        note(&mut counters.largest_key, key);
     }
     *at_mut(keys, i) = key;
-    if id == params.splats {
-        *at_mut(records, record + shared::RECORD) = Vec4::ZERO;
-        *at_mut(records, record + shared::RECORD + 1) = Vec4::new(0.0, shared::NOWHERE, 0.0, 0.0);
-        *at_mut(records, record + shared::RECORD + 2) = Vec4::new(0.0, 0.0, 0.0, 1.0);
+    key
+}
+
+/// Makes the record after the last splat's, which shows nothing: binning pads with it.
+fn make_empty(splats: u32, records: &mut [Vec4]) {
+    let record = splats * shared::RECORD;
+    *at_mut(records, record) = Vec4::ZERO;
+    *at_mut(records, record + 1) = Vec4::new(0.0, shared::NOWHERE, 0.0, 0.0);
+    *at_mut(records, record + 2) = Vec4::new(0.0, 0.0, 0.0, 1.0);
+}
+
+#[allow(clippy::too_many_arguments)]
+fn run<L: Lanes, B: Pairs + ?Sized>(
+    block: u32,
+    lane: u32,
+    bins: &mut Table,
+    scratch: &mut Scratch,
+    view: &View,
+    coded: &Coded,
+    sh_degree: u32,
+    params: &Params,
+    geometry: &B,
+    sh: &B,
+    records: &mut [Vec4],
+    keys: &mut [u32],
+    counters: &mut Counters,
+    histogram: &mut [u32],
+) {
+    let mut params = *params;
+    if view.coded == 1 {
+        set_pose(&mut params, &placed(&coded.code, &coded.anchor));
     }
+    let bits = shared::digit_bits(shared::largest_key(&params));
+    if (block == 0) & (lane == 0) {
+        counters.digit_bits = bits;
+        make_empty(params.splats, records);
+    }
+    let table = table(bits, view.log_blocks, view.digit);
+    counters::clear::<L>(bins, table.width, lane);
+    let [first, end] = shared::block(params.splats, view.log_blocks, block, SORT_STEP);
+    let mut place = first + lane;
+    while place - lane < end {
+        // Beyond the last splat, it is projected again and not counted.
+        let key = one(place.min(end - 1), &params, sh_degree, geometry, sh, records, keys);
+        let counted = (place < end) & (key != CULLED);
+        L::tally(bins, digit_of(key, bits, view.digit), counted, lane, scratch);
+        place += L::COUNT;
+    }
+    counters::leave::<L>(bins, &table, block, lane, histogram);
 }
 
-/// One invocation per splat, and one more, which makes the splat that shows nothing: binning pads with
-/// it.
-#[spirv(compute(threads(256)))]
-pub fn project(
-    #[spirv(global_invocation_id)] id: UVec3,
-    #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &mut [Vec4],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
-) {
-    let params = *params;
-    run(id.x, &params, sh_degree, geometry, sh, records, keys, counters);
+/// Makes a form of the stage: its entry point, invocations of a workgroup, and how planes are loaded. One workgroup per
+/// block of splats.
+macro_rules! form {
+    ($name:ident, $threads:tt, $lanes:ty, $plane:ty) => {
+        /// Projects the splats of a block and counts their keys.
+        #[spirv(compute(threads($threads)))]
+        pub fn $name(
+            #[spirv(workgroup_id)] group: UVec3,
+            #[spirv(local_invocation_index)] lane: u32,
+            #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
+            #[spirv(workgroup)] bins: &mut Table,
+            #[spirv(workgroup)] scratch: &mut Scratch,
+            #[spirv(push_constant)] view: &View,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[$plane],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[$plane],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &mut [Vec4],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys: &mut [u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] histogram: &mut [u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] coded: &Coded,
+        ) {
+            run::<$lanes, _>(
+                group.x, lane, bins, scratch, view, coded, sh_degree, params, geometry, sh,
+                records, keys, counters, histogram,
+            );
+        }
+    };
 }
 
-/// As [`project`], two floats per access.
-#[spirv(compute(threads(256)))]
-pub fn project_lockstep(
-    #[spirv(global_invocation_id)] id: UVec3,
-    #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] geometry: &[u64],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] sh: &[u64],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &mut [Vec4],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut Counters,
-) {
-    let params = *params;
-    run(id.x, &params, sh_degree, geometry, sh, records, keys, counters);
-}
+form!(project, 128, Shared<128>, f32);
+form!(project_lockstep, 8, Lockstep, u64);

@@ -1,28 +1,10 @@
-//! Stage `pyramid`: one level of the camera's frame, reduced by area averaging, as floats in [0, 1]. Its light is
+//! Stage `pyramid`: the levels of the camera's frame, reduced by area averaging, as floats in [0, 1]. Its light is
 //! brought to the prior's. Pixels of cells that do not count are masked, and those of which the frame's mask covers a
 //! part.
 
-use crate::shared::{CELL, GROUP, LIGHT, MASKED, max};
+use crate::shared::{CELL, GROUP, LIGHT, MASKED, PyramidLevel, PyramidLevels, max};
 use spirv_std::glam::{UVec3, Vec3};
 use spirv_std::spirv;
-
-/// What to reduce, and the place of the result.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct Reduction {
-    /// Width of the frame, pixels.
-    pub frame_width: u32,
-    /// Side of the block of pixels that becomes one.
-    pub factor: u32,
-    /// Width of the level, pixels.
-    pub width: u32,
-    /// Pixels of the level.
-    pub pixels: u32,
-    /// Where the level's floats begin.
-    pub offset: u32,
-    /// Bits of 1 / (255 factor²).
-    pub scale: u32,
-}
 
 /// A byte of a buffer of words.
 pub fn byte(words: &[u32], at: u32) -> u32 {
@@ -34,28 +16,56 @@ fn masked(mask: &[u32], pixel: u32) -> bool {
     (mask[(1 + pixel / 32) as usize] >> (pixel % 32)) & 1 == 1
 }
 
-/// One invocation per pixel of the level. The first word of `mask` is 0 if it masks no pixel.
+/// A pixel of a level.
+#[derive(Clone, Copy)]
+struct Place {
+    level: PyramidLevel,
+    /// Its number in the level; at the end of a level there may be no such pixel.
+    pixel: u32,
+    /// Where the level's floats begin.
+    offset: u32,
+}
+
+impl Place {
+    /// That of an invocation of workgroup `group`: the levels take whole workgroups, one after the other.
+    fn new(levels: &PyramidLevels, group: u32, lane: u32) -> Place {
+        let (mut number, mut first, mut offset) = (0, 0, 0);
+        let mut level = levels.levels[0];
+        let mut groups = level.pixels().div_ceil(GROUP);
+        while (number + 1 < levels.count) & (group >= first + groups) {
+            first += groups;
+            offset += 3 * level.pixels();
+            number += 1;
+            level = levels.levels[number as usize];
+            groups = level.pixels().div_ceil(GROUP);
+        }
+        Place { level, pixel: (group - first) * GROUP + lane, offset }
+    }
+}
+
+/// One invocation per pixel. The first word of `mask` is 0 if it masks no pixel.
 #[spirv(compute(threads(256)))]
 pub fn pyramid(
-    #[spirv(global_invocation_id)] id: UVec3,
+    #[spirv(workgroup_id)] group: UVec3,
+    #[spirv(local_invocation_index)] lane: u32,
     #[spirv(num_workgroups)] groups: UVec3,
-    #[spirv(push_constant)] reduction: &Reduction,
+    #[spirv(push_constant)] levels: &PyramidLevels,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] bytes: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] frame: &mut [f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] light: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] mask: &[u32],
 ) {
-    let pixel = id.y * groups.x * GROUP + id.x;
-    if pixel >= reduction.pixels {
+    let Place { level, pixel, offset } = Place::new(levels, group.y * groups.x + group.x, lane);
+    if pixel >= level.pixels() {
         return;
     }
-    let factor = reduction.factor;
-    let (x, y) = (pixel % reduction.width, pixel / reduction.width);
+    let factor = level.factor;
+    let (x, y) = (pixel % level.width, pixel / level.width);
     let (mut red, mut green, mut blue) = (0, 0, 0);
     let (has_mask, mut counts) = (mask[0] != 0, true);
     let mut row = 0;
     while row < factor {
-        let mut source = (y * factor + row) * reduction.frame_width + x * factor;
+        let mut source = (y * factor + row) * levels.frame_width + x * factor;
         let end = source + factor;
         while source < end {
             let at = source * 3;
@@ -69,8 +79,8 @@ pub fn pyramid(
         }
         row += 1;
     }
-    let scale = f32::from_bits(reduction.scale);
-    let to = (reduction.offset + pixel * 3) as usize;
+    let scale = 1.0 / (255.0 * (factor * factor) as f32);
+    let to = (offset + pixel * 3) as usize;
     // Three factors, then three summands.
     let mut rgb = Vec3::new(
         red as f32 * scale * light[0] + light[3],

@@ -1,12 +1,14 @@
-//! Stages `radix_count`, `radix_scan`, `radix_scatter`: one stable pass of a least-significant-digit radix sort of the
-//! depth keys. The keys are split evenly over a fixed number of workgroups, so the host need not know how many keys
-//! there are. Digits are as narrow as possible: [`shared::DIGITS`] of them just hold the largest key. The first pass
-//! leaves out culled splats.
+//! Stages `radix_count`, `radix_scatter`: one stable pass of a least-significant-digit radix sort of the depth keys.
+//! The keys are split evenly over a fixed number of blocks, so the host need not know how many there are. Each block
+//! counts its keys by digit, and then finds from the counts of all where its own go. Stage `project` has counted the
+//! first digit. Digits are as narrow as possible: [`shared::DIGITS`] of them just hold the largest key that may be. The
+//! first pass leaves out culled splats.
 
-use crate::bin::replace_four;
-use crate::lanes::{Lanes, Lockstep, Plain, Scan, Scratch, Table, Wave, Waves, Wide};
+use crate::block_table::BlockTable;
+use crate::counters::{self, before};
+use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table, Wave};
 use crate::memory::{at, at_mut};
-use crate::shared::{self, CULLED, Counters};
+use crate::shared::{self, CULLED, Counters, DIGITS, SORT_STEP};
 use spirv_std::glam::UVec3;
 use spirv_std::spirv;
 
@@ -18,28 +20,32 @@ pub struct Pass {
     pub digit: u32,
     /// 1: the first pass. Its values are the places of its keys, and it leaves out culled splats.
     pub first: u32,
-    /// Logarithm, base 2, of the number of workgroups that share the keys.
+    /// Logarithm, base 2, of the number of blocks that share the keys.
     pub log_blocks: u32,
     /// Keys of the first pass; those after have the visible splats' alone.
     pub keys: u32,
 }
 
-impl Pass {
-    /// Keys `[first, end)` of a workgroup.
-    fn block(&self, counters: &Counters, block: u32, lanes: u32) -> [u32; 2] {
-        let keys = if self.first == 1 { self.keys } else { counters.visible };
-        shared::block(keys, self.log_blocks, block, lanes)
-    }
+/// The table of counters of a digit of so many bits.
+pub fn table(bits: u32, log_blocks: u32, digit: u32) -> BlockTable {
+    BlockTable::new(1 << bits, log_blocks, digit, DIGITS)
+}
 
-    /// Lowest bit of the digit, and the number of its values.
-    fn digit(&self, counters: &Counters) -> [u32; 2] {
-        let bits = shared::digit_bits(counters.largest_key);
-        [bits * self.digit, 1 << bits]
+/// A digit of a key.
+pub fn digit_of(key: u32, bits: u32, digit: u32) -> u32 {
+    (key >> (bits * digit)) & ((1 << bits) - 1)
+}
+
+impl Pass {
+    /// Keys `[first, end)` of a block.
+    fn block(&self, counters: &Counters, block: u32) -> [u32; 2] {
+        let keys = if self.first == 1 { self.keys } else { counters.visible };
+        shared::block(keys, self.log_blocks, block, SORT_STEP)
     }
 }
 
 // Limits of the indices below. Places of keys: below the number of keys. Digits: below TABLE, as
-// keys have 32 bits. Rows of the histogram: below the number of blocks.
+// keys have 32 bits.
 
 fn count<L: Lanes>(
     group: u32,
@@ -51,65 +57,44 @@ fn count<L: Lanes>(
     keys: &[u32],
     histogram: &mut [u32],
 ) {
-    let [shift, digits] = pass.digit(counters);
-    let [first, end] = pass.block(counters, group, L::COUNT);
-    let mut digit = lane;
-    while digit < digits {
-        *at_mut(bins, digit) = 0;
-        digit += L::COUNT;
-    }
-    L::sync();
+    let bits = counters.digit_bits;
+    let table = table(bits, pass.log_blocks, pass.digit);
+    let [first, end] = pass.block(counters, group);
+    counters::clear::<L>(bins, table.width, lane);
     let mut place = first + lane;
     while place - lane < end {
         let mut key = CULLED;
         if place < end {
             key = at(keys, place);
         }
-        L::tally(bins, (key >> shift) & (digits - 1), key != CULLED, lane, scratch);
+        L::tally(bins, digit_of(key, bits, pass.digit), key != CULLED, lane, scratch);
         place += L::COUNT;
     }
-    L::sync();
-    digit = lane;
-    while digit < digits {
-        *at_mut(histogram, group * digits + digit) = at(bins, digit);
-        digit += L::COUNT;
-    }
+    counters::leave::<L>(bins, &table, group, lane, histogram);
 }
 
-/// Turns the histograms into first positions: by digit, then by block. One workgroup. The number of
-/// blocks is a multiple of four; each round takes four, as llvmpipe ends loops after 65,535 rounds.
-fn scan<L: Scan>(
+/// Finds where the keys of each digit of a block go. Returns the number of keys of all blocks.
+fn starts<L: Lanes>(
+    block: u32,
     lane: u32,
+    next: &mut Table,
     scratch: &mut Scratch,
-    pass: &Pass,
-    counters: &mut Counters,
-    histogram: &mut [u32],
-) {
-    let [_, digits] = pass.digit(counters);
-    let end = digits << (pass.log_blocks & 31);
-    let mut before = 0;
+    table: &BlockTable,
+    histogram: &[u32],
+) -> u32 {
+    let mut all_before = 0;
     let mut digit = lane;
-    while digit - lane < digits {
-        let mut sum = 0;
-        let mut cell = digit;
-        while (digit < digits) & (cell < end) {
-            sum += at(histogram, cell) + at(histogram, cell + digits);
-            sum += at(histogram, cell + 2 * digits) + at(histogram, cell + 3 * digits);
-            cell += 4 * digits;
+    while digit - lane < table.width {
+        let [own, all] = before(histogram, table, block, digit.min(table.width - 1));
+        let (prefix, total) = L::scan(if digit < table.width { all } else { 0 }, lane, scratch);
+        if digit < table.width {
+            *at_mut(next, digit) = all_before + prefix + own;
         }
-        let (prefix, total) = L::scan(sum, lane, scratch);
-        let mut next = before + prefix;
-        cell = digit;
-        while (digit < digits) & (cell < end) {
-            next = replace_four(histogram, cell, digits, next);
-            cell += 4 * digits;
-        }
-        before += total;
+        all_before += total;
         digit += L::COUNT;
     }
-    if lane == 0 {
-        counters.visible = before;
-    }
+    L::sync();
+    all_before
 }
 
 #[allow(clippy::too_many_arguments)]
@@ -119,21 +104,20 @@ fn scatter<L: Lanes>(
     next: &mut Table,
     scratch: &mut Scratch,
     pass: &Pass,
-    counters: &Counters,
+    counters: &mut Counters,
     histogram: &[u32],
     keys: &[u32],
     values: &[u32],
     keys_out: &mut [u32],
     values_out: &mut [u32],
 ) {
-    let [shift, digits] = pass.digit(counters);
-    let [first, end] = pass.block(counters, group, L::COUNT);
-    let mut digit = lane;
-    while digit < digits {
-        *at_mut(next, digit) = at(histogram, group * digits + digit);
-        digit += L::COUNT;
+    let bits = counters.digit_bits;
+    let table = table(bits, pass.log_blocks, pass.digit);
+    let [first, end] = pass.block(counters, group);
+    let all = starts::<L>(group, lane, next, scratch, &table, histogram);
+    if (pass.first == 1) & (group == 0) & (lane == 0) {
+        counters.visible = all;
     }
-    L::sync();
     let mut place = first + lane;
     while place - lane < end {
         let mut key = CULLED;
@@ -145,8 +129,8 @@ fn scatter<L: Lanes>(
             }
         }
         let kept = key != CULLED;
-        let digit = (key >> shift) & (digits - 1);
-        let rank = L::rank(if kept { digit } else { digits }, lane, scratch);
+        let digit = digit_of(key, bits, pass.digit);
+        let rank = L::rank(if kept { digit } else { table.width }, lane, scratch);
         let to = at(next, digit) + rank.before;
         L::sync();
         if kept & rank.last {
@@ -154,7 +138,7 @@ fn scatter<L: Lanes>(
         }
         L::sync();
         if kept {
-            if pass.digit + 1 < shared::DIGITS {
+            if pass.digit + 1 < DIGITS {
                 *at_mut(keys_out, to) = key;
             }
             *at_mut(values_out, to) = value;
@@ -163,7 +147,7 @@ fn scatter<L: Lanes>(
     }
 }
 
-/// Makes a form of the two passes over keys: entry points, invocations of a workgroup, and the built-in number of an
+/// Makes a form of both stages: entry points, invocations of a workgroup, and the built-in number of an
 /// invocation.
 macro_rules! form {
     ($count:ident, $scatter:ident, $threads:tt, $lanes:ty, $lane:ident) => {
@@ -184,7 +168,7 @@ macro_rules! form {
         }
 
         /// Moves each key and value to its place: after those placed before, by its rank among the invocations with an
-        /// equal digit.
+        /// equal digit. The first pass also counts the visible splats.
         #[spirv(compute(threads($threads)))]
         pub fn $scatter(
             #[spirv(workgroup_id)] group: UVec3,
@@ -192,16 +176,16 @@ macro_rules! form {
             #[spirv(workgroup)] next: &mut Table,
             #[spirv(workgroup)] scratch: &mut Scratch,
             #[spirv(push_constant)] pass: &Pass,
-            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &Counters,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &mut Counters,
             #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &[u32],
             #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] keys: &[u32],
             #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] values: &[u32],
             #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] keys_out: &mut [u32],
             #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] values_out: &mut [u32],
         ) {
-            let (g, counters) = (group.x, *counters);
+            let g = group.x;
             scatter::<$lanes>(
-                g, lane, next, scratch, pass, &counters, histogram, keys, values, keys_out,
+                g, lane, next, scratch, pass, counters, histogram, keys, values, keys_out,
                 values_out,
             );
         }
@@ -213,29 +197,3 @@ form!(radix_count_lockstep, radix_scatter_lockstep, 8, Lockstep, local_invocatio
 form!(radix_count_wave16, radix_scatter_wave16, 16, Wave<16>, subgroup_local_invocation_id);
 form!(radix_count_wave32, radix_scatter_wave32, 32, Wave<32>, subgroup_local_invocation_id);
 form!(radix_count_wave64, radix_scatter_wave64, 64, Wave<64>, subgroup_local_invocation_id);
-
-/// Makes a form of the pass over histograms, which one workgroup runs. What follows the type are built-in numbers from
-/// which the invocation's is made.
-macro_rules! scan_form {
-    ($scan:ident, $threads:tt, $lanes:ty, $lane:ident $(, $subgroup:ident)?) => {
-        /// Turns the histograms into first positions, and counts the visible splats. One workgroup.
-        #[spirv(compute(threads($threads)))]
-        pub fn $scan(
-            #[spirv($lane)] lane: u32,
-            $(#[spirv($subgroup)] $subgroup: u32,)?
-            #[spirv(workgroup)] scratch: &mut Scratch,
-            #[spirv(push_constant)] pass: &Pass,
-            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] counters: &mut Counters,
-            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] histogram: &mut [u32],
-        ) {
-            $(let lane = <$lanes>::lane($subgroup, lane);)?
-            scan::<$lanes>(lane, scratch, pass, counters, histogram);
-        }
-    };
-}
-
-scan_form!(radix_scan, 256, Wide, local_invocation_index);
-scan_form!(radix_scan_lockstep, 8, Lockstep, local_invocation_index);
-scan_form!(radix_scan_wave16, 256, Waves<16>, subgroup_local_invocation_id, subgroup_id);
-scan_form!(radix_scan_wave32, 256, Waves<32>, subgroup_local_invocation_id, subgroup_id);
-scan_form!(radix_scan_wave64, 256, Waves<64>, subgroup_local_invocation_id, subgroup_id);

@@ -7,14 +7,6 @@ use crate::search::{self, Anchor, FOUND, PoseCode, Search};
 use crate::shared::{Counters, Groups, Params, SUMS};
 use spirv_std::spirv;
 
-/// Whether this is the first of a frame.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct Turn {
-    /// 1: there are no sums yet.
-    pub first: u32,
-}
-
 /// The pose that is drawn, as its packet holds it, and the frame that it is relative to.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -23,12 +15,12 @@ pub struct Coded {
     pub code: PoseCode,
 }
 
-/// `groups[0]`: stages of an evaluation; `groups[1]`: those of the final picture.
+/// The host takes the first step, to the first evaluation. `groups[0]`: stages of an evaluation; `groups[1]`: those of
+/// the final picture.
 #[spirv(compute(threads(256)))]
 pub fn solve(
     #[spirv(local_invocation_index)] lane: u32,
     #[spirv(workgroup)] scratch: &mut Columns,
-    #[spirv(push_constant)] turn: &Turn,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] levels: &[Params],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] s: &mut Search,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] partials: &[f32],
@@ -37,25 +29,19 @@ pub fn solve(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &Counters,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] coded: &mut Coded,
 ) {
-    if turn.first == 0 {
-        reduce::total(lane, params.tiles_x * params.tiles_y, partials, scratch);
-    }
+    reduce::total(lane, params.tiles_x * params.tiles_y, partials, scratch);
     if lane != 0 {
         return;
     }
-    if turn.first == 1 {
-        search::begin(s);
-    } else {
-        let mut k = 0;
-        while k < SUMS as usize {
-            s.sums[k] = scratch[k];
-            k += 1;
-        }
-        if counters.pairs_needed > s.pairs_needed {
-            s.pairs_needed = counters.pairs_needed;
-        }
-        search::advance(s);
+    let mut k = 0;
+    while k < SUMS as usize {
+        s.sums[k] = scratch[k];
+        k += 1;
     }
+    if counters.pairs_needed > s.pairs_needed {
+        s.pairs_needed = counters.pairs_needed;
+    }
+    search::advance(s);
     if s.phase == FOUND {
         coded.code = search::quantised(&s.found, &coded.anchor, s.program.profile);
         groups[0] = Groups::NONE;

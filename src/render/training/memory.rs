@@ -1,9 +1,7 @@
 //! What a training takes of the device's memory, known before any of it is taken.
 
-use crate::render::{binning, kernels};
-use crate::shared::{
-    Counters, GEOMETRY_PLANES, GROUP, PIXEL, RECORD, SUMS, TABLE, TILE, sh_planes,
-};
+use crate::render::{binning, kernels, radix};
+use crate::shared::{Counters, GEOMETRY_PLANES, GROUP, PIXEL, RECORD, SUMS, TILE, sh_planes};
 use crate::training::{GRADIENT_PIXEL, PAIR_SUMS, SSIM_MAPS, SSIM_PARTIALS, planes};
 use crate::vulkan::DeviceInfo;
 
@@ -145,8 +143,9 @@ impl Sizes {
         let tiles = width.div_ceil(TILE.into()) * height.div_ceil(TILE.into());
         let numbers = 4 * splats * u64::from(planes(plan.sh_degree));
         let floats = |count: u32, each: u64| 4 * u64::from(count) * each;
-        let log_blocks = kernels::log_blocks(device, plan.splats);
-        let log_bin_blocks = binning::log_blocks(log_blocks, tiles.min(u32::MAX.into()) as u32);
+        let log_blocks = kernels::log_sort_blocks(device, plan.splats);
+        let log_bin_blocks = kernels::log_bin_blocks(device, plan.splats);
+        let log_bin_blocks = binning::log_blocks(log_bin_blocks, tiles.min(u32::MAX.into()) as u32);
         let first = first_pairs(plan.splats);
         let planned = plan.splats.saturating_mul(PAIRS_PER_SPLAT);
         let planned = if planned > first { with_room(planned) } else { first };
@@ -175,7 +174,10 @@ impl Sizes {
                 ("depth keys", 4 * splats),
                 ("splats half sorted", 4 * 4 * splats),
                 ("depth order", 4 * splats),
-                ("digit histogram", floats(TABLE << log_blocks, 1) + size_of::<Counters>() as u64),
+                (
+                    "digit histogram",
+                    floats(radix::histogram(log_blocks).words(), 1) + size_of::<Counters>() as u64,
+                ),
             ],
             pairs: by_pairs(first),
             planned: by_pairs(planned),

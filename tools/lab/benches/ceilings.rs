@@ -16,8 +16,11 @@ use nvsprior::vulkan::{
     Timing,
 };
 use nvsprior::{Camera, Engine, Pose, Prior};
+use nvsprior_kernels::block_table::BlockTable;
 use nvsprior_kernels::modules::{self, Module};
-use nvsprior_kernels::shared::{CULLED, Counters, DIGITS, PIXEL, Params, SUMS, TABLE, TILE};
+use nvsprior_kernels::shared::{
+    CULLED, Counters, DIGITS, PIXEL, Params, SUMS, TABLE, TILE, digit_bits,
+};
 use nvsprior_lab::ceilings::{self, Ceilings, Clock};
 
 use nvsprior_lab::cost::{
@@ -112,7 +115,7 @@ impl LevelView {
 
     /// What the model counts.
     fn counts(&self, seen: &PriorView) -> Counts {
-        Counts::of(&seen.prior, &self.camera, &seen.camera, &self.stages)
+        Counts::of(&seen.prior, &self.camera, &seen.camera, &self.stages, 0)
     }
 }
 
@@ -217,9 +220,9 @@ struct Sort<'a> {
 impl Sort<'_> {
     fn new<'a>(device: &'a Device, keys: &[u32], log_blocks: u32) -> Result<Sort<'a>, Error> {
         let own = |name| Buffer::new::<u32>(device, name, keys.len(), Memory::Device);
-        let largest_key = keys.iter().copied().filter(|key| *key != CULLED).max().unwrap_or(0);
-        let counters = Counters { largest_key, ..Counters::default() };
-        let words = (TABLE << log_blocks) as usize;
+        let largest = keys.iter().copied().filter(|key| *key != CULLED).max().unwrap_or(0);
+        let counters = Counters { digit_bits: digit_bits(largest), ..Counters::default() };
+        let words = BlockTable::new(TABLE, log_blocks, 0, DIGITS).words() as usize;
         Ok(Sort {
             device,
             count: keys.len() as u32,
@@ -231,24 +234,19 @@ impl Sort<'_> {
         })
     }
 
-    /// Records all passes by these stages, as `src/render/radix.rs` does.
-    fn record(
-        &self,
-        [count, scan, scatter]: [Source; 3],
-        order: &Buffer,
-    ) -> Result<Commands, Error> {
+    /// Records all passes by these stages, as `src/render/radix.rs` does for keys whose first digit is not counted yet.
+    fn record(&self, [count, scatter]: [Source; 2], order: &Buffer) -> Result<Commands, Error> {
         let Sort { device, counters, histogram, .. } = self;
-        let (count, scan) = (count.kernel(device, 3, 4)?, scan.kernel(device, 2, 4)?);
-        let scatter = scatter.kernel(device, 6, 4)?;
+        let (count, scatter) = (count.kernel(device, 3, 4)?, scatter.kernel(device, 6, 4)?);
         let blocks = [1 << self.log_blocks, 1, 1];
         let mut r = Recorder::new(device, Timing::Stages)?;
+        r.fill(histogram, 0);
         let (mut keys, mut values) = (&self.keys, &self.between[1][1]);
         for digit in 0..DIGITS {
             let [keys_out, values_out] = &self.between[digit as usize % 2];
             let values_out = if digit + 1 < DIGITS { values_out } else { order };
             let push = [digit, (digit == 0).into(), self.log_blocks, self.count];
             r.dispatch(&count, &[counters, keys, histogram], &push, blocks)?;
-            r.dispatch(&scan, &[counters, histogram], &push, [1, 1, 1])?;
             let buffers = [counters, histogram, keys, values, keys_out, values_out];
             r.dispatch(&scatter, &buffers, &push, blocks)?;
             (keys, values) = (keys_out, values_out);
@@ -269,24 +267,19 @@ fn pass_bytes(digit: u32, keys: usize, visible: usize) -> f64 {
 }
 
 fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> {
-    let sort = Sort::new(device, keys, best.engine.probe().log_blocks(keys.len() as u32))?;
+    let sort = Sort::new(device, keys, best.engine.probe().log_sort_blocks(keys.len() as u32))?;
     let order = || Buffer::new::<u32>(device, "order", keys.len(), Memory::Readback);
     let orders = [order()?, order()?];
     let stages = match device.info().in_lockstep() {
         true => [
             Source::ours(modules::radix_count_lockstep),
-            Source::ours(modules::radix_scan_lockstep),
             Source::ours(modules::radix_scatter_lockstep),
         ],
-        false => [
-            Source::ours(modules::radix_count),
-            Source::ours(modules::radix_scan),
-            Source::ours(modules::radix_scatter),
-        ],
+        false => [Source::ours(modules::radix_count), Source::ours(modules::radix_scatter)],
     };
     let mut commands = vec![sort.record(stages, &orders[0])?];
     if device.info().in_lockstep() {
-        let stages = [glsl!("radix_count"), glsl!("radix_scan"), glsl!("radix_scatter")];
+        let stages = [glsl!("radix_count"), glsl!("radix_scatter")];
         commands.push(sort.record(stages, &orders[1])?);
     }
     let times = times(best, &mut commands)?;
@@ -298,14 +291,15 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
         assert_eq!(order.read::<u32>(visible), right, "a wrong order");
     }
     println!("sort of {} keys, {visible} of them visible", sort.count);
-    for (digit, ms) in (0..).zip(times[0].chunks(3)) {
+    for (digit, ms) in (0..).zip(times[0][1..].chunks(2)) {
         let rate =
             pass_bytes(digit, sort.count as usize, visible) / (ms.iter().sum::<f64>() * 1e-3);
-        println!("  pass {digit}: count {:.2}, scan {:.2}, scatter {:.2} ms", ms[0], ms[1], ms[2]);
+        println!("  pass {digit}: count {:.2}, scatter {:.2} ms", ms[0], ms[1]);
         let share = 100.0 * rate / best.ceilings.bytes;
         println!("    {:.2} GB/s, {share:.0} % of the copy's ceiling", rate * 1e-9);
     }
-    let all: Vec<f64> = times.iter().map(|stages| stages.iter().sum()).collect();
+    // After the fill.
+    let all: Vec<f64> = times.iter().map(|stages| stages[1..].iter().sum()).collect();
     println!("  all passes: {:.2} ms", all[0]);
     if let Some(glsl) = all.get(1) {
         println!("sort in GLSL: {glsl:.2} ms; ours takes {:.2} of it", all[0] / glsl);
@@ -315,28 +309,21 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
 
 /// By operations.
 const ORIN: Machine = ORIN_NX.machine;
-
 /// The report of `make gpu-check`, from the project's folder.
 const GPU_CHECK: &str = "../../target/gpu-check/report.json";
 
 /// Prints what a Jetson Orin should take for the stages of a picture, or of an evaluation: by operations, and by what a
 /// compiler makes of the stages.
 fn predict(c: &Counts, evaluation: bool, rows: &[Row]) -> anyhow::Result<()> {
-    const BLENDED: [(&str, &str); 7] = [
+    const BLENDED: [(&str, &str); 6] = [
         ("project", "project"),
         ("radix", "radix_count"),
-        ("radix", "radix_scan"),
         ("radix", "radix_scatter"),
         ("bin", "bin_count"),
         ("bin", "bin_scan"),
         ("bin", "bin_emit"),
     ];
-    const PICTURE_ENDS: [(&str, &str); 4] = [
-        ("splat", "splat"),
-        ("small", "decode_pose"),
-        ("small", "quantize_rgb8"),
-        ("small", "difference"),
-    ];
+    const PICTURE_ENDS: [(&str, &str); 2] = [("splat", "splat"), ("small", "quantize_rgb8")];
     const EVALUATION_ENDS: [(&str, &str); 2] = [("splat_flow", "splat_flow"), ("reduce", "solve")];
     let (name, passes, ends) = match evaluation {
         true => ("evaluation", SEARCH_PASSES, EVALUATION_ENDS.as_slice()),
@@ -407,10 +394,9 @@ const PICTURE: [&str; 4] = ["project", "radix", "bin", "splat"];
 /// The same of an evaluation.
 const EVALUATION: [&str; 5] = ["project", "radix", "bin", "splat_flow", "reduce"];
 /// All stages of either.
-const STAGES: [&str; 10] = [
+const STAGES: [&str; 9] = [
     "project",
     "radix_count",
-    "radix_scan",
     "radix_scatter",
     "bin_count",
     "bin_scan",

@@ -2,6 +2,7 @@
 
 mod ablation;
 mod codecs;
+mod commands;
 mod configurations;
 pub(crate) mod context;
 pub(crate) mod forward;

@@ -62,11 +62,11 @@ pub fn measure_by(device: &Device, clock: Clock) -> Result<Ceilings, Error> {
 pub fn dispatch_seconds(device: &Device, clock: Clock) -> Result<f64, Error> {
     let params = Buffer::from_slice(device, "parameters", &[Params::default()])?;
     let none = Buffer::new::<f32>(device, "nothing", 1, Memory::Device)?;
-    let kernel = kernel(device, "quantize_rgb8", &modules::quantize_rgb8, 3)?;
+    let kernel = kernel(device, "quantize_rgb8", &modules::quantize_rgb8, 5, 1)?;
     let record = |count| {
         let mut recorder = Recorder::new(device, Timing::Stages)?;
         for _ in 0..count {
-            recorder.dispatch(&kernel, &[&params, &none, &none], &[], [1, 1, 1])?;
+            recorder.dispatch(&kernel, &[&params, &none, &none, &none, &none], &[0], [1, 1, 1])?;
         }
         recorder.finish()
     };
@@ -87,7 +87,7 @@ pub fn dispatch_seconds(device: &Device, clock: Clock) -> Result<f64, Error> {
 
 /// Seconds of the arithmetic kernel.
 fn arithmetic(device: &Device, clock: Clock) -> Result<f64, Error> {
-    let kernel = kernel(device, "ceiling_arithmetic", &modules::ceiling_arithmetic, 2)?;
+    let kernel = kernel(device, "ceiling_arithmetic", &modules::ceiling_arithmetic, 2, 0)?;
     let offset = Buffer::from_slice(device, "offset", &[0.1f32])?;
     let out = Buffer::new::<f32>(device, "chains", CHAINED, Memory::Device)?;
     fastest(device, clock, &kernel, &[&offset, &out], CHAINED)
@@ -95,7 +95,7 @@ fn arithmetic(device: &Device, clock: Clock) -> Result<f64, Error> {
 
 /// Seconds of the copy kernel.
 fn copy(device: &Device, clock: Clock) -> Result<f64, Error> {
-    let kernel = kernel(device, "ceiling_copy", &modules::ceiling_copy, 2)?;
+    let kernel = kernel(device, "ceiling_copy", &modules::ceiling_copy, 2, 0)?;
     let from = Buffer::new::<u32>(device, "words", WORDS, Memory::Device)?;
     let to = Buffer::new::<u32>(device, "copied words", WORDS, Memory::Device)?;
     fastest(device, clock, &kernel, &[&from, &to], WORDS)
@@ -106,12 +106,13 @@ fn kernel(
     name: &'static str,
     module: &Module,
     bindings: u32,
+    push_words: u32,
 ) -> Result<Kernel, Error> {
     let &Module { entry, spirv } = module;
     Kernel::new(
         device,
         name,
-        &Code { entry, spirv, bindings, push_words: 0, constants: &[], subgroup: None },
+        &Code { entry, spirv, bindings, push_words, constants: &[], subgroup: None },
     )
 }
 

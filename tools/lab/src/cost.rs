@@ -11,6 +11,7 @@ mod gpu;
 mod known;
 
 use nvsprior::{Engine, Prior};
+use nvsprior_kernels::block_table::BlockTable;
 use nvsprior_kernels::shared::{DIGITS, SUMS};
 
 pub use counts::Counts;
@@ -45,8 +46,10 @@ const TILE_PIXELS: f64 = 64.0;
 /// How a device's invocations share the stages.
 #[derive(Clone, Copy, Debug)]
 pub struct Sharing {
-    /// Workgroups that share the splats, B.
-    pub blocks: f64,
+    /// Workgroups that share the sort of the splats, S.
+    pub sort_blocks: u32,
+    /// Workgroups that share their binning, B.
+    pub bin_blocks: f64,
     /// Invocations of the scans' workgroups.
     pub scan_lanes: f64,
     /// Pixels that an invocation of the blending stages draws per loaded splat, in a picture and in an evaluation, c.
@@ -55,21 +58,32 @@ pub struct Sharing {
 
 impl Sharing {
     /// As GPUs have it, with as many workgroups as small priors take.
-    pub const GPU: Sharing = Sharing { blocks: 128.0, scan_lanes: 256.0, column: [4.0, 4.0] };
+    pub const GPU: Sharing =
+        Sharing { sort_blocks: 32, bin_blocks: 128.0, scan_lanes: 256.0, column: [4.0, 4.0] };
 
     /// As the engine has it for a prior.
     pub fn of(engine: &Engine, prior: &Prior) -> Sharing {
-        let blocks = f64::from(1 << engine.probe().log_blocks(prior.len() as u32));
+        let (probe, splats) = (engine.probe(), prior.len() as u32);
+        let sort_blocks = 1 << probe.log_sort_blocks(splats);
+        let bin_blocks = f64::from(1 << probe.log_bin_blocks(splats));
         match engine.device().in_lockstep() {
-            true => Sharing { blocks, scan_lanes: 8.0, column: [8.0, 4.0] },
-            false => Sharing { blocks, ..Sharing::GPU },
+            true => Sharing { sort_blocks, bin_blocks, scan_lanes: 8.0, column: [8.0, 4.0] },
+            false => Sharing { sort_blocks, bin_blocks, ..Sharing::GPU },
         }
+    }
+
+    /// Counters of a digit that a workgroup of the sort adds up, on average; and how many loads of them wait for each
+    /// other, eight at a time.
+    fn digit(&self) -> [f64; 2] {
+        let table = BlockTable::new(1, self.sort_blocks.ilog2(), 0, 1);
+        let (sums, each) = (f64::from(1 << table.log_sums()), f64::from(1 << table.log_each()));
+        [sums + (each - 1.0) / 2.0, (sums / 8.0).ceil() + ((each - 1.0) / 8.0).ceil()]
     }
 
     /// Loads of a scan that wait for each other. For each column of its lanes it goes down the blocks twice, four loads
     /// at a time.
     fn scan(&self, columns: f64) -> f64 {
-        (columns / self.scan_lanes).ceil() * 2.0 * self.blocks / 4.0
+        (columns / self.scan_lanes).ceil() * 2.0 * self.bin_blocks / 4.0
     }
 }
 
@@ -126,7 +140,7 @@ impl Cost<'_> {
     pub fn of(&self, stage: &str) -> Work {
         match stage {
             "project" => self.project(),
-            "radix_count" | "radix_scan" | "radix_scatter" => self.sort(stage),
+            "radix_count" | "radix_scatter" => self.sort(stage),
             "bin_count" | "bin_scan" | "bin_emit" => self.lists(stage),
             "splat" => self.picture(),
             "splat_flow" => self.evaluation(FLOW_FLOPS, 0.0),
@@ -136,41 +150,50 @@ impl Cost<'_> {
         }
     }
 
-    /// Seven pairs of floats per splat; the harmonics of the visible ones; a record and a key.
+    /// Seven pairs of floats per splat; the harmonics of the visible ones; a record and a key; the counts of a digit.
     fn project(&self) -> Work {
         let c = self.counts;
         Work {
-            bytes: c.splats * (56.0 + 4.0) + c.visible * (8.0 * c.planes + 48.0),
+            bytes: c.splats * (56.0 + 4.0) + c.visible * (8.0 * c.planes + 48.0) + self.table(),
             flops: c.splats * 200.0 + c.visible * (60.0 + 6.0 * c.coefficients),
-            chain: 4.0,
-            dispatches: 2.0,
+            chain: 4.0 * (c.splats / (f64::from(self.sharing.sort_blocks) * 128.0)).ceil(),
+            dispatches: 1.0,
         }
+    }
+
+    /// Bytes of the counts of one digit.
+    fn table(&self) -> f64 {
+        4.0 * f64::from(self.sharing.sort_blocks) * self.counts.digits
     }
 
     /// All passes of a stage of the sort.
     fn sort(&self, stage: &str) -> Work {
         let (c, passes) = (self.counts, f64::from(self.passes));
         let (n, v, later) = (c.splats, c.visible, passes - 1.0);
-        let table = 4.0 * passes * self.sharing.blocks * c.digits;
-        let share = passes * v / (self.sharing.blocks * 32.0);
-        let (bytes, flops, chain) = match stage {
-            "radix_count" => (4.0 * (n + later * v) + table, 20.0 * passes * v, share),
-            // Read twice, written once.
-            "radix_scan" => (3.0 * table, 0.0, passes * self.sharing.scan(c.digits)),
-            // The first pass makes its values, the last writes no keys.
-            _ => {
-                let moved = 4.0 * n + 8.0 * v + 16.0 * later * v - 4.0 * v;
-                (moved + table, 40.0 * passes * v, share)
-            }
-        };
-        Work { bytes, flops, chain, dispatches: passes }
+        let share = v / (f64::from(self.sharing.sort_blocks) * 32.0);
+        if stage == "radix_count" {
+            // Stage `project` counts the first digit.
+            let bytes = later * (4.0 * v + self.table());
+            let (flops, chain) = (20.0 * later * v, later * share);
+            return Work { bytes, flops, chain, dispatches: later };
+        }
+        let [counters, waits] = self.sharing.digit();
+        let blocks = f64::from(self.sharing.sort_blocks);
+        // The first pass makes its values, the last writes no keys.
+        let moved = 4.0 * n + 8.0 * v + 16.0 * later * v - 4.0 * v;
+        Work {
+            bytes: moved + passes * counters * self.table(),
+            flops: passes * (40.0 * v + 2.0 * counters * blocks * c.digits),
+            chain: passes * (share + waits * c.digits / 32.0),
+            dispatches: passes,
+        }
     }
 
     /// A stage of the binning. Each band goes over all splats: their place in the order, and 24 bytes of the record.
     fn lists(&self, stage: &str) -> Work {
         let c = self.counts;
-        let table = 4.0 * self.sharing.blocks * c.tiles;
-        let share = 2.0 * c.visible / (self.sharing.blocks * 32.0);
+        let table = 4.0 * self.sharing.bin_blocks * c.tiles;
+        let share = 2.0 * c.visible / (self.sharing.bin_blocks * 32.0);
         let read = c.bands * 28.0 * c.visible;
         let flops = c.bands * 40.0 * c.visible + 45.0 * c.rows + 30.0 * c.pairs;
         let (bytes, flops, chain) = match stage {
@@ -223,8 +246,8 @@ impl Cost<'_> {
             }
             // Bytes of the whole frame, whatever the level; floats of the level.
             "pyramid" => (3.0 * c.frame_pixels + 12.0 * c.pixels, 3.0 * c.frame_pixels, 1.0),
-            "quantize_rgb8" => ((20.0 + 3.0) * c.pixels, 12.0 * c.pixels, 1.0),
-            "difference" => (9.0 * c.pixels, 0.0, 1.0),
+            // With the difference from a frame.
+            "quantize_rgb8" => ((20.0 + 3.0 + 6.0) * c.pixels, 12.0 * c.pixels, 1.0),
             _ => return Work::default(),
         };
         Work { bytes, flops, chain, dispatches: 1.0 }

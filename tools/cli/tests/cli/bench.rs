@@ -67,6 +67,7 @@ fn bench_writes_report_tables_and_plots() {
         assert!(svg.trim_end().ends_with("</svg>") && !svg.contains("nothing to show"), "{plot}");
     }
     stages(&report, &dive);
+    commands(&report);
     configurations(&report, &dive, &run.stdout);
 }
 
@@ -95,6 +96,16 @@ fn stages(report: &Value, dive: &Dive) {
         let stage = stage.unwrap_or_else(|| panic!("{job}: no {name}"));
         assert!(number(stage, "/bytes") > 0.0 && number(stage, "/flops") > 0.0, "{stage}");
     }
+}
+
+/// Each dispatch, fill or run of copies ends with a barrier; a frame of one evaluation does not use all slots.
+fn commands(report: &Value) {
+    let count = |which: &str, kind: &str| number(report, &format!("/commands/{which}/{kind}"));
+    for which in ["run", "unused"] {
+        let [dispatches, barriers] = ["dispatches", "barriers"].map(|kind| count(which, kind));
+        assert!(dispatches > 0.0 && barriers >= dispatches, "{which}: {report:#}");
+    }
+    assert!(count("run", "copies") > 0.0 && count("unused", "copies") == 0.0, "{report:#}");
 }
 
 /// The Pareto set is correct, and the recommended setting is the fastest one that loses little.

@@ -8,6 +8,7 @@ struct Params {
     float frustum[4];
     float background[3];
     float near;
+    float radius;
     float alpha_max;
     float dilation;
     float dilation_kept;

@@ -3,6 +3,7 @@ const uint DIGITS = 3;
 const uint TABLE = 2048;
 const uint CULLED = 0xffffffff;
 const uint LANES = 8;
+const uint SORT_STEP = 128;
 
 layout(push_constant) uniform Pass {
     uint digit;
@@ -14,17 +15,13 @@ layout(push_constant) uniform Pass {
 struct Counters {
     uint pairs_needed;
     uint visible;
-    uint largest_key;
+    uint digit_bits;
 };
-
-uint digit_bits(Counters counters) {
-    return max((findMSB(counters.largest_key) + DIGITS) / DIGITS, 5);
-}
 
 // Keys [x, y) of a workgroup.
 uvec2 block(Counters counters, uint group) {
     uint count = pass.first == 1 ? pass.keys : counters.visible;
-    uint each = ((count >> pass.log_blocks) / LANES + 1) * LANES;
+    uint each = ((count >> pass.log_blocks) / SORT_STEP + 1) * SORT_STEP;
     return min(uvec2(group, group + 1) * each, uvec2(count));
 }
 

@@ -14,7 +14,7 @@ shared uint bins[TABLE];
 
 void main() {
     uint lane = gl_LocalInvocationIndex;
-    uint bits = digit_bits(counters);
+    uint bits = counters.digit_bits;
     uint shift = bits * pass.digit;
     uint digits = 1 << bits;
     uvec2 range = block(counters, gl_WorkGroupID.x);

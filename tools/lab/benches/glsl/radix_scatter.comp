@@ -7,7 +7,7 @@
 #include "radix.glsl"
 
 layout(local_size_x = 8) in;
-layout(std430, binding = 0) readonly buffer B0 { Counters counters; };
+layout(std430, binding = 0) buffer B0 { Counters counters; };
 layout(std430, binding = 1) readonly buffer B1 { uint histogram[]; };
 layout(std430, binding = 2) readonly buffer B2 { uint keys[]; };
 layout(std430, binding = 3) readonly buffer B3 { uint values[]; };
@@ -15,14 +15,34 @@ layout(std430, binding = 4) writeonly buffer B4 { uint keys_out[]; };
 layout(std430, binding = 5) writeonly buffer B5 { uint values_out[]; };
 shared uint next[TABLE];
 
+// Adds to the sum over the `reach` lanes up to this one the sum over the `reach` lanes before them.
+uint widen(uint sum, uint lane, uint reach) {
+    uint other = subgroupShuffle(sum, (lane - reach) & (LANES - 1));
+    return sum + (lane >= reach ? other : 0);
+}
+
 void main() {
     uint lane = gl_LocalInvocationIndex;
-    uint bits = digit_bits(counters);
+    uint bits = counters.digit_bits;
     uint shift = bits * pass.digit;
     uint digits = 1 << bits;
     uvec2 range = block(counters, gl_WorkGroupID.x);
-    for (uint d = lane; d < digits; d += LANES)
-        next[d] = histogram[gl_WorkGroupID.x * digits + d];
+    uint blocks = 1 << pass.log_blocks;
+    uint all_before = 0;
+    for (uint d = lane; d < digits; d += LANES) {
+        uint before = 0;
+        uint all = 0;
+        for (uint block = 0; block < blocks; block++) {
+            uint here = histogram[block * digits + d];
+            before += block < gl_WorkGroupID.x ? here : 0;
+            all += here;
+        }
+        uint upto = widen(widen(widen(all, lane, 1), lane, 2), lane, 4);
+        next[d] = all_before + upto - all + before;
+        all_before += subgroupBroadcast(upto, LANES - 1);
+    }
+    if (pass.first == 1 && gl_WorkGroupID.x == 0 && lane == 0)
+        counters.visible = all_before;
     for (uint start = range.x; start < range.y; start += LANES) {
         uint place = start + lane;
         uint key = CULLED;

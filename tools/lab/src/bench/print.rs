@@ -1,5 +1,6 @@
 //! The measurements as text.
 
+use super::commands::Counts;
 use super::configurations::recommended;
 use super::context::{Context, host_bytes};
 use super::report::{Report, errors};
@@ -64,6 +65,14 @@ fn stages(report: &Report) {
         let total: f64 = stages.iter().map(|stage| stage.ms).sum();
         println!("{}: {total:.2} ms on the device", stages[0].job);
         tables::job(stages).print();
+    }
+    println!("a frame of one evaluation:");
+    let commands = &report.stages.commands;
+    for (what, counts) in [("that do something", commands.run), ("unused", commands.unused)] {
+        let Counts { dispatches, fills, copies, barriers } = counts;
+        println!(
+            "  {what}: {dispatches} dispatches, {fills} fills, {copies} copies, {barriers} barriers"
+        );
     }
 }
 

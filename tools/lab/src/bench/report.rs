@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::commands::FrameCommands;
 use super::configurations::{Row, recommended};
 use super::context::{Best, Context, OptimizerRun, Sample, Shot, host_bytes};
 use super::perturbed::SHORT;
@@ -117,6 +118,7 @@ struct Root<'a> {
     host_memory_bytes: Option<u64>,
     ceilings: Ceilings,
     stages: &'a [Stage],
+    commands: FrameCommands,
     configurations: &'a [Row],
     recommended: Option<&'a str>,
     scaling: &'a [scaling::Row],
@@ -229,6 +231,7 @@ pub fn write(path: &Path, context: &Context, report: &Report) -> anyhow::Result<
         host_memory_bytes: host_bytes(),
         ceilings: report.stages.ceilings,
         stages: &report.stages.stages,
+        commands: report.stages.commands,
         configurations: &report.configurations,
         recommended: recommended(&report.configurations).map(|row| row.name.as_str()),
         scaling: &report.scaling,

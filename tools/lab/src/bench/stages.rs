@@ -3,6 +3,7 @@
 
 use std::time::Instant;
 
+use anyhow::Context as _;
 use nvsprior::packet::QuantisedPose;
 use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
@@ -13,6 +14,7 @@ use nvsprior::vulkan::StageTime;
 use nvsprior::{Camera, EncoderOptions, Pose};
 use serde::Serialize;
 
+use super::commands::FrameCommands;
 use super::context::{Best, Context, Shot};
 use crate::ceilings::{self, Ceilings};
 use crate::cost::{Cost, Counts, PICTURE_PASSES, SEARCH_PASSES, Sharing, Work};
@@ -91,9 +93,19 @@ pub struct Stages {
     pub ceilings: Ceilings,
     /// Of the picture that is measured at.
     pub counts: Counts,
-    /// Of the search's levels, each with the evaluations there.
-    levels: Vec<(Counts, f64)>,
+    levels: Vec<Level>,
     pub stages: Vec<Stage>,
+    /// Of a frame that takes one evaluation.
+    pub commands: FrameCommands,
+}
+
+/// A level of a search.
+struct Level {
+    /// Of the whole level.
+    whole: Counts,
+    /// Of the rows of tiles that an evaluation draws.
+    drawn: Counts,
+    evaluations: f64,
 }
 
 /// A part of what a stage does in a job: pictures of the same counts.
@@ -109,7 +121,8 @@ impl Stages {
     /// Of a picture and a search that were not timed.
     #[cfg(test)]
     pub fn unmeasured(ceilings: Ceilings, counts: Counts, evaluations: f64) -> Stages {
-        Stages { ceilings, counts, levels: vec![(counts, evaluations)], stages: Vec::new() }
+        let levels = vec![Level { whole: counts, drawn: counts, evaluations }];
+        Stages { ceilings, counts, levels, stages: Vec::new(), commands: FrameCommands::default() }
     }
 
     /// What a stage of a job is made of.
@@ -118,24 +131,19 @@ impl Stages {
     }
 }
 
-fn parts<'a>(
-    counts: &'a Counts,
-    levels: &'a [(Counts, f64)],
-    job: &str,
-    stage: &str,
-) -> Vec<Part<'a>> {
+fn parts<'a>(counts: &'a Counts, levels: &'a [Level], job: &str, stage: &str) -> Vec<Part<'a>> {
     let picture = Part { counts, passes: PICTURE_PASSES, times: 1.0 };
     if job != SEARCH {
         return vec![picture];
     }
     let mut parts = match stage {
-        "splat" | "quantize_rgb8" | "difference" | "decode_pose" => return vec![picture],
+        "splat" | "quantize_rgb8" => return vec![picture],
         "pyramid" | "splat_flow" | "splat_exact" | "pose_jacobian" | "reduce" | "solve" => vec![],
         _ => vec![picture],
     };
-    parts.extend(levels.iter().map(|(counts, evaluations)| {
-        let times = if stage == "pyramid" { 1.0 } else { *evaluations };
-        Part { counts, passes: SEARCH_PASSES, times }
+    parts.extend(levels.iter().map(|level| match stage {
+        "pyramid" => Part { counts: &level.whole, passes: SEARCH_PASSES, times: 1.0 },
+        _ => Part { counts: &level.drawn, passes: SEARCH_PASSES, times: level.evaluations },
     }));
     parts
 }
@@ -155,12 +163,12 @@ pub fn measure_jobs(
     runs: Runs,
 ) -> anyhow::Result<Stages> {
     let (camera, pose) = (context.shots[0].camera, context.best[0].pose);
-    let counts = counts(context, &camera, &camera, &pose)?;
+    let counts = counts(context, &camera, &camera, &pose, 0)?;
     let mut times = Vec::new();
     for (name, job) in jobs {
         times.push((*name, alone(context, *job, runs)?));
     }
-    let Search { times: searched, levels } = search(context, runs)?;
+    let Search { times: searched, levels, commands } = search(context, runs)?;
     times.push((SEARCH, searched));
     let sharing = Sharing::of(&context.engine, &context.prior);
     let work = |job: &str, stage: &str| {
@@ -175,21 +183,22 @@ pub fn measure_jobs(
         times.into_iter().map(stage).collect::<Vec<_>>()
     };
     let stages = times.into_iter().flat_map(rate).collect();
-    Ok(Stages { ceilings, counts, levels, stages })
+    Ok(Stages { ceilings, counts, levels, stages, commands })
 }
 
-/// What a picture is made of there.
+/// What a picture is made of there, if one of 2^`row_shift` rows of tiles is drawn.
 fn counts(
     context: &Context,
     camera: &Camera,
     frame: &Camera,
     pose: &Pose,
+    row_shift: u32,
 ) -> anyhow::Result<Counts> {
     let probe = |room| {
         context.engine.probe().stages(&context.scene, camera, pose, room, SortPrecision::Exact)
     };
     let needed = probe(1)?.pairs_needed;
-    Ok(Counts::of(&context.prior, camera, frame, &probe(needed)?))
+    Ok(Counts::of(&context.prior, camera, frame, &probe(needed)?, row_shift))
 }
 
 /// Times of a job of the renderer.
@@ -217,7 +226,8 @@ fn alone(context: &Context, job: Job, runs: Runs) -> anyhow::Result<Vec<StageTim
 /// A search, and the evaluations that it took at each level.
 pub struct Search {
     times: Vec<StageTime>,
-    levels: Vec<(Counts, f64)>,
+    levels: Vec<Level>,
+    commands: FrameCommands,
 }
 
 /// The search of a frame after two earlier frames, or one; always the same.
@@ -245,13 +255,33 @@ fn search(context: &Context, runs: Runs) -> anyhow::Result<Search> {
     // The final picture is no evaluation.
     renders[0] = renders[0].saturating_sub(1);
     let renderer: &mut Renderer = tracker.objective().renderer();
-    let cameras: Vec<Camera> = (0..renderer.levels()).map(|l| *renderer.camera(l)).collect();
+    let commands = renderer.search_commands().context("a search is planned")?;
+    let commands = FrameCommands::of(&commands);
     let pose = context.best[last].pose;
-    let level = |(camera, evaluations): (&Camera, u32)| {
-        Ok((counts(context, camera, &shot.camera, &pose)?, f64::from(evaluations)))
+    let sparse = refine.gauss_newton.warm.sparse;
+    let level = |(level, evaluations): (usize, u32)| {
+        measured_level(context, renderer, level, &pose, sparse, evaluations)
     };
-    let levels = cameras.iter().zip(renders).map(level).collect::<anyhow::Result<_>>()?;
-    Ok(Search { times, levels })
+    let levels = renders.into_iter().enumerate().map(level).collect::<anyhow::Result<_>>()?;
+    Ok(Search { times, levels, commands })
+}
+
+/// A level at a pose, and the evaluations that a search took there. `sparse`: see [`Schedule::sparse`].
+fn measured_level(
+    context: &Context,
+    renderer: &Renderer,
+    level: usize,
+    pose: &Pose,
+    sparse: u32,
+    evaluations: u32,
+) -> anyhow::Result<Level> {
+    let (camera, frame) = (renderer.camera(level), renderer.camera(0));
+    let whole = counts(context, camera, frame, pose, 0)?;
+    let drawn = match sparse >> level & 1 {
+        1 => counts(context, camera, frame, pose, renderer.sparse_shift(level))?,
+        _ => whole,
+    };
+    Ok(Level { whole, drawn, evaluations: f64::from(evaluations) })
 }
 
 /// Evaluations of [`search_nearby`].
@@ -275,8 +305,10 @@ pub fn search_nearby(context: &Context, runs: Runs) -> anyhow::Result<Search> {
         evaluations = renderer.search(&program)?.search.by_level[0];
         Ok(renderer.stage_times(Job::Search)?)
     })?;
-    let counts = counts(context, &shot.camera, &shot.camera, pose)?;
-    Ok(Search { times, levels: vec![(counts, f64::from(evaluations))] })
+    let commands = renderer.search_commands().context("a search is planned")?;
+    let commands = FrameCommands::of(&commands);
+    let level = measured_level(context, &renderer, 0, pose, schedule.sparse, evaluations)?;
+    Ok(Search { times, levels: vec![level], commands })
 }
 
 /// Times over runs. The first run does not count: drivers finish their work at first use.

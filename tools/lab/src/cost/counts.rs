@@ -5,8 +5,8 @@ use std::ops::Range;
 use nvsprior::render::probe::Stages;
 use nvsprior::{Camera, Prior};
 use nvsprior_kernels::shared::{
-    ALPHA_MIN, CULLED, Outline, Params, Projected, TILE, TRANSMITTANCE_STOP, band_rows, digit_bits,
-    sh_coefficients, sh_planes,
+    ALPHA_MIN, Outline, Params, Projected, TILE, TRANSMITTANCE_STOP, band_rows, sh_coefficients,
+    sh_planes,
 };
 
 /// The amounts of a render at one pose.
@@ -39,66 +39,87 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Counts a prior's render that left `stages`. `camera` is the level's, `frame` that of the full picture.
-    pub fn of(prior: &Prior, camera: &Camera, frame: &Camera, stages: &Stages) -> Counts {
-        let view = Tiles::of(prior, camera, stages);
-        let [across, down] = view.tiles;
+    /// Counts a prior's render that left `stages`, if only one of 2^`row_shift` rows of tiles were drawn. `camera` is
+    /// the level's, `frame` that of the full picture.
+    pub fn of(
+        prior: &Prior,
+        camera: &Camera,
+        frame: &Camera,
+        stages: &Stages,
+        row_shift: u32,
+    ) -> Counts {
+        let view = Tiles::of(prior, camera, stages, row_shift);
+        let (across, down) = (view.params.tiles_x, view.params.tiles_y);
+        let rows = view.rows();
         let degree = prior.splats().sh_degree;
-        let largest = stages.keys.iter().copied().filter(|key| *key != CULLED).max();
         Counts {
             splats: prior.splats().len() as f64,
-            visible: stages.order.len() as f64,
+            visible: rows.iter().filter(|rows| **rows > 0).count() as f64,
             coefficients: f64::from(sh_coefficients(degree)),
             planes: f64::from(sh_planes(degree)),
-            pairs: f64::from(stages.pairs_needed),
-            rows: view.rows(),
+            pairs: view.pairs(),
+            rows: rows.iter().copied().map(f64::from).sum(),
             blended: [view.blended(TILE), view.blended(TILE / 2)],
             tiles: f64::from(across * down),
             bands: f64::from(down.div_ceil(band_rows(across))),
-            pixels: camera.pixels() as f64,
+            pixels: f64::from(camera.width * view.pixel_rows()),
             frame_pixels: frame.pixels() as f64,
-            digits: f64::from(1 << digit_bits(largest.unwrap_or(0))),
+            digits: f64::from(1 << stages.digit_bits),
         }
     }
 }
 
-/// A picture's tiles with their lists.
+/// A picture's drawn tiles with their lists.
 struct Tiles<'a> {
     stages: &'a Stages,
     camera: &'a Camera,
-    /// Across and down.
-    tiles: [u32; 2],
+    params: Params,
     alpha_max: f32,
 }
 
 impl Tiles<'_> {
-    fn of<'a>(prior: &Prior, camera: &'a Camera, stages: &'a Stages) -> Tiles<'a> {
-        let tiles = [camera.width, camera.height].map(|side| side.div_ceil(TILE));
-        Tiles { stages, camera, tiles, alpha_max: prior.options().alpha_max }
+    fn of<'a>(prior: &Prior, camera: &'a Camera, stages: &'a Stages, row_shift: u32) -> Tiles<'a> {
+        let (height, tiles_x) = (camera.height, camera.width.div_ceil(TILE));
+        let params = Params { height, tiles_x, ..Params::default() }.with_rows(row_shift);
+        Tiles { stages, camera, params, alpha_max: prior.options().alpha_max }
     }
 
-    /// Splats times the rows of tiles that they touch.
-    fn rows(&self) -> f64 {
-        let [tiles_x, tiles_y] = self.tiles;
-        let height = self.camera.height;
-        let params = Params { tiles_x, tiles_y, height, ..Params::default() };
+    /// Drawn rows of pixels.
+    fn pixel_rows(&self) -> u32 {
+        (0..self.camera.height).filter(|y| self.params.draws(y / TILE)).count() as u32
+    }
+
+    /// Rows of tiles that each splat touches, in the order of their depths.
+    fn rows(&self) -> Vec<u32> {
         let rows = |splat: &u32| {
             let r = &self.stages.records[*splat as usize];
             let (mean, conic) = ([r[0], r[1]], [r[2], r[3], r[4]]);
             let splat = Projected { mean, conic, log_opacity: r[5], ..Projected::CULLED };
-            let [top, bottom] = Outline::new(&params, &splat).rows(&params);
-            f64::from(bottom - top)
+            let [top, bottom] = Outline::new(&self.params, &splat).rows(&self.params);
+            bottom - top
         };
-        self.stages.order.iter().map(rows).sum()
+        self.stages.order.iter().map(rows).collect()
+    }
+
+    /// The first pixel of each drawn tile, and its list in the whole picture.
+    fn lists(&self) -> impl Iterator<Item = ([u32; 2], [u32; 2])> {
+        let across = self.params.tiles_x;
+        let rows = (0..self.params.tiles_y).map(|row| self.params.tile_row(row));
+        rows.flat_map(move |y| (0..across).map(move |x| [x, y])).map(move |[x, y]| {
+            ([x * TILE, y * TILE], self.stages.ranges[(y * across + x) as usize])
+        })
+    }
+
+    /// Splats times the drawn tiles that they touch.
+    fn pairs(&self) -> f64 {
+        self.lists().map(|(_, [first, end])| f64::from(end - first)).sum()
     }
 
     /// Splats times pixels that the blending goes through if it takes `rows` rows of a tile at a time, and stops when
     /// all of their pixels are finished.
     fn blended(&self, rows: u32) -> f64 {
-        let [across, down] = self.tiles;
-        let corners = (0..down).flat_map(|y| (0..across).map(move |x| [x * TILE, y * TILE]));
         let mut drawn = 0;
-        for (corner, &range) in corners.zip(&self.stages.ranges) {
+        for (corner, range) in self.lists() {
             let parts = (0..TILE).step_by(rows as usize);
             drawn += parts.map(|top| self.drawn(corner, top..top + rows, range)).sum::<usize>();
         }

@@ -99,10 +99,11 @@ fn rounded_up(items: f64, outer: f64) -> f64 {
 impl Rounds {
     /// Of a stage's pipeline in a picture; `None` for stages that are not modelled.
     fn of(row: &Row, cost: &Cost) -> Option<Rounds> {
-        let (c, blocks) = (cost.counts, cost.sharing.blocks);
+        let (c, bins) = (cost.counts, cost.sharing.bin_blocks);
+        let blocks = f64::from(cost.sharing.sort_blocks);
         let (passes, lanes) = (f64::from(cost.passes), f64::from(row.workgroup));
         let one = Rounds { workgroups: 1.0, dispatches: 1.0, waits: 1.0, ..Rounds::default() };
-        let table = passes * blocks * c.digits;
+        let table = blocks * c.digits;
         let blend = |blended: f64| match form(&row.module).1 {
             None => Rounds {
                 workgroups: c.tiles * TILE_PIXELS / f64::from(ROWS) / lanes,
@@ -128,36 +129,44 @@ impl Rounds {
         };
         Some(match row.stage.as_str() {
             "project" => {
-                let work = c.visible * c.coefficients / 2.0;
-                Rounds { workgroups: c.splats / lanes, work, ..one }
+                let (work, beside) = (c.visible * c.coefficients / 2.0, Some(table));
+                let around = vec![rounded_up(c.splats, blocks * lanes)];
+                // Besides the harmonics: the splat.
+                let waits = 1.0 + around[0] / work;
+                Rounds { workgroups: blocks, work, around, beside, waits, ..one }
             }
-            "radix_count" | "radix_scatter" => {
-                let (work, beside) = (c.splats + (passes - 1.0) * c.visible, Some(table));
-                Rounds { workgroups: blocks, dispatches: passes, work, beside, ..one }
+            "radix_count" => {
+                let later = passes - 1.0;
+                let (work, beside) = (later * c.visible, Some(later * table));
+                Rounds { workgroups: blocks, dispatches: later, work, beside, ..one }
             }
-            "radix_scan" => {
-                let around = vec![passes * c.digits];
-                Rounds { dispatches: passes, work: table / 4.0, around, waits: SCANS, ..one }
+            "radix_scatter" => {
+                let keys = c.splats + (passes - 1.0) * c.visible;
+                // The work's loop adds up the counts of a digit. Beside it is the loop over the keys.
+                let work = passes * table;
+                let [_, waits] = cost.sharing.digit();
+                let (around, beside, waits) = (vec![work], Some(keys), waits + keys / work);
+                let dispatches = passes;
+                Rounds { workgroups: blocks, dispatches, work, around, beside, waits, ..one }
             }
             "bin_scan" => {
-                let (work, around) = (blocks * c.tiles / 4.0, vec![c.tiles]);
+                let (work, around) = (bins * c.tiles / 4.0, vec![c.tiles]);
                 Rounds { work, around, waits: SCANS, ..one }
             }
             "bin_count" | "bin_emit" => {
                 let splats = c.bands * c.visible;
                 let rows = rounded_up(c.rows, splats);
                 let (work, around) = (rounded_up(c.pairs, rows), vec![splats, rows]);
-                let beside = Some(blocks * c.tiles);
+                let beside = Some(bins * c.tiles);
                 // The places of the splats, then their records.
                 let waits = 2.0 * splats / work;
-                Rounds { workgroups: blocks * c.bands, work, around, beside, waits, ..one }
+                Rounds { workgroups: bins * c.bands, work, around, beside, waits, ..one }
             }
             // A GPU's subgroups stop when all pixels of a tile are finished.
             "splat" | "splat_colour" | "splat_flow" => blend(c.blended[0]),
-            "quantize_rgb8" | "difference" => Rounds { workgroups: c.pixels / lanes, ..one },
+            "quantize_rgb8" => Rounds { workgroups: c.pixels / lanes, ..one },
             // Eight rows of invocations add up the tiles' sums.
             "solve" => Rounds { chain: c.tiles / 8.0, ..one },
-            "decode_pose" => one,
             _ => return None,
         })
     }
@@ -344,12 +353,12 @@ mod tests {
     fn one_workgroup_has_one_multiprocessor() {
         // Columns of a table, with the work's loop and one of 256 rounds inside.
         let inner = vec![a_loop(None, 4.0, vec![]), a_loop(Some(256), 5.0, vec![])];
-        let scan = row("radix_scan", 256, vec![a_loop(None, 1.0, inner)]);
-        let lanes = 3.0 * 1024.0 * (1.0 + 5.0 * 256.0) + 3.0 * 128.0 * 1024.0 / 4.0 * 4.0;
+        let scan = row("bin_scan", 256, vec![a_loop(None, 1.0, inner)]);
+        let lanes = 1024.0 * (1.0 + 5.0 * 256.0) + 128.0 * 1024.0 / 4.0 * 4.0;
         // Each of four schedulers has two of its eight subgroups, which wait for results half of the time.
         let expected = lanes / 32.0 / (4.0 * 0.5) / 1e9;
         assert!((times(&scan).issue / expected - 1.0).abs() < 1e-9);
-        assert_eq!(times(&scan).dispatches, 3.0 * 5e-6);
+        assert_eq!(times(&scan).dispatches, 5e-6);
     }
 
     #[test]

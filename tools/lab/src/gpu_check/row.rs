@@ -185,8 +185,8 @@ mod tests {
 
     #[test]
     fn workgroups_are_read_from_the_modules() {
-        assert_eq!(workgroup("decode_pose").unwrap(), 1);
-        assert_eq!(workgroup("project").unwrap(), 256);
+        assert_eq!(workgroup("radix_count_wave16").unwrap(), 16);
+        assert_eq!(workgroup("project").unwrap(), 128);
         assert!(workgroup("nothing").is_err());
     }
 

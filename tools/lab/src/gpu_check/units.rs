@@ -14,7 +14,9 @@ pub struct Unit {
 const PIXELS: Unit = pixels(ROWS);
 const KEY: Unit = Unit { name: "key", per_round: 1 };
 const PAIR: Unit = Unit { name: "pair of splat and tile", per_round: 1 };
-/// The scans load four counters at a time.
+/// Eight blocks' counts of a digit are added up at a time.
+const COUNT: Unit = Unit { name: "count of a digit", per_round: 8 };
+/// The scan loads four counters at a time.
 const COUNTER: Unit = Unit { name: "counter", per_round: 4 };
 /// Two coefficients of the harmonics are added at a time.
 const COEFFICIENT: Unit = Unit { name: "coefficient of a splat", per_round: 2 };
@@ -47,8 +49,9 @@ pub fn unit(module: &str) -> Option<Unit> {
         }
         "project" => COEFFICIENT,
         "splat" | "splat_flow" | "splat_exact" | "splat_backward" => PIXELS,
-        "radix_count" | "radix_scatter" => KEY,
-        "radix_scan" | "bin_scan" => COUNTER,
+        "radix_count" => KEY,
+        "radix_scatter" => COUNT,
+        "bin_scan" => COUNTER,
         "bin_count" | "bin_emit" => PAIR,
         "reduce" => SUM,
         "pyramid" => FRAME_PIXEL,
@@ -79,7 +82,7 @@ const fn idle(module: &'static str, subgroups: &'static [u32], reason: &'static 
     Idle { module, subgroups, reason }
 }
 
-const STEP: &str = "one invocation's work, once per evaluation or picture";
+const STEP: &str = "one invocation's work, once per evaluation";
 const TILE_OF_16: &str =
     "16 invocations draw a tile; a form with full subgroups is not written yet";
 const SSIM: &str = "training only: a workgroup of 8; a form with full subgroups is not written yet";
@@ -87,7 +90,6 @@ const SSIM: &str = "training only: a workgroup of 8; a form with full subgroups 
 /// All of them. One that has no idle lanes any more fails the check.
 pub const IDLE: &[Idle] = &[
     idle("solve", &[32, 64], STEP),
-    idle("decode_pose", &[32, 64], STEP),
     idle("splat_exact", &[32, 64], TILE_OF_16),
     idle("splat_backward", &[32, 64], TILE_OF_16),
     idle("ssim_rows", &[32, 64], SSIM),
@@ -108,7 +110,7 @@ mod tests {
         assert_eq!(pixels("splat"), Some(4));
         assert_eq!(pixels("splat_flow_wave32"), Some(8));
         assert_eq!(pixels("splat_wave64"), Some(4));
-        assert_eq!(unit("radix_scan_wave16"), unit("radix_scan"));
+        assert_eq!(unit("bin_scan_wave16"), unit("bin_scan"));
         assert_eq!(unit("solve"), None);
     }
 }

@@ -78,7 +78,7 @@ impl Compared<'_> {
         };
         let host = self.definition.draw_coded(camera, &code);
         renderer.coded_picture(&code, &mut picture)?;
-        let coded = bytes_differ("decode_pose", &host.rgb8, &picture);
+        let coded = bytes_differ("project at a coded pose", &host.rgb8, &picture);
         Ok(coded.map_or(Ok(2), Err))
     }
 }

@@ -26,6 +26,20 @@ fn assert_sorts(what: &str, key: impl Fn(usize, usize) -> u32) {
 }
 
 #[test]
+fn any_number_of_blocks_sorts() {
+    let engine = common::engine();
+    // With one row of counters per block, and with rows of sums of four and of eight blocks before them.
+    for (log_blocks, count) in [(2, 700), (3, 9_000), (5, 9_000), (6, 20_000), (7, 100)] {
+        let keys: Vec<u32> = (0..count).map(|i| Random::new(i).bits() as u32 >> 3).collect();
+        let values: Vec<u32> = (0..count as u32).collect();
+        let exact = SortPrecision::Exact;
+        let sorted = engine.probe().sort_in_blocks(&keys, exact, log_blocks).unwrap();
+        assert!(sorted == radix::sort_visible(&keys, &values).1, "2^{log_blocks} blocks");
+    }
+    common::assert_silent(&engine);
+}
+
+#[test]
 fn random_keys() {
     // For the test that runs this one at other subgroup sizes.
     println!("{}", common::engine().device());

@@ -66,7 +66,7 @@ pub fn measure(bench: &Bench, which: Which) -> anyhow::Result<Done> {
     let mut all = projection(bench, &seen)?;
     let picture = picture(bench, &seen)?;
     all.extend(equations(bench, &seen)?);
-    all.push(decode_pose(&seen)?);
+    all.push(coded_pose(&seen)?);
     let mut row = Row::of("f32", since);
     for errors in &all {
         let right = bits(errors.median());
@@ -181,7 +181,7 @@ fn of_equations(stage: &'static str, got: &NormalEquations, twin: &NormalEquatio
 }
 
 /// The pose that a packet's code stands for, as the device and as the host take it.
-fn decode_pose(seen: &PriorView) -> anyhow::Result<Errors> {
+fn coded_pose(seen: &PriorView) -> anyhow::Result<Errors> {
     let frame = seen.prior.coordinate_frame();
     let centre = glam::DVec3::from(frame.centre.map(f64::from));
     let anchor = search::Anchor { centre: frame.centre, step: frame.step() as f32 };
@@ -196,5 +196,5 @@ fn decode_pose(seen: &PriorView) -> anyhow::Result<Errors> {
         let got = glam::DVec3::from(device.translation.map(f64::from));
         relative.push((got - expected).length() / expected.length().max(frame.unit()));
     }
-    Ok(Errors::new("decode_pose", "translation", relative.into_iter()))
+    Ok(Errors::new("coded pose", "translation", relative.into_iter()))
 }
