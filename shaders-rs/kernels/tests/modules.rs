@@ -129,9 +129,9 @@ fn the_final_picture_is_made_of_portable_operations() {
                     );
                     seen += 1;
                 }
-                // FAbs, Floor, FMin of GLSL.std.450.
+                // FAbs, Floor, FMin of GLSL.std.450; FindUMsb, which is of integers.
                 EXT_INST => {
-                    assert!([4, 8, 37].contains(&i[4]), "{}: function {}", module.entry, i[4])
+                    assert!([4, 8, 37, 75].contains(&i[4]), "{}: function {}", module.entry, i[4])
                 }
                 // Division, remainders, products of vectors and matrices.
                 op @ (136 | 140..=148) => panic!("{}: operation {op}", module.entry),
