@@ -44,6 +44,8 @@ pub fn solve(
     search::advance(s);
     if s.phase == FOUND {
         coded.code = search::quantised(&s.found, &coded.anchor, s.program.profile);
+        // The whole picture; stage `project` places its camera.
+        *params = levels[0];
         groups[0] = Groups::NONE;
         groups[1] = Groups::of(&levels[0]);
     } else {

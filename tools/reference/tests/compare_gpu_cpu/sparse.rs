@@ -89,3 +89,25 @@ fn the_exact_jacobian_leaves_the_same_rows_out() {
     let camera = Camera { width: 320, height: 180, fx: 250.0, fy: 248.0, cx: 157.0, cy: 93.0 };
     compare(73, camera, Jacobian::Exact, 2);
 }
+
+/// A sparse search ends with the whole picture, to the same bytes as its packet's pose yields on the topside.
+#[test]
+fn the_final_picture_is_whole() {
+    let engine = common::engine();
+    let prior = random_prior(74, 3_000, 1);
+    let scene = engine.upload(&prior).unwrap();
+    let camera = Camera { width: 648, height: 363, fx: 500.0, fy: 503.0, cx: 322.0, cy: 180.0 };
+    let plan = Plan { search: Some(Jacobian::Flow), ..Plan::picture() };
+    let mut renderer = engine.renderer(&scene, &camera, plan).unwrap();
+    let data = common::random_frame(74, &camera).iter().map(|v| to_byte(*v)).collect();
+    renderer.set_picture(&Picture { width: camera.width, height: camera.height, data });
+    let centre = glam::DVec3::from(prior.coordinate_frame().centre.map(f64::from));
+    let start = placement(&random_pose(74), centre);
+    let cold = GaussNewtonOptions::default().cold.program(1, [start], 1e-3, COMPACT);
+    let code = renderer.search(&Program { sparse: 1, ..cold }).unwrap().code;
+    let (found, difference) = (renderer.rendered().to_vec(), renderer.difference().to_vec());
+    renderer.draw_coded(&code).unwrap();
+    assert!(found == renderer.rendered(), "the same picture");
+    assert!(difference == renderer.difference(), "the same difference");
+    assert_silent(&engine);
+}
