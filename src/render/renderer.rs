@@ -510,10 +510,10 @@ impl Renderer {
         let Some((_, commands)) = commands else { return Ok(()) };
         let room = self.times.capacity() - self.times.len();
         let evaluations = commands.marks("evaluation")?;
+        self.times.extend(evaluations.take(room).map(|time| before + time));
         if self.plan.profiled {
             self.search_stages.extend(commands.stage_times()?);
         }
-        self.times.extend(evaluations.take(room).map(|time| before + time));
         Ok(())
     }
 
