@@ -113,9 +113,9 @@ impl LevelView {
         Ok(LevelView { camera, params, stages })
     }
 
-    /// What the model counts.
-    fn counts(&self, seen: &PriorView) -> Counts {
-        Counts::of(&seen.prior, &self.camera, &seen.camera, &self.stages, 0)
+    /// What the model counts if one of 2^`row_shift` rows of tiles is drawn.
+    fn counts(&self, seen: &PriorView, row_shift: u32) -> Counts {
+        Counts::of(&seen.prior, &self.camera, &seen.camera, &self.stages, row_shift)
     }
 }
 
@@ -189,7 +189,7 @@ fn blending(seen: &PriorView, view: &LevelView, best: &mut Best) -> Result<(), E
     }
     let times: Vec<f64> =
         times(best, &mut commands)?.iter().map(|stages| stages.iter().sum()).collect();
-    let blended = view.counts(seen).blended;
+    let blended = view.counts(seen, 0).blended;
     let all = [("splat", times[0], PICTURE_FLOPS), ("flow", times[1], FLOW_FLOPS)];
     for ((name, ms, flops), evaluations) in all.into_iter().zip(blended) {
         let rate = evaluations * flops / (ms * 1e-3);
@@ -361,10 +361,14 @@ fn orin(engine: &Engine, seen: &PriorView) -> anyhow::Result<()> {
     let rows: Vec<Row> = serde_json::from_str(&text)?;
     println!("stages compiled by {}", rows.first().map_or("nothing", |row| &row.compiler));
     for (level, factor) in [1, 2, 4].into_iter().enumerate() {
-        let counts = LevelView::new(engine, seen, factor)?.counts(seen);
+        let view = LevelView::new(engine, seen, factor)?;
         println!("level {level}");
-        predict(&counts, false, &rows)?;
-        predict(&counts, true, &rows)?;
+        predict(&view.counts(seen, 0), false, &rows)?;
+        predict(&view.counts(seen, 0), true, &rows)?;
+        if level == 0 {
+            println!("every second row of tiles");
+            predict(&view.counts(seen, 1), true, &rows)?;
+        }
     }
     Ok(())
 }
@@ -466,7 +470,7 @@ fn predicting(
     let mut renderer = engine.renderer(&seen.scene, &seen.camera, plan)?;
     for (level, factor) in factors.into_iter().enumerate() {
         let view = LevelView::new(engine, seen, factor)?;
-        let c = view.counts(seen);
+        let c = view.counts(seen, 0);
         println!("level {level}: {} splats, {} visible, {} pairs", c.splats, c.visible, c.pairs);
         println!("  {} rows, {} tiles, {} digits", c.rows, c.tiles, c.digits);
         renderer.set_frame(level, &common::random_frame(1, &view.camera));
