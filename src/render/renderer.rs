@@ -130,7 +130,7 @@ fn room_for(pairs: u32, storage_range: u64) -> u32 {
 const LEAST_SHOWN: f32 = 1e-3;
 
 /// Submissions after which a search is given up. The search's own limits let none need as many.
-const MOST_SUBMISSIONS: u32 = 80;
+const MOST_SUBMISSIONS: u32 = 160;
 
 impl Renderer {
     /// Allocates and records everything of `plan`. Levels that would have no pixel are left out.

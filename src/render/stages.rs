@@ -17,9 +17,9 @@ use super::workspace::Workspace;
 /// cost their empty dispatches, nine each.
 const EVALUATIONS: usize = 2;
 /// Evaluations that each further submission of a longer search has room for.
-const FURTHER_EVALUATIONS: usize = 8;
+const FURTHER_EVALUATIONS: usize = 4;
 /// Evaluations whose times are kept.
-pub(crate) const TIMED_EVALUATIONS: usize = EVALUATIONS + 10 * FURTHER_EVALUATIONS;
+pub(crate) const TIMED_EVALUATIONS: usize = EVALUATIONS + 20 * FURTHER_EVALUATIONS;
 
 /// Which parts of a picture are drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
