@@ -160,8 +160,7 @@ fn a_jump_is_looked_for_afresh() {
         assert!(encoded.stats.render_psnr > render.psnr(frame) - 0.1, "{:?}", encoded.stats);
     }
     let untold = run(None);
-    let submissions: Vec<_> = untold.iter().map(|encoded| encoded.stats.submissions).collect();
-    assert!(submissions[1] < submissions[2], "only the jump is searched again: {submissions:?}");
+    assert_eq!(untold[1].stats.submissions, 1);
     if untold[2].stats.render_psnr < 20.0 {
         assert_eq!(untold[2].stats.start, StartKind::BestOfBad);
         assert!(Latent::decode(&untold[2].packet).unwrap().uncertain);

@@ -15,7 +15,7 @@ use super::workspace::Workspace;
 
 /// Evaluations that a frame's first submission has room for. A frame that follows another takes one or two. Unused ones
 /// cost their empty dispatches, nine each.
-const EVALUATIONS: usize = 2;
+const EVALUATIONS: usize = 4;
 /// Evaluations that each further submission of a longer search has room for.
 const FURTHER_EVALUATIONS: usize = 4;
 /// Evaluations whose times are kept.
