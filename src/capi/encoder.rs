@@ -474,8 +474,8 @@ pub extern "C" fn nvsp_encoder_set_camera(
     nvsp_encoder::call(encoder, |content| {
         let camera = image::camera(camera)?;
         let mut core = content.core()?;
-        let seen = core.seen.clone();
-        core.look(seen, camera)?;
+        let optics = core.optics.clone();
+        core.look(optics, camera)?;
         Ok(NVSP_OK)
     })
 }

@@ -31,7 +31,7 @@ pub(super) struct Core {
     pub encoder: Encoder,
     pub converter: Arc<Mutex<Converter>>,
     /// What the converter and the encoder's mask are made of.
-    pub seen: Seen,
+    pub optics: Optics,
     pub limits: Limits,
     /// Frames that still take memory, and how many do after the encoder itself took some.
     cold: usize,
@@ -75,9 +75,9 @@ impl Encoding {
         // There is one result more than there are slots: that of the frame finished last.
         let cold = slots + 1;
         let converter = Arc::new(Mutex::new(converter));
-        let seen = Seen::default();
+        let optics = Optics::default();
         let (own, most_cold) = (converter.clone(), cold);
-        let core = Core { encoder, converter: own, seen, limits, cold, most_cold };
+        let core = Core { encoder, converter: own, optics, limits, cold, most_cold };
         let core = Arc::new(Mutex::new(core));
         let lost = Lost::default();
         let workers = match two {
@@ -244,23 +244,23 @@ impl Core {
     }
 
     /// Changes what images are seen through. If it fails, nothing changes.
-    pub(super) fn see(&mut self, change: impl FnOnce(&mut Seen)) -> Result<(), Failure> {
-        let mut seen = self.seen.clone();
-        change(&mut seen);
+    pub(super) fn see(&mut self, change: impl FnOnce(&mut Optics)) -> Result<(), Failure> {
+        let mut optics = self.optics.clone();
+        change(&mut optics);
         let camera = *self.encoder.camera();
-        self.look(seen, camera)
+        self.look(optics, camera)
     }
 
     /// Sets camera and what images are seen through. If it fails, nothing changes.
-    pub(super) fn look(&mut self, seen: Seen, camera: Camera) -> Result<(), Failure> {
+    pub(super) fn look(&mut self, optics: Optics, camera: Camera) -> Result<(), Failure> {
         let same_camera = camera == *self.encoder.camera();
-        let _memory = self.limits.seen(&camera, seen.bytes(&camera), same_camera)?;
-        let (converter, mask) = seen.through(&camera)?;
+        let _memory = self.limits.seen(&camera, optics.bytes(&camera), same_camera)?;
+        let (converter, mask) = optics.through(&camera)?;
         self.encoder.set_view(&camera, mask)?;
         if !same_camera {
             self.chill();
         }
-        self.seen = seen;
+        self.optics = optics;
         *self.converter.lock().unwrap_or_else(PoisonError::into_inner) = converter;
         Ok(())
     }
@@ -268,7 +268,7 @@ impl Core {
 
 /// What an encoder's images are seen through.
 #[derive(Clone, Default)]
-pub(super) struct Seen {
+pub(super) struct Optics {
     pub lens: Option<Lens>,
     /// Of the lens's size; without one, of the camera's shape.
     pub mask: Option<Arc<Mask>>,
@@ -280,7 +280,7 @@ const CAMERA_PIXEL: u64 = 48;
 /// Bytes of the rows and columns of both.
 const SIDES: u64 = 256;
 
-impl Seen {
+impl Optics {
     /// What makes the encoder's pictures, and which of their pixels count.
     pub fn through(&self, camera: &Camera) -> Result<(Converter, Option<Mask>), Failure> {
         let Some(lens) = &self.lens else {
@@ -300,7 +300,7 @@ impl Seen {
         Ok((converter, mask))
     }
 
-    /// Host memory that [`Seen::through`] takes at most, and what it keeps; bytes.
+    /// Host memory that [`Optics::through`] takes at most, and what it keeps; bytes.
     pub fn bytes(&self, camera: &Camera) -> u64 {
         let area = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
         let own = |(width, height): (u32, u32)| {

@@ -156,7 +156,7 @@ impl Definition {
         pixels.iter().flat_map(|p| p.over([r, g, b])).collect()
     }
 
-    fn blend_tile(&self, params: &Params, s: &Seen, tile: [u32; 2], pixels: &mut [Pixel]) {
+    fn blend_tile(&self, params: &Params, s: &TileSplat, tile: [u32; 2], pixels: &mut [Pixel]) {
         let alpha_max = self.clamps_alpha.then_some(params.alpha_max);
         for y in tile[1] * TILE..((tile[1] + 1) * TILE).min(params.height) {
             for x in tile[0] * TILE..((tile[0] + 1) * TILE).min(params.width) {
@@ -196,7 +196,7 @@ fn reach(params: &Params, r: &Record) -> [std::ops::Range<u32>; 2] {
 
 /// A splat relative to a tile's middle. At an offset (x, y), the argument of [`portable::power`] is
 /// `level − u² + y (2 v − y curve)`, with `u = u₀ − l₁₁ x` and `2 v = tilt u + down`.
-struct Seen {
+struct TileSplat {
     u: f32,
     l11: f32,
     tilt: f32,
@@ -208,12 +208,12 @@ struct Seen {
 }
 
 impl Record {
-    fn seen_from(&self, tile_x: u32, tile_y: u32) -> Seen {
+    fn seen_from(&self, tile_x: u32, tile_y: u32) -> TileSplat {
         let middle = |tile: u32| (tile * TILE) as f32 + (TILE / 2) as f32;
         let (dx, dy) = (self.mean[0] - middle(tile_x), self.mean[1] - middle(tile_y));
         let [l11, l21, l22] = self.conic.map(|l| l * POWER_FACTOR);
         let w = l22 * dy;
-        Seen {
+        TileSplat {
             u: l11 * dx + l21 * dy,
             l11,
             tilt: l21 + l21,
@@ -226,7 +226,7 @@ impl Record {
     }
 }
 
-impl Seen {
+impl TileSplat {
     /// The argument of alpha before the clamp.
     fn argument(&self, x: f32, y: f32) -> f32 {
         let u = self.u - self.l11 * x;
@@ -250,7 +250,7 @@ impl Default for Pixel {
 }
 
 impl Pixel {
-    fn blend(&mut self, s: &Seen, alpha: f32) {
+    fn blend(&mut self, s: &TileSplat, alpha: f32) {
         if self.transmittance <= TRANSMITTANCE_STOP {
             return;
         }

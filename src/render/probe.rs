@@ -9,7 +9,7 @@ pub use super::radix::SortPrecision;
 use super::frame::Bytes;
 use super::levels::{LevelBuffers, Pass};
 use super::radix::Sort;
-use super::stages::{self, Place};
+use super::stages::{self, CameraPose};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -166,7 +166,7 @@ impl Probe<'_> {
         stages.clear_sums(&mut recorder);
         recorder.copy_beside(&levels.params_asked, &levels.params);
         recorder.copy(&levels.groups_asked, &levels.groups);
-        stages.tile_lists(&mut recorder, sort_precision, Place::Asked, Pass::Evaluation)?;
+        stages.tile_lists(&mut recorder, sort_precision, CameraPose::Asked, Pass::Evaluation)?;
         stages.pose_jacobian(&mut recorder, Pass::Evaluation)?;
         recorder.finish()?.run()?;
         let counters = work.counters.fetch::<Counters>(device, 1)?[0];

@@ -16,7 +16,7 @@ use super::jacobian::Jacobian;
 use super::levels::{LevelBuffers, NormalEquations, Pass, anchor};
 use super::light::{Correction, FlatField};
 use super::radix::SortPrecision;
-use super::stages::{Channels, PictureEnds, Place, SearchStages, Stages, TIMED_EVALUATIONS};
+use super::stages::{CameraPose, Channels, PictureEnds, SearchStages, Stages, TIMED_EVALUATIONS};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -212,7 +212,7 @@ impl Renderer {
         r.copy(&levels.groups_asked, &levels.groups);
         match job {
             Job::Draw => {
-                stages.picture(r, Channels::All, Place::Asked, pass)?;
+                stages.picture(r, Channels::All, CameraPose::Asked, pass)?;
                 r.copy_beside(&levels.image, &levels.image_read);
             }
             Job::Sums(jacobian) => {
@@ -220,10 +220,11 @@ impl Renderer {
                 stages.reduce(r)?;
             }
             _ => {
-                let place = if job == Job::Picture { Place::Asked } else { Place::Coded };
+                let camera_pose =
+                    if job == Job::Picture { CameraPose::Asked } else { CameraPose::Coded };
                 let ends =
                     PictureEnds { depths: job == Job::CodedDeep, frame: self.frame.as_ref() };
-                stages.final_picture(r, &ends, place, pass)?;
+                stages.final_picture(r, &ends, camera_pose, pass)?;
             }
         }
         r.copy(&work.counters, &work.counters_read);

@@ -32,7 +32,7 @@ pub(crate) enum Channels {
 
 /// Where the camera is.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Place {
+pub(crate) enum CameraPose {
     /// At the pose of the parameters.
     Asked,
     /// At the coded pose.
@@ -107,7 +107,7 @@ impl SearchStages<'_> {
     /// Records the picture at the pose as its packet holds it, and the difference from the frame.
     fn record_pictures(&self, r: &mut Recorder) -> Result<(), Error> {
         let ends = PictureEnds { depths: self.depths, frame: Some(self.frame) };
-        self.stages.final_picture(r, &ends, Place::Coded, Pass::Picture)
+        self.stages.final_picture(r, &ends, CameraPose::Coded, Pass::Picture)
     }
 
     /// Records the search's next step. It reduces the sums of the tiles itself.
@@ -160,10 +160,10 @@ impl Stages<'_> {
         &self,
         r: &mut Recorder,
         channels: Channels,
-        place: Place,
+        camera_pose: CameraPose,
         pass: Pass,
     ) -> Result<(), Error> {
-        self.tile_lists(r, SortPrecision::Exact, place, pass)?;
+        self.tile_lists(r, SortPrecision::Exact, camera_pose, pass)?;
         self.splat(r, channels, pass)
     }
 
@@ -172,11 +172,11 @@ impl Stages<'_> {
         &self,
         r: &mut Recorder,
         ends: &PictureEnds,
-        place: Place,
+        camera_pose: CameraPose,
         pass: Pass,
     ) -> Result<(), Error> {
         let channels = if ends.depths { Channels::All } else { Channels::Colour };
-        self.picture(r, channels, place, pass)?;
+        self.picture(r, channels, camera_pose, pass)?;
         if ends.depths {
             r.copy_beside(&self.levels.image, &self.levels.image_read);
         }
@@ -191,7 +191,7 @@ impl Stages<'_> {
         sort_precision: SortPrecision,
     ) -> Result<(), Error> {
         let pass = Pass::Evaluation;
-        self.tile_lists(r, sort_precision, Place::Asked, pass)?;
+        self.tile_lists(r, sort_precision, CameraPose::Asked, pass)?;
         match jacobian {
             Jacobian::Flow => self.splat_flow(r, pass),
             Jacobian::Exact => {
@@ -206,10 +206,10 @@ impl Stages<'_> {
         &self,
         r: &mut Recorder,
         sort_precision: SortPrecision,
-        place: Place,
+        camera_pose: CameraPose,
         pass: Pass,
     ) -> Result<(), Error> {
-        self.project(r, sort_precision, place, pass)?;
+        self.project(r, sort_precision, camera_pose, pass)?;
         self.sort(r, sort_precision, pass)?;
         self.bin(r, pass)?;
         self.clear_sums(r);
@@ -221,7 +221,7 @@ impl Stages<'_> {
         &self,
         r: &mut Recorder,
         sort_precision: SortPrecision,
-        place: Place,
+        camera_pose: CameraPose,
         pass: Pass,
     ) -> Result<(), Error> {
         let Stages { splats, levels, work, .. } = *self;
@@ -229,7 +229,7 @@ impl Stages<'_> {
         let (records, keys, counters) = (&work.records, &work.keys, &work.counters);
         let (histogram, coded) = (&work.histogram, &self.bytes.coded);
         let buffers = [&levels.params, geometry, sh, records, keys, counters, histogram, coded];
-        let is_coded = (place == Place::Coded).into();
+        let is_coded = (camera_pose == CameraPose::Coded).into();
         let push = [is_coded, sort_precision.first_digit(), levels.log_sort_blocks];
         let blocks = pass.at(offset_of!(Groups, sort_blocks));
         r.dispatch_indirect(&splats.kernels.project, &buffers, &push, &levels.groups, blocks)

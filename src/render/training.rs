@@ -23,7 +23,7 @@ use super::frame::Bytes;
 use super::kernels::{SceneKernels, TrainingKernels};
 use super::levels::{LevelBuffers, Pass, posed, prototype};
 use super::scene::SplatBuffers;
-use super::stages::{Channels, Place, Stages};
+use super::stages::{CameraPose, Channels, Stages};
 use super::workspace::Workspace;
 
 pub use crate::training::{FADING, Training};
@@ -427,7 +427,7 @@ impl Trainer {
         r.copy_beside(&levels.groups_asked, &levels.groups);
         r.fill(&fixed.slot_counters, 0);
         self.activate(r)?;
-        stages.picture(r, Channels::Colour, Place::Asked, Pass::Evaluation)?;
+        stages.picture(r, Channels::Colour, CameraPose::Asked, Pass::Evaluation)?;
         if let Job::Picture = job {
             stages.quantize_rgb8(r, None, Pass::Evaluation)?;
         } else {
