@@ -102,7 +102,8 @@ impl Probe<'_> {
         super::kernels::log_sort_blocks(self.device.info(), keys)
     }
 
-    /// The same of a binning of `splats` splats, if their picture is not too large.
+    /// Logarithm, base 2, of the number of workgroups that share the binning of `splats` splats. Large pictures have
+    /// fewer.
     pub fn log_bin_blocks(&self, splats: u32) -> u32 {
         super::kernels::log_bin_blocks(self.device.info(), splats)
     }

@@ -446,7 +446,8 @@ impl Commands {
         Ok(times.collect())
     }
 
-    /// When the last run reached the marks of a name: milliseconds since its start.
+    /// When the last run reached the marks of a name: milliseconds since its start. Drop the iterator before times are
+    /// read again: it holds the lock of their memory.
     pub fn marks(&self, name: &'static str) -> Result<impl Iterator<Item = f64>, Error> {
         let ticks = self.read_ticks()?;
         let to_ms = f64::from(self.device.timestamp_period) * 1e-6;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Host {
     pub processor: Option<String>,
-    /// A board's name, where the system has a device tree.
+    /// A board's name, if the system has a device tree.
     pub board: Option<String>,
     /// Threads that run at once.
     pub threads: usize,

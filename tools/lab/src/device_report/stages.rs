@@ -8,7 +8,7 @@ use crate::bench::stages::{
 };
 use crate::cost::{Cost, Sharing, Work};
 
-/// Stages of every job, and those that only one has: listed where the device cannot time them.
+/// Stages of every job, and those that only one job has. They are listed if the device cannot time them.
 const LISTS: [&str; 6] =
     ["project", "radix_count", "radix_scatter", "bin_count", "bin_scan", "bin_emit"];
 const OWN: [(&str, &[&str]); 3] = [

@@ -160,7 +160,7 @@ fn large_frames_are_reduced_whole() {
     assert_silent(&engine);
 }
 
-fn placement(pose: &Pose, centre: glam::DVec3) -> Placement {
+pub fn placement(pose: &Pose, centre: glam::DVec3) -> Placement {
     let translation = pose.translation + pose.rotation * centre;
     Placement {
         rotation: pose.wxyz().map(|v| v as f32),

@@ -3,11 +3,12 @@
 use nvsprior::image::Mask;
 use nvsprior::render::{Jacobian, NormalEquations, Plan, Renderer, to_byte};
 use nvsprior::tracking::GaussNewtonOptions;
-use nvsprior::{Camera, Picture, Pose};
+use nvsprior::{Camera, Picture};
 use nvsprior_kernels::search::{COMPACT, Placement, Program};
 use nvsprior_kernels::shared::TILE;
 
 use crate::common::{self, assert_silent, random_pose, random_prior};
+use crate::frame::placement;
 
 /// What a search sees at a pose, evaluating all rows of tiles or some.
 fn evaluated(renderer: &mut Renderer, start: Placement, sparse: u32) -> NormalEquations {
@@ -17,14 +18,6 @@ fn evaluated(renderer: &mut Renderer, start: Placement, sparse: u32) -> NormalEq
     assert_eq!(searched.search.evaluations, 1);
     let sums = searched.search.place_sums.map(f64::from);
     NormalEquations::from_sums(&sums, 3 * renderer.counted(0)[sparse as usize])
-}
-
-fn placement(pose: &Pose, centre: glam::DVec3) -> Placement {
-    let translation = (pose.translation + pose.rotation * centre).to_array();
-    Placement {
-        rotation: pose.wxyz().map(|v| v as f32),
-        translation: translation.map(|v| v as f32),
-    }
 }
 
 fn compare(seed: u64, camera: Camera, jacobian: Jacobian, step: u32) {
